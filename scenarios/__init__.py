@@ -1,7 +1,8 @@
 """The study: excitations, experiments, campaigns, comparison with truth, reports, the command line `hmtb`."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from scenarios.files.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from scenarios.experiments.excitation_computer import Excitation
@@ -12,18 +13,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Excitation", "Scenario", "ScenarioError", "Waveform", "load", "names"]
 
-_MODULES = {
-    "Excitation": "experiments.excitation_computer",
-    "Scenario": "experiments.scenario",
-    "ScenarioError": "files.errors",
-    "Waveform": "experiments.waveform",
-    "load": "experiments.registry",
-    "names": "experiments.registry",
-}
-
-
-def __getattr__(name: str) -> object:
-    # Scenarios need the laboratory, which takes a second to load: the command line's help does not wait for it.
-    if name not in _MODULES:
-        raise AttributeError(f"module 'scenarios' has no attribute {name!r}")
-    return getattr(import_module(f"scenarios.{_MODULES[name]}"), name)
+__getattr__ = lazy_names(__name__, experiments="Excitation Scenario Waveform load names", files="ScenarioError")

@@ -9,7 +9,6 @@ version of each library, the numbers are the same bit for bit. Other processors 
 """
 
 import argparse
-import importlib.util
 import json
 import math
 import os
@@ -30,23 +29,14 @@ if __name__ == "__main__":
 import numpy as np  # noqa: E402
 
 import sysid  # noqa: E402
+from tests.sysid import conftest as problems  # noqa: E402
 
 HERE = Path(__file__).parent
 REFERENCE = HERE / "reference" / "golden.json"
-LEFT_OUT = {
-    "cost",
-    "effort",
-    "files",
-    "path",
-    "physics_s",
-    "provenance",
-    "report",
-    "seconds",
-    "speed",
-    "versions",
-    "reasons",
-}
-"""Keys whose values depend on the machine, the time or the place."""
+# Keys whose values depend on the machine, the time or the place.
+LEFT_OUT = set(
+    ["cost", "effort", "files", "path", "physics_s", "provenance", "report", "seconds", "speed", "versions", "reasons"]
+)
 
 Numbers = dict[str, float | bool | None]
 
@@ -111,14 +101,10 @@ def estimators(problem: str) -> Callable[[], object]:
     """Every estimator on one record of a problem."""
 
     def run() -> object:
-        spec = importlib.util.spec_from_file_location("problems", HERE / "sysid" / "conftest.py")
-        assert spec is not None and spec.loader is not None
-        problems = importlib.util.module_from_spec(spec)
-        sys.modules["problems"] = problems
-        spec.loader.exec_module(problems)
         data = getattr(problems, f"make_{problem}")().draw(1)
         na, nb, nc, nk = {"p1": (5, 3, 5, 2), "p2": (2, 2, 2, 1), "p3": (2, 2, 2, 1)}[problem]
         nf = 2
+        frequencies = np.array([0.1, 0.5, 1.0, 2.0, 5.0])
         warnings.simplefilter("ignore", sysid.SysidWarning)
         polynomial = {
             "arx": sysid.arx(data, na, nb, nk),
@@ -129,7 +115,6 @@ def estimators(problem: str) -> Callable[[], object]:
         }
         subspace = {"okid": sysid.okid(data, 2, p=20), "n4sid": sysid.n4sid(data, 2)}
         subspace["pem_ss"] = sysid.pem_ss(data, subspace["n4sid"])
-        correlation = sysid.cra(data)
         result: dict[str, object] = {
             name: {
                 "parameters": estimate.parameters,
@@ -139,7 +124,6 @@ def estimators(problem: str) -> Callable[[], object]:
             }
             for name, estimate in polynomial.items()
         }
-        frequencies = np.array([0.1, 0.5, 1.0, 2.0, 5.0])
         for name, estimate in subspace.items():
             bandwidth = estimate.bandwidth()
             result[name] = {
@@ -148,17 +132,18 @@ def estimators(problem: str) -> Callable[[], object]:
                 "bandwidth": bandwidth.hz,
                 "interval": bandwidth.ci95,
             }
-        for name, response in (("etfe", sysid.etfe(data)), ("spa", sysid.spa(data)), ("welch", sysid.welch(data))):
-            result[name] = response.response[:: max(1, len(response.response) // 20)]
-        for name, recursion in (
-            ("rarx", sysid.rarx(data, na, nb, nk)),
-            ("rarmax", sysid.rarmax(data, na, nb, nc, nk)),
-            ("roe", sysid.roe(data, nb, nf, nk)),
+        for estimator in (sysid.etfe, sysid.spa, sysid.welch):
+            response = estimator(data).response
+            result[estimator.__name__] = response[:: max(1, len(response) // 20)]
+        for recursive, orders in (
+            (sysid.rarx, (na, nb, nk)),
+            (sysid.rarmax, (na, nb, nc, nk)),
+            (sysid.roe, (nb, nf, nk)),
         ):
-            result[name] = recursion.parameters[-1]
+            result[recursive.__name__] = recursive(data, *orders).parameters[-1]
         model = polynomial["armax"].model
         result["era"] = sysid.era(model.markov(60), 2, dt=data.dt).model.frequency_response(frequencies)
-        result["cra"] = correlation.response
+        result["cra"] = sysid.cra(data).response
         result["delayest"] = [sysid.delayest(data).arx, sysid.delayest(data).correlation]
         tests = sysid.resid(polynomial["armax"], data)
         result["resid"] = [tests.whiteness_p, tests.independence_p]

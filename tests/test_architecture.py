@@ -5,7 +5,7 @@ import importlib
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,7 +27,6 @@ ROOMS = {
         *("estimators", "problems", "bench", "thesis", "commands"),
     ),
 }
-PACKAGES_OF_THE_PAGE = ("sysid", "hmtb_twin", "scenarios")
 # Modules of a package outside its rooms.
 FLAT = {"__init__", "__main__"}
 FORBIDDEN_NAMES = {"utils", "util", "base", "common", "misc", "helpers", "helper", "core"}
@@ -71,21 +70,17 @@ class Module:
         return ast.parse(self.text)
 
     @cached_property
-    def imports(self) -> tuple[tuple[str, str | None, int], ...]:
+    def imports(self) -> list[tuple[str, str | None, int]]:
         """(module, imported name or None, line) of every import, inside functions too, relative ones resolved."""
-        return tuple(self._imports())
-
-    def _imports(self) -> Iterator[tuple[str, str | None, int]]:
-        package = self.path.relative_to(ROOT).parent.parts
+        package, lines = self.path.relative_to(ROOT).parent.parts, []
         for node in ast.walk(self.tree):
             if isinstance(node, ast.Import):
-                for alias in node.names:
-                    yield alias.name, None, node.lineno
+                lines += [(alias.name, None, node.lineno) for alias in node.names]
             elif isinstance(node, ast.ImportFrom):
                 parts = package[: len(package) - node.level + 1] if node.level else ()
                 origin = ".".join((*parts, node.module) if node.module else parts)
-                for alias in node.names:
-                    yield origin, alias.name, node.lineno
+                lines += [(origin, alias.name, node.lineno) for alias in node.names]
+        return lines
 
 
 MODULES = [Module(path) for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
@@ -101,13 +96,7 @@ def wrong_imports(is_wrong: Callable[[Module, str, str | None], bool]) -> list[s
     ]
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_every_package_is_there(package: str) -> None:
-    assert (ROOT / package / "__init__.py").is_file()
-    assert (ROOT / package / "py.typed").is_file()
-
-
-def test_packages_import_one_way() -> None:
+def test_packages_import_one_way():
     def is_wrong(module: Module, origin: str, name: str | None) -> bool:
         target = origin.partition(".")[0]
         return target in PACKAGES and target != module.package and target not in ARROWS[module.package]
@@ -116,13 +105,14 @@ def test_packages_import_one_way() -> None:
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_every_module_stands_in_a_room(package: str) -> None:
+def test_every_module_stands_in_a_room(package):
+    assert (ROOT / package / "py.typed").is_file()
     flat = {path.stem for path in (ROOT / package).glob("*.py")} - FLAT
     assert not flat, f"{package} has modules outside its rooms: {sorted(flat)}"
     assert {path.parent.name for path in (ROOT / package).glob("*/*.py")} == set(ROOMS[package])
 
 
-def test_a_room_imports_only_rooms_before_it() -> None:
+def test_a_room_imports_only_rooms_before_it():
     def is_wrong(module: Module, origin: str, name: str | None) -> bool:
         package, _, rest = origin.partition(".")
         if module.room is None or package != module.package or not rest:
@@ -133,7 +123,7 @@ def test_a_room_imports_only_rooms_before_it() -> None:
     assert not wrong_imports(is_wrong), f"rooms from the ground up: {ROOMS}"
 
 
-def test_rooms_of_the_study_are_small() -> None:
+def test_rooms_of_the_study_are_small():
     for room in ROOMS["scenarios"]:
         files = sorted((ROOT / "scenarios" / room).glob("*.py"))
         assert len(files) <= MOST_FILES or room in EXEMPT, f"{room} has {len(files)} files, at most {MOST_FILES}"
@@ -141,7 +131,7 @@ def test_rooms_of_the_study_are_small() -> None:
         assert len(public) in PUBLIC_NAMES, f"{room} has {len(public)} public names, expected {PUBLIC_NAMES}"
 
 
-def test_rooms_of_the_study_hang_together_loosely() -> None:
+def test_rooms_of_the_study_hang_together_loosely():
     rooms = ROOMS["scenarios"]
     arrows = {
         (module.room, target)
@@ -159,7 +149,7 @@ def test_rooms_of_the_study_hang_together_loosely() -> None:
     assert max(floors.values()) <= MOST_FLOORS, floors
 
 
-def test_no_module_imports_itself_through_others() -> None:
+def test_no_module_imports_itself_through_others():
     names = {module.dotted: module for module in MODULES}
 
     def targets(module: Module) -> set[str]:
@@ -176,20 +166,20 @@ def test_no_module_imports_itself_through_others() -> None:
     assert not arrows, f"modules in circles, or that lead into one: {sorted(arrows)}"
 
 
-def test_the_laboratory_takes_only_records_from_the_analyst() -> None:
+def test_the_laboratory_takes_only_records_from_the_analyst():
     def is_wrong(module: Module, origin: str, name: str | None) -> bool:
         return module.package == "hmtb_twin" and origin.partition(".")[0] == "sysid" and name not in RECORDS
 
     assert not wrong_imports(is_wrong), f"hmtb_twin may import {sorted(RECORDS)} from sysid, by name"
 
 
-def test_the_bare_name_sysid_is_ours() -> None:
+def test_the_bare_name_sysid_is_ours():
     pattern = r"^\s*(?:from mujoco import sysid(?! as mj_sysid)|import mujoco\.sysid(?! as mj_sysid)).*"
     wrong = {module.name: lines for module in MODULES if (lines := re.findall(pattern, module.text, re.M))}
     assert not wrong, f"write 'import mujoco.sysid as mj_sysid': {wrong}"
 
 
-def test_files_are_small_shallow_named_and_documented() -> None:
+def test_files_are_small_shallow_named_and_documented():
     for module in MODULES:
         parts = module.path.relative_to(ROOT).parts
         lines = module.text.count("\n")
@@ -199,7 +189,7 @@ def test_files_are_small_shallow_named_and_documented() -> None:
         assert ast.get_docstring(module.tree), f"{module.name} does not say in its first line what it holds"
 
 
-def test_every_cited_reference_is_listed() -> None:
+def test_every_cited_reference_is_listed():
     listed = re.findall(r"^- \*\*(\w+)\*\*", (ROOT / "docs/references.md").read_text(encoding="utf-8"), re.M)
     duplicates = {key for key in listed if listed.count(key) > 1}
     assert not duplicates, f"docs/references.md lists {sorted(duplicates)} more than once"
@@ -207,10 +197,10 @@ def test_every_cited_reference_is_listed() -> None:
     assert not missing, f"docs/references.md lacks {missing}, it has {sorted(listed)}"
 
 
-def test_the_page_of_architecture_lists_every_room_and_only_paths_that_exist() -> None:
+def test_the_page_of_architecture_lists_every_room_and_only_paths_that_exist():
     page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
     listed = re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.M)
-    rooms = [(package, room) for package in PACKAGES_OF_THE_PAGE for room in ROOMS[package]]
+    rooms = [(package, room) for package in ("sysid", "hmtb_twin", "scenarios") for room in ROOMS[package]]
     docs = [importlib.import_module(f"{package}.{room}").__doc__ or "" for package, room in rooms]
     first = [" ".join(doc.partition("\n\n")[0].split()) for doc in docs]
     assert listed == [(room, line) for (_, room), line in zip(rooms, first, strict=True)]
@@ -219,17 +209,8 @@ def test_the_page_of_architecture_lists_every_room_and_only_paths_that_exist() -
     assert not missing, f"docs/architecture.md names {missing}"
 
 
-def packages() -> list[str]:
-    """Return the dotted names of all packages, nested ones included."""
-    return [
-        ".".join(init.relative_to(ROOT).parent.parts)
-        for package in PACKAGES
-        for init in sorted((ROOT / package).rglob("__init__.py"))
-    ]
-
-
-@pytest.mark.parametrize("name", packages())
-def test_public_names_are_explicit_and_importable(name: str) -> None:
+@pytest.mark.parametrize("name", [module.dotted for module in MODULES if module.path.stem == "__init__"])
+def test_public_names_are_explicit_and_importable(name):
     package = importlib.import_module(name)
     public = getattr(package, "__all__", None)
     assert isinstance(public, list | tuple), f"{name} has no explicit __all__"
@@ -242,7 +223,7 @@ def test_public_names_are_explicit_and_importable(name: str) -> None:
     assert not undocumented, f"{name} exports {undocumented} without a docstring"
 
 
-def test_every_module_can_be_imported() -> None:
+def test_every_module_can_be_imported():
     """In a process of its own, so that nothing which other tests have loaded helps."""
     names = [module.dotted for module in MODULES if module.path.stem != "__main__"]
     script = f"import importlib\nfor name in {names!r}:\n    importlib.import_module(name)"

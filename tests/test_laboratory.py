@@ -41,7 +41,7 @@ GAINS = {
 
 
 @pytest.fixture(scope="module")
-def logs() -> dict[str, JointLog]:
+def logs():
     """Large motions with noise, bias, hold and deadband, into the velocity limits."""
     tests = [
         Scenario(mode, axes, (WAVES[mode.endswith("rate")],), duration=6.0, seed=7, mode=mode, hand_controller=STICK)
@@ -56,7 +56,7 @@ def stick(counts: float) -> float:
 
 
 @pytest.mark.parametrize("mode", ["single_joint", "single_joint_rate"])
-def test_single_joint_commands_follow_from_the_counts_to_the_bit(mode: str, logs: dict[str, JointLog]) -> None:
+def test_single_joint_commands_follow_from_the_counts_to_the_bit(mode, logs):
     """In plain numbers, from what the documentation says."""
     log, pose, limited = logs[mode], load_arm().pose(POSE), 0
     command, volts = pose, np.zeros(len(JOINTS))
@@ -72,7 +72,7 @@ def test_single_joint_commands_follow_from_the_counts_to_the_bit(mode: str, logs
 
 
 @pytest.mark.parametrize("mode", ["cartesian", "cartesian_rate"])
-def test_cartesian_commands_follow_from_the_counts_to_the_bit(mode: str, logs: dict[str, JointLog]) -> None:
+def test_cartesian_commands_follow_from_the_counts_to_the_bit(mode, logs):
     log, arm, limited = logs[mode], load_arm(), 0
     follow = ResolvedRate(arm.controller, lower=LOWER, upper=UPPER, step=MOST, locked=INDEXED_JOINTS).follow
     command = arm.pose(POSE)
@@ -94,7 +94,7 @@ def test_cartesian_commands_follow_from_the_counts_to_the_bit(mode: str, logs: d
     assert limited > 10
 
 
-def test_the_tool_stands_where_the_counts_say_and_does_not_turn() -> None:
+def test_the_tool_stands_where_the_counts_say_and_does_not_turn():
     """By the kinematics of the physics engine, which the controller does not use."""
     slow = Excitation("chirp", {"f_start": 0.0, "f_end": 1.0, "amplitude": 0.5})
     log = simulate([Scenario("slow", ("x", "y", "z"), (slow,), duration=6.0, mode="cartesian")])[0]
@@ -133,7 +133,7 @@ SETTINGS = {"single_joint": ("elbow_pitch",), "cartesian": ("x", "z")}
 
 
 @pytest.fixture(scope="module", params=list(SETTINGS))
-def pairs(request: pytest.FixtureRequest) -> dict[str, JointLog]:
+def pairs(request):
     """One log with every link, and one without each."""
     wave = Excitation("two_sines", {"frequency": 1.5, "amplitude": 1.7})
     plain = Scenario("plan", SETTINGS[request.param], (wave,), duration=3.0, seed=5, mode=request.param)
@@ -148,7 +148,7 @@ def residual(log: JointLog) -> np.ndarray:
 
 
 @pytest.mark.parametrize("link", list(FIRST))
-def test_a_link_changes_what_comes_after_it_and_nothing_before(link: str, pairs: dict[str, JointLog]) -> None:
+def test_a_link_changes_what_comes_after_it_and_nothing_before(link, pairs):
     on, off = pairs["all"], pairs[link]
     first = CHANNELS.index(FIRST[link])
     for channel in CHANNELS[:first]:
@@ -160,7 +160,7 @@ def test_a_link_changes_what_comes_after_it_and_nothing_before(link: str, pairs:
         assert np.abs(residual(on) - residual(off)).max() <= RECORDER.resolver_step * (1 + 1e-6)
 
 
-def test_noise_and_bias_are_what_the_seed_draws(pairs: dict[str, JointLog]) -> None:
+def test_noise_and_bias_are_what_the_seed_draws(pairs):
     volts = {link: pairs["all"].volts - pairs[link].volts for link in ("bias", "noise")}
     wires = np.random.default_rng(5).spawn(2)[0]
     bias = HAND_CONTROLLER.bias * wires.standard_normal(volts["bias"].shape[1])
@@ -169,7 +169,7 @@ def test_noise_and_bias_are_what_the_seed_draws(pairs: dict[str, JointLog]) -> N
     np.testing.assert_allclose(volts["noise"], noise, atol=1e-14)
 
 
-def test_adc_rounds_the_voltage_that_it_samples_every_third_tick(pairs: dict[str, JointLog]) -> None:
+def test_adc_rounds_the_voltage_that_it_samples_every_third_tick(pairs):
     smooth, ticks = pairs["adc"].counts, np.arange(len(pairs["adc"]))
     np.testing.assert_array_equal(pairs["all"].counts, np.rint(smooth))
     np.testing.assert_allclose(STEP * smooth, pairs["all"].volts[ticks - ticks % 3], rtol=1e-12)
@@ -177,7 +177,7 @@ def test_adc_rounds_the_voltage_that_it_samples_every_third_tick(pairs: dict[str
     np.testing.assert_array_equal(pairs["hold"].counts, np.rint(pairs["hold"].volts / STEP))
 
 
-def test_dac_velocity_limit_friction_and_resolvers_do_what_they_should(pairs: dict[str, JointLog]) -> None:
+def test_dac_velocity_limit_friction_and_resolvers_do_what_they_should(pairs):
     on, elbow, limits = pairs["all"], JOINTS.index("elbow_pitch"), load_arm().velocity_limits
     assert 0.4 * STEP < np.abs(on.volts - pairs["dac"].volts).max() <= 0.5 * STEP + 1e-12
     free = pairs["velocity_limit"]
@@ -199,9 +199,7 @@ def test_dac_velocity_limit_friction_and_resolvers_do_what_they_should(pairs: di
     ("mode", "axes", "amplitude"),
     [*(("single_joint", (joint,), 1e-3) for joint in STUDIED_JOINTS), ("cartesian", ("x", "y", "z"), 0.45e-3)],
 )
-def test_small_signals_without_imperfections_obey_the_linear_truth(
-    mode: str, axes: tuple[str, ...], amplitude: float
-) -> None:
+def test_small_signals_without_imperfections_obey_the_linear_truth(mode, axes, amplitude):
     """A binary signal of a milliradian, or of half a millimetre along each axis of the tool, and half of that."""
     truth = linearize(load_arm(), amplitudes=(1e-3,))
     volts = amplitude / (HAND_CONTROLLER.gain if mode == "single_joint" else HAND_CONTROLLER.translation_gain)

@@ -8,23 +8,12 @@ import pytest
 from scipy.signal import max_len_seq
 
 import sysid
-from hmtb_twin import (
-    IDEAL,
-    JOINTS,
-    NOMINAL_SPECIMEN,
-    STUDIED_JOINTS,
-    Chain,
-    HandController,
-    Plant,
-    Specimen,
-    linearize,
-    load_arm,
-    simulate,
-)
+from hmtb_twin import IDEAL, JOINTS, STUDIED_JOINTS, linearize, load_arm, simulate
 from scenarios import load
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import SUFFICIENT
 from scenarios.thesis.attribution import conditions
+from tests.hmtb_twin.conftest import BinaryTest
 
 SEEDS = range(1, 21)
 
@@ -35,37 +24,20 @@ def truth():
 
 
 @dataclass(frozen=True)
-class SmallSignal:
+class SmallSignal(BinaryTest):
     """A long binary sequence of 1 mrad, rich down to the lowest frequencies, on an arm without friction and noise."""
-
-    name: str
-    axes: tuple[str, ...]
-    seed: int = 0
-    duration: float = 240.0
-    variant: str = "nominal"
-    payload: str = "rpcm"
-    plant: Plant = Plant()  # noqa: RUF009
-    specimen: Specimen = NOMINAL_SPECIMEN
-    pose: str = "rpcm_holster_out_approach"
-    mode: str = "single_joint"
-    worksite: bool = False
-    shutdown: tuple[float, ...] = ()
-    chain: Chain = replace(IDEAL, velocity_limit=True)  # noqa: RUF009
-    hand_controller: HandController = HandController()  # noqa: RUF009
 
     def volts(self) -> np.ndarray:
         bits = 2.0 * max_len_seq(11)[0] - 1.0
         return 0.015 * np.resize(np.repeat(bits, 4), (round(50 * self.duration), 1))
-
-    def operator(self) -> None:
-        return None
 
 
 @pytest.fixture(scope="module")
 def clean():
     """Records as deviations from the operating pose."""
     records = {}
-    for log in simulate([SmallSignal(joint, (joint,)) for joint in STUDIED_JOINTS]):
+    kind = SmallSignal(duration=240.0, chain=replace(IDEAL, velocity_limit=True))
+    for log in simulate([replace(kind, name=joint, axes=(joint,)) for joint in STUDIED_JOINTS]):
         (joint,) = log.axes
         angle = load_arm().pose("rpcm_holster_out_approach")[JOINTS.index(joint)]
         data = log.iodata()
@@ -89,8 +61,8 @@ def test_clean_small_signal_data_give_back_the_true_response(joint, method, clea
         }[method]()
     frequencies = np.geomspace(0.01, 10.0, 400)
     wanted = true.model.frequency_response(frequencies)[:, 0, 0]
-    got = estimate.model.frequency_response(frequencies)[:, 0, 0]
-    assert np.abs(got / wanted - 1.0).max() < 1e-3
+    response = estimate.model.frequency_response(frequencies)[:, 0, 0]
+    assert np.abs(response / wanted - 1.0).max() < 1e-3
     assert estimate.model.bandwidth()[0, 0] == pytest.approx(true.bandwidth_hz, rel=1e-3)
 
 

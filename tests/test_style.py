@@ -2,13 +2,17 @@
 
 import ast
 import re
+from importlib import import_module
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("hmtb_twin/", "sysid/", "scenarios/")
-TEXT = set(
-    [".py", ".md", ".toml", ".txt", ".cff", ".xml", ".j2", ".html", ".css", ".js", ".csv", ".json", ".yml", ".yaml"]
-) | {""}
+TEXT = {
+    "",
+    *[".py", ".md", ".toml", ".txt", ".cff", ".xml", ".j2", ".html", ".css", ".js", ".csv", ".json", ".yml", ".yaml"],
+}
 MADE = {"thesis-report", "dist", "build", "__pycache__"}
 MACHINE_PATH = re.compile(r"(?<![\w.<~-])/(?:work|root|tmp/dev|opt/pypi\S*|home/\w+)(?=[/\s\"'`,;:)]|$)", re.M)
 REGISTRY_HOST = re.compile(r"\b(?:pypi|pythonhosted|npmjs|deb\.debian|archive\.ubuntu|anaconda)\.(?:org|com)\b")
@@ -30,17 +34,17 @@ def product_files() -> list[Path]:
 FILES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in product_files()}
 
 
-def test_text_names_no_machine_and_no_registry() -> None:
+def test_text_names_no_machine_and_no_registry():
     names = {name: MACHINE_PATH.findall(text) + REGISTRY_HOST.findall(text) for name, text in FILES.items()}
     assert not {name: traces for name, traces in names.items() if traces}
 
 
-def test_links_to_files_of_the_project_resolve() -> None:
+def test_links_to_files_of_the_project_resolve():
     links = [(name, link) for name, text in FILES.items() if name.endswith(".md") for link in LOCAL_LINK.findall(text)]
     assert not [f"{name} points to {link}" for name, link in links if not (ROOT / name).parent.joinpath(link).exists()]
 
 
-def test_arguments_are_named_not_passed_through() -> None:
+def test_arguments_are_named_not_passed_through():
     """An untyped keyword pass-through hides which arguments exist: name them, or type them with Unpack."""
     untyped = [
         f"{name}, line {function.lineno}: {function.name}"
@@ -54,10 +58,16 @@ def test_arguments_are_named_not_passed_through() -> None:
     assert not untyped
 
 
-def test_the_patterns_find_what_they_look_for() -> None:
+def test_the_patterns_find_what_they_look_for():
     """The pieces are joined here so that this file does not hold what it forbids."""
     assert MACHINE_PATH.search("see /" + "work/main/README.md")
     assert MACHINE_PATH.search("'/" + "home/someone'")
     assert not MACHINE_PATH.search("</root> frame/work src/root.py")
     assert REGISTRY_HOST.search("https://files.python" + "hosted.org/packages")
     assert LOCAL_LINK.findall("[a](b/c.md#d) [e](https://f.g) ![h](i.png)") == ["b/c.md", "i.png"]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "tests" / "benchmarks").glob("[!t]*.py")), ids=lambda path: path.stem)
+def test_benchmarks_import_names_that_exist(path):
+    """Benchmarks run rarely; an import of a name that has moved must not wait for their next run."""
+    import_module(f"tests.benchmarks.{path.stem}")

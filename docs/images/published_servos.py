@@ -19,10 +19,10 @@ from hmtb_twin.arm.controller_model import controller_model
 from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.values import BUS, JOINTS, OPERATING_POSE, POSES, SAMPLE_TIME, SERVOS, Servo
 from scenarios.files.errors import ScenarioError
-from scenarios.truth.published import ELBOW_PITCH_ARMAX, PUBLISHED, SHOULDER_PITCH_OE, YAW_ARMAX, PublishedModel
+from scenarios.truth.published import EQUATIONS, PUBLISHED, PublishedModel
 from sysid import StateSpace
 
-TARGETS = (YAW_ARMAX, SHOULDER_PITCH_OE, ELBOW_PITCH_ARMAX)
+TARGETS = tuple(EQUATIONS[name] for name in ("4.7", "4.10", "4.12"))
 """What the variant is fitted to: the models of the thesis' three-joint "SysID model" [Morris1996, eq. 4.14]."""
 
 DOMINANT = 0.05

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from docs.images.published_servos import TARGETS, dominant_poles
 from hmtb_twin import STUDIED_JOINTS, Truth, linearize, load_arm
-from scenarios.truth.published import YAW_ARMAX, YAW_OKID, published
+from scenarios.truth.published import EQUATIONS, published
 from sysid import StateSpace
 from sysid.plots.palette import GRID, PALETTE
 
@@ -114,7 +114,7 @@ def friction(page: str) -> Figure:
             axes.plot(
                 level, found[:, i], style.line, marker=style.marker, color=style.colour, ms=4, label=method.upper()
             )
-        for entry in (YAW_ARMAX, YAW_OKID):
+        for entry in (EQUATIONS["4.7"], EQUATIONS["5.8"]):
             gain = np.abs(entry.model.frequency_response(np.array([LOWEST_LINE]))[0, 0, 0])
             printed = (entry.bandwidth_hz, entry.model.dc_gain()[0, 0], gain)[i]
             axes.axhline(printed, color=PALETTE[entry.method].colour, lw=0.9, ls=(0, (1, 2)))

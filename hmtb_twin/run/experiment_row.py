@@ -7,7 +7,7 @@ from json import dumps
 import mujoco
 import numpy as np
 
-from hmtb_twin.arm.arm import Arm, check_arm
+from hmtb_twin.arm.arm import Arm, check_arm, load_arm
 from hmtb_twin.bus.joint_log import JointLog, software_versions
 from hmtb_twin.bus.recorder import delayed, read_resolvers
 from hmtb_twin.control.control_station import ControlStation
@@ -109,7 +109,7 @@ def prepare(experiment: Experiment, load: Callable[..., Arm]) -> ExperimentRow:
     Raises:
         TwinError: The experiment needs something that the laboratory does not have.
     """
-    arm = _arm(experiment, load)
+    arm = experiment_arm(experiment, worksite=True, load=load)
     # A stream for each source: the draws of one do not depend on whether another is switched on.
     wires, resolvers, drives = np.random.default_rng(experiment.seed).spawn(3)
     station = ControlStation(experiment, arm, wires)
@@ -126,7 +126,17 @@ def at_rest(arm: Arm, pose: str) -> dict[str, np.ndarray]:
     return {name: np.array(getattr(rest, name)) for name in STATE}
 
 
-def _arm(experiment: Experiment, load: Callable[..., Arm]) -> Arm:
+def experiment_arm(experiment: Experiment, *, worksite: bool = False, load: Callable[..., Arm] = load_arm) -> Arm:
+    """Return the arm of an experiment.
+
+    Args:
+        experiment: The experiment.
+        worksite: Whether an experiment at the worksite gets the arm with contact; otherwise it is in free space.
+        load: `load_arm` or a function that returns its arms.
+
+    Raises:
+        TwinError: The laboratory has no such arm.
+    """
     # Before `load`, which may need hashable arguments: invalid ones may not be.
     check_arm(
         experiment.variant,
@@ -141,7 +151,7 @@ def _arm(experiment: Experiment, load: Callable[..., Arm]) -> Arm:
         plant=experiment.plant,
         specimen=experiment.specimen,
         friction=experiment.chain.friction,
-        worksite=experiment.worksite,
+        worksite=worksite and bool(experiment.worksite),
     )
 
 

@@ -8,41 +8,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenarios.bench.measurement import Measurement, Measurements
-from scenarios.bench.metric import DRAWS, NAN, UNLIMITED, Metric, MetricDefinition, Part, unjudged
-from scenarios.bench.statistics import (
-    bound_for,
-    error_against_bound,
-    in_variances,
-    interval_of_mean_share,
-    interval_of_positive_mean,
-    limits_of_mean,
-    limits_of_pooled_mean,
-    null_distribution,
-    variance_ratio,
-)
+from scenarios.bench.metric import DRAWS, NAN, UNLIMITED, Evidence, Metric, MetricDefinition, Part, unjudged
+from scenarios.bench.statistics import SLACK, bound_for, error_against_bound, in_variances, null_distribution
 from scenarios.bench.theory import Expectation, expectation
-from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import MODEL
-from scenarios.files.errors import ScenarioError
-from scenarios.problems.problem import Bound
 from scenarios.problems.trial import Trial
 from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.validation import CramerRaoBound
+from sysid.validation.monte_carlo import interval_of_mean_share, interval_of_positive_mean, limits_of_mean
+from sysid.validation.response_errors import variance_ratio
 
 QUICK = ("p2", "p3", "p4", "p5")
 """One problem for each kind of disturbance: output error, ARMAX, Box-Jenkins, equation error."""
 
+RECORDS = 100
+"""Of each problem by the quick effort."""
+
 FULL = {
-    **dict.fromkeys(("p1", *QUICK), 1000),
-    **dict.fromkeys(("published-4.7", "published-4.12"), 1000),
+    **dict.fromkeys(("p1", *QUICK, "published-4.7", "published-4.12"), 1000),
     **{f"random-{difficulty}-{number}": 1000 for difficulty in ("easy", "medium", "hard") for number in (1, 2)},
     "mimo@24000": 100,
 }
 """Records of each problem by the full effort. Three inputs and outputs have nine responses each, so fewer records do;
 these must be long: what the bound leaves out, of second order, is 10 % of the variance at 12 000 samples."""
-
-RECORDS = 100
-"""Of each problem by the quick effort."""
 
 AGREEMENT_RECORDS = 20
 """Of each problem of `QUICK` by the quick effort."""
@@ -55,9 +43,6 @@ that is singular to rounding now and then is not a selection of favourable recor
 
 GREATEST_DIFFERENCE = 4.0
 """Of the mean squared difference of two efficient estimators in variances: their deviations add at most."""
-
-SECOND_ORDER = 1.05
-"""Slack for what asymptotic theory leaves out of variances."""
 
 IMPLAUSIBLE = 1e-9
 """Answers of the second implementation are ignored if a perfect one is as far from the truth with this probability."""
@@ -83,19 +68,24 @@ class Acceptance:
 
     def limits(self, nulls: Sequence[FloatArray], draws: Sequence[int], false_alarm: float) -> tuple[float, float]:
         """Limits for the mean over the records of several problems, slack included."""
-        return self.with_slack(*limits_of_pooled_mean(nulls, draws, false_alarm, low=self.low))
+        return self.with_slack(*limits_of_mean(nulls, draws, false_alarm, low=self.low))
 
     def with_slack(self, low: float, high: float) -> tuple[float, float]:
         """Limits widened by the slack."""
         least, most = (0.0, 1.0) if self.shares else UNLIMITED
         return (max(low / self.ratio - self.points, least), min(high * self.ratio + self.points, most))
 
-    def interval(self, values: FloatArray) -> tuple[float, float]:
-        """The 95 % Monte-Carlo interval of the mean; NaN where it is infinite."""
-        return interval_of_mean_share(values) if self.shares else interval_of_positive_mean(values)
+    def mean(self, label: str, values: FloatArray, theory: Expectation, limits: tuple[float, float] | None) -> Part:
+        """The mean of values (n,) as a part; without limits it has no verdict."""
+        with np.errstate(over="ignore"):
+            mean = float(np.mean(values)) if len(values) else NAN
+        interval = interval_of_mean_share(values) if self.shares else interval_of_positive_mean(values)
+        if limits is None:
+            return unjudged(label, theory.why, len(values), mean, self.expected, interval, theory=theory.passes)
+        return Part.judged(label, mean, self.expected, interval, limits, theory, len(values))
 
 
-EFFICIENT = Acceptance(expected=1.0, ratio=1.05, low=False)
+EFFICIENT = Acceptance(expected=1.0, ratio=SLACK, low=False)
 """Better than the bound is no fault: an estimator that knows more, or one that is biased, which other metrics show."""
 
 
@@ -121,34 +111,25 @@ class RecordStatistic:
     missing: str = ""
     models: int = 0
 
-    @property
-    def selective(self) -> bool:
-        """Whether some records with a model have a value but too many have none."""
-        return 0 < len(self.values) < CLAIMED * self.models and enough(self.models, self.run)
-
     def part(self, acceptance: Acceptance, false_alarm: float) -> Part:
         """The mean over the records, judged.
 
         An estimator that makes claims for some records and none for more than a few fails: it would select what it is
         judged by.
         """
-        count = len(self.values)
-        reason = self.theory.why
-        if self.selective and self.null is not None:
-            reason = (
-                f"claimed of {count} of {self.models} records with a model, expected of all of a problem or of none"
-            )
-            return replace(_mean_part(self.label, self.values, acceptance, None, True, reason), passed=False)
-        limits = None
+        count, limits, why = len(self.values), None, ""
+        if self.null is not None and 0 < count < CLAIMED * self.models and self.models >= needed(self.run):
+            why = f"claimed of {count} of {self.models} records with a model, expected of all of a problem or of none"
+            return replace(acceptance.mean(self.label, self.values, Expectation(True, why), None), passed=False)
         if count == 0 and self.missing:
-            reason = self.missing
-        elif not enough(count, self.run):
-            reason = f"no verdict: {count} of {self.run} records have a value, at least {needed(self.run)} are needed"
+            why = self.missing
+        elif count < needed(self.run):
+            why = f"no verdict: {count} of {self.run} records have a value, at least {needed(self.run)} are needed"
         elif self.null is None:
-            reason = "no verdict: the problem has no Cramér-Rao bound"
+            why = "no verdict: the problem has no Cramér-Rao bound"
         else:
             limits = acceptance.limits([self.null], [count], false_alarm)
-        return _mean_part(self.label, self.values, acceptance, limits, self.theory.passes, reason)
+        return acceptance.mean(self.label, self.values, replace(self.theory, why=why or self.theory.why), limits)
 
 
 def pooled_part(
@@ -159,74 +140,20 @@ def pooled_part(
     Returns:
         The part; none where there are fewer than two such problems.
     """
-    chosen = [s for s in statistics if s.theory.passes and s.null is not None and enough(len(s.values), s.run)]
+    chosen = [s for s in statistics if s.theory.passes and s.null is not None and len(s.values) >= needed(s.run)]
     if len(chosen) < 2:
         return []
     nulls = [s.null for s in chosen if s.null is not None]
     limits = acceptance.limits(nulls, [len(s.values) for s in chosen], false_alarm)
-    values = np.concatenate([s.values for s in chosen])
-    reason = f"all records of {', '.join(s.label.split()[0] for s in chosen)}"
-    return [_mean_part(label, values, acceptance, limits, True, reason)]
+    theory = Expectation(True, f"all records of {', '.join(s.label.split()[0] for s in chosen)}")
+    return [acceptance.mean(label, np.concatenate([s.values for s in chosen]), theory, limits)]
 
 
 def mean_parts(statistics: Sequence[RecordStatistic], acceptance: Acceptance, budget: float) -> list[Part]:
     """The mean of each problem and that of all together, which share the probability of a false alarm evenly."""
     share = budget / (len(statistics) + 1)
-    return [
-        *[statistic.part(acceptance, share) for statistic in statistics],
-        *pooled_part(TOGETHER, statistics, acceptance, share),
-    ]
-
-
-def _mean_part(
-    label: str,
-    values: FloatArray,
-    acceptance: Acceptance,
-    limits: tuple[float, float] | None,
-    theory: bool,
-    why: str,
-) -> Part:
-    with np.errstate(over="ignore"):
-        mean = float(np.mean(values)) if len(values) else NAN
-    return Part(
-        label=label,
-        value=mean,
-        expected=acceptance.expected,
-        interval=acceptance.interval(values),
-        limits=limits or UNLIMITED,
-        passed=bool(limits[0] <= mean <= limits[1]) if limits else None,
-        theory=theory,
-        why=why,
-        draws=len(values),
-    )
-
-
-def accuracy_trials(effort: str) -> tuple[Trial, ...]:
-    """Trials that efficiency, coverage, normalised error and frequency response share.
-
-    Raises:
-        ScenarioError: There is no such effort.
-    """
-    if effort not in DRAWS:
-        raise ScenarioError(f"effort {effort!r} given, expected one of {', '.join(DRAWS)}")
-    records = dict.fromkeys(QUICK, RECORDS) if effort == "quick" else FULL
-    return tuple(Trial(name, draw) for name, count in records.items() for draw in range(count))
-
-
-def by_problem(measurements: Measurements) -> dict[str, tuple[list[Measurement], int]]:
-    """Measurements with a model by problem, in their order, each with the number of trials that were run."""
-    groups: dict[str, tuple[list[Measurement], int]] = {}
-    for m in measurements:
-        good, run = groups.setdefault(m.trial.problem, ([], 0))
-        if m.kind == MODEL and m.response is not None and np.isfinite(m.response).all():
-            good.append(m)
-        groups[m.trial.problem] = (good, run + 1)
-    return groups
-
-
-def enough(count: int, run: int) -> bool:
-    """Whether there are values of enough records for a verdict."""
-    return count >= needed(run)
+    parts = [statistic.part(acceptance, share) for statistic in statistics]
+    return parts + pooled_part(TOGETHER, statistics, acceptance, share)
 
 
 def needed(run: int) -> int:
@@ -235,41 +162,44 @@ def needed(run: int) -> int:
 
 
 class AccuracyMetric(MetricDefinition):
-    """A metric on the records of accuracy."""
+    """A metric on the records that efficiency, coverage, normalised error and frequency response share."""
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Records of one problem for each kind of disturbance, or of many problems."""
-        return accuracy_trials(effort)
+        records = {"quick": dict.fromkeys(QUICK, RECORDS), "full": FULL}[effort]
+        return tuple(Trial(name, draw) for name, count in records.items() for draw in range(count))
 
 
 class Efficiency(AccuracyMetric):
-    """Mean over records and frequencies of |error|^2 over the variance of the bound [Ljung1999, sec. 7.4 and ch. 9]."""
+    """Mean over records and frequencies of |error|^2 over the variance of the bound [Ljung1999, sec. 7.4 and ch. 9].
+
+    The bound is that of the estimator's structure, or else of the truth's own.
+    """
 
     name = "efficiency"
     title = "Efficiency: variance against the Cramér-Rao bound"
     unit = "variance / bound"
     verdicts = len(QUICK) + 1  # of each problem of the quick effort and of all; with more problems each gets less
 
-    def evaluate(
-        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
-    ) -> Metric:
-        """Compare the errors with the bound of the estimator's structure, or else of the truth's own."""
+    def evaluate(self, evidence: Evidence) -> Metric:
+        """Compare the errors with the bound."""
+        estimator, budget = evidence.estimator, evidence.false_alarm * self.verdicts
         statistics = [
             RecordStatistic(
-                label=name,
-                values=error_against_bound(good, name, estimator.structure),
-                run=run,
-                null=null_distribution(name, estimator.structure, variance_ratio, 1.0),
-                theory=expectation(estimator, name, self.name),
+                name,
+                error_against_bound(good, name, estimator.structure),
+                run,
+                null_distribution(name, estimator.structure, variance_ratio, 1.0),
+                expectation(estimator, name, self.name),
             )
-            for name, (good, run) in by_problem(measurements).items()
+            for name, (good, run) in evidence.by_problem().items()
         ]
-        budget = false_alarm * self.verdicts
         return self.of_parts(
-            mean_parts(statistics, EFFICIENT, budget) if statistics else [],
+            mean_parts(statistics, EFFICIENT, budget),
             budget,
-            "mean square error of the response over the Cramér-Rao variance, frequency by frequency, averaged; "
-            "more than 1.05 times what chance allows a perfect estimator fails",
+            "mean square error of the response over the Cramér-Rao variance, frequency by frequency, averaged, where "
+            "the orders and the delay of the truth are given; more than 1.05 times what chance allows a perfect "
+            "estimator fails",
             {"records": {statistic.label: statistic.values.tolist() for statistic in statistics}},
         )
 
@@ -293,71 +223,59 @@ class Agreement(MetricDefinition):
         """The first records of problems that other metrics use too."""
         return tuple(Trial(name, draw) for name in QUICK for draw in range(AGREEMENT_RECORDS * DRAWS[effort]))
 
-    def evaluate(
-        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
-    ) -> Metric:
+    def evaluate(self, evidence: Evidence) -> Metric:
         """Compare both responses on the same records."""
-        second = {m.trial: m.response for m in reference if m.kind == MODEL and m.response is not None}
-        parts, digits = [], {}
-        for name in QUICK:
-            own = [m for m in measurements if m.trial.problem == name and m.trial.ask == "fit"]
-            theirs = {trial: response for trial, response in second.items() if trial.problem == name}
-            part, digits[name] = _agreement_on(name, own, theirs, estimator, false_alarm)
-            parts.append(part)
+        second = {m.trial: m.response for m in evidence.reference if m.kind == MODEL and m.response is not None}
+        pairs = [_agreement_on(name, evidence, second) for name in QUICK]
+        digits = dict(zip(QUICK, (digits for _, digits in pairs), strict=True))
         known = [value for value in digits.values() if np.isfinite(value)]
         agreed = f"; the responses agree to {min(known):.1f} digits or better in the median" if known else ""
         return self.of_parts(
-            parts,
-            false_alarm * self.verdicts,
+            [part for part, _ in pairs],
+            evidence.false_alarm * self.verdicts,
             f"two efficient estimators of one truth differ by at most {GREATEST_DIFFERENCE:g} in the mean, those of "
             f"one record by hardly anything{agreed}",
             {"digits": digits},
         )
 
 
-def _agreement_on(
-    name: str,
-    own: Measurements,
-    second: Mapping[Trial, ComplexArray],
-    estimator: Estimator,
-    false_alarm: float,
-) -> tuple[Part, float]:
+def _agreement_on(name: str, evidence: Evidence, second: Mapping[Trial, ComplexArray]) -> tuple[Part, float]:
     """The part of a problem, and the median number of digits that agree."""
-    truth = bound_for(name, None)
-    bound = bound_for(name, estimator.structure)
-    null = null_distribution(name, estimator.structure, variance_ratio, 1.0)
+    truth, bound = (bound_for(name, structure) for structure in (None, evidence.estimator.structure))
+    null = null_distribution(name, evidence.estimator.structure, variance_ratio, 1.0)
     if truth is None or bound is None or null is None:
         return unjudged(name, "there is no Cramér-Rao bound to measure differences by"), NAN
     plausible = _plausible(name, truth, second)
-    common = [m for m in own if m.trial in plausible]
+    common = [m for m in evidence.on(name) if m.trial in plausible]
     if not common:
         return unjudged(name, "the second implementation gave nothing to compare with"), NAN
-    pairs = [
-        (m.response, plausible[m.trial])
-        for m in common
-        if m.kind == MODEL and m.response is not None and m.response.shape == truth.response.shape
-    ]
-    if not enough(len(pairs), len(common)):
-        why = f"{len(pairs)} of {len(common)} records can be compared, at least {needed(len(common))} are needed"
-        return unjudged(name, why, len(pairs)), NAN
-    difference = np.array([one - other for one, other in pairs])
+    difference = np.array(
+        [
+            m.response - plausible[m.trial]
+            for m in common
+            if m.kind == MODEL and m.response is not None and m.response.shape == truth.response.shape
+        ]
+    )
+    count, least = len(difference), needed(len(common))
+    if count < least:
+        why = f"{count} of {len(common)} records can be compared, at least {least} are needed"
+        return unjudged(name, why, count), NAN
     values = in_variances(difference, bound)
-    _, high = limits_of_mean(GREATEST_DIFFERENCE * null, len(pairs), false_alarm, low=False)
-    high *= SECOND_ORDER
+    _, high = limits_of_mean([GREATEST_DIFFERENCE * null], [count], evidence.false_alarm, low=False)
     length = np.sqrt(np.mean(np.abs(difference) ** 2, axis=(1, 2, 3)) / np.mean(np.abs(truth.response) ** 2))
     digits = float(np.median(-np.log10(np.maximum(length, 1e-16))))
     # an estimator that need not be efficient may differ by more than two efficient ones do
-    theory = expectation(estimator, name, "efficiency")
-    interval = interval_of_positive_mean(values)
-    return Part.judged(name, float(np.mean(values)), 0.0, interval, (0.0, high), theory, len(pairs)), digits
+    theory = expectation(evidence.estimator, name, "efficiency")
+    interval, limits = interval_of_positive_mean(values), (0.0, SLACK * high)
+    return Part.judged(name, float(np.mean(values)), 0.0, interval, limits, theory, count), digits
 
 
-def _plausible(name: str, truth: Bound, second: Mapping[Trial, ComplexArray]) -> dict[Trial, ComplexArray]:
+def _plausible(name: str, truth: CramerRaoBound, second: Mapping[Trial, ComplexArray]) -> dict[Trial, ComplexArray]:
     """Responses of the second implementation that are not implausibly far from the truth."""
+    fitting = {t: r for t, r in second.items() if t.problem == name and r.shape == truth.response.shape}
     null = null_distribution(name, None, variance_ratio, 1.0)
-    fitting = {trial: response for trial, response in second.items() if response.shape == truth.response.shape}
     if not fitting or null is None:
         return {}
-    _, most = limits_of_mean(null, 1, IMPLAUSIBLE, low=False)
+    _, most = limits_of_mean([null], [1], IMPLAUSIBLE, low=False)
     values = in_variances(np.array(list(fitting.values())) - truth.response, truth)
     return {trial: fitting[trial] for trial, value in zip(fitting, values, strict=True) if value <= most}

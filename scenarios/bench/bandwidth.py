@@ -1,21 +1,19 @@
 """Bandwidth: the value recovered for each joint of the arm, beside the truth and the 1 Hz of the thesis."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from scenarios.bench.amplitude_split import JOINTS, multisine_trials
+from scenarios.bench.amplitude_split import JOINTS, AmplitudeSplit
 from scenarios.bench.measurement import Measurement, Measurements
-from scenarios.bench.metric import NAN, UNLIMITED, Metric, MetricDefinition, Part, unjudged
-from scenarios.bench.statistics import exact_interval_of_share
-from scenarios.estimators.estimator import Estimator
+from scenarios.bench.metric import NAN, Evidence, Metric, MetricDefinition, Part, unjudged
 from scenarios.estimators.outcome import MODEL
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.problems.trial import Trial
-from sysid.records.arrays import FloatArray
+from sysid.validation.monte_carlo import exact_interval_of_share
 
 SEQUENCES = {"quick": 2, "full": 20}
 """Records of binary sequences of each joint, each with its own sequence."""
@@ -34,41 +32,27 @@ WHY = (
 )
 
 
-@dataclass(frozen=True)
-class TrueBandwidths:
-    """True bandwidths for a class of excitation.
-
-    Attributes:
-        small_signal: Of the linearised arm, without dry friction, Hz.
-        best_linear: Of the best linear approximation, Hz; NaN where it has none.
-        best_linear_ci95: Its 95 % interval, Hz.
-        lowest: Lowest frequency that is excited, Hz.
-        published: Of the models that the thesis prints, Hz, by name.
-    """
-
-    small_signal: float
-    best_linear: float
-    best_linear_ci95: tuple[float, float]
-    lowest: float
-    published: tuple[tuple[str, float], ...] = ()
-
-
 @lru_cache(maxsize=64)
-def true_bandwidths(excitation_class: str) -> TrueBandwidths:
-    """True bandwidths of a problem of the twin, by its name."""
+def true_bandwidths(excitation_class: str) -> tuple[float, dict[str, Any]]:
+    """Lowest frequency that a class of excitation contains, and the true bandwidths of the joint, all in Hz.
+
+    Returns:
+        The frequency, and a table: `small_signal` of the linearised arm, without dry friction; `best_linear` of the
+        best linear approximation, NaN where it has none, with its 95 % interval; `published`, those of the models that
+        the thesis prints, by name.
+    """
     # imported late: it loads the physics
     from scenarios.problems.twin_problem import twin_problem
     from scenarios.truth.published import published
 
     problem = twin_problem(excitation_class)
     best = problem.best_linear
-    return TrueBandwidths(
-        problem.joint_truth.bandwidth_hz,
-        best.bandwidth_hz,
-        best.bandwidth_ci95,
-        float(problem.frequencies[0]),
-        tuple((one.label, one.bandwidth_hz) for one in published(problem.parsed.joint)),
-    )
+    return float(problem.frequencies[0]), {
+        "small_signal": problem.joint_truth.bandwidth_hz,
+        "best_linear": best.bandwidth_hz,
+        "best_linear_ci95": list(best.bandwidth_ci95),
+        "published": {one.label: one.bandwidth_hz for one in published(problem.parsed.joint)},
+    }
 
 
 def sequence_class(joint: str) -> str:
@@ -86,45 +70,45 @@ class BandwidthMetric(MetricDefinition):
     interval that spans more than a factor of a hundred. Models without one count all the same, as not near 1 Hz.
 
     Args:
-        truths: True bandwidths of a class of excitation.
+        truths: See `true_bandwidths`.
     """
 
     name = "bandwidth"
     title = "Recovered bandwidth"
     unit = "Hz"
 
-    def __init__(self, truths: Callable[[str], TrueBandwidths] = true_bandwidths) -> None:
+    def __init__(self, truths: Callable[[str], tuple[float, dict[str, Any]]] = true_bandwidths) -> None:
         self._truths = truths
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """The multisines of the split over amplitude, and binary sequences like the thesis' test 5."""
         sequences = [Trial(sequence_class(joint), draw) for joint in JOINTS for draw in range(SEQUENCES[effort])]
-        return (*multisine_trials(effort), *sequences)
+        return (*AmplitudeSplit().trials(effort), *sequences)
 
-    def evaluate(
-        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
-    ) -> Metric:
+    def evaluate(self, evidence: Evidence) -> Metric:
         """Median, 95 % range and share near 1 Hz of each class; all values in the curves."""
         groups: dict[str, list[Measurement]] = {}
-        for m in measurements:
+        for m in evidence.measurements:
             if m.kind == MODEL:
                 # without the number of the waveform and the length of the record
                 groups.setdefault("-".join(m.trial.problem.partition("@")[0].split("-")[:5]), []).append(m)
         rows = [self._row(name, group) for name, group in groups.items()]
-        near = sum(row["near"] for row in rows)
-        models = sum(row["models"] for row in rows)
-        parts = tuple(map(_part, rows)) or (unjudged("all joints", "no record has a model"),)
-        shown = _furthest(rows, parts)
+        parts = [_part(row) for row in rows] or [unjudged("all joints", "no record has a model")]
+        # the furthest from its truth, as a ratio, of those with the largest amplitude
+        largest = max((row["mrad"] for row in rows if row["hz"]), default=NAN)
+        chosen = [part for row, part in zip(rows, parts, strict=False) if row["hz"] and row["mrad"] == largest]
+        # NaN where there is no best linear truth: no distance
+        shown = max(chosen, key=lambda part: np.nan_to_num(abs(np.log(part.value / part.expected))), default=parts[0])
         own = f"The number is that of {shown.label}: {shown.why}. " if rows else ""
+        near, models = (sum(row[key] for row in rows) for key in ("near", "models"))
         why = f"{WHY}. {own}All joints together: {_share_near_1_hz(near, models)}"
         curves = {"about_1_hz": list(ABOUT_1_HZ), "classes": rows, "near": near, "models": models}
-        metric = self.of_parts(parts, 0.0, why, curves)
-        return replace(metric, value=shown.value, expected=shown.expected, interval=shown.interval, why=why)
+        return replace(self.of_parts(parts, 0.0, why, curves, shown=shown), why=why)
 
     def _row(self, name: str, group: Measurements) -> dict[str, Any]:
-        truth = self._truths(name)
+        lowest, truths = self._truths(name)
         _, variant, joint, excitation, amplitude = name.split("-")
-        claimed = [hz for m in group if np.isfinite(hz := _claimed(m, truth.lowest))]
+        claimed = [hz for m in group if np.isfinite(hz := _claimed(m, lowest))]
         mrad = float(amplitude.removesuffix("mrad"))
         return {
             "label": f"{joint} {excitation} {mrad:g} mrad",
@@ -135,62 +119,33 @@ class BandwidthMetric(MetricDefinition):
             "hz": claimed,
             "models": len(group),
             "near": sum(map(near_1_hz, claimed)),
-            "small_signal": truth.small_signal,
-            "best_linear": truth.best_linear,
-            "best_linear_ci95": list(truth.best_linear_ci95),
-            "published": dict(truth.published),
+            **truths,
         }
 
 
 def _claimed(m: Measurement, lowest: float) -> float:
-    if m.bandwidth_hz is None:
-        return NAN
-    hz = float(m.bandwidth_hz[0, 0])
-    if not hz >= lowest:
-        return NAN
-    if m.bandwidth_ci95 is not None:
-        low, high = (float(end) for end in m.bandwidth_ci95[:, 0, 0])
-        if np.isfinite(low) and not high <= WIDEST * low:
-            return NAN
-    return hz
+    """The claimed bandwidth, Hz; NaN where there is none, or where the record or its interval cannot support it."""
+    hz = NAN if m.bandwidth_hz is None else float(m.bandwidth_hz[0, 0])
+    low, high = (NAN, NAN) if m.bandwidth_ci95 is None else (float(end) for end in m.bandwidth_ci95[:, 0, 0])
+    too_wide = np.isfinite(low) and not high <= WIDEST * low
+    return hz if hz >= lowest and not too_wide else NAN
 
 
 def _part(row: dict[str, Any]) -> Part:
-    values = np.array(row["hz"])
-    return Part(
-        label=row["label"],
-        value=float(np.median(values)) if len(values) else NAN,
-        expected=row["best_linear"],
-        interval=_range(values),
-        limits=UNLIMITED,
-        passed=None,
-        why=f"{_share_near_1_hz(row['near'], row['models'])}; small signals {row['small_signal']:.3g} Hz",
-        draws=row["models"],
-    )
-
-
-def _furthest(rows: Sequence[dict[str, Any]], parts: Sequence[Part]) -> Part:
-    """The part whose median is furthest from its truth, as a ratio, of those with the largest amplitude."""
-    largest = max((row["mrad"] for row in rows if row["hz"]), default=NAN)
-    chosen = [part for row, part in zip(rows, parts, strict=False) if row["hz"] and row["mrad"] == largest]
-    # NaN where there is no best linear truth: no distance
-    return max(chosen, key=lambda part: np.nan_to_num(abs(np.log(part.value / part.expected))), default=parts[0])
+    """The median of the values, with their 95 % range: of fewer than forty it is that of all."""
+    values, ends = np.array(row["hz"]), (NAN, NAN)
+    if len(values):
+        low, high = np.quantile(values, [0.025, 0.975], method="inverted_cdf")
+        ends = (float(low), float(high))
+    why = f"{_share_near_1_hz(row['near'], row['models'])}; small signals {row['small_signal']:.3g} Hz"
+    median = float(np.median(values)) if len(values) else NAN
+    return unjudged(row["label"], why, row["models"], median, row["best_linear"], ends)
 
 
 def _share_near_1_hz(near: int, models: int) -> str:
     """In words, with the exact binomial interval, as if records were independent."""
     if models == 0:
         return "no record has a model"
-    least, most = exact_interval_of_share(near, models)
+    least, most = exact_interval_of_share(near, models, 100.0)
     low, high = ABOUT_1_HZ
-    return f"{near} of {models} near 1 Hz ({low:g} to {high:g} Hz), a share of {100 * least:.0f} to {100 * most:.0f} %"
-
-
-def _range(values: FloatArray) -> tuple[float, float]:
-    """Range of 95 % of the values; of all, if they are fewer than forty."""
-    if not len(values):
-        return (NAN, NAN)
-    if len(values) < 40:
-        return (float(values.min()), float(values.max()))
-    low, high = np.quantile(values, [0.025, 0.975], method="inverted_cdf")
-    return (float(low), float(high))
+    return f"{near} of {models} near 1 Hz ({low:g} to {high:g} Hz), a share of {least:.0f} to {most:.0f} %"

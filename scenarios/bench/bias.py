@@ -1,25 +1,23 @@
 """Bias of the response in closed loop, and where two inputs share their waveform."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import f as f_distribution
-from scipy.stats import ncf
 
 from scenarios.bench.accuracy import needed
 from scenarios.bench.measurement import Measurements
-from scenarios.bench.metric import DRAWS, UNLIMITED, Metric, MetricDefinition, Part, unjudged
-from scenarios.bench.statistics import bound_for, real_and_imaginary
+from scenarios.bench.metric import DRAWS, Evidence, Metric, MetricDefinition, Part, unjudged
+from scenarios.bench.statistics import bound_for
 from scenarios.bench.theory import expectation
 from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import MODEL
 from scenarios.problems.common_waveform import SharedAlone
-from scenarios.problems.problem import Bound
 from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
 from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.validation import CramerRaoBound
+from sysid.validation.mean_error import mean_error
+from sysid.validation.response_errors import real_and_imaginary
 
 PROBLEMS = ("feedback", "feedback-arx", "shared")
 RECORDS = 40
@@ -35,88 +33,6 @@ ALLOWED = 0.2
 
 Estimates that are unbiased in the limit have one of the order of 1/N, a fraction of a deviation on a short record.
 """
-
-
-@dataclass(frozen=True)
-class MeanError:
-    """Size of a mean error in standard deviations of one record's error.
-
-    Attributes:
-        size: Estimate free of the part that scatter alone has, 0 where that part is larger.
-        interval: 95 % interval of the size.
-        limit: Value that `size` exceeds with the given probability where the mean is as large as allowed.
-    """
-
-    size: float
-    interval: tuple[float, float]
-    limit: float
-
-
-def mean_error(errors: FloatArray, false_alarm: float, allowed: float = 0.0) -> MeanError:
-    """Hotelling's test of the mean of repeated errors, with an allowance [Anderson2003, sec. 5.2].
-
-    T^2 = K m' S^-1 m of the mean m and the sample covariance S of K records; (K - q) / (q (K - 1)) T^2 has the
-    F distribution with q and K - q degrees of freedom and noncentrality K d^2, exactly for Gaussian errors, where d is
-    the size of the true mean.
-
-    Args:
-        errors: One row per record, one column per direction (K, q), K of at least q + 3.
-        false_alarm: Probability of a size beyond the limit.
-        allowed: Size that is no fault.
-
-    Returns:
-        The size and its limit; both infinite where the errors are all equal and not zero.
-    """
-    records, q = errors.shape
-    rest, noncentrality = records - q, records * allowed**2
-    # the noncentral distribution loses digits where there is no noncentrality
-    upper = ncf.isf(false_alarm, q, rest, noncentrality) if allowed else f_distribution.isf(false_alarm, q, rest)
-    limit = _size(float(upper), records, q)
-    statistic = f_statistic(errors)
-    if not np.isfinite(statistic):
-        return MeanError(np.inf, (np.inf, np.inf), limit)
-    low, high = (_noncentrality(statistic, q, rest, share) for share in (0.025, 0.975))
-    return MeanError(
-        _size(statistic, records, q),
-        (float(np.sqrt(low / records)), float(np.sqrt(high / records))),
-        limit,
-    )
-
-
-def f_statistic(errors: FloatArray) -> float:
-    """The F-distributed statistic; 0 where there are no errors, infinite where some direction does not scatter."""
-    records, q = errors.shape
-    mean = errors.mean(axis=0)
-    length = np.sqrt(np.mean(errors**2, axis=0))
-    used = length > 0.0
-    if not used.any():
-        return 0.0
-    _, values, right = np.linalg.svd((errors - mean)[:, used] / length[used], full_matrices=False)
-    if values[-1] <= 1e-12 * np.sqrt(records):
-        # the same error in every record, in some direction: it has no scatter to be judged by
-        return float("inf")
-    whitened = (right @ (mean[used] / length[used])) / values
-    return float(whitened @ whitened) * records * (records - q) / q
-
-
-def _size(statistic: float, records: int, q: int) -> float:
-    """E T^2 = (K - 1) (q + K d^2) / (K - q - 2), solved for d."""
-    squared = statistic * q * (records - 1.0) / (records - q)
-    return float(np.sqrt(max(squared * (records - q - 2.0) / (records - 1.0) - q, 0.0) / records))
-
-
-def _noncentrality(statistic: float, q: int, rest: int, above: float) -> float:
-    """Noncentrality with which a larger statistic has the given probability; 0 where even that is too much."""
-    if float(f_distribution.sf(statistic, q, rest)) >= above:
-        return 0.0
-
-    def excess(value: float) -> float:
-        return float(ncf.sf(statistic, q, rest, value)) - above
-
-    high = 4.0 * (q * statistic + 10.0)
-    while excess(high) < 0.0 and high < 1e12:
-        high *= 4.0
-    return float(brentq(excess, 0.0, high)) if excess(high) > 0.0 else high
 
 
 class Bias(MetricDefinition):
@@ -137,39 +53,34 @@ class Bias(MetricDefinition):
         counts = {**dict.fromkeys(PROBLEMS, RECORDS), ALONE: RECORDS_ALONE}
         return tuple(Trial(name, draw) for name, count in counts.items() for draw in range(count * DRAWS[effort]))
 
-    def evaluate(
-        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
-    ) -> Metric:
+    def evaluate(self, evidence: Evidence) -> Metric:
         """Test the mean error on each problem."""
-        parts, curves = [], {}
-        for name in PROBLEMS:
-            own = [m for m in measurements if m.trial.problem == name and m.trial.ask == "fit"]
-            part, curves[name] = _bias_on(name, own, estimator, false_alarm)
-            parts.append(part)
-        alone = [m for m in measurements if m.trial.problem == ALONE and m.trial.ask == "fit"]
-        if alone:
-            parts.append(_bias_alone(alone, estimator))
+        pairs = [_bias_on(name, evidence) for name in PROBLEMS]
+        curves = dict(zip(PROBLEMS, (curve for _, curve in pairs), strict=True))
+        parts = [part for part, _ in pairs]
+        if alone := evidence.on(ALONE):
+            parts.append(_bias_alone(alone, evidence.estimator))
         percent = ", ".join(f"{curve['percent']:.2g} % on {name}" for name, curve in curves.items() if curve)
         return self.of_parts(
             parts,
-            self.verdicts * false_alarm,
+            self.verdicts * evidence.false_alarm,
             f"mean error in {DIRECTIONS} directions against the estimator's own scatter, {ALLOWED:g} deviations allowed"
             + (f"; greatest mean error of the response {percent}" if percent else ""),
             curves,
         )
 
 
-def _bias_on(name: str, own: Measurements, estimator: Estimator, false_alarm: float) -> tuple[Part, dict[str, Any]]:
-    bound = bound_for(name, estimator.structure)
+def _bias_on(name: str, evidence: Evidence) -> tuple[Part, dict[str, Any]]:
+    """The part of a problem, and its curves for drawing."""
+    own = evidence.on(name)
+    bound = bound_for(name, evidence.estimator.structure)
     if bound is None:
         return unjudged(name, "there is no Cramér-Rao bound, which gives the directions of the test"), {}
-    responses = _responses(own, bound)
-    axes = directions(bound)
-    if too_few := _too_few(len(responses), max(fewest(axes), needed(len(own))), len(own)):
-        return unjudged(name, too_few, len(responses)), {}
-    errors = np.array(responses) - bound.response
-    judged = mean_error(_flat(errors) @ axes, false_alarm, ALLOWED)
-    theory = expectation(estimator, name, "bias")
+    axes, errors, too_few = _errors(own, bound, needed(len(own)))
+    if too_few:
+        return unjudged(name, too_few, len(errors)), {}
+    judged = mean_error(_flat(errors) @ axes, evidence.false_alarm, ALLOWED)
+    theory = expectation(evidence.estimator, name, "bias")
     mean = errors.mean(axis=0)
     size = np.sqrt(np.mean(np.abs(bound.response) ** 2, axis=0))
     curve: dict[str, Any] = {
@@ -179,7 +90,7 @@ def _bias_on(name: str, own: Measurements, estimator: Estimator, false_alarm: fl
         "deviation_of_mean": (errors.std(axis=0, ddof=1) / np.sqrt(len(errors))).reshape(len(mean), -1).T.tolist(),
     }
     limits = (0.0, judged.limit)
-    return Part.judged(name, judged.size, 0.0, judged.interval, limits, theory, len(responses)), curve
+    return Part.judged(name, judged.size, 0.0, judged.interval, limits, theory, len(errors)), curve
 
 
 def _bias_alone(own: Measurements, estimator: Estimator) -> Part:
@@ -190,52 +101,36 @@ def _bias_alone(own: Measurements, estimator: Estimator) -> Part:
     bound = alone.bound_without_other(estimator.structure) or alone.bound_without_other(None)
     if bound is None:
         return unjudged(ALONE, "no bias is predicted")
-    axes = directions(bound)
-    responses = _responses(own, bound)
-    if too_few := _too_few(len(responses), fewest(axes), len(own)):
-        return unjudged(ALONE, too_few, len(responses))
-    errors = np.array(responses) - bound.response
-    predicted = alone.expected_bias()
+    axes, errors, too_few = _errors(own, bound, 0)
+    if too_few:
+        return unjudged(ALONE, too_few, len(errors))
+    mean, predicted = errors.mean(axis=0), alone.expected_bias()
     judged = mean_error(_flat(errors) @ axes, 0.5)
-    shifted = mean_error(_flat(errors - errors.mean(axis=0) + predicted) @ axes, 0.5)
+    shifted = mean_error(_flat(errors - mean + predicted) @ axes, 0.5)
     if not np.isfinite(shifted.size):
-        return unjudged(
-            ALONE, "the error is the same on all records: there is no scatter to judge it by", len(responses)
-        )
+        why = "the error is the same on all records: there is no scatter to judge it by"
+        return unjudged(ALONE, why, len(errors))
     scale = float(np.sqrt(np.mean(np.abs(bound.response) ** 2)))
-    size, expected = (100.0 * float(np.sqrt(np.mean(np.abs(b) ** 2))) / scale for b in (errors.mean(axis=0), predicted))
-    return Part(
-        label=ALONE,
-        value=judged.size,
-        expected=shifted.size,
-        interval=judged.interval,
-        limits=UNLIMITED,
-        passed=None,
-        theory=False,
-        why=f"not judged: without the other input the response is {size:.3g} % off; output error without noise "
-        f"is {expected:.3g} % off",
-        draws=len(responses),
+    size, expected = (100.0 * float(np.sqrt(np.mean(np.abs(b) ** 2))) / scale for b in (mean, predicted))
+    why = (
+        f"not judged: without the other input the response is {size:.3g} % off; output error without noise is "
+        f"{expected:.3g} % off"
     )
+    return unjudged(ALONE, why, len(errors), judged.size, shifted.size, judged.interval, theory=False)
 
 
-def _responses(own: Measurements, bound: Bound) -> list[ComplexArray]:
-    """Responses of the models that have the inputs and outputs of the bound."""
-    responses = [m.response for m in own if m.kind == MODEL and m.response is not None]
-    return [response for response in responses if response.shape == bound.response.shape]
+def _errors(own: Measurements, bound: CramerRaoBound, least: int) -> tuple[FloatArray, ComplexArray, str]:
+    """Directions of the test, errors of models with the inputs and outputs of the bound, and why they are too few.
 
-
-def fewest(axes: FloatArray) -> int:
-    """Records with a model that are needed to judge the mean error by its own scatter.
-
-    Args:
-        axes: Directions of the test, one per column.
+    The mean error is judged by its own scatter, which needs a model of some records, and at least of so many.
     """
-    return 2 * axes.shape[1] + 3
-
-
-def _too_few(count: int, least: int, records: int) -> str:
-    """Why there is no verdict; empty where there are enough records."""
-    return f"{count} of {records} records gave a model: too few, at least {least} are needed" if count < least else ""
+    axes = directions(bound)
+    responses = [m.response for m in own if m.kind == MODEL and m.response is not None]
+    responses = [response for response in responses if response.shape == bound.response.shape]
+    errors = np.array([response - bound.response for response in responses])
+    least = max(2 * axes.shape[1] + 3, least)
+    too_few = f"{len(errors)} of {len(own)} records gave a model: too few, at least {least} are needed"
+    return axes, errors, too_few if len(errors) < least else ""
 
 
 def _flat(errors: ComplexArray) -> FloatArray:
@@ -243,7 +138,7 @@ def _flat(errors: ComplexArray) -> FloatArray:
     return real_and_imaginary(errors).reshape(len(errors), -1)
 
 
-def directions(bound: Bound) -> FloatArray:
+def directions(bound: CramerRaoBound) -> FloatArray:
     """Combinations of real and imaginary parts of the response on which the record is least informative.
 
     Each response is scaled by its own deviation first, so that small ones count as large ones do.

@@ -1,6 +1,6 @@
 """Claims of accuracy against the errors: coverage, normalised error, and frequency response in claimed deviations."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -14,42 +14,37 @@ from scenarios.bench.accuracy import (
     Acceptance,
     AccuracyMetric,
     RecordStatistic,
-    by_problem,
-    enough,
     mean_parts,
+    needed,
     pooled_part,
 )
 from scenarios.bench.measurement import Measurement, Measurements
-from scenarios.bench.metric import Metric, Part, excess
+from scenarios.bench.metric import Evidence, Metric, Part, excess
 from scenarios.bench.statistics import (
+    NULL_BANDWIDTH_COVERAGE,
+    SLACK,
     Statistic,
     bound_for,
-    covered_share,
-    free_parts,
-    limits_of_moments,
-    normalised_square,
-    null_bandwidth_coverage,
     null_chi_square,
     null_distribution,
     null_parameter_coverage,
+)
+from scenarios.bench.theory import Expectation, expected_of_claims
+from scenarios.files.errors import ScenarioError
+from scenarios.problems.registry import problem
+from sysid.records.arrays import FloatArray
+from sysid.validation.monte_carlo import limits_of_response_squares
+from sysid.validation.response_errors import (
+    covered_share,
+    free_parts,
+    normalised_square,
     real_and_imaginary,
     variance_ratio,
     variance_ratio_by_frequency,
 )
-from scenarios.bench.theory import Expectation, expected_of_claims
-from scenarios.estimators.estimator import Estimator
-from scenarios.files.errors import ScenarioError
-from scenarios.problems.bound import response_covariance
-from scenarios.problems.problem import Bound
-from scenarios.problems.registry import problem
-from sysid.records.arrays import FloatArray
 
 NO_COVARIANCE = "no verdict: the estimator claims no covariance"
-NO_INTERVAL = "no verdict: the estimator claims no interval of the {}"
-NO_TRUE_VALUES = "no verdict: no {} model is the truth: the parameters that it claims have no true values"
-OTHER_ORDERS = "no verdict: the parameters that it claims are not those of the orders that were asked"
-
-UNIT_SQUARE = Acceptance(expected=1.0, ratio=1.05)
+UNIT_SQUARE = Acceptance(expected=1.0, ratio=SLACK)
 """Of squares in claimed variances."""
 
 COVERAGE = 0.95
@@ -57,36 +52,33 @@ COVERED = Acceptance(expected=COVERAGE, points=0.01, shares=True)
 KINDS = ("parameters", "bandwidth", "response")
 
 
-def claims_covariance(m: Measurement) -> bool:
-    """Whether a covariance of the response is claimed, without NaN: that of a fit at a bound may be unknown."""
-    return m.response_covariance is not None and not bool(np.isnan(m.response_covariance).any())
+def claimed_covariance(m: Measurement) -> FloatArray | None:
+    """The claimed covariance of the response; None with NaN in it: that of a fit at a bound may be unknown."""
+    claimed = m.response_covariance
+    return None if claimed is None or np.isnan(claimed).any() else claimed
 
 
 def claimed_values(good: Measurements, name: str, structure: str | None, statistic: Statistic) -> FloatArray:
-    """A statistic of each record by its claimed covariance (n,), of those that claim one."""
-    return np.array([float(value[0]) for value in by_claim(good, name, structure, statistic)])
+    """A statistic of each record by its claimed covariance (n, ...), of those that claim one.
 
-
-def by_claim(
-    good: Measurements, name: str, structure: str | None, statistic: Callable[..., FloatArray]
-) -> list[FloatArray]:
-    """A function of errors, claimed covariance and free parts, evaluated for each record that claims a covariance."""
+    Raises:
+        ScenarioError: A covariance has another shape than the response.
+    """
     bound = bound_for(name, structure)
     if bound is None:
-        return []
-    free = free_parts(response_covariance(bound))
+        return np.empty(0)
+    expected = (*bound.response.shape, 2, 2)
+    free = free_parts(bound.response_covariance)
     values = []
     for m in good:
-        if m.response is None or m.response_covariance is None or not claims_covariance(m):
+        covariance = claimed_covariance(m)
+        if m.response is None or covariance is None:
             continue
-        if m.response_covariance.shape != (*bound.response.shape, 2, 2):
-            raise ScenarioError(
-                f"{m.trial.key}: covariance of the response {m.response_covariance.shape} given, "
-                f"expected {(*bound.response.shape, 2, 2)}"
-            )
-        errors = real_and_imaginary(m.response - bound.response)[None]
-        values.append(statistic(errors, m.response_covariance, free))
-    return values
+        if covariance.shape != expected:
+            given = f"covariance of the response {covariance.shape} given"
+            raise ScenarioError(f"{m.trial.key}: {given}, expected {expected}")
+        values.append(statistic(real_and_imaginary(m.response - bound.response)[None], covariance, free))
+    return np.concatenate(values) if values else np.empty(0)
 
 
 class Coverage(AccuracyMetric):
@@ -101,20 +93,19 @@ class Coverage(AccuracyMetric):
     unit = "share of intervals"
     verdicts = len(KINDS) * (len(QUICK) + 1)
 
-    def evaluate(
-        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
-    ) -> Metric:
+    def evaluate(self, evidence: Evidence) -> Metric:
         """Count the intervals that hold the truth."""
-        groups = by_problem(measurements)
-        budget = false_alarm * self.verdicts
+        estimator, groups = evidence.estimator, evidence.by_problem()
+        budget = evidence.false_alarm * self.verdicts
         share = budget / (len(KINDS) * (len(groups) + 1))
         theories = {name: expected_of_claims(estimator, name, good, self.name) for name, (good, _) in groups.items()}
         parts: list[Part] = []
-        for kind in KINDS:
-            statistics = [
-                _covered(kind, good, run, name, estimator.structure, theories[name])
-                for name, (good, run) in groups.items()
-            ]
+        for kind, covered in zip(KINDS, (_covered_parameters, _covered_bandwidths, _covered_responses), strict=True):
+            statistics = []
+            for name, (good, run) in groups.items():
+                values, null, missing, models = covered(good, name, estimator.structure)
+                missing = missing or f"no verdict: the estimator claims no interval of the {kind}"
+                statistics.append(RecordStatistic(f"{name} {kind}", values, run, null, theories[name], missing, models))
             parts += [statistic.part(COVERED, share) for statistic in statistics]
             parts += pooled_part(f"{TOGETHER} {kind}", statistics, COVERED, share)
         return self.of_parts(
@@ -126,42 +117,41 @@ class Coverage(AccuracyMetric):
         )
 
 
-def _covered(
-    kind: str, good: Measurements, run: int, name: str, structure: str | None, theory: Expectation
-) -> RecordStatistic:
-    null: FloatArray | None
-    missing, models = NO_INTERVAL.format(kind), len(good)
-    if kind == "parameters":
-        known = [m for m in good if m.covered >= 0 and m.parameters > 0]
-        values = np.array([m.covered / m.parameters for m in known])
-        null = null_parameter_coverage(name, structure)
-        if not known and any(m.parameters > 0 for m in good):
-            held = structure is None or problem(name).bound(structure) is not None
-            missing = OTHER_ORDERS if held else NO_TRUE_VALUES.format(structure)
-    elif kind == "bandwidth":
-        values = _covered_bandwidths(good, bound_for(name, structure))
-        null = null_bandwidth_coverage()
-        models = sum(m.bandwidth_hz is not None and bool(np.isfinite(m.bandwidth_hz).any()) for m in good)
-    else:
-        values = claimed_values(good, name, structure, covered_share)
-        null = null_distribution(name, structure, covered_share, COVERAGE)
-    return RecordStatistic(f"{name} {kind}", values, run, null, theory, missing, models)
+Covered = tuple[FloatArray, FloatArray | None, str, int]
+"""Shares by record, those of perfect records, why there are none, and number of records that should have some."""
 
 
-def _covered_bandwidths(good: Measurements, bound: Bound | None) -> FloatArray:
-    """Share of the true bandwidths within their intervals, of those that have one, record by record."""
-    if bound is None:
-        return np.empty(0)
+def _covered_parameters(good: Measurements, name: str, structure: str | None) -> Covered:
+    known = [m for m in good if m.covered >= 0 and m.parameters > 0]
+    missing = ""
+    if not known and any(m.parameters > 0 for m in good):
+        missing = "no verdict: the parameters that it claims are not those of the orders that were asked"
+        if structure is not None and problem(name).bound(structure) is None:
+            missing = (
+                f"no verdict: no {structure} model is the truth: the parameters that it claims have no true values"
+            )
+    values = np.array([m.covered / m.parameters for m in known])
+    return values, null_parameter_coverage(name, structure), missing, len(good)
+
+
+def _covered_bandwidths(good: Measurements, name: str, structure: str | None) -> Covered:
+    bound = bound_for(name, structure)
     shares = []
     for m in good:
-        if m.bandwidth_ci95 is None:
+        if bound is None or m.bandwidth_ci95 is None:
             continue
         low, high = m.bandwidth_ci95
         known = np.isfinite(bound.bandwidth_hz) & ~np.isnan(low) & ~np.isnan(high)
         if known.any():
             inside = (low[known] <= bound.bandwidth_hz[known]) & (bound.bandwidth_hz[known] <= high[known])
             shares.append(float(np.mean(inside)))
-    return np.array(shares)
+    models = sum(m.bandwidth_hz is not None and bool(np.isfinite(m.bandwidth_hz).any()) for m in good)
+    return np.array(shares), NULL_BANDWIDTH_COVERAGE, "", models
+
+
+def _covered_responses(good: Measurements, name: str, structure: str | None) -> Covered:
+    values = claimed_values(good, name, structure, covered_share)
+    return values, null_distribution(name, structure, covered_share, COVERAGE), "", len(good)
 
 
 class NormalisedError(AccuracyMetric):
@@ -177,52 +167,42 @@ class NormalisedError(AccuracyMetric):
     unit = "error' covariance^-1 error / degrees of freedom"
     verdicts = len(QUICK) + 1
 
-    def evaluate(
-        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
-    ) -> Metric:
+    def evaluate(self, evidence: Evidence) -> Metric:
         """Judge the mean; the fit of the whole distribution is shown beside it."""
+        estimator, budget = evidence.estimator, evidence.false_alarm * self.verdicts
         statistics: list[RecordStatistic] = []
         curves: dict[str, dict[str, object]] = {}
-        for name, (good, run) in by_problem(measurements).items():
-            values, null, freedom = _normalised_errors(good, name, estimator.structure)
+        for name, (good, run) in evidence.by_problem().items():
+            known = [m for m in good if m.parameters > 0 and not np.isnan(m.normalised_error)]
+            freedom, p_value = 0, None  # 0: of the response
+            null: FloatArray | None
+            if len(known) >= needed(len(good)) and len({m.parameters for m in known}) == 1:
+                freedom = known[0].parameters
+                values, null = np.array([m.normalised_error / freedom for m in known]), null_chi_square(freedom)
+            else:
+                values = claimed_values(good, name, estimator.structure, normalised_square)
+                null = null_distribution(name, estimator.structure, normalised_square, 1.0)
             theory = expected_of_claims(estimator, name, good, self.name)
             statistics.append(RecordStatistic(name, values, run, null, theory, NO_COVARIANCE, len(good)))
-            if enough(len(values), run) and np.isfinite(values).all():
-                curves[name] = {
-                    "of": "parameters" if freedom else "response",
-                    "degrees_of_freedom": freedom or None,
-                    "records": np.sort(values).tolist(),
-                    "kolmogorov_smirnov_p": _distribution_p(values, freedom, null),
-                }
-        budget = false_alarm * self.verdicts
+            if len(values) < needed(run) or not np.isfinite(values).all():
+                continue
+            if freedom:
+                p_value = float(kstest(values * freedom, chi2(freedom).cdf).pvalue)
+            elif null is not None:
+                p_value = float(ks_2samp(values, null).pvalue)
+            curves[name] = {
+                "of": "parameters" if freedom else "response",
+                "degrees_of_freedom": freedom or None,
+                "records": np.sort(values).tolist(),
+                "kolmogorov_smirnov_p": p_value,
+            }
         return self.of_parts(
-            mean_parts(statistics, UNIT_SQUARE, budget) if statistics else [],
+            mean_parts(statistics, UNIT_SQUARE, budget),
             budget,
             "mean of the squared error in claimed standard deviations, within what chance allows a perfect estimator "
             "and 5 % of it; the whole distribution is shown, not judged",
             curves,
         )
-
-
-def _normalised_errors(
-    good: Measurements, name: str, structure: str | None
-) -> tuple[FloatArray, FloatArray | None, int]:
-    """Values of the records, those of perfect ones, and the degrees of freedom; 0 where they are of the response."""
-    known = [m for m in good if m.parameters > 0 and not np.isnan(m.normalised_error)]
-    if enough(len(known), len(good)) and len({m.parameters for m in known}) == 1:
-        p = known[0].parameters
-        return np.array([m.normalised_error / p for m in known]), null_chi_square(p), p
-    return (
-        claimed_values(good, name, structure, normalised_square),
-        null_distribution(name, structure, normalised_square, 1.0),
-        0,
-    )
-
-
-def _distribution_p(values: FloatArray, freedom: int, null: FloatArray | None) -> float | None:
-    if freedom:
-        return float(kstest(values * freedom, chi2(freedom).cdf).pvalue)
-    return None if null is None else float(ks_2samp(values, null).pvalue)
 
 
 class ResponseError(AccuracyMetric):
@@ -236,25 +216,22 @@ class ResponseError(AccuracyMetric):
     unit = "claimed standard deviations"
     verdicts = 2 * len(QUICK) + 1
 
-    def evaluate(
-        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
-    ) -> Metric:
+    def evaluate(self, evidence: Evidence) -> Metric:
         """Compare the errors with the claimed covariance."""
-        groups = by_problem(measurements)
-        budget = false_alarm * self.verdicts
+        structure, groups = evidence.estimator.structure, evidence.by_problem()
+        budget = evidence.false_alarm * self.verdicts
         share = budget / (2 * len(groups) + 1)
-        structure = estimator.structure
         statistics: list[RecordStatistic] = []
         parts: list[Part] = []
         for name, (good, run) in groups.items():
-            theory = expected_of_claims(estimator, name, good, self.name)
-            ratios = by_claim(good, name, structure, variance_ratio_by_frequency)
+            theory = expected_of_claims(evidence.estimator, name, good, self.name)
+            ratios = claimed_values(good, name, structure, variance_ratio_by_frequency)
             values = np.array([float(np.nanmean(ratio)) for ratio in ratios])
             null = null_distribution(name, structure, variance_ratio, 1.0)
             statistics.append(RecordStatistic(name, values, run, null, theory, NO_COVARIANCE, len(good)))
             parts.append(statistics[-1].part(UNIT_SQUARE, share))
-            if enough(len(ratios), run):
-                parts.append(_worst_frequency(np.concatenate(ratios), name, structure, theory, share))
+            if len(ratios) >= needed(run):
+                parts.append(_worst_frequency(ratios, name, structure, theory, share))
         parts += pooled_part(TOGETHER, statistics, UNIT_SQUARE, share)
         curves = {name: _response_curves(good, name, structure) for name, (good, _) in groups.items() if good}
         percent = ", ".join(f"{curve['relative_error_percent']:.3g} % on {name}" for name, curve in curves.items())
@@ -271,16 +248,12 @@ def _worst_frequency(
     ratios: FloatArray, name: str, structure: str | None, theory: Expectation, false_alarm: float
 ) -> Part:
     """The frequency at which the mean of squares (n, nf, ny, nu) lies furthest from its limits."""
-    bound = bound_for(name, structure)
-    if bound is None:
-        raise AssertionError(f"{name}: errors in claimed deviations without a bound")
     low, high = limits_by_frequency(name, structure, len(ratios), false_alarm)
     parts = []
-    for k, i, j in np.argwhere(np.isfinite(low)):
-        limits = UNIT_SQUARE.with_slack(float(low[k, i, j]), float(high[k, i, j]))
-        values = ratios[:, k, i, j]
-        interval, label = UNIT_SQUARE.interval(values), f"{name} at {bound.frequencies[k]:.3g} Hz"
-        parts.append(Part.judged(label, float(np.mean(values)), 1.0, interval, limits, theory, len(values)))
+    for place in map(tuple, np.argwhere(np.isfinite(low))):
+        limits = UNIT_SQUARE.with_slack(float(low[place]), float(high[place]))
+        label = f"{name} at {problem(name).frequencies[place[0]]:.3g} Hz"
+        parts.append(UNIT_SQUARE.mean(label, ratios[(slice(None), *place)], theory, limits))
     return max(parts, key=lambda part: (np.isinf(part.value), excess(part)))
 
 
@@ -288,46 +261,18 @@ def _worst_frequency(
 def limits_by_frequency(
     name: str, structure: str | None, draws: int, false_alarm: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Limits of the mean of |error|^2 over its variance at each frequency (nf, ny, nu), without slack.
-
-    Args:
-        name: Of a problem with a bound.
-        structure: Of the estimator.
-        draws: Records.
-        false_alarm: Greatest probability that a perfect estimator's mean lies outside at any frequency.
-
-    Returns:
-        Lower and upper limits, NaN where the response cannot be wrong.
-    """
+    """`limits_of_response_squares` of a perfect estimator of a structure on a problem with a bound."""
     bound = bound_for(name, structure)
     if bound is None:
         raise AssertionError(f"{name}: limits without a bound")
-    covariance = response_covariance(bound)
-    free = free_parts(covariance)
-    low, high = np.full(bound.response.shape, np.nan), np.full(bound.response.shape, np.nan)
-    places = [tuple(place) for place in np.argwhere(free.any(axis=-1))]
-    for place in places:
-        kept = covariance[place] * np.outer(free[place], free[place])
-        # |error|^2 is a sum of squares of independent Gaussian variables with these shares of its mean
-        shares = np.linalg.eigvalsh(kept) / np.trace(kept)
-        variance, third = 2.0 * float(np.sum(shares**2)), 8.0 * float(np.sum(shares**3))
-        low[place], high[place] = limits_of_moments(1.0, variance / draws, third / draws**2, false_alarm / len(places))
-    return low, high
+    return limits_of_response_squares(bound.response_covariance, draws, false_alarm)
 
 
 def _root(part: Part) -> Part:
     """The part of mean squares as one of root mean squares."""
-
-    def root(square: float) -> float:
-        return float(np.sqrt(max(square, 0.0))) if not np.isnan(square) else square
-
-    low, high = part.limits
-    return replace(
-        part,
-        value=float(np.sqrt(part.value)),
-        interval=(root(part.interval[0]), root(part.interval[1])),
-        limits=(root(low) if np.isfinite(low) else -np.inf, root(high)),
-    )
+    (low, high), (least, most) = (np.sqrt(np.maximum(ends, 0.0)).tolist() for ends in (part.interval, part.limits))
+    least = least if np.isfinite(part.limits[0]) else -np.inf
+    return replace(part, value=float(np.sqrt(part.value)), interval=(low, high), limits=(least, most))
 
 
 def _response_curves(good: Measurements, name: str, structure: str | None) -> Mapping[str, Any]:
@@ -336,11 +281,8 @@ def _response_curves(good: Measurements, name: str, structure: str | None) -> Ma
     frequencies = problem(name).frequencies
     true = problem(name).truth.frequency_response(frequencies)
     square = np.mean([np.abs(m.response - true) ** 2 for m in good if m.response is not None], axis=0)
-    claimed = [
-        np.trace(m.response_covariance, axis1=-2, axis2=-1)
-        for m in good
-        if claims_covariance(m) and m.response_covariance is not None
-    ]
+    covariances = [covariance for m in good if (covariance := claimed_covariance(m)) is not None]
+    claimed = [np.trace(covariance, axis1=-2, axis2=-1) for covariance in covariances]
     return {
         "frequencies_hz": frequencies.tolist(),
         "truth": np.abs(true).tolist(),

@@ -6,30 +6,20 @@ from functools import lru_cache
 
 import numpy as np
 
-from scenarios.bench.accuracy import by_problem, enough, needed
-from scenarios.bench.measurement import Measurement, Measurements
-from scenarios.bench.metric import DRAWS, Metric, MetricDefinition, Part, unjudged
-from scenarios.bench.statistics import (
-    CHUNK,
-    NULL_RECORDS,
-    SEED,
-    TWO_SIDED_95,
-    bound_for,
-    errors_of_perfect,
-    free_parts,
-    limits_of_mean,
-    real_and_imaginary,
-    variance_ratio,
-)
-from scenarios.bench.theory import expectation
+from scenarios.bench.accuracy import needed
+from scenarios.bench.measurement import Measurement
+from scenarios.bench.metric import DRAWS, Evidence, Metric, MetricDefinition, Part, unjudged
+from scenarios.bench.statistics import SEED, bound_for, statistic_of_perfect
+from scenarios.bench.theory import Expectation, expectation
 from scenarios.estimators.estimator import Estimator
-from scenarios.problems.bound import response_covariance
+from scenarios.problems.noise_free import DELAYS, ORDERS
 from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
+from sysid.models.frequency_response import NORMAL_95
 from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.validation.monte_carlo import limits_of_mean
+from sysid.validation.response_errors import free_parts, real_and_imaginary, variance_ratio
 
-ORDERS = (1, 2, 3, 4, 5, 6)
-DELAYS = (1, 2, 3)
 DEMANDED = 6.0
 """Digits. Double precision has 15.7; normal equations may lose half of them, and a search that stops when the sum of
 squares no longer changes in its 12th digit knows its minimum to half as many. Fewer digits have another cause than
@@ -43,9 +33,6 @@ FAULT = "the response is "
 
 WHERE_IT_FAILS = "where it fails, "
 """Beginning of the fault that all failing parts have in common."""
-
-SHIFTS = (1, 2, -1, -2)
-"""Delays that are tried, samples."""
 
 QUICK = ("p2", "p3")
 FULL = ("p2", "p3", "p4", "p5")
@@ -69,45 +56,33 @@ class NoiseFreeRecovery(MetricDefinition):
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """One record of a system of each order and delay, or several."""
-        return tuple(
-            Trial(f"quiet-{order}-{delay}", draw)
-            for order in ORDERS
-            for delay in DELAYS
-            for draw in range(DRAWS[effort])
-        )
+        names = [f"quiet-{order}-{delay}" for order in ORDERS for delay in DELAYS]
+        return tuple(Trial(name, draw) for name in names for draw in range(DRAWS[effort]))
 
-    def evaluate(
-        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
-    ) -> Metric:
+    def evaluate(self, evidence: Evidence) -> Metric:
         """Count the digits; without noise no verdict depends on chance."""
-        parts = [
-            _digits(name, good, run, estimator, self.name) for name, (good, run) in by_problem(measurements).items()
-        ]
+        parts = [_digits(name, good, run) for name, (good, run) in evidence.by_problem().items()]
         values = {part.label: part.value for part in parts}
         table = [[values.get(f"quiet-{order}-{delay}") for delay in DELAYS] for order in ORDERS]
-        metric = self.of_parts(
-            parts,
-            0.0,
-            f"digits of the response that are right without noise, the fewest of all orders and delays; {DEMANDED:g} "
-            "are demanded",
-            {"orders": list(ORDERS), "delays": list(DELAYS), "digits": table},
+        why = (
+            f"digits of the response that are right without noise where order and delay are given, the fewest of all "
+            f"orders and delays; {DEMANDED:g} are demanded"
         )
         judged = [part for part in parts if part.passed is not None]
-        if not judged:
-            return metric
         faults = {part.why for part in judged if not part.passed}
-        if len(faults) == 1 and FAULT in (common := next(iter(faults))):
-            metric = replace(metric, why=f"{metric.why}; {WHERE_IT_FAILS}{common}")
+        if len(faults) == 1 and (fault := faults.pop()):
+            why += f"; {WHERE_IT_FAILS}{fault}"
+        curves = {"orders": list(ORDERS), "delays": list(DELAYS), "digits": table}
         # `excess` is 0 for all that pass: the worst is the one with the fewest digits
-        worst = min(judged, key=lambda part: part.value)
-        metric = replace(metric, value=worst.value, expected=worst.expected, interval=worst.interval)
-        if 2 * len(judged) < len(parts) and metric.passed:
+        worst = min(judged, key=lambda part: part.value, default=None)
+        metric = self.of_parts(parts, 0.0, why, curves, shown=worst)
+        if metric.passed and 2 * len(judged) < len(parts):
             missing = f"; no verdict: {len(judged)} of {len(parts)} systems have a model"
             return replace(metric, passed=None, why=metric.why + missing)
         return metric
 
 
-def _digits(name: str, good: Measurements, run: int, estimator: Estimator, metric: str) -> Part:
+def _digits(name: str, good: Sequence[Measurement], run: int) -> Part:
     if 2 * len(good) < run or not good:
         return unjudged(name, f"no verdict: {len(good)} of {run} records have a model", len(good))
     truth, frequencies = problem(name).truth, problem(name).frequencies
@@ -116,11 +91,8 @@ def _digits(name: str, good: Measurements, run: int, estimator: Estimator, metri
     responses = [m.response for m in good if m.response is not None]
     errors = [np.sqrt(np.mean(np.abs(response - true) ** 2)) / size for response in responses]
     digits = float(np.min(-np.log10(np.maximum(errors, 10.0**-MOST_DIGITS)))) + 0.0  # no -0
-    theory = expectation(estimator, name, metric)
-    fault = ""
-    if digits < DEMANDED:
-        fault = recognised_fault(responses, true, frequencies, truth.dt, 10.0**-DEMANDED)
-    theory = replace(theory, why="; ".join(filter(None, (theory.why, fault and f"{FAULT}{fault}"))))
+    fault = "" if digits >= DEMANDED else recognised_fault(responses, true, frequencies, truth.dt, 10.0**-DEMANDED)
+    theory = Expectation(True, fault and f"{FAULT}{fault}")
     return Part.judged(name, digits, DEMANDED, (digits, digits), (DEMANDED, np.inf), theory, len(good))
 
 
@@ -136,19 +108,18 @@ def recognised_fault(
         dt: Sampling interval, s.
         tolerance: Relative root mean square error up to which responses count as equal.
     """
-
-    def all_equal(expected: ComplexArray) -> bool:
-        size = np.linalg.norm(expected)
-        return all(np.linalg.norm(response - expected) <= tolerance * size for response in responses)
-
     turn = np.exp(-2j * np.pi * frequencies * dt)[:, None, None]
-    faults = {f"{abs(n)} sample{'s' * (abs(n) > 1)} {'late' if n > 0 else 'early'}": true * turn**n for n in SHIFTS}
+    faults = {
+        f"{abs(n)} sample{'s' * (abs(n) > 1)} {'late' if n > 0 else 'early'}": true * turn**n for n in (1, 2, -1, -2)
+    }
     faults["of the wrong sign"] = -true
-    for fault, response in faults.items():
-        if all_equal(response):
-            return fault
     gain = float(np.mean([np.vdot(true, response).real for response in responses]) / np.vdot(true, true).real)
-    return f"{gain:.8g} times the truth" if all_equal(gain * true) else ""
+    faults[f"{gain:.8g} times the truth"] = gain * true
+    for fault, expected in faults.items():
+        size = np.linalg.norm(expected)
+        if all(np.linalg.norm(response - expected) <= tolerance * size for response in responses):
+            return fault
+    return ""
 
 
 class Consistency(MetricDefinition):
@@ -166,78 +137,70 @@ class Consistency(MetricDefinition):
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Records of three lengths."""
-        names = QUICK if effort == "quick" else FULL
-        return tuple(
-            Trial(f"{name}@{samples}", draw)
-            for name in names
-            for samples in LENGTHS
-            for draw in range(RECORDS * DRAWS[effort])
-        )
+        names = [f"{name}@{samples}" for name in (QUICK if effort == "quick" else FULL) for samples in LENGTHS]
+        return tuple(Trial(name, draw) for name in names for draw in range(RECORDS * DRAWS[effort]))
 
-    def evaluate(
-        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
-    ) -> Metric:
+    def evaluate(self, evidence: Evidence) -> Metric:
         """Fit the slopes."""
-        groups = by_problem(measurements)
-        names = dict.fromkeys(name.partition("@")[0] for name in groups)
-        budget = false_alarm * self.verdicts
-        parts: list[Part] = []
-        curves: dict[str, dict[str, list[float]]] = {}
-        for name in names:
-            lengths = sorted(int(key.partition("@")[2]) for key in groups if key.partition("@")[0] == name)
-            records = {samples: groups[f"{name}@{samples}"] for samples in lengths}
-            part, curves[name] = _slope_part(name, records, estimator, budget / len(names))
-            parts.append(part)
+        problems: dict[str, Records] = {}
+        for key, records in evidence.by_problem().items():
+            name, _, samples = key.partition("@")
+            problems.setdefault(name, {})[int(samples)] = records
+        budget = evidence.false_alarm * self.verdicts
+        pairs = [
+            _slope_part(name, dict(sorted(records.items())), evidence.estimator, budget / len(problems))
+            for name, records in problems.items()
+        ]
         return self.of_parts(
-            parts,
+            [part for part, _ in pairs],
             budget,
             "slope of log root mean square error of the response over log number of samples, -0.5 in the limit; "
             f"flatter than chance allows a perfect estimator, and {SLACK} more, fails",
-            curves,
+            {part.label: curve for part, curve in pairs},
         )
 
 
+Records = dict[int, tuple[list[Measurement], int]]
+"""Measurements with a model and the number of records that were run, by number of samples."""
+
+
 def _slope_part(
-    name: str, records: dict[int, tuple[list[Measurement], int]], estimator: Estimator, false_alarm: float
+    name: str, records: Records, estimator: Estimator, false_alarm: float
 ) -> tuple[Part, dict[str, list[float]]]:
+    """The slope on a problem, and its points for drawing."""
     lengths = tuple(records)
     too_few = [
         f"{len(good)} of {run} at {samples} samples, at least {needed(run)} are needed"
         for samples, (good, run) in records.items()
-        if not enough(len(good), run)
+        if len(good) < needed(run)
     ]
+    if too_few:
+        return unjudged(name, f"no verdict: records with a model: {', '.join(too_few)}"), {}
     longest = bound_for(f"{name}@{lengths[-1]}", estimator.structure)
-    if too_few or longest is None or len(lengths) < 2:
-        why = (
-            f"records with a model: {', '.join(too_few)}"
-            if too_few
-            else "there is no Cramér-Rao bound or only one length"
-        )
-        return unjudged(name, f"no verdict: {why}"), {}
+    if longest is None or len(lengths) < 2:
+        return unjudged(name, "no verdict: there is no Cramér-Rao bound or only one length"), {}
     # the weight of the longest records for all lengths, so that the slope is that of the errors alone
-    weight = response_covariance(longest)
+    weight = longest.response_covariance
     free = free_parts(weight)
-    squares = [
-        variance_ratio(
-            np.stack([real_and_imaginary(m.response - longest.response) for m in good if m.response is not None]),
-            weight,
-            free,
-        )
-        for good, _ in records.values()
-    ]
+    squares = []
+    for good, _ in records.values():
+        errors = np.stack([m.response - longest.response for m in good if m.response is not None])
+        squares.append(variance_ratio(real_and_imaginary(errors), weight, free))
     counts = tuple(len(values) for values in squares)
-    slope = float(_slopes(lengths, np.array([[np.mean(values) for values in squares]]))[0])
+    means = [np.mean(values) for values in squares]
+    slope = float(_slopes(lengths, np.array([means]))[0])
     spreads = np.array([np.std(values, ddof=1) / np.sqrt(len(values)) / np.mean(values) for values in squares])
-    half = TWO_SIDED_95 * float(np.linalg.norm(_slope_weights(lengths) * spreads / 2.0))
+    half = NORMAL_95 * float(np.linalg.norm(_slope_weights(lengths) * spreads / 2.0))
     null = perfect_slopes(name, estimator.structure, lengths, counts)
-    high = limits_of_mean(null, 1, false_alarm, low=False)[1] + SLACK
+    limits = (-np.inf, limits_of_mean([null], [1], false_alarm, low=False)[1] + SLACK)
     theory = expectation(estimator, name, "consistency")
     interval = (slope - half, slope + half)
-    part = Part.judged(name, slope, float(np.mean(null)), interval, (-np.inf, high), theory, sum(counts))
+    part = Part.judged(name, slope, float(np.mean(null)), interval, limits, theory, sum(counts))
+    perfect = [np.mean(values) for values in _null_squares(name, estimator.structure, lengths)]
     return part, {
         "samples": [float(samples) for samples in lengths],
-        "error": [float(np.sqrt(np.mean(values))) for values in squares],
-        "bound": [float(np.sqrt(np.mean(s))) for s in _null_squares(name, estimator.structure, lengths)],
+        "error": np.sqrt(means).tolist(),
+        "bound": np.sqrt(perfect).tolist(),
     }
 
 
@@ -258,16 +221,11 @@ def perfect_slopes(
 def _null_squares(name: str, structure: str | None, lengths: tuple[int, ...]) -> tuple[FloatArray, ...]:
     """Squared errors of a perfect estimator at each length, in variances of the longest (M,) each."""
     bounds = [bound for samples in lengths if (bound := bound_for(f"{name}@{samples}", structure)) is not None]
-    weight = response_covariance(bounds[-1])
-    free = free_parts(weight)
-    squares = []
-    for place, bound in enumerate(bounds):
-        rng = np.random.default_rng((SEED, place))
-        chunks = [
-            variance_ratio(errors_of_perfect(bound, CHUNK, rng), weight, free) for _ in range(0, NULL_RECORDS, CHUNK)
-        ]
-        squares.append(np.concatenate(chunks))
-    return tuple(squares)
+    weight = bounds[-1].response_covariance
+    return tuple(
+        statistic_of_perfect(bound, variance_ratio, covariance=weight, seed=(SEED, place))
+        for place, bound in enumerate(bounds)
+    )
 
 
 def _slope_weights(lengths: Sequence[int]) -> FloatArray:

@@ -1,6 +1,6 @@
 """Estimators from the command line, and the files that they are made of."""
 
-import importlib.util
+import importlib
 import re
 import shlex
 import shutil
@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from importlib.machinery import PathFinder
 from modulefinder import ModuleFinder
 from pathlib import Path
 
@@ -64,14 +65,12 @@ def parse_estimators(texts: Sequence[str], command: str | None, options: Estimat
     """
     if not texts and command is None:
         raise ScenarioError(
-            "no estimator given; expected MODULE:FUNCTION, FILE.py:FUNCTION, --command, or a name from hmtb verify "
-            "--list"
+            "no estimator given; expected MODULE:FUNCTION, FILE.py:FUNCTION, --command, or a known name"
         )
     own = sum(":" in text for text in texts) + (command is not None)
     if options != EstimatorOptions() and not own:
-        raise ScenarioError(
-            f"{' '.join(options.words())} given without an estimator of your own; known ones have theirs"
-        )
+        words = " ".join(options.words())
+        raise ScenarioError(f"{words} given without an estimator of your own; known ones have theirs")
     if options.name and own > 1:
         raise ScenarioError(
             f"--name {options.name} given with {own} estimators of your own, expected one; functions have the names "
@@ -113,13 +112,8 @@ def _function(text: str, options: EstimatorOptions) -> Estimator:
             raise ScenarioError(f"{module!r} given, expected a file whose name can be imported, such as my_module.py")
         # the file, not a module of its name: Python may find another module of that name first
         home, module = "" if path.parent == Path() else str(path.parent), path.name
-    estimator = Estimator(
-        options.name or function,
-        f"{module}:{function}",
-        structure=options.structure,
-        method=options.method,
-        home=home,
-    )
+    name, target = options.name or function, f"{module}:{function}"
+    estimator = Estimator(name, target, structure=options.structure, method=options.method, home=home)
     if module_file(estimator) is None:
         raise ScenarioError(
             f"{text!r} given, but no module {module!r} is found in this folder or among the installed packages"
@@ -187,19 +181,15 @@ def source_hash(estimator: Estimator) -> str:
     included, and the source files of every folder that a word names: ``octave-cli --path FOLDER --eval ...`` finds
     functions there.
     """
+    own = own_files(estimator)
     if estimator.program:
         contents = [_content(path) for path in _program_files(estimator)]
-    else:
-        own = own_files(estimator)
-        path = None if own else module_file(estimator)
+    elif own:
         contents = [part for name, text in own.items() for part in (name.encode(), text)]
-        contents += [path.read_bytes()] if path is not None else []
-    if not contents:
-        return ""
-    digest = sha256()
-    for content in contents:
-        digest.update(sha256(content).digest())
-    return digest.hexdigest()
+    else:
+        contents = [path.read_bytes() for path in (module_file(estimator),) if path is not None]
+    digests = b"".join(sha256(content).digest() for content in contents)
+    return sha256(digests).hexdigest() if contents else ""
 
 
 def own_files(estimator: Estimator) -> dict[str, bytes]:
@@ -235,38 +225,32 @@ def module_file(estimator: Estimator) -> Path | None:
     home = Path(estimator.home or ".")
     if place.endswith(".py"):
         return home / place if (home / place).is_file() else None
-    parts = place.split(".")
-    for folder in (home, *map(Path, sys.path)):
-        path = folder.joinpath(*parts)
-        for file in (path / "__init__.py", path.with_name(f"{path.name}.py")):
-            if file.is_file():
-                return file
-    with suppress(ImportError, ValueError):
-        spec = importlib.util.find_spec(parts[0])
-        if spec is not None and spec.origin is not None and len(parts) == 1 and Path(spec.origin).is_file():
-            return Path(spec.origin)
-    return None
+    importlib.invalidate_caches()  # the file may have been written a moment ago
+    spec, folders = None, [str(home), *sys.path]
+    for part in place.split("."):
+        # Only the parts are searched for: to find a.b, importlib.util.find_spec would run the code of a.
+        spec = PathFinder.find_spec(part, folders)
+        folders = list(spec.submodule_search_locations or ()) if spec else []
+    return Path(spec.origin) if spec and spec.origin and Path(spec.origin).is_file() else None
 
 
 def _program_files(estimator: Estimator) -> Iterator[Path]:
     """Files, and sources in folders, that the words of a command line name; of ``--path=FOLDER`` the part behind =."""
+    home = Path(estimator.home or ".")
     try:
         words = shlex.split(estimator.target)
     except ValueError:
         return
-    home = Path(estimator.home or ".")
-    for word in words:
+    for number, word in enumerate(words):
         files: list[Path] = []
-        for text in filter(None, dict.fromkeys((word, word.rpartition("=")[2]))):
-            path = home / text
+        for path in (home / text for text in dict.fromkeys((word, word.rpartition("=")[2])) if text):
             with suppress(OSError, ValueError):
                 if path.is_file():
                     files.append(path)
                 elif path.is_dir():
-                    files += sorted(
-                        file for file in path.iterdir() if file.suffix.lower() in SOURCES and file.is_file()
-                    )
-        if not files and word == words[0] and (program := shutil.which(word)):
+                    inside = (file for file in path.iterdir() if file.suffix.lower() in SOURCES and file.is_file())
+                    files += sorted(inside)
+        if number == 0 and not files and (program := shutil.which(word)):
             files = [Path(program)]
         yield from files
 

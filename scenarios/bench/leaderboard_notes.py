@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterable, Sequence
 from scenarios.bench.leaderboard_rows import LeaderboardRow, common_problems
 from scenarios.bench.leaderboard_verdict import GUIDE, Verdict, verdict
 from scenarios.estimators.outcome import MODEL, REFUSED
-from scenarios.files.printable import one_line
 
 CONDITIONS: dict[str, tuple[Callable[[LeaderboardRow], str], str]] = {
     "seed": (
@@ -27,7 +26,7 @@ CONDITIONS: dict[str, tuple[Callable[[LeaderboardRow], str], str]] = {
     ),
     "machine": (
         lambda row: row.result.machine or "not stated",
-        "speeds compare as multiples of the ruler only, and limits of time are not the same",
+        "speeds compare as multiples of the reference time only, and limits of time are not the same",
     ),
 }
 """What must be equal for two rows to compare: how to read it from a row, and what follows if it differs."""
@@ -37,54 +36,48 @@ def notes(rows: Sequence[LeaderboardRow]) -> list[str]:
     """Sentences for a reader who compares rows; none where all rows are alike, complete and of one run."""
     sentences = []
     for condition, (read, consequence) in CONDITIONS.items():
-        groups = _grouped((one_line(read(row)), row) for row in rows)
+        groups = _grouped((read(row), row) for row in rows)
         if len(groups) > 1:
             values = "; ".join(f"{value}: {_names(group)}" for value, group in groups.items())
             sentences.append(f"Rows differ in {condition}, so {consequence}. {values}.")
-    together = runs(rows)
-    if len(together) > 1:
-        parts = [f"run side by side: {_names(group)}" for group in together if len(group) > 1]
-        alone = [group[0] for group in together if len(group) == 1]
+    # Rows run side by side share the mark of their run; one whose file names no run stands alone.
+    runs = _grouped((row.result.run or f"\n{row.number}", row) for row in rows).values()
+    if len(runs) > 1:
+        parts = [f"run side by side: {_names(group)}" for group in runs if len(group) > 1]
+        alone = [group[0] for group in runs if len(group) == 1]
         parts += [f"each run on its own: {_names(alone)}"] if alone else []
         text = "; ".join(parts)
         sentences.append(
-            "Rows are not all of one run, so compare their speeds as multiples of the ruler only. "
+            "Rows are not all of one run, so compare their speeds as multiples of the reference time only. "
             f"{text[:1].upper()}{text[1:]}."
         )
     return sentences + _incomplete(rows)
 
 
-def runs(rows: Sequence[LeaderboardRow]) -> list[list[LeaderboardRow]]:
-    """Rows that were run side by side; one whose file names no run stands alone."""
-    return list(_grouped((row.result.run or f"\n{row.number}", row) for row in rows).values())
-
-
 def _incomplete(rows: Sequence[LeaderboardRow]) -> list[str]:
     """What cannot be compared: metrics that were not computed, problems that were not answered or not judged."""
     sentences = []
-    computed = _grouped((str(len(GUIDE.keys() & row.result.figures)), row) for row in rows)
-    parts = [
-        f"{number} of {len(GUIDE)}: {'all rows' if len(group) == len(rows) > 1 else _names(group)}"
-        for number, group in computed.items()
-        if int(number) < len(GUIDE)
-    ]
-    if parts:
+    computed = _grouped((f"{len(GUIDE.keys() & row.result.metrics)} of {len(GUIDE)}", row) for row in rows)
+    computed.pop(f"{len(GUIDE)} of {len(GUIDE)}", None)
+    if computed:
+        parts = [
+            f"{number}: {'all rows' if len(group) == len(rows) > 1 else _names(group)}"
+            for number, group in computed.items()
+        ]
         sentences.append(f"Rows without all figures, of which fewer could pass or fail. {'; '.join(parts)}.")
     answering = [row for row in rows if row.result.outcomes.get(MODEL)]
     for row in rows:
-        if not row.result.outcomes.get(MODEL):
-            ends = ", ".join(
-                f"{n} × {one_line(kind).replace('_', ' ')}" for kind, n in row.result.outcomes.items() if n
-            )
+        if row not in answering:
+            ends = ", ".join(f"{n} × {kind.replace('_', ' ')}" for kind, n in row.result.outcomes.items() if n)
             sentences.append(f"{row.name} gave no model at all ({ends or 'no request'}): it has not passed anything.")
-        elif all(verdict(metric) is Verdict.NONE for metric in row.result.figures.values()):
+        elif all(verdict(metric) is Verdict.NONE for metric in row.result.metrics.values()):
             sentences.append(f"Nothing of {row.name} could be judged: it has not passed anything.")
     refused = _grouped((_refusals(row), row) for row in answering if row.result.outcomes.get(REFUSED))
     for text, group in refused.items():
         verb = "is" if len(group) == 1 else "are"
         sentences.append(f"{_names(group)} refused {text}, and {verb} judged by the others only.")
     problems = common_problems(rows)
-    lacking = _grouped((", ".join(map(one_line, row.unanswered(problems))), row) for row in answering)
+    lacking = _grouped((", ".join(row.unanswered(problems)), row) for row in answering)
     for text, group in lacking.items():
         if text:
             sentences.append(
@@ -96,7 +89,7 @@ def _incomplete(rows: Sequence[LeaderboardRow]) -> list[str]:
 
 def _refusals(row: LeaderboardRow) -> str:
     outcomes = row.result.outcomes
-    kinds = ", ".join(f"{times} × {one_line(kind)}" for kind, times in row.result.refused.items() if times)
+    kinds = ", ".join(f"{times} × {kind}" for kind, times in row.result.refused.items() if times)
     return f"{outcomes[REFUSED]} of {sum(outcomes.values())} requests{f' ({kinds})' if kinds else ''}"
 
 

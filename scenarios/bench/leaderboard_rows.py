@@ -1,11 +1,10 @@
 """Rows of the leaderboard: result files, read, checked and put in order."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, replace
 from math import inf, isnan, nan
 from pathlib import Path
-from types import UnionType
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from scenarios.bench.leaderboard_verdict import Verdict, count, judged_metrics
 from scenarios.bench.metric import Metric
 from scenarios.bench.result import Result
 from scenarios.files.errors import ScenarioError
-from scenarios.files.printable import one_line
 
 RULE = (
     "Rows are ordered by the number of figures that fail where theory expects them to pass, the fewest first; then by "
@@ -23,20 +21,36 @@ RULE = (
     "of them matters depends on what the model is for."
 )
 
+ORDERS_GIVEN = (
+    "Errors are those of the estimation alone: tasks that ask for a fit hand over the true orders and the true delay. "
+    "Only “Tests and orders” asks estimators to choose them."
+)
+
 MOST_BYTES = 2**26
 """Result files are far smaller; an endless or foreign file is not read."""
 
-LARGEST = 2**62
-"""Limit of whole numbers in a result; JSON has none, and sums of larger ones overflow."""
-
-LARGEST_DRAWN = 1e100
-"""Limit of numbers in a drawing and of their inverses: axes compute squares and products of them."""
-
-MOST_NUMBERS = 100_000
-"""Limit of numbers in a curve."""
-
 MOST_NAMED = 6
 """Problems that are named in a sentence; more are counted."""
+
+Curve = dict[str, np.ndarray]
+"""Arrays by name, those with dimensions equally long."""
+
+CURVES: Mapping[str, Mapping[str, int]] = {
+    "frequency_response": {
+        **{"frequencies_hz": 1, "truth": 3, "error": 3, "claimed": 3, "bound": 3},
+        "relative_error_percent": 0,
+    },
+    "amplitude_split": {
+        **{"mrad": 1, "systematic": 1, "noise": 1, "distortion": 1},
+        **{"systematic_limit": 1, "expected_noise": 1, "expected_distortion": 1},
+        **{"systematic_interval": 2, "noise_interval": 2, "distortion_interval": 2},
+    },
+    "bandwidth": {"mrad": 0, "hz": 1, "models": 0, "small_signal": 0, "best_linear": 0},
+}
+"""Numbers that drawings need, with their dimensions, by metric; the first is an axis, whose numbers are positive."""
+
+MAY_LACK = ("claimed", "bound")
+"""Curves that are null where an estimator claims nothing and where there is no bound."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +61,18 @@ class LeaderboardRow:
         number: Its place, from 1; drawings name it by that.
         result: Its result.
         path: File of the result.
+        curves: Numbers of drawings by metric and by problem, or for bandwidths by joint and excitation.
     """
 
     number: int
     result: Result
     path: Path
+    curves: Mapping[str, Mapping[str, Curve]]
 
     @property
     def name(self) -> str:
-        """The estimator's name on one line."""
-        return one_line(self.result.contestant.name)
+        """The estimator's name."""
+        return self.result.estimator.name
 
     @property
     def title(self) -> str:
@@ -70,21 +86,16 @@ class LeaderboardRow:
 
     def metric(self, name: str) -> Metric | None:
         """One of its metrics, or None."""
-        return self.result.figures.get(name)
-
-    def curves(self, name: str) -> Mapping[str, Any]:
-        """Numbers for drawing a metric; empty where it has none."""
-        metric = self.metric(name)
-        return {} if metric is None else metric.curves
+        return self.result.metrics.get(name)
 
     def response_errors(self) -> dict[str, float]:
         """Relative rms error of the frequency response by problem, percent."""
-        curves = self.curves("frequency_response")
-        errors = {str(name): scalar(table, "relative_error_percent") for name, table in curves.items()}
-        return {name: error for name, error in errors.items() if error > 0.0}
+        curves = self.curves["frequency_response"]
+        errors = {name: float(curve["relative_error_percent"]) for name, curve in curves.items()}
+        return {name: error for name, error in errors.items() if 0.0 < error < inf}
 
     def answered_errors(self) -> dict[str, float]:
-        """Those of problems on which at least half of the records, and two, gave a model."""
+        """Response errors of problems on which at least half of the records, and two, gave a model."""
         efficiency = self.metric("efficiency")
         # Values without a verdict are of too few records.
         few = {part.label for part in efficiency.parts if part.passed is None and part.draws} if efficiency else set()
@@ -108,47 +119,18 @@ def common_problems(rows: Sequence[LeaderboardRow]) -> tuple[str, ...]:
     have the better median, or take hard ones away from the others.
     """
     known = {name for row in rows for name in row.response_errors()}
-    posed = [problems for row in rows if (problems := _posed(row, known))]
+    posed = []
+    for row in rows:
+        metric = row.metric("frequency_response")
+        labels = [part.label for part in metric.parts] if metric else []  # also of problems that it did not answer
+        if problems := [name for name in dict.fromkeys((*labels, *row.response_errors())) if name in known]:
+            posed.append(problems)
     return tuple(name for name in posed[0] if all(name in problems for problems in posed)) if posed else ()
-
-
-def _posed(row: LeaderboardRow, known: Collection[str]) -> tuple[str, ...]:
-    metric = row.metric("frequency_response")
-    labels = [part.label for part in metric.parts] if metric else []  # unanswered problems are parts without a value
-    return tuple(dict.fromkeys(name for name in (*labels, *row.response_errors()) if name in known))
 
 
 def listed(problems: Sequence[str]) -> str:
     """Problems in a sentence."""
-    return ", ".join(map(one_line, problems)) if len(problems) <= MOST_NAMED else f"{len(problems)} of them"
-
-
-def numbers(value: Any, dimensions: int = 1) -> np.ndarray | None:
-    """An array of numbers from a result file; None where the value is no array of so many dimensions.
-
-    Unknown numbers are NaN, and so are those that no axis can hold.
-    """
-    if not isinstance(value, list | tuple) or not value:
-        return None
-    try:
-        array = np.array(value, dtype=float)  # null becomes NaN
-    except (TypeError, ValueError, OverflowError):
-        return None
-    array[~drawable(array)] = nan
-    return array if array.ndim == dimensions and array.size <= MOST_NUMBERS else None
-
-
-def drawable(values: np.ndarray | float) -> np.ndarray:
-    """Whether an axis can hold them: finite, and neither huge nor, but for 0, tiny."""
-    size = np.abs(values)
-    return np.asarray((size == 0.0) | ((size >= 1.0 / LARGEST_DRAWN) & (size <= LARGEST_DRAWN)))
-
-
-def scalar(table: Any, name: str) -> float:
-    """A number by name from a result file; NaN where there is none that an axis can hold."""
-    value = table.get(name) if isinstance(table, Mapping) else None
-    array = None if isinstance(value, bool | str) else numbers([value])
-    return nan if array is None else float(array[0])
+    return ", ".join(problems) if len(problems) <= MOST_NAMED else f"{len(problems)} of them"
 
 
 def ranked(paths: Iterable[Path]) -> tuple[LeaderboardRow, ...]:
@@ -160,87 +142,72 @@ def ranked(paths: Iterable[Path]) -> tuple[LeaderboardRow, ...]:
     Raises:
         ScenarioError: There is none, one is no result, or two have the same name.
     """
-    results = _results(paths)
-    judged = judged_metrics(results.values())
-    ordered = sorted(results.items(), key=lambda pair: _key(pair[1], judged))
-    return tuple(LeaderboardRow(number, result, path) for number, (path, result) in enumerate(ordered, 1))
+    files: dict[Path, None] = {}
+    for path in paths:
+        inside = sorted(path.glob("*.json")) if path.is_dir() else [path]
+        if not inside:
+            raise ScenarioError(f"folder {path} given, expected one with results of hmtb verify in it (*.json)")
+        files |= dict.fromkeys(inside)
+    if not files:
+        raise ScenarioError("no result given; expected files that hmtb verify wrote, such as results/*.json")
+    by_name: dict[str, LeaderboardRow] = {}
+    for row in map(_read, files):
+        if (other := by_name.setdefault(row.name, row)) is not row:
+            raise ScenarioError(
+                f"{row.path} and {other.path} are both of {row.name!r}; expected a name for each: leave one out, "
+                "or run it again under another name"
+            )
+    judged = judged_metrics(row.result for row in by_name.values())
+    ordered = sorted(by_name.values(), key=lambda row: _key(row.result, judged))
+    return tuple(replace(row, number=number) for number, row in enumerate(ordered, 1))
 
 
 def _key(result: Result, judged: Collection[str]) -> tuple[int, int, int, float, str]:
     """The sorting key that RULE describes."""
-    counts = count(map(result.figures.get, judged))
+    counts = count(map(result.metrics.get, judged))
     # An estimator may lack a time without harm: what is timed is no matter of its models.
-    unjudged = count(result.figures.get(name) for name in judged if name != "speed")[Verdict.NONE]
-    metric = result.figures.get("efficiency")
+    unjudged = count(result.metrics.get(name) for name in judged if name != "speed")[Verdict.NONE]
+    metric = result.metrics.get("efficiency")
     efficiency = inf if metric is None or isnan(metric.value) else metric.value
-    return counts[Verdict.FAILS], unjudged, -counts[Verdict.PASSES], efficiency, one_line(result.contestant.name)
+    return counts[Verdict.FAILS], unjudged, -counts[Verdict.PASSES], efficiency, result.estimator.name
 
 
-def _results(paths: Iterable[Path]) -> dict[Path, Result]:
-    files = dict.fromkeys(file for path in paths for file in _files(path))
-    if not files:
-        raise ScenarioError("no result given; expected files that hmtb verify wrote, such as results/*.json")
-    results = {path: _read(path) for path in files}
-    names: dict[str, Path] = {}
-    for path, result in results.items():
-        name = one_line(result.contestant.name)
-        if name in names:
-            raise ScenarioError(
-                f"{path} and {names[name]} are both of {name!r}; expected a name for each: leave one out, "
-                "or run it again under another name"
-            )
-        names[name] = path
-    return results
-
-
-def _files(path: Path) -> list[Path]:
-    if not path.is_dir():
-        return [path]
-    files = sorted(path.glob("*.json"))
-    if not files:
-        raise ScenarioError(f"folder {path} given, expected one with results of hmtb verify in it (*.json)")
-    return files
-
-
-def _read(path: Path) -> Result:
+def _read(path: Path) -> LeaderboardRow:
+    foreign = f"{path} is no result of hmtb verify"
     if path.exists() and not path.is_file():
-        raise ScenarioError(f"{path} is no result of hmtb verify: it is no ordinary file")
+        raise ScenarioError(f"{foreign}: it is no ordinary file")
     if path.is_file() and path.stat().st_size > MOST_BYTES:
-        raise ScenarioError(f"{path} is no result of hmtb verify: it has more than {MOST_BYTES} bytes")
+        raise ScenarioError(f"{foreign}: it has more than {MOST_BYTES} bytes")
     result = Result.read(path)
-    if fault := _fault(result):
-        raise ScenarioError(f"{path} is no result of hmtb verify: {fault}")
-    return result
-
-
-def _fault(result: Result) -> str:
-    """A wrong type or range in a file that anyone may have written; empty where there is none."""
-    if fault := _wrong_type(result, Result, "the result"):
-        return fault
-    if not one_line(result.contestant.name):
-        return f"name {result.contestant.name!r} has no character that can be seen"
-    metrics = result.figures.values()
+    metrics = result.metrics.values()
     counts = [*result.outcomes.values(), *result.reasons.values(), *result.refused.values()]
     if min(*counts, *(part.draws for metric in metrics for part in metric.parts), 0) < 0:
-        return "a number of requests or records is below 0"
-    rates = [metric.false_alarm for metric in metrics]
-    return "" if all(0.0 <= rate <= 1.0 for rate in rates) else f"a false-alarm rate of {rates} is none from 0 to 1"
+        raise ScenarioError(f"{foreign}: a number of requests or records is below 0")
+    if rates := [metric.false_alarm for metric in metrics if not 0.0 <= metric.false_alarm <= 1.0]:
+        raise ScenarioError(f"{foreign}: false-alarm rates {rates} given, expected 0 to 1")
+    curves: dict[str, dict[str, Curve]] = {}
+    for name, dimensions in CURVES.items():
+        try:
+            tables = result.metrics[name].curves if name in result.metrics else {}
+            if name == "bandwidth":
+                tables = {entry["label"]: entry for entry in tables.get("classes", ())}
+            curves[name] = {str(problem): _arrays(table, dimensions) for problem, table in tables.items()}
+        except (TypeError, KeyError, ValueError, AttributeError) as error:
+            raise ScenarioError(f"{foreign}: the numbers for drawing {name} are damaged ({error})") from error
+    return LeaderboardRow(0, result, path, curves)
 
 
-def _wrong_type(value: object, hint: Any, place: str) -> str:
-    """A value of another type than its record declares, with its place; empty where there is none."""
-    kinds = get_args(hint)
-    inner: list[tuple[object, Any, str]] = []
-    if is_dataclass(value) and type(value) is hint:
-        hints = get_type_hints(hint)
-        inner = [(getattr(value, one.name), hints[one.name], f"{place}, {one.name}") for one in fields(value)]
-    elif get_origin(hint) is Mapping and isinstance(value, Mapping):
-        inner = [(entry, kinds[1], f"{place}, {name}") for name, entry in value.items()]
-    elif get_origin(hint) is tuple and isinstance(value, tuple):
-        inner = [(entry, kinds[0], place) for entry in value]
-    elif hint is not Any:
-        allowed = kinds if get_origin(hint) is UnionType else (get_origin(hint) or hint,)
-        fits = type(value) in allowed or (float in allowed and type(value) is int)
-        if not fits or (isinstance(value, int) and abs(value) > LARGEST):
-            return f"{place} is {str(value)[:80]!r}, expected {' or '.join(kind.__name__ for kind in allowed)}"
-    return next(filter(None, (_wrong_type(*entry) for entry in inner)), "")
+def _arrays(table: Any, dimensions: Mapping[str, int]) -> Curve:
+    arrays = {
+        name: np.array(table[name], dtype=float)  # null becomes NaN
+        for name in dimensions
+        if not (name in MAY_LACK and table[name] is None)
+    }
+    for name, array in arrays.items():
+        if array.ndim != dimensions[name]:
+            raise ValueError(f"{name} has {array.ndim} dimensions, expected {dimensions[name]}")
+    if len({len(array) for array in arrays.values() if array.ndim}) > 1:
+        raise ValueError("its arrays differ in length")
+    if not (arrays[next(iter(dimensions))] > 0.0).all():
+        raise ValueError(f"{next(iter(dimensions))} has numbers that are not above 0")
+    return arrays

@@ -6,21 +6,20 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import LinAlgError, LinAlgWarning, cho_factor, cho_solve
+from scipy.linalg import LinAlgError, LinAlgWarning
 
-from scenarios.estimators.claims import known_parameters, response_and_interval
+from scenarios.estimators.claims import known_parameters
 from scenarios.estimators.outcome import MODEL, Answer, EstimatorOutcome, NoModelError
 from scenarios.estimators.task import Task
-from scenarios.problems.problem import Bound, Periodic, Problem
+from scenarios.problems.problem import Problem
 from scenarios.problems.trial import Trial
 from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning, resid
 from sysid.models.frequency_response import NORMAL_95
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.polynomial_estimate import Realise
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
-
-CANCELS = 1e-9
-"""States with a Hankel singular value below this part of the largest cancel."""
+from sysid.validation import CramerRaoBound
+from sysid.validation.response_errors import normalised_error
 
 NAN = float("nan")
 
@@ -87,27 +86,24 @@ Measurements = Sequence[Measurement]
 def _plain(value: Any) -> Any:
     if isinstance(value, Trial):
         return vars(value)
-    if isinstance(value, np.ndarray):
-        if np.iscomplexobj(value):
-            return {"complex": np.stack((value.real, value.imag), axis=-1).tolist()}
-        return {"real": value.tolist()}
-    return value
+    if np.iscomplexobj(value):
+        return {"complex": np.stack((value.real, value.imag), axis=-1).tolist()}
+    return {"real": value.tolist()} if isinstance(value, np.ndarray) else value
 
 
 def _array(value: Any) -> Any:
-    if isinstance(value, dict):
-        if "complex" in value:
-            pairs = np.array(value["complex"], dtype=float)
-            return pairs[..., 0] + 1j * pairs[..., 1]
-        return np.array(value["real"], dtype=float)
-    return value
+    if not isinstance(value, dict):
+        return value
+    if "complex" in value:
+        return np.array(value["complex"], dtype=float).view(complex)[..., 0]
+    return np.array(value["real"], dtype=float)
 
 
 def measure(
     problem: Problem,
     trial: Trial,
     task: Task,
-    bound: Bound | None,
+    bound: CramerRaoBound | None,
     record: IOData,
     outcome: EstimatorOutcome,
     *,
@@ -124,125 +120,83 @@ def measure(
         outcome: The estimator's answer, or its failure.
         ruler_seconds: Of the fixed problem on the same record; see `Ruler`.
     """
-
-    def failed(kind: str, why: str) -> Measurement:
-        return Measurement(trial, kind, why, outcome.seconds, ruler_seconds, outcome.peak_bytes)
-
+    costs: dict[str, Any] = {
+        "seconds": outcome.seconds,
+        "ruler_seconds": ruler_seconds,
+        "peak_bytes": outcome.peak_bytes,
+    }
     answer = outcome.answer
     if outcome.kind != MODEL or answer is None:
-        return failed(outcome.kind, outcome.why)
+        return Measurement(trial, outcome.kind, outcome.why, **costs)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         # Warnings of an uncertain bandwidth, of a predictor that is not stable, of poles close to the unit circle: the
         # measurements show each of them.
         warnings.simplefilter("ignore", SysidWarning)
         warnings.simplefilter("ignore", LinAlgWarning)
         try:
-            claim = _claimed_parameters(answer, record, task)
-            response_covariance, interval = _derived_claims(answer, claim, task)
-            normalised, parameters, covered = _errors(claim, task, bound if trial.ask == "fit" else None)
+            claim = None
+            if answer.polynomials is not None and answer.covariance is not None:
+                claim = known_parameters(answer.covariance, answer.polynomials, answer.model, record, task)
             whiteness, independence = _residual_tests(answer, record)
             return Measurement(
                 trial,
                 MODEL,
-                "",
-                outcome.seconds,
-                ruler_seconds,
-                outcome.peak_bytes,
+                **costs,
                 order=dynamic_order(answer.model),
                 response=answer.model.frequency_response(problem.frequencies),
-                response_covariance=response_covariance,
-                normalised_error=normalised,
-                parameters=parameters,
-                covered=covered,
+                response_covariance=answer.response_covariance,
+                parameters=0 if claim is None else len(claim.parameters),
                 bandwidth_hz=answer.model.bandwidth(),
-                bandwidth_ci95=None if interval is None else np.stack(interval),
+                bandwidth_ci95=None if answer.bandwidth_ci95 is None else np.stack(answer.bandwidth_ci95),
                 whiteness_p=whiteness,
                 independence_p=independence,
-                nonparametric=problem.nonparametric(record) if isinstance(problem, Periodic) else None,
+                nonparametric=problem.nonparametric(record),
+                **_errors(claim, task, bound if trial.ask == "fit" else None),
             )
         except NoModelError as error:
-            return failed(error.kind, str(error))
+            return Measurement(trial, error.kind, str(error), **costs)
         except (SysidError, LinAlgError) as error:
-            return failed("malformed", f"a model that cannot be evaluated: {error}")
+            return Measurement(trial, "malformed", f"a model that cannot be evaluated: {error}", **costs)
 
 
 def dynamic_order(model: StateSpace) -> int:
     """Number of states from input to output of a stable model, without those that cancel."""
-    return model.input_path().minimal(CANCELS).order
+    # states with a Hankel singular value below this part of the largest cancel
+    return model.input_path().minimal(1e-9).order
 
 
-def normalised_error(error: FloatArray, covariance: FloatArray) -> float:
-    """The error weighed by its covariance, e' P^-1 e; infinite where the covariance is not positive definite.
+def _errors(claim: Estimate | None, task: Task, bound: CramerRaoBound | None) -> dict[str, Any]:
+    """Normalised error of the parameters and how many lie within their intervals; empty where they are of other orders.
 
-    Args:
-        error: (p,).
-        covariance: (p, p). It is scaled to ones on its diagonal first: parameters differ by orders of magnitude.
+    The parameters must correspond one by one to those of the orders in the task.
     """
-    deviations = np.sqrt(np.diag(covariance))
-    if not (deviations > 0.0).all():
-        return float("inf")
-    try:
-        factor = cho_factor(covariance / np.outer(deviations, deviations))
-    except (LinAlgError, ValueError):
-        return float("inf")
-    scaled = error / deviations
-    return float(scaled @ cho_solve(factor, scaled))
-
-
-def _claimed_parameters(answer: Answer, record: IOData, task: Task) -> Estimate | None:
-    """The parameters with their claimed covariance; None where none is claimed."""
-    if answer.polynomials is None or answer.covariance is None:
-        return None
-    return known_parameters(answer.covariance, answer.polynomials, answer.model, record, task)
-
-
-def _derived_claims(
-    answer: Answer, claim: Estimate | None, task: Task
-) -> tuple[FloatArray | None, tuple[FloatArray, FloatArray] | None]:
-    """Covariance of the response and interval of the bandwidth: claimed, or derived from those of the parameters."""
-    covariance, interval = answer.response_covariance, answer.bandwidth_ci95
-    if claim is not None and (covariance is None or interval is None):
-        derived = response_and_interval(claim, task)
-        covariance = derived[0] if covariance is None else covariance
-        interval = derived[1] if interval is None else interval
-    return covariance, interval
-
-
-def _errors(claim: Estimate | None, task: Task, bound: Bound | None) -> tuple[float, int, int]:
-    """Normalised error, number of parameters, and how many of them lie within their intervals."""
-    if claim is None:
-        return NAN, 0, -1
-    count = len(claim.parameters)
-    if bound is None or not _of_requested_orders(claim, task) or count != len(bound.parameters):
-        return NAN, count, -1
+    if claim is None or bound is None or len(claim.parameters) != len(bound.parameters):
+        return {}
+    if task.chooses or task.structure == "ss" or not isinstance(claim.realise, Realise):
+        return {}
+    orders = {name: 0 for name in ("na", "nc", "nd", "nf")} | dict(task.orders)
+    if claim.realise.orders != make_orders(len(claim.realise.orders.nb), **orders):
+        return {}
     error = claim.parameters - bound.parameters
     half = NORMAL_95 * np.sqrt(np.maximum(np.diag(claim.covariance), 0.0))
-    return normalised_error(error, claim.covariance), count, int((np.abs(error) <= half).sum())
-
-
-def _of_requested_orders(claim: Estimate, task: Task) -> bool:
-    """Whether the parameters correspond one by one to those of the orders in the task."""
-    if task.chooses or task.structure == "ss" or not isinstance(claim.realise, Realise):
-        return False
-    orders = {name: 0 for name in ("na", "nc", "nd", "nf")} | dict(task.orders)
-    return claim.realise.orders == make_orders(len(claim.realise.orders.nb), **orders)
+    covered = int((np.abs(error) <= half).sum())
+    return {"normalised_error": normalised_error(error, claim.covariance), "covered": covered}
 
 
 def _residual_tests(answer: Answer, record: IOData) -> tuple[float, float]:
     """p-values of whiteness and of independence of past inputs, the least of all; the initial state is fitted.
 
-    Whiteness is not tested without a model of the noise. NaN where nothing can be tested, as with residuals of zero.
+    Whiteness is not tested without a model of the noise: dynamics, a covariance, or polynomials that say that it is
+    white. NaN where nothing can be tested, as with residuals of zero.
     """
     try:
         test = resid(answer.model, record)
     except SysidError:
         return NAN, NAN
-    return float(np.min(test.whiteness_p)) if _models_noise(answer) else NAN, float(np.min(test.independence_p))
-
-
-def _models_noise(answer: Answer) -> bool:
-    """Whether there is a model of the noise: dynamics, a covariance, or polynomials that say that it is white."""
-    if answer.model.innovation_covariance is not None or bool(np.any(answer.model.gain)):
-        return True
     p = answer.polynomials
-    return p is not None and all(not np.any(row[1:]) for row in (p.A, p.C, p.D))
+    models_noise = (
+        answer.model.innovation_covariance is not None
+        or bool(np.any(answer.model.gain))
+        or (p is not None and all(not np.any(row[1:]) for row in (p.A, p.C, p.D)))
+    )
+    return float(np.min(test.whiteness_p)) if models_noise else NAN, float(np.min(test.independence_p))

@@ -8,9 +8,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from scenarios.bench.measurement import Measurements
+from scenarios.bench.measurement import Measurement, Measurements
 from scenarios.bench.theory import Expectation
 from scenarios.estimators.estimator import Estimator
+from scenarios.estimators.outcome import MODEL
+from scenarios.files.codec import Extended
 from scenarios.problems.trial import Trial
 
 NAN = float("nan")
@@ -21,8 +23,6 @@ DRAWS = {"quick": 1, "full": 10}
 
 FALSE_ALARM = 0.005
 """Probability that a perfect estimator fails any verdict of a run, shared evenly among all verdicts."""
-
-NO_RECORD = "no verdict: no record was run"
 
 INFORMATIVE_ONLY = ("reliability", "speed", "bandwidth")
 """Metrics that say nothing about whether a model is right."""
@@ -45,17 +45,14 @@ class Part:
     """
 
     label: str
-    value: float
-    expected: float
-    interval: tuple[float, float]
-    limits: tuple[float, float]
+    value: Extended
+    expected: Extended
+    interval: tuple[Extended, Extended]
+    limits: tuple[Extended, Extended]
     passed: bool | None
     theory: bool = True
     why: str = ""
     draws: int = 0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "passed", _plain_verdict(self.passed))
 
     @classmethod
     def judged(
@@ -69,7 +66,7 @@ class Part:
         draws: int,
     ) -> "Part":
         """A part that passes if its value lies within the limits."""
-        passed = bool(limits[0] <= value <= limits[1])
+        passed = bool(limits[0] <= value <= limits[1])  # JSON does not take NumPy's truth values
         return cls(label, value, expected, interval, limits, passed, theory.passes, theory.why, draws)
 
     @property
@@ -86,8 +83,8 @@ class Metric:
         name: Key in results.
         title: Name for people.
         unit: Of the value.
-        value: Value of the worst part, see `worst_part`; NaN where nothing could be measured. `reliability`, `speed`
-            and `bandwidth` define their own.
+        value: Value of the worst part, see `worst_part`; NaN where nothing could be measured. `reliability` and
+            `bandwidth` define their own.
         expected: Of that part.
         interval: Of that part.
         passed: Whether all parts pass that theory expects to pass; None where there is no verdict. Only here are the
@@ -101,22 +98,45 @@ class Metric:
     name: str
     title: str
     unit: str
-    value: float
-    expected: float
-    interval: tuple[float, float]
+    value: Extended
+    expected: Extended
+    interval: tuple[Extended, Extended]
     passed: bool | None
     false_alarm: float
     why: str
     parts: tuple[Part, ...] = ()
     curves: Mapping[str, Any] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "passed", _plain_verdict(self.passed))
 
-    @property
-    def has_verdict(self) -> bool:
-        """Whether it or any of its parts has a verdict, even one that theory expects to fail."""
-        return self.passed is not None or any(part.passed is not None for part in self.parts)
+@dataclass(frozen=True)
+class Evidence:
+    """Measurements of an estimator, and what they are judged by.
+
+    Attributes:
+        measurements: Of a metric's own trials, as far as they were run, in the order of `MetricDefinition.trials`.
+        estimator: The estimator that was measured.
+        false_alarm: Allowed probability of a false alarm of each verdict.
+        reference: Measurements of the second implementation on the trials of `agreement`.
+    """
+
+    measurements: Measurements
+    estimator: Estimator
+    false_alarm: float
+    reference: Measurements = ()
+
+    def on(self, problem: str, ask: str = "fit") -> list[Measurement]:
+        """Measurements of one kind of request on a problem."""
+        return [m for m in self.measurements if m.trial.problem == problem and m.trial.ask == ask]
+
+    def by_problem(self) -> dict[str, tuple[list[Measurement], int]]:
+        """Measurements with a model by problem, in their order, each with the number of trials that were run."""
+        groups: dict[str, tuple[list[Measurement], int]] = {}
+        for m in self.measurements:
+            good, run = groups.get(m.trial.problem, ([], 0))
+            if m.kind == MODEL and m.response is not None and np.isfinite(m.response).all():
+                good.append(m)
+            groups[m.trial.problem] = (good, run + 1)
+        return groups
 
 
 class MetricDefinition(ABC):
@@ -144,20 +164,17 @@ class MetricDefinition(ABC):
         """
 
     @abstractmethod
-    def evaluate(
-        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
-    ) -> Metric:
-        """Compute the metric.
-
-        Args:
-            measurements: Of its own trials, as far as they were run, in the order of `trials`.
-            estimator: The estimator that was measured.
-            false_alarm: Allowed probability of a false alarm of each of its verdicts.
-            reference: Measurements of the second implementation on the trials of `agreement`.
-        """
+    def evaluate(self, evidence: Evidence) -> Metric:
+        """Compute the metric."""
 
     def of_parts(
-        self, parts: Sequence[Part], false_alarm: float, why: str, curves: Mapping[str, Any] | None = None
+        self,
+        parts: Sequence[Part],
+        false_alarm: float,
+        why: str,
+        curves: Mapping[str, Any] | None = None,
+        *,
+        shown: Part | None = None,
     ) -> Metric:
         """Combine parts: the metric fails if any part fails that theory expects to pass.
 
@@ -169,31 +186,41 @@ class MetricDefinition(ABC):
             false_alarm: Probability that a perfect estimator fails.
             why: What the verdict rests on.
             curves: Numbers for drawing.
+            shown: Part whose value is the metric's; `worst_part` by default.
         """
-        parts = parts or [unjudged("all", NO_RECORD)]
-        decisive = [part for part in parts if part.passed is not None and part.theory]
-        worst = worst_part(parts)
-        reasons = [part.why for part in parts if part.passed is False and not part.theory and part.why]
+        parts = parts or [unjudged("all", "no verdict: no record was run")]
+        shown = shown or worst_part(parts)
+        decisive = any(part.passed is not None and part.theory for part in parts)
+        reasons = [part.why for part in parts if part.passed is False and not part.theory]
         if not decisive:
-            reasons += [part.why for part in parts if part.passed is None and part.why]
+            reasons += [part.why for part in parts if part.passed is None]
         return Metric(
             name=self.name,
             title=self.title,
             unit=self.unit,
-            value=worst.value,
-            expected=worst.expected,
-            interval=worst.interval,
+            value=shown.value,
+            expected=shown.expected,
+            interval=shown.interval,
             passed=not any(part.surprises for part in parts) if decisive else None,
             false_alarm=false_alarm,
-            why="; ".join(dict.fromkeys((why, *reasons))),
+            why="; ".join(dict.fromkeys(filter(None, (why, *reasons)))),
             parts=tuple(parts),
-            curves={} if curves is None else curves,
+            curves=curves or {},
         )
 
 
-def unjudged(label: str, why: str, draws: int = 0) -> Part:
-    """A part without value and verdict, and the reason."""
-    return Part(label, NAN, NAN, (NAN, NAN), UNLIMITED, None, why=why, draws=draws)
+def unjudged(
+    label: str,
+    why: str,
+    draws: int = 0,
+    value: float = NAN,
+    expected: float = NAN,
+    interval: tuple[float, float] = (NAN, NAN),
+    *,
+    theory: bool = True,
+) -> Part:
+    """A part without verdict, and the reason."""
+    return Part(label, value, expected, interval, UNLIMITED, None, theory, why, draws)
 
 
 def worst_part(parts: Sequence[Part]) -> Part:
@@ -244,16 +271,5 @@ def all_pass(metrics: Mapping[str, Metric]) -> bool:
     judging = [metric for name, metric in metrics.items() if name not in INFORMATIVE_ONLY]
     if not judging:
         return any(math.isfinite(metric.value) for metric in metrics.values())
-    return any(metric.has_verdict for metric in judging)
-
-
-def union_of_trials(definitions: Sequence[MetricDefinition], effort: str) -> tuple[Trial, ...]:
-    """Trials of several metrics, each once, in the order of the metrics."""
-    return tuple(dict.fromkeys(trial for definition in definitions for trial in definition.trials(effort)))
-
-
-def _plain_verdict(passed: bool | None) -> bool | None:
-    """Python's own truth value: NumPy's are not identical with True and False, and JSON does not take them."""
-    if passed is not None and not isinstance(passed, bool | np.bool_):
-        raise TypeError(f"passed {passed!r} given, expected true, false or none")
-    return None if passed is None else bool(passed)
+    # a verdict that theory expects to fail counts too
+    return any(passed is not None for m in judging for passed in (m.passed, *(part.passed for part in m.parts)))

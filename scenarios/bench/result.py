@@ -5,25 +5,26 @@ import math
 import os
 import platform
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from scenarios.bench.metric import DRAWS, Metric, MetricDefinition, Part, all_pass
+from scenarios.bench.metric import Metric, all_pass
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.task import PROTOCOL
+from scenarios.files.codec import structure
 from scenarios.files.errors import ScenarioError
-from scenarios.problems.trial import Trial
+from scenarios.files.printable import one_line
 
 FORMAT = 1
 """Version of the file."""
 
-MOST_NAMED = 4
-"""Metrics that a message names; more are counted."""
+IN_FILES = {"estimator": "contestant", "metrics": "figures"}
+"""Fields that have other names in files."""
 
-EFFORT = re.compile(rf"({'|'.join(DRAWS)})(?:, at most (\d{1, 9}) records? of a problem)?")
-CPU = Path("/proc/cpuinfo")
+LARGEST = 1e100
+"""Larger numbers are read as infinite, and the inverse of smaller ones as 0: axes compute squares and products."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Result:
     """Result of a run for one estimator.
 
     Attributes:
-        contestant: The estimator.
+        estimator: The estimator; `contestant` in files.
         limits: Its limits.
         effort: `quick` or `full`, and the most records of a problem, where it is not all.
         seed: Of the run.
@@ -42,13 +43,13 @@ class Result:
         outcomes: Number of trials by kind of outcome.
         reasons: The most frequent reasons of failures, with their number.
         seconds: Processor time of all its answers, s.
-        figures: Metrics by name.
+        metrics: Metrics by name; `figures` in files.
         run: Mark that all results of one run share: their speeds were measured side by side.
         protocol: Version of the estimator protocol.
         refused: Number of refused requests by family of the problem, and by request where that is no fit.
     """
 
-    contestant: Estimator
+    estimator: Estimator
     limits: Limits
     effort: str
     seed: int
@@ -59,7 +60,7 @@ class Result:
     outcomes: Mapping[str, int]
     reasons: Mapping[str, int]
     seconds: float
-    figures: Mapping[str, Metric]
+    metrics: Mapping[str, Metric]
     run: str = ""
     protocol: int = PROTOCOL
     refused: Mapping[str, int] = field(default_factory=dict)
@@ -67,54 +68,46 @@ class Result:
     @property
     def passed(self) -> bool:
         """Whether no metric fails that theory expects to pass, and something was judged; see `all_pass`."""
-        return all_pass(self.figures)
+        return all_pass(self.metrics)
 
     def to_json(self) -> str:
         """The text of the file; NaN as null, infinities as text."""
-        table = {"format": FORMAT, "passed": self.passed, **asdict(self)}
-        return json.dumps(_plain(table), indent=1, allow_nan=False) + "\n"
+        fields = {IN_FILES.get(key, key): value for key, value in asdict(self).items()}
+        return json.dumps(_plain({"format": FORMAT, "passed": self.passed, **fields}), indent=1, allow_nan=False) + "\n"
 
     @classmethod
     def read(cls, path: Path) -> "Result":
         """Read a file.
 
         Raises:
-            ScenarioError: It is none, or of another version.
+            ScenarioError: It is none, of another version, or damaged.
         """
         try:
-            table = json.loads(path.read_text(encoding="utf-8"))
+            table = _safe(json.loads(path.read_text(encoding="utf-8")))
         except (OSError, ValueError, RecursionError) as error:
             raise ScenarioError(f"cannot read {path}: {error}") from error
-        if not isinstance(table, dict) or type(table.get("format")) is not int or table["format"] != FORMAT:
-            given = table.get("format") if isinstance(table, dict) else type(table).__name__
+        given = table.get("format") if isinstance(table, dict) else type(table).__name__
+        if type(given) is not int or given != FORMAT:
             raise ScenarioError(f"{path}: format {given!r} given, expected a result of hmtb verify of format {FORMAT}")
+        names = {in_file: name for name, in_file in IN_FILES.items()}
         try:
-            table = {key: value for key, value in table.items() if key not in ("format", "passed")}
-            table["contestant"] = Estimator(**table["contestant"])
-            table["limits"] = Limits(**table["limits"])
-            table["figures"] = {name: _metric(entry) for name, entry in table["figures"].items()}
-            table["seconds"] = _number(table["seconds"])
-            return cls(**table)
-        except (TypeError, KeyError, IndexError, AttributeError, ValueError, OverflowError) as error:
+            fields = {names.get(key, key): value for key, value in table.items() if key not in ("format", "passed")}
+            return structure(cls, fields)
+        except ScenarioError as error:
             raise ScenarioError(f"{path} is no result of hmtb verify: {error}") from error
 
 
-def _metric(entry: Mapping[str, Any]) -> Metric:
-    values = _numbers(entry, ("value", "expected", "false_alarm"), ("interval",))
-    parts = [_numbers(part, ("value", "expected"), ("interval", "limits")) for part in entry["parts"]]
-    return Metric(**{**values, "parts": tuple(Part(**part) for part in parts)})
-
-
-def _numbers(entry: Mapping[str, Any], single: tuple[str, ...], pairs: tuple[str, ...]) -> dict[str, Any]:
-    return {
-        **entry,
-        **{name: _number(entry[name]) for name in single},
-        **{name: (_number(entry[name][0]), _number(entry[name][1])) for name in pairs},
-    }
-
-
-def _number(value: float | str | None) -> float:
-    return float("nan") if value is None else float(value)
+def _safe(value: Any) -> Any:
+    """Values of a file that anyone may have written: texts on one line, numbers that figures and sums can hold."""
+    if isinstance(value, str):
+        return one_line(value)
+    if isinstance(value, float) and not 1.0 / LARGEST < abs(value) < LARGEST:
+        return math.copysign(math.inf, value) if abs(value) > 1.0 else 0.0 * value  # NaN stays NaN
+    if isinstance(value, int) and abs(value) >= 2**63:
+        raise ValueError(f"a whole number has {len(str(value))} digits, expected a number of 64 bits")
+    if isinstance(value, dict):
+        return {one_line(key): _safe(entry) for key, entry in value.items()}
+    return [_safe(entry) for entry in value] if isinstance(value, list) else value
 
 
 def _plain(value: Any) -> Any:
@@ -129,52 +122,11 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def effort_text(effort: str, records: int | None) -> str:
-    """An effort in words, as results have it.
-
-    Args:
-        effort: One of `DRAWS`.
-        records: Most records of each problem; None: all.
-    """
-    return effort if records is None else f"{effort}, at most {records} record{'s' * (records > 1)} of a problem"
-
-
-def trials_within(metric: MetricDefinition, effort: str, records: int | None) -> tuple[Trial, ...]:
-    """Trials of a metric with at most so many records of each problem; see `effort_text`."""
-    trials = metric.trials(effort)
-    return trials if records is None else tuple(trial for trial in trials if trial.draw < records)
-
-
-def lost_by(result: Result, metrics: Sequence[MetricDefinition], effort: str, records: int | None) -> str:
-    """Metrics or records of a result that a run would not have, in words; empty where the run has them all.
-
-    Args:
-        result: The result.
-        metrics: Of the run.
-        effort: Of the run; see `effort_text`.
-        records: Of the run.
-    """
-    by_name = {metric.name: metric for metric in metrics}
-    missing = [name for name in result.figures if name not in by_name]
-    if missing:
-        named = ", ".join(missing) if len(missing) <= MOST_NAMED else f"{len(missing)} of its {len(result.figures)}"
-        return f"figures that this run does not make ({named})"
-    known = EFFORT.fullmatch(result.effort) if isinstance(result.effort, str) else None  # files may hold anything
-    if known is None:
-        return ""
-    its_records = int(known[2]) if known[2] else None
-    for metric in (by_name[name] for name in result.figures):
-        if set(trials_within(metric, known[1], its_records)) - set(trials_within(metric, effort, records)):
-            return f"records that this run does not ask ({result.effort}; now {effort_text(effort, records)})"
-    return ""
-
-
 def machine() -> str:
     """Processor and number of cores of this machine."""
     try:
-        lines = CPU.read_text(encoding="utf-8", errors="replace").splitlines()
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:
-        lines = []
-    values = {name.strip(): value.strip() for name, _, value in (line.partition(":") for line in lines) if value}
-    processor = values.get("model name") or platform.processor() or platform.machine()
-    return f"{processor}, {os.cpu_count() or 1} cores"
+        text = ""
+    model = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
+    return f"{model[1].strip() if model else platform.processor() or platform.machine()}, {os.cpu_count() or 1} cores"

@@ -4,14 +4,11 @@ import re
 import tempfile
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from threading import local
 from time import perf_counter
-from types import TracebackType
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -25,13 +22,13 @@ from scenarios.estimators.runner import EstimatorProcess
 from scenarios.estimators.seeds import task_seed
 from scenarios.estimators.task import Task
 from scenarios.jobs.executor import at_worker_exit
-from scenarios.problems.bound import response_covariance
-from scenarios.problems.problem import Bound, Problem
+from scenarios.problems.linear_problem import LinearProblem
+from scenarios.problems.mimo import MimoProblem
+from scenarios.problems.problem import Problem
 from scenarios.problems.registry import problem as find_problem
 from scenarios.problems.trial import ASKS, Trial
-from sysid import IOData, Polynomials, StateSpace, SysidWarning
+from sysid import IOData, SysidWarning
 from sysid.models.frequency_response import NORMAL_95
-from sysid.records.arrays import FloatArray
 
 FAMILY = re.compile("[-@]")
 """Ends the first word of a problem's name, its family."""
@@ -42,9 +39,6 @@ TWIN = "twin-"
 PERFECT = "bench:perfect"
 """Target of the perfect estimator; it runs in the bench's own process, since no other process sees the truth."""
 
-LONGEST_REASON = 300
-"""Characters of an error that are kept."""
-
 
 @dataclass(frozen=True)
 class BenchSetup:
@@ -54,14 +48,12 @@ class BenchSetup:
         estimators: In the order by which jobs number them.
         limits: Limits of each answer.
         seed: Of the run.
-        records: Folder of records that were simulated before; None: there is none.
         files: Files of the estimators, by which a worker elsewhere checks or makes its own; None on this machine.
     """
 
     estimators: tuple[Estimator, ...]
     limits: Limits
     seed: int
-    records: Path | None = None
     files: tuple[EstimatorFiles, ...] | None = None
 
 
@@ -124,31 +116,12 @@ def interleaved(jobs: Iterable[RecordJob]) -> tuple[RecordJob, ...]:
     families: dict[str, list[RecordJob]] = {}
     for job in jobs:
         families.setdefault(FAMILY.split(job.problem)[0], []).append(job)
-    places = [
-        ((place + 0.5) / len(family), name, job)
+    places = {
+        job: ((place + 0.5) / len(family), name)
         for name, family in families.items()
         for place, job in enumerate(family)
-    ]
-    return tuple(job for _, _, job in sorted(places, key=lambda one: one[:2]))
-
-
-@runtime_checkable
-class Efficient(Protocol):
-    """A problem with a perfect estimate for each record."""
-
-    def efficient(self, structure: str, seed: int) -> FloatArray:
-        """Its parameters (p,)."""
-
-    def realise(self, structure: str, theta: FloatArray) -> tuple[StateSpace, Polynomials | None]:
-        """The model with these parameters, and its polynomials."""
-
-
-@runtime_checkable
-class Scattered(Protocol):
-    """A problem without bound, with an estimate as good as any for each record."""
-
-    def scattered(self, seed: int) -> StateSpace:
-        """The model."""
+    }
+    return tuple(sorted(places, key=places.__getitem__))
 
 
 def perfect(problem: Problem, task: Task, seed: int) -> EstimatorOutcome:
@@ -171,28 +144,19 @@ def perfect(problem: Problem, task: Task, seed: int) -> EstimatorOutcome:
             answer = Answer(prediction_error(problem.draw(seed), task).model)
     else:
         bound = problem.bound(task.structure)
-        if bound is not None and isinstance(problem, Efficient):
+        if bound is not None and isinstance(problem, LinearProblem | MimoProblem):
             model, polynomials = problem.realise(task.structure, problem.efficient(task.structure, seed))
-            answer = _with_claims(bound, model, None if task.structure == "ss" else polynomials)
-        elif isinstance(problem, Scattered):
-            answer = Answer(problem.scattered(seed))
+            # the coordinates of a state space are its own: no covariance of parameters is claimed
+            polynomials = None if task.structure == "ss" else polynomials
+            covariance = None if polynomials is None else bound.covariance
+            hz, factor = model.bandwidth(), np.exp(NORMAL_95 * bound.bandwidth_deviation)
+            interval = (hz / factor, np.minimum(hz * factor, 0.5 / model.dt))
+            answer = Answer(model, polynomials, covariance, bound.response_covariance, interval)
         else:
-            answer = Answer(problem.truth)
+            answer = Answer(problem.scattered(seed))
     if not answer.model.input_path().is_stable():
         return EstimatorOutcome("unstable", "the error of a perfect estimate makes it unstable", answer=answer)
     return EstimatorOutcome(MODEL, answer=answer)
-
-
-def _with_claims(bound: Bound, model: StateSpace, polynomials: Polynomials | None) -> Answer:
-    hz = model.bandwidth()
-    factor = np.exp(NORMAL_95 * bound.bandwidth_deviation)
-    return Answer(
-        model,
-        polynomials,
-        None if polynomials is None else bound.covariance,
-        response_covariance(bound),
-        (hz / factor, np.minimum(hz * factor, 0.5 / model.dt)),
-    )
 
 
 class Runner:
@@ -206,14 +170,9 @@ class Runner:
         self._setup = setup
         self._processes: dict[int, EstimatorProcess] = {}
         self._opened: set[int] = set()
-        self._bounds: dict[tuple[str, str | None], Bound | None] = {}
 
-    def __enter__(self) -> "Runner":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """End the estimators."""
         with ExitStack() as stack:
             while self._processes:
                 stack.push(self._processes.popitem()[1])
@@ -227,10 +186,6 @@ class Runner:
         Yields:
             All results at the end: the reference time is measured before the first request and after the last.
         """
-        if self._setup.records is not None and job.problem.startswith(TWIN):
-            from scenarios.problems.twin_records import use_folder
-
-            use_folder(self._setup.records)
         problem = find_problem(job.problem)
         # the first estimator finds caches as the record left them: another one at every draw
         first = job.draw % max(1, len(job.requests))
@@ -241,9 +196,13 @@ class Runner:
         ]
         if not requests:
             return
+        structures = [self._setup.estimators[number].structure for number, _, _ in requests]
+        # Bounds and starts are outside the time of any trial, because they are made once for many of them.
+        bounds = [problem.bound(structure) for structure in structures]
         for number, _, _ in requests:
-            # outside the time of any trial, because it is done once for many of them
-            self._prepare(number, problem)
+            # An error of the first start is one of the command line, and ends the run.
+            if number not in self._opened and self._setup.estimators[number].target != PERFECT:
+                self._process(number)
         begun = perf_counter()
         seed = requests[0][1].seed(self._setup.seed)
         record = problem.draw(seed)
@@ -256,9 +215,8 @@ class Runner:
             seeded = replace(task, seed=task_seed(self._setup.seed, trial.key))
             outcomes.append((self._ask(number, problem, seeded, record, seed), perf_counter() - begun))
         ruler.measure()
-        for (number, trial, task), (outcome, wall) in zip(requests, outcomes, strict=True):
+        for (number, trial, task), bound, (outcome, wall) in zip(requests, bounds, outcomes, strict=True):
             begun = perf_counter()
-            bound = self._bounds[problem.name, self._setup.estimators[number].structure]
             measurement = measure(problem, trial, task, bound, record, outcome, ruler_seconds=ruler.seconds)
             yield TrialResult(number, measurement, shared + wall + perf_counter() - begun)
 
@@ -266,30 +224,18 @@ class Runner:
         if self._setup.estimators[number].target == PERFECT:
             return perfect(problem, task, seed)  # its error belongs to the noise of the record
         try:
-            if number not in self._processes:
-                self._open(number)
-            return self._processes[number].ask(record, task)
+            return self._process(number).ask(record, task)
         # An estimator that makes the bench's own code fail has failed; the others go on.
         except Exception as error:
-            process = self._processes.pop(number, None)
-            if process is not None:
-                with suppress(Exception):
-                    process.__exit__(None, None, None)
-            return EstimatorOutcome("crash", f"its process failed: {type(error).__name__}: {error}"[:LONGEST_REASON])
+            with suppress(Exception):
+                self._processes.pop(number).__exit__(None, None, None)
+            return EstimatorOutcome("crash", f"its process failed: {type(error).__name__}: {error}"[:300])
 
-    def _prepare(self, number: int, problem: Problem) -> None:
-        estimator = self._setup.estimators[number]
-        if (problem.name, estimator.structure) not in self._bounds:
-            self._bounds[problem.name, estimator.structure] = problem.bound(estimator.structure)
-        if number not in self._opened and estimator.target != PERFECT:
-            self._open(number)
-
-    def _open(self, number: int) -> None:
-        """Open a process; an error of the first time is one of the command line, and ends the run."""
-        process = EstimatorProcess(self._setup.estimators[number], self._setup.limits)
-        process.__enter__()
-        self._processes[number] = process
-        self._opened.add(number)
+    def _process(self, number: int) -> EstimatorProcess:
+        if number not in self._processes:
+            self._processes[number] = EstimatorProcess(self._setup.estimators[number], self._setup.limits).__enter__()
+            self._opened.add(number)
+        return self._processes[number]
 
 
 _THREAD = local()
@@ -305,7 +251,7 @@ def run_jobs(setup: BenchSetup, jobs: Sequence[RecordJob]) -> Iterator[TrialResu
     if setup.files is None:
         if getattr(_THREAD, "setup", None) != setup:
             _THREAD.setup, _THREAD.runner = setup, Runner(setup)
-            at_worker_exit(partial(Runner.__exit__, _THREAD.runner, None, None, None))
+            at_worker_exit(_THREAD.runner.close)
         for job in jobs:
             yield from _THREAD.runner.run(job)
         return
@@ -315,28 +261,10 @@ def run_jobs(setup: BenchSetup, jobs: Sequence[RecordJob]) -> Iterator[TrialResu
             files.unpacked(estimator, Path(folder) / str(number))
             for number, (estimator, files) in enumerate(zip(setup.estimators, setup.files, strict=True))
         )
-        simulate_records([Trial(job.problem, job.draw) for job in jobs], setup.seed, None, threads=1)
-        with Runner(replace(setup, estimators=estimators)) as runner:
+        if twins := [Trial(job.problem, job.draw) for job in jobs if job.problem.startswith(TWIN)]:
+            from scenarios.problems.twin_records import prepare  # it loads the physics
+
+            prepare(twins, setup.seed, threads=1)
+        with closing(Runner(replace(setup, estimators=estimators))) as runner:
             for job in jobs:
                 yield from runner.run(job)
-
-
-def simulate_records(trials: Sequence[Trial], seed: int, folder: Path | None, *, threads: int | None = None) -> int:
-    """Simulate the records of the twin's trials in one batch, which takes a tenth of the time of single simulations.
-
-    Args:
-        trials: Trials of any problems.
-        seed: Of the run.
-        folder: Where records are kept for other processes; None: they are kept in this process.
-        threads: Threads for the physics, all processors by default.
-
-    Returns:
-        Number of records that were simulated: not those that existed, nor those of other problems.
-    """
-    of_twin = [trial for trial in trials if trial.problem.startswith(TWIN)]
-    if not of_twin:
-        return 0
-    # imported late: it loads the physics
-    from scenarios.problems.twin_records import prepare
-
-    return prepare(of_twin, seed, folder=folder, threads=threads)

@@ -6,16 +6,16 @@ from functools import lru_cache
 import numpy as np
 from scipy.stats import binom, chi2
 
-from scenarios.bench.accuracy import error_against_bound
 from scenarios.bench.measurement import Measurement, Measurements, dynamic_order
-from scenarios.bench.metric import DRAWS, Metric, MetricDefinition, Part, unjudged
-from scenarios.bench.statistics import bound_for, interval_of_percentage
+from scenarios.bench.metric import DRAWS, Evidence, Metric, MetricDefinition, Part, unjudged
+from scenarios.bench.statistics import bound_for, error_against_bound
 from scenarios.bench.theory import INDEPENDENCE, Expectation, expectation
 from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import MODEL, REFUSED
 from scenarios.estimators.task import Task
 from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
+from sysid.validation.monte_carlo import exact_interval_of_share
 
 PROBLEMS = ("p2", "p3", "p4", "p5")
 SELECTED = ("p2", "p3", "p5")
@@ -36,9 +36,6 @@ HITS = 0.9
 
 SMALL = 2.0
 """Mean square error, in bounds, that the test of independence must not show."""
-
-DRAWN = 100_000
-SEED = 20_009
 
 
 class ResidualTestsAndOrders(MetricDefinition):
@@ -64,78 +61,75 @@ class ResidualTestsAndOrders(MetricDefinition):
             for draw in range(records * DRAWS[effort])
         )
 
-    def evaluate(
-        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
-    ) -> Metric:
+    def evaluate(self, evidence: Evidence) -> Metric:
         """Count rejections and right orders."""
-        parts = []
-        for name in PROBLEMS:
-            own = [m for m in measurements if m.trial.problem == name]
-            parts += [
-                _size("whiteness", name, own, estimator, false_alarm),
-                _size("independence", name, own, estimator, false_alarm),
-                _power(name, own, estimator, false_alarm),
-            ]
-            if name in SELECTED:
-                parts.append(_hits(name, own, estimator, false_alarm))
         return self.of_parts(
-            parts,
-            self.verdicts * false_alarm,
+            [part for name in PROBLEMS for part in _parts(name, evidence)],
+            self.verdicts * evidence.false_alarm,
             f"rejections at the nominal {100 * LEVEL:g} % of right orders, at least {100 * POWER:g} % of orders too "
             f"low by one, at least {100 * HITS:g} % of chosen orders right",
         )
 
 
-def _size(test: str, name: str, own: Measurements, estimator: Estimator, false_alarm: float) -> Part:
-    """Share of models of right orders that a test rejects."""
-    label = f"{test} on {name}"
+Result = Callable[[Measurement], bool | None]
+"""Whether a model counts: is rejected, or has the right order; None where that is not known."""
 
-    def p_value(m: Measurement) -> float:
-        return m.whiteness_p if test == "whiteness" else m.independence_p
 
-    known, why = _known(own, "fit", lambda m: bool(np.isfinite(p_value(m))))
-    if not known:
-        return unjudged(label, why)
+def _parts(name: str, evidence: Evidence) -> list[Part]:
+    """Share of models of right orders that each test rejects, of too low ones that any does, and of right choices."""
+    estimator = evidence.estimator
     bound = bound_for(name, estimator.structure)
-    share = size_of_independent_estimate(0 if bound is None else len(bound.parameters))
-    most = int(binom.isf(false_alarm, len(known), share))
-    theory = _theory(estimator, name)
-    if test == INDEPENDENCE and not theory.passes:
-        theory = _theory_of_independence(estimator, name, known)
-    rejected = int(sum(p_value(m) < LEVEL for m in known))
-    return _part(label, rejected, len(known), 100.0 * LEVEL, (-np.inf, 100.0 * most / len(known)), theory)
+    size = size_of_independent_estimate(0 if bound is None else len(bound.parameters))
+    right, low = (problem(name).task(estimator.structure, ask) for ask in ("fit", "underfit"))
+    theory, efficient = (expectation(estimator, name, metric) for metric in ("tests_and_orders", "efficiency"))
+    if theory.passes and not efficient.passes:
+        # Tests and criteria presume an estimate at the minimum of the prediction error, or close to it.
+        why = "the excess of its error over the bound shows in the residuals, and criteria of orders compare minima"
+        theory = Expectation(False, f"{efficient.why}; {why} that it does not look for")
+    independence = theory
+    known = [m for m in evidence.on(name) if m.kind == MODEL and m.independence_p >= 0.0]
+    if known and not theory.passes:
+        independence = _theory_of_independence(estimator, name, known)
 
+    def rejected_low(m: Measurement) -> bool | None:
+        if m.whiteness_p >= 0.0 or (m.independence_p >= 0.0 and dynamics):
+            return m.whiteness_p < LEVEL or m.independence_p < LEVEL
+        return None
 
-def _power(name: str, own: Measurements, estimator: Estimator, false_alarm: float) -> Part:
-    """Share of models of too low an order that the tests reject."""
-    label = f"orders too low on {name}"
-    task = problem(name).task(estimator.structure, "underfit")
-    if task is None:
-        return unjudged(label, "its structure has no order that is too low")
     # an order that is too low for the disturbance alone is no fault of a model without one
-    dynamics = dynamic_order(problem(name).truth) > order_of(task)
-    known, why = _known(
-        own, "underfit", lambda m: bool(np.isfinite(m.whiteness_p) or (dynamics and np.isfinite(m.independence_p)))
-    )
-    if not known:
-        return unjudged(label, why)
-    rejected = int(sum(m.whiteness_p < LEVEL or m.independence_p < LEVEL for m in known))
-    least = int(binom.ppf(false_alarm, len(known), POWER))
-    return _part(label, rejected, len(known), 100.0, (100.0 * least / len(known), 100.0), Expectation(True))
+    dynamics = low is not None and dynamic_order(problem(name).truth) > order_of(low)
+    no_low = "" if low else "its structure has no order that is too low"
+    no_right = "" if right else "its structure does not hold the dynamics"
 
+    def rejected(p: float) -> bool | None:
+        return p < LEVEL if p >= 0.0 else None
 
-def _hits(name: str, own: Measurements, estimator: Estimator, false_alarm: float) -> Part:
-    """Share of right orders among those that the estimator chooses."""
-    label = f"choice on {name}"
-    known, why = _known(own, "select", lambda m: m.order >= 0)
-    if not known:
-        return unjudged(label, why)
-    task = problem(name).task(estimator.structure)
-    if task is None:
-        return unjudged(label, "its structure does not hold the dynamics")
-    right = int(sum(m.order == order_of(task) for m in known))
-    least = int(binom.ppf(false_alarm, len(known), HITS))
-    return _part(label, right, len(known), 100.0, (100.0 * least / len(known), 100.0), _theory(estimator, name))
+    rows: list[tuple[str, str, Result, Expectation, str]] = [
+        ("whiteness", "fit", lambda m: rejected(m.whiteness_p), theory, ""),
+        (INDEPENDENCE, "fit", lambda m: rejected(m.independence_p), independence, ""),
+        ("orders too low", "underfit", rejected_low, Expectation(True), no_low),
+    ]
+    if name in SELECTED:
+        order = right and order_of(right)
+        rows.append(("choice", "select", lambda m: m.order == order if m.order >= 0 else None, theory, no_right))
+    parts = []
+    for test, ask, result, expected, obstacle in rows:
+        requests = evidence.on(name, ask)
+        results = [value for m in requests if m.kind == MODEL and (value := result(m)) is not None]
+        count, total = sum(results), len(results)
+        label, why = f"{test} on {name}", obstacle
+        if not why and not total and all(m.kind == REFUSED for m in requests):
+            why = (requests[0].why or "refused") if requests else "not asked"
+        if why or 2 * total < len(requests):
+            parts.append(unjudged(label, why or f"{total} of {len(requests)} records have a result: too few"))
+            continue
+        limits = (-np.inf, 100.0 * int(binom.isf(evidence.false_alarm, total, size)) / total)
+        if ask != "fit":
+            least = {"underfit": POWER, "select": HITS}[ask]
+            limits = (100.0 * int(binom.ppf(evidence.false_alarm, total, least)) / total, 100.0)
+        interval, perfect = exact_interval_of_share(count, total, 100.0), 100.0 * LEVEL if ask == "fit" else 100.0
+        parts.append(Part.judged(label, 100.0 * count / total, perfect, interval, limits, expected, total))
+    return parts
 
 
 @lru_cache(maxsize=64)
@@ -149,11 +143,12 @@ def size_of_independent_estimate(count: int) -> float:
     Args:
         count: Number of parameters.
     """
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(20_009)
+    draws = 100_000
     opened = min(count, LAGS)
-    statistic = rng.chisquare(LAGS - opened, DRAWN) if opened < LAGS else np.zeros(DRAWN)
+    statistic = rng.chisquare(LAGS - opened, draws) if opened < LAGS else np.zeros(draws)
     if opened:
-        statistic = statistic + 2.0 * rng.chisquare(opened, DRAWN)
+        statistic = statistic + 2.0 * rng.chisquare(opened, draws)
     return float(np.mean(statistic > chi2.isf(LEVEL, LAGS)))
 
 
@@ -163,19 +158,6 @@ def order_of(task: Task) -> int:
     if "order" in orders:
         return orders["order"]
     return max(orders.get("na", 0) + orders.get("nf", 0), orders["nb"] + orders["nk"] - 1)
-
-
-def _theory(estimator: Estimator, name: str) -> Expectation:
-    """Tests and criteria presume an estimate at the minimum of the prediction error, or close to it."""
-    expected = expectation(estimator, name, "tests_and_orders")
-    efficient = expectation(estimator, name, "efficiency")
-    if not expected.passes or efficient.passes:
-        return expected
-    return Expectation(
-        False,
-        f"{efficient.why}; the excess of its error over the bound shows in the residuals, and criteria of orders "
-        "compare minima that it does not look for",
-    )
 
 
 def _theory_of_independence(estimator: Estimator, name: str, known: Measurements) -> Expectation:
@@ -197,23 +179,3 @@ def _theory_of_independence(estimator: Estimator, name: str, known: Measurements
         f"{expectation(estimator, name, 'efficiency').why}; residuals would be independent of past inputs, but with a "
         f"mean square error of {size:.3g} times the bound the excess over the bound shows in them",
     )
-
-
-def _known(own: Measurements, ask: str, usable: Callable[[Measurement], bool]) -> tuple[list[Measurement], str]:
-    """Usable measurements; none where there are too few, with the reason."""
-    requests = [m for m in own if m.trial.ask == ask]
-    if not requests:
-        return [], "not asked"
-    if all(m.kind == REFUSED for m in requests):
-        return [], requests[0].why or "refused"
-    known = [m for m in requests if m.kind == MODEL and usable(m)]
-    if 2 * len(known) < len(requests):
-        return [], f"{len(known)} of {len(requests)} records have a result: too few"
-    return known, ""
-
-
-def _part(
-    label: str, count: int, total: int, expected: float, limits: tuple[float, float], theory: Expectation
-) -> Part:
-    value = 100.0 * float(count) / total
-    return Part.judged(label, value, expected, interval_of_percentage(count, total), limits, theory, total)

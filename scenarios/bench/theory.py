@@ -7,37 +7,22 @@ ch. 8, 9 and 13]. Everything else gives up some of this.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
 from scenarios.bench.measurement import Measurements
-from scenarios.bench.statistics import (
-    SLACK,
-    bound_for,
-    error_against_bound,
-    free_parts,
-    limits_of_mean,
-    null_distribution,
-    real_and_imaginary,
-    variance_ratio,
-)
+from scenarios.bench.statistics import SLACK, bound_for, error_against_bound, null_distribution
 from scenarios.estimators.estimator import Estimator
-from scenarios.problems.bound import response_covariance
+from scenarios.files.codec import read_toml, structure
 from scenarios.problems.registry import problem
 from sysid.records.arrays import FloatArray
+from sysid.validation.monte_carlo import limits_of_mean
+from sysid.validation.response_errors import free_parts, real_and_imaginary, variance_ratio
 
-CONSISTENT = ("consistency", "bias")
-"""Metrics of the mean error."""
-
-CLAIMS = ("coverage", "normalised_error", "frequency_response")
-"""Metrics of the accuracy that an estimator claims."""
-
-ACCURACY = (*CONSISTENT, "efficiency", *CLAIMS)
-TESTS = "tests_and_orders"
 INDEPENDENCE = "independence"
-"""The part of `TESTS` that looks at residuals and past inputs; both are whitened first, whatever the disturbance."""
-
-BIAS, BIAS_AND_SCATTER = "bias", "bias and scatter"
+"""The part of `tests_and_orders` that looks at residuals and past inputs; both are whitened first, whatever the
+disturbance."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +46,7 @@ class Limitation:
     Attributes:
         fails: Names of the metrics.
         why: Reason and reference.
-        claims: Why claims fail: `BIAS` alone; `BIAS_AND_SCATTER`, where a wrong model of the disturbance spoils the
+        claims: Why claims fail: `bias` alone; `bias and scatter`, where a wrong model of the disturbance spoils the
             claimed covariance too; empty for another reason. See `expected_of_claims`.
     """
 
@@ -70,69 +55,13 @@ class Limitation:
     claims: str = ""
 
 
-FEEDBACK_INPUT = Limitation(
-    ACCURACY,
-    "its method takes the input as independent of the disturbance; feedback makes it depend on it, and the estimate "
-    "biased [Ljung1999, ch. 13; Soderstrom1989, ch. 10]",
-    BIAS,
-)
-INSTRUMENTS_FEEDBACK = Limitation(
-    ACCURACY,
-    "instruments built of an input that feedback makes depend on the disturbance are biased; a whitener before the "
-    "last stage leaves them only as much of that as it does not whiten, since what is white does not depend on past "
-    "inputs: on short records it may pass [Ljung1999, ch. 13; Soderstrom1989, ch. 8]",
-)
-FEEDBACK_NOISE = Limitation(
-    ACCURACY,
-    "under feedback the model of the disturbance must be right, or the estimate of the dynamics is biased "
-    "[Ljung1999, ch. 13]",
-)
-EQUATION_ERROR = Limitation(
-    (*ACCURACY, TESTS, INDEPENDENCE),
-    "least squares are biased unless the disturbance is white equation error: past outputs carry it "
-    "[Ljung1999, sec. 7.3]",
-    BIAS_AND_SCATTER,
-)
-OUTPUT_ERROR = Limitation(
-    ("efficiency", *CLAIMS, TESTS),
-    "under a coloured disturbance output error is consistent in open loop, but not efficient, and intervals that take "
-    "it as white are wrong; residuals are not white, though independent of past inputs [Ljung1999, ch. 8 and 9]",
-)
-WRONG_DISTURBANCE = Limitation(
-    (*ACCURACY, TESTS, INDEPENDENCE),
-    "the structure has poles in common between input and disturbance and cannot hold this disturbance: what is "
-    "estimated is a compromise of both [Ljung1999, ch. 8]",
-    BIAS_AND_SCATTER,
-)
-INSTRUMENTS = Limitation(
-    ("efficiency",),
-    "instruments built of the input leave out what past outputs tell through the disturbance: consistent, not "
-    "efficient [Soderstrom1989, ch. 8]",
-)
-INSTRUMENTS_COLOURED = Limitation(
-    ("efficiency", *CLAIMS, TESTS),
-    "instruments built of the input are consistent whatever the disturbance; they are efficient, and their covariance "
-    "is right, only where the autoregression that filters the data is that of A y - B u, which then is not white "
-    "[Soderstrom1989, ch. 8; Ljung1999, sec. 15.3]",
-)
-SUBSPACE = Limitation(
-    ("efficiency",),
-    "subspace projections minimise no likelihood: consistent, above the Cramér-Rao bound [VanOverschee1996, ch. 3]",
-)
-OBSERVER = Limitation(
-    (*ACCURACY, TESTS, INDEPENDENCE),
-    "p observer Markov parameters truncate what the disturbance would need, and a realisation of low order weighs them "
-    "without regard to how well each is known: above the Cramér-Rao bound, biased where p or the order is low, and the "
-    "claimed covariance knows nothing of the bias [Juang1993]",
-    BIAS,
-)
+_TABLES = Path(__file__).with_name("limitations.toml")
+LIMITATIONS = structure(dict[str, Limitation], read_toml(_TABLES.read_text(encoding="utf-8"), _TABLES.name))
+"""Limitations by name."""
 
 NEGLIGIBLE_BIAS = 0.1
 """Greatest share of a bias in the mean square error that explains no failure: it would make errors in claimed
 deviations a ninth larger in the square, which is within the limits. Ten records cannot show it, a hundred can."""
-
-INEFFICIENT = 1e-3
-"""Probability that the mean square error of a perfect estimator is taken as larger than the bound."""
 
 UNSTABLE_MODELS = {
     "subspace": "a subspace estimate of A may have poles outside the unit circle, also where the truth is stable "
@@ -152,9 +81,7 @@ def expectation(estimator: Estimator, name: str, metric: str) -> Expectation:
         metric: Key of the metric, or `INDEPENDENCE`.
     """
     limit = limitation(estimator.method, estimator.structure, name)
-    if limit is not None and metric in limit.fails:
-        return Expectation(False, limit.why)
-    return Expectation(True)
+    return Expectation(True) if limit is None or metric not in limit.fails else Expectation(False, limit.why)
 
 
 @lru_cache(maxsize=1024)
@@ -163,28 +90,23 @@ def limitation(method: str | None, structure: str | None, name: str) -> Limitati
 
     Args:
         method: One of `scenarios.estimators.estimator.METHODS`, or None.
-        structure: One of `scenarios.estimators.task.STRUCTURES`; None: that of the truth.
+        structure: One of `sysid.polynomial.structures.STRUCTURES`; None: that of the truth.
         name: Name of the problem.
     """
     family = name.split("@")[0].split("-")[0]
+    feedback = family == "feedback"
     if method is None or family in ("quiet", "twin"):
         return None
-    if method == "observer":
-        return FEEDBACK_INPUT if family == "feedback" else OBSERVER
-    if method == "subspace":
-        return FEEDBACK_INPUT if family == "feedback" else SUBSPACE
+    if method in ("observer", "subspace"):
+        return LIMITATIONS["feedback_input" if feedback else method]
     held = structure is None or problem(name).bound(structure) is not None
     if method == "instrumental":
-        if family == "feedback" and not held:
-            return INSTRUMENTS_FEEDBACK
-        return INSTRUMENTS if held else INSTRUMENTS_COLOURED
+        return LIMITATIONS["instruments" if held else "instruments_feedback" if feedback else "instruments_coloured"]
     if held:
         return None
-    if family == "feedback":
-        return FEEDBACK_INPUT if structure == "oe" else FEEDBACK_NOISE
-    if structure == "oe":
-        return OUTPUT_ERROR
-    return EQUATION_ERROR if structure == "arx" else WRONG_DISTURBANCE
+    if feedback:
+        return LIMITATIONS["feedback_input" if structure == "oe" else "feedback_noise"]
+    return LIMITATIONS[{"oe": "output_error", "arx": "equation_error"}.get(structure or "", "wrong_disturbance")]
 
 
 def expected_of_claims(estimator: Estimator, name: str, good: Measurements, metric: str) -> Expectation:
@@ -202,26 +124,22 @@ def expected_of_claims(estimator: Estimator, name: str, good: Measurements, metr
     """
     expected = expectation(estimator, name, metric)
     limit = limitation(estimator.method, estimator.structure, name)
-    if expected.passes or limit is None or limit.claims not in (BIAS, BIAS_AND_SCATTER):
+    if expected.passes or limit is None or not limit.claims:
         return expected
     share = greatest_bias(good, name, estimator.structure)
-    if not share <= NEGLIGIBLE_BIAS or (
-        limit.claims == BIAS_AND_SCATTER and not _efficient(good, name, estimator.structure)
-    ):
+    if not share <= NEGLIGIBLE_BIAS:
         return expected
+    if limit.claims == "bias and scatter":
+        values = error_against_bound(good, name, estimator.structure)
+        null = null_distribution(name, estimator.structure, variance_ratio, 1.0)
+        # with a probability of 1e-3 the mean square error of a perfect estimator is taken as larger than the bound
+        if null is None or np.mean(values) > SLACK * limits_of_mean([null], [len(values)], 1e-3, low=False)[1]:
+            return expected
     return Expectation(
         True,
         f"its mean error is at most {100.0 * max(share, 0.0):.2g} % of its mean square error at any frequency: "
         "there is no bias that would excuse its claims",
     )
-
-
-def _efficient(good: Measurements, name: str, structure: str | None) -> bool:
-    values = error_against_bound(good, name, structure)
-    null = null_distribution(name, structure, variance_ratio, 1.0)
-    if null is None or not len(values):
-        return False
-    return float(np.mean(values)) <= SLACK * limits_of_mean(null, len(values), INEFFICIENT, low=False)[1]
 
 
 def greatest_bias(good: Measurements, name: str, structure: str | None) -> float:
@@ -238,7 +156,7 @@ def greatest_bias(good: Measurements, name: str, structure: str | None) -> float
     responses = [m.response for m in good if m.response is not None]
     if bound is None or len(responses) < 2:
         return float("nan")
-    free = free_parts(response_covariance(bound)).any(axis=-1)
+    free = free_parts(bound.response_covariance).any(axis=-1)
     errors = real_and_imaginary(np.stack(responses) - bound.response)[:, free]
     squares: FloatArray = np.mean(np.sum(errors**2, axis=-1), axis=0)
     of_mean = np.sum(np.mean(errors, axis=0) ** 2, axis=-1)

@@ -1,15 +1,25 @@
 """`hmtb bandwidth`: does the 1 Hz finding hold? Recovered against true and published bandwidths."""
 
-from contextlib import ExitStack
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import output_folder, plain, print_json, print_table, progress, say
+from scenarios.commands.output import (
+    at_least_one,
+    draw,
+    output_folder,
+    plain,
+    print_json,
+    print_table,
+    progress,
+    say,
+    say_each,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from hmtb_twin import JointLog
     from scenarios.identification.bandwidth_study import BandwidthStudy
@@ -44,14 +54,14 @@ def bandwidth(
     For each joint, method, test and seed it prints the recovered bandwidth with its 95 % interval, beside the true
     bandwidth of the arm in two senses, the models that the thesis prints, and 1 Hz; then the answer in words.
 
-    A bandwidth is where the gain has fallen by 3 dB from its value at 0 Hz. Small-signal truth: of the linearised arm,
-    without friction. Best linear truth: of the linear system that is nearest to the arm, with friction and velocity
-    limit, when a random-phase multisine commands it as strongly as the test does, in the same band (four seconds of one
-    core for each joint and test; --no-bla leaves it out).
+    The bandwidth is the frequency at which the gain has fallen by 3 dB from its value at 0 Hz. Small-signal truth: of
+    the linearised arm, without friction. Best linear truth: of the linear system that is nearest to the arm with
+    friction and velocity limit, when a random-phase multisine commands it as strongly as the test does, in the same
+    band (four seconds of one core for each joint and test; --no-bla leaves it out).
 
     Two questions are kept apart: whether a bandwidth is near 1 Hz (0.8 to 1.25 Hz), and whether its interval holds the
-    truth. A bandwidth that the record cannot support, because nothing so slow is excited or the interval says nothing,
-    is not claimed but counts, as neither.
+    truth. Where the record cannot support a bandwidth, because the command excites no frequency so low or the interval
+    is too wide, none is claimed; the record still counts, as one that answers neither question with yes.
 
     Methods: armax, oe, okid with the thesis' orders; arx, iv4 with those of its ARMAX; oe_high, an output-error model
     whose order suffices without friction; spa and etfe, without a model. Their lines, every 0.5 Hz on files of 2 s, are
@@ -78,14 +88,13 @@ def bandwidth(
         json: Print JSON.
     """
     from scenarios.experiments.campaign import Condition
-    from scenarios.experiments.waveform import check_seed
+    from scenarios.experiments.waveform import check_seed, seed_range
     from scenarios.files.atomic_write import check_place
     from scenarios.files.errors import ScenarioError
     from scenarios.identification.bandwidth_study import from_logs, from_simulation
 
     check_seed(0 if seed is None else seed)
-    if threads is not None and threads < 1:
-        raise ScenarioError(f"threads must be 1 or more, given {threads}")
+    at_least_one("--threads", threads)
     of_arm = {
         "--joints": joints,
         "--tests": tests,
@@ -99,41 +108,34 @@ def bandwidth(
         raise ScenarioError(f"--data takes arm and tests from the logs; leave out {', '.join(contradicting)}")
     if data is not None and not data:
         raise ScenarioError("--data given without a log, expected one or more")
-    with ExitStack() as stack:
-        folder = None
-        if out is not None:
-            folder = stack.enter_context(output_folder(out))
+    with nullcontext() if out is None else output_folder(out) as folder:
+        if folder is not None:
             for name in FILES:
                 check_place(folder / name)
         if data is not None:
             logs = _read(data)
             study = from_logs(logs, methods, best_linear=not no_bla, seed=seed or 0, threads=threads, stage=progress)
         else:
+            single = seed is None and seeds in (None, 1)
+            first = 1 if seed is None else seed
             study = from_simulation(
                 JOINTS if joints is None else joints,
                 methods,
                 TESTS if tests is None else tests,
-                seeds=_seeds(1 if seeds is None else seeds, seed),
+                seeds=(None,) if single else tuple(seed_range(1 if seeds is None else seeds, first)),
                 condition=Condition(variant or "nominal", not no_friction),
                 duration=duration,
                 best_linear=not no_bla,
                 threads=threads,
                 stage=progress,
             )
-        files = [] if folder is None else _write(study, folder)
+        files = _write(study, folder) if folder else []
     if json:
         print_json({**study.record(), "files": files})
     else:
         _print(study)
-        for path in files:
-            say(f"written: {path}")
+        say_each("written: ", files)
     return 1 if study.failed else 0
-
-
-def _seeds(count: int, first: int | None) -> tuple[int | None, ...]:
-    from scenarios.experiments.waveform import seed_range
-
-    return (None,) if first is None and count == 1 else tuple(seed_range(count, 1 if first is None else first))
 
 
 def _read(paths: "Sequence[Path]") -> "list[JointLog]":
@@ -154,11 +156,8 @@ def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
     import csv
     import io
 
-    import matplotlib
-
     from scenarios.files.atomic_write import write_whole
     from scenarios.identification.bandwidth_figure import bandwidth_figure
-    from scenarios.report.figures import SETTINGS, save_figure
 
     table, picture, drawing = (folder / name for name in FILES)
     records = []
@@ -175,11 +174,7 @@ def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
     writer.writeheader()
     writer.writerows(records)
     write_whole(table, text.getvalue())
-    with matplotlib.rc_context(SETTINGS):
-        figure = bandwidth_figure(study)
-        save_figure(figure, picture, dpi=150)
-        save_figure(figure, drawing)
-    return [table, picture, drawing]
+    return [table, *draw(lambda: bandwidth_figure(study), picture, drawing)]
 
 
 def _print(study: "BandwidthStudy") -> None:
@@ -194,12 +189,9 @@ def _print(study: "BandwidthStudy") -> None:
     columns += ["agrees with\nbest linear"] if with_bla else []
     columns += ["gain 0.707\nat / Hz", "gain\nat 0 Hz"]
     for joint in study.joints:
-        groups: dict[tuple[str, str], list[RecoveredBandwidth]] = {}
-        for row in study.rows:
-            if row.joint == joint:
-                groups.setdefault((row.label, row.test), []).append(row)
-        several |= any(len(group) > 1 for group in groups.values())
-        lines = [_line(group, best_linear=with_bla) for group in groups.values()]
+        groups = study.groups(joint)
+        several |= any(len(group) > 1 for group in groups)
+        lines = [_line(group, best_linear=with_bla) for group in groups]
         unjudged = [""] * (len(columns) - 6)  # near, holds, agrees
         truth = study.truth.joint(joint)
         level = f"{half_power_hz(truth.model):.3f}"
@@ -215,47 +207,43 @@ def _print(study: "BandwidthStudy") -> None:
         print_table(f"{joint}, {study.condition}", columns, lines)
     if several:
         say("Of several seeds: the middle bandwidth with its own interval, the range in brackets, and how many of all")
-    for text in study.refusals():
-        say(f"not claimed: {text}")
+    say_each("not claimed: ", study.refusals())
     for entry in study.best_linear.values():
-        for text in entry.cautions:
-            say(f"{entry.joint}, test {entry.test}: its best linear bandwidth says little: {text}")
+        say_each(f"{entry.joint}, test {entry.test}: its best linear bandwidth has little meaning: ", entry.cautions)
     if with_bla:
         first = next(iter(study.best_linear.values()))
         say(f"Best linear truth, e.g. {first.joint}, test {first.test}: {first.described}; friction as in the test")
-    for text in study.answers():
-        say(f"- {text}")
-    for name, why in study.failed.items():
-        say(f"failed: {name}: {why}")
+    say_each("- ", study.answers())
+    say_each("failed: ", (f"{name}: {why}" for name, why in study.failed.items()))
 
 
 def _line(group: "Sequence[RecoveredBandwidth]", *, best_linear: bool) -> list[str]:
-    """The line of one method and test; of several seeds the middle bandwidth stands in it."""
+    """The line of one method and test; for several seeds it shows the middle bandwidth."""
     import numpy as np
 
     from scenarios.identification.one_hertz import between
 
     several = len(group) > 1
 
-    def count(values: "Sequence[bool | None]") -> str:
+    def count(values: "Iterable[bool | None]") -> str:
         known = [value for value in values if value is not None]
         if not known:
             return "—"
         return f"{sum(known)} of {len(known)}" if several else ("yes" if known[0] else "no")
 
-    def median(values: "Sequence[float]") -> str:
+    def median(values: "Iterable[float]") -> str:
         known = [value for value in values if np.isfinite(value)]
         return f"{np.median(known):.3f}" if known else "—"
 
     claimed = sorted((row for row in group if np.isfinite(row.hz)), key=lambda row: row.hz)
-    models = [row.model_hz for row in group if row.refused and np.isfinite(row.model_hz)]
     if claimed:
         middle = claimed[(len(claimed) - 1) // 2]
         hz = f"{middle.hz:.3f}" + (f" ({claimed[0].hz:.3f}..{claimed[-1].hz:.3f})" if several else "")
         interval = f"{middle.ci95[0]:.3f} to {middle.ci95[1]:.3f}"
     else:
+        models = [row.model_hz for row in group if row.refused and np.isfinite(row.model_hz)]
         hz, interval = "not claimed" + (f" (model: {between(models)})" if models else ""), "—"
-    line = [group[0].label, group[0].test, hz, interval]
-    line += [count([row.near for row in group]), count([row.covers for row in group])]
-    line += [count([row.covers_best_linear for row in group])] if best_linear else []
-    return [*line, median([row.half_power_hz for row in group]), median([row.dc_gain for row in group])]
+    cells = [group[0].label, group[0].test, hz, interval, count(row.near for row in group)]
+    cells += [count(row.covers for row in group)]
+    cells += [count(row.covers_best_linear for row in group)] if best_linear else []
+    return [*cells, median(row.half_power_hz for row in group), median(row.dc_gain for row in group)]

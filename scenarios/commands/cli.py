@@ -1,25 +1,18 @@
 """The command line `hmtb`: it finds the command, reads its options, runs it, and turns errors into exit codes."""
 
-import contextlib
 import functools
-import inspect
-import io
 import os
-import re
 import shlex
 import sys
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module, metadata
 from pathlib import Path
-from typing import ParamSpec
-
-import tyro
 
 from scenarios.commands.dataset import DATA_SET_COMMANDS
 from scenarios.commands.dataset import DESCRIPTION as DATA_SETS
 from scenarios.commands.output import reason
-from scenarios.commands.usage import complaint, listing, wrapped
+from scenarios.commands.usage import listing, read_options
 from scenarios.files.errors import ScenarioError, unknown
 
 DESCRIPTION = """A twin of NASA's Hydraulic Manipulator Test Bed, and the identification study on it.
@@ -109,76 +102,28 @@ def parse(words: list[str]) -> Callable[[], int]:
     Raises:
         ScenarioError: The words name no command, or the command does not take them.
     """
-    program, description = "hmtb", DESCRIPTION
-    commands: Mapping[str, Callable[[], Callable[..., int]]] = {
-        name: functools.partial(_command, name) for name in COMMANDS
-    }
+    program, description, places = "hmtb", DESCRIPTION, {name: f"{name}:{name}" for name in COMMANDS}
     if words[0] == "dataset":
-        program, description, words = "hmtb dataset", DATA_SETS, words[1:] or ["--help"]
-        commands = {name: functools.partial(_data_set_command, name) for name in DATA_SET_COMMANDS}
+        program, description, places, words = "hmtb dataset", DATA_SETS, DATA_SET_COMMANDS, words[1:] or ["--help"]
     name, *options = words
     if name in ("-h", "--help"):
-        text = listing(program, description, {name: load() for name, load in commands.items()})
+        text = listing(program, description, {name: _command(place) for name, place in places.items()})
         return functools.partial(_write, text)
-    if name not in commands:
-        raise ScenarioError(unknown("command", name, commands))
-    return _parsed(commands[name](), f"{program} {name}", options)
+    if name not in places:
+        raise ScenarioError(unknown("command", name, places))
+    call = read_options(_command(places[name]), f"{program} {name}", options)
+    return functools.partial(_write, call) if isinstance(call, str) else call
+
+
+def _command(place: str) -> Callable[..., int]:
+    module, _, function = place.partition(":")
+    command: Callable[..., int] = getattr(import_module(f"scenarios.commands.{module}"), function)
+    return command
 
 
 def _write(text: str) -> int:
     sys.stdout.write(text)
     return 0
-
-
-def _command(name: str) -> Callable[..., int]:
-    command: Callable[..., int] = getattr(import_module(f"scenarios.commands.{name}"), name)
-    return command
-
-
-def _data_set_command(name: str) -> Callable[..., int]:
-    module, _, function = DATA_SET_COMMANDS[name].partition(":")
-    command: Callable[..., int] = getattr(import_module(f"scenarios.commands.{module}"), function)
-    return command
-
-
-Options = ParamSpec("Options")
-
-
-def _parsed(command: Callable[Options, int], program: str, words: Sequence[str]) -> Callable[[], int]:
-    """The command with its options, ready to run, or its help.
-
-    Raises:
-        ScenarioError: The command does not take the words.
-    """
-
-    @functools.wraps(command)
-    def fill(*args: Options.args, **kwargs: Options.kwargs) -> Callable[[], int]:
-        return functools.partial(command, *args, **kwargs)
-
-    # The parser keeps the line breaks in the description of an option, so here they go; it reads a wrapped function.
-    fill.__signature__ = inspect.signature(command)  # type: ignore[attr-defined]
-    del fill.__wrapped__
-    fill.__doc__ = re.sub(r"\n {8}(?=\S)", " ", inspect.cleandoc(command.__doc__ or ""))
-
-    def understand() -> Callable[[], int]:
-        call: Callable[[], int] = tyro.cli(
-            fill,
-            prog=program,
-            args=words,
-            config=(tyro.conf.FlagCreatePairsOff, tyro.conf.HelptextFromCommentsOff),
-        )
-        return call
-
-    # The parser draws its boxes as far as the encoding of the output allows.
-    help_text = io.TextIOWrapper(io.BytesIO(), encoding=sys.stdout.encoding or "utf-8")
-    try:
-        with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(help_text):
-            return understand()
-    except SystemExit as leaving:
-        if leaving.code:
-            raise ScenarioError(complaint(understand, program)) from None
-        help_text.seek(0)
-        return functools.partial(_write, wrapped(help_text.read()))
 
 
 def _version() -> str:
@@ -189,7 +134,7 @@ def _version() -> str:
 
 
 def _bad_input(error: Exception) -> str | None:
-    """The line for an error that the user can mend; None for a fault of ours, which keeps its traceback."""
+    """The message for an error that the user can fix; None for a bug, which keeps its traceback."""
     ours = {kind.__module__.partition(".")[0] for kind in type(error).__mro__} & {"scenarios", "hmtb_twin", "sysid"}
     if ours and isinstance(error, ValueError):
         return " ".join(str(error).split())

@@ -1,19 +1,19 @@
 """`hmtb compare`: models of any origin on a record, beside the truth."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, say
+from scenarios.commands.output import check_figure, draw, print_json, print_table, say, say_each
+from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from scenarios.identification.model_comparison import ComparedModels, JudgedModel
-    from sysid import IOData
+    from matplotlib.figure import Figure
 
-FIGURES = (".svg", ".png", ".pdf")
-"""Endings of figures."""
+    from scenarios.identification.model_comparison import JudgedModel
+    from sysid import IOData
 
 DRAWN = 5.0
 """Length of the drawn piece without --piece, s."""
@@ -41,19 +41,19 @@ def compare(
 ) -> int:
     """Compare models with a record: how well each simulates and predicts it, and its bandwidth.
 
-    Models are named by their origin:
+    Name models by their origin:
 
-      truth            the small-signal truth of the twin's arm, where the record is a log of hmtb simulate
+      truth            the small-signal truth of the twin's arm; the record is then a log of hmtb simulate
       published        every model of the joint that the thesis prints
       published:4.7    one of them by its equation: 4.7 to 4.13, 5.8 to 5.10, 4.7+4.9
-      published:okid   a model of three joints (sysid, okid, hybrid), or its part for the joint of the record
+      published:okid   a model of three joints (sysid, okid, hybrid); of one joint, its part for that joint
       oe:2/2/1         an estimator with its orders, as for hmtb identify, identified from --estimation
 
-    Fits are 100 (1 - |y - yhat| / |y - mean y|): 100 is perfect, 0 no better than the mean. In simulation a model sees
-    only commands. One step ahead it sees all measurements before, if it has a noise model; one without (OE) predicts
-    no better than it simulates. Without --estimation models are fitted to the record itself, which they then fit better
-    than any other. Every model is judged about its own operating point, with its initial state fitted, and files are
-    read as by hmtb identify.
+    Fits are 100 (1 - |y - yhat| / |y - mean y|): 100 is perfect, 0 no better than the mean. A simulation uses only the
+    commands. A prediction one step ahead also uses all earlier measurements, if the model describes the noise; one that
+    does not (OE) predicts no better than it simulates. Without --estimation, models are fitted to the record itself,
+    which they then fit better than any other. Every model is judged about its own operating point, with its initial
+    state fitted. Files are read as by hmtb identify.
 
       hmtb compare siso-8-elbow_pitch.nc --estimation siso-5-elbow_pitch.nc --models truth published oe:2/2/2 okid:2
       hmtb compare rpcm.nc --joint shoulder_yaw shoulder_pitch elbow_pitch --models published:sysid published:okid
@@ -62,7 +62,7 @@ def compare(
     Args:
         data: The record on which models are judged.
         models: The models; truth and published when not given.
-        estimation: Record from which estimators identify, read in the same way; DATA itself when not given.
+        estimation: Record from which models are identified, read in the same way; DATA itself when not given.
         joint: Which joint of a log, or several of one; the excited one when not given.
         input: Names of the input columns of a table, or variables of a .mat or .nc file.
         output: Names of the output columns, likewise.
@@ -73,38 +73,41 @@ def compare(
         skip: Leave out this much of the start of every record, s.
         keep_mean: Use the values as they are, without an operating point.
         steps: Horizon of a further prediction, samples.
-        piece: Start and length of the drawn piece, s; 5 s from the middle when not given.
+        piece: Start and length of the part of the record that the figure shows, s; 5 s from the middle when not given.
         out: One figure of the outputs and errors (.svg, .png or .pdf).
         json: Print JSON.
     """
     import warnings
 
-    from scenarios.files.atomic_write import check_place
-    from scenarios.files.data_file import joints_of
-    from scenarios.files.errors import ScenarioError
-    from scenarios.identification.model_comparison import compare_models, parsed, same_samples
+    from scenarios.files.data_file import joints_of, read_parts
+    from scenarios.identification.model_comparison import compare_models, parsed, read_joints
+    from sysid.validation.cross_validation import same_samples
 
     names = [parsed(text) for text in dict.fromkeys(models)]
     if not names:
         raise ScenarioError("no model named; expected one or more after --models")
     if out is not None:
-        if out.suffix not in FIGURES:
-            raise ScenarioError(f"--out {out} given, expected a figure: {', '.join(FIGURES)}")
-        check_place(out)
+        check_figure(out)
     elif piece is not None:
-        raise ScenarioError("--piece given without --out: it is the piece of the record that a figure shows")
+        raise ScenarioError("--piece given without --out: it is the part of the record that a figure shows")
     identified = ", ".join(name.text for name in names if name.kind not in ("truth", "published"))
     if estimation is not None and not identified:
         raise ScenarioError("--estimation given, but no model that is identified; name one, as oe:2/2/1")
-    options = {"input": input, "output": output, "dt": dt, "missing": missing}
+
+    def read(path: Path, joints: tuple[str, ...], test: str | None) -> "tuple[IOData, ...]":
+        if len(joints) < 2:
+            one = joints[0] if joints else None
+            return read_parts(path, joint=one, input=input, output=output, dt=dt, test=test, missing=missing)
+        if (input, output) != (("u",), ("y",)):
+            raise ScenarioError("--joint names joints of our own records; --input and --output are for tables")
+        return read_joints(path, joints, dt=dt, test=test, missing=missing)
+
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        records = _read(data, joint, test, options)
-        others = None
-        if estimation is not None:
-            # The same joints, whichever the other record excites.
-            others = _read(estimation, joint or joints_of(records[0]), estimation_test, options)
-        comparison = compare_models(
+        records = read(data, joint, test)
+        # The same joints, whichever the other record excites.
+        others = read(estimation, joint or joints_of(records[0]), estimation_test) if estimation else None
+        parts, judged = compare_models(
             names,
             records,
             data,
@@ -120,8 +123,8 @@ def compare(
         where = f"{data.name} itself" if estimation is None else f"{estimation.name}, which holds the same record"
         texts.append(f"{identified}: identified from {where}, so that the fit is no validation (--estimation)")
     if out is not None:
-        _draw(comparison, data, out, piece)
-    first, samples = comparison.parts[0], sum(map(len, comparison.parts))
+        draw(lambda: _figure(parts, judged, data, piece), out)
+    first, samples = parts[0], sum(map(len, parts))
     if json:
         print_json(
             {
@@ -131,40 +134,24 @@ def compare(
                 "outputs": first.output_names,
                 "samples": samples,
                 "dt": first.dt,
-                "models": [_record(model) for model in comparison.models],
+                "models": [_record(model) for model in judged],
                 "warnings": texts,
                 "figure": out,
             }
         )
         return 0
-    _print_models(comparison, f"Models on {data.name}, {samples} samples every {first.dt:g} s")
-    if estimation is not None and identified:
-        say(f"identified from: {estimation}")
+    _print_models(judged, first.output_names or (), f"Models on {data.name}, {samples} samples every {first.dt:g} s")
+    say_each("identified from: ", [estimation] if estimation else [])
     remarks: dict[str, list[str]] = {}
-    for model in comparison.models:
+    for model in judged:
         for text in model.remarks:
             remarks.setdefault(text, []).append(model.label)
     for text, labels in remarks.items():
         # Remarks on printed models name their equation themselves.
         say(f"note: {text}" if labels[0].startswith("published") else f"{', '.join(labels)}: {text}")
-    for text in texts:
-        say(f"warning: {text}")
-    if out is not None:
-        say(f"figure: {out}")
+    say_each("warning: ", texts)
+    say_each("figure: ", [out] if out else [])
     return 0
-
-
-def _read(path: Path, joints: Sequence[str], test: str | None, options: Mapping[str, object]) -> "tuple[IOData, ...]":
-    """The record, of one joint as every command reads it, or of several."""
-    from scenarios.files.data_file import read_parts
-    from scenarios.files.errors import ScenarioError
-    from scenarios.identification.model_comparison import read_joints
-
-    if len(joints) < 2:
-        return read_parts(path, joint=joints[0] if joints else None, test=test, **options)  # type: ignore[arg-type]
-    if (options["input"], options["output"]) != (("u",), ("y",)):
-        raise ScenarioError("--joint names joints of our own records; --input and --output are for tables")
-    return read_joints(path, joints, dt=options["dt"], test=test, missing=bool(options["missing"]))  # type: ignore[arg-type]
 
 
 def _record(entry: "JudgedModel") -> dict[str, object]:
@@ -174,7 +161,7 @@ def _record(entry: "JudgedModel") -> dict[str, object]:
     from sysid import FrequencyResponse
     from sysid.models.bandwidth import gain_crossing
 
-    model, gain = entry.model, entry.model.dc_gain()
+    model, single = entry.model, entry.model.nu == entry.model.ny == 1
     f = np.geomspace(1e-4, 0.5, 4000) / model.dt
     response = model.frequency_response(f)
     # Frequency of the gain 0.707 from each input to its own output; NaN where the gain starts below it.
@@ -182,15 +169,13 @@ def _record(entry: "JudgedModel") -> dict[str, object]:
         gain_crossing(FrequencyResponse(f, response[:, k : k + 1, k : k + 1], model.dt, "model"), np.sqrt(0.5))
         for k in range(min(model.ny, model.nu))
     ]
-    values = {"bandwidth_hz": entry.bandwidth_hz, "ci95": entry.ci95, "dc_gain": gain}
-    if model.nu == model.ny == 1:
-        values = {key: value[0, 0] for key, value in values.items()}
+    values = {"bandwidth_hz": entry.bandwidth_hz, "ci95": entry.ci95, "dc_gain": model.dc_gain()}
     return {
         "model": entry.label,
         "kind": entry.kind,
         "fit": {key: getattr(entry.fit, key) for key in ("simulation", "one_step", "steps", "ahead")},
-        **values,
-        "half_power_hz": half_power[0] if model.nu == model.ny == 1 else half_power,
+        **{key: value[0, 0] if single else value for key, value in values.items()},
+        "half_power_hz": half_power[0] if single else half_power,
         "poles": model.input_path().poles(),
         "stable": model.is_stable(),
         "operating_point": entry.level,
@@ -198,61 +183,48 @@ def _record(entry: "JudgedModel") -> dict[str, object]:
     }
 
 
-def _print_models(comparison: "ComparedModels", title: str) -> None:
+def _print_models(judged: Sequence["JudgedModel"], outputs: Sequence[str], title: str) -> None:
     import numpy as np
 
-    steps, outputs = comparison.models[0].fit.steps, comparison.parts[0].output_names or ()
-    several = len(outputs) > 1
+    steps, several = judged[0].fit.steps, len(outputs) > 1
     columns = ["model", *(["output"] if several else []), "simulation %", "one step %"]
     columns += [f"{steps} steps %"] if steps > 1 else []
     columns += ["bandwidth Hz", "95 % interval", "gain at 0 Hz", "stable"]
     rows = []
-    for entry in comparison.models:
-        gain = entry.model.dc_gain()
+    for entry in judged:
+        gain, fit = entry.model.dc_gain(), entry.fit
         for i, name in enumerate(outputs):
             k = min(i, entry.model.nu - 1)
             hz, (low, high) = entry.bandwidth_hz[i, k], entry.ci95[i, k]
-            row = [entry.label if i == 0 else "", *([name] if several else [])]
-            row += [f"{entry.fit.simulation[i]:.2f}", f"{entry.fit.one_step[i]:.2f}"]
-            row += [f"{entry.fit.ahead[i]:.2f}"] if steps > 1 else []
-            row.append(f"{hz:.3f}" if np.isfinite(hz) else "—")
-            row.append(f"{low:.3f} to {high:.3f}" if np.isfinite(low) else "")
+            fits = (fit.simulation, fit.one_step, fit.ahead) if steps > 1 else (fit.simulation, fit.one_step)
+            row = [entry.label if i == 0 else "", *([name] if several else []), *(f"{one[i]:.2f}" for one in fits)]
+            row += [f"{hz:.3f}" if np.isfinite(hz) else "—", f"{low:.3f} to {high:.3f}" if np.isfinite(low) else ""]
             row.append(f"{gain[i, k]:.3f}" if abs(gain[i, k]) < 1e9 else "—")
             rows.append([*row, "yes" if entry.model.is_stable() else "NO"])
     print_table(title, columns, rows)
 
 
-def _draw(comparison: "ComparedModels", data: Path, out: Path, piece: tuple[float, float] | None) -> None:
-    import matplotlib
-
-    from scenarios.files.errors import ScenarioError
-    from scenarios.report.figures import SETTINGS, save_figure
+def _figure(
+    parts: Sequence["IOData"], judged: Sequence["JudgedModel"], data: Path, piece: tuple[float, float] | None
+) -> "Figure":
     from sysid.plots import PALETTE, Trace, output_comparison
 
-    longest = max(range(len(comparison.parts)), key=lambda k: len(comparison.parts[k]))
-    record = comparison.parts[longest]
+    longest, record = max(enumerate(parts), key=lambda entry: len(entry[1]))
     whole = len(record) * record.dt
     start, length = piece or (max(0.5 * (whole - DRAWN), 0.0), min(DRAWN, whole))
     if not (0.0 <= start < whole and length > 0.0):
         raise ScenarioError(f"--piece {start:g} {length:g} given, expected a start from 0 to below {whole:g} s")
-    # Each kind looks as it does everywhere; further ones of a kind take what no kind here has.
-    looks = {entry.kind: PALETTE[entry.kind] for entry in comparison.models}
+    # The first model of a kind has the colour that the kind has everywhere; further ones take colours of absent kinds.
+    looks = {entry.kind: PALETTE[entry.kind] for entry in judged}
     free = [look for name, look in PALETTE.items() if name not in (*looks, "measured", "etfe", "truth")]
     traces = []
-    for entry in comparison.models:
+    for entry in judged:
         fit = entry.fit.by_experiment[longest] if entry.fit.by_experiment else entry.fit
         style = looks.pop(entry.kind, None) or (free.pop(0) if free else PALETTE[entry.kind])
         percents = ", ".join(f"{value:.1f}" for value in fit.simulation)
         traces.append(Trace(f"{entry.label}: fit {percents} %", fit.simulated + entry.level, style))
     radians = all(unit == "rad" for unit in record.output_units or ("",))
-    with output_folder(out.parent), matplotlib.rc_context(SETTINGS):
-        figure = output_comparison(
-            record,
-            traces,
-            start=start,
-            length=length,
-            scale=1000.0 if radians else 1.0,
-            unit="mrad" if radians else None,
-        )
-        figure.axes[0].set_title(f"{data.name}: simulated outputs", loc="left", fontsize=10)
-        save_figure(figure, out, dpi=150)
+    scale, unit = (1000.0, "mrad") if radians else (1.0, None)
+    figure = output_comparison(record, traces, start=start, length=length, scale=scale, unit=unit)
+    figure.axes[0].set_title(f"{data.name}: simulated outputs", loc="left", fontsize=10)
+    return figure

@@ -1,16 +1,13 @@
 """`hmtb convert`: records of the bus from one file format to another."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, say
-
-if TYPE_CHECKING:
-    from hmtb_twin.bus.record import BusRecord
+from scenarios.commands.output import counted, output_folder, print_json, print_table, say_beside_bar, say_each
+from scenarios.files.errors import ScenarioError, unknown
 
 
 def convert(
@@ -30,8 +27,8 @@ def convert(
 
     hmtb convert run-1.ch10 ascii --format ascii
 
-    A conversion that would lose values is refused, with a list of them; --lossy does it nevertheless. A CSV file has no
-    place for the name of the test and its excited axes; a note says so.
+    A conversion that would lose values is refused, with a list of them; --lossy converts nevertheless. A CSV file
+    cannot hold the name of the test and its excited axes; a note reminds of it.
 
     Args:
         paths: Files to convert, then the file or folder to write.
@@ -40,8 +37,8 @@ def convert(
         lossy: Convert although values are lost.
         json: Print JSON.
     """
-    from scenarios.files.errors import ScenarioError
-    from scenarios.files.record_file import RecordFile, losses, read_records, unnamed
+    from hmtb_twin.bus.recorder_run import record_run
+    from scenarios.files.record_file import ENDINGS, RecordFile, losses, read_records, unnamed, write_record
 
     if len(paths) < 2:
         raise ScenarioError("expected a file to convert and the file or folder to write; see hmtb convert --help")
@@ -66,8 +63,16 @@ def convert(
     if len(set(names)) < len(names) and not single:
         twice_named = next(name for name in names if names.count(name) > 1)
         raise ScenarioError(f"two tests are named {twice_named!r}; their files would be one")
-    written, messages = _write(records, kind, out, single, sources[0].stem)
-    warnings += messages
+    with output_folder(out.parent if single else out):
+        if kind == "1553":
+            bus = record_run(records, out if single else out / f"{sources[0].stem}{ENDINGS[kind]}")
+            written = [bus.path]
+            warnings += [bus.message] if bus.message else []  # the recorder's memory may be too small
+        else:
+            # Without characters that leave the folder.
+            safe = [name.replace("/", "_").replace("\\", "_").lstrip(".") or "test" for name in names]
+            places = [out] if single else [out / f"{name}{ENDINGS[kind]}" for name in safe]
+            written = [write_record(record, place) for record, place in zip(records, places, strict=True)]
     notes = unnamed(records, kind, [path.stem for path in written])
     missing = [int(record.lost.sum()) for record in records]
     code = 1 if any(entry.message for entry in contents) else 0
@@ -79,22 +84,18 @@ def convert(
         print_json({"files": written, "tests": tests, "lost": [*lost, *notes], "warnings": warnings})
         return code
     rows = [
-        (record.name, str(written[min(k, len(written) - 1)]), f"{len(record) * record.dt:g} s", str(lost_ticks))
-        for k, (record, lost_ticks) in enumerate(zip(records, missing, strict=True))
+        (record.name, str(written[min(k, len(written) - 1)]), f"{len(record) * record.dt:g} s", str(missing[k]))
+        for k, record in enumerate(records)
     ]
-    print_table(
-        f"{len(written)} file{'s' if len(written) != 1 else ''}", ("test", "file", "length", "ticks lost"), rows
-    )
-    for text in warnings:
-        say(f"warning: {text}")
+    print_table(counted(len(written), "file"), ("test", "file", "length", "ticks lost"), rows)
+    say_each("warning: ", warnings)
     for text in notes:
-        sys.stderr.write(f"note: {text}\n")
+        say_beside_bar(f"note: {text}")
     return code
 
 
 def _target(sources: Sequence[Path], out: Path, format: str | None) -> tuple[str, bool]:
     """The format to write, and whether into one file or a folder."""
-    from scenarios.files.errors import ScenarioError, unknown
     from scenarios.files.record_file import ENDINGS, FORMATS, format_of
 
     if format is not None and format not in ENDINGS:
@@ -110,25 +111,3 @@ def _target(sources: Sequence[Path], out: Path, format: str | None) -> tuple[str
     if any(source.resolve() == out.resolve() for source in sources):
         raise ScenarioError(f"{str(out)!r} would be written over itself; name another file")
     return format_of(out), True
-
-
-def _write(
-    records: "Sequence[BusRecord]", kind: str, out: Path, single: bool, stem: str
-) -> tuple[list[Path], list[str]]:
-    """Write the records; return the files and messages of the recorder, whose memory may be too small."""
-    from hmtb_twin.bus.recorder_run import record_run
-    from scenarios.files.record_file import ENDINGS, write_record
-
-    with output_folder(out.parent if single else out):
-        if kind == "1553":
-            bus = record_run(records, out if single else out / f"{stem}{ENDINGS[kind]}")
-            return [bus.path], [bus.message] if bus.message else []
-        return [
-            write_record(record, out if single else out / f"{_file_name(record.name)}{ENDINGS[kind]}")
-            for record in records
-        ], []
-
-
-def _file_name(name: str) -> str:
-    """A test's name without characters that leave the folder."""
-    return name.replace("/", "_").replace("\\", "_").lstrip(".") or "test"

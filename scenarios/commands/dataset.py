@@ -1,13 +1,13 @@
 """`hmtb dataset`: list, show, check, export and score benchmark data sets; build and grade have files of their own."""
 
 import tomllib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from scenarios.commands.output import print_json, print_table, progress, say
+from scenarios.commands.output import counted, print_json, print_table, progress, say, say_each
+from scenarios.files.errors import ScenarioError
 from scenarios.jobs.progress import show_progress
 
 DESCRIPTION = """Benchmark data sets with exact truth: built from a spec, checked, exported and scored.
@@ -15,9 +15,9 @@ DESCRIPTION = """Benchmark data sets with exact truth: built from a spec, checke
 Start with:
 
   hmtb dataset list                               the data sets that come with the package
-  hmtb dataset show hmtb-siso-v1                  the spec of one as TOML, to write your own from
+  hmtb dataset show hmtb-siso-v1                  the spec of one as TOML, from which to write your own
   hmtb dataset build hmtb-siso-v1                 build it; an interrupted build resumes with the same command
-  hmtb dataset check hmtb-siso-v1                 check that a copy is complete and still what its spec gives
+  hmtb dataset check hmtb-siso-v1                 check that a copy is complete and unchanged
   hmtb dataset export hmtb-siso-v1 --format csv   write its records for other programs
   hmtb dataset score PREDICTIONS --data hmtb-siso-v1      score your predictions of the test part
   hmtb dataset baselines hmtb-siso-v1 --method oe --orders 2 2 1      the score of a known method
@@ -65,12 +65,12 @@ def list_(*, json: bool = False) -> int:
         print_json({"data_sets": entries})
         return 0
     rows = [(label, str(len(p)), f"{p.seconds / 3600:.3g} h", p.spec.title) for label, p in plans.items()]
-    print_table("data sets", ("name", "experiments", "length", "what it is"), rows)
+    print_table("data sets", ("name", "experiments", "length", "title"), rows)
     return 0
 
 
 def show(spec: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC")], /, *, json: bool = False) -> int:
-    """Show the spec of a data set as TOML, with all defaults, to write your own from.
+    """Show the spec of a data set as TOML, with all defaults, from which to write your own.
 
     hmtb dataset show hmtb-siso-v1 > mine.toml, edit it and change its name, then hmtb dataset build mine.toml.
 
@@ -102,13 +102,13 @@ def check(
     hmtb dataset check hmtb-siso-v1
 
     The exit code is 1 if anything differs. With the software that built the data set, experiments that are simulated
-    again must have the same bits. With other versions numbers must agree to nine digits, and measured angles to one
+    again must have the same bits; with other versions, numbers must agree to nine digits, and measured angles to one
     count of the resolver.
 
     Args:
         folder: The data set.
         regenerate: How many experiments to simulate again.
-        seed: Draws them.
+        seed: Seed by which they are chosen.
         workers: Threads for the physics.
         json: Print JSON.
     """
@@ -118,13 +118,10 @@ def check(
         result = examine(folder, regenerate=regenerate, seed=seed, workers=workers, progress=report)
     if json:
         print_json({"passed": result.passed, "problems": result.problems, "notes": result.notes})
-        return 0 if result.passed else 1
-    for problem in result.problems:
-        say(f"problem: {problem}")
-    for note in result.notes:
-        say(f"note: {note}")
-    count = len(result.problems)
-    say(f"{folder}: {'passed' if result.passed else f'{count} problem' + 's' * (count > 1)}")
+    else:
+        say_each("problem: ", result.problems)
+        say_each("note: ", result.notes)
+        say(f"{folder}: {'passed' if result.passed else counted(len(result.problems), 'problem')}")
     return 0 if result.passed else 1
 
 
@@ -155,8 +152,8 @@ def export(
         folders = export_data_set(folder, out, formats, progress=report)
     if json:
         print_json({"folders": folders})
-    for path in () if json else folders:
-        say(str(path))
+    else:
+        say_each("", folders)
     return 0
 
 
@@ -169,9 +166,9 @@ def score(
 ) -> int:
     """Score predicted outputs of the test part of a data set.
 
-    The spec of the data set states the score: its metric, its unit, and how many steps ahead outputs are predicted.
-    With 0 steps, a simulation, a prediction may use all inputs, but outputs of the initialisation window only; with
-    more steps also outputs that are at least so many samples older. The window is not scored. The overall score is the
+    The spec of the data set states the score: its metric, its unit, and how many steps ahead outputs are predicted. 0
+    steps are a simulation: a prediction may use all inputs, but only the outputs of the initialisation window. With k
+    steps it may also use outputs that are at least k samples older. The window is not scored. The overall score is the
     mean over all records and outputs of the test part; all of them must be predicted.
 
     Predictions are a folder, or files, one for each record of the test part. A file has the name of the experiment and
@@ -198,7 +195,7 @@ def score(
                 "steps": rule.steps,
                 "mean": result.mean,
                 "joints": result.by_joint,
-                "scores": [vars(one) for one in result.scores],
+                "scores": [one._asdict() for one in result.scores],
             }
         )
         return 0
@@ -206,7 +203,7 @@ def score(
     print_table(f"{rule.metric} / {result.unit}", ("record", "output", rule.metric), rows)
     for joint, value in result.by_joint.items():
         say(f"{joint}: {value:.6g} {result.unit}, mean over its records")
-    how = "in simulation" if rule.steps == 0 else f"{rule.steps} step{'s' if rule.steps > 1 else ''} ahead"
+    how = f"{counted(rule.steps, 'step')} ahead" if rule.steps else "in simulation"
     say(f"score: {result.mean:.6g} {result.unit} ({rule.metric} {how}, mean over all records and outputs)")
     return 0
 
@@ -223,8 +220,8 @@ def baselines(
 ) -> int:
     """Repeat a baseline of a data set, and compare it with the row that is published in its baselines.csv.
 
-    Models and their operating point are identified from the training part alone, and scored as predictions are: the
-    initial state comes from the initialisation window. Where a record has several outputs, methods of one output
+    Models and their operating point are identified from the training part alone. They are scored as predictions are,
+    with the initial state from the initialisation window. Where a record has several outputs, methods of one output
     identify one model for each. Without --method every row that the spec of the data set lists is repeated.
 
       hmtb dataset baselines hmtb-siso-v1 --method oe --orders 2 2 1
@@ -236,62 +233,45 @@ def baselines(
         data: Folder of the data set.
         method: An estimator of hmtb identify; hold (last output of the window), gain (static) or truth (small signals).
         orders: Orders of the estimator, as for hmtb identify.
-        twins: How many of the randomised twins get a model, evenly spaced, 0: all; by default as in the spec.
-        records: How many training records of each block are used, by arm and joints, 0: all; by default as in the spec.
+        twins: Number of randomised twins that get a model, evenly spaced; 0: all; by default as in the spec.
+        records: Number of training records of each block, arm and set of joints; 0: all; by default as in the spec.
         json: Print JSON.
     """
     from dataclasses import replace
 
-    from scenarios.datasets.baselines import BaselineData, differences, read_table, report
+    from scenarios.datasets.baselines import BaselineData, differences, report
     from scenarios.datasets.data_set import open_data_set
     from scenarios.datasets.plan import BASELINES
     from scenarios.datasets.spec_tables import Method
-    from scenarios.files.errors import ScenarioError
+    from scenarios.datasets.tables import read_table
 
     if method is None and orders:
         raise ScenarioError(f"--orders {' '.join(map(str, orders))} given without --method")
     opened = open_data_set(data)
     planned = opened.spec.baselines
-    bench = BaselineData(
-        opened,
-        replace(
-            planned,
-            twins=planned.twins if twins is None else twins,
-            records=planned.records if records is None else records,
-        ),
-    )
+    chosen = {name: value for name, value in (("twins", twins), ("records", records)) if value is not None}
+    bench = BaselineData(opened, replace(planned, **chosen))  # type: ignore[arg-type]
     methods = planned.methods if method is None else (Method(method, tuple(orders)),)
     rows = [report(bench, entry)["row"] for entry in methods]
-    published = (
-        {row.get("command", ""): row for row in read_table(data / BASELINES)} if (data / BASELINES).is_file() else {}
-    )
+    published = {row.get("command", ""): row for row in read_table(data / BASELINES)}
     different = {
         row["command"]: differences(row, published[row["command"]]) for row in rows if row["command"] in published
     }
+    code = 1 if any(different.values()) else 0
     if json:
         print_json({"rows": rows, "differences": different})
-    else:
-        _print_baselines(rows, different)
-    return 1 if any(different.values()) else 0
-
-
-def _print_baselines(rows: "list[dict[str, str]]", different: "Mapping[str, tuple[str, ...]]") -> None:
+        return code
     first = rows[0]
     scores = [name for name in first if name == "test" or name.startswith("test_")] + ["validation"]
-    title = (
-        f"{first['metric']} / {first['unit']}, {'simulation' if first['steps'] == '0' else 'steps: ' + first['steps']}"
-    )
-    table = [
+    horizon = "simulation" if first["steps"] == "0" else f"steps: {first['steps']}"
+    cells = [
         [row["method"], row["orders"], *(f"{float(row[name]):.5g}" if row[name] else "" for name in scores)]
         for row in rows
     ]
-    print_table(title, ["method", "orders", *(name.replace("test_", "test\n") for name in scores)], table)
+    columns = ["method", "orders", *(name.replace("test_", "test\n") for name in scores)]
+    print_table(f"{first['metric']} / {first['unit']}, {horizon}", columns, cells)
     for row in rows:
-        if row["failed"]:
-            say(f"{row['method']} {row['orders']}: {row['failed']}")
-        elif row["command"] not in different:
-            say(f"{row['method']} {row['orders']}: no such row is published")
-        for text in different.get(row["command"], ()):
-            say(f"{row['method']} {row['orders']}: {text}")
-    same = sum(1 for texts in different.values() if not texts)
-    say(f"{same} of {len(rows)} rows are as published")
+        remarks = different.get(row["command"], ("no such row is published",))
+        say_each(f"{row['method']} {row['orders']}: ", [row["failed"]] if row["failed"] else remarks)
+    say(f"{sum(not texts for texts in different.values())} of {len(rows)} rows are as published")
+    return code

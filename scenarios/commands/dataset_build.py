@@ -6,14 +6,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from scenarios.commands.output import print_json, say, say_beside_bar
+from scenarios.commands.output import at_least_one, cluster_executor, print_json, say, say_each
+from scenarios.files.errors import ScenarioError
 from scenarios.jobs.progress import How, Progress, show_progress
 
 MOST_REASONS = 20
 """Reasons of failures that are printed."""
 
+
 if TYPE_CHECKING:
-    from scenarios.jobs.executor import Executor
+    from scenarios.datasets.build import BuiltDataSet
+    from scenarios.datasets.spec import DataSetSpec
 
 
 def build(
@@ -33,8 +36,8 @@ def build(
 ) -> int:
     """Build a data set into a folder of its own; an interrupted build resumes with the same command.
 
-    Nothing is lost if a build is interrupted, killed or out of disk: run the command again, and it ends in the same
-    bytes. An experiment that fails is listed with its reason; the rest continues, and the exit code is 1.
+    Nothing is lost if a build is interrupted, killed or out of disk: run the command again, and the data set has the
+    same bytes. An experiment that fails is listed with its reason; the others continue, and the exit code is 1.
 
     With --withhold the data set in --out holds nothing from which its truth can be computed: no truth, no seeds, and of
     scored records only the outputs of the initialisation window. FOLDER keeps the complete data sets for hmtb dataset
@@ -47,63 +50,58 @@ def build(
         out: Folder in which the folder of the data set is created.
         withhold: Publish without the truth, and keep the complete data sets and their seeds in this folder.
         students: A data set for each person, with arms, noise and waveforms of its own: a text file, one name per line.
-        seed: With --withhold: seeds follow from it; by default they are drawn from the system's randomness.
+        seed: With --withhold: all seeds follow from it; by default they are drawn from the system's randomness.
         workers: Threads for the physics, all processors by default; the data do not depend on it.
-        rows: Experiments that run side by side at most: fewer need less memory; the data do not depend on it.
+        rows: Most experiments that run side by side: fewer need less memory; the data do not depend on it.
         cluster: Address of a Dask scheduler, tcp://HOST:8786, whose workers run the experiments with this package.
         patience: How long to wait for a lost scheduler or for missing workers, s.
         progress: How stderr shows the progress; auto is a bar on a terminal, else a line now and then.
         json: Print JSON.
     """
     from scenarios.datasets.build import build as build_data_set
-    from scenarios.datasets.chunk import MOST_ROWS
+    from scenarios.datasets.chunk import CLUSTER_ROWS, MOST_ROWS
     from scenarios.datasets.plan import UNFINISHED
     from scenarios.datasets.spec import load_spec
     from scenarios.datasets.withhold import build_withheld, read_roster
-    from scenarios.files.errors import ScenarioError
 
-    if workers is not None and workers < 1:
-        raise ScenarioError(f"workers must be 1 or more, given {workers}")
+    at_least_one("--workers", workers)
     for option, value in (("--students", students), ("--seed", seed)):
         if value is not None and withhold is None:
             raise ScenarioError(f"{option} given without --withhold FOLDER; the seed of other data sets is in the spec")
-    executor: Executor[Any] | None = None
-    if cluster is not None:
-        from scenarios.datasets.chunk import CLUSTER_ROWS
-        from scenarios.jobs.cluster import Cluster
-
-        if workers is not None:
-            raise ScenarioError("--workers and --cluster given; expected one: Dask's workers have threads of their own")
-        executor, usual = Cluster(cluster, patience=patience, report=say_beside_bar), CLUSTER_ROWS
-    else:
-        usual = MOST_ROWS
-    work: dict[str, Any] = {"workers": workers, "rows": usual if rows is None else rows, "executor": executor}
+    executor = None if cluster is None else cluster_executor(cluster, patience, workers)
+    usual = MOST_ROWS if executor is None else CLUSTER_ROWS
     read = load_spec(spec)
-    latest: list[Progress] = []
+    latest: Progress | None = None
     with show_progress(read.label, progress) as show:
 
         def update(now: Progress) -> None:
-            latest[:] = [now]
+            nonlocal latest
+            latest = now
             show(now)
+
+        work: dict[str, Any] = {"workers": workers, "rows": usual if rows is None else rows, "executor": executor}
+
+        def build_one(spec: "DataSetSpec", out: Path) -> "BuiltDataSet":
+            return build_data_set(spec, out, **work, progress=update)
 
         if withhold is not None:
             persons = () if students is None else read_roster(students)
             try:
-                done = build_withheld(read, out, withhold, persons=persons, seed=seed, **work, progress=update)
+                paths, failed = build_withheld(read, out, withhold, persons=persons, seed=seed, build=build_one)
             except KeyboardInterrupt:
                 raise KeyboardInterrupt(f"finished experiments kept in {withhold}") from None
             if json:
-                print_json({"paths": done.paths, "withheld": done.withheld, "failed": done.failed})
+                print_json({"paths": paths, "withheld": withhold, "failed": failed})
             else:
-                _say_failed(done.failed)
-                for folder in done.paths:
-                    say(str(folder))
-                say(f"{done.withheld}: keep it secret: it holds the truth and the seeds, and grades submissions")
-            return 1 if done.failed else 0
+                _say_failed(failed)
+                say_each("", paths)
+                say(f"{withhold}: keep it secret: it holds the truth and the seeds, and grades submissions")
+            return 1 if failed else 0
+        unfinished = out / (read.label + UNFINISHED)
         try:
-            built = build_data_set(read, out, **work, progress=update)
+            built = build_one(read, out)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(_kept(latest, out / (read.label + UNFINISHED))) from None
+            raise KeyboardInterrupt(_kept(latest, unfinished) if unfinished.is_dir() else "") from None
     if json:
         print_json({"path": built.path, "experiments": built.experiments, "failed": built.failed, "hash": built.hash})
     else:
@@ -113,7 +111,7 @@ def build(
 
 
 def _say_failed(failed: Mapping[str, str]) -> None:
-    """Print what failed; a reason that many experiments share is printed once."""
+    """Print each reason of failures once, with the first experiment that it stopped."""
     names: dict[str, list[str]] = {}
     for name, why in failed.items():
         # The laboratory names the experiment too; names of a class come with the label of the data set.
@@ -124,10 +122,11 @@ def _say_failed(failed: Mapping[str, str]) -> None:
         say(f"failed: {sum(map(len, list(names.values())[MOST_REASONS:]))} more, for other reasons; the index has them")
 
 
-def _kept(latest: list[Progress], folder: Path) -> str:
-    """What an interrupted build has kept."""
-    if not latest or not folder.is_dir():
+def _kept(latest: Progress | None, folder: Path) -> str:
+    """Message on the saved work of an interrupted build; empty if there is none."""
+    if latest is None:
         return ""
-    (now,) = latest
-    done = f"{now.done} of {now.total} experiments" if now.seconds_total else "all experiments"
-    return f"{done if now.step != 'check' else 'what was done'} kept in {folder}"
+    if latest.step == "check":
+        return f"all that was done kept in {folder}"
+    done = f"{latest.done} of {latest.total}" if latest.seconds_total else "all"
+    return f"{done} experiments kept in {folder}"

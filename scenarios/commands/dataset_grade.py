@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import print_json, print_table, progress, say
+from scenarios.commands.output import print_json, print_table, progress, say_each
 
 if TYPE_CHECKING:
     from scenarios.datasets.grade import Grade
@@ -20,10 +20,10 @@ def grade(
 ) -> int:
     """Grade predictions and models against the complete data sets in a withheld folder.
 
-    A submission is a folder of predictions as hmtb dataset score reads them, one for each test record, and if wanted
-    of models model-JOINT.json with matrices A, B, C, D and dt; without predictions the models are scored. Where each
-    person has a data set, the folders in SUBMISSIONS are named after the persons. Nothing of a submission is executed.
-    Exits with 1 if a submission cannot be graded.
+    A submission is a folder of predictions as hmtb dataset score reads them, one for each test record, and
+    optionally of models model-JOINT.json with matrices A, B, C, D and dt; without predictions the models are scored.
+    Where each person has a data set, the folders in SUBMISSIONS are named after the persons. No code of a
+    submission is executed. Exits with 1 if a submission cannot be graded.
 
       hmtb dataset grade withheld submissions
 
@@ -38,36 +38,28 @@ def grade(
         grades = grade_all(withheld, submissions, progress=report)
     refused = {name: one for name, one in grades.items() if isinstance(one, str)}
     graded = {name: one for name, one in grades.items() if not isinstance(one, str)}
+    code = 1 if refused else 0
     if json:
         print_json({"grades": {name: _record(one) for name, one in graded.items()}, "refused": refused})
-        return 1 if refused else 0
+        return code
     if graded:
+        rows = []
+        for name, one in graded.items():
+            method, best = one.best_baseline or ("-", None)
+            numbers = ("-" if value is None else f"{value:.4g}" for value in (one.attainable, best))
+            rows.append((name, f"{one.scores.mean:.6g}", next(numbers), method, next(numbers)))
         rule = next(iter(graded.values())).scores.scoring
         columns = ("submission", f"{rule.metric} / {rule.unit}", "attainable", "best baseline", "its score")
-        print_table("scores", columns, [_row(name, one) for name, one in graded.items()])
-    models = [(name, model) for name, one in graded.items() for model in one.models]
+        print_table("scores", columns, rows)
+    models = [
+        (name, m.joint, f"{m.bandwidth_hz:.4g}", f"{m.true_hz:.4g}", f"{m.error_percent:.3g}", "" if m.stable else "no")
+        for name, one in graded.items()
+        for m in one.models
+    ]
     if models:
-        rows = [
-            (
-                name,
-                m.joint,
-                f"{m.bandwidth_hz:.4g}",
-                f"{m.true_hz:.4g}",
-                f"{m.error_percent:.3g}",
-                "" if m.stable else "no",
-            )
-            for name, m in models
-        ]
-        print_table("models", ("submission", "joint", "bandwidth / Hz", "true", "error / %", "stable"), rows)
-    for name, why in refused.items():
-        say(f"refused: {name}: {why}")
-    return 1 if refused else 0
-
-
-def _row(name: str, one: "Grade") -> tuple[str, ...]:
-    attainable = "-" if one.attainable is None else f"{one.attainable:.4g}"
-    method, score = one.best_baseline or ("-", None)
-    return (name, f"{one.scores.mean:.6g}", attainable, method, "-" if score is None else f"{score:.4g}")
+        print_table("models", ("submission", "joint", "bandwidth / Hz", "true", "error / %", "stable"), models)
+    say_each("refused: ", (f"{name}: {why}" for name, why in refused.items()))
+    return code
 
 
 def _record(one: "Grade") -> dict[str, object]:
@@ -80,6 +72,6 @@ def _record(one: "Grade") -> dict[str, object]:
         "joints": one.scores.by_joint,
         "attainable": one.attainable,
         "best_baseline": {"method": best[0], "score": best[1]} if best else None,
-        "scores": [vars(score) for score in one.scores.scores],
-        "models": [{**vars(model), "error_percent": model.error_percent} for model in one.models],
+        "scores": [score._asdict() for score in one.scores.scores],
+        "models": [{**model._asdict(), "error_percent": model.error_percent} for model in one.models],
     }

@@ -1,18 +1,19 @@
 """`hmtb identify`: any estimator on any record, also of your own robot."""
 
+from collections.abc import Callable, Iterable
+from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, say
+from scenarios.commands.output import output_folder, print_json, print_table, say_each
 
 if TYPE_CHECKING:
     from scenarios.identification.identification import Identification
-    from sysid import Estimate
 
 LISTED = 24
-"""Parameters that are listed one by one."""
+"""Most parameters that are listed one by one."""
 
 
 def identify(
@@ -43,9 +44,9 @@ def identify(
     each), okid, n4sid and pem_ss also several outputs.
 
     It reads the logs and records of hmtb simulate and hmtb convert (.nc, .csv, .mat, .asc, .ch10), other .mat and .nc
-    files (variables by name) and tables as text (.csv, .txt, .dat, any other: columns by commas, semicolons, tabs or
-    spaces, with a header, or bare: inputs, then outputs). Samples that the bus lost are left out, as are missing
-    outputs (--missing).
+    files (variables by name) and tables as text (.csv, .txt, .dat or any other ending). Columns of tables are separated
+    by commas, semicolons, tabs or spaces; without a header they are the inputs, then the outputs. Samples that the bus
+    lost are left out, as are missing outputs (--missing).
 
     The model describes motion about an operating point: the means are removed, and a remaining constant of the output
     (a record that starts from rest has one) is estimated with the model. --keep-mean uses the values as they are.
@@ -65,7 +66,7 @@ def identify(
         skip: Leave out this much of the start, s.
         keep_mean: Use the values as they are, without an operating point.
         steps: Horizon of a further prediction, samples, beside simulation and one step ahead.
-        validate: Another record, for fits and residual test.
+        validate: Another record, on which fits and residual test are computed.
         validate_test: Which of its tests, by name or number.
         out: Folder for figures: records, outputs, responses, poles and zeros, residuals.
         json: Print JSON.
@@ -73,8 +74,8 @@ def identify(
     import warnings
 
     from scenarios.files.data_file import of_joint, read_parts
+    from scenarios.identification.identification import figures, usable
     from scenarios.identification.identification import identify as identify_model
-    from scenarios.identification.identification import usable
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
@@ -89,70 +90,72 @@ def identify(
             check = usable(others, skip, method, validate, validate_test)
     result = identify_model(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check)
     texts = (*(str(one.message) for one in caught), *result.warnings)
-    title = f"{method.upper()} from {data.name}" + (f", fits to {validate.name}" if validate else "")
     pictures: list[Path] = []
     if out is not None:
-        from scenarios.identification.identification import figures
         from scenarios.report.figures import save_figure
 
         with output_folder(out) as folder:
             for name, figure in figures(result).items():
                 pictures.append(folder / f"{data.stem}-{name}.png")
                 save_figure(figure, pictures[-1], dpi=120)
+    record = {"method": method, **_record(result), "warnings": texts, "figures": pictures}
     if json:
-        print_json({**_record(method, result), "warnings": texts, "figures": pictures})
+        print_json(record)
         return 0
-    print_table(title, ("", ""), _rows(result))
+    print_table(
+        f"{method.upper()} from {data.name}" + (f", fits to {validate.name}" if validate else ""),
+        ("", ""),
+        _rows(result),
+    )
     model = result.fitted.estimate
     # The parameters of a state-space model are coordinates, which mean nothing one by one.
     if model.polynomials is not None and len(model.parameters) <= LISTED:
-        print_table("Parameters", ("", "value", "standard deviation"), _parameters(model))
-    for text in texts:
-        say(f"warning: {text}")
-    for path in pictures:
-        say(f"figure: {path}")
+        spreads = record["deviations"].items()
+        rows = [
+            (name, f"{record['parameters'][name]:.6g}", f"{spread:.2g}" if isfinite(spread) else "not known")
+            for name, spread in spreads
+        ]
+        print_table("Parameters", ("", "value", "standard deviation"), rows)
+    say_each("warning: ", texts)
+    say_each("figure: ", pictures)
     return 0
 
 
-def _record(method: str, result: "Identification") -> dict[str, object]:
+def _record(result: "Identification") -> dict[str, Any]:
     """The model as JSON; of a single path bandwidth and gain are numbers, else rows of outputs."""
-    model, claims = result.fitted.estimate, result.fitted.claims
-    single = len(claims) == len(claims[0]) == 1
-    hz, ends = (
-        [[value(one) for one in row] for row in claims] for value in (lambda c: c.hz, lambda c: [c.low, c.high])
-    )
-    gain = model.dc_gain()
-    test = result.test
+    import numpy as np
+
+    fitted, test = result.fitted, result.test
+    model, first = fitted.estimate, fitted.parts[0]
+    single = len(fitted.claims) == len(fitted.claims[0]) == 1
+
+    def of_paths(value: "Callable[[Any], object]", paths: Iterable[Iterable[object]]) -> Any:
+        rows = [[value(one) for one in row] for row in paths]
+        return rows[0][0] if single else rows
+
+    deviations = np.sqrt(np.maximum(np.diag(model.covariance), 0.0))
     return {
-        "method": method,
-        "orders": result.fitted.orders,
-        "inputs": result.fitted.parts[0].input_names,
-        "outputs": result.fitted.parts[0].output_names,
-        "fit": {
-            "simulation": result.fit.simulation,
-            "one_step": result.fit.one_step,
-            "steps": result.fit.steps,
-            "ahead": result.fit.ahead,
-        },
-        "bandwidth_hz": hz[0][0] if single else hz,
-        "ci95": ends[0][0] if single else ends,
+        "orders": fitted.orders,
+        "inputs": first.input_names,
+        "outputs": first.output_names,
+        "fit": {key: getattr(result.fit, key) for key in ("simulation", "one_step", "steps", "ahead")},
+        "bandwidth_hz": of_paths(lambda claim: claim.hz, fitted.claims),
+        "ci95": of_paths(lambda claim: [claim.low, claim.high], fitted.claims),
         "poles": model.poles(),
         "zeros": model.zeros(),
-        "dc_gain": gain[0, 0] if single else gain,
+        "dc_gain": of_paths(float, model.dc_gain()),
         "parameters": dict(zip(model.parameter_names, model.parameters, strict=True)),
-        "deviations": dict(zip(model.parameter_names, _deviations(model), strict=True)),
+        "deviations": dict(zip(model.parameter_names, deviations, strict=True)),
         "noise_covariance": model.noise_variance,
         "fpe": model.fpe,
         "aic": model.aic,
         "bic": model.bic,
         "residuals": None
         if test is None
-        else {"passed": test.passed, "whiteness_p": test.whiteness_p, "independence_p": test.independence_p},
-        "operating_point": None
-        if result.fitted.level is None
-        else {"input": result.fitted.level[0], "output": result.fitted.level[1]},
-        "samples": sum(map(len, result.fitted.parts)),
-        "dt": result.fitted.parts[0].dt,
+        else {key: getattr(test, key) for key in ("passed", "whiteness_p", "independence_p")},
+        "operating_point": fitted.level and dict(zip(("input", "output"), fitted.level, strict=True)),
+        "samples": sum(map(len, fitted.parts)),
+        "dt": first.dt,
     }
 
 
@@ -161,90 +164,57 @@ def _rows(result: "Identification") -> list[tuple[str, str]]:
 
     from scenarios.files.data_file import of_joint
 
-    model, first, fit = result.fitted.estimate, result.fitted.parts[0], result.fit
+    fitted, fit, test = result.fitted, result.fit, result.test
+    model, first = fitted.estimate, fitted.parts[0]
     ins, outs = first.input_names or (), first.output_names or ()
+
+    def percents(fits: Iterable[float]) -> str:
+        return ", ".join(
+            f"{name} {value:.2f} %".strip() for name, value in zip(outs if outs[1:] else ("",), fits, strict=True)
+        )
+
     rows = [
-        ("orders", ", ".join(f"{name} {value}" for name, value in result.fitted.orders.items())),
-        ("record", f"{sum(map(len, result.fitted.parts))} samples every {first.dt:g} s"),
+        ("orders", ", ".join(f"{name} {value}" for name, value in fitted.orders.items())),
+        ("record", f"{sum(map(len, fitted.parts))} samples every {first.dt:g} s"),
     ]
-    if result.fitted.level is not None:
-        named = zip((*ins, *outs), (*result.fitted.level[0], *result.fitted.level[1]), strict=True)
+    if fitted.level is not None:
+        levels = np.where(np.abs(level := np.concatenate(fitted.level)) < 1e-12, 0.0, level)
         # Records of joints are in rad; what other tables hold, only their owner knows.
         unit = " rad" if of_joint(first) else ""
-        rows.append(("operating point", ", ".join(f"{name} {_number(value)}{unit}" for name, value in named)))
-    rows += [
-        ("fit in simulation", _percents(fit.simulation, outs)),
-        ("fit one step ahead", _percents(fit.one_step, outs)),
-    ]
-    if fit.steps > 1:
-        rows.append((f"fit {fit.steps} steps ahead", _percents(fit.ahead, outs)))
+        named = (f"{name} {value:.4g}{unit}" for name, value in zip((*ins, *outs), levels, strict=True))
+        rows.append(("operating point", ", ".join(named)))
+    rows += [("fit in simulation", percents(fit.simulation)), ("fit one step ahead", percents(fit.one_step))]
+    rows += [(f"fit {fit.steps} steps ahead", percents(fit.ahead))] if fit.steps > 1 else []
     gain = model.dc_gain()
-    for i, row in enumerate(result.fitted.claims):
+    for i, row in enumerate(fitted.claims):
         for j, band in enumerate(row):
             path = f", {ins[j]} → {outs[i]}" if gain.size > 1 else ""
             if np.isfinite(band.hz):
-                interval = f"{band.hz:.4g} Hz, 95 % interval "
                 known = np.isfinite(band.low)
-                interval += f"{band.low:.4g} to {band.high:.4g} Hz" if known else "not known to this method"
+                interval = f"{band.low:.4g} to {band.high:.4g} Hz" if known else "not known to this method"
+                text = f"{band.hz:.4g} Hz, 95 % interval {interval}"
             else:
-                interval = "—" if band.refused else "none below Nyquist"
-            rows.append((f"bandwidth (-3 dB){path}", interval))
-            endless = not abs(gain[i, j]) < 1e9
-            rows.append((f"gain at 0 Hz{path}", "none, it integrates" if endless else f"{gain[i, j]:.4f}"))
+                text = "—" if band.refused else "none below Nyquist"
+            rows.append((f"bandwidth (-3 dB){path}", text))
+            integrates = not abs(gain[i, j]) < 1e9
+            rows.append((f"gain at 0 Hz{path}", "none, it integrates" if integrates else f"{gain[i, j]:.4f}"))
     rows += [
         ("poles (z plane)", _roots(model.poles())),
         ("zeros (z plane)", _roots(model.zeros())),
         ("standard deviation of the noise", ", ".join(f"{np.sqrt(v):.4g}" for v in np.diag(model.noise_variance))),
         ("final prediction error", f"{model.fpe:.4g}; AIC {model.aic:.5g}, BIC {model.bic:.5g}"),
     ]
-    if result.test is None:
-        rows.append(("residual test", f"not computed: {result.untested}"))
-    else:
-        test = result.test
-        rows.append(("residuals white", _verdicts(test.white, test.whiteness_p)))
-        rows.append(("residuals independent of the input", _verdicts(test.independent, test.independence_p)))
+    if test is None:
+        return [*rows, ("residual test", f"not computed: {result.untested}")]
+    for name, passed, p in (
+        ("residuals white", test.white, test.whiteness_p),
+        ("residuals independent of the input", test.independent, test.independence_p),
+    ):
+        pairs = zip(np.ravel(passed), np.ravel(p), strict=True)
+        rows.append((name, ", ".join(f"{'yes' if one else 'no'} (p = {value:.2g})" for one, value in pairs)))
     return rows
 
 
-def _parameters(model: "Estimate") -> list[tuple[str, str, str]]:
-    import numpy as np
-
-    return [
-        (name, f"{value:.6g}", f"{spread:.2g}" if np.isfinite(spread) else "not known")
-        for name, value, spread in zip(model.parameter_names, model.parameters, _deviations(model), strict=True)
-    ]
-
-
-def _deviations(model: "Estimate") -> list[float]:
-    import numpy as np
-
-    return [float(value) for value in np.sqrt(np.maximum(np.diag(model.covariance), 0.0))]
-
-
-def _percents(fits: object, outputs: tuple[str, ...]) -> str:
-    import numpy as np
-
-    values = np.asarray(fits, dtype=float)
-    names = outputs if len(values) > 1 else ("",)
-    return ", ".join(f"{name} {value:.2f} %".strip() for name, value in zip(names, values, strict=True))
-
-
-def _verdicts(passed: object, p: object) -> str:
-    import numpy as np
-
-    pairs = zip(np.ravel(np.asarray(passed)), np.ravel(np.asarray(p, dtype=float)), strict=True)
-    return ", ".join(f"{'yes' if one else 'no'} (p = {value:.2g})" for one, value in pairs)
-
-
-def _roots(roots: object) -> str:
-    import numpy as np
-
-    shown = (
-        f"{root.real:.4f}" + (f"{root.imag:+.4f}j" if abs(root.imag) > 1e-9 else "")
-        for root in np.asarray(roots, dtype=complex)
-    )
+def _roots(roots: "Iterable[complex]") -> str:
+    shown = (f"{root.real:.4f}" + (f"{root.imag:+.4f}j" if abs(root.imag) > 1e-9 else "") for root in roots)
     return ", ".join(shown) or "none"
-
-
-def _number(value: float) -> str:
-    return f"{0.0 if abs(value) < 1e-12 else value:.4g}"

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, say
+from scenarios.commands.output import output_folder, print_json, print_table, say, say_each
 
 
 def leaderboard(
@@ -21,10 +21,10 @@ def leaderboard(
 
     Results are the files that hmtb verify writes, or folders of them. The page leaderboard.html needs no network; the
     same tables stand in leaderboard.md. Rows are ordered by the number of figures that fail where theory expects
-    them to pass, the fewest first, then by figures without a verdict, then by figures passed, then by efficiency; no
-    score is made of several figures. The response error is the median over the problems that all rows were given; a row
-    that did not answer them all has none. Where rows are not comparable, because seed, effort, limits, protocol or
-    machine differ, or an estimator refused requests, the page says so.
+    them to pass, the fewest first, then by figures without a verdict, then by figures passed, then by efficiency;
+    figures are never combined into one score. The response error is the median over the problems that all rows were
+    given; a row that did not answer them all has none. Where rows are not comparable, because seed, effort,
+    limits, protocol or machine differ, or an estimator refused requests, the page says so.
 
     Args:
         results: Files, or folders whose *.json are taken.
@@ -50,8 +50,8 @@ def leaderboard(
                 "passed": row.result.passed,
                 "counts": {word.word: times for word, times in count(map(row.metric, judged)).items()},
                 "response_error_percent": row.median_error(problems),
-                "verdicts": {name: verdict(metric).word for name, metric in row.result.figures.items()},
-                "values": {name: metric.value for name, metric in row.result.figures.items()},
+                "verdicts": {name: verdict(metric).word for name, metric in row.result.metrics.items()},
+                "values": {name: metric.value for name, metric in row.result.metrics.items()},
                 "failures": row.result.outcomes,
                 "refused": row.result.refused,
             }
@@ -62,8 +62,7 @@ def leaderboard(
     table = standing(rows)
     cells = [tuple(f"{c.text} {c.verdict.sign}" if c.verdict else c.text for c in line) for line in table.rows]
     print_table(table.caption, table.columns, cells)
-    for note in notes(rows):
-        say(f"note: {note}")
+    say_each("note: ", notes(rows))
     say(RULE)
     say(f"{page} and {text} written")
     return 0

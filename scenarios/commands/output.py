@@ -4,16 +4,25 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
+from scenarios.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from scenarios.jobs.cluster import Cluster
+
+FIGURES = (".svg", ".png", ".pdf")
+"""Endings of figures."""
 
 
 class Bar(Protocol):
-    """Reports how far something is."""
+    """Reports progress."""
 
     def __call__(self, done: int, total: int | None, step: str = "") -> None:
         """Report items that are done, items in all if that is known, and the step that they belong to."""
@@ -41,6 +50,17 @@ def plain(value: object) -> object:
 def say(text: str) -> None:
     """Write a line on stdout."""
     sys.stdout.write(text + "\n")
+
+
+def say_each(label: str, items: Iterable[object]) -> None:
+    """Write a line on stdout for each item, the label before it."""
+    for item in items:
+        say(f"{label}{item}")
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun, in the plural except after 1."""
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def say_beside_bar(line: str) -> None:
@@ -74,9 +94,70 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
     Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False).print(table)
 
 
+def at_least_one(option: str, value: int | None) -> None:
+    """Refuse a number below 1.
+
+    Raises:
+        ScenarioError: The number is below 1; None passes.
+    """
+    if value is not None and value < 1:
+        raise ScenarioError(f"{option} {value} given, expected 1 or more")
+
+
+def cluster_executor(address: str, patience: float, workers: int | None) -> "Cluster":
+    """The workers of a Dask scheduler.
+
+    Args:
+        address: Of the scheduler.
+        patience: How long to wait for a lost scheduler or for missing workers, s.
+        workers: Value of --workers, which goes with this machine alone.
+
+    Raises:
+        ScenarioError: It is no address, Dask is missing, or workers are given.
+    """
+    from scenarios.jobs.cluster import Cluster
+
+    if workers is not None:
+        raise ScenarioError("--workers and --cluster given; expected one: the cluster has workers of its own")
+    return Cluster(address, patience, say_beside_bar)
+
+
+def check_figure(path: Path) -> None:
+    """Refuse a path that no figure can be written to, before the work for it begins.
+
+    Raises:
+        ScenarioError: Its ending is none of `FIGURES`, or there is a folder of that name.
+    """
+    if path.suffix not in FIGURES:
+        raise ScenarioError(f"--out {path} given, expected a figure: {', '.join(FIGURES)}")
+    check_place(path)
+
+
+def draw(make: "Callable[[], Figure]", *paths: Path) -> list[Path]:
+    """Draw a figure in the look of the report, and write it to files.
+
+    Args:
+        make: Draws it.
+        paths: The files, in the formats that their names end in.
+
+    Returns:
+        The files.
+    """
+    import matplotlib
+
+    from scenarios.report.figures import SETTINGS, save_figure
+
+    with matplotlib.rc_context(SETTINGS):
+        figure = make()
+        for path in paths:
+            with output_folder(path.parent):
+                save_figure(figure, path, dpi=150)
+    return list(paths)
+
+
 @contextmanager
 def progress(label: str, *, lines: bool = False) -> Iterator[Bar]:
-    """Show on stderr how far something long is.
+    """Show the progress of long work on stderr.
 
     Args:
         label: What runs.

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, say
+from scenarios.commands.output import output_folder, print_json, print_table, say, say_each
 
 if TYPE_CHECKING:
     from scenarios.experiments.preview import Preview
@@ -22,8 +22,8 @@ def preview(
 ) -> int:
     """Show the commands of experiments before anything moves, as on the oscilloscope of the laboratory.
 
-    Commands are those of a simulation to the bit, noise included; there is no physics. Names are registered scenarios
-    (hmtb scenarios), tags of them, or TOML files. Files of the same names in the folder are replaced.
+    The commands are those of a simulation to the bit, noise included; the arm is not simulated. Names are registered
+    scenarios (hmtb scenarios), tags of them, or TOML files. Files of the same names in the folder are replaced.
 
     Args:
         names: Scenarios, tags or TOML files.
@@ -84,7 +84,8 @@ def _print(seen: "Preview", picture: Path) -> None:
 
     from hmtb_twin import JOINTS, Status
 
-    of = f" of {seen.scenario.duration:g} s" if seen.duration < seen.scenario.duration else ""
+    scenario = seen.scenario
+    of = f" of {scenario.duration:g} s" if seen.duration < scenario.duration else ""
     rows = [
         (
             joint,
@@ -94,12 +95,9 @@ def _print(seen: "Preview", picture: Path) -> None:
         )
         for joint in seen.moving
     ]
-    print_table(
-        f"{seen.scenario.name}: {seen.duration:g} s{of}, {seen.scenario.mode.replace('_', ' ')} mode, "
-        f"axes {', '.join(seen.scenario.axes)}",
-        ("joint", "peak rate", "limit", "distance from the range's end"),
-        rows,
-    )
+    mode, axes = scenario.mode.replace("_", " "), ", ".join(scenario.axes)
+    columns = ("joint", "peak rate", "limit", "distance from the range's end")
+    print_table(f"{scenario.name}: {seen.duration:g} s{of}, {mode} mode, axes {axes}", columns, rows)
     say(f"tool: up to {1000 * seen.deflection:.1f} mm away and {degrees(seen.turn):.3f} deg turned")
     say(f"at the velocity limit: {100 * seen.velocity_limited:.3g} % of the time")
     say(
@@ -108,7 +106,6 @@ def _print(seen: "Preview", picture: Path) -> None:
     )
     say(f"order of excitation: {', '.join(map(str, seen.orders))}")
     if seen.inputs is not None:
-        say(f"condition between the commands of {', '.join(seen.inputs.joints)}: {seen.inputs.condition:.3g}")
-    for text in seen.warnings():
-        say(f"warning: {text}")
+        say(f"condition between the commands of {', '.join(seen.inputs.names)}: {seen.inputs.condition:.3g}")
+    say_each("warning: ", seen.warnings())
     say(f"plot: {picture}\n")

@@ -5,13 +5,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, progress, say
+from scenarios.commands.output import at_least_one, counted, output_folder, print_json, print_table, progress, say_each
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from hmtb_twin import JointLog
-    from scenarios.experiments.run_review import RunReview
 
 
 def simulate(
@@ -41,8 +40,8 @@ def simulate(
         duration: Length of every record instead of the scenario's own, s.
         seed: Draw other noise; the same seed gives the same bits.
         threads: Threads to use; the logs do not depend on it.
-        dropped: Probability that the 1553 recorder misses a message.
-        invalid: Probability that a data word on the bus fails parity.
+        dropped: Probability that the recorder of the 1553 bus misses a message.
+        invalid: Probability that a data word on the bus fails its parity check.
         silent: Probability that a terminal on the bus does not answer.
         json: Print JSON.
     """
@@ -53,31 +52,30 @@ def simulate(
     from scenarios.files.errors import ScenarioError, unknown
     from scenarios.files.record_file import ENDINGS
 
+    at_least_one("--threads", threads)
     formats = tuple(dict.fromkeys(entry.strip() for entry in format.split(",")))
     if wrong := [entry for entry in formats if entry not in ENDINGS]:
         raise ScenarioError(unknown("format", wrong[0], ENDINGS))
     faults = {"dropped": dropped, "invalid": invalid, "silent": silent}
     for name, rate in faults.items():
         if not 0.0 <= rate <= 1.0:
-            raise ScenarioError(f"{name} is a probability, 0 to 1, given {rate}")
+            raise ScenarioError(f"--{name} is a probability, 0 to 1, given {rate}")
         if rate and "1553" not in formats:
             raise ScenarioError(f"--{name} is a fault of the bus; expected --format 1553")
     if "1553" in formats:
         from hmtb_twin.bus.chapter10 import pychapter10
 
         pychapter10()  # refuses before the work, not after
-    if threads is not None and threads < 1:
-        raise ScenarioError(f"threads must be 1 or more, given {threads}")
-    chosen = selected(names, duration=duration, seed=seed)
-    twice = sorted({entry.name for entry in chosen if [other.name for other in chosen].count(entry.name) > 1})
-    if twice:
-        raise ScenarioError(f"scenario {twice[0]!r} is named twice; each log needs a name of its own")
-    scenarios = {entry.name: entry for entry in chosen}
+    scenarios = {}
+    for entry in selected(names, duration=duration, seed=seed):
+        if entry.name in scenarios:
+            raise ScenarioError(f"scenario {entry.name!r} is named twice; each log needs a name of its own")
+        scenarios[entry.name] = entry
     remarks: list[str] = []
     files: dict[Path, list[JointLog]] = {}
     with output_folder(out) as folder:
         with progress("simulating") as bar:
-            result = hmtb_twin.simulate(chosen, threads=threads, progress=bar)
+            result = hmtb_twin.simulate(list(scenarios.values()), threads=threads, progress=bar)
         for log in result.logs:
             for ending in (ENDINGS[entry] for entry in formats if entry != "1553"):
                 files[write_log(log, folder / f"{log.name}{ending}")] = [log]
@@ -104,23 +102,20 @@ def simulate(
             }
         )
         return 1 if result.failed else 0
-    rows = [(str(path), *_row(logs, [reviews[log.name] for log in logs])) for path, logs in files.items()]
+    rows = []
+    for path, logs in files.items():
+        length = f"{sum(len(log) * log.dt for log in logs):g} s" + f" ({len(logs)} tests)" * (len(logs) > 1)
+        # Of a file with several logs the largest shares.
+        clipped, limited = (
+            max(getattr(reviews[log.name], key) for log in logs) for key in ("clipped", "velocity_limited")
+        )
+        rows.append((str(path), length, f"{100 * clipped:.3g} %", f"{100 * limited:.3g} %"))
     rows += [(name, f"failed: {why}", "", "") for name, why in result.failed.items()]
-    columns = ("log", "length", "converter clips", "at velocity limit")
-    print_table(f"{len(files)} file{'s' if len(files) != 1 else ''}", columns, rows)
-    for name, entry in reviews.items():
-        for outcome in ((entry.task,) if entry.task else ()) + entry.shutdowns:
-            say(f"{name}: {outcome}")
-    for text in warnings:
-        say(f"warning: {text}")
+    print_table(counted(len(files), "file"), ("log", "length", "converter clips", "at velocity limit"), rows)
+    for name, one in reviews.items():
+        say_each(f"{name}: ", ((one.task,) if one.task else ()) + one.shutdowns)
+    say_each("warning: ", warnings)
     return 1 if result.failed else 0
-
-
-def _row(logs: "Sequence[JointLog]", reviews: "Sequence[RunReview]") -> tuple[str, str, str]:
-    """Length and shares of a file that holds these logs; shares are the largest of them."""
-    length = f"{sum(len(log) * log.dt for log in logs):g} s" + (f" ({len(logs)} tests)" if len(logs) > 1 else "")
-    clipped, limited = (max(getattr(entry, key) for entry in reviews) for key in ("clipped", "velocity_limited"))
-    return length, f"{100 * clipped:.3g} %", f"{100 * limited:.3g} %"
 
 
 def _record(

@@ -1,16 +1,23 @@
 """`hmtb thesis`: the whole study, from simulation to report."""
 
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from scenarios.commands.output import json_text, output_folder, print_json, print_table, progress, say
+from scenarios.commands.output import (
+    at_least_one,
+    json_text,
+    output_folder,
+    print_json,
+    print_table,
+    progress,
+    say,
+    say_each,
+)
 
 if TYPE_CHECKING:
-    from scenarios.thesis.comparison import Comparison
     from scenarios.thesis.tally import Tally
 
 
@@ -27,18 +34,18 @@ def thesis(
 ) -> int:
     """Run the whole study and write report.html: simulate, identify, compare with the truth, report.
 
-    Every test of both tables of the thesis and the exchange of the replacement unit are simulated on the nominal arm,
-    and those that the report compares also without friction and on the published arm. Each joint is identified with
-    the methods of chapters III to V and judged on other records. The models are compared with the true dynamics and
-    with the published models, and each of the thesis' findings gets a verdict.
+    All tests in the two tables of the thesis and the exchange of the replacement unit are simulated on the nominal arm;
+    those that the report compares, also without friction and on the published arm. Each joint is identified with the
+    methods of chapters III to V and judged on other records. The models are compared with the true dynamics and with
+    the published models, and each of the thesis' findings gets a verdict.
 
     Args:
         out: Folder for report.html and results.json; those of an earlier run are replaced.
-        seed: Draws other noise; the scenarios' own seeds when not given.
+        seed: Seed of the noise; when not given, each scenario has its own.
         seeds: Repeat the study on the nominal arm with so many seeds, counted from --seed or from 1, and report how
             often each verdict is reached and how far numbers vary. A seed takes some minutes on two processors; it is
             saved in the folder seeds when it ends, and an interrupted run resumes there. With 1, the report states
-            the frequencies that were recorded with this version.
+            the frequencies that were computed with this version before.
         quick: Records of 40 s instead of 240 s: a preview, not a result.
         threads: Threads of the simulation; the results do not depend on it.
         figures: Keep every figure too, as SVG and PNG in the folder figures.
@@ -46,27 +53,30 @@ def thesis(
         json: Print the results as JSON.
     """
     from scenarios.experiments.waveform import seed_range
+    from scenarios.files.atomic_write import check_place, write_whole
     from scenarios.files.data_file import write_log
-    from scenarios.files.errors import ScenarioError
+    from scenarios.thesis.campaign import EVERY_TEST
+    from scenarios.thesis.findings import findings
+    from scenarios.thesis.frequencies import frequency_text, source_text
+    from scenarios.thesis.monte_carlo import recorded
+    from scenarios.thesis.report import write_report
+    from scenarios.thesis.results import answer, results
+    from scenarios.thesis.study import run_study
 
-    if threads is not None and threads < 1:
-        raise ScenarioError(f"threads must be 1 or more, given {threads}")
+    at_least_one("--threads", threads)
     repeated = seed_range(seeds, 1 if seed is None else seed)
     duration = 40.0 if quick else None
     with ExitStack() as stack:
         folder = stack.enter_context(output_folder(out))
-        from scenarios.files.atomic_write import write_whole
-        from scenarios.thesis.findings import findings
-        from scenarios.thesis.frequencies import frequency_text, source_text
-        from scenarios.thesis.report import write_report
-        from scenarios.thesis.results import answer, results
-        from scenarios.thesis.study import run_study
-
         pictures = stack.enter_context(output_folder(folder / "figures")) if figures else None
-        kept = stack.enter_context(output_folder(folder / "seeds")) if seeds > 1 else None
-        _check_places(folder, pictures, logs=logs)
-        # First, because each seed is saved as it ends: an interruption later costs none of them.
-        many = _shipped(duration) if kept is None else _run(repeated, duration, threads, kept)
+        names = ("report.html", "results.json", *(f"{test}.nc" for test in EVERY_TEST if logs))
+        for path in (*(folder / name for name in names), *(pictures.glob("*.*g") if pictures else ())):
+            check_place(path)
+        if seeds > 1:
+            # First, because each seed is saved as it ends: an interruption later costs none of them.
+            many: Tally | None = _run(repeated, duration, threads, stack.enter_context(output_folder(folder / "seeds")))
+        else:
+            many = None if quick else recorded()  # nothing is recorded of short records
         with progress("study", lines=True) as bar:
             comparison = run_study(
                 seed=seed,
@@ -90,10 +100,12 @@ def thesis(
         record = results(comparison, verdicts, report, many)
         # Before the logs: a disk that is full with them costs no conclusion.
         write_whole(folder / "results.json", json_text(record))
-        if logs:
-            for log in comparison.logs.values():
-                write_log(log, folder / f"{log.name}.nc")
-    failures = list(_failures(comparison, many))
+        for log in comparison.logs.values() if logs else ():
+            write_log(log, folder / f"{log.name}.nc")
+    failures = [f"{name}: {why}" for name, why in comparison.failed.items()]
+    if many is not None and not many.recorded:
+        failures += [f"seed {number}: {why}" for number, why in many.failed.items()]
+        failures += [f"seed {one.seed}, {name}: {why}" for one in many.outcomes for name, why in one.failed.items()]
     if json:
         print_json(record)
         return 1 if failures else 0
@@ -116,37 +128,8 @@ def thesis(
         say(source_text(many, seed))
     say(answer(comparison))
     say(f"Report: {report}")
-    for text in failures:
-        say(f"failed: {text}")
+    say_each("failed: ", failures)
     return 1 if failures else 0
-
-
-def _check_places(folder: Path, pictures: Path | None, *, logs: bool) -> None:
-    """Refuse folders that stand where files are to be written, before the work and not after it."""
-    from scenarios.experiments.campaign import EVERY_TEST
-    from scenarios.files.atomic_write import check_place
-
-    for name in ("report.html", "results.json", *(f"{test}.nc" for test in EVERY_TEST if logs)):
-        check_place(folder / name)
-    for kind in ("svg", "png"):
-        for path in pictures.glob(f"*.{kind}") if pictures is not None else ():
-            check_place(path)
-
-
-def _failures(study: "Comparison", many: "Tally | None") -> Iterator[str]:
-    """Failures of this run: experiments, seeds, and experiments of seeds."""
-    yield from (f"{name}: {why}" for name, why in study.failed.items())
-    if many is not None and not many.recorded:
-        yield from (f"seed {seed}: {why}" for seed, why in many.failed.items())
-        for entry in many.outcomes:
-            yield from (f"seed {entry.seed}, {name}: {why}" for name, why in entry.failed.items())
-
-
-def _shipped(duration: float | None) -> "Tally | None":
-    """Conclusions of many seeds, recorded with this version; there are none of short records."""
-    from scenarios.thesis.monte_carlo import recorded
-
-    return recorded() if duration is None else None
 
 
 def _run(seeds: range, duration: float | None, threads: int | None, folder: Path) -> "Tally":

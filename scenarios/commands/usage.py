@@ -1,15 +1,23 @@
-"""Help texts, and complaints about wrong options in one line, from what the parser writes."""
+"""Options of commands, read by tyro: help texts, and one line for words that a command does not take."""
 
 import contextlib
+import functools
 import inspect
 import io
 import os
 import re
 import shutil
+import sys
 import textwrap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import ParamSpec
 
-KNOWN = r"Missing (from|value)|Error parsing|Unrecognized options?:|[Ii]nvalid choice '"
+import tyro
+
+from scenarios.files.errors import ScenarioError
+
+MESSAGE = r"Missing (from|value)|Error parsing|Unrecognized options?:|[Ii]nvalid choice '"
 """Beginnings of the parser's messages."""
 
 KINDS = {"INT": "a whole number", "FLOAT": "a number", "[INT [INT ...]]": "whole numbers", "PATH": "a path"}
@@ -23,8 +31,7 @@ STRAY = {
 }
 """The option that a surplus word was probably meant for, by command."""
 
-WIDE = "100000"
-"""Columns, so many that the parser wraps no message."""
+Options = ParamSpec("Options")
 
 
 def listing(program: str, description: str, commands: Mapping[str, Callable[..., int]]) -> str:
@@ -35,40 +42,67 @@ def listing(program: str, description: str, commands: Mapping[str, Callable[...,
         description: Its text.
         commands: Functions by the names of the commands.
     """
-    columns = shutil.get_terminal_size().columns
     width = max(map(len, commands)) + 4
+    columns = max(shutil.get_terminal_size().columns, 2 * width)
     lines = [f"usage: {program} COMMAND [OPTIONS]", "", description.rstrip(), "", "Commands:", ""]
     for name, command in commands.items():
         summary = inspect.cleandoc(command.__doc__ or "").partition("\n")[0]
-        indent = " " * width
-        lines += textwrap.wrap(
-            summary, max(columns, 2 * width), initial_indent=f"  {name}".ljust(width), subsequent_indent=indent
-        )
+        first, others = f"  {name}".ljust(width), " " * width
+        lines += textwrap.wrap(summary, columns, initial_indent=first, subsequent_indent=others)
     return "\n".join(lines) + "\n"
 
 
-def complaint(parse: Callable[[], object], command: str) -> str:
-    """The parser's objection in one line: what was given, what was expected.
+def read_options(command: Callable[Options, int], program: str, words: Sequence[str]) -> Callable[[], int] | str:
+    """The command with its options, ready to run, or its help.
 
     Args:
-        parse: Parses the words; it has failed before and is without side effects.
-        command: The command that the words belong to, e.g. ``"hmtb identify"``.
+        command: Function whose parameters are the options and whose docstring is the help.
+        program: Words that call it, e.g. ``"hmtb identify"``.
+        words: Words behind these.
+
+    Raises:
+        ScenarioError: The command does not take the words.
     """
-    with _unwrapped() as box, contextlib.suppress(SystemExit):
-        parse()
-    plain = re.sub(r"\x1b\[[0-9;]*m", "", box.getvalue())
-    sections: list[list[str]] = [[]]
-    for line in plain.splitlines():
-        row = line.strip("│|╭╮╰╯+ \t")
-        if row and not row.strip("─- "):
-            sections.append([])
-        elif row:
-            sections[-1].append(row)
-    return f"{_sentence(sections, command)}; see {command} --help"
+
+    @functools.wraps(command)
+    def fill(*args: Options.args, **kwargs: Options.kwargs) -> Callable[[], int]:
+        return functools.partial(command, *args, **kwargs)
+
+    fill.__signature__ = inspect.signature(command)  # type: ignore[attr-defined]
+    del fill.__wrapped__  # the parser would read the wrapped function
+    # The parser keeps some line breaks of docstrings, so all go that stand inside a paragraph or an option.
+    fill.__doc__ = re.sub(r"(?<=\S)\n(?: {8})?(?=\S)", " ", inspect.cleandoc(command.__doc__ or ""))
+    asks_help = not {"-h", "--help"}.isdisjoint(words)
+    # The parser draws its boxes as far as the encoding of the output allows.
+    out, err = io.TextIOWrapper(io.BytesIO(), encoding=sys.stdout.encoding or "utf-8"), io.StringIO()
+    # So many columns that no message is wrapped, which is then read line by line.
+    width = contextlib.nullcontext() if asks_help else _columns("100000")
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), width:
+            config = (tyro.conf.FlagCreatePairsOff, tyro.conf.HelptextFromCommentsOff)
+            call: Callable[[], int] = tyro.cli(fill, prog=program, args=words, config=config)
+            return call
+    except SystemExit as leaving:
+        if leaving.code:
+            raise ScenarioError(f"{_objection(err.getvalue(), program)}; see {program} --help") from None
+        out.seek(0)
+        return _wrapped(out.read())
 
 
-def wrapped(text: str) -> str:
-    """Wrap the paragraphs of a command's help, one line each as the parser prints it; boxes and examples stay."""
+@contextlib.contextmanager
+def _columns(count: str) -> Iterator[None]:
+    before = os.environ.get("COLUMNS")
+    os.environ["COLUMNS"] = count
+    try:
+        yield
+    finally:
+        del os.environ["COLUMNS"]
+        if before is not None:
+            os.environ["COLUMNS"] = before
+
+
+def _wrapped(text: str) -> str:
+    """Wrap the paragraphs of a help text, one line each as the parser prints it; boxes and examples stay."""
     columns = shutil.get_terminal_size().columns
     lines: list[str] = []
     for line in text.splitlines():
@@ -77,13 +111,15 @@ def wrapped(text: str) -> str:
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)) + "\n"
 
 
-def _sentence(sections: list[list[str]], command: str) -> str:
-    rows = [row for section in sections for row in section]
-    message = next((row for row in rows if re.match(KNOWN, row)), "")
+def _objection(text: str, command: str) -> str:
+    """The parser's message in one line: what was given, what was expected."""
+    plain = (line.strip("│|╭╮╰╯+ \t") for line in re.sub(r"\x1b\[[0-9;]*m", "", text).splitlines())
+    rows = [row for row in plain if row.strip("─- ")]
+    message = next((row for row in rows if re.match(MESSAGE, row)), "; ".join(rows[:2]))
     if message.startswith("Missing from"):
         # Each option stands above its help text, which ends in "(required)".
-        needed = [rows[number - 1] for number, row in enumerate(rows) if number and row.endswith("(required)")]
-        return f"missing {', '.join(map(_option, needed))}" if needed else "an option is missing"
+        needed = [row.partition(" ") for row, help_text in pairwise(rows) if help_text.endswith("(required)")]
+        return "missing " + ", ".join(f"{name} ({KINDS.get(kind, kind)})" if kind else name for name, _, kind in needed)
     if match := re.match(r"Missing value for argument '([^']+)'", message):
         return f"{match[1]} needs a value"
     if match := re.match(r"Error parsing ([^:]+): (.*)", message):
@@ -97,26 +133,8 @@ def _sentence(sections: list[list[str]], command: str) -> str:
             meant = f"; did you mean {STRAY[command]} {words}?" if command in STRAY and " " not in words else ""
             return f"unexpected argument{'s' if ' ' in words else ''} {words!r}{meant}"
         close = [row.split()[0] for row in rows if row.startswith("--") and row != message]
-        return f"cannot read {words!r}" + (f": did you mean {close[0]}?" if close else "")
+        return f"unknown option {words.split()[0]!r}" + (f": did you mean {close[0]}?" if close else "")
     if match := re.match(r"[Ii]nvalid choice '([^']*)' for argument '([^']*)'. Expected one of \((.*)\)", message):
-        return f"unknown {match[2]} {match[1]!r}; there are: {match[3].replace(chr(39), '').rstrip(',')}"
-    return "; ".join(sections[0] + sections[1] if len(sections) > 1 else rows) or "cannot read the command"
-
-
-def _option(usage: str) -> str:
-    name, _, kind = usage.partition(" ")
-    return f"{name} ({KINDS.get(kind, kind)})" if kind else name
-
-
-@contextlib.contextmanager
-def _unwrapped() -> Iterator[io.StringIO]:
-    before = os.environ.get("COLUMNS")
-    os.environ["COLUMNS"] = WIDE
-    try:
-        with contextlib.redirect_stderr(io.StringIO()) as box, contextlib.redirect_stdout(io.StringIO()):
-            yield box
-    finally:
-        if before is None:
-            del os.environ["COLUMNS"]
-        else:
-            os.environ["COLUMNS"] = before
+        choices = match[3].replace("'", "").removesuffix(", None").rstrip(",")
+        return f"unknown {match[2]} {match[1]!r}; there are: {choices}"
+    return message or "cannot read the command"

@@ -1,21 +1,28 @@
 """`hmtb verify`: any estimator on the test bench."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, say, say_beside_bar
+from scenarios.commands.output import (
+    cluster_executor,
+    output_folder,
+    print_json,
+    print_table,
+    say_beside_bar,
+    say_each,
+)
+from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from scenarios.bench.progress import Cost
+    from scenarios.bench.progress import RemainingCost
     from scenarios.bench.result import Result
     from scenarios.bench.verify import BenchPlan
     from scenarios.jobs.executor import Executor
 
 MOST_GIB = 2.0**20
-"""More memory than there is, GiB."""
+"""Largest memory limit accepted, GiB."""
 
 
 def verify(
@@ -53,15 +60,16 @@ def verify(
       hmtb verify my_module:my_estimator our-oe our-n4sid  beside others, on the same records, at the same time
       hmtb verify --list                                   the estimators that the bench knows
 
-    With --structure and --method the estimator is judged by what theory expects of them. Without, it receives the
-    orders of each system in its own structure, and every figure is expected to pass. The verdicts together fail an
-    estimator that is as good as the Cramér-Rao bound allows in one of 200 runs at most.
+    Tasks of kind fit give the delay and the orders that contain the true system: in its own structure, or in that of
+    --structure. With --structure and --method the estimator is judged by what theory expects of them; without, every
+    figure is expected to pass. An estimator as good as the Cramér-Rao bound allows fails any verdict in one of 200 runs
+    at most.
 
     After ten hangs in a row an estimator gets no more requests: the rest of its trials count as hung.
 
     Finished trials are saved in OUT/journals. Run the command again to resume an interrupted run; the full bench also
-    resumes from --quick, which is a part of it. If the file of the estimator has changed, or a file of its folder that
-    it imports, its trials start afresh.
+    resumes from --quick, which is a part of it. Trials start afresh if the file of the estimator has changed, or a file
+    of its folder that it imports.
 
     Exit code 1: an estimator fails a figure that theory expects it to pass.
 
@@ -69,25 +77,25 @@ def verify(
         estimators: MODULE:FUNCTION, FILE.py:FUNCTION, or names of --list.
         command: A program instead; {mat}, {data} (NetCDF) or {csv} becomes the file of the record, {task} the file of
             the task, {model} the file of the answer.
-        stays: The program is started once and receives each task on its standard input.
+        stays: Start the program once; it receives each task on its standard input.
         name: Name of your estimator in tables and files; by default that of its function or program.
-        structure: Structure of its models; without it, the structure of each system.
-        method: Kind of its method, for what theory expects.
-        quick: A tenth of the records, and fewer problems: minutes, and wider limits.
-        records: At most so many records of each problem, for an estimator that takes seconds: wider limits still, and
-            below 11 no verdict on bias.
+        structure: Structure of its models; when not given, that of each system.
+        method: Kind of its method: what theory expects depends on it.
+        quick: A tenth of the records and fewer problems: takes minutes, and its limits are wider.
+        records: Most records of each problem, for an estimator that takes seconds: limits are wider still, and below 11
+            there is no verdict on bias.
         seed: Seed of the records. Without it, it is drawn once the files of the estimators have been hashed, so that
             nobody can know the records in advance; the result states it.
         out: Folder for results, one file for each estimator, NAME.json; hmtb leaderboard makes a page of them. A run
             with fewer figures or records never replaces a result there; it needs another folder.
-        figures: Only these.
-        seconds: Time limit of an answer, s; then the process is ended, and the trial is a hang.
+        figures: Names of figures: only these are computed.
+        seconds: Time limit of an answer, s; a process that takes longer is ended, and its trial counts as a hang.
         memory_gib: Memory limit, GiB.
         workers: Processes for trials; all processors by default. Only times depend on it.
         cluster: Address of a Dask scheduler, tcp://HOST:8786, whose workers run the trials with this package.
         patience: How long to wait for a lost scheduler or for missing workers, s.
         list: List the estimators that the bench knows, and whether they can run here.
-        verbose: Print everything that a verdict rests on, and every part that fails; files and pages have all parts.
+        verbose: Print all that a verdict rests on, and every part that fails; result files and pages have all parts.
         json: Print JSON.
     """
     if list:
@@ -98,25 +106,29 @@ def verify(
     from scenarios.commands.verify_output import record, show
     from scenarios.estimators.estimator import Limits
     from scenarios.estimators.known_estimators import KNOWN
-    from scenarios.files.errors import ScenarioError
+    from scenarios.jobs.executor import LocalProcesses
 
     commands = parse_estimators(estimators, command, EstimatorOptions(name, structure, method, stays))
-    effort = "quick" if quick else "full"
     if not 0.0 < memory_gib <= MOST_GIB:
         raise ScenarioError(f"--memory-gib {memory_gib:g} given, expected more than 0 and at most {MOST_GIB:.0f} GiB")
-    limits = Limits(seconds, round(memory_gib * 2**30))
-    options = _options(quick, records, figures, seconds, memory_gib)
+    # Options on which the result depends, where they are not the usual ones, for the command that repeats it.
+    words = ["--quick"] * quick + [f"--records {records}"] * (records is not None)
+    words += [f"--figures {' '.join(figures)}"] * bool(figures)
+    words += [f"--seconds {seconds:g}"] * (seconds != 30.0) + [f"--memory-gib {memory_gib:g}"] * (memory_gib != 2.0)
     plan = BenchPlan(
         tuple(commands),
-        effort,
+        "quick" if quick else "full",
         seed,
-        limits,
+        Limits(seconds, round(memory_gib * 2**30)),
         metrics_named(figures),
         KNOWN["referee"].estimator,
-        {contestant.name: f"hmtb verify {words}{options}" for contestant, words in commands.items()},
+        {estimator.name: " ".join(("hmtb verify", own, *words)) for estimator, own in commands.items()},
         records,
     )
-    executor = _executor(workers, cluster, patience)
+    if cluster is None:
+        executor: Executor[Any] = LocalProcesses(workers, say_beside_bar)
+    else:
+        executor = cluster_executor(cluster, patience, workers)
     with output_folder(out) as folder:
         results = _run(plan, folder, executor)
     if json:
@@ -126,84 +138,48 @@ def verify(
     return 0 if all(result.passed for result in results) else 1
 
 
-def _executor(workers: int | None, cluster: str | None, patience: float) -> "Executor[Any]":
-    from scenarios.files.errors import ScenarioError
-    from scenarios.jobs.executor import LocalProcesses
-
-    if cluster is None:
-        return LocalProcesses(workers, say_beside_bar)
-    if workers is not None:
-        raise ScenarioError("--workers and --cluster given; expected one: the cluster has workers of its own")
-    from scenarios.jobs.cluster import Cluster
-
-    return Cluster(cluster, patience, say_beside_bar)
-
-
-def _options(quick: bool, records: int | None, figures: Sequence[str], seconds: float, memory_gib: float) -> str:
-    """Options on which a result depends, as the command line has them where they are not the usual ones."""
-    words = ["--quick"] * quick + [f"--records {records}"] * (records is not None)
-    words += [f"--figures {' '.join(figures)}"] * bool(figures)
-    words += [f"--seconds {seconds:g}"] * (seconds != 30.0) + [f"--memory-gib {memory_gib:g}"] * (memory_gib != 2.0)
-    return "".join(f" {word}" for word in words)
-
-
 def _run(plan: "BenchPlan", folder: Path, executor: "Executor[Any]") -> "list[Result]":
     from scenarios.bench.verify import JOURNALS, verify
     from scenarios.jobs.progress import Progress, show_progress
 
-    latest = (0, 0)
+    latest = Progress("", 0, 0)
 
-    def announce(cost: "Cost") -> None:
+    def announce(cost: "RemainingCost") -> None:
         if cost.requests:
-            say_beside_bar(f"hmtb verify: still to do, of {_requests(plan)}: {cost}")
+            counts = {estimator.name: len(plan.trials(estimator)) for estimator in plan.all_estimators()}
+            own = sum(counts.pop(estimator.name) for estimator in plan.estimators)
+            beside = "".join(f" and {count} to {name} for the figure of agreement" for name, count in counts.items())
+            say_beside_bar(f"hmtb verify: still to do, of {own} requests{beside}: {cost}")
 
     with show_progress("hmtb verify") as report:
 
-        def count(done: int, total: int, left: float | None) -> None:
+        def keep_and_report(progress: Progress) -> None:
             nonlocal latest
-            latest = (done, total)
-            # The first trials start processes: their pace says nothing of the others'.
-            note = "the first of each kind" if left is None and done < total else ""
-            report(Progress("", done, total, items="requests", left=left, note=note))
+            latest = progress
+            report(progress)
 
         try:
-            return verify(plan, folder, executor, report=count, notify=say_beside_bar, announce=announce)
+            return verify(plan, folder, executor, report=keep_and_report, notify=say_beside_bar, announce=announce)
         except KeyboardInterrupt:
-            done, total = latest
-            raise KeyboardInterrupt(f"{done} of {total} trials kept in {folder / JOURNALS}") from None
-
-
-def _requests(plan: "BenchPlan") -> str:
-    """How many requests a run makes, and of whom."""
-    counts = {contestant.name: len(plan.trials(contestant)) for contestant in plan.all_contestants()}
-    own = sum(counts.pop(contestant.name) for contestant in plan.contestants)
-    beside = "".join(f" and {count} to {name} for the figure of agreement" for name, count in counts.items())
-    return f"{own} requests{beside}"
+            kept = f"{latest.done} of {latest.total} trials kept in {folder / JOURNALS}"
+            raise KeyboardInterrupt(kept) from None
 
 
 def _listed(*, json: bool) -> int:
     """Print the estimators that the bench knows."""
-    from scenarios.estimators.known_estimators import KNOWN, available
+    from scenarios.estimators.known_estimators import KNOWN
 
-    rows = []
+    entries, cells = {}, []
     for name, entry in KNOWN.items():
-        can_run, why = available(name)
+        can_run, why = entry.available()
         one = entry.versioned() if can_run else entry.estimator
-        rows.append((one, can_run, why))
+        fields = {key: getattr(one, key) for key in ("structure", "method", "version", "settings")}
+        entries[name] = {**fields, "available": can_run, "why": why}
+        here = one.version or "yes" if can_run else "no"
+        cells.append((name, one.structure or "any", one.method or "", here, one.settings))
     if json:
-        keys = ("structure", "method", "version", "settings")
-        entries = {
-            one.name: {**{key: getattr(one, key) for key in keys}, "available": can_run, "why": why}
-            for one, can_run, why in rows
-        }
         print_json({"estimators": entries})
         return 0
-    cells = [
-        (one.name, one.structure or "any", one.method or "", one.version or "yes" if can_run else "no", one.settings)
-        for one, can_run, _ in rows
-    ]
     print_table("Estimators that the bench knows", ("", "structure", "method", "here", "settings"), cells)
-    for _, _, why in rows:
-        if why:
-            say(why)
+    say_each("", (entry["why"] for entry in entries.values() if entry["why"]))
     return 0

@@ -7,14 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from scenarios.bench.consistency import WHERE_IT_FAILS
+from scenarios.bench.leaderboard_rows import ORDERS_GIVEN
+from scenarios.bench.leaderboard_tables import limits, number
 from scenarios.bench.leaderboard_verdict import INFORMATIVE, Verdict, part_verdict, verdict
-from scenarios.bench.metric import Metric, Part, excess
+from scenarios.bench.metric import Metric, excess
 from scenarios.bench.progress import file_name
 from scenarios.bench.result import Result
-from scenarios.commands.output import print_table, say
+from scenarios.commands.output import counted, print_table, say
 from scenarios.estimators.outcome import KINDS, MODEL, REFUSED
 from scenarios.files.printable import one_line
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
@@ -22,20 +22,8 @@ from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 SHOWN = 5
 """Parts of a metric, and reasons of failures, that are printed; the file has more."""
 
-WIDEST, INDENT = 120, "    "
-"""Of lines of text."""
-
 CLOSE = 1.1
 """A median within this factor of its truth is called close."""
-
-METHODS = {
-    "pem": "prediction error",
-    "least_squares": "least squares",
-    "instrumental": "instrumental variables",
-    "subspace": "a subspace method",
-    "observer": "an observer method",
-}
-"""Words for `Contestant.method`."""
 
 
 def show(results: Sequence[Result], out: Path, *, verbose: bool = False) -> None:
@@ -48,18 +36,16 @@ def show(results: Sequence[Result], out: Path, *, verbose: bool = False) -> None
     """
     for result in results:
         _show_metrics(result)
-        if rows := bandwidth_rows(result.figures):
+        if rows := bandwidth_rows(result.metrics):
             show_bandwidths(rows)
-            say(_wrapped(answer(rows)))
-            say("")
-        show_reasons(result.figures.values(), verbose=verbose)
+            say(_wrapped(answer(rows)) + "\n")
+        show_reasons(result.metrics.values(), verbose=verbose)
         _show_failures(result)
-        say(f"{out / file_name(result.contestant.name)}.json")
-        say("")
+        say(f"{out / file_name(result.estimator.name)}.json\n")
     if len(results) > 1:
         _show_side_by_side(results)
     for result in results:
-        say(f"{result.contestant.name}: {_summary(result)}")
+        say(f"{result.estimator.name}: {_summary(result)}")
 
 
 def record(results: Sequence[Result], out: Path) -> dict[str, Any]:
@@ -69,50 +55,40 @@ def record(results: Sequence[Result], out: Path) -> dict[str, Any]:
         results: Of each estimator.
         out: Folder that they were written to.
     """
-    entries = {result.contestant.name: _entry(result, out) for result in results}
+    entries = {result.estimator.name: _entry(result, out) for result in results}
+    first = next(iter(entries.values()))
     if len(results) == 1:
-        return entries[results[0].contestant.name]
-    first = {"figures": _entry(results[0], out)["figures"]} if results else {}
-    return {**first, "passed": all(result.passed for result in results), "estimators": entries}
+        return first
+    passed = all(result.passed for result in results)
+    return {"figures": first["figures"], "passed": passed, "estimators": entries}
 
 
 def _entry(result: Result, out: Path) -> dict[str, Any]:
-    rows = bandwidth_rows(result.figures)
+    rows = bandwidth_rows(result.metrics)
     return {
-        "figures": {name: _metric(metric) for name, metric in result.figures.items()},
+        "figures": {name: _metric(metric) for name, metric in result.metrics.items()},
         **({"bandwidth": {"rows": rows, "answer": answer(rows)}} if rows else {}),
         "passed": result.passed,
-        "estimator": result.contestant.name,
+        "estimator": result.estimator.name,
         **{key: getattr(result, key) for key in ("effort", "seed", "outcomes", "reasons", "seconds", "command")},
-        "file": out / f"{file_name(result.contestant.name)}.json",
+        "file": out / f"{file_name(result.estimator.name)}.json",
     }
 
 
 def _metric(metric: Metric) -> dict[str, Any]:
-    keys = ("title", "value", "unit", "expected", "interval", "passed")
     parts = [
-        {
-            **{key: getattr(part, key) for key in ("label", "value", "expected", "interval")},
-            # JSON has no infinity, and null would be a limit that is not known.
-            "limits": [str(end) if math.isinf(end) else end for end in part.limits],
-            **{key: getattr(part, key) for key in ("passed", "theory", "why", "draws")},
-        }
+        # JSON has no infinity, and null would be a limit that is not known.
+        vars(part) | {"limits": [str(end) if math.isinf(end) else end for end in part.limits]}
         for part in metric.parts
     ]
-    return {
-        **{key: getattr(metric, key) for key in keys},
-        "verdict": verdict(metric).word,
-        "false_alarm": metric.false_alarm,
-        "why": metric.why,
-        "parts": parts,
-    }
+    keys = ("title", "value", "unit", "expected", "interval", "passed", "false_alarm", "why")
+    return {**{key: getattr(metric, key) for key in keys}, "verdict": verdict(metric).word, "parts": parts}
 
 
 def _show_metrics(result: Result) -> None:
-    own = result.contestant
-    kind = one_line(", ".join(part for part in (own.structure or "", own.method or "", own.version) if part))
+    own = result.estimator
+    kind = one_line(", ".join(part for part in (own.structure, own.method, own.version) if part))
     effort, *fewer = result.effort.split(", ", 1)
-    bench = ", ".join((f"{effort} bench", *fewer))
     rows = [
         (
             f"{metric.title}, {metric.unit}" if metric.unit else metric.title,
@@ -121,42 +97,40 @@ def _show_metrics(result: Result) -> None:
             limits(metric.interval),
             f"{verdict(metric).sign} {verdict(metric).word}",
         )
-        for metric in result.figures.values()
+        for metric in result.metrics.values()
     ]
-    title = f"{own.name}{f' ({kind})' if kind else ''}: {bench}, seed {result.seed}"
+    bench = ", ".join((f"{effort} bench", *fewer, f"seed {result.seed}"))
+    title = f"{own.name}{f' ({kind})' if kind else ''}: {bench}"
     print_table(title, ("", "value", "expected", "95 % interval", "verdict"), rows)
+    say(_wrapped(ORDERS_GIVEN) + "\n")
 
 
 def _show_failures(result: Result) -> None:
-    requests = sum(result.outcomes.values())
-    others = ", ".join(f"{kind} {count}" for kind, count in result.outcomes.items() if kind != MODEL)
+    others = "".join(f"; {kind} {count}" for kind, count in result.outcomes.items() if kind != MODEL)
     answered = result.outcomes.get(MODEL, 0)
-    say(f"{requests} requests, {answered} answered by a stable model{f'; {others}' * bool(others)}")
+    requests = counted(sum(result.outcomes.values()), "request")
+    say(f"{requests}, {answered} answered by a stable model{others}")
     for kind in result.outcomes:
         if kind not in (MODEL, REFUSED):
             say(f"  {kind}: {KINDS[kind]}")
-    shown = list(result.reasons.items())[:SHOWN]
-    for reason, count in shown:
+    rest = _failures(result)
+    for reason, count in list(result.reasons.items())[:SHOWN]:
         say(f"  {count} x {one_line(reason)}")
-    failures = _failures(result)
-    rest, reasons = failures - sum(count for _, count in shown), len(result.reasons) - len(shown)
-    if shown and rest > 0:
-        complete = sum(result.reasons.values()) >= failures  # a file keeps the commonest reasons only
-        kinds = f"{reasons} other reasons" if reasons > 1 else "another reason"
-        say(f"  and {rest} more, for {kinds}{': the file has them' if complete else ' or more: the file has some'}")
+        rest -= count
+    if result.reasons and rest > 0:
+        say(f"  {rest} x for other reasons: the result file has the most frequent ones")
 
 
 def _show_side_by_side(results: Sequence[Result]) -> None:
     rows = []
-    for name in dict.fromkeys(name for result in results for name in result.figures):
-        metrics = [result.figures.get(name) for result in results]
+    for name in dict.fromkeys(name for result in results for name in result.metrics):
+        metrics = [result.metrics.get(name) for result in results]
         first = next(metric for metric in metrics if metric is not None)
         cells = ["" if one is None else f"{number(one.value)} {verdict(one).sign}" for one in metrics]
         rows.append((f"{first.title}{f', {first.unit}' if first.unit else ''}", *cells))
     rows.append(("Failures", *(f"{_failures(result)} of {sum(result.outcomes.values())}" for result in results)))
-    print_table("Side by side", ("", *(result.contestant.name for result in results)), rows)
-    say("  ".join(f"{one.sign} {one.word}" for one in Verdict))
-    say("")
+    print_table("Side by side", ("", *(result.estimator.name for result in results)), rows)
+    say("  ".join(f"{one.sign} {one.word}" for one in Verdict) + "\n")
 
 
 def _failures(result: Result) -> int:
@@ -164,84 +138,65 @@ def _failures(result: Result) -> int:
 
 
 def _summary(result: Result) -> str:
-    failed = [metric.title.partition(":")[0] for metric in result.figures.values() if metric.passed is False]
+    failed = [metric.title.partition(":")[0] for metric in result.metrics.values() if metric.passed is False]
     if not failed and not result.passed:
         return "nothing was judged: it gave too few models, or none"
-    text = f"fails {_figures(len(failed))}: {', '.join(failed)}" if failed else "fails no figure that it should pass"
-    excused = sum(verdict(metric) is Verdict.FAILS_AS_THEORY_SAYS for metric in result.figures.values())
-    if not excused:
-        return text
-    method = METHODS.get(result.contestant.method or "", "such a method")
-    return f"{text}; {_figures(excused)} fail{'s' * (excused == 1)} as theory says of {method}"
-
-
-def _figures(count: int) -> str:
-    return f"{count} figure{'s' * (count != 1)}"
+    text = "fails no figure that it should pass"
+    if failed:
+        text = f"fails {counted(len(failed), 'figure')}: {', '.join(failed)}"
+    excused = sum(verdict(metric) is Verdict.FAILS_AS_THEORY_SAYS for metric in result.metrics.values())
+    method = f" of {result.estimator.method.replace('_', ' ')}" if result.estimator.method else ""
+    return (
+        f"{text}; {counted(excused, 'figure')} fail{'s' * (excused == 1)} as theory says{method}" if excused else text
+    )
 
 
 def show_reasons(metrics: Iterable[Metric], *, verbose: bool) -> None:
-    """Print a block for each metric that does not simply pass.
+    """Print a block for each metric that does not simply pass: the reasons, and the parts furthest beyond their limits.
 
     Args:
         metrics: The metrics.
         verbose: All metrics, with everything that their verdicts rest on, and all parts that fail.
     """
-    explained: dict[str, str] = {}
+    explained: set[str] = set()
     for metric in metrics:
         judged = verdict(metric)
-        if verbose:
-            failed = [part for part in metric.parts if part.passed is False]
-            _block(metric, [metric.why], failed, most=len(failed))
-            continue
-        if judged is Verdict.NONE and metric.name not in INFORMATIVE:
-            say(_wrapped(f"{judged.sign} {metric.title}: {metric.why.rpartition('; ')[2]}", INDENT))
         parts = [part for part in metric.parts if part_verdict(part) is judged]
-        if judged is Verdict.FAILS:
+        if verbose:
+            reasons, parts = [metric.why], [part for part in metric.parts if part.passed is False]
+        elif judged is Verdict.FAILS:
             measures, *more = metric.why.split("; ")
-            _block(metric, [measures, *(text for text in more if text.startswith(WHERE_IT_FAILS))], parts)
+            reasons = [measures, *(text for text in more if text.startswith(WHERE_IT_FAILS))]
         elif judged is Verdict.FAILS_AS_THEORY_SAYS:
-            _block(metric, _reasons(metric, parts, explained), parts)
+            whys = [why for why in dict.fromkeys(part.why for part in parts) if why]
+            reasons = [why for why in whys if why not in explained] or ["for reasons given above"]
+            explained.update(whys)
+        elif judged is Verdict.NONE and metric.name not in INFORMATIVE:
+            reasons, parts = [metric.why.rpartition("; ")[2]], []
+        else:
+            continue
+        say(f"{judged.sign} {metric.title}: {judged.word}")
+        for reason in reasons:
+            say(_wrapped(reason, "    "))
+        shown = sorted(parts, key=excess, reverse=True)[: None if verbose else SHOWN]
+        width = max((len(part.label) for part in shown), default=0)
+        for part in shown:
+            mark = f" {part_verdict(part).sign}" if part_verdict(part) is not judged else ""
+            # A part may fail without a limit, as where too few records have a claim.
+            why = part.why if all(map(math.isinf, part.limits)) else f"limits: {limits(part.limits)}"
+            say(f"    {part.label:<{width}}  {number(part.value):>7}  {why}{mark}")
+        if len(parts) > len(shown):
+            say(f"    and {len(parts) - len(shown)} more: --verbose has them")
     say("")
 
 
-def _reasons(metric: Metric, parts: Sequence[Part], explained: dict[str, str]) -> list[str]:
-    """Explanations from theory, each of them in full only once."""
-    short = metric.title.partition(":")[0]
-    reasons = []
-    for why in dict.fromkeys(part.why for part in parts if part.why):
-        first = explained.setdefault(why, short)
-        reasons.append(why if first == short else f"theory says the same as of “{first}”")
-    return list(dict.fromkeys(reasons))
-
-
-def _block(metric: Metric, reasons: Sequence[str], parts: Sequence[Part], *, most: int = SHOWN) -> None:
-    judged = verdict(metric)
-    say(f"{judged.sign} {metric.title}: {judged.word}")
-    for reason in reasons:
-        say(_wrapped(INDENT + reason, INDENT))
-    shown = sorted(parts, key=lambda part: -excess(part))[:most]
-    rows = [(part.label, number(part.value)) for part in shown]
-    widths = [max((len(row[place]) for row in rows), default=0) for place in (0, 1)]
-    for (label, value), part in zip(rows, shown, strict=True):
-        mark = f" {part_verdict(part).sign}" if part_verdict(part) is not judged else ""
-        say(_wrapped(f"{INDENT}{label:<{widths[0]}}  {value:>{widths[1]}}  {_limit(part)}{mark}", 2 * INDENT))
-    if len(parts) > len(shown):
-        say(f"{INDENT}and {len(parts) - len(shown)} more: --verbose has them")
-
-
-def _limit(part: Part) -> str:
-    """Its limit in words, or why it fails without one."""
-    low, high = part.limits
-    if math.isinf(low) and math.isinf(high):
-        return part.why
-    both = math.isfinite(low) and math.isfinite(high) and low != high
-    return f"limit{'s' * both}: {limits(part.limits)}"
-
-
 def _wrapped(text: str, indent: str = "") -> str:
-    """Text in lines as wide as the terminal; all but the first are indented."""
-    width = min(WIDEST, shutil.get_terminal_size((WIDEST, 24)).columns)
-    return textwrap.fill(text, max(40, width), subsequent_indent=indent, break_on_hyphens=False)
+    """Indented text in lines as wide as the terminal, 120 columns at most."""
+    width = max(40, shutil.get_terminal_size((120, 24)).columns)
+    fill = textwrap.TextWrapper(
+        min(width, 120), initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
+    )
+    return fill.fill(text)
 
 
 def bandwidth_rows(metrics: Mapping[str, Metric]) -> list[dict[str, Any]]:
@@ -289,48 +244,17 @@ def show_bandwidths(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def answer(rows: Sequence[Mapping[str, Any]]) -> str:
-    """In a sentence: whether the estimator recovers the thesis' 1 Hz, and whether what it recovers is true.
+    """The answer on the thesis' 1 Hz: whether the estimator recovers it, and whether what it recovers is true.
 
     Args:
         rows: Of `bandwidth_rows`, at least one.
     """
     low, high = ABOUT_1_HZ
     near, models = (sum(row[key] for row in rows) for key in ("near", "models"))
-    medians = sum(near_1_hz(row["median"]) for row in rows)
-    true = sum(near_1_hz(row["best_linear"]) for row in rows)
-    text = (
-        f"About 1 Hz ({low:g} to {high:g} Hz) is what it finds in {near} of {models} records and in the median of "
-        f"{medians} of {len(rows)} rows; the best linear truth is about 1 Hz in {true} of them"
-    )
-    apart = {_apart(row): row for row in rows if math.isfinite(_apart(row))}
-    if not apart:
-        return f"{text}."
-    worst = apart[max(apart)]
-    close = sum(_apart(row) <= math.log(CLOSE) for row in rows)
+    medians, true = (sum(near_1_hz(row[key]) for row in rows) for key in ("median", "best_linear"))
+    close = sum(1.0 / CLOSE <= row["median"] / row["best_linear"] <= CLOSE for row in rows)
     return (
-        f"{text}, and its median lies within {100 * (CLOSE - 1):.0f} % of that truth in {close}, furthest from it for "
-        f"{worst['joint']} {worst['excitation']} {worst['mrad']:g} mrad: {number(worst['median'])} Hz, where "
-        f"{number(worst['best_linear'])} Hz is true."
+        f"The bandwidth is about 1 Hz ({low:g} to {high:g} Hz) in {near} of {models} records and in the median of "
+        f"{medians} of {len(rows)} rows; the best linear truth is about 1 Hz in {true} rows, and the median lies "
+        f"within {100 * (CLOSE - 1):.0f} % of that truth in {close}."
     )
-
-
-def _apart(row: Mapping[str, Any]) -> float:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.abs(np.log(np.divide(row["median"], row["best_linear"]))))
-
-
-def number(value: float) -> str:
-    """A number with four digits; a dash for an unknown one."""
-    return "—" if math.isnan(value) else f"{value:.4g}"
-
-
-def limits(ends: tuple[float, float]) -> str:
-    """An interval, or limits, in words; a dash where they are unknown or any value passes."""
-    low, high = ends
-    if math.isnan(low) or math.isnan(high) or (math.isinf(low) and math.isinf(high)):
-        return "—"
-    if low == high:
-        return number(low)
-    if math.isinf(low):
-        return f"at most {number(high)}"
-    return f"at least {number(low)}" if math.isinf(high) else f"{number(low)} to {number(high)}"

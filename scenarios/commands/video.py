@@ -1,15 +1,19 @@
 """`hmtb video`: a film or a picture of an experiment."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import print_json, progress, say
+from scenarios.commands.output import counted, print_json, progress, say
+from scenarios.files.errors import ScenarioError, unknown
 
 if TYPE_CHECKING:
     import numpy as np
+
+DECK = ("window", "port", "starboard", "wrist_camera")
+"""Views of the operator on the aft flight deck."""
 
 
 def video(
@@ -46,10 +50,9 @@ def video(
         seed: Draw other noise; for a scenario only.
         json: Print JSON.
     """
-    from scenarios.experiments.film import frames, write_film
-    from scenarios.experiments.playback import load_or_simulate
+    from hmtb_twin.run.playback import frames
+    from scenarios.experiments.film import load_or_simulate, write_film
     from scenarios.files.atomic_write import check_place
-    from scenarios.files.errors import ScenarioError
 
     for label, value in (("fps", fps), ("speed", speed)):
         if not 0 < value <= 1000:
@@ -68,38 +71,30 @@ def video(
     pictures = frames(log, cameras, size=(width, height), rate=fps, speed=speed, span=(start, last))
     count = int((last - start) / speed * fps + 1e-9) + 1
     with progress("filming") as report:
-        write_film(_with_progress(pictures, count, report), path, rate=fps)
-    record = {"film": str(path), "scenario": log.name, "frames": count, "cameras": cameras}
+
+        def shown() -> "Iterator[np.ndarray]":
+            for number, picture in enumerate(pictures, start=1):
+                report(number, count)
+                yield picture
+
+        write_film(shown(), path, rate=fps)
     if json:
-        print_json(record)
+        print_json({"film": path, "scenario": log.name, "frames": count, "cameras": cameras})
     else:
-        say(f"{path}: {count} frame{'s' if count != 1 else ''} of {log.name}, {start:g} to {last:g} s")
+        say(f"{path}: {counted(count, 'frame')} of {log.name}, {start:g} to {last:g} s")
     return 0
-
-
-DECK = ("window", "port", "starboard", "wrist_camera")
-"""Views of the operator on the aft flight deck."""
 
 
 def _cameras(words: str) -> tuple[str, ...]:
     """Names of cameras, checked before the work begins."""
     from hmtb_twin import load_arm
     from hmtb_twin.arm.rendering import scene_model
-    from scenarios.files.errors import ScenarioError, unknown
 
     scene = scene_model(load_arm())
-    known = [scene.camera(number).name for number in range(scene.ncam)]
+    known = [*(scene.camera(number).name for number in range(scene.ncam)), "deck"]
     chosen: list[str] = []
     for entry in (word.strip() for word in words.split(",")):
-        if entry not in (*known, "deck"):
-            raise ScenarioError(unknown("camera", entry, (*known, "deck")))
+        if entry not in known:
+            raise ScenarioError(unknown("camera", entry, known))
         chosen += DECK if entry == "deck" else (entry,)
     return tuple(chosen)
-
-
-def _with_progress(
-    pictures: "Iterator[np.ndarray]", total: int, report: Callable[[int, int], None]
-) -> "Iterator[np.ndarray]":
-    for number, picture in enumerate(pictures, start=1):
-        report(number, total)
-        yield picture

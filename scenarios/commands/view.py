@@ -28,18 +28,20 @@ def view(
         loop: Play again and again.
         seed: Draw other noise; for a scenario only.
     """
-    from scenarios.experiments.playback import check_display, play, show
+    from hmtb_twin import load_arm
+    from hmtb_twin.parameters.values import OPERATING_POSE
+    from hmtb_twin.run.playback import play
+    from scenarios.experiments.film import load_or_simulate, viewer_module
     from scenarios.files.errors import ScenarioError
 
     if not 0 < speed <= 1000:
         raise ScenarioError(f"--speed must be above 0 and at most 1000, given {speed:g}")
-    check_display()
+    viewer = viewer_module()  # refuses before the simulation, not after
     if name is None:
-        show(payload)
+        arm = load_arm(payload=payload)
+        viewer.launch(arm.model, arm.rest(arm.pose(OPERATING_POSE)))
         return 0
-    from scenarios.experiments.playback import load_or_simulate
-
     log = load_or_simulate(name, seed=seed)
     say(f"{log.name}: {len(log) * log.dt:g} s, played at {speed:g} times its speed; close the window to end")
-    play(log, speed=speed, loop=loop)
+    play(log, viewer, speed=speed, loop=loop)
     return 0

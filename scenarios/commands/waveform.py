@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, say
+from scenarios.commands.output import output_folder, print_json, print_table, say_each
+from scenarios.files.errors import ScenarioError, unknown
 
 if TYPE_CHECKING:
     from scenarios.experiments.waveform import Waveform
@@ -76,21 +77,20 @@ def waveform(
         out: Folder for KIND.txt (one point per line, V) and KIND.png.
         json: Print JSON.
     """
-    # Before any other local variable: the options of the excitations, as they were given.
+    # Before any other local variable: the options that were given.
     options = {name: value for name, value in locals().items() if value is not None and value is not False}
-    wave = _waveform(kind, {name: value for name, value in options.items() if name not in NOT_OPTIONS}, path)
-    if not wave.points.any():
-        from scenarios.files.errors import ScenarioError
-
-        raise ScenarioError(f"{kind} of amplitude 0 excites nothing: expected an amplitude other than 0 V")
 
     import numpy as np
 
+    from hmtb_twin.control.data_acquisition import BOARD
     from scenarios.experiments.model_structures import excitation_order_warning, needed_orders
     from scenarios.experiments.preview_figure import waveform_figure
     from scenarios.experiments.waveform import write_points
     from scenarios.report.figures import save_figure
 
+    wave = _waveform(kind, {name: value for name, value in options.items() if name not in NOT_OPTIONS}, path)
+    if not wave.points.any():
+        raise ScenarioError(f"{kind} of amplitude 0 excites nothing: expected an amplitude other than 0 V")
     with output_folder(out) as folder:
         name = kind if path is None else path.stem
         file = write_points(wave.points.tolist(), folder / f"{name}.txt") if path is None else path
@@ -98,55 +98,44 @@ def waveform(
         save_figure(waveform_figure(wave), picture, dpi=150)
     order = wave.order_of_excitation()
     parameters = wave.parameters if path is None else {"path": str(path)}
-    warnings = [text for text in (_clipping(wave), excitation_order_warning(order)) if text]
-    record = {
-        "kind": kind,
-        "parameters": parameters,
-        "points": str(file),
-        "plot": str(picture),
-        "update_rate_hz": wave.update_rate,
-        "period_s": wave.period,
-        "order_of_excitation": order,
-        "mean_v": float(wave.points.mean()),
-        "rms_v": float(np.sqrt(np.mean(wave.points**2))),
-        "needed_order": needed_orders(),
-        "warnings": warnings,
-    }
-    if json:
-        print_json(record)
-        return 0
-    labels = {
-        "kind": "excitation",
-        "points": "points",
-        "plot": "plot",
-        "update_rate_hz": "update rate / Hz",
-        "period_s": "period / s",
-        "order_of_excitation": "order of excitation",
-        "mean_v": "mean / V",
-        "rms_v": "root mean square / V",
-    }
-    rows = [
-        (label, f"{value:.6g}" if isinstance(value, float) else str(value))
-        for label, value in ((label, record[key]) for key, label in labels.items())
-    ]
-    rows[1:1] = [(f"--{_flag(key)}", str(value)) for key, value in parameters.items()]
-    print_table(f"Waveform {kind}", ("", ""), rows)
-    for text in warnings:
-        say(f"warning: {text}")
-    return 0
-
-
-def _clipping(wave: "Waveform") -> str | None:
-    """A warning where points exceed the range of the excitation computer."""
-    from hmtb_twin.control.data_acquisition import BOARD
-
-    count = int(BOARD.exceeds_range(wave.points).sum())
-    if not count:
-        return None
-    return (
-        f"{count} of {len(wave.points)} points ask for more than the ±{BOARD.dac_range:g} V of the excitation "
+    beyond = int(BOARD.exceeds_range(wave.points).sum())
+    warnings = [
+        f"{beyond} of {len(wave.points)} points ask for more than the ±{BOARD.dac_range:g} V of the excitation "
         "computer's converter, which cuts them off"
-    )
+    ] * bool(beyond)
+    warnings += [text for text in (excitation_order_warning(order),) if text]
+    mean, rms = float(wave.points.mean()), float(np.sqrt(np.mean(wave.points**2)))
+    if json:
+        print_json(
+            {
+                "kind": kind,
+                "parameters": parameters,
+                "points": file,
+                "plot": picture,
+                "update_rate_hz": wave.update_rate,
+                "period_s": wave.period,
+                "order_of_excitation": order,
+                "mean_v": mean,
+                "rms_v": rms,
+                "needed_order": needed_orders(),
+                "warnings": warnings,
+            }
+        )
+        return 0
+    rows = [
+        ("excitation", kind),
+        *((f"--{_flag(key)}", str(value)) for key, value in parameters.items()),
+        ("points", str(file)),
+        ("plot", str(picture)),
+        ("update rate / Hz", f"{wave.update_rate:.6g}"),
+        ("period / s", f"{wave.period:.6g}"),
+        ("order of excitation", str(order)),
+        ("mean / V", f"{mean:.6g}"),
+        ("root mean square / V", f"{rms:.6g}"),
+    ]
+    print_table(f"Waveform {kind}", ("", ""), rows)
+    say_each("warning: ", warnings)
+    return 0
 
 
 def _waveform(kind: str, options: Mapping[str, float | int | bool], path: Path | None) -> "Waveform":
@@ -156,7 +145,6 @@ def _waveform(kind: str, options: Mapping[str, float | int | bool], path: Path |
     from scenarios.experiments.excitation import KINDS
     from scenarios.experiments.excitation_computer import FILE, Excitation
     from scenarios.experiments.waveform import read_points
-    from scenarios.files.errors import ScenarioError, unknown
 
     if kind in (FILE, "points"):
         if kind != FILE or path is None or options:

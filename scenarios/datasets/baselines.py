@@ -1,60 +1,45 @@
 """Baselines: what known estimators score on a data set, and the table of them."""
 
-import csv
-import io
 import json
 import math
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from shlex import join
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
-from scenarios.datasets.plan import BASELINES, INDEX, DataSetPlan, arm_file, baseline_file
+from scenarios.datasets.plan import BASELINES, INDEX, DataSetPlan, arm_file
 from scenarios.datasets.score import Scores, score_outputs
 from scenarios.datasets.spec_tables import BaselineSpec, Method
+from scenarios.datasets.tables import table_text
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import file_hash
 from scenarios.files.provenance import versions
 from scenarios.identification.methods import ESTIMATORS, estimate
-from scenarios.identification.predictors import Hold, ModelPredictor, Predictor, StackedPredictor, StaticGain
 from sysid import Estimate, IOData, SysidError, SysidWarning
 from sysid.polynomial.fit_with_offset import fit_with_offset
-
-TRUTH_METHOD = "truth"
-"""The method that identifies nothing: the small-signal truth as it is."""
-
-CLOSE = 1e-9
-"""Relative difference of scores up to which a row counts as reproduced."""
-
-TABLE = "table"
-"""The last piece of the stage, which gathers the rows."""
+from sysid.validation.predictors import Hold, ModelPredictor, Predictor, StackedPredictor, StaticGain
 
 
-@dataclass(frozen=True)
-class Baseline:
+class Baseline(NamedTuple):
     """Scores of one method.
 
     Attributes:
-        method: The method.
         test: Scores on the test part.
         validation: Scores on the validation part; None where there is none.
         trained: Names of the training records, in order.
-        twins: Numbers of the randomised twins that have a model; none in a data set without twins.
     """
 
-    method: Method
     test: Scores
     validation: Scores | None
     trained: tuple[str, ...]
-    twins: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -76,21 +61,15 @@ class BaselineData:
         count = len(recorded) if self.limits.twins == 0 else min(self.limits.twins, len(recorded))
         return tuple(recorded[round(k * (len(recorded) - 1) / max(count - 1, 1))] for k in range(count))
 
-    @cached_property
-    def test(self) -> tuple[DataRecord, ...]:
-        """Records to score on."""
-        return self._records("test")
-
-    @cached_property
-    def validation(self) -> tuple[DataRecord, ...]:
-        """Records to choose by."""
-        return self._records("validation")
+    def records(self, part: str) -> tuple[DataRecord, ...]:
+        """Return the records of a part, on the selected twins alone."""
+        return tuple(one for one in self.data_set.records(part) if one.twin is None or one.twin in self.twins)
 
     @cached_property
     def train(self) -> tuple[DataRecord, ...]:
         """Records to identify from: the first ones of each block, arm and set of joints."""
         kept, counts = list[DataRecord](), Counter[tuple[object, ...]]()
-        for one in self._records("train"):
+        for one in self.records("train"):
             key = (one.block, one.arm, frozenset(one.joints))
             counts[key] += 1
             if not self.limits.records or counts[key] <= self.limits.records:
@@ -111,10 +90,6 @@ class BaselineData:
             raise ScenarioError(f"no training records of {', '.join(record.joints)} for {record.name}")
         return tuple([one for one in alike if one.arm == record.arm] or alike)
 
-    def _records(self, part: str) -> tuple[DataRecord, ...]:
-        selected = set(self.twins)
-        return tuple(one for one in self.data_set.records(part) if one.twin is None or one.twin in selected)
-
 
 def baseline(data: BaselineData, method: Method) -> Baseline:
     """Identify the models of a method from the training part, and score them on test and validation part.
@@ -129,32 +104,23 @@ def baseline(data: BaselineData, method: Method) -> Baseline:
     """
     models: dict[tuple[str, ...], Predictor] = {}
     trained: dict[str, None] = {}
-    scoring = data.data_set.spec.scoring
+    scoring, joints = data.data_set.spec.scoring, {frozenset(one.joints) for one in data.train}
 
-    @lru_cache(maxsize=1)
-    def true_predictor(arm: str, joints: tuple[str, ...]) -> Predictor:
-        return _true_predictor(data.data_set, arm, joints)
+    def predicted(record: DataRecord) -> np.ndarray:
+        training = () if method.name == "truth" else data.training(record)
+        key = (record.arm, *record.joints) if method.name == "truth" else (*record.joints, *(r.name for r in training))
+        if key not in models and method.name == "truth":
+            models[key] = _true_predictor(data.data_set, record.arm, record.joints)
+        elif key not in models:
+            order = {one.name: [one.joints.index(joint) for joint in record.joints] for one in training}
+            parts = [one.iodata().select(inputs=order[one.name], outputs=order[one.name]) for one in training]
+            models[key] = identified(method, parts)
+            trained.update(dict.fromkeys(order))
+        return models[key].predicted(record.iodata(), scoring.steps)
 
-    def predictor(record: DataRecord) -> Predictor:
-        if method.name == TRUTH_METHOD:
-            return true_predictor(record.arm, record.joints)
-        training = data.training(record)
-        key = (*record.joints, *(one.name for one in training))
-        if key not in models:
-            models[key] = identified(method, [_in_order(one, record.joints) for one in training])
-            trained.update(dict.fromkeys(one.name for one in training))
-        return models[key]
-
-    def scores(records: Sequence[DataRecord]) -> Scores:
-        by_name = {one.name: one for one in records}
-        return score_outputs(
-            scoring, records, lambda name: predictor(by_name[name]).predicted(by_name[name].iodata(), scoring.steps)
-        )
-
-    test = scores(data.test)
-    joints = {frozenset(one.joints) for one in data.train}
-    checked = [one for one in data.validation if method.name == TRUTH_METHOD or frozenset(one.joints) in joints]
-    return Baseline(method, test, scores(checked) if checked else None, tuple(trained), data.twins)
+    test = score_outputs(scoring, data.records("test"), predicted)
+    known = [r for r in data.records("validation") if method.name == "truth" or frozenset(r.joints) in joints]
+    return Baseline(test, score_outputs(scoring, known, predicted) if known else None, tuple(trained))
 
 
 def identified(method: Method, parts: Sequence[IOData]) -> Predictor:
@@ -198,33 +164,26 @@ def _true_predictor(data_set: DataSet, arm: str, joints: Sequence[str]) -> Model
     return ModelPredictor(model, stored.truth.angles[index], stored.rest[index])
 
 
-def _in_order(record: DataRecord, joints: tuple[str, ...]) -> IOData:
-    """A training record with its channels in the order of another record."""
-    data = record.iodata()
-    order = [record.joints.index(joint) for joint in joints]
-    return data if order == list(range(len(joints))) else data.select(inputs=order, outputs=order)
+def baseline_pieces(plan: DataSetPlan) -> tuple[str, ...]:
+    """Return the methods as they are written in the spec, then the table; nothing where there are none."""
+    methods = tuple(map(str, plan.spec.baselines.methods))
+    return (*methods, "table") if methods else ()
 
 
-@dataclass(frozen=True)
-class BaselineStage:
-    """The stage of a build that makes the baselines of the spec, a file for each, and their table."""
+def baseline_files(plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, bytes]:
+    """Score one method, or gather the table; a piece of a stage of the build."""
+    if piece != "table":
+        data = _data(folder, file_hash(folder / INDEX), plan.spec.baselines)
+        text = json.dumps(report(data, Method.parsed(piece)), indent=1, allow_nan=False) + "\n"
+        return {_file(piece): text.encode()}
+    _data.cache_clear()
+    rows = [json.loads((folder / _file(name)).read_bytes())["row"] for name in map(str, plan.spec.baselines.methods)]
+    return {BASELINES: table_text(rows[0], rows).encode()}
 
-    name: str = field(default="baselines", init=False)
 
-    def pieces(self, plan: DataSetPlan) -> Iterable[str]:
-        """Return the methods as they are written in the spec, then the table; nothing where there are none."""
-        methods = tuple(map(str, plan.spec.baselines.methods))
-        return (*methods, TABLE) if methods else ()
-
-    def make(self, plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, bytes]:
-        """Make one baseline, or gather the table; see `Stage.make`."""
-        if piece != TABLE:
-            data = _data(folder, file_hash(folder / INDEX), plan.spec.baselines)
-            text = json.dumps(report(data, Method.parsed(piece)), indent=1, allow_nan=False) + "\n"
-            return {str(baseline_file(piece)): text.encode()}
-        _data.cache_clear()
-        files = (folder / baseline_file(str(method)) for method in plan.spec.baselines.methods)
-        return {BASELINES: table([json.loads(path.read_bytes())["row"] for path in files])}
+def _file(method: str) -> str:
+    """File of the scores of a baseline, written as in a spec, ``"oe:2/2/1"``, on every record."""
+    return f"baselines/{method.replace(':', '-').replace('/', '-')}.json"
 
 
 @lru_cache(maxsize=1)
@@ -240,39 +199,14 @@ def report(data: BaselineData, method: Method) -> dict[str, Any]:
         data: The records.
         method: The method.
     """
-    columns = _columns(data, method)
-    try:
-        made = baseline(data, method)
-    except (ScenarioError, SysidError) as error:
-        return {"row": {**columns, "failed": str(error)}, "test": [], "validation": []}
-    blocks = dict.fromkeys(one.block for one in data.train if one.name in set(made.trained))
-    by_joint = {f"test_{joint}": _written(value) for joint, value in made.test.by_joint.items()}
-    row = columns | {
-        "trained_on": f"{' and '.join(blocks)} ({len(made.trained)})" if made.trained else "",
-        "twins": " ".join(map(str, made.twins)),
-        "validation": "" if made.validation is None else _written(made.validation.mean),
-        "test": _written(made.test.mean),
-        **{name: value for name, value in by_joint.items() if name in columns},
-        "records_scored": str(len({score.experiment for score in made.test.scores})),
-    }
-    parts = {"test": made.test, "validation": made.validation}
-    lists = {
-        part: [[one.experiment, one.joint, _written(one.value)] for one in (scores.scores if scores else ())]
-        for part, scores in parts.items()
-    }
-    return {"row": row, **lists, "trained_on": list(made.trained)}
-
-
-def _columns(data: BaselineData, method: Method) -> dict[str, str]:
-    """All columns of a row; those of results are empty."""
     spec = data.data_set.spec
+    joints = dict.fromkeys(joint for one in data.data_set.index if one.part == "test" for joint in one.joints)
     options = ["--method", method.name]
     options += ["--orders", *map(str, method.orders)] if method.orders else []
     for name in ("twins", "records"):
         if getattr(data.limits, name) != getattr(spec.baselines, name):
             options += [f"--{name}", str(getattr(data.limits, name))]
-    joints = dict.fromkeys(joint for one in data.data_set.index if one.part == "test" for joint in one.joints)
-    return {
+    row = {
         "method": method.name,
         "orders": " ".join(map(str, method.orders)),
         "metric": spec.scoring.metric,
@@ -283,6 +217,24 @@ def _columns(data: BaselineData, method: Method) -> dict[str, str]:
         "software": software(),
         "command": join(["hmtb", "dataset", "baselines", spec.label, *options]),
     }
+    try:
+        result = baseline(data, method)
+    except (ScenarioError, SysidError) as error:
+        return {"row": {**row, "failed": str(error)}, "test": [], "validation": []}
+    blocks = dict.fromkeys(one.block for one in data.train if one.name in set(result.trained))
+    row |= {
+        "trained_on": f"{' and '.join(blocks)} ({len(result.trained)})" if result.trained else "",
+        "twins": " ".join(map(str, data.twins)),
+        "validation": "" if result.validation is None else _text(result.validation.mean),
+        "test": _text(result.test.mean),
+        **{f"test_{joint}": _text(value) for joint, value in result.test.by_joint.items()},
+        "records_scored": str(len({score.experiment for score in result.test.scores})),
+    }
+    lists = {
+        part: [[one.experiment, one.joint, _text(one.value)] for one in (scores.scores if scores else ())]
+        for part, scores in (("test", result.test), ("validation", result.validation))
+    }
+    return {"row": row, **lists, "trained_on": list(result.trained)}
 
 
 @cache
@@ -292,44 +244,17 @@ def software() -> str:
     return ", ".join(f"{name} {installed[name]}" for name in ("hmtb-twin", "numpy", "scipy"))
 
 
-def table(rows: Sequence[Mapping[str, str]]) -> bytes:
-    """Write rows with equal columns as CSV (RFC 4180, but for line feeds alone); nothing for no rows."""
-    if not rows:
-        return b""
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return stream.getvalue().encode()
-
-
-def read_table(path: Path) -> tuple[dict[str, str], ...]:
-    """Read the table of baselines.
-
-    Raises:
-        ScenarioError: There is none, or it is damaged.
-    """
-    try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            rows = tuple(csv.DictReader(stream))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ScenarioError(f"cannot read the baselines {path}: {error}") from error
-    if any(None in one or None in one.values() for one in rows):
-        raise ScenarioError(f"{path} is damaged: a row has more or fewer columns than the first")
-    return rows
-
-
 def differences(made: Mapping[str, str], published: Mapping[str, str]) -> tuple[str, ...]:
     """List the scores of a row that differ from those of the published row, in words."""
     texts = []
     for name, now in made.items():
         if name in ("test", "validation") or name.startswith("test_"):
             then = published.get(name, "")
-            if now != then and not (now and then and math.isclose(float(now), float(then), rel_tol=CLOSE)):
+            if now != then and not (now and then and math.isclose(float(now), float(then), rel_tol=1e-9)):
                 texts.append(f"{name} = {now or 'none'}, published {then or 'none'}")
     return tuple(texts)
 
 
-def _written(value: float) -> str:
+def _text(value: float) -> str:
     """A score as text; eleven digits, so that rounding is no difference."""
     return f"{value:.11g}"

@@ -1,7 +1,7 @@
 """Best linear approximations of the records of a data set."""
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,65 +10,52 @@ from hmtb_twin import JointLog, simulate
 from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.parameters.values import SAMPLE_TIME
-from scenarios.datasets.arm_truth import truth_variable
+from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets.experiment_file import stored_log
 from scenarios.datasets.plan import LICENSE, DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.experiments.logged_arm import experiment_arm
+from scenarios.datasets.variables import described
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Attribute, Contents
-from scenarios.truth.best_linear import BestLinearTruth, approximated
+from scenarios.truth.best_linear import approximated
 from scenarios.truth.bla_of_record import multisine_like
 from sysid import IOData
-
-FORMAT = "hmtb best linear approximation 1"
-"""Marks the files of this version."""
-
-RANDOM = ("seed", "realisations")
-"""Parameters of an excitation that only its random draws depend on."""
 
 
 def excitation_class(entry: PlannedExperiment) -> Hashable:
     """Return a key of what is played on which joints, how strongly, on which arm: equal for repeats and for twins."""
     arm = entry.arm if entry.twin is None else entry.arm.partition("arm-")[2]
-    experiment = entry.experiment
+    experiment, random = entry.experiment, ("seed", "realisations")
     played: Hashable
     if isinstance(experiment, MultisineExperiment):
-        multisines = experiment.multisines
-        played = tuple((f.name, str(getattr(multisines, f.name))) for f in fields(multisines) if f.name not in RANDOM)
+        played = tuple((key, str(value)) for key, value in vars(experiment.multisines).items() if key not in random)
     else:
         played = tuple(
             (
                 one.kind,
                 one.repeat_frequency,
-                tuple(sorted((key, str(value)) for key, value in one.parameters.items() if key not in RANDOM)),
+                tuple(sorted((key, str(value)) for key, value in one.parameters.items() if key not in random)),
             )
             for one in getattr(experiment, "excitation", ())
         )
     return arm, entry.joints, tuple(experiment.axes), played
 
 
-@dataclass(frozen=True)
-class BestLinearStage:
-    """The stage of a build that measures best linear approximations, a file for each class of excitation."""
+def best_linear_pieces(plan: DataSetPlan) -> list[str]:
+    """Return the first experiments of each class in the blocks that the spec names, on the first twin."""
+    first: dict[Hashable, str] = {}
+    for entry in plan.of_twin() if plan.spec.truth.best_linear else ():
+        if entry.block in plan.spec.truth.best_linear:
+            first.setdefault(excitation_class(entry), entry.name)
+    return list(first.values())
 
-    name: str = field(default="best-linear", init=False)
 
-    def pieces(self, plan: DataSetPlan) -> Iterable[str]:
-        """Return the first experiments of each class in the blocks that the spec names, on the first twin."""
-        first: dict[Hashable, str] = {}
-        blocks = set(plan.spec.truth.best_linear)
-        for entry in plan[: len(plan) // plan.twins] if blocks else ():
-            if entry.block in blocks:
-                first.setdefault(excitation_class(entry), entry.name)
-        return list(first.values())
-
-    def make(self, plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, Contents]:
-        """Measure the approximation for the arm, the joints and the amplitude of an experiment; see `Stage.make`."""
-        entry = next(entry for entry in plan if entry.name == piece)
-        recorded = recorded_realisations(plan, folder, entry)
-        return {entry.best_linear: best_linear_contents(plan.spec, entry, recorded=recorded)}
+def best_linear_files(plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, Contents]:
+    """Measure the approximation for arm, joints and amplitude of an experiment; a piece of a stage of the build."""
+    entry = next(entry for entry in plan if entry.name == piece)
+    recorded = recorded_realisations(plan, folder, entry)
+    return {entry.best_linear: best_linear_contents(plan.spec, entry, recorded=recorded)}
 
 
 def recorded_realisations(
@@ -94,9 +81,7 @@ def recorded_realisations(
         return ()
     lines, own_class = entry.experiment.multisines.lines, excitation_class(entry)
     realisations: dict[tuple[int, int], dict[int, tuple[PlannedExperiment, MultisineExperiment]]] = {}
-    size = len(plan) // plan.twins
-    begin = size * (entry.twin or 0)
-    for other in plan[begin : begin + size]:
+    for other in plan.of_twin(entry.twin):
         one = other.experiment
         # Odd multisines draw their silent lines, too: only those of one seed have the same.
         if not isinstance(one, MultisineExperiment) or excitation_class(other) != own_class:
@@ -145,9 +130,36 @@ def best_linear_contents(
             raise ScenarioError(f"{name}: {reason}")
         experiments, logs, seconds = [*experiments, *more], [*logs, *result], result.physics_seconds
         facts |= {"seed": str(setting.seed), "realisations simulated": str(multisines.realisations)}
-    return _contents(
-        spec, entry, approximated(experiments, logs, measured=entry.joints, physics_seconds=seconds, origin=facts)
-    )
+    best = approximated(experiments, logs, measured=entry.joints, physics_seconds=seconds, origin=facts)
+    response, band = best.servo.response, best.bandwidth
+    values = {
+        "input": best.experiment.axes,
+        "output": best.measured,
+        "part": ("real", "imaginary"),
+        "other_part": ("real", "imaginary"),
+        "end": ("lower", "upper"),
+        "frequency": response.frequencies,
+        "response": np.stack([response.response.real, response.response.imag], axis=-1),
+        "covariance": response.covariance,
+        **{name: getattr(best.servo, name) for name in ("noise_variance", "total_variance", "distortion_variance")},
+        "bandwidth": band.hz,
+        "bandwidth_ci95": np.stack(band.ci95),
+        "distortion": best.distortion_percent,
+        "command_rms": best.command_rms,
+    }
+    attributes: dict[str, Attribute] = {
+        "format": "hmtb best linear approximation 1",
+        "data_set": spec.label,
+        "experiment": entry.name,
+        "arm": entry.arm,
+        "realisations": best.servo.realisations,
+        "degrees_of_freedom": float(response.degrees_of_freedom or np.nan),
+        "slewing": best.slewing,
+        "limited": best.limited,
+        "license": LICENSE,
+        **{f"provenance_{key}": value for key, value in best.provenance.items()},
+    }
+    return Contents(described("best_linear", values), attributes)
 
 
 def matching_multisines(
@@ -181,61 +193,3 @@ def matching_multisines(
     record = IOData(command, command, SAMPLE_TIME)
     setting, multisines, _ = multisine_like(experiment, arm, [record], seed=seed, realisations=realisations)
     return setting, multisines
-
-
-def _contents(spec: DataSetSpec, entry: PlannedExperiment, best: BestLinearTruth) -> Contents:
-    response, band = best.servo.response, best.bandwidth
-    along = ("frequency", "output", "input")
-    parts = (("real", "imaginary"), "parts of a complex number")
-    values = np.stack([response.response.real, response.response.imag], axis=-1)
-    variances = {
-        "noise": "the mean, by noise",
-        "total": "the mean, by noise and distortion",
-        "distortion": "one realisation, by nonlinear distortion",
-    }
-    facts: dict[str, tuple[object, ...]] = {
-        "input": (("input",), best.experiment.axes, "joints that are commanded"),
-        "output": (("output",), best.measured, "joints that are measured"),
-        "part": (("part",), *parts),
-        "other_part": (("other_part",), *parts),
-        "end": (("end",), ("lower", "upper"), "ends of an interval"),
-        "frequency": (("frequency",), response.frequencies, "frequencies that are excited", "Hz"),
-        "response": ((*along, "part"), values, "measured over commanded angle: real and imaginary part", "1"),
-        "covariance": (
-            (*along, "part", "other_part"),
-            response.covariance,
-            "of real and imaginary part: noise and nonlinear distortion together",
-            "1",
-        ),
-        **{
-            f"{name}_variance": (along, getattr(best.servo, f"{name}_variance"), f"of the response: {text}", "1")
-            for name, text in variances.items()
-        },
-        "bandwidth": (along[1:], band.hz, "half-power bandwidth", "Hz"),
-        "bandwidth_ci95": (("end", *along[1:]), np.stack(band.ci95), "95 % interval", "Hz"),
-        "distortion": (
-            ("output",),
-            best.distortion_percent,
-            "nonlinear distortion, root mean square over that of the linear part",
-            "%",
-        ),
-        "command_rms": (
-            ("input",),
-            best.command_rms,
-            "root mean square of the command about its mean",
-            "rad",
-        ),
-    }
-    attributes: dict[str, Attribute] = {
-        "format": FORMAT,
-        "data_set": spec.label,
-        "experiment": entry.name,
-        "arm": entry.arm,
-        "realisations": best.servo.realisations,
-        "degrees_of_freedom": float(response.degrees_of_freedom or np.nan),
-        "slewing": best.slewing,
-        "limited": best.limited,
-        "license": LICENSE,
-        **{f"provenance_{key}": value for key, value in best.provenance.items()},
-    }
-    return Contents({name: truth_variable(*fact) for name, fact in facts.items()}, attributes)  # type: ignore[arg-type]

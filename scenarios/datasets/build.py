@@ -4,42 +4,66 @@ import json
 import os
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from itertools import count
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple
 
+from hmtb_twin import TwinError
 from hmtb_twin.hydraulics.orifice import require_compiler
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.run.simulation import MOST_THREADS
+from scenarios.datasets.attainable_scores import attainable_files, attainable_pieces
+from scenarios.datasets.baselines import baseline_files, baseline_pieces
+from scenarios.datasets.best_linear_truth import best_linear_files, best_linear_pieces
 from scenarios.datasets.chunk import MOST_ROWS, BuiltExperiment, chunks, run_chunk, run_chunk_elsewhere
-from scenarios.datasets.finish import EXPERIMENT, experiment_entries, experiment_key, finish
-from scenarios.datasets.index import summary
-from scenarios.datasets.plan import BUILD, JOURNAL, SPEC, UNFINISHED, DataSetPlan
+from scenarios.datasets.index import read_index, write_index
+from scenarios.datasets.metadata import metadata_files
+from scenarios.datasets.plan import BUILD, INDEX, JOURNAL, SPEC, SUMS, UNFINISHED, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.files.atomic_write import make_folder, remove_partial, write_files
+from scenarios.files.atomic_write import make_folder, remove_partial, sync, write_files, write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import bytes_hash, file_hash
+from scenarios.files.netcdf import Contents
 from scenarios.files.provenance import fingerprint, versions
 from scenarios.jobs.executor import Executor
 from scenarios.jobs.journal import Journal
 from scenarios.jobs.progress import Progress, Report
 from scenarios.jobs.steady_memory import steady_memory
-
-BATCH = 16
-"""Experiments that are written together: their folders are flushed to the disk once."""
-
-LATEST = 2.0
-"""Longest time that experiments wait for others to be written with, s."""
+from sysid import SysidError
 
 SHOWN = 3
 """Files that an error names."""
 
+EXPERIMENT = "experiment {:09d}"
+"""Key of an experiment in the journal; keys sort in the order of the plan."""
 
-@dataclass(frozen=True)
-class BuiltDataSet:
+
+class Stage(NamedTuple):
+    """Work on the records of a data set, in pieces of which each is done once and kept in the journal.
+
+    Attributes:
+        name: One word: ``"baselines"``.
+        pieces: Returns the names of its pieces of work, the same and in the same order at every call.
+        make: Makes the files of a piece from the plan, the folder of records and earlier pieces, and its name; by path
+            in the folder. Where it raises `ScenarioError`, `TwinError` or `SysidError`, the reason stands in the index,
+            and the build continues.
+    """
+
+    name: str
+    pieces: Callable[[DataSetPlan], Iterable[str]]
+    make: Callable[[DataSetPlan, Path, str], Mapping[str, Contents | bytes]]
+
+
+STAGES = (
+    Stage("best-linear", best_linear_pieces, best_linear_files),
+    Stage("attainable", attainable_pieces, attainable_files),
+    Stage("baselines", baseline_pieces, baseline_files),
+)
+"""Run one after the other when all experiments and the index are there."""
+
+
+class BuiltDataSet(NamedTuple):
     """A data set on disk.
 
     Attributes:
@@ -92,85 +116,103 @@ def build(
     if any("orifice" in block.actuators for block in spec.records):
         require_compiler()  # without it every such experiment would fail
     try:
-        if final.exists() or final.is_symlink():
-            if not (final / JOURNAL).is_file():
-                raise ScenarioError(
-                    f"{final} is already there: a version is never overwritten; give the spec another version, or "
-                    "build in another folder"
-                )
-            # The build was killed between its last two steps, renaming the folder and removing the journal.
-            (final / JOURNAL).unlink()
-        else:
-            make_folder(folder)
-            _check_folder(folder)
-            with Journal(folder / JOURNAL, _fingerprint(spec)) as journal:
-                remove_partial(folder)
-                record = {"data_set": spec.label, "source": fingerprint(), "versions": versions()}
-                build_text = json.dumps(record, indent=1, sort_keys=True) + "\n"
-                write_files(folder, {SPEC: spec.to_toml().encode(), BUILD: build_text.encode()})
-                _check_entries(folder, plan, journal, report)
-                _run(plan, folder, journal, executor, workers, rows, report)
-                _check_records(plan, journal, folder)
-                finish(plan, folder, journal, report)
+        if not final.exists() and not final.is_symlink():
+            _build_folder(folder, plan, executor, workers, rows, report)
             folder.rename(final)
-            (final / JOURNAL).unlink()
-            report(Progress("finish", 1, 1))
+        elif not (final / JOURNAL).is_file():
+            raise ScenarioError(
+                f"{final} is already there: a version is never overwritten; give the spec another version, or "
+                "build in another folder"
+            )
+        # If it is still there, the build was killed between renaming the folder and removing the journal.
+        (final / JOURNAL).unlink()
+        report(Progress("finish", 1, 1))
     except OSError as error:
-        raise ScenarioError(_system_error(error, folder)) from error
-    index = summary(final)
-    return BuiltDataSet(final, index.experiments, index.failed, index.hash)
+        why = os.strerror(error.errno) if error.errno else str(error)
+        if isinstance(error, FileExistsError | NotADirectoryError):
+            why = "a file of that name is there, expected a folder or nothing"
+        if os.path.exists(folder / JOURNAL):
+            why += f"; progress is saved in {folder}: run the command again to resume"
+        raise ScenarioError(f"cannot write or read {error.filename or folder}: {why}") from error
+    index = read_index(final)
+    failed: dict[str, str] = {}
+    for entry in index["experiments"]:
+        failed |= {entry["name"]: entry["failed"]} if entry["failed"] else {}
+        failed |= entry.get("missing", {})
+    failed |= {f"{one['stage']}: {one['piece']}": one["failed"] for one in index["stages"] if one["failed"]}
+    return BuiltDataSet(final, sum(not entry["failed"] for entry in index["experiments"]), failed, index["hash"])
 
 
-def _fingerprint(spec: DataSetSpec) -> dict[str, str]:
-    """Everything that the bits of a data set depend on, by name."""
-    table = tomllib.loads(spec.to_toml())
-    return {
-        **{key: json.dumps(value, sort_keys=True) for key, value in table.items()},
-        **versions(),
-        "source": fingerprint(),
-    }
-
-
-def _check_folder(folder: Path) -> None:
-    """Refuse a folder that holds something else than a build."""
+def _build_folder(
+    folder: Path, plan: DataSetPlan, executor: Executor[Any] | None, workers: int | None, rows: int, report: Report
+) -> None:
+    """Simulate all experiments into a folder, run the stages, and write index, metadata and checksums."""
+    make_folder(folder)
     foreign = sorted(path.name for path in folder.iterdir())
     if foreign and not {JOURNAL, SPEC} & set(foreign):
         raise ScenarioError(
             f"{folder} holds no build but {', '.join(foreign[:SHOWN])}: expected an empty folder or none"
         )
+    label, text = plan.spec.label, plan.spec.to_toml()
+    # Everything that the bits of a data set depend on, by name.
+    table = {key: json.dumps(value, sort_keys=True) for key, value in tomllib.loads(text).items()}
+    with Journal(folder / JOURNAL, {**table, **versions(), "source": fingerprint()}) as journal:
+        remove_partial(folder)
+        record = {"data_set": label, "source": fingerprint(), "versions": versions()}
+        record_text = json.dumps(record, indent=1, sort_keys=True) + "\n"
+        write_files(folder, {SPEC: text.encode(), BUILD: record_text.encode()})
+        _check_entries(folder, plan, journal, report)
+        _simulate_rest(folder, plan, journal, executor, workers, rows, report)
+        _check_records(folder, journal)
+        # Checksums of an earlier end are wrong while files still change.
+        (folder / SUMS).unlink(missing_ok=True)
+        write_index(folder, label, _experiments(journal))
+        keys = [key for stage in STAGES for key in _run_stage(stage, plan, folder, journal, report)]
+        report(Progress("finish", 0, 1))
+        # In the order of the plan, whatever order they were made in.
+        write_index(folder, label, _experiments(journal), map(journal.get, keys))
+        metadata = metadata_files(folder, plan.spec, read_index(folder))
+        write_files(folder, metadata)
+        _write_checksums(folder, journal, (SPEC, BUILD, INDEX, *metadata))
+        sync(folder)
+
+
+def _experiments(journal: Journal) -> Iterator[dict[str, Any]]:
+    """Journal entries of the experiments, in the order of the plan."""
+    return (entry for _, entry in journal.items("experiment "))
 
 
 def _check_entries(folder: Path, plan: DataSetPlan, journal: Journal, report: Report) -> None:
     """Remove entries of the journal whose files are missing or damaged: they are made again."""
-    total, done, failed = len(journal), count(1), 0
-    for key, entry in list(journal.items()):
-        report(Progress("check", next(done), total))
+    failed = 0
+    entries = list(journal.items())
+    for done, (key, entry) in enumerate(entries, start=1):
+        report(Progress("check", done, len(entries)))
         failed += "failed" in entry and "number" in entry
         if not all((folder / path).is_file() and file_hash(folder / path) == h for path, h in entry["files"].items()):
             journal.remove(key)
-    if failed == len(plan):
-        # Whatever kept all of them from running may be gone.
-        for key, _ in list(journal.items()):
-            journal.remove(key)
+    # If all have failed, whatever kept them from running may be gone.
+    for key, _ in entries if failed == len(plan) else ():
+        journal.remove(key)
 
 
-def _check_records(plan: DataSetPlan, journal: Journal, folder: Path) -> None:
+def _check_records(folder: Path, journal: Journal) -> None:
     """Refuse to publish a data set without any record."""
     reasons: Counter[str] = Counter()
-    for entry in experiment_entries(journal):
+    for entry in _experiments(journal):
         if "failed" not in entry:
             return
         reasons[entry["failed"].removeprefix(f"{entry['about']['name']}: ")] += 1
     (why, times), more = reasons.most_common(1)[0], len(reasons) - 1
     raise ScenarioError(
-        f"none of {len(plan)} experiments has a record, and nothing is published; {times} of them: {why}"
+        f"none of {reasons.total()} experiments has a record, and nothing is published; {times} of them: {why}"
         f"{f'; {more} other reasons' if more else ''}. The same command tries them again in {folder}"
     )
 
 
-def _run(
-    plan: DataSetPlan,
+def _simulate_rest(
     folder: Path,
+    plan: DataSetPlan,
     journal: Journal,
     executor: Executor[Any] | None,
     workers: int | None,
@@ -178,11 +220,10 @@ def _run(
     report: Report,
 ) -> None:
     """Simulate the rest of the experiments; those that are done when something fails are kept."""
-    keys = journal.keys(EXPERIMENT)
-    left = [number for number in range(len(plan)) if experiment_key(number) not in keys]
+    keys = journal.keys("experiment ")
+    left = [number for number in range(len(plan)) if EXPERIMENT.format(number) not in keys]
     done, total, whole = len(plan) - len(left), len(plan), plan.seconds
-    simulated = max(whole - sum(map(plan.duration, left)), 0.0)
-    shown = 0.0
+    simulated, shown = max(whole - sum(map(plan.duration, left)), 0.0), 0.0
     waiting: list[BuiltExperiment] = []
     written = monotonic()
 
@@ -194,14 +235,13 @@ def _run(
 
     def write() -> None:
         nonlocal done, written
-        if not waiting:
-            return
-        write_files(folder, {path: content for one in waiting for path, content in one.files.items()})
-        journal.add_all({experiment_key(one.number): _entry(one) for one in waiting})
-        done += len(waiting)
-        waiting.clear()
-        written = monotonic()
-        show()
+        if waiting:
+            write_files(folder, {path: content for one in waiting for path, content in one.files.items()})
+            journal.add_all({EXPERIMENT.format(one.number): one.journal_entry() for one in waiting})
+            done += len(waiting)
+            waiting.clear()
+            written = monotonic()
+            show()
 
     def batches() -> Iterator[tuple[int, ...]]:
         for chunk in chunks(plan, left, rows=rows):
@@ -214,8 +254,8 @@ def _run(
                 yield from run_chunk(plan, chunk, threads=workers, progress=lambda ticks, _: show(ticks))
             return
         with executor:
-            text = plan.spec.to_toml()
             names = lambda number: plan[number].name  # noqa: E731
+            text = plan.spec.to_toml()
             yield from executor.run(run_chunk_elsewhere, text, batches(), name=names, items="experiments")
 
     show()
@@ -223,35 +263,52 @@ def _run(
         for experiment in results():
             waiting.append(experiment)
             simulated += plan.duration(experiment.number)
-            if len(waiting) >= BATCH or monotonic() - written > LATEST:
+            # Written together, so that their folders are flushed to the disk once; none waits longer than 2 s.
+            if len(waiting) >= 16 or monotonic() - written > 2.0:
                 write()
-    except BaseException as error:
-        if not isinstance(error, OSError):
-            write()
+    except OSError:
+        raise
+    except BaseException:
+        write()
         raise
     write()
     if done < total:
         raise ScenarioError(f"the executor returned {done} of {total} experiments; expected all")
 
 
-def _entry(experiment: BuiltExperiment) -> dict[str, Any]:
-    """Journal entry of an experiment."""
-    return {
-        "number": experiment.number,
-        "about": dict(experiment.about),
-        "files": {path: bytes_hash(content) for path, content in experiment.files.items()},
-        "arrays": {path: dict(hashes) for path, hashes in experiment.arrays.items()},
-        **({"failed": experiment.failed} if experiment.failed else {}),
-        **({"missing": dict(experiment.missing)} if experiment.missing else {}),
-    }
+def _run_stage(stage: Stage, plan: DataSetPlan, folder: Path, journal: Journal, report: Report) -> Iterator[str]:
+    """Make the pieces of a stage that are not in the journal, and yield the keys of all."""
+    pieces = list(stage.pieces(plan))
+    for number, piece in enumerate(pieces):
+        key = f"stage {stage.name}: {piece}"
+        report(Progress(stage.name, number, len(pieces)))
+        if key not in journal:
+            entry: dict[str, Any] = {"stage": stage.name, "piece": piece, "files": {}, "arrays": {}}
+            try:
+                contents = stage.make(plan, folder, piece)
+            except (ScenarioError, TwinError, SysidError) as error:
+                journal.add(key, {**entry, "failed": str(error)})
+            else:
+                files = {path: one.to_bytes() if isinstance(one, Contents) else one for path, one in contents.items()}
+                write_files(folder, files)
+                entry["files"] = {path: bytes_hash(content) for path, content in files.items()}
+                arrays = {path: one for path, one in contents.items() if isinstance(one, Contents)}
+                entry["arrays"] = {path: one.array_hashes() for path, one in arrays.items()}
+                journal.add(key, entry)
+        yield key
 
 
-def _system_error(error: OSError, folder: Path) -> str:
-    """One line about what the system refused, and whether the build can resume."""
-    why = os.strerror(error.errno) if error.errno else str(error)
-    if isinstance(error, FileExistsError | NotADirectoryError):
-        why = "a file of that name is there, expected a folder or nothing"
-    line = f"cannot write or read {error.filename or folder}: {why}"
-    if not os.path.exists(folder / JOURNAL):
-        return line
-    return f"{line}; progress is saved in {folder}: run the command again to resume"
+def _write_checksums(folder: Path, journal: Journal, metadata: Iterable[str]) -> None:
+    """Write the checksums of all files, as `sha256sum --check` reads them; refuse files that the build did not make."""
+    sums = {path: value for _, entry in journal.items() for path, value in entry["files"].items()}
+    sums |= {path: file_hash(folder / path) for path in metadata}
+    files = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink() or path.is_file())
+    # SQLite keeps files of its own beside the journal.
+    strays = sorted(path for path in files if path not in sums and not path.startswith(JOURNAL))
+    if strays:
+        more = f" and {len(strays) - SHOWN} more" if len(strays) > SHOWN else ""
+        raise ScenarioError(
+            f"{folder} holds {', '.join(map(ascii, strays[:SHOWN]))}{more}, which no part of the build made: move away "
+            "what does not belong to the data set, and run the command again to resume"
+        )
+    write_whole(folder / SUMS, "".join(f"{sums[path]}  {path}\n" for path in sorted(sums)), durable=True)

@@ -9,11 +9,12 @@ from typing import Any
 from hmtb_twin import TwinError, simulate
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.run.simulation import Progress
+from scenarios.datasets.arm_truth import arm_files
 from scenarios.datasets.experiment_file import data_contents, signal_contents
-from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
+from scenarios.datasets.plan import DataSetPlan, PlannedExperiment, arm_file
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.stages import ARM_TRUTH
 from scenarios.files.errors import ScenarioError
+from scenarios.files.hashes import bytes_hash
 from scenarios.files.netcdf import Contents
 from scenarios.jobs.cluster import worker_threads
 from scenarios.jobs.steady_memory import steady_memory
@@ -47,6 +48,11 @@ class BuiltExperiment:
     arrays: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     failed: str = ""
     missing: Mapping[str, str] = field(default_factory=dict)
+
+    def journal_entry(self) -> dict[str, Any]:
+        """All of it, with hashes in place of the files; without reasons where there are none."""
+        entry = {**vars(self), "files": {path: bytes_hash(content) for path, content in self.files.items()}}
+        return {key: value for key, value in entry.items() if value or key not in ("failed", "missing")}
 
 
 def chunks(plan: DataSetPlan, left: Iterable[int], *, rows: int = MOST_ROWS) -> Iterator[tuple[int, ...]]:
@@ -88,13 +94,19 @@ def run_chunk(
     experiments = [entry.experiment for entry in entries.values()]
     result = simulate(experiments, threads=threads, progress=progress, keep_going=True)
     failed, logs = result.failed, {log.name: log for log in result.logs}
-    del result, experiments
+    del result, experiments  # logs are dropped one by one, when their files are made
     for number, entry in entries.items():
         contents: dict[str, Contents] = {}
+        missing: dict[str, str] = {}
         if log := logs.pop(entry.name, None):
             contents[entry.data] = data_contents(plan.spec, entry, log)
             contents[entry.signals] = signal_contents(plan.spec, entry, log)
-        missing = _add_truth(plan, entry, contents) if plan.brings_arm(number) else {}
+        if plan.brings_arm(number):
+            # Made here, while the arm is still loaded.
+            try:
+                contents |= arm_files(plan, entry)
+            except (TwinError, ScenarioError) as error:
+                missing[arm_file(entry.arm)] = str(error)
         yield BuiltExperiment(
             number,
             about(entry),
@@ -103,6 +115,10 @@ def run_chunk(
             failed=failed.get(entry.name, ""),
             missing=missing,
         )
+
+
+_ALONE = Lock()
+_plan = lru_cache(maxsize=1)(lambda spec: DataSetPlan(DataSetSpec.from_toml(spec)))
 
 
 def run_chunk_elsewhere(spec: str, numbers: tuple[int, ...]) -> list[BuiltExperiment]:
@@ -118,39 +134,13 @@ def run_chunk_elsewhere(spec: str, numbers: tuple[int, ...]) -> list[BuiltExperi
         return list(run_chunk(_plan(spec), numbers, threads=worker_threads()))
 
 
-_ALONE = Lock()
-
-
-@lru_cache(maxsize=1)
-def _plan(spec: str) -> DataSetPlan:
-    return DataSetPlan(DataSetSpec.from_toml(spec))
-
-
 def about(entry: PlannedExperiment) -> dict[str, Any]:
     """Facts about an experiment for the index, beside its hashes."""
     experiment = entry.experiment
     return {
-        "name": entry.name,
-        "part": entry.part,
-        "block": entry.block,
-        "arm": entry.arm,
-        "twin": entry.twin,
+        **{key: getattr(entry, key) for key in ("name", "part", "block", "arm", "twin")},
         "joints": list(entry.joints),
         "file": entry.data,
-        "seed": experiment.seed,
-        "variant": experiment.variant,
-        "payload": experiment.payload,
-        "pose": experiment.pose,
+        **{key: getattr(experiment, key) for key in ("seed", "variant", "payload", "pose")},
         **{key: getattr(experiment.plant, key) for key in ("actuator", "friction", "process_noise")},
     }
-
-
-def _add_truth(plan: DataSetPlan, entry: PlannedExperiment, contents: dict[str, Contents]) -> dict[str, str]:
-    """Add the truth about an arm, and return which files could not be made and why."""
-    missing: dict[str, str] = {}
-    for truth in ARM_TRUTH:
-        try:
-            contents.update(truth(plan, entry))
-        except (TwinError, ScenarioError) as error:
-            missing[entry.arm_truth] = str(error)
-    return missing

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, partial
 from pathlib import Path, PurePosixPath
-from typing import Any, Literal, cast, overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from scenarios.datasets.plan import INDEX, SPEC, TRUTH, UNFINISHED
 from scenarios.datasets.spec import DataSetSpec, load_spec
 from scenarios.datasets.spec_tables import PARTS
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.netcdf import Attribute, Contents, read_netcdf
+from scenarios.files.netcdf import Contents, read_netcdf
 from sysid import IOData
 
 GIVEN = ("sample", "u", "joint_commanded")
@@ -28,31 +28,20 @@ Joints = str | Sequence[str]
 """One joint, or the joints of a record with several inputs."""
 
 
-@dataclass(frozen=True)
-class Signals:
+class Signals(NamedTuple):
     """Contents of the file of an experiment.
 
     Attributes:
         u: Inputs (N, nu), rad.
         y: Outputs (N, ny), rad; of the window alone where the others are withheld.
         dt: Sampling time, s, as the exact ratio.
-        input_names: One per input.
-        output_names: One per output.
-        input_unit: Unit of all inputs.
-        output_unit: Unit of all outputs.
         window: Samples at the start whose outputs are given to find an initial state.
-        attributes: All attributes of the file.
     """
 
     u: np.ndarray
     y: np.ndarray
     dt: Fraction
-    input_names: tuple[str, ...]
-    output_names: tuple[str, ...]
-    input_unit: str
-    output_unit: str
     window: int
-    attributes: Mapping[str, Attribute]
 
     @property
     def withheld(self) -> bool:
@@ -60,9 +49,11 @@ class Signals:
         return len(self.y) < len(self.u)
 
 
-@dataclass(frozen=True)
-class IndexEntry:
-    """An experiment in the index of a data set.
+@dataclass(frozen=True, eq=False, repr=False)
+class DataRecord:
+    """Inputs and outputs of an experiment, in the shape of the `nonlinear_benchmarks` package: `u, y = record`.
+
+    The file is read once, when its numbers are first used.
 
     Attributes:
         name: The experiment.
@@ -71,9 +62,10 @@ class IndexEntry:
         arm: The arm under its conditions.
         twin: Number of the randomised twin; None where there are none.
         joints: Joints whose commands are the inputs and whose angles the outputs.
-        file: Its record, relative to the folder of the data set.
+        file: Its file, relative to the folder of the data set.
         failed: Why there is no record; None where there is one.
-        facts: Everything that the index says of it.
+        arrays: Hash of each array of its file, as the index says.
+        read: Reads the file.
     """
 
     name: str
@@ -84,19 +76,7 @@ class IndexEntry:
     joints: tuple[str, ...]
     file: str
     failed: str | None
-    facts: Mapping[str, Any] = field(repr=False)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class DataRecord(IndexEntry):
-    """Inputs and outputs of an experiment, in the shape of the `nonlinear_benchmarks` package: `u, y = record`.
-
-    The file is read once, when its numbers are first used.
-
-    Attributes:
-        read: Reads the file.
-    """
-
+    arrays: Mapping[str, str]
     read: Callable[[], Signals]
 
     @cached_property
@@ -129,21 +109,18 @@ class DataRecord(IndexEntry):
         signals = self.signals
         y = np.full((len(signals.u), signals.y.shape[1]), np.nan)
         y[: len(signals.y)] = signals.y
-        intersample = signals.attributes.get("intersample")
-        if intersample not in ("zoh", "foh", "bl"):
-            raise ScenarioError(f"{self.name}: intersample = {intersample!r} given, expected zoh, foh or bl")
         return IOData(
             signals.u,
             y,
             float(signals.dt),
-            input_names=signals.input_names,
-            output_names=signals.output_names,
-            input_units=(signals.input_unit,) * signals.u.shape[1],
-            output_units=(signals.output_unit,) * signals.y.shape[1],
-            intersample=cast(Literal["zoh", "foh", "bl"], intersample),
+            input_names=self.joints,
+            output_names=self.joints,
+            input_units=("rad",) * len(self.joints),
+            output_units=("rad",) * len(self.joints),
+            intersample="zoh",
             window=self.state_initialization_window_length or 0,
             name=self.name,
-            missing=bool(np.isnan(y).any()),
+            missing=signals.withheld or bool(np.isnan(y).any()),
         )
 
     def __iter__(self) -> Iterator[np.ndarray]:
@@ -174,7 +151,7 @@ class DataRecord(IndexEntry):
                 f"{self.name}[{index.start}:{index.stop}:{step}] of {len(signals.u)} samples given, expected a:b"
             )
         window = max(min(signals.window, stop) - start, 0)
-        part = replace(signals, u=signals.u[start:stop], y=signals.y[start:stop], window=window)
+        part = Signals(signals.u[start:stop], signals.y[start:stop], signals.dt, window)
         return replace(self, read=lambda: part)
 
     def __repr__(self) -> str:
@@ -195,7 +172,7 @@ class DataSet:
     folder: Path
     label: str
     hash: str
-    index: tuple[IndexEntry, ...] = field(repr=False)
+    index: tuple[DataRecord, ...] = field(repr=False)
 
     @property
     def train(self) -> tuple[DataRecord, ...]:
@@ -223,7 +200,8 @@ class DataSet:
         """
         if part is not None and part not in PARTS:
             raise ScenarioError(unknown("part", part, PARTS))
-        return tuple(self._record(one) for one in self.index if one.failed is None and part in (None, one.part))
+        # Copies, so that numbers which have been read go with the records, and do not stay with the data set.
+        return tuple(replace(one) for one in self.index if one.failed is None and part in (None, one.part))
 
     def record(self, name: str) -> DataRecord:
         """Return the record of an experiment.
@@ -236,7 +214,7 @@ class DataSet:
             raise ScenarioError(f"{self.label}: {unknown('experiment', name, known)}")
         if known[name].failed is not None:
             raise ScenarioError(f"{self.label}: {name} has no record: {known[name].failed}")
-        return self._record(known[name])
+        return replace(known[name])
 
     def select(
         self, *, joint: Joints | None = None, block: str | None = None, arm: str | None = None, twin: int | None = None
@@ -260,8 +238,7 @@ class DataSet:
             selected = tuple(one for one in left if getattr(one, key) == value)
             if not selected:
                 known = [_shown(one) for one in dict.fromkeys(getattr(one, key) for one in left)]
-                more = f"; and {len(known) - 12} more" if len(known) > 12 else ""
-                choices = "; ".join(known[:12]) + more
+                choices = "; ".join(known[:12]) + (f"; and {len(known) - 12} more" if len(known) > 12 else "")
                 raise ScenarioError(f"{self.label}: no experiment with {key} = {_shown(value)}; there are: {choices}")
             left = selected
         return replace(self, index=left)
@@ -286,9 +263,6 @@ class DataSet:
         """Folder of what only the simulation knows; None where it is not in this copy."""
         return self.folder / TRUTH if (self.folder / TRUTH).is_dir() else None
 
-    def _record(self, one: IndexEntry) -> DataRecord:
-        return DataRecord(**vars(one), read=partial(_read_signals, self.folder / one.file, one.name))
-
 
 def open_data_set(folder: str | Path) -> DataSet:
     """Open a data set; only its index is read, however many records there are.
@@ -308,7 +282,7 @@ def open_data_set(folder: str | Path) -> DataSet:
         raise ScenarioError(f"{str(folder)!r} is no data set: {what}; expected a folder that hmtb dataset build made")
     try:
         index = json.loads((folder / INDEX).read_text(encoding="utf-8"))
-        entries = tuple(map(_index_entry, index["experiments"]))
+        entries = tuple(_data_record(folder, entry) for entry in index["experiments"])
         return DataSet(folder, str(index["data_set"]), str(index["hash"]), entries)
     except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise ScenarioError(f"{folder / INDEX} is damaged, or of another version: {error}") from error
@@ -350,12 +324,16 @@ def load(
     return train[0] if len(train) == 1 else train, test[0] if len(test) == 1 else test
 
 
-def _index_entry(entry: Mapping[str, Any]) -> IndexEntry:
+def _data_record(folder: Path, entry: Mapping[str, Any]) -> DataRecord:
     path = PurePosixPath(entry["file"])
     if path.is_absolute() or ".." in path.parts:
         raise ValueError(f"file {entry['file']!r} is outside the folder")
-    keys = ("name", "part", "block", "arm", "twin", "file", "failed")
-    return IndexEntry(**{key: entry[key] for key in keys}, joints=tuple(entry["joints"]), facts=entry)
+    return DataRecord(
+        **{key: entry[key] for key in ("name", "part", "block", "arm", "twin", "file", "failed")},
+        joints=tuple(entry["joints"]),
+        arrays=entry.get("arrays", {}).get(entry["file"], {}),
+        read=partial(_read_signals, folder / path, entry["name"]),
+    )
 
 
 def _shown(value: object) -> str:
@@ -369,26 +347,16 @@ def _read_signals(path: Path, experiment: str) -> Signals:
             raise ScenarioError(
                 f"{path} is of experiment {contents.attributes['experiment']!r}, expected {experiment!r}"
             )
-        u, y = contents.variables["u"], contents.variables["y"]
+        u, y = contents.variables["u"].values, contents.variables["y"].values
         window = int(contents.attributes["initialisation_window"])
-        expected = len(u.values) if y.dims[0] == "sample" else min(window, len(u.values))
-        if len(y.values) != expected:
-            raise ScenarioError(f"{path}: {len(y.values)} samples of y found, expected {expected}")
-        for values in (u.values, y.values):
+        expected = len(u) if contents.variables["y"].dims[0] == "sample" else min(window, len(u))
+        if len(y) != expected:
+            raise ScenarioError(f"{path}: {len(y)} samples of y given, expected {expected}")
+        for values in (u, y):
             if values.ndim != 2 or values.dtype != np.float64:
-                raise ScenarioError(f"{path}: {values.shape}, {values.dtype} found as u or y, expected (N, n), float64")
+                raise ScenarioError(f"{path}: {values.shape}, {values.dtype} given as u or y, expected (N, n), float64")
             values.setflags(write=False)
-        return Signals(
-            u=u.values,
-            y=y.values,
-            dt=sampling_time(contents),
-            input_names=tuple(map(str, contents.variables["input"].values)),
-            output_names=tuple(map(str, contents.variables["output"].values)),
-            input_unit=str(u.attributes["units"]),
-            output_unit=str(y.attributes["units"]),
-            window=window,
-            attributes=contents.attributes,
-        )
+        return Signals(u, y, sampling_time(contents), window)
     except KeyError as error:
         raise ScenarioError(f"{path} has no {error.args[0]!r}: expected a record of this version") from error
 

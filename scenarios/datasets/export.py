@@ -3,15 +3,15 @@
 import io
 import json
 import shutil
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 
-from scenarios.datasets.data_set import WINDOW, DataSet, IndexEntry, open_data_set, sampling_time
+from scenarios.datasets.data_set import WINDOW, open_data_set, sampling_time
 from scenarios.datasets.plan import SUMS
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.hashes import file_hash
@@ -20,27 +20,9 @@ from scenarios.files.netcdf import Contents, read_netcdf
 LARGEST = 2**31 - 2**10
 """Bytes of a variable that version 5 of .mat files can hold, with room for its head."""
 
-MAT_HEAD = b"MATLAB 5.0 MAT-file, a record of a data set of the HMTB twin".ljust(116)
-"""Instead of SciPy's head, which contains the time of day: equal records give equal files."""
 
-NAMES = {"u": "u_{}", "y": "y_{}", "joint_commanded": "{}_commanded", "joint_measured": "{}_measured"}
-"""Names of the columns of a variable by channel; columns of other variables start with its name."""
-
-ALONG = ("LICENSE", "CITATION.cff")
-"""Files of the data set that every copy of its records contains."""
-
-
-@dataclass(frozen=True)
-class ExportColumn:
-    """A column of numbers.
-
-    Attributes:
-        name: Its name, e.g. `u_elbow_pitch`; a valid name in MATLAB, too.
-        unit: Of the values, `1` for whole numbers without one.
-        role: What the values are for: `input`, `output`, `auxiliary`, or `index`.
-        meaning: In words; empty where the file has none.
-        values: The values (N,), whole numbers or float64.
-    """
+class ExportColumn(NamedTuple):
+    """A column of numbers (N,), whole or float64; `name` is valid in MATLAB, too, and `unit` 1 for plain numbers."""
 
     name: str
     unit: str
@@ -72,13 +54,13 @@ def columns(contents: Contents) -> tuple[ExportColumn, ...]:
         if variable.dims[0] == WINDOW:
             values = np.full((len(contents.variables["sample"].values), *values.shape[1:]), np.nan)
             values[: len(variable.values)] = variable.values
-        unit, meaning = str(variable.attributes["units"]), str(variable.attributes.get("long_name", ""))
-        role = "index" if name == "sample" else str(variable.attributes.get("role", ""))
+        unit, role, meaning = (str(variable.attributes.get(key, "")) for key in ("units", "role", "long_name"))
         if values.ndim == 1:
-            table.append(ExportColumn(name, unit, role, meaning, values))
+            table.append(ExportColumn(name, unit, "index" if name == "sample" else role, meaning, values))
             continue
+        pattern = "{}" + name.removeprefix("joint") if name.startswith("joint_") else name + "_{}"
         for channel, column in zip(contents.variables[variable.dims[1]].values, values.T, strict=True):
-            table.append(ExportColumn(NAMES.get(name, name + "_{}").format(channel), unit, role, meaning, column))
+            table.append(ExportColumn(pattern.format(channel), unit, role, meaning, column))
     return tuple(sorted(table, key=lambda column: column.name != "sample"))
 
 
@@ -86,9 +68,6 @@ def mat(contents: Contents) -> bytes:
     """Write a record as a .mat file: `u`, `y`, `dt` and the other variables, (N, n), names of channels as cells.
 
     `units` and `about` are structures: the unit of each variable, and all attributes of the record.
-
-    Args:
-        contents: Contents of the file of the record.
 
     Raises:
         ScenarioError: A variable that is larger than the format allows.
@@ -111,18 +90,13 @@ def mat(contents: Contents) -> bytes:
     stream = io.BytesIO()
     about = {"units": units, "about": dict(contents.attributes)}
     savemat(stream, variables | about, oned_as="column", do_compression=True, long_field_names=True)
-    return MAT_HEAD + stream.getvalue()[len(MAT_HEAD) :]
+    # SciPy's head contains the time of day; with this one equal records give equal files.
+    head = b"MATLAB 5.0 MAT-file, a record of a data set of the HMTB twin".ljust(116)
+    return head + stream.getvalue()[len(head) :]
 
 
 def parquet(contents: Contents) -> bytes:
-    """Write a record as Parquet: a column per channel; units are in the metadata of the columns.
-
-    Args:
-        contents: Contents of the file of the record.
-
-    Raises:
-        ScenarioError: pyarrow is not installed.
-    """
+    """Write a record as Parquet: a column per channel, units in the metadata; it needs pyarrow."""
     try:
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -149,9 +123,6 @@ def csv(contents: Contents) -> bytes:
     """Write a record as CSV: one line of names with units, then a line per sample.
 
     Numbers have the digits that give every bit back; NaN is a sample that was lost or is withheld.
-
-    Args:
-        contents: Contents of the file of the record.
     """
     table = columns(contents)
     header = ",".join(f"{column.name} [{column.unit}]" for column in table)
@@ -159,12 +130,7 @@ def csv(contents: Contents) -> bytes:
 
 
 def csv_metadata(contents: Contents, file: str) -> bytes:
-    """Write the metadata of a CSV file, in the form of CSV on the Web (W3C).
-
-    Args:
-        contents: Contents of the file of the record.
-        file: Name of the CSV file beside it.
-    """
+    """Write the metadata of a CSV file of that name, in the form of CSV on the Web (W3C)."""
     described = [
         {
             "name": column.name,
@@ -248,23 +214,28 @@ def export(
     data_set = open_data_set(folder)
     if out.resolve().is_relative_to(folder.resolve()):
         raise ScenarioError(f"{out} is inside the data set, which is never changed; name another --out")
-    names = tuple(dict.fromkeys(formats))
-    wrong = [name for name in names if name not in FORMATS]
-    if wrong or not names:
-        raise ScenarioError(
-            unknown("format", wrong[0], FORMATS) if wrong else f"no format given of {', '.join(FORMATS)}"
-        )
-    finals = {name: out / f"{data_set.label}-{name}" for name in names}
+    if not formats:
+        raise ScenarioError(f"no format given of {', '.join(FORMATS)}")
+    for name in formats:
+        if name not in FORMATS:
+            raise ScenarioError(unknown("format", name, FORMATS))
+    finals = {name: out / f"{data_set.label}-{name}" for name in formats}
     existing = [str(path) for path in finals.values() if path.exists()]
     if existing:
         raise ScenarioError(
             f"{', '.join(existing)} is already there, and is not overwritten; remove it, or name another --out"
         )
-    entries = [one for one in data_set.index if one.failed is None]
+    records = data_set.records()
     with working_folder(out) as place:
-        for done, one in enumerate(entries, start=1):
-            contents = _checked(data_set, one)
-            for name in names:
+        for done, one in enumerate(records, start=1):
+            contents = read_netcdf(data_set.folder / one.file)
+            differing = sorted({key for key, _ in one.arrays.items() ^ contents.array_hashes().items()})
+            if differing:
+                raise ScenarioError(
+                    f"{data_set.folder / one.file}: {', '.join(differing)} differ from what the index says; expected "
+                    "an undamaged data set, see hmtb dataset check"
+                )
+            for name in finals:
                 ending, writer = FORMATS[name]
                 path = place / name / one.part / f"{one.name}{ending}"
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -272,9 +243,21 @@ def export(
                 if name == "csv":
                     path.with_name(f"{path.name}-metadata.json").write_bytes(csv_metadata(contents, path.name))
             if progress is not None:
-                progress(done, len(entries))
+                progress(done, len(records))
         for name, final in finals.items():
-            _describe(data_set, entries, place / name, name)
+            keys = ("name", "part", "block", "arm", "twin", "joints")
+            listed = [
+                {key: getattr(one, key) for key in keys} | {"file": f"{one.part}/{one.name}{FORMATS[name][0]}"}
+                for one in records
+            ]
+            index = {"data_set": data_set.label, "hash": data_set.hash, "format": name, "records": listed}
+            text = json.dumps(index, indent=1, allow_nan=False) + "\n"
+            (place / name).mkdir(exist_ok=True)
+            (place / name / "export.json").write_text(text, encoding="utf-8")
+            for file in ("LICENSE", "CITATION.cff"):
+                if (data_set.folder / file).is_file():
+                    shutil.copyfile(data_set.folder / file, place / name / file)
+            write_checksums(place / name)
             (place / name).rename(final)
     return tuple(finals.values())
 
@@ -288,46 +271,14 @@ def working_folder(out: Path) -> Iterator[Path]:
     """
     new = [path for path in (out, *out.parents) if not path.exists()]
     out.mkdir(parents=True, exist_ok=True)
-    place = Path(tempfile.mkdtemp(prefix=".export-", dir=out))
     try:
-        yield place
+        with TemporaryDirectory(prefix=".export-", dir=out) as place:
+            yield Path(place)
     except BaseException:
-        shutil.rmtree(place)
         with suppress(OSError):  # another program may have written there meanwhile
             for path in new:  # innermost first
                 path.rmdir()
         raise
-    shutil.rmtree(place)
-
-
-def _checked(data_set: DataSet, one: IndexEntry) -> Contents:
-    """Contents of the file of a record, if they are what the index says."""
-    path = data_set.folder / one.file
-    contents = read_netcdf(path)
-    expected, hashes = one.facts.get("arrays", {}).get(one.file, {}), contents.array_hashes()
-    differing = sorted(name for name in {*expected, *hashes} if expected.get(name) != hashes.get(name))
-    if differing:
-        raise ScenarioError(
-            f"{path}: {', '.join(differing)} differ from what the index says; expected an undamaged data set, "
-            "see hmtb dataset check"
-        )
-    return contents
-
-
-def _describe(data_set: DataSet, entries: Sequence[IndexEntry], folder: Path, name: str) -> None:
-    """Write the index of an export and the checksums of its files."""
-    folder.mkdir(exist_ok=True)
-    keys = ("name", "part", "block", "arm", "twin", "joints")
-    records = [
-        {key: getattr(one, key) for key in keys} | {"file": f"{one.part}/{one.name}{FORMATS[name][0]}"}
-        for one in entries
-    ]
-    index = {"data_set": data_set.label, "hash": data_set.hash, "format": name, "records": records}
-    (folder / "export.json").write_text(json.dumps(index, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    for file in ALONG:
-        if (data_set.folder / file).is_file():
-            shutil.copyfile(data_set.folder / file, folder / file)
-    write_checksums(folder)
 
 
 def write_checksums(folder: Path) -> None:

@@ -1,42 +1,28 @@
 """Grades of a class: submitted predictions and models, scored against the complete data sets in a withheld folder."""
 
-import csv
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from scenarios.datasets.arm_truth import read_arm
-from scenarios.datasets.baselines import read_table
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, arm_file
 from scenarios.datasets.score import ENDINGS, Scores, score, score_model
+from scenarios.datasets.tables import read_table
 from scenarios.datasets.withhold import read_persons
 from scenarios.files.codec import from_json
 from scenarios.files.errors import ScenarioError, unknown
 from sysid import StateSpace
-
-MODEL = "model-"
-"""Files of models are called ``model-JOINT.json``."""
-
-MOST_BYTES = 2**28
-"""A larger file in a submission is a mistake."""
 
 Matrix = tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
 class SubmittedModel:
-    """A file of a model: matrices of x(t+1) = A x + B u, y = C x + D u, from commanded to measured angle.
-
-    Attributes:
-        A: (n, n).
-        B: (n, 1).
-        C: (1, n).
-        D: (1, 1).
-        dt: Sampling time, s.
-    """
+    """A file of a model: matrices of x(t+1) = A x + B u, y = C x + D u, from commanded to measured angle; dt, s."""
 
     A: Matrix
     B: Matrix
@@ -45,8 +31,7 @@ class SubmittedModel:
     dt: float
 
 
-@dataclass(frozen=True)
-class ModelGrade:
+class ModelGrade(NamedTuple):
     """The bandwidth of a submitted model beside the true one.
 
     Attributes:
@@ -67,8 +52,7 @@ class ModelGrade:
         return 100.0 * (self.bandwidth_hz - self.true_hz) / self.true_hz
 
 
-@dataclass(frozen=True)
-class Grade:
+class Grade(NamedTuple):
     """The grade of a submission.
 
     Attributes:
@@ -122,7 +106,7 @@ def grade_all(
         try:
             if person not in persons:
                 raise ScenarioError(f"{folder}: {unknown('person', person, persons)}")
-            grades[folder.name] = grade(folder, open_data_set(withheld / persons[person][0]))
+            grades[folder.name] = _grade(folder, open_data_set(withheld / persons[person][0]))
         except (ScenarioError, ValueError, OSError) as error:
             # One broken submission does not keep the others from their grades.
             grades[folder.name] = str(error)
@@ -131,20 +115,12 @@ def grade_all(
     return grades
 
 
-def grade(submission: Path, data_set: DataSet) -> Grade:
-    """Score a submission on a complete data set.
-
-    Args:
-        submission: Folder of predictions, as `hmtb dataset score` reads them, and of ``model-JOINT.json``.
-        data_set: The complete data set.
-
-    Raises:
-        ScenarioError: Neither predictions nor models, or a file is damaged, of the wrong shape or a link.
-    """
+def _grade(submission: Path, data_set: DataSet) -> Grade:
+    """Score the predictions or the models of a submission on a complete data set."""
     for path in submission.iterdir():
-        # A link could lead to the withheld answer on this machine.
-        if path.is_symlink() or path.stat().st_size > MOST_BYTES:
-            raise ScenarioError(f"{path} is a link or has more than {MOST_BYTES} bytes; expected ordinary files")
+        # A link could lead to the withheld answer on this machine; a larger file is a mistake.
+        if path.is_symlink() or path.stat().st_size > 2**28:
+            raise ScenarioError(f"{path} is a link or has more than {2**28} bytes; expected ordinary files")
     models = _read_models(submission, data_set)
     if any(path.suffix in ENDINGS for path in submission.iterdir()) or not models:
         scores = score(submission, data_set)
@@ -152,18 +128,22 @@ def grade(submission: Path, data_set: DataSet) -> Grade:
 
         def model_of(record: DataRecord) -> StateSpace:
             if len(record.joints) > 1 or record.joints[0] not in models:
-                raise ScenarioError(f"{submission}: no predictions, and no {MODEL}JOINT.json for {record.name}")
+                raise ScenarioError(f"{submission}: no predictions, and no model-JOINT.json for {record.name}")
             return models[record.joints[0]]
 
         scores = score_model(model_of, data_set)
-    table = data_set.folder / BASELINES
-    rows = [row for row in read_table(table) if row["test"]] if table.is_file() else []
+    # Empty where a floor was not searched: then the best attainable mean is not known.
+    floors = [row["attainable"] for row in read_table(data_set.folder / ATTAINABLE)]
     return Grade(
         data_set.label,
         scores,
-        _attainable(data_set.folder / ATTAINABLE),
-        {f"{row['method']} {row['orders']}".strip(): float(row["test"]) for row in rows},
-        tuple(_compared(model, joint, data_set) for joint, model in models.items()),
+        float(np.mean(list(map(float, floors)))) if floors and all(floors) else None,
+        {
+            f"{row['method']} {row['orders']}".strip(): float(row["test"])
+            for row in read_table(data_set.folder / BASELINES)
+            if row["test"]
+        },
+        tuple(_compare(model, joint, data_set) for joint, model in models.items()),
     )
 
 
@@ -171,8 +151,8 @@ def _read_models(submission: Path, data_set: DataSet) -> dict[str, StateSpace]:
     """The models of a submission, by joint."""
     joints = {joint for line in data_set.index for joint in line.joints}
     models: dict[str, StateSpace] = {}
-    for path in sorted(submission.glob(f"{MODEL}*.json")):
-        joint = path.stem.removeprefix(MODEL)
+    for path in sorted(submission.glob("model-*.json")):
+        joint = path.stem.removeprefix("model-")
         if joint not in joints:
             raise ScenarioError(f"{path}: {unknown('joint', joint, sorted(joints))}")
         file = from_json(SubmittedModel, path.read_bytes(), str(path))
@@ -183,7 +163,7 @@ def _read_models(submission: Path, data_set: DataSet) -> dict[str, StateSpace]:
     return models
 
 
-def _compared(model: StateSpace, joint: str, data_set: DataSet) -> ModelGrade:
+def _compare(model: StateSpace, joint: str, data_set: DataSet) -> ModelGrade:
     if len(data_set.arms) > 1:
         raise ScenarioError(f"{data_set.label} has {len(data_set.arms)} arms: models can be graded on one arm alone")
     truth = read_arm(data_set.folder / arm_file(data_set.arms[0])).joints
@@ -191,11 +171,3 @@ def _compared(model: StateSpace, joint: str, data_set: DataSet) -> ModelGrade:
         raise ScenarioError(f"{data_set.label}: no truth of {joint} alone, because its arm is unstable")
     stable = bool((np.abs(model.poles()) < 1.0).all())
     return ModelGrade(joint, float(model.bandwidth()[0, 0]), truth[joint].bandwidth_hz, stable)
-
-
-def _attainable(path: Path) -> float | None:
-    if not path.is_file():
-        return None
-    with path.open(newline="", encoding="utf-8") as stream:
-        cells = [row["attainable"] for row in csv.DictReader(stream)]
-    return float(np.mean([float(cell) for cell in cells])) if cells and all(cells) else None

@@ -2,6 +2,7 @@
 
 import datetime
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -9,14 +10,12 @@ from importlib.resources import files
 from pathlib import Path
 from unicodedata import category
 
-from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, Scoring, TruthSpec, Twins
+from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, Scoring, TruthSpec, Twins, check_ranges
+from scenarios.datasets.tables import read_text
 from scenarios.experiments.scenario import NAME
 from scenarios.experiments.waveform import check_seed
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
-
-MOST_VERSIONS = 10**6
-CHANNELS = ("all", "studied")
 
 
 @dataclass(frozen=True)
@@ -66,6 +65,7 @@ class DataSetSpec:
         check_seed(self.seed)
         for problem in self._problems():
             raise ScenarioError(f"data set {self.name!r}: {problem}")
+        check_ranges(f"data set {self.name!r}", self, {"version": (1, 10**6), "window": (0, 10**9)})
 
     def _problems(self) -> Iterator[str]:
         if not NAME.fullmatch(self.name):
@@ -73,33 +73,35 @@ class DataSetSpec:
                 "expected 1 to 100 letters, digits, '.', '_', '-' or '+' as a name, the first a letter or digit, "
                 "because folders are named after it"
             )
-        if not 1 <= self.version <= MOST_VERSIONS:
-            yield f"version = {str(self.version)[:20]} given, expected 1 to {MOST_VERSIONS}"
         if not self.title.strip():
             yield "expected a title, given none"
         # Control characters would do harm in metadata, tables and terminals.
         texts = {"title": (self.title,), "description": self.description.split("\n")}
-        for key, lines in (texts | {"creators": self.creators, "keywords": self.keywords}).items():
-            for line in lines:
-                if any(category(one)[0] == "C" or category(one) in ("Zl", "Zp") for one in line):
-                    yield f"{key} = {ascii(line)[:80]} given, expected no control characters"
-        if self.window < 0:
-            yield f"window = {self.window} given, expected 0 samples or more"
-        if self.channels not in CHANNELS:
-            yield unknown("channels", self.channels, CHANNELS)
-        if self.date and not _is_day(self.date):
+        texts |= {"creators": self.creators, "keywords": self.keywords}
+        for key, line in ((key, line) for key, lines in texts.items() for line in lines):
+            if any(category(one)[0] == "C" or category(one) in ("Zl", "Zp") for one in line):
+                yield f"{key} = {ascii(line)[:80]} given, expected no control characters"
+        if self.channels not in ("all", "studied"):
+            yield unknown("channels", self.channels, ("all", "studied"))
+        try:
+            whole = not self.date or datetime.date.fromisoformat(self.date).isoformat() == self.date
+        except ValueError:
+            whole = False
+        if not whole:
             yield f"date = {self.date!r} given, expected a day as YYYY-MM-DD"
         if self.url and not re.fullmatch(r"https?://\S+", self.url):
             yield f"url = {self.url!r} given, expected one of http:// or https://"
         if not self.creators or not all(name.strip() for name in self.creators):
             yield f"creators = {self.creators} given, expected names to cite"
-        names = [block.name for block in self.records]
-        repeated = sorted({name for name in names if names.count(name) > 1})
+        names = Counter(block.name for block in self.records)
+        repeated = sorted(name for name, count in names.items() if count > 1)
         if repeated:
             yield f"records {', '.join(repeated)} given twice, expected each name once"
-        for name in self.truth.best_linear:
-            if name not in names:
-                yield f"truth.best_linear: {unknown('block', name, names)}"
+        yield from (
+            f"truth.best_linear: {unknown('block', name, names)}"
+            for name in self.truth.best_linear
+            if name not in names
+        )
         absent = [part for part in ("train", "test") if part not in {block.part for block in self.records}]
         if absent:
             yield f"no records for {' and '.join(absent)}; expected blocks [[records]] for train and test"
@@ -111,9 +113,7 @@ class DataSetSpec:
 
     def to_toml(self) -> str:
         """Write every field as TOML, such that `from_toml` gives an equal spec back."""
-        table = codec.unstructure(self)
-        records = [block.to_table() for block in self.records]
-        return codec.to_toml(table | {"records": records})
+        return codec.to_toml(codec.unstructure(self) | {"records": [block.to_table() for block in self.records]})
 
     @classmethod
     def from_toml(cls, text: str, *, source: str = "TOML text") -> "DataSetSpec":
@@ -136,22 +136,13 @@ class DataSetSpec:
             raise ScenarioError(f"{source}: {error}") from error
 
 
-def _is_day(text: str) -> bool:
-    try:
-        return datetime.date.fromisoformat(text).isoformat() == text
-    except ValueError:
-        return False
-
-
 @cache
 def shipped() -> Mapping[str, DataSetSpec]:
     """Return the specs that come with the package, by label."""
-    specs: dict[str, DataSetSpec] = {}
-    for entry in sorted(files("scenarios").joinpath("data", "datasets").iterdir(), key=lambda path: path.name):
-        if entry.name.endswith(".toml"):
-            spec = DataSetSpec.from_toml(entry.read_text(encoding="utf-8"), source=entry.name)
-            specs[spec.label] = spec
-    return specs
+    entries = sorted(files("scenarios").joinpath("data", "datasets").iterdir(), key=lambda path: path.name)
+    texts = {entry.name: entry.read_text(encoding="utf-8") for entry in entries if entry.name.endswith(".toml")}
+    specs = (DataSetSpec.from_toml(text, source=name) for name, text in texts.items())
+    return {spec.label: spec for spec in specs}
 
 
 def load_spec(name: str | Path) -> DataSetSpec:
@@ -171,7 +162,4 @@ def load_spec(name: str | Path) -> DataSetSpec:
         if path.suffix == ".toml":
             raise ScenarioError(f"no file {text}: expected a spec, TOML; or one of {', '.join(shipped())}")
         raise ScenarioError(unknown("data set", text, shipped(), listing="hmtb dataset list"))
-    try:
-        return DataSetSpec.from_toml(path.read_text(encoding="utf-8"), source=text)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"cannot read the spec {text!r}: {error}") from error
+    return DataSetSpec.from_toml(read_text(path, "spec"), source=text)

@@ -26,6 +26,18 @@ USUAL = ("hold", "gain", "arx:4/4", "armax:3/3/3", "iv4:2/2", "oe:2/2", "oe:3/3"
 """The models of a spec that names none."""
 
 
+def check_ranges(table: str, record: object, ranges: Mapping[str, tuple[int, int]]) -> None:
+    """Refuse numbers of a table of a spec that are out of range; those above are a slip of the keyboard.
+
+    Raises:
+        ScenarioError: A number below its least or above its largest value.
+    """
+    for name, (least, most) in ranges.items():
+        if not least <= getattr(record, name) <= most:
+            value = str(getattr(record, name))[:20]
+            raise ScenarioError(f"{table}: {name} = {value} given, expected {least} to {most}")
+
+
 @dataclass(frozen=True)
 class Method:
     """A method of identification with its orders.
@@ -83,9 +95,7 @@ class BaselineSpec:
     def __post_init__(self) -> None:
         if len(set(self.methods)) < len(self.models):
             raise ScenarioError(f"baselines: models = {self.models} given, expected each once")
-        for name in ("twins", "records"):
-            if not 0 <= getattr(self, name) <= 10**7:
-                raise ScenarioError(f"baselines: {name} = {getattr(self, name)} given, expected 0 (all) or more")
+        check_ranges("baselines", self, {"twins": (0, 10**7), "records": (0, 10**7)})
 
     @property
     def methods(self) -> tuple[Method, ...]:
@@ -122,15 +132,7 @@ class TruthSpec:
             values = getattr(self, name)
             if len(set(values)) < len(values):
                 raise ScenarioError(f"truth: {name} = {values} given, expected each once")
-        for name, least, most in (("floors", 0, 10**6), ("search_steps", 0, 10**4), ("realisations", 2, 10**4)):
-            if not least <= getattr(self, name) <= most:
-                value = getattr(self, name)
-                raise ScenarioError(f"truth: {name} = {value} given, expected {least} or more, up to {most}")
-
-
-MOST_TWINS = 10**7
-MOST_REPEATS = 10_000
-"""Larger numbers are a slip of the keyboard."""
+        check_ranges("truth", self, {"floors": (0, 10**6), "search_steps": (0, 10**4), "realisations": (2, 10**4)})
 
 
 @dataclass(frozen=True)
@@ -146,8 +148,7 @@ class Twins:
     distributions: TwinDistributions = TwinDistributions()  # noqa: RUF009
 
     def __post_init__(self) -> None:
-        if not 1 <= self.count <= MOST_TWINS:
-            raise ScenarioError(f"twins: count = {self.count} given, expected 1 to {MOST_TWINS}")
+        check_ranges("twins", self, {"count": (1, 10**7)})
 
     @classmethod
     def from_table(cls, table: object) -> "Twins":
@@ -158,28 +159,20 @@ class Twins:
         """
         if not isinstance(table, Mapping) or "count" not in table:
             raise ScenarioError(f"twins must be a table with a count, given {table!r}")
-        quantities = {key: value for key, value in table.items() if key != "count"}
         try:
-            distributions = TwinDistributions.from_table(quantities)
+            distributions = TwinDistributions.from_table({key: table[key] for key in table if key != "count"})
         except TwinError as error:
             raise ScenarioError(f"twins: {error}") from error
         return cls(codec.structure(int, table["count"], "twins.count"), distributions)
 
-    def to_table(self) -> dict[str, Any]:
-        """Write it as plain values."""
-        return {"count": self.count, **codec.unstructure(self.distributions)}
 
-
-codec.register(Twins, Twins.from_table, Twins.to_table)
+codec.register(Twins, Twins.from_table, lambda one: {"count": one.count, **codec.unstructure(one.distributions)})
 
 METRICS = ("rmse", "nrmse", "fit")
 """Root mean square error; that over the spread of the output in percent; 100 (1 - |error| / |y - mean y|) percent."""
 
 UNITS = {"rad": 1.0, "mrad": 1e3, "deg": 57.29577951308232}
 """Units of a root mean square error, per rad."""
-
-PERCENT = "%"
-"""Unit of the other metrics."""
 
 
 @dataclass(frozen=True)
@@ -199,13 +192,12 @@ class Scoring:
     def __post_init__(self) -> None:
         if self.metric not in METRICS:
             raise ScenarioError(f"scoring: {unknown('metric', self.metric, METRICS)}")
-        object.__setattr__(self, "unit", self.unit or ("mrad" if self.metric == "rmse" else PERCENT))
-        if self.metric != "rmse" and self.unit != PERCENT:
-            raise ScenarioError(f"scoring: unit = {self.unit!r} given for {self.metric}, which is in {PERCENT}")
+        object.__setattr__(self, "unit", self.unit or ("mrad" if self.metric == "rmse" else "%"))
+        if self.metric != "rmse" and self.unit != "%":
+            raise ScenarioError(f"scoring: unit = {self.unit!r} given for {self.metric}, which is in %")
         if self.metric == "rmse" and self.unit not in UNITS:
             raise ScenarioError(f"scoring: {unknown('unit', self.unit, UNITS)}")
-        if not 0 <= self.steps <= 10**6:
-            raise ScenarioError(f"scoring: steps = {self.steps} given, expected 0 (simulation) or more")
+        check_ranges("scoring", self, {"steps": (0, 10**6)})
 
 
 PAYLOAD = "rpcm"
@@ -220,9 +212,6 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
     "joints": JOINTS,
 }
 """Choices for the lists of a block."""
-
-NOMINAL: Mapping[str, object] = {"chain": Chain(), "hand_controller": HAND_CONTROLLER}
-"""Nominal tables of a block; specs hold only the differences from them."""
 
 
 @dataclass(frozen=True)
@@ -282,6 +271,7 @@ class RecordBlock:
     def __post_init__(self) -> None:
         for problem in self._problems():
             raise ScenarioError(f"records {self.name!r}: {problem}")
+        check_ranges(f"records {self.name!r}", self, {"repeats": (1, 10_000)})
 
     def _problems(self) -> Iterator[str]:
         if not NAME.fullmatch(self.name):
@@ -311,14 +301,11 @@ class RecordBlock:
             yield "a duration given for multisines; it follows from period and periods"
         if self.excitation and self.duration is None:
             yield "expected a duration in s, given none"
-        if not 1 <= self.repeats <= MOST_REPEATS:
-            yield f"repeats = {self.repeats} given, expected 1 to {MOST_REPEATS}"
 
     def to_table(self) -> dict[str, Any]:
         """Write the block as plain values; of chain and hand controller only what differs from the nominal ones."""
         table = codec.unstructure(replace(self, chain=Chain(), hand_controller=HAND_CONTROLLER))
-        excitation = table.pop("excitation")
-        table |= {name: codec.changes(getattr(self, name), usual) for name, usual in NOMINAL.items()}
-        return {key: value for key, value in table.items() if value != {}} | (
-            {"excitation": excitation} if excitation else {}
-        )
+        table["chain"] = codec.changes(self.chain, Chain())
+        table["hand_controller"] = codec.changes(self.hand_controller, HAND_CONTROLLER)
+        table["excitation"] = table.pop("excitation")  # tables stand behind values in TOML
+        return {key: value for key, value in table.items() if value != {} and (key != "excitation" or value)}

@@ -1,7 +1,8 @@
 """Anyone's estimator: the protocol, the runner that calls it in its own process, adapters of ours and peers."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from scenarios.files.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from scenarios.estimators.estimator import Estimator, Limits
@@ -11,17 +12,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Answer", "Estimator", "EstimatorOutcome", "EstimatorProcess", "Limits", "Task"]
 
-_MODULES = {
-    "Answer": "outcome",
-    "Estimator": "estimator",
-    "EstimatorOutcome": "outcome",
-    "EstimatorProcess": "runner",
-    "Limits": "estimator",
-    "Task": "task",
-}
-
-
-def __getattr__(name: str) -> object:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+__getattr__ = lazy_names(
+    __name__, estimator="Estimator Limits", outcome="Answer EstimatorOutcome", runner="EstimatorProcess", task="Task"
+)

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from scenarios.estimators.task import STRUCTURES
 from scenarios.files.errors import ScenarioError
+from sysid.polynomial.structures import STRUCTURES
 
 METHODS = {
     "pem": "prediction error, all parameters of the structure free",

@@ -4,6 +4,7 @@ import shlex
 import shutil
 import subprocess
 import tomllib
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -15,8 +16,6 @@ from scenarios.estimators.estimator import Estimator
 from scenarios.files.errors import ScenarioError, unknown
 
 OCTAVE = Path(__file__).parent / "octave"
-INSTALL = "pip install 'hmtb-twin[peers]'"
-INSTALL_OCTAVE = "apt-get install octave octave-control"
 
 OCTAVE_SECONDS = 60.0
 """Time that Octave has to print its versions, s."""
@@ -27,7 +26,7 @@ class KnownEstimator:
     """An estimator and what it needs to run.
 
     Attributes:
-        estimator: The estimator; its version is filled in when it is asked for.
+        estimator: The estimator, without the version of its package.
         package: Python distribution that it comes from.
         module: To import from it; empty for what comes with this package.
         octave: Package of Octave that it needs instead; empty for none.
@@ -40,60 +39,36 @@ class KnownEstimator:
 
     def available(self) -> tuple[bool, str]:
         """Whether it can be run here; where not, what is missing and how to get it."""
-        name = self.estimator.name
+        name, program = self.estimator.name, shlex.split(self.estimator.target)[0]
         if self.module and find_spec(self.module) is None:
-            return False, f"{name} needs the package {self.package}: {INSTALL}"
-        if self.octave and not octave_version(self._program, self.octave):
-            return False, f"{name} needs the program {self._program} with its package {self.octave}: {INSTALL_OCTAVE}"
+            return False, f"{name} needs the package {self.package}: pip install 'hmtb-twin[peers]'"
+        if self.octave and not octave_version(program, self.octave):
+            command = f"apt-get install octave octave-{self.octave}"
+            return False, f"{name} needs the program {program} with its package {self.octave}: {command}"
         return True, ""
 
     def versioned(self) -> Estimator:
         """The estimator with the version of the package that it comes from."""
         if self.octave:
-            return replace(self.estimator, version=octave_version(self._program, self.octave))
-        try:
+            return replace(self.estimator, version=octave_version(shlex.split(self.estimator.target)[0], self.octave))
+        with suppress(PackageNotFoundError):  # a checkout on the path
             return replace(self.estimator, version=f"{self.package} {version(self.package)}")
-        except PackageNotFoundError:  # a checkout on the path
-            return self.estimator
-
-    @property
-    def _program(self) -> str:
-        return shlex.split(self.estimator.target)[0]
+        return self.estimator
 
 
 @lru_cache(maxsize=8)
 def octave_version(program: str, package: str) -> str:
     """Versions of the program Octave and of one of its packages; empty where one of them is missing."""
-    path = shutil.which(program)
-    if path is None:
-        return ""
     code = (
         f"p = pkg ('list', '{package}'); printf ('%s', version ()); if numel (p), printf (' %s', p{{1}}.version); end"
     )
-    command = [path, "--quiet", "--norc", "--eval", code]
+    command = [shutil.which(program) or program, "--quiet", "--norc", "--eval", code]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=OCTAVE_SECONDS, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return ""
     versions = done.stdout.split()
     return f"octave {versions[0]}, {package} {versions[1]}" if len(versions) == 2 else ""
-
-
-def available(name: str) -> tuple[bool, str]:
-    """Whether an estimator can be run here.
-
-    Args:
-        name: One of `KNOWN`.
-
-    Returns:
-        The answer, and where it is no, what is missing and how to get it.
-
-    Raises:
-        ScenarioError: No estimator has the name.
-    """
-    if name not in KNOWN:
-        raise ScenarioError(unknown("estimator", name, KNOWN))
-    return KNOWN[name].available()
 
 
 def estimator(name: str) -> Estimator:
@@ -105,21 +80,21 @@ def estimator(name: str) -> Estimator:
     Raises:
         ScenarioError: No estimator has the name, or what it needs is not installed.
     """
-    can_run, why = available(name)
+    if name not in KNOWN:
+        raise ScenarioError(unknown("estimator", name, KNOWN))
+    can_run, why = KNOWN[name].available()
     if not can_run:
         raise ScenarioError(why)
     return KNOWN[name].versioned()
 
 
 def _read() -> dict[str, KnownEstimator]:
-    text = Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
     known = {}
-    for name, table in tomllib.loads(text).items():
+    for name, table in tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")).items():
         needs = {key: table.pop(key) for key in ("package", "module", "octave") if key in table}
-        one = Estimator(name, **table)
         if "octave" in needs:
-            one = replace(one, program=True, stays=True, home=str(OCTAVE))
-        known[name] = KnownEstimator(one, **needs)
+            table |= {"program": True, "stays": True, "home": str(OCTAVE)}
+        known[name] = KnownEstimator(Estimator(name, **table), **needs)
     return known
 
 

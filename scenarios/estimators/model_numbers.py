@@ -1,5 +1,7 @@
 """From named numbers to a checked model: the one path of every answer, from a function or from a file."""
 
+import warnings
+
 import numpy as np
 
 from scenarios.estimators.claims import (
@@ -7,17 +9,19 @@ from scenarios.estimators.claims import (
     claimed_interval,
     claimed_response_covariance,
     known_parameters,
-    response_and_interval,
 )
 from scenarios.estimators.named_numbers import FRACTION, MATRICES, NAMES, POLYNOMIALS, Numbers, row, shaped
 from scenarios.estimators.outcome import Answer, NoModelError
 from scenarios.estimators.task import Task
-from sysid import IOData, Polynomials, StateSpace, SysidError
-from sysid.models import innovations_form
+from sysid import IOData, Polynomials, StateSpace, SysidError, SysidWarning
+from sysid.models import block_diagonal, innovations_form
 from sysid.records.arrays import FloatArray
 
 MOST_ORDER = 100
 """Most states of a model: measuring it has no time limit, and takes less than half a second then."""
+
+MOST_PARAMETERS = 100
+"""With more parameters nothing is propagated to the response and the bandwidth: it would take seconds."""
 
 LARGEST = 1e60
 """Largest number of a model: products of a few such numbers are still finite."""
@@ -25,12 +29,8 @@ LARGEST = 1e60
 SAME_DT = 1e-6
 """Relative tolerance of the sampling interval, which programs may print with six digits."""
 
-FORMS = (
-    ("matrices", set(MATRICES), {"A", "B", "C"}),
-    ("fraction", set(FRACTION), {"num", "den"}),
-    ("polynomials", set(POLYNOMIALS), {"poly_b"}),
-)
-"""Forms of a model: name, the numbers that it may have, those that it needs."""
+FORMS = (({"A", "B", "C"}, set(MATRICES)), (set(FRACTION), set(FRACTION)), ({"poly_b"}, set(POLYNOMIALS)))
+"""Forms of a model, matrices, fraction and polynomials: the numbers that it needs, and those that it may have."""
 
 
 def answer_of(numbers: Numbers, data: IOData, task: Task) -> Answer:
@@ -63,25 +63,33 @@ def answer_of(numbers: Numbers, data: IOData, task: Task) -> Answer:
         else:
             model = _of_fractions(numbers, data)
     except SysidError as error:
-        raise NoModelError("malformed", str(error)) from error
+        raise NoModelError(str(error)) from error
+    channels = {(model.ny, model.nu), (model.ny, model.nu) if polynomials is None else (1, polynomials.nu)}
+    if channels != {(data.ny, data.nu)}:
+        given = " and ".join(f"{ny} output(s) from {nu} input(s)" for ny, nu in sorted(channels))
+        raise NoModelError(f"a model of {given} given, expected {data.ny} output(s) from {data.nu} input(s)")
     if model.order > MOST_ORDER:
-        raise NoModelError("malformed", f"a model of {model.order} states given, expected at most {MOST_ORDER}")
+        raise NoModelError(f"a model of {model.order} states given, expected at most {MOST_ORDER}")
     is_stable = not unstable(model)
     if is_stable:
         with np.errstate(all="ignore"):
             size = np.abs(model.frequency_response(task.frequencies)).max(initial=0.0)
         if not size <= LARGEST:
-            raise NoModelError("not_finite", f"a model whose response is {size:g} at some frequency of the task")
-    covariance, spread, ends = map(numbers.get, ("covariance", "response_covariance", "bandwidth_ci95"))
-    response_covariance = None if spread is None else claimed_response_covariance(spread, data, task)
+            raise NoModelError(f"a model whose response is {size:g} at some frequency of the task", "not_finite")
+    covariance, response_covariance, ends = map(numbers.get, ("covariance", "response_covariance", "bandwidth_ci95"))
+    if response_covariance is not None:
+        response_covariance = claimed_response_covariance(response_covariance, data, task)
     ci95 = None if ends is None else claimed_interval(ends, data)
     if covariance is not None:
         estimate = known_parameters(covariance, polynomials, model, data, task)
         covariance = estimate.covariance
-        if (response_covariance is None or ci95 is None) and is_stable:
-            follows = response_and_interval(estimate, task)
-            response_covariance = follows[0] if response_covariance is None else response_covariance
-            ci95 = follows[1] if ci95 is None else ci95
+        missing = response_covariance is None or ci95 is None
+        if missing and is_stable and 0 < len(estimate.parameters) <= MOST_PARAMETERS:
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("ignore", SysidWarning)
+                response, bandwidth = estimate.response_and_bandwidth(task.frequencies)
+            response_covariance = response.covariance if response_covariance is None else response_covariance
+            ci95 = bandwidth.ci95 if ci95 is None else ci95
     return Answer(model, polynomials, covariance, response_covariance, ci95)
 
 
@@ -90,27 +98,22 @@ def unstable(model: StateSpace) -> str:
 
     Only poles from input to output count: those of the noise model, and states without effect, may lie anywhere.
     """
-    poles = model.input_path().poles()
-    outside = poles[np.abs(poles) >= 1.0]
-    if not len(outside):
-        return ""
-    return (
-        f"{len(outside)} of {len(poles)} poles on or outside the unit circle, the largest at {np.abs(outside[0]):.6g}"
-    )
+    moduli = np.abs(model.input_path().poles())
+    outside = moduli[moduli >= 1.0]
+    where = "on or outside the unit circle, the largest at"
+    return f"{len(outside)} of {len(moduli)} poles {where} {outside[0]:.6g}" if len(outside) else ""
 
 
 def _check_names(numbers: Numbers) -> None:
     """Refuse unknown names, and what is not exactly one form of a model, or matrices with polynomials."""
     names = set(numbers)
     if unknown := sorted(names - set(NAMES)):
-        raise NoModelError("malformed", f"unknown {unknown[0]!r} given, expected some of {', '.join(NAMES)}")
-    forms = [form for form, some, _ in FORMS if names & some]
-    whole = all(names >= needed for _, some, needed in FORMS if names & some)
-    if not whole or (len(forms) != 1 and forms != ["matrices", "polynomials"]):
+        raise NoModelError(f"unknown {unknown[0]!r} given, expected some of {', '.join(NAMES)}")
+    forms = [place for place, (_, allowed) in enumerate(FORMS) if names & allowed]
+    if forms not in ([0], [1], [2], [0, 2]) or not all(names >= FORMS[place][0] for place in forms):
         raise NoModelError(
-            "malformed",
             f"{', '.join(sorted(names)) or 'nothing'} given, expected dt and either A, B, C (D, K), or num and den, or "
-            "poly_b (with others of poly_a to poly_f; A, B, C may stand beside them)",
+            "poly_b (with others of poly_a to poly_f; A, B, C may stand beside them)"
         )
 
 
@@ -120,22 +123,19 @@ def _check_values(numbers: Numbers, data: IOData) -> None:
         bad = np.isinf(values) if name == "bandwidth_ci95" else ~np.isfinite(values)
         if bad.any():
             raise NoModelError(
-                "not_finite", f"{name} has {int(bad.sum())} of {values.size} numbers that are not finite"
+                f"{name} has {int(bad.sum())} of {values.size} numbers that are not finite", "not_finite"
             )
         if (np.abs(values) > LARGEST).any():
-            raise NoModelError("malformed", f"{name} has numbers above {LARGEST:g}")
+            raise NoModelError(f"{name} has numbers above {LARGEST:g}")
         # Before a model of too many states is made.
         if name in (*POLYNOMIALS, *FRACTION) and max(values.shape, default=0) > MOST_ORDER + 1:
-            raise NoModelError(
-                "malformed", f"{name} of shape {values.shape} given, expected at most {MOST_ORDER + 1} in a row"
-            )
+            raise NoModelError(f"{name} of shape {values.shape} given, expected at most {MOST_ORDER + 1} in a row")
     dt = numbers.get("dt")
     if dt is None or dt.size != 1:
-        raise NoModelError("malformed", f"no sampling time given, expected dt = {data.dt:g}, s")
-    if not abs(float(dt.ravel()[0]) - data.dt) <= SAME_DT * data.dt:
+        raise NoModelError(f"no sampling time given, expected dt = {data.dt:g}, s")
+    if not abs(dt.item() - data.dt) <= SAME_DT * data.dt:
         raise NoModelError(
-            "malformed",
-            f"dt = {float(dt.ravel()[0]):g} given, expected a discrete-time model with that of the record, {data.dt:g}",
+            f"dt = {dt.item():g} given, expected a discrete-time model with that of the record, {data.dt:g}"
         )
 
 
@@ -143,10 +143,10 @@ def _state_space(numbers: Numbers, data: IOData, innovation: FloatArray | None) 
     a = numbers["A"]
     n = 0 if a.size == 0 else (a.shape[0] if a.ndim else 1)
     if n > MOST_ORDER:
-        raise NoModelError("malformed", f"A of shape {a.shape} given, expected at most {MOST_ORDER} states")
-    shapes = {"A": (n, n), "B": (n, data.nu), "C": (data.ny, n), "D": (data.ny, data.nu), "K": (n, data.ny)}
-    m = {name: shaped(name, numbers[name], shape) for name, shape in shapes.items() if name in numbers}
-    return StateSpace(m["A"], m["B"], m["C"], m.get("D", np.zeros(shapes["D"])), m.get("K"), data.dt, innovation)
+        raise NoModelError(f"A of shape {a.shape} given, expected at most {MOST_ORDER} states")
+    shapes = ((n, n), (n, data.nu), (data.ny, n), (data.ny, data.nu), (n, data.ny))
+    m = {k: shaped(k, numbers[k], shape) for k, shape in zip(MATRICES, shapes, strict=True) if k in numbers}
+    return StateSpace(m["A"], m["B"], m["C"], m.get("D", np.zeros(shapes[3])), m.get("K"), data.dt, innovation)
 
 
 def _polynomials(numbers: Numbers, data: IOData) -> Polynomials | None:
@@ -155,61 +155,42 @@ def _polynomials(numbers: Numbers, data: IOData) -> Polynomials | None:
         return _output_error(*(row(name, numbers[name]) for name in FRACTION))
     if "poly_b" not in numbers:
         return None
-    if data.ny != 1:
-        raise NoModelError(
-            "malformed", f"polynomials given for {data.ny} outputs, expected matrices: they have one output"
-        )
-    rows = {}
-    for name, letter in POLYNOMIALS.items():
-        if name not in numbers:
-            continue
-        values = numbers[name]
-        if data.nu > 1 and letter in "BF":
-            if values.ndim != 2 or len(values) != data.nu:
-                raise NoModelError(
-                    "malformed", f"{name} of shape {values.shape} given, expected a row for each of {data.nu} inputs"
-                )
-        else:
-            values = row(name, values)
-        if letter != "B" and not (np.atleast_2d(values)[:, 0] == 1.0).all():
-            raise NoModelError("malformed", f"{name} begins with {values.ravel()[0]:g}, expected 1")
-        rows[letter] = values
-    return Polynomials(**rows)
+    # Only a row for each of several inputs is a matrix.
+    return Polynomials(
+        **{
+            letter: numbers[name] if data.nu > 1 and letter in "BF" else row(name, numbers[name])
+            for name, letter in POLYNOMIALS.items()
+            if name in numbers
+        }
+    )
 
 
 def _output_error(num: FloatArray, den: FloatArray) -> Polynomials:
     """Numerator and denominator of equal length, the denominator scaled to begin with 1."""
     if len(num) != len(den):
         raise NoModelError(
-            "malformed",
             f"num with {len(num)} and den with {len(den)} coefficients given, expected as many of both: filled up "
-            "with zeros, powers of z and of 1/z mean the same",
+            "with zeros, powers of z and of 1/z mean the same"
         )
     if den[0] == 0.0:
-        raise NoModelError("malformed", "den begins with 0, expected the coefficient of its highest power of z")
+        raise NoModelError("den begins with 0, expected the coefficient of its highest power of z")
     with np.errstate(over="ignore"):
         num, den = num / den[0], den / den[0]
     if not (np.isfinite(num).all() and np.isfinite(den).all()):
-        raise NoModelError("not_finite", f"num and den divided by {den[0]:g}, the first of den, are not finite")
+        raise NoModelError(f"num and den divided by {den[0]:g}, the first of den, are not finite", "not_finite")
     return Polynomials(B=num, F=den)
 
 
 def _of_fractions(numbers: Numbers, data: IOData) -> StateSpace:
     """The model of fractions (ny, nu, k), one for each pair of output and input, side by side."""
     num, den = (numbers[name] for name in FRACTION)
-    for name in FRACTION:
-        if numbers[name].ndim != 3 or numbers[name].shape[:2] != (data.ny, data.nu):
+    for name, values in zip(FRACTION, (num, den), strict=True):
+        if values.ndim != 3 or values.shape[:2] != (data.ny, data.nu):
             raise NoModelError(
-                "malformed",
-                f"{name} of shape {numbers[name].shape} given, expected ({data.ny}, {data.nu}, number of coefficients)",
+                f"{name} of shape {values.shape} given, expected ({data.ny}, {data.nu}, number of coefficients)"
             )
-    paths = {
-        (i, j): innovations_form(_output_error(num[i, j], den[i, j]), data.dt) for i, j in np.ndindex(data.ny, data.nu)
-    }
-    n, at = sum(path.order for path in paths.values()), 0
-    a, b, c, d = np.zeros((n, n)), np.zeros((n, data.nu)), np.zeros((data.ny, n)), np.zeros((data.ny, data.nu))
-    for (i, j), path in paths.items():
-        part = slice(at, at + path.order)
-        a[part, part], b[part, [j]], c[[i], part], d[i, j] = path.A, path.B, path.C, path.D[0, 0]
-        at += path.order
-    return StateSpace(a, b, c, d, None, data.dt)
+    pairs = list(np.ndindex(data.ny, data.nu))
+    parts = [innovations_form(_output_error(num[i, j], den[i, j]), data.dt) for i, j in pairs]
+    whole, (rows, columns) = block_diagonal(parts), np.array(pairs).T
+    into, out = np.eye(data.nu)[columns], np.eye(data.ny)[:, rows]
+    return StateSpace(whole.A, whole.B @ into, out @ whole.C, out @ whole.D @ into, None, data.dt)

@@ -34,12 +34,15 @@ def real(name: str, value: Any) -> FloatArray:
         if array.dtype == object:
             array = array.astype(np.float64)
     except (ValueError, TypeError, OverflowError) as error:
-        raise NoModelError(
-            "malformed", f"{name} of type {type(value).__name__} given, expected real numbers"
-        ) from error
+        raise NoModelError(f"{name} of type {type(value).__name__} given, expected real numbers") from error
     if array.dtype.kind not in "biuf":
-        raise NoModelError("malformed", f"{name} of type {array.dtype} given, expected real numbers")
+        raise NoModelError(f"{name} of type {array.dtype} given, expected real numbers")
     return np.array(array, dtype=np.float64)
+
+
+def real_numbers(values: Mapping[str, Any]) -> dict[str, FloatArray]:
+    """Real numbers by name, those that are None left out."""
+    return {name: real(name, value) for name, value in values.items() if value is not None}
 
 
 def shaped(name: str, values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
@@ -50,11 +53,11 @@ def shaped(name: str, values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     flat = values.ndim <= 1 or values.size == 1
     if values.size == int(np.prod(shape)) and ((single and flat) or values.size == 0):
         return values.reshape(shape)
-    raise NoModelError("malformed", f"{name} of shape {values.shape} given, expected {shape}")
+    raise NoModelError(f"{name} of shape {values.shape} given, expected {shape}")
 
 
 def row(name: str, values: FloatArray) -> FloatArray:
     """Coefficients (k,), else NoModelError: programs that know only matrices write (1, k) or (k, 1)."""
     if values.size == 0 or sum(n != 1 for n in values.shape) > 1:
-        raise NoModelError("malformed", f"{name} of shape {values.shape} given, expected a row of coefficients")
+        raise NoModelError(f"{name} of shape {values.shape} given, expected a row of coefficients")
     return values.ravel()

@@ -6,17 +6,17 @@ Where the task leaves the orders open, Schwarz's criterion (BIC) chooses them, f
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from types import MappingProxyType
 
 import numpy as np
 
 import sysid
 from scenarios.estimators.outcome import Answer
 from scenarios.estimators.returned import estimate_answer
-from scenarios.estimators.task import STRUCTURES, Task, require
-from sysid import Estimate, IOData, SysidError
-from sysid.records.arrays import FloatArray
-from sysid.validation.structure_scan import StructureTable
+from scenarios.estimators.task import Task, require
+from sysid import Estimate, IOData
+from sysid.polynomial.structures import STRUCTURES
+from sysid.subspace import markov_parameters
+from sysid.validation import choose_orders
 
 LEAST_P, P_PER_ORDER = 20, 2
 """Observer Markov parameters for OKID: so many, and so many more per state."""
@@ -24,11 +24,11 @@ LEAST_P, P_PER_ORDER = 20, 2
 SAMPLES_PER_UNKNOWN = 5
 """Equations that OKID has at least for each of its unknowns, as far as the order allows."""
 
-LOOKS_AHEAD = 2
-"""Degrees that are tried beyond the best so far."""
-
 SCAN_ITERATIONS = 20
 """Of each search while orders are chosen: only models that are too large need more, and they take very long."""
+
+POLYNOMIAL: dict[str, Callable[..., Estimate]] = {name: getattr(sysid, name) for name in ("arx", "armax", "oe", "bj")}
+"""Prediction-error estimators of polynomials, by structure."""
 
 PULSES, MOST_INPUT_COLUMNS = 200, 0.2
 """Values of the pulse response that ERA realises, and the most columns of inputs, as a share of the samples."""
@@ -51,11 +51,7 @@ def era(data: IOData, task: Task) -> Answer:
     """ERA on the pulse response by least squares on past inputs alone; no noise model, no covariance."""
     require(task, "ss", no_choice="ERA by itself has no criterion; okid has one")
     count = min(PULSES, int(MOST_INPUT_COLUMNS * len(data) / data.nu))
-    past = np.lib.stride_tricks.sliding_window_view(data.u, count, axis=0)[:-1, :, ::-1]
-    columns = past.transpose(0, 2, 1).reshape(len(past), count * data.nu)
-    solution = np.linalg.lstsq(columns, data.y[count:], rcond=None)[0]
-    pulses = solution.reshape(count, data.nu, data.ny).transpose(0, 2, 1)
-    markov = np.concatenate((np.zeros((1, data.ny, data.nu)), pulses))
+    markov = markov_parameters(data, count)
     return Answer(sysid.era(markov, task.orders["order"], dt=data.dt).model)
 
 
@@ -70,12 +66,6 @@ def prediction_error(data: IOData, task: Task) -> Estimate:
         return _state_space(_pem_ss, data, task)
     choose = arx_orders if task.structure == "arx" else None
     return _polynomial(POLYNOMIAL[task.structure], task.structure, data, task, choose)
-
-
-POLYNOMIAL: Mapping[str, Callable[..., Estimate]] = MappingProxyType(
-    {"arx": sysid.arx, "armax": sysid.armax, "oe": sysid.oe, "bj": sysid.bj}
-)
-"""Prediction-error estimators of polynomials, by structure."""
 
 
 def observer_parameters(data: IOData, order: int) -> int:
@@ -98,68 +88,24 @@ def scanned_orders(
     """Orders of any structure by the least BIC, all polynomials of one degree, the delay that of the best ARX model.
 
     One degree for all keeps the number of fits at the highest order; a delay that is too small costs a coefficient that
-    is nearly zero, and no order. Degrees rise until two in a row are no better than the best before, because models
-    that are far too large take the longest. Unstable models are skipped.
+    is nearly zero, and no order.
 
     Args:
         estimator: Called with data and orders in the sequence of the structure.
         data: The record.
         task: What is asked.
-        simulated: Whether the error of the simulated output counts instead of that one step ahead: for methods without
-            a meaningful noise model.
+        simulated: See `sysid.validation.choose_orders`.
 
     Returns:
         Orders by their names in the structure.
     """
     delay = 0 if task.structure == "ss" else arx_orders(data, task)["nk"]
-    fits: dict[tuple[int, ...], Estimate | SysidError] = {}
-
-    def fit(record: IOData, *orders: int) -> Estimate:
-        if orders not in fits:
-            fits[orders] = _stable_fit(estimator, record, orders)
-        estimate = fits[orders]
-        if isinstance(estimate, SysidError):
-            raise estimate
-        return estimate
-
-    best: dict[str, int] = {}
-    candidates: list[dict[str, int]] = []
-    for degree in range(1, task.most_order + 1):
-        candidates.append(_of_degree(degree, delay, task.structure))
-        if degree < LOOKS_AHEAD and degree < task.most_order:
-            continue
-        table = sysid.structure_scan(
-            fit,
-            data,
-            tuple(candidates[0]),
-            [tuple(candidate.values()) for candidate in candidates],
-            validation=data if simulated else None,
-            steps=None if simulated else 1,
-        )
-        criterion = simulated_bic(table) if simulated else "bic"
-        best = {name: int(np.max(value)) for name, value in table.best(criterion).items()}
-        if candidates.index(best) + LOOKS_AHEAD < degree:
-            break
-    return best
-
-
-def simulated_bic(table: StructureTable) -> FloatArray:
-    """Schwarz's criterion on the error of simulation, which the table has as that of validation (m,)."""
-    return np.asarray(np.log(table.validation) + table.parameters * np.log(table.samples) / table.samples)
-
-
-def _stable_fit(estimator: Callable[..., Estimate], data: IOData, orders: tuple[int, ...]) -> Estimate | SysidError:
-    try:
-        estimate = estimator(data, *orders)
-    except SysidError as error:
-        return error
-    stable = estimate.model.input_path().is_stable()
-    return estimate if stable else SysidError(f"orders {orders} give an unstable model")
-
-
-def _of_degree(n: int, delay: int, structure: str) -> dict[str, int]:
-    sizes = {"na": n, "nb": max(n + 1 - delay, 1), "nc": n, "nd": n, "nf": n, "nk": delay, "order": n}
-    return {name: sizes[name] for name in STRUCTURES[structure]}
+    names, candidates = STRUCTURES[task.structure], []
+    for n in range(1, task.most_order + 1):
+        sizes = {"na": n, "nb": max(n + 1 - delay, 1), "nc": n, "nd": n, "nf": n, "nk": delay, "order": n}
+        candidates.append(tuple(sizes[name] for name in names))
+    best = choose_orders(estimator, data, names, candidates, simulated=simulated)
+    return {name: int(np.max(value)) for name, value in best.items()}
 
 
 def _pem_ss(data: IOData, order: int) -> Estimate:
@@ -177,7 +123,7 @@ def _polynomial(
     task: Task,
     choose: Callable[[IOData, Task], Mapping[str, int]] | None = None,
 ) -> Estimate:
-    require(task, structure, data=data, outputs=1)
+    require(task, structure, data)
     choose = choose or partial(scanned_orders, partial(estimator, max_iterations=SCAN_ITERATIONS))
     orders = task.orders or choose(data, task)
     return estimator(data, *(orders[name] for name in STRUCTURES[structure]))

@@ -1,4 +1,4 @@
-"""What an estimator returns for one request: a model with its claims, or the kind of failure and the reason."""
+"""Outcome of one request to an estimator: a model with its claims, or the kind of failure and the reason."""
 
 from dataclasses import dataclass
 
@@ -23,13 +23,9 @@ KINDS = {
 
 
 class NoModelError(ScenarioError):
-    """Returned numbers that are no model.
+    """Returned numbers that are no model; its kind is one of `KINDS`, `malformed` or `not_finite`."""
 
-    Attributes:
-        kind: One of `KINDS`: `malformed` or `not_finite`.
-    """
-
-    def __init__(self, kind: str, why: str) -> None:
+    def __init__(self, why: str, kind: str = "malformed") -> None:
         super().__init__(why)
         self.kind = kind
 

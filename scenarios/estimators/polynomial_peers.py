@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 
 from scenarios.estimators.outcome import Answer
-from scenarios.estimators.task import STRUCTURES, Task, require
+from scenarios.estimators.task import Task, require
 from sysid import IOData, Polynomials
 from sysid.models import innovations_form
-
-NO_CRITERION = "it has no criterion of orders"
+from sysid.polynomial.structures import STRUCTURES
 
 ROUNDS = 60
 """Of SysIdentPy's extended least squares: after its default of 20 it has often not settled."""
@@ -29,7 +28,7 @@ def sippy_polynomials(structure: str, data: IOData, task: Task, *, mode: str = "
         mode: Of `armax` and `oe`: `OPT`, or one of its recursive and iterative ones.
     """
     no_choice = "its criteria fit every combination of orders and delays by the optimiser"
-    require(task, structure, data=data, outputs=1, delayed=True, no_choice=no_choice)
+    require(task, structure, data, delayed=True, no_choice=no_choice)
     n, method = task.orders, structure.upper()
     if 0 in (n.get("nc", 1), n.get("nd", 1)):
         raise NotImplementedError("nc = 0 or nd = 0 asked for, its optimiser needs at least 1 of each")
@@ -61,7 +60,7 @@ def sippy_polynomials(structure: str, data: IOData, task: Task, *, mode: str = "
 
 def _pysib(structure: str, data: IOData, task: Task) -> Answer:
     """Least squares for ARX, prediction error from the ARX model otherwise."""
-    require(task, structure, data=data, outputs=1, inputs=1, no_choice=NO_CRITERION)
+    require(task, structure, data, inputs=1, no_choice="it has no criterion of orders")
     import pysib
 
     orders = [task.orders[name] for name in STRUCTURES[structure]]
@@ -81,7 +80,7 @@ def _sysidentpy(structure: str, data: IOData, task: Task) -> Answer:
 
     Where the orders are open, forward orthogonal regression chooses terms by BIC.
     """
-    require(task, structure, data=data, outputs=1, delayed=True)
+    require(task, structure, data, delayed=True)
     nc = task.orders.get("nc", task.most_order) if structure == "armax" else None
     from sysidentpy.basis_function import Polynomial
     from sysidentpy.model_structure_selection import FROLS

@@ -9,9 +9,8 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import psutil
 
@@ -41,9 +40,8 @@ _PARENT_DEATH_SIGNAL = 1
 """Of Linux's prctl: a signal that comes when the parent dies, also when that is killed."""
 
 
-@dataclass(frozen=True)
-class Reply:
-    """How a process reacted to a request.
+class Reply(NamedTuple):
+    """Reaction of a process to a request.
 
     Attributes:
         end: `line` (it answered), `exit` (it ended, or closed its output), `hang` or `memory`.
@@ -118,7 +116,10 @@ class WatchedProcess:
         begun, used, peak = time.monotonic(), self._processor_seconds(), 0
         if request and self._popen.stdin is not None:
             os.truncate(self._log, 0)
-            self._skip_output()
+            # What came without a request answers nothing.
+            with contextlib.suppress(BlockingIOError):
+                os.read(self._output, MOST_PRINTED)
+            self._buffer.clear()
             with contextlib.suppress(BrokenPipeError):
                 self._popen.stdin.write(request.encode() + b"\n")
         look, pause, end, line = begun + FIRST_LOOK, FIRST_LOOK, "", ""
@@ -133,9 +134,9 @@ class WatchedProcess:
             if not end and now >= begun + seconds:
                 end = "hang"
             elif not end and now >= look:
-                self._look()
                 if os.path.getsize(self._log) > MOST_LOGGED:
                     os.truncate(self._log, 0)
+                self._look()
                 peak = max(peak, self._memory(memory_bytes))
                 end = "memory" if peak > memory_bytes else ""
                 pause = min(1.5 * pause, LONGEST_LOOK)
@@ -165,9 +166,7 @@ class WatchedProcess:
         """
         if self._over is not None:
             return self._over
-        life = select.poll()
-        life.register(self._life, select.POLLIN)
-        life.poll(1000.0 * grace)
+        select.select([self._life], [], [], grace)
         until = time.monotonic() + KILLING
         while time.monotonic() < until:
             self._look()
@@ -185,9 +184,8 @@ class WatchedProcess:
         self._popen.returncode = os.waitstatus_to_exitcode(status)
         self._over = self._popen.returncode, usage.ru_utime + usage.ru_stime
         os.close(self._life)
-        for pipe in (self._popen.stdin, self._popen.stdout):
-            if pipe is not None:
-                pipe.close()
+        for pipe in filter(None, (self._popen.stdin, self._popen.stdout)):
+            pipe.close()
         return self._over
 
     def _answer(self, words: Collection[str]) -> tuple[str, str]:
@@ -201,12 +199,6 @@ class WatchedProcess:
             if text.partition(" ")[0] in words:
                 return "line", text
         return "", ""
-
-    def _skip_output(self) -> None:
-        """Read what came without a request: it answers nothing."""
-        with contextlib.suppress(BlockingIOError):
-            os.read(self._output, MOST_PRINTED)
-        self._buffer.clear()
 
     def _look(self) -> None:
         """Look for descendants; those seen before count also when their parent has gone."""
@@ -233,7 +225,7 @@ def _die_with_parent() -> None:
 
 
 def _ask(process: psutil.Process, question: Callable[[psutil.Process], Any], default: Any) -> Any:
-    """What a process answers; the default where it has ended, or is not ours."""
+    """A property of a process; the default where it has ended, or is not ours."""
     try:
         return question(process)
     except (psutil.Error, OSError):

@@ -5,7 +5,6 @@
 
 import contextlib
 import importlib
-import importlib.util
 import json
 import os
 import resource
@@ -13,6 +12,9 @@ import sys
 import sysconfig
 import traceback
 from collections.abc import Callable
+from importlib.machinery import ModuleSpec, SourceFileLoader
+from importlib.util import module_from_spec
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, cast
 
@@ -61,31 +63,25 @@ def load(target: str, home: Path) -> Callable[..., Any]:
     place, _, name = target.rpartition(":")
     if not place or not name:
         raise ImportError(f"{target!r} given, expected module:function or path/to/file.py:function")
-    if place.endswith(".py"):
-        path = home / place
-        if not path.is_file():
-            raise ImportError(f"no file {str(path)!r}")
-        sys.path.insert(0, str(path.parent))
+    path = home / place
+    sys.path.insert(0, str(path.parent if path.suffix == ".py" else home))
+    if path.suffix != ".py":
+        module = importlib.import_module(place)
+    elif not path.is_file():
+        raise ImportError(f"no file {str(path)!r}")
+    else:
         # A file may have the name of an installed module.
         label = path.stem if path.stem not in sys.modules else f"estimator_{path.stem}"
-        spec = importlib.util.spec_from_file_location(label, path)
-        if spec is None or spec.loader is None:
-            raise ImportError(f"{str(path)!r} is no Python file")
-        module = importlib.util.module_from_spec(spec)
+        loader = SourceFileLoader(label, str(path))
+        module = module_from_spec(ModuleSpec(label, loader, origin=str(path)))
         sys.modules[label] = module
-        spec.loader.exec_module(module)
-    else:
-        sys.path.insert(0, str(home))
-        module = importlib.import_module(place)
-    function: Any = module
-    for part in name.split("."):
-        if not hasattr(function, part):
-            own = [
-                n for n, v in vars(module).items() if getattr(v, "__module__", "") == module.__name__ and callable(v)
-            ]
-            others = ", ".join(sorted(n for n in own if not n.startswith("_"))[:12])
-            raise ImportError(f"{place} has no {name!r}; it has {others or 'no functions'}")
-        function = getattr(function, part)
+        loader.exec_module(module)
+    try:
+        function = attrgetter(name)(module)
+    except AttributeError as error:
+        own = [n for n, v in vars(module).items() if getattr(v, "__module__", "") == module.__name__ and callable(v)]
+        others = ", ".join(sorted(n for n in own if not n.startswith("_"))[:12])
+        raise ImportError(f"{place} has no {name!r}; it has {others or 'no functions'}") from error
     if not callable(function):
         raise ImportError(f"{target} is of type {type(function).__name__}, expected a function")
     return cast(Callable[..., Any], function)
@@ -95,7 +91,7 @@ def describe(error: BaseException) -> str:
     """An error in one line: kind, text, and the line of the estimator's own files that raised it."""
     text = " ".join(f"{type(error).__name__}: {error}".strip(": \n").split())[:LONGEST_REASON]
     frames = [
-        f for f in traceback.extract_tb(error.__traceback__) if f.filename != __file__ and "importlib" not in f.filename
+        f for f in traceback.extract_tb(error.__traceback__) if f.filename != __file__ and "importlib" not in f[0]
     ]
     own = [frame for frame in frames if not frame.filename.startswith(LIBRARIES)] or frames
     return text + (f" ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else "")

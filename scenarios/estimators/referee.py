@@ -4,17 +4,15 @@ Residuals by SciPy's filters, a Jacobian by differences, SciPy's own trust-regio
 so that an error in one of the two shows in their difference.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.signal import lfilter
 
 from scenarios.estimators.outcome import Answer
 from scenarios.estimators.task import Task
-from sysid import IOData, Polynomials
+from sysid import IOData
 from sysid.models import innovations_form
+from sysid.polynomial.orders import Orders, make_orders
 from sysid.records.arrays import FloatArray
 
 LONG = 30
@@ -28,31 +26,6 @@ SHORT_SEARCH = 8
 
 MOST_EVALUATIONS = 200
 TOLERANCE = 1e-11
-
-
-@dataclass(frozen=True)
-class Degrees:
-    """Numbers of coefficients of A y = B/F u + C/D e."""
-
-    na: int
-    nb: int
-    nc: int
-    nd: int
-    nf: int
-    nk: int
-
-    @classmethod
-    def of(cls, structure: str, orders: Mapping[str, int]) -> "Degrees":
-        """Of a structure; a state space of n states as ARMAX of n."""
-        if structure == "ss":
-            n = orders["order"]
-            return cls(n, n, n, 0, 0, 1)
-        return cls(**{name: orders.get(name, 0) for name in ("na", "nb", "nc", "nd", "nf", "nk")})
-
-    def split(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """A, B, C, D, F of parameters in this sequence."""
-        a, b, c, d, f = np.split(theta, np.cumsum((self.na, self.nb, self.nc, self.nd)))
-        return _monic(a), np.concatenate((np.zeros(self.nk), b)), _monic(c), _monic(d), _monic(f)
 
 
 def referee(data: IOData, task: Task) -> Answer:
@@ -76,7 +49,9 @@ def referee(data: IOData, task: Task) -> Answer:
         raise NotImplementedError(f"{data.nu} inputs and {data.ny} outputs given, this method takes one of each")
     if task.chooses:
         raise NotImplementedError("no orders given, this method does not choose them")
-    degrees = Degrees.of(task.structure, task.orders)
+    n = task.orders.get("order", 0)
+    # A state space of n states is an ARMAX model of n.
+    degrees = make_orders(1, **({"na": n, "nb": n, "nc": n, "nk": 1} if task.structure == "ss" else task.orders))
     u, y = data.u[:, 0], data.y[:, 0]
     drafts = [_search(u, y, degrees, start, SHORT_SEARCH) for start in _starts(u, y, degrees)]
     finite = [draft for draft in drafts if draft is not None]
@@ -88,23 +63,23 @@ def referee(data: IOData, task: Task) -> Answer:
     variance = 2.0 * float(best.cost) / (len(best.fun) - len(best.x))
     triangle = np.linalg.qr(best.jac, mode="r")
     inverse = np.linalg.inv(triangle)
-    polynomials = Polynomials(*degrees.split(best.x))
+    polynomials = degrees.polynomials(best.x)
     return Answer(innovations_form(polynomials, data.dt, variance), polynomials, variance * inverse @ inverse.T)
 
 
-def errors(u: FloatArray, y: FloatArray, degrees: Degrees, theta: FloatArray) -> FloatArray:
+def errors(u: FloatArray, y: FloatArray, degrees: Orders, theta: FloatArray) -> FloatArray:
     """Prediction errors e = D/C (A y - B/F u), free initial conditions projected out.
 
     Args:
         u: Input (N,).
         y: Output (N,).
-        degrees: Of the polynomials.
+        degrees: Orders of the polynomials.
         theta: Parameters.
 
     Returns:
         (N - s,), s the samples whose past the record does not hold; infinite where C or F is unstable.
     """
-    A, B, C, D, F = degrees.split(theta)
+    A, (B,), C, D, (F,) = degrees.split(theta)
     first = max(len(A), len(B)) - 1
     lost = first + len(D) - 1
     if not (_stable(C) and _stable(F)):
@@ -113,13 +88,10 @@ def errors(u: FloatArray, y: FloatArray, degrees: Degrees, theta: FloatArray) ->
     whitened = lfilter([1.0], C, lfilter(D, [1.0], disturbance)[len(D) - 1 :])
     pulse = np.zeros(len(disturbance))
     pulse[0] = 1.0
-    columns = []
-    if degrees.nf:
-        after_f = lfilter(D, [1.0], lfilter([1.0], F, pulse))
-        columns += [lfilter([1.0], C, _delayed(after_f, k)[len(D) - 1 :]) for k in range(degrees.nf)]
-    if degrees.nc:
-        after_c = lfilter([1.0], C, pulse[: len(whitened)])
-        columns += [_delayed(after_c, k) for k in range(degrees.nc)]
+    after_f = lfilter(D, [1.0], lfilter([1.0], F, pulse))
+    after_c = lfilter([1.0], C, pulse[: len(whitened)])
+    columns = [lfilter([1.0], C, _delayed(after_f, k)[len(D) - 1 :]) for k in range(len(F) - 1)]
+    columns += [_delayed(after_c, k) for k in range(degrees.nc)]
     if columns:
         table = np.array(columns).T
         whitened = whitened - table @ np.linalg.lstsq(table, whitened, rcond=1e-12)[0]
@@ -127,7 +99,7 @@ def errors(u: FloatArray, y: FloatArray, degrees: Degrees, theta: FloatArray) ->
 
 
 def _search(
-    u: FloatArray, y: FloatArray, degrees: Degrees, start: FloatArray, evaluations: int
+    u: FloatArray, y: FloatArray, degrees: Orders, start: FloatArray, evaluations: int
 ) -> OptimizeResult | None:
     if not np.isfinite(errors(u, y, degrees, start)).all():
         return None
@@ -143,36 +115,36 @@ def _search(
     )
 
 
-def _starts(u: FloatArray, y: FloatArray, degrees: Degrees) -> list[FloatArray]:
+def _starts(u: FloatArray, y: FloatArray, degrees: Orders) -> list[FloatArray]:
     """From an ARX model of the structure's own orders, and from a long one [HannanRissanen1982]."""
-    poles = max(degrees.na, degrees.nf)
-    simple = _regression(y, [(y, range(1, poles + 1)), (u, range(degrees.nk, degrees.nk + degrees.nb))])
+    (nb,), (nf,), (nk,) = degrees.nb, degrees.nf, degrees.nk
+    nc, nd, poles, lags = degrees.nc, degrees.nd, max(degrees.na, nf), range(nk, nk + nb)
+    simple = _regression(y, [(y, range(1, poles + 1)), (u, lags)])
     n = max(min(LONG, len(y) // 20), poles)
     long = _regression(y, [(y, range(1, n + 1)), (u, range(1, n + 1))])
     a_long, b_long = _monic(-long[:n]), np.concatenate(([0.0], long[n:]))
     e = lfilter(a_long, [1.0], y) - lfilter(b_long, [1.0], u)
     e[:n] = 0.0
     clean = lfilter(b_long, _reflected(a_long), u)
-    lags = range(degrees.nk, degrees.nk + degrees.nb)
-    if degrees.nf or not degrees.nc:
+    if nf or not nc:
         reduced = _regression(clean, [(clean, range(1, poles + 1)), (u, lags)])
     else:
-        reduced = _regression(y, [(y, range(1, poles + 1)), (u, lags), (e, range(1, degrees.nc + 1))])
+        reduced = _regression(y, [(y, range(1, poles + 1)), (u, lags), (e, range(1, nc + 1))])
     out = []
     for fit in (simple, reduced):
-        dynamics, b = _monic(-fit[:poles]), fit[poles : poles + degrees.nb]
-        c, d = np.zeros(degrees.nc), np.zeros(degrees.nd)
-        if degrees.nf:
+        dynamics, b = _monic(-fit[:poles]), fit[poles : poles + nb]
+        c, d = np.zeros(nc), np.zeros(nd)
+        if nf:
             f = _reflected(dynamics)
-            v = y - lfilter(np.concatenate((np.zeros(degrees.nk), b)), f, u)
-            if degrees.nc or degrees.nd:
-                noise = _regression(v, [(v, range(1, degrees.nd + 1)), (e, range(1, degrees.nc + 1))])
-                d, c = -noise[: degrees.nd], noise[degrees.nd :]
-            c = _reflected(_monic(c))[1:]
-            out.append(np.concatenate((np.zeros(degrees.na), b, c, d, f[1:])))
+            v = y - lfilter(np.concatenate((np.zeros(nk), b)), f, u)
+            if nc or nd:
+                noise = _regression(v, [(v, range(1, nd + 1)), (e, range(1, nc + 1))])
+                d, c = -noise[:nd], noise[nd:]
+            parts = (np.zeros(degrees.na), b, _reflected(_monic(c))[1:], d, f[1:])
         else:
-            c = fit[poles + degrees.nb :] if len(fit) > poles + degrees.nb else c
-            out.append(np.concatenate((dynamics[1:], b, _reflected(_monic(c))[1:], d)))
+            c = fit[poles + nb :] if len(fit) > poles + nb else c
+            parts = (dynamics[1:], b, _reflected(_monic(c))[1:], d, np.zeros(0))
+        out.append(np.concatenate(parts))
     return out
 
 

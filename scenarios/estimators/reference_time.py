@@ -24,8 +24,7 @@ class Ruler:
     """
 
     def __init__(self, record: IOData) -> None:
-        signals = np.hstack((record.y, record.u))
-        rows = len(record) - LAGS
+        signals, rows = np.hstack((record.y, record.u)), len(record) - LAGS
         self._outputs = np.array(record.y[LAGS:])
         self._regressors = np.hstack([signals[LAGS - lag : LAGS - lag + rows] for lag in range(1, LAGS + 1)])
         self.seconds = float("inf")

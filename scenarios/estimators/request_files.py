@@ -1,12 +1,13 @@
 """Files of a request: the record and the task for the estimator, the model from it."""
 
 import json
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 import numpy as np
+from scipy.io import savemat
 
-from scenarios.estimators.named_numbers import NAMES, Numbers, real
+from scenarios.estimators.named_numbers import NAMES, Numbers, real_numbers
 from scenarios.estimators.outcome import NoModelError
 from scenarios.estimators.task import PROTOCOL, Task
 from scenarios.files.errors import ScenarioError
@@ -23,6 +24,10 @@ MODEL_STEM = "model"
 
 MOST_BYTES = 2**26
 """No model file is larger: 100 states take 2 MB as text."""
+
+
+_RECORD = ("dt", "window", "missing", "intersample")
+_LABELS = ("input_names", "output_names", "input_units", "output_units")
 
 
 def paths(folder: Path, formats: Collection[str]) -> dict[str, str]:
@@ -47,22 +52,11 @@ def write_request(folder: Path, data: IOData, task: Task, formats: Collection[st
         _WRITERS[name](folder / FORMATS[name], blank)
     table = {
         "protocol": PROTOCOL,
-        "structure": task.structure,
+        **{name: getattr(task, name) for name in ("structure", "most_order", "seed")},
         "orders": dict(task.orders),
-        "most_order": task.most_order,
         "frequencies": task.frequencies.tolist(),
-        "seed": task.seed,
-        "dt": blank.dt,
-        "samples": len(blank),
-        "inputs": blank.nu,
-        "outputs": blank.ny,
-        "window": blank.window,
-        "missing": blank.missing,
-        "intersample": blank.intersample,
-        "input_names": blank.input_names,
-        "output_names": blank.output_names,
-        "input_units": blank.input_units,
-        "output_units": blank.output_units,
+        **{"samples": len(blank), "inputs": blank.nu, "outputs": blank.ny},
+        **{name: getattr(blank, name) for name in (*_RECORD, *_LABELS)},
     }
     (folder / TASK_FILE).write_text(json.dumps(table, indent=1, allow_nan=False), encoding="utf-8")
 
@@ -71,14 +65,7 @@ def read_request(record: Path, task: Path) -> tuple[IOData, Task]:
     """Read a record (NumPy) and a task as `write_request` wrote them."""
     table = json.loads(task.read_text(encoding="utf-8"))
     with np.load(record, allow_pickle=False) as arrays:
-        data = IOData(
-            arrays["u"],
-            arrays["y"],
-            table["dt"],
-            intersample=table["intersample"],
-            window=table["window"],
-            missing=table["missing"],
-        )
+        data = IOData(arrays["u"], arrays["y"], **{name: table[name] for name in _RECORD})
     frequencies = np.array(table["frequencies"], dtype=np.float64)
     return data, Task(table["structure"], table["orders"], table["most_order"], frequencies, table["seed"])
 
@@ -104,22 +91,19 @@ def read_model(folder: Path) -> Numbers:
     files = [path for ending in _READERS if (path := folder / f"{MODEL_STEM}{ending}").is_file()]
     if len(files) != 1:
         given = ", ".join(path.name for path in files) or "no model file"
-        raise NoModelError("malformed", f"{given} written, expected {{model}} with .json, .mat or .nc behind it")
+        raise NoModelError(f"{given} written, expected {{model}} with .json, .mat or .nc behind it")
     path = files[0]
     if (size := path.stat().st_size) > MOST_BYTES:
-        raise NoModelError("malformed", f"{path.name} has {size} bytes, expected at most {MOST_BYTES}")
+        raise NoModelError(f"{path.name} has {size} bytes, expected at most {MOST_BYTES}")
     try:
         values = _READERS[path.suffix](path)
     except (ScenarioError, OSError, ValueError, RecursionError) as error:
         # Reasons are counted over requests, so they name no folder.
         text = str(error) if isinstance(error, ScenarioError) else f"cannot read {path.name}: {error}"
-        raise NoModelError("malformed", text.replace(str(path), path.name)) from error
-    unknown = sorted(values.keys() - set(NAMES))
-    if unknown:
-        raise NoModelError(
-            "malformed", f"{path.name}: unknown {unknown[0][:50]!r}, expected some of {', '.join(NAMES)}"
-        )
-    return {name: real(name, value) for name, value in values.items() if value is not None}
+        raise NoModelError(text.replace(str(path), path.name)) from error
+    if unknown := sorted(values.keys() - set(NAMES)):
+        raise NoModelError(f"{path.name}: unknown {unknown[0][:50]!r}, expected some of {', '.join(NAMES)}")
+    return real_numbers(values)
 
 
 def _read_json(path: Path) -> dict[str, object]:
@@ -130,19 +114,15 @@ def _read_json(path: Path) -> dict[str, object]:
     return table
 
 
-def _read_mat(path: Path) -> dict[str, object]:
-    return dict(read_mat_numbers(path, NAMES))
-
-
 def _read_netcdf(path: Path) -> dict[str, object]:
     contents = read_netcdf(path, only=NAMES)
     dt = {"dt": contents.attributes["dt"]} if "dt" in contents.attributes else {}
     return {**{name: variable.values for name, variable in contents.variables.items()}, **dt}
 
 
-_READERS: dict[str, Callable[[Path], dict[str, object]]] = {
+_READERS: dict[str, Callable[[Path], Mapping[str, object]]] = {
     ".json": _read_json,
-    ".mat": _read_mat,
+    ".mat": lambda path: read_mat_numbers(path, NAMES),
     ".nc": _read_netcdf,
 }
 
@@ -161,26 +141,19 @@ def _write_netcdf(path: Path, data: IOData) -> None:
 
 def _write_csv(path: Path, data: IOData) -> None:
     """A line of names, `time,u1,...,y1,...`, and a line per sample, all digits that count."""
-    names = ["time", *(data.input_names or ()), *(data.output_names or ())]
+    header = ",".join(["time", *(data.input_names or ()), *(data.output_names or ())])
     table = np.column_stack((data.time, data.u, data.y))
-    lines = [",".join(names), *(",".join(map(repr, row)) for row in table.tolist())]
-    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    np.savetxt(path, table, fmt="%s", delimiter=",", header=header, comments="", encoding="ascii")
 
 
 def _write_mat(path: Path, data: IOData) -> None:
-    from scipy.io import savemat
-
     variables = {"u": data.u, "y": data.y, "dt": data.dt, "time": data.time[:, None], "window": float(data.window)}
     savemat(path, variables, do_compression=True, oned_as="column")
-
-
-def _write_npz(path: Path, data: IOData) -> None:
-    np.savez(path, u=data.u, y=data.y, dt=data.dt, window=data.window)
 
 
 _WRITERS: dict[str, Callable[[Path, IOData], None]] = {
     "data": _write_netcdf,
     "mat": _write_mat,
     "csv": _write_csv,
-    "npz": _write_npz,
+    "npz": lambda path, data: np.savez(path, u=data.u, y=data.y, dt=data.dt, window=data.window),
 }

@@ -8,16 +8,16 @@ import shutil
 import signal
 import sys
 import tempfile
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.model_numbers import answer_of, unstable
 from scenarios.estimators.outcome import MODEL, REFUSED, EstimatorOutcome, NoModelError
-from scenarios.estimators.process import Reply, WatchedProcess
+from scenarios.estimators.process import WatchedProcess
 from scenarios.estimators.request_files import FORMATS, paths, read_model, write_request
 from scenarios.estimators.task import PROTOCOL, Task
 from scenarios.files.errors import ScenarioError
@@ -33,10 +33,10 @@ READY = f"ready {PROTOCOL}"
 STARTING = 120.0
 """Time that a program that stays has until it is ready, s."""
 
-SAYS = ("done", REFUSED, "error")
+PROGRAM_WORDS = ("done", REFUSED, "error")
 """First words of the answers of a program that stays; lines that begin otherwise are ignored."""
 
-FUNCTION_SAYS = (*SAYS, "malformed", "not_finite", "memory")
+FUNCTION_WORDS = (*PROGRAM_WORDS, "malformed", "not_finite", "memory")
 """Those of the child of a Python function, whose own printing goes elsewhere."""
 
 GRACE = 0.5
@@ -71,6 +71,7 @@ class EstimatorProcess:
         self._at_rest = 0
         self._folder = Path()
         self._command: list[str] = []
+        self._paths: dict[str, str] = {}
         self._formats: tuple[str, ...] = ("npz",)
 
     def __enter__(self) -> "EstimatorProcess":
@@ -91,17 +92,16 @@ class EstimatorProcess:
             self._folder = Path(tempfile.mkdtemp(prefix="hmtb-estimator-"))
         except OSError as error:
             raise ScenarioError(f"cannot make a temporary folder for an estimator: {error}") from error
+        self._paths = paths(self._folder / "request", self._formats)
         try:
             if self._stays:
                 self._start()
         except BaseException:
-            self.__exit__(None, None, None)
+            self.__exit__()
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Kill its processes and remove its files."""
         self._end()
         shutil.rmtree(self._folder, ignore_errors=True)
@@ -128,7 +128,7 @@ class EstimatorProcess:
                 f"cannot write the files of a record: {error.strerror}; expected space in {tempfile.gettempdir()}, or "
                 "in the folder that the variable TMPDIR names"
             ) from error
-        outcome = self._ask_process() if self._stays else self._run_once()
+        outcome = self._ask_process()
         kind, why, answer = outcome.kind, outcome.why, None
         if kind == MODEL:
             try:
@@ -143,11 +143,50 @@ class EstimatorProcess:
                 kind, why = "malformed", f"no model can be made of the numbers: {error}"
         return replace(outcome, kind=kind, why=self._general(why), answer=answer)
 
-    @property
-    def _paths(self) -> dict[str, str]:
-        return paths(self._folder / "request", self._formats)
+    def _ask_process(self) -> EstimatorOutcome:
+        """Let the process answer the files of the request; `MODEL`: its model file has not been read yet."""
+        try:
+            process = self._process or self._start()
+        except ScenarioError as error:
+            return EstimatorOutcome("crash" if self._stays else "error", str(error))
+        words = PROGRAM_WORDS if self._estimator.program else FUNCTION_WORDS
+        reply = process.exchange(
+            json.dumps(self._paths) if self._stays else "",
+            words,
+            seconds=self._limits.seconds,
+            memory_bytes=self._at_rest + self._limits.memory_bytes,
+        )
+        seconds = reply.seconds
+        kind, _, why = reply.line.partition(" ")
+        why = one_line(self._general(why))[:LONGEST_REASON]
+        if reply.end != "line":
+            code, used = process.kill(GRACE if reply.end == "exit" else 0.0)
+            limit = self._limits.memory_bytes
+            if reply.end == "exit" and code >= 0 and not self._stays:
+                kind, seconds = {0: "done", REFUSES: REFUSED}.get(code, "error"), used
+                why = self._printed(process) if code == REFUSES else self._ended(code, process)
+            elif reply.end == "hang":
+                kind, why = "hang", f"no answer within {self._limits.seconds:g} s"
+            elif reply.end == "memory" or reply.peak_bytes > self._at_rest + NEARLY * limit:
+                beyond = " beyond what it had when it was loaded" if self._at_rest else ""
+                kind, why = "memory", f"more than {limit / 2**20:.0f} MiB{beyond}"
+            else:
+                kind, why = "crash", f"its process ended: {self._ended(code, process)}"
+        if reply.end != "line" or kind == "memory":
+            # After a MemoryError what it still holds would count against the next answer.
+            self._end()
+        if kind == "done":
+            with suppress(ValueError):
+                seconds = float(why)
+            kind, why = MODEL, ""
+        return EstimatorOutcome(kind, why, seconds, reply.wall, reply.peak_bytes)
 
-    def _launch(self) -> WatchedProcess:
+    def _start(self) -> WatchedProcess:
+        """Start the process.
+
+        Raises:
+            ScenarioError: It does not start, or it stays and does not say that it is ready.
+        """
         words = self._command
         for name, path in self._paths.items():
             words = [word.replace(f"{{{name}}}", path) for word in words]
@@ -157,93 +196,40 @@ class EstimatorProcess:
             folder = self._folder / "work"
             folder.mkdir(exist_ok=True)
             environment = {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-        log = self._folder / "printed"
+        target, log = self._estimator.target, self._folder / "printed"
         try:
-            return WatchedProcess(words, folder, log, talks=self._stays, environment=environment)
+            process = WatchedProcess(words, folder, log, talks=self._stays, environment=environment)
         except OSError as error:
-            raise ScenarioError(f"cannot start {self._estimator.target!r}: {error.strerror}") from error
-
-    def _start(self) -> WatchedProcess:
-        """Start the process that stays.
-
-        Raises:
-            ScenarioError: It does not start, or does not say that it is ready.
-        """
-        process = self._launch()
+            raise ScenarioError(f"cannot start {target!r}: {error.strerror}") from error
+        self._process = process
+        if not self._stays:
+            return process
         reply = process.exchange("", ("ready", "error"), seconds=STARTING, memory_bytes=float("inf"))
         if reply.line == READY:
-            self._process = process
             self._at_rest = 0 if self._estimator.program else process.memory()
             return process
         code, _ = process.kill(GRACE if reply.end == "exit" else 0.0)
+        self._process = None
         why = one_line(reply.line.removeprefix("error ")) or (
-            f"not ready within {STARTING:g} s" if reply.end == "hang" else self._printed(_exit_text(code), process)
+            f"not ready within {STARTING:g} s" if reply.end == "hang" else self._ended(code, process)
         )
         if self._estimator.program:
             raise ScenarioError(
-                f"{self._estimator.target!r}: {why}; expected a program that stays to print the line {READY!r} within "
-                f"{STARTING:g} s and then to read a line of JSON for each record"
+                f"{target!r}: {why}; expected a program that stays to print the line {READY!r} within {STARTING:g} s "
+                "and then to read a line of JSON for each record"
             )
-        raise ScenarioError(
-            f"cannot load {self._estimator.target!r} of {self._estimator.name!r} from {str(self._home)!r}: {why}"
-        )
+        raise ScenarioError(f"cannot load {target!r} of {self._estimator.name!r} from {str(self._home)!r}: {why}")
 
-    def _ask_process(self) -> EstimatorOutcome:
-        """Send the request to the process that stays; `MODEL` stands for a model file that has not been read."""
-        try:
-            process = self._process or self._start()
-        except ScenarioError as error:
-            return EstimatorOutcome("crash", str(error))
-        reply = process.exchange(
-            json.dumps(self._paths),
-            SAYS if self._estimator.program else FUNCTION_SAYS,
-            seconds=self._limits.seconds,
-            memory_bytes=self._at_rest + self._limits.memory_bytes,
-        )
-        word, _, text = reply.line.partition(" ")
-        if reply.end != "line":
-            code, _ = process.kill(GRACE if reply.end == "exit" else 0.0)
-            word, text = self._failure(process, reply, code)
-        if reply.end != "line" or word == "memory":
-            # After a MemoryError what it still holds would count against the next answer.
-            self._end()
-        if word != "done":
-            return _outcome(word, one_line(self._general(text))[:LONGEST_REASON], reply, reply.seconds)
-        try:
-            return _outcome(MODEL, "", reply, float(text))
-        except ValueError:
-            return _outcome(MODEL, "", reply, reply.seconds)
+    def _ended(self, code: int, process: WatchedProcess) -> str:
+        """Exit code or signal, and the end of what it printed."""
+        how = f"exit code {code}"
+        if code < 0:
+            how = f"signal {signal.Signals(-code).name if -code in set(signal.Signals) else -code}"
+        printed = self._printed(process)
+        return f"{how}; it printed {printed!r}" if printed else how
 
-    def _run_once(self) -> EstimatorOutcome:
-        """Start a program for this request alone."""
-        try:
-            process = self._launch()
-        except ScenarioError as error:
-            return EstimatorOutcome("error", str(error))
-        try:
-            reply = process.exchange("", (), seconds=self._limits.seconds, memory_bytes=self._limits.memory_bytes)
-        finally:
-            code, used = process.kill()
-        if reply.end != "exit" or code < 0:
-            return _outcome(*self._failure(process, reply, code), reply, reply.seconds)
-        if code == 0:
-            return _outcome(MODEL, "", reply, used)
-        if code == REFUSES:
-            return _outcome(REFUSED, one_line(self._general(process.printed()))[-LONGEST_REASON:], reply, used)
-        return _outcome("error", self._printed(_exit_text(code), process), reply, used)
-
-    def _failure(self, process: WatchedProcess, reply: Reply, code: int) -> tuple[str, str]:
-        limit = self._limits.memory_bytes
-        if reply.end == "hang":
-            return "hang", f"no answer within {self._limits.seconds:g} s"
-        if reply.end == "memory" or reply.peak_bytes > self._at_rest + NEARLY * limit:
-            beyond = " beyond what it had when it was loaded" if self._at_rest else ""
-            return "memory", f"more than {limit / 2**20:.0f} MiB{beyond}"
-        return "crash", self._printed(f"its process ended: {_exit_text(code)}", process)
-
-    def _printed(self, text: str, process: WatchedProcess) -> str:
-        printed = one_line(self._general(process.printed()))[-LONGEST_REASON:]
-        return f"{text}; it printed {printed!r}" if printed else text
+    def _printed(self, process: WatchedProcess) -> str:
+        return one_line(self._general(process.printed()))[-LONGEST_REASON:]
 
     def _general(self, text: str) -> str:
         """A text with placeholders for paths: reasons of different requests are counted together."""
@@ -278,16 +264,3 @@ def program_words(estimator: Estimator, home: Path) -> list[str]:
     if program is None:
         raise ScenarioError(f"no program {words[0]!r} for {estimator.name!r}, neither in {str(home)!r} nor on the path")
     return [program, *words[1:]]
-
-
-def _exit_text(code: int) -> str:
-    if code >= 0:
-        return f"exit code {code}"
-    try:
-        return f"signal {signal.Signals(-code).name}"
-    except ValueError:
-        return f"signal {-code}"
-
-
-def _outcome(kind: str, why: str, reply: Reply, seconds: float) -> EstimatorOutcome:
-    return EstimatorOutcome(kind, why, seconds, reply.wall, reply.peak_bytes)

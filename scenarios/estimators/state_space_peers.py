@@ -12,13 +12,12 @@ from scipy.linalg import solve_discrete_are
 from scenarios.estimators.outcome import Answer
 from scenarios.estimators.task import Task, require
 from sysid import IOData, StateSpace
+from sysid.models import add_delay
 
 PULSES, MOST_COLUMNS = 200, 0.2
 """Of python-control: values of the pulse response, and the most columns of inputs, as a share of the samples."""
 
 LEAST_ROWS, ROWS_PER_ORDER = 20, 2
-"""Block rows of the subspace methods: more than the order, as their manuals ask."""
-
 LARGEST_GAP = -1.0
 """Tolerance by which SLICOT takes the order at the largest gap between logarithms of singular values."""
 
@@ -37,80 +36,75 @@ ADAM_STEPS, LBFGS_STEPS = 1000, 2000
 
 
 def control_era(data: IOData, task: Task) -> Answer:
-    """python-control: pulse response by least squares (`markov`), then `eigensys_realization`."""
+    """python-control: pulse response by least squares (`markov`), then `eigensys_realization`, D as it comes out.
+
+    Equations that reach before the record are left out.
+    """
     require(task, "ss", no_choice="it has no criterion of orders")
-    return Answer(control_realisation(data, task.orders["order"]))
-
-
-def control_realisation(data: IOData, order: int) -> StateSpace:
-    """Model of an order by python-control, D as it comes out; equations that reach before the record are left out."""
     count = min(PULSES, int(MOST_COLUMNS * len(data) / data.nu))
     pulses = control.markov(data.y.T, data.u.T, count, truncate=True)
     # A square Hankel matrix of all values but D: by default it would have only twice the order of rows.
-    m, _ = control.eigensys_realization(pulses, order, m=(count - 1) // 2, n=(count - 1) // 2)
-    return StateSpace(m.A, m.B, m.C, m.D, None, data.dt)
+    m, _ = control.eigensys_realization(pulses, task.orders["order"], m=(count - 1) // 2, n=(count - 1) // 2)
+    return Answer(StateSpace(m.A, m.B, m.C, m.D, None, data.dt))
 
 
-def slicot_subspace(route: tuple[str, str], data: IOData, order: int | None, most_order: int) -> StateSpace:
-    """Model by SLICOT through ctrlsys, D as it comes out, no gain.
+def slicot_subspace(route: tuple[str, str], data: IOData, task: Task) -> Answer:
+    """SLICOT through ctrlsys, D as it comes out, no gain.
 
     Options for covariances or the gain are not used: with several outputs they corrupt memory in version 1.1.1.
 
     Args:
         route: `N4SID`, `MOESP` or `BOTH`.
         data: The record.
-        order: Number of states; None for that at the largest gap of the singular values.
-        most_order: The highest order then.
+        task: With the number of states, or the highest of them and then that at the largest gap of singular values.
     """
+    require(task, "ss")
     import ctrlsys
 
-    rows, nu, ny = max(LEAST_ROWS, ROWS_PER_ORDER * (order or most_order)), data.nu, data.ny
+    order, nu, ny = task.orders.get("order"), data.nu, data.ny
+    rows = block_rows(task)
     u, y = np.asfortranarray(data.u), np.asfortranarray(data.y)
     # 'M' in the third place: B and D of the MOESP route the MOESP way; the N4SID route ignores it.
     n, factor, *_, failed = ctrlsys.ib01ad(route[0], "C", "M", "O", "N", "N", rows, nu, ny, u, y, 0.0, LARGEST_GAP)
     if failed:
         raise RuntimeError(f"IB01AD ended with INFO = {failed}")
-    n = min(int(n), most_order) if order is None else order
+    n = min(int(n), task.most_order) if order is None else order
     A, C, B, D, *_, failed = ctrlsys.ib01bd(route[1], "A", "N", rows, n, nu, ny, len(u), factor, 0.0)
     if failed:
         raise RuntimeError(f"IB01BD ended with INFO = {failed}")
-    return StateSpace(A, B, C, D, None, data.dt)
+    return Answer(StateSpace(A, B, C, D, None, data.dt))
+
+
+def block_rows(task: Task) -> int:
+    """Block rows of the subspace methods: more than the order, as their manuals ask."""
+    return max(LEAST_ROWS, ROWS_PER_ORDER * task.orders.get("order", task.most_order))
 
 
 def nfoursid_n4sid(data: IOData, task: Task) -> Answer:
-    """nfoursid: subspace identification after Verhaegen and Verdult."""
+    """nfoursid: subspace identification after Verhaegen and Verdult, D as it comes out.
+
+    The Kalman gain is that which belongs to its covariances.
+    """
     require(task, "ss", no_choice="an order is read off a diagram by eye")
-    return Answer(nfoursid_subspace(data, task.orders["order"]))
-
-
-def nfoursid_subspace(data: IOData, order: int) -> StateSpace:
-    """Model of an order by nfoursid with the Kalman gain that belongs to its covariances, D as it comes out."""
     import pandas
     from nfoursid.nfoursid import NFourSID
 
     inputs, outputs = [f"u{j}" for j in range(data.nu)], [f"y{j}" for j in range(data.ny)]
     table = pandas.DataFrame(np.hstack((data.u, data.y)), columns=inputs + outputs)
-    rows = max(LEAST_ROWS, ROWS_PER_ORDER * order)
-    search = NFourSID(table, output_columns=outputs, input_columns=inputs, num_block_rows=rows)
+    search = NFourSID(table, output_columns=outputs, input_columns=inputs, num_block_rows=block_rows(task))
     search.subspace_identification()
-    m, noise = search.system_identification(rank=order)
+    m, noise = search.system_identification(rank=task.orders["order"])
     R, S, Q = noise[: data.ny, : data.ny], noise[data.ny :, : data.ny], noise[data.ny :, data.ny :]
     K = None
     # A record without noise leaves no gain to be computed.
     with suppress(ValueError, np.linalg.LinAlgError):
         P = solve_discrete_are(m.a.T, m.c.T, Q, R, s=S)
         K = np.linalg.solve(m.c @ P @ m.c.T + R, m.c @ P @ m.a.T + S.T).T
-    return StateSpace(m.a, m.b, m.c, m.d, K, data.dt)
+    return Answer(StateSpace(m.a, m.b, m.c, m.d, K, data.dt))
 
 
-def sippy_n4sid(data: IOData, task: Task) -> Answer:
-    """SIPPY: subspace projection with a Kalman gain."""
-    require(task, "ss")
-    return Answer(sippy_subspace(data, task, "N4SID"))
-
-
-def sippy_subspace(data: IOData, task: Task, weighting: str, *, direct: bool = False) -> StateSpace:
-    """Model by a subspace method of SIPPY.
+def sippy_n4sid(data: IOData, task: Task, *, weighting: str = "N4SID", direct: bool = False) -> Answer:
+    """SIPPY: subspace projection with a Kalman gain.
 
     Args:
         data: The record.
@@ -118,9 +112,10 @@ def sippy_subspace(data: IOData, task: Task, weighting: str, *, direct: bool = F
         weighting: `N4SID`, `MOESP`, `CVA` or `PARSIM-K`.
         direct: Whether D is estimated.
     """
+    require(task, "ss")
     from sippy_unipi import system_identification
 
-    rows = max(LEAST_ROWS, ROWS_PER_ORDER * task.orders.get("order", task.most_order))
+    rows = block_rows(task)
     orders: dict[str, Any] = {"SS_fixed_order": task.orders.get("order")}
     if task.chooses:
         orders = {"SS_orders": [1, task.most_order], "IC": "BIC"}
@@ -128,7 +123,7 @@ def sippy_subspace(data: IOData, task: Task, weighting: str, *, direct: bool = F
         data.y.copy(), data.u.copy(), weighting, tsample=data.dt, SS_f=rows, SS_p=rows, SS_D_required=direct, **orders
     )
     # Without a gain it returns an empty one.
-    return StateSpace(m.A, m.B, m.C, m.D, m.K if np.size(m.K) else None, data.dt)
+    return Answer(StateSpace(m.A, m.B, m.C, m.D, m.K if np.size(m.K) else None, data.dt))
 
 
 def jax_sysid_oe(data: IOData, task: Task) -> Answer:
@@ -139,7 +134,7 @@ def jax_sysid_oe(data: IOData, task: Task) -> Answer:
     require(task, "oe", delayed=True, no_choice="it has no criterion of orders")
     n, shift = task.orders, task.orders["nk"] - 1
     late = data if not shift else IOData(data.u[:-shift], data.y[shift:], data.dt)
-    return Answer(delayed(jax_output_error(late, max(n["nf"], n["nb"]), direct=False), shift))
+    return Answer(add_delay(jax_output_error(late, max(n["nf"], n["nb"]), direct=False), shift))
 
 
 def jax_output_error(data: IOData, order: int, *, direct: bool) -> StateSpace:
@@ -166,21 +161,4 @@ def jax_output_error(data: IOData, order: int, *, direct: bool) -> StateSpace:
     return StateSpace(A, B / of_u, C * of_y[:, None], D, None, data.dt)
 
 
-def delayed(model: StateSpace, samples: int) -> StateSpace:
-    """A model with a further delay of its inputs by some samples, a state for each input and sample."""
-    for _ in range(samples):
-        n, nu, ny = model.order, model.nu, model.ny
-        A = np.block([[model.A, model.B], [np.zeros((nu, n + nu))]])
-        B = np.vstack((np.zeros((n, nu)), np.eye(nu)))
-        C = np.hstack((model.C, model.D))
-        K = None if model.K is None else np.vstack((model.K, np.zeros((nu, ny))))
-        model = StateSpace(A, B, C, np.zeros((ny, nu)), K, model.dt, model.innovation_covariance)
-    return model
-
-
-def _slicot(route: tuple[str, str], data: IOData, task: Task) -> Answer:
-    require(task, "ss")
-    return Answer(slicot_subspace(route, data, task.orders.get("order"), task.most_order))
-
-
-slicot_moen4, slicot_n4sid, slicot_moesp = (partial(_slicot, route) for route in (BOTH, N4SID, MOESP))
+slicot_moen4, slicot_n4sid, slicot_moesp = (partial(slicot_subspace, route) for route in (BOTH, N4SID, MOESP))

@@ -1,23 +1,15 @@
-"""What an estimator is asked: structure, orders, frequencies; and how a method refuses what it does not do."""
+"""Task of an estimator: structure, orders, frequencies; and how a method refuses what it does not do."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from scenarios.files.errors import ScenarioError
 from sysid import IOData
+from sysid.polynomial.structures import STRUCTURES
 from sysid.records.arrays import FloatArray, Locked, lock
 
 PROTOCOL = 1
 """Version of the protocol in docs/estimator-protocol.md. It changes when an old program would fail."""
-
-STRUCTURES = {
-    "arx": ("na", "nb", "nk"),
-    "armax": ("na", "nb", "nc", "nk"),
-    "oe": ("nb", "nf", "nk"),
-    "bj": ("nb", "nc", "nd", "nf", "nk"),
-    "ss": ("order",),
-}
-"""Structures with the names of their orders; `nk = 1`: y(t) depends on u(t-1) first. `ss` is without direct term."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +48,8 @@ class Task(Locked):
 def require(
     task: Task,
     structure: str,
-    *,
     data: IOData | None = None,
-    outputs: int | None = None,
+    *,
     inputs: int | None = None,
     delayed: bool = False,
     no_choice: str = "",
@@ -68,9 +59,8 @@ def require(
     Args:
         task: What is asked.
         structure: The only structure of the method.
-        data: The record, where channels are limited.
-        outputs: Most outputs that the method takes; None: any number.
-        inputs: Most inputs that the method takes; None: any number.
+        data: The record, where the method takes one output only.
+        inputs: Most inputs that it takes then; None: any number.
         delayed: Whether the method needs a delay of one sample at least.
         no_choice: Why the method cannot choose orders; empty where it can.
 
@@ -79,10 +69,10 @@ def require(
     """
     if task.structure != structure:
         raise NotImplementedError(f"structure {task.structure!r} asked for, this method has {structure!r}")
-    for name, most in (("outputs", outputs), ("inputs", inputs)):
-        count = 0 if data is None else data.ny if name == "outputs" else data.nu
-        if most is not None and count > most:
-            raise NotImplementedError(f"{count} {name} given, this method takes {most}")
+    if data is not None and data.ny > 1:
+        raise NotImplementedError(f"{data.ny} outputs given, this method takes 1")
+    if data is not None and inputs is not None and data.nu > inputs:
+        raise NotImplementedError(f"{data.nu} inputs given, this method takes {inputs}")
     if delayed and task.orders.get("nk", 1) < 1:
         raise NotImplementedError("nk = 0 asked for, this method has a delay of one sample at least")
     if no_choice and task.chooses:

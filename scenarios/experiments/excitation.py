@@ -14,6 +14,9 @@ from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.waveform import POINTS, WINDOW, Waveform, check_seed, points
 from scenarios.files.errors import ScenarioError
 
+TIME = np.arange(POINTS) / SAMPLE_RATE
+"""Times of the points at the default update rate (100,), s."""
+
 LONGEST_REGISTER = 32
 """Bits of the longest register that `scipy.signal.max_len_seq` has taps for."""
 
@@ -28,7 +31,7 @@ def sine(*, frequency: float, amplitude: float = 1.0) -> Waveform:
     Raises:
         ScenarioError: The frequency does not repeat in the file.
     """
-    points = amplitude * np.sin(2.0 * np.pi * _whole_cycles(frequency) * _time())
+    points = amplitude * np.sin(2.0 * np.pi * _whole_cycles(frequency) * TIME)
     return Waveform(points, "sine", {"frequency": frequency, "amplitude": amplitude})
 
 
@@ -210,8 +213,7 @@ def chirp(*, f_start: float, f_end: float, amplitude: float = 1.0) -> Waveform:
         ScenarioError: A frequency lies outside 0 to 25 Hz.
     """
     _check_band(f_start, f_end)
-    t = _time()
-    phase = f_start * t + (f_end - f_start) * t**2 / (2.0 * WINDOW)
+    phase = f_start * TIME + (f_end - f_start) * TIME**2 / (2.0 * WINDOW)
     parameters = {"f_start": f_start, "f_end": f_end, "amplitude": amplitude}
     return Waveform(amplitude * np.cos(2.0 * np.pi * phase), "chirp", parameters)
 
@@ -231,8 +233,7 @@ def chirp_as_printed(*, f_low: float, f_high: float, f_center: float, amplitude:
         ScenarioError: The tone lies outside 0 to 25 Hz.
     """
     _check_band(f_high - f_low + f_center)
-    t = _time()
-    points = amplitude * np.cos(2.0 * np.pi * (f_low + t * (f_high - f_low)) + 2.0 * np.pi * f_center * t)
+    points = amplitude * np.cos(2.0 * np.pi * (f_low + TIME * (f_high - f_low)) + 2.0 * np.pi * f_center * TIME)
     parameters = {"f_low": f_low, "f_high": f_high, "f_center": f_center, "amplitude": amplitude}
     return Waveform(points, "chirp_as_printed", parameters)
 
@@ -280,10 +281,6 @@ def white_noise(*, amplitude: float = 1.0, seed: int = 0) -> Waveform:
     check_seed(seed)
     points = np.random.default_rng(seed).standard_normal(POINTS)
     return Waveform(amplitude * points / np.abs(points).max(), "white_noise", {"amplitude": amplitude, "seed": seed})
-
-
-def _time() -> np.ndarray:
-    return np.arange(POINTS) / SAMPLE_RATE
 
 
 def _whole_cycles(frequency: float) -> float:

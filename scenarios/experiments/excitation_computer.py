@@ -67,9 +67,8 @@ class Excitation:
     def waveform(self) -> Waveform:
         """The 100-point file, with the update rate at which it is played."""
         waveform = KINDS[self.kind](**self.parameters)
-        if self.repeat_frequency is None:
-            return waveform
-        return replace(waveform, update_rate=POINTS * self.repeat_frequency)
+        rate = self.repeat_frequency
+        return waveform if rate is None else replace(waveform, update_rate=POINTS * rate)
 
     def requested_volts(self, duration: float) -> np.ndarray:
         """Voltage that the file requests of the converter `(N, 1)`, V, at 50 Hz."""
@@ -103,10 +102,8 @@ class Excitation:
         parameters = {key: entry for key, entry in table.items() if key != "kind" and key not in SETTINGS}
         if table["kind"] == FILE:
             if set(parameters) != {"path"} or not isinstance(parameters["path"], str):
-                raise ScenarioError(
-                    f"excitation {FILE!r} takes a path and {', '.join(SETTINGS)}; "
-                    f"given {', '.join(parameters) or 'none of them'}"
-                )
+                keys = ", ".join(parameters) or "none of them"
+                raise ScenarioError(f"excitation {FILE!r} takes a path and {', '.join(SETTINGS)}; given {keys}")
             return cls("points", {"points": read_points(folder / parameters["path"])}, **settings)
         return cls(table["kind"], parameters, **settings)
 
@@ -133,17 +130,13 @@ def check_outputs(excitations: Sequence[Excitation], axes: Sequence[str], indepe
 
 def _checked(kind: str, parameters: Mapping[str, object]) -> dict[str, Parameter]:
     """Return all parameters of an excitation, defaults filled in, of the right types."""
-    signature: Mapping[str, inspect.Parameter] = inspect.signature(KINDS[kind]).parameters
+    defaults = {key: entry.default for key, entry in inspect.signature(KINDS[kind]).parameters.items()}
     for key in parameters:
-        if key not in signature:
-            raise ScenarioError(f"excitation {kind!r}: {unknown('parameter', key, signature)}")
+        if key not in defaults:
+            raise ScenarioError(f"excitation {kind!r}: {unknown('parameter', key, defaults)}")
+    for key, default in defaults.items():
+        if key not in parameters and default is inspect.Parameter.empty:
+            raise ScenarioError(f"excitation {kind!r} needs {key}; it takes {', '.join(defaults)}")
     hints = get_type_hints(KINDS[kind])
-    values: dict[str, Parameter] = {}
-    for key, parameter in signature.items():
-        if key in parameters:
-            values[key] = codec.structure(hints[key], parameters[key], f"{kind}.{key}")
-        elif parameter.default is not inspect.Parameter.empty:
-            values[key] = parameter.default
-        else:
-            raise ScenarioError(f"excitation {kind!r} needs {key}; it takes {', '.join(signature)}")
-    return values
+    given = {key: codec.structure(hints[key], value, f"{kind}.{key}") for key, value in parameters.items()}
+    return {key: given.get(key, default) for key, default in defaults.items()}

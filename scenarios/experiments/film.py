@@ -1,60 +1,42 @@
-"""Films and pictures of an experiment, from its log."""
+"""Experiments to look at: their logs, files of films and pictures, and MuJoCo's viewer."""
 
-from collections.abc import Iterator, Sequence
+import os
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from hmtb_twin import JointLog
-from hmtb_twin.arm.rendering import Stage
-from scenarios.experiments.logged_arm import pictured_arm
+from hmtb_twin import JointLog, simulate
+from scenarios.experiments.registry import load
 from scenarios.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
 
 ENDINGS = (".mp4", ".gif", ".png")
 """Endings of the files that can be written: a film, an animated picture, one picture."""
 
-MOST_FRAMES = 1_000_000
-"""Largest number of frames: more are a typing error."""
 
-
-def frames(
-    log: JointLog,
-    cameras: Sequence[str],
-    *,
-    size: tuple[int, int],
-    rate: float,
-    speed: float,
-    span: tuple[float, float],
-) -> Iterator[np.ndarray]:
-    """Render a log frame by frame.
+def load_or_simulate(name: str, *, seed: int | None = None, duration: float | None = None) -> JointLog:
+    """Return a log by name.
 
     Args:
-        log: The log.
-        cameras: Views, side by side; four of them as two rows of two.
-        size: Width and height of each view, pixels.
-        rate: Frames per second of film.
-        speed: Seconds of the experiment per second of film.
-        span: First and last time to show, s.
+        name: A file that ends in `.nc`, else a registered scenario or a TOML file, which is simulated.
+        seed: Draws other noise, for a scenario.
+        duration: Length instead of the scenario's own, s.
 
-    Yields:
-        Pictures (height, width, 3), 8-bit RGB.
+    Raises:
+        ScenarioError: There is no such scenario, a seed for a file, or the simulation failed.
+        TwinError: The file is no joint log.
     """
-    arm = pictured_arm(log)
-    first, last = span
-    count = int((last - first) / speed * rate + 1e-9) + 1
-    if count > MOST_FRAMES:
-        raise ScenarioError(
-            f"{count} frames requested, expected at most {MOST_FRAMES}; play it faster, or show less of it"
-        )
-    with Stage(arm, *size, draft=count > 1) as stage:
-        for number in range(count):
-            time = first + number * speed / rate
-            tick = min(round(time / log.dt), len(log) - 1)
-            unit = None if log.unit_pose is None else log.unit_pose[tick]
-            views = [stage.picture(camera, log.true_angles[tick], unit) for camera in cameras]
-            force = f"wrist {np.linalg.norm(log.wrench[tick, :3]):5.1f} N"
-            yield _labelled(_tiled(views), f"{log.name}   {tick * log.dt:6.2f} s   {force}")
+    if name.endswith(".nc"):
+        if seed is not None or duration is not None:
+            raise ScenarioError(f"{name} is recorded: seed and duration belong to a scenario that is yet to run")
+        return JointLog.load(Path(name))
+    result = simulate([load(name, duration=duration, seed=seed)])
+    for label, reason in result.failed.items():
+        raise ScenarioError(f"{label}: {reason}")
+    return result.logs[0]
 
 
 def write_film(pictures: Iterator[np.ndarray], path: Path, *, rate: float) -> Path:
@@ -77,8 +59,16 @@ def write_film(pictures: Iterator[np.ndarray], path: Path, *, rate: float) -> Pa
     with replacing(path) as partial:
         if path.suffix == ".mp4":
             _write_mp4(pictures, partial, rate)
+            return path
+        from PIL import Image
+
+        images = (Image.fromarray(picture) for picture in pictures)
+        first = next(images)
+        if path.suffix == ".png":
+            first.save(partial, format="PNG")
         else:
-            _write_picture(pictures, partial, rate, path.suffix)
+            rest, pause = [image.quantize(128) for image in images], 1000.0 / rate
+            first.quantize(128).save(partial, "GIF", save_all=True, append_images=rest, duration=pause, loop=0)
     return path
 
 
@@ -105,33 +95,10 @@ def _write_mp4(pictures: Iterator[np.ndarray], path: Path, rate: float) -> None:
             container.mux(stream.encode(None))
 
 
-def _write_picture(pictures: Iterator[np.ndarray], path: Path, rate: float, ending: str) -> None:
-    from PIL import Image
+def viewer_module() -> Any:
+    """Return MuJoCo's viewer; raises `ScenarioError` where there is no display to open its window on."""
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise ScenarioError("no display here, so no window for the viewer; hmtb video makes films without one")
+    import mujoco.viewer
 
-    images = (Image.fromarray(picture) for picture in pictures)
-    first = next(images)
-    if ending == ".png":
-        first.save(path, format="PNG")
-    else:
-        rest = [image.quantize(128) for image in images]
-        first.quantize(128).save(path, format="GIF", save_all=True, append_images=rest, duration=1000.0 / rate, loop=0)
-
-
-def _tiled(views: Sequence[np.ndarray]) -> np.ndarray:
-    """Return views side by side, four or more in two rows."""
-    if len(views) < 4:
-        return np.hstack(views)
-    half = -(-len(views) // 2)
-    rest = [*views[half:], *[np.zeros_like(views[0])] * (2 * half - len(views))]
-    return np.vstack((np.hstack(views[:half]), np.hstack(rest)))
-
-
-def _labelled(picture: np.ndarray, text: str) -> np.ndarray:
-    from PIL import Image, ImageDraw, ImageFont
-
-    image = Image.fromarray(picture)
-    draw, height = ImageDraw.Draw(image), max(12, picture.shape[0] // 36)
-    font = ImageFont.load_default(size=height)
-    draw.rectangle((0, 0, draw.textlength(text, font=font) + height, 1.6 * height), fill=(0, 0, 0))
-    draw.text((height / 2, height / 4), text, fill=(255, 255, 255), font=font)
-    return np.asarray(image)
+    return mujoco.viewer

@@ -1,12 +1,11 @@
-"""Settled part of a log without its means, and where the log left the linear range."""
+"""Settled part of a log without its means, and the share of it at the velocity limit."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import degrees
+from dataclasses import replace
 
 import numpy as np
 
-from hmtb_twin import JOINTS, JointLog, Status
+from hmtb_twin import JointLog, Status
 from scenarios.files.errors import ScenarioError
 from sysid import IOData
 
@@ -55,47 +54,3 @@ def velocity_limited_share(log: JointLog) -> float:
 def swing(log: JointLog, joint: str) -> float:
     """Return half of the distance between the largest and the smallest command over the settled part, rad."""
     return float(np.ptp(settled(log, joint).u[:, 0]) / 2)
-
-
-@dataclass(frozen=True)
-class ShutdownInterval:
-    """One interval without servo power.
-
-    Attributes:
-        start: First time without power, s.
-        end: First time with power again, or the end of the record, s.
-        ends: Whether power came back in the record.
-        joint: Joint that moved furthest from its angle at the start.
-        sank: Distance that it moved, rad.
-    """
-
-    start: float
-    end: float
-    ends: bool
-    joint: str
-    sank: float
-
-    def __str__(self) -> str:
-        until = f"{self.end:g} s" if self.ends else f"the end at {self.end:g} s"
-        return (
-            f"shut down {self.start:g} to {until}: sank up to {degrees(self.sank):.1f} deg "
-            f"({self.joint.replace('_', ' ')})"
-        )
-
-    def summary(self) -> dict[str, object]:
-        """Return plain values for JSON."""
-        return {"start_s": self.start, "end_s": self.end, "ends": self.ends, "joint": self.joint, "sank_rad": self.sank}
-
-
-def shutdown_intervals(log: JointLog) -> tuple[ShutdownInterval, ...]:
-    """Return the intervals without servo power in a log, in order."""
-    # Padding with zeros closes intervals at either end of the record.
-    off = np.concatenate(([0], (log.status & Status.SHUT_DOWN) != 0, [0])).astype(int)
-    edges = np.diff(off)
-    intervals = []
-    for first, last in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
-        distance = np.abs(log.true_angles[first : last + 1] - log.true_angles[first]).max(axis=0)
-        joint = int(distance.argmax())
-        ends = bool(last < len(log))
-        intervals.append(ShutdownInterval(first * log.dt, last * log.dt, ends, JOINTS[joint], float(distance[joint])))
-    return tuple(intervals)

@@ -33,17 +33,14 @@ with seeds that nothing else here uses, nb up to 6, nf up to 5, nk as published;
 chooses again.
 """
 
-_OKID = Structure("okid", "okid", (2, 5), True, "OKID order 2, p = 5")
-
 
 def _structures(joint: str, armax: tuple[int, int, int, int], chosen: str) -> tuple[Structure, ...]:
     na, nb, nc, nk = armax
-    sufficient_nb, sufficient_nf, sufficient_nk = SUFFICIENT[joint]
-    sufficient = f"OE {sufficient_nb}/{sufficient_nf}, delay {sufficient_nk}, sufficient without friction"
+    sufficient = "OE {}/{}, delay {}, sufficient without friction".format(*SUFFICIENT[joint])
     return (
         Structure("armax", "armax", armax, chosen == "armax", f"ARMAX {na}/{nb}/{nc}, delay {nk}"),
         Structure("oe", "oe", (2, 2, nk), chosen == "oe", f"OE 2/2, delay {nk}"),
-        _OKID,
+        Structure("okid", "okid", (2, 5), True, "OKID order 2, p = 5"),
         Structure("oe_high", "oe", SUFFICIENT[joint], False, sufficient),
     )
 
@@ -70,22 +67,17 @@ def every_structure(joint: str) -> tuple[Structure, ...]:
     return arx, own["armax"], iv4, own["oe"], own["okid"]
 
 
-NEEDED: Mapping[str, Callable[[tuple[int, ...]], int]] = MappingProxyType(
-    {
+@cache
+def needed_orders() -> Mapping[str, int]:
+    """Return the order of excitation that each model of the study needs, by estimator and orders, lowest first."""
+    of_estimator: dict[str, Callable[[tuple[int, ...]], int]] = {
         "arx": lambda orders: orders[1],
         "armax": lambda orders: orders[0] + orders[1],
         "oe": lambda orders: orders[0] + orders[1],
         "okid": lambda orders: orders[1] + 1,
     }
-)
-"""Order of excitation that an estimator needs, by its orders as the command line takes them."""
-
-
-@cache
-def needed_orders() -> Mapping[str, int]:
-    """Return the order of excitation that each model of the study needs, by estimator and orders, lowest first."""
     needed = {
-        f"{entry.estimator} {' '.join(map(str, entry.orders))}": NEEDED[entry.estimator](entry.orders)
+        f"{entry.estimator} {' '.join(map(str, entry.orders))}": of_estimator[entry.estimator](entry.orders)
         for structures in STRUCTURES.values()
         for entry in structures
     }

@@ -197,8 +197,11 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
         ScenarioError: Another mode, a sample and hold that does not divide the period, a shutdown, or an amplitude that
             the converters do not resolve.
     """
-    hold = setting.hand_controller.hold if setting.chain.hold else 1
-    least = _resolution(setting)
+    chain, interface = setting.chain, setting.hand_controller
+    hold = interface.hold if chain.hold else 1
+    # Half a count of the coarsest converter that rounds, as an angle, rad: smaller ones are rounded to zero.
+    converters = ((chain.dac, BOARD.dac_step), (chain.adc, interface.adc_step))
+    least = 0.5 * interface.gain * max((step for rounds, step in converters if rounds), default=0.0)
     problems = [
         (setting.mode != MODE, f"mode {setting.mode} given, expected {MODE}"),
         (bool(setting.shutdown), "an emergency shutdown given, expected none: the record must be periodic"),
@@ -226,9 +229,3 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
         replace(first, name=f"{first.name}-{r}-{e}", realisation=r, record=e, seed=int(seed))
         for (r, e), seed in zip(records, seeds, strict=True)
     )
-
-
-def _resolution(setting: Experiment) -> float:
-    """Return half a count of the coarsest converter that rounds, as an angle, rad: smaller ones are rounded to zero."""
-    converters = ((setting.chain.dac, BOARD.dac_step), (setting.chain.adc, setting.hand_controller.adc_step))
-    return 0.5 * setting.hand_controller.gain * max((step for rounds, step in converters if rounds), default=0.0)

@@ -135,11 +135,6 @@ class ScriptedOperator:
         self._eased = self._yielding = False
         self._grip = script[0].closed
 
-    @property
-    def phase(self) -> str:
-        """Name of the current step."""
-        return self._script[min(self._index, len(self._script) - 1)].name
-
     def move(self, view: View) -> Motion:
         """Return the stick motion of a tick from what the operator sees; called once per tick."""
         self._seen.append(view)
@@ -148,8 +143,12 @@ class ScriptedOperator:
             return Motion(np.zeros(6), self._grip)
         step = self._script[self._index]
         if self._movement is not None:
-            if step.touching and not self._yielding and np.linalg.norm(self._force(seen)) > self._skill.yields_at:
-                self._back_off(step, seen, time)
+            force = self._force(seen)
+            if step.touching and not self._yielding and np.linalg.norm(force) > self._skill.yields_at:
+                # Yield to the contact force in every direction, and a little more along the tool.
+                away = force / self._skill.stiffness
+                away[0] += np.copysign(self._skill.recoil, away[0])
+                self._start(away, np.zeros(3), step, time, yielding=True)
             if time >= self._movement.end:
                 self._movement = None
                 self._look_at = time + self._skill.reaction * self._rng.uniform(1.0, 1.6)
@@ -204,12 +203,6 @@ class ScriptedOperator:
         turn = turn + skill.stray * angle * self._rng.standard_normal(3)
         self._movement = Submovement(np.concatenate([offset, turn]), time, duration)
         self._yielding = yielding
-
-    def _back_off(self, step: Step, seen: View, time: float) -> None:
-        """Yield to the contact force in every direction, and a little more along the tool."""
-        away = self._force(seen) / self._skill.stiffness
-        away[0] += np.copysign(self._skill.recoil, away[0])
-        self._start(away, np.zeros(3), step, time, yielding=True)
 
     def _force(self, seen: View) -> np.ndarray:
         """Return the contact force on the tool, in its frame (3,), N: the wrist force less the known weight."""

@@ -8,13 +8,13 @@ from hmtb_twin import JOINTS
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.experiments.preview import Preview
 from scenarios.experiments.waveform import Waveform
-from sysid.plots.palette import BOUND, GRID, INK, PALETTE
+from sysid.plots.palette import BOUND, PALETTE
+from sysid.plots.panels import panels
 
 
 def waveform_figure(waveform: Waveform) -> Figure:
     """Draw the 100 points over time and the power of each spectral line [Morris1996, fig. 11 to 16]."""
-    figure = Figure(figsize=(7.0, 4.6), layout="constrained")
-    upper, lower = figure.subplots(2, 1)
+    figure, ((upper,), (lower,)) = panels(2, 1, (7.0, 4.6))
     time = np.arange(len(waveform.points) + 1) / waveform.update_rate
     colour = PALETTE["armax"].colour
     upper.step(time, np.append(waveform.points, waveform.points[0]), where="post", color=colour, lw=1.2)
@@ -25,7 +25,6 @@ def waveform_figure(waveform: Waveform) -> Figure:
     lower.plot(frequency[lines], density[lines], "o", ms=3, color=colour)
     lower.set(yscale="log", xlabel="frequency / Hz", ylabel="density / (V²/Hz)")
     lower.set_xlim(-0.01 * waveform.update_rate, 0.51 * waveform.update_rate)
-    _style(upper, lower)
     title = f"{waveform.kind.replace('_', ' ')}: one period, order of excitation {waveform.order_of_excitation()}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
@@ -46,8 +45,8 @@ def preview_figure(preview: Preview) -> Figure:
     count = min(len(preview.commands), round(WINDOW / SAMPLE_TIME))
     time = np.arange(count) * SAMPLE_TIME
     moving = preview.moving
-    figure = Figure(figsize=(8.0, 9.0), layout="constrained")
-    volts, angles, rates, tool = figure.subplots(4, 1, sharex=True)
+    figure, grid = panels(4, 1, (8.0, 9.0), sharex=True)
+    volts, angles, rates, tool = grid[:, 0]
     for number, axis in enumerate(preview.scenario.axes):
         _line(volts, time, preview.volts[:count, number], number, axis)
     volts.set(ylabel="at the converter / V")
@@ -65,10 +64,8 @@ def preview_figure(preview: Preview) -> Figure:
     for number, axis in enumerate("xyz"):
         _line(tool, time, 1000.0 * preview.tool[:count, number], number, axis)
     tool.set(ylabel="tool, own frame / mm", xlabel="time / s", xlim=(0.0, max(time[-1], SAMPLE_TIME)))
-    _style(volts, angles, rates, tool)
-    for axes in (volts, angles, rates, tool):
-        axes.tick_params(labelsize=8, colors=INK)
-        if axes.get_legend_handles_labels()[0] and axes is not rates:
+    for axes in (volts, angles, tool):
+        if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
     rates.annotate("dashed: limit", (1.01, 0.5), xycoords="axes fraction", fontsize=8, color=BOUND.colour, va="center")
     limited = 100.0 * preview.velocity_limited
@@ -79,13 +76,6 @@ def preview_figure(preview: Preview) -> Figure:
         fontsize=11,
     )
     return figure
-
-
-def _style(*panels: Axes) -> None:
-    for axes in panels:
-        axes.grid(True, color=GRID, lw=0.6)
-        axes.set_axisbelow(True)
-        axes.spines[["top", "right"]].set_visible(False)
 
 
 def _line(axes: Axes, time: np.ndarray, values: np.ndarray, number: int, label: str) -> None:

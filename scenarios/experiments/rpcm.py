@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from math import acos, radians
 from types import MappingProxyType
 
@@ -38,33 +38,22 @@ def rpcm_script() -> tuple[Step, ...]:
     The operator grips the unit in its holster, draws it out to the approach point, holds there, brings it to the
     receptacle, aligns, inserts and releases it; then grips it again, extracts it and returns.
     """
-    approach, over, aligned = approach_point(), _over_receptacle(), _above(RECEPTACLE, ALIGNED)
-    grip = Step(
-        "grip", None, near=0.0025, turn=radians(3.0), speed=0.03, stride=0.04, touching=True, closed=True, pause=0.8
-    )
+    approach, over = approach_point(), _over_receptacle()
+    carry = partial(Step, carry=True, closed=True)
+    touch = partial(Step, touching=True)
+    grip = touch("grip", None, near=0.0025, turn=radians(3.0), speed=0.03, stride=0.04, closed=True, pause=0.8)
     return (
         Step("approach", _above(HOLSTER, CLEAR)),
         grip,
-        Step("draw out", approach, closed=True, speed=0.06, stride=0.06, near=0.008, touching=True),
+        touch("draw out", approach, closed=True, speed=0.06, stride=0.06, near=0.008),
         Step("hold", approach, closed=True, near=0.006, pause=5.0),
-        Step("transfer", over, carry=True, closed=True, near=0.008, speed=0.08, pause=1.5),
-        Step("align", aligned, carry=True, closed=True, near=0.003, speed=0.04, pause=1.5),
-        Step(
-            "insert",
-            RECEPTACLE.seated,
-            carry=True,
-            closed=True,
-            near=0.002,
-            aside=0.004,
-            speed=0.02,
-            stride=0.012,
-            touching=True,
-            pause=1.0,
-        ),
-        Step("release", None, near=0.01, touching=True, pause=1.0),
+        carry("transfer", over, near=0.008, speed=0.08, pause=1.5),
+        carry("align", _above(RECEPTACLE, ALIGNED), near=0.003, speed=0.04, pause=1.5),
+        carry("insert", RECEPTACLE.seated, near=0.002, aside=0.004, speed=0.02, stride=0.012, touching=True, pause=1.0),
+        touch("release", None, near=0.01, pause=1.0),
         Step("withdraw", _above(RECEPTACLE, CLEAR), near=0.006, speed=0.05, pause=5.0),
         replace(grip, name="grip again"),
-        Step("extract", over, carry=True, closed=True, speed=0.05, stride=0.06, near=0.01, touching=True),
+        carry("extract", over, speed=0.05, stride=0.06, near=0.01, touching=True),
         Step("return", approach, closed=True, near=0.006, speed=0.08),
     )
 
@@ -138,7 +127,7 @@ class RpcmOutcome:
         if "insert" not in self.phases:
             return f"not inserted, the unit was not released; completed: {', '.join(self.phases) or 'nothing'}"
         verdict = "inserted" if self.inserted else "not inserted"
-        stands = f"{_millimetres(self.height)} mm above its seat, {_millimetres(self.aside)} mm aside"
+        stands = f"{1e3 * self.height:z.1f} mm above its seat, {1e3 * self.aside:z.1f} mm aside"
         back = f"back at {self.phases['return'][1]:.1f} s" if self.returned else "not brought back"
         return (
             f"{verdict}, released at {self.phases['insert'][1]:.1f} s, {stands}; "
@@ -180,21 +169,40 @@ def rpcm_outcome(log: JointLog) -> RpcmOutcome:
     if log.unit_pose is None or log.contact_force is None:
         raise ScenarioError(f"{log.name}: no replacement unit in this log; expected an experiment at the worksite")
     position, force = log.unit_pose[:, :3], log.contact_force
-    ends = _first_ticks(*_phase_ends(log, position))
+    offset = np.linalg.norm((position - RECEPTACLE.seated[0])[:, :2], axis=1)
+    held = (log.status & Status.UNIT_HELD) > 0
+    beside = np.linalg.norm(position - approach_point()[0], axis=1) > ASIDE
+    over, above = offset <= ASIDE, _height(position, RECEPTACLE)
+    # Ticks at which the end condition of each phase holds, in the order of the phases.
+    conditions = (
+        held,
+        held & (_height(position, HOLSTER) > HOLSTER.mouth),
+        held & beside & (np.cumsum(held & ~beside) > 0),
+        held & over,
+        held & over & (above < RECEPTACLE.mouth),
+        ~held,
+        held,
+        held & (above > RECEPTACLE.mouth),
+        held & ~beside,
+    )
+    ends: list[int] = []
+    for condition in conditions:
+        later = np.flatnonzero(condition[ends[-1] if ends else 0 :])
+        if not len(later):
+            break
+        ends.append(int(later[0]) + (ends[-1] if ends else 0))
     times = [0.0, *(end * log.dt for end in ends)]
+    align, insert, release = map(PHASES.index, ("align", "insert", "release"))
     height, aside, tilt, peak = np.nan, np.nan, np.nan, 0.0
-    if len(ends) >= PHASES.index("insert"):
-        entered, released = ends[PHASES.index("align")], ends[PHASES.index("insert") :][:1]
+    if len(ends) > align:
         # A tick holds the largest force since the tick before: at the release it still belongs to the insertion.
-        peak = float(force[entered : released[0] + 1 if released else None].max())
-    if len(ends) > PHASES.index("insert"):
-        gripped = ends[PHASES.index("release") :][:1]
-        last = gripped[0] - 1 if gripped else len(log) - 1
-        height, tilt = (
-            float(_height(position, RECEPTACLE)[last]),
-            _angle(log.unit_pose[last, 3:], RECEPTACLE),
-        )
-        aside = float(_offset(position, RECEPTACLE)[last])
+        peak = float(force[ends[align] : ends[insert] + 1 if len(ends) > insert else None].max())
+    if len(ends) > insert:
+        last = ends[release] - 1 if len(ends) > release else len(log) - 1
+        seated = np.empty(4)
+        mujoco.mju_mat2Quat(seated, RECEPTACLE.seated[1].ravel())
+        height, aside = float(above[last]), float(offset[last])
+        tilt = 2.0 * acos(min(1.0, abs(float(seated @ log.unit_pose[last, 3:]))))
     return RpcmOutcome(
         inserted=bool(height <= DEPTH and aside <= 2.0 * RECEPTACLE.clearance and tilt <= TILT),
         returned=len(ends) == len(PHASES),
@@ -207,57 +215,9 @@ def rpcm_outcome(log: JointLog) -> RpcmOutcome:
     )
 
 
-def _millimetres(value: float) -> str:
-    """Return a length in m as mm with one digit, without the sign of a zero."""
-    return f"{round(1e3 * value, 1) + 0.0:.1f}"
-
-
-def _phase_ends(log: JointLog, position: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return for each phase the ticks at which its end condition holds, (N,) each."""
-    held = (log.status & Status.UNIT_HELD) > 0
-    beside = np.linalg.norm(position - approach_point()[0], axis=1) > ASIDE
-    over = _offset(position, RECEPTACLE) <= ASIDE
-    above = _height(position, RECEPTACLE)
-    return (
-        held,
-        held & (_height(position, HOLSTER) > HOLSTER.mouth),
-        held & beside & (np.cumsum(held & ~beside) > 0),
-        held & over,
-        held & over & (above < RECEPTACLE.mouth),
-        ~held,
-        held,
-        held & (above > RECEPTACLE.mouth),
-        held & ~beside,
-    )
-
-
-def _offset(position: np.ndarray, seat: Seat) -> np.ndarray:
-    """Return the horizontal distance of the unit from the middle of a seat (N,), m."""
-    return np.linalg.norm((position - seat.seated[0])[:, :2], axis=1)
-
-
 def _height(position: np.ndarray, seat: Seat) -> np.ndarray:
     """Return the height of the unit's lower end above the floor of a seat (N,), m."""
     return np.asarray(position[:, 2] - UNIT.size[0] - seat.position[2])
-
-
-def _first_ticks(*conditions: np.ndarray) -> list[int]:
-    """Return the first tick at which each condition (N,) holds, from that of the one before, up to one that fails."""
-    ticks: list[int] = []
-    for condition in conditions:
-        start = ticks[-1] if ticks else 0
-        later = np.flatnonzero(condition[start:])
-        if not len(later):
-            break
-        ticks.append(start + int(later[0]))
-    return ticks
-
-
-def _angle(quaternion: np.ndarray, seat: Seat) -> float:
-    """Return the angle between the unit and a seat, rad."""
-    wanted = np.empty(4)
-    mujoco.mju_mat2Quat(wanted, seat.seated[1].ravel())
-    return 2.0 * acos(min(1.0, abs(float(wanted @ quaternion))))
 
 
 TASKS: dict[str, Callable[[], tuple[Step, ...]]] = {"rpcm": rpcm_script, "rpcm-unloaded": unloaded_script}

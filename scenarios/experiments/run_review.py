@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmtb_twin import JointLog, Status
+from hmtb_twin.bus.shutdown_intervals import ShutdownInterval, shutdown_intervals
 from hmtb_twin.control.data_acquisition import BOARD
 from scenarios.experiments.excitation_computer import MISSES_POINTS
 from scenarios.experiments.joint_inputs import JointInputs, settled_inputs
-from scenarios.experiments.log_review import ShutdownInterval, shutdown_intervals, velocity_limited_share
+from scenarios.experiments.log_review import velocity_limited_share
 from scenarios.experiments.preview import deadband_warning
 from scenarios.experiments.rpcm import RpcmOutcome, rpcm_outcome
 from scenarios.experiments.scenario import Scenario

@@ -100,33 +100,29 @@ class Scenario:
                 f"scenario name {self.name!r}: expected 1 to 100 letters, digits, '.', '_', '-' or '+', the first a "
                 "letter or digit, because files are named after it"
             )
+        try:
+            self._check()
+        except (ScenarioError, TwinError) as error:
+            raise ScenarioError(f"scenario {self.name!r}: {error}") from error
+
+    def _check(self) -> None:
         for attribute, known in CHOICES.items():
             if getattr(self, attribute) not in known:
-                raise ScenarioError(f"scenario {self.name!r}: {unknown(attribute, getattr(self, attribute), known)}")
+                raise ScenarioError(unknown(attribute, getattr(self, attribute), known))
         known = axis_names(self.mode)
         for name in self.axes:
             if name not in known:
-                raise ScenarioError(f"scenario {self.name!r}, mode {self.mode}: {unknown('axis', name, known)}")
+                raise ScenarioError(f"mode {self.mode}: {unknown('axis', name, known)}")
         if not self.axes or len(set(self.axes)) != len(self.axes):
-            raise ScenarioError(
-                f"scenario {self.name!r}: expected one or more different entries in axes, given {self.axes}"
-            )
-        try:
-            if self.task:
-                check_task(self.task, self, excited=bool(self.excitation))
-            elif self.excitation or not self.has_own_operator:
-                check_outputs(self.excitation, self.axes, self.independent_channels)
-        except ScenarioError as error:
-            raise ScenarioError(f"scenario {self.name!r}: {error}") from error
+            raise ScenarioError(f"expected one or more different entries in axes, given {self.axes}")
+        if self.task:
+            check_task(self.task, self, excited=bool(self.excitation))
+        elif self.excitation or not self.has_own_operator:
+            check_outputs(self.excitation, self.axes, self.independent_channels)
         if not SAMPLE_TIME <= self.duration <= LONGEST:
-            raise ScenarioError(
-                f"scenario {self.name!r}: expected a duration of {SAMPLE_TIME} to {LONGEST:g} s, given {self.duration}"
-            )
+            raise ScenarioError(f"expected a duration of {SAMPLE_TIME} to {LONGEST:g} s, given {self.duration}")
         check_seed(self.seed)
-        try:
-            check_arm(self.variant, self.payload, self.plant, worksite=self.worksite, specimen=self.specimen)
-        except TwinError as error:
-            raise ScenarioError(f"scenario {self.name!r}: {error}") from error
+        check_arm(self.variant, self.payload, self.plant, worksite=self.worksite, specimen=self.specimen)
 
     def volts(self) -> np.ndarray:
         """Play the excitation through the excitation computer's converter.

@@ -179,14 +179,13 @@ def read_points(path: str | Path) -> tuple[float, ...]:
     for number, line in enumerate(lines, start=1):
         for word in line.partition("#")[0].replace(",", " ").split():
             try:
-                value = float(word)
+                values.append(float(word))
             except ValueError:
-                value = nan
-            if not isfinite(value):
+                values.append(nan)
+            if not isfinite(values[-1]):
                 raise ScenarioError(
                     f"waveform file {str(path)!r}, line {number}: expected a finite number in V, given {word!r}"
                 )
-            values.append(value)
     try:
         return tuple(points(points=tuple(values)).points.tolist())
     except ScenarioError as error:

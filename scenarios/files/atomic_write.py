@@ -42,10 +42,10 @@ def replacing(path: Path, *, durable: bool = False) -> Iterator[Path]:
     try:
         yield partial
         if durable:
-            _sync(partial)
+            sync(partial)
         partial.replace(path)
         if durable:
-            _sync(path.parent)
+            sync(path.parent)
     except OSError as error:
         if error.errno is not None and error.filename in (None, str(partial)):
             error.filename = str(path)
@@ -77,10 +77,10 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
         make_folder(path.parent)
         with replacing(path) as partial:
             partial.write_bytes(content)
-            _sync(partial)
+            sync(partial)
         touched[path.parent] = None
     for parent in touched:
-        sync_folder(parent)
+        sync(parent)
 
 
 def make_folder(path: Path) -> None:
@@ -89,12 +89,7 @@ def make_folder(path: Path) -> None:
         return
     make_folder(path.parent)
     path.mkdir(exist_ok=True)
-    sync_folder(path.parent)
-
-
-def sync_folder(path: Path) -> None:
-    """Flush the names in a folder to the disk: a rename survives a power cut only then."""
-    _sync(path)
+    sync(path.parent)
 
 
 def remove_partial(folder: Path) -> None:
@@ -103,7 +98,8 @@ def remove_partial(folder: Path) -> None:
         partial.unlink()
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
+    """Flush a file, or the names in a folder, to the disk: a rename survives a power cut only then."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

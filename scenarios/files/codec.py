@@ -1,11 +1,12 @@
 """Frozen dataclasses to and from TOML and JSON: read strictly, written such that they read back equal."""
 
 import json
+import math
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 from cattrs import Converter
 from cattrs.errors import ClassValidationError, ForbiddenExtraKeysError, IterableValidationError, IterableValidationNote
@@ -15,7 +16,16 @@ from scenarios.files.errors import ScenarioError, unknown
 
 Record = TypeVar("Record")
 
-NAMES: Mapping[Any, str] = {bool: "true or false", int: "whole number", float: "finite number", str: "text"}
+Extended = Annotated[float, "also unknown or infinite"]
+"""A number that may be NaN, null in a file, or infinite, there the text inf or -inf."""
+
+NAMES: Mapping[Any, str] = {
+    bool: "true or false",
+    int: "whole number",
+    float: "finite number",
+    str: "text",
+    Extended: "number",
+}
 """Types of values in messages."""
 
 
@@ -130,20 +140,28 @@ def _scalar(kind: type, passes: Callable[[Any], bool]) -> None:
     _CONVERTER.register_unstructure_hook(kind, kind)  # numbers and texts of NumPy become Python's
 
 
+def _extended(value: Any, _: Any) -> float:
+    if not (value is None or type(value) in (int, float) or value in ("inf", "-inf")):
+        raise _WrongValueError(f"must be a number, inf, -inf or null, given {value!r}")
+    return math.nan if value is None else float(value)
+
+
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < sys.float_info.max
 
 
 def _sequence_hook(kind: Any) -> Callable[[Any, Any], tuple[Any, ...]]:
-    item = get_args(kind)[0]
+    item, *others = get_args(kind)
+    length = None if others == [...] else 1 + len(others)
 
     def read(value: Any, _: Any) -> tuple[Any, ...]:
-        if not isinstance(value, list | tuple):
-            raise _WrongValueError(f"must be a list of {NAMES.get(item, 'table')}s, given {value!r}")
+        if not isinstance(value, list | tuple) or length not in (None, len(value)):
+            many = "" if length is None else f"{length} "
+            raise _WrongValueError(f"must be a list of {many}{NAMES.get(item, 'table')}s, given {value!r}")
         result = []
         for number, entry in enumerate(value):
             try:
-                result.append(_CONVERTER.structure(entry, item))
+                result.append(_CONVERTER.structure(entry, item if length is None else get_args(kind)[number]))
             except (ExceptionGroup, _WrongValueError) as error:
                 error.add_note(IterableValidationNote("", number, item))
                 raise IterableValidationError("", [error], kind) from error
@@ -198,12 +216,11 @@ def _problems(error: BaseException, where: str) -> Iterator[str]:
 
 
 _CONVERTER = Converter(forbid_extra_keys=True)
-_CONVERTER.register_structure_hook_factory(
-    lambda kind: get_origin(kind) is tuple and get_args(kind)[1:] == (...,), _sequence_hook
-)
+_CONVERTER.register_structure_hook_factory(lambda kind: get_origin(kind) is tuple, _sequence_hook)
 _CONVERTER.register_structure_hook_factory(lambda kind: isinstance(kind, type) and is_dataclass(kind), _table_hook)
 _CONVERTER.register_unstructure_hook_factory(lambda kind: isinstance(kind, type) and is_dataclass(kind), _plain_hook)
 _scalar(bool, lambda value: isinstance(value, bool))
 _scalar(int, lambda value: isinstance(value, int) and not isinstance(value, bool))
 _scalar(float, _is_number)
 _scalar(str, lambda value: isinstance(value, str))
+_CONVERTER.register_structure_hook_factory(lambda kind: kind == Extended, lambda _: _extended)

@@ -3,21 +3,18 @@
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 import sysid
+from hmtb_twin import JOINTS, JointLog, TwinWarning
+from hmtb_twin.bus.joint_log import FORMAT
+from hmtb_twin.bus.record import BusRecord
 from scenarios.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.record_file import ENDINGS, is_record, netcdf_format, read_records, saving, write_record
+from scenarios.files.record_file import ENDINGS, is_record, netcdf_format, read_records, write_record
 from sysid import IOData
-
-if TYPE_CHECKING:
-    from hmtb_twin import JointLog
-
-SAME_INTERVAL = 1e-3
-"""Two sampling intervals that differ by less than this part are one, written with few digits."""
+from sysid.records.importers import SAME_INTERVAL
 
 KINDS = ".nc, .csv, .mat, .asc, .ch10 or a table as text (.txt, .dat, ...)"
 """Kinds of data files, for messages."""
@@ -26,7 +23,7 @@ Names = str | Sequence[str]
 """One column or several."""
 
 
-def write_log(log: "JointLog", path: Path) -> Path:
+def write_log(log: JointLog, path: Path) -> Path:
     """Write a log as NetCDF4 (`.nc`, everything), or what the bus recorded of it as CSV, ASCII or .mat.
 
     Args:
@@ -37,18 +34,15 @@ def write_log(log: "JointLog", path: Path) -> Path:
         The path.
 
     Raises:
-        ScenarioError: Another ending, or the file cannot be written.
+        ScenarioError: Another ending, or there is a folder of that name.
+        TwinError: The NetCDF file cannot be written.
     """
-    check_place(path)
+    if path.suffix not in ENDINGS.values():
+        raise ScenarioError(f"unknown format {path.suffix!r}; there are: {', '.join(ENDINGS.values())}")
     if path.suffix != ".nc":
-        from hmtb_twin.bus.record import BusRecord
-
-        if path.suffix not in ENDINGS.values():
-            raise ScenarioError(f"unknown format {path.suffix!r}; there are: {', '.join(ENDINGS.values())}")
         return write_record(BusRecord.of(log), path)
-    with saving(path):
-        return log.save(path)
-    return path
+    check_place(path)
+    return log.save(path)
 
 
 def read_parts(
@@ -92,27 +86,28 @@ def read_parts(
     ours = (path.suffix != ".csv" or joint is not None) and is_record(path)
     if test is not None and not (ours and path.suffix != ".csv"):
         raise ScenarioError(f"{path.name} holds one test; --test is for 1553 records")
-    is_log = path.suffix == ".nc" and _is_log(path)
-    if (ours or is_log) and (inputs, outputs) != (("u",), ("y",)):
+    log = log_of(path)
+    if (ours or log) and (inputs, outputs) != (("u",), ("y",)):
         raise ScenarioError(
             f"{path.name} is a record of joints: choose one by --joint; --input and --output are for tables"
         )
+    parts: tuple[IOData, ...] = ()
     if ours:
         contents = read_records(path)
         if contents.message:
-            from hmtb_twin import TwinWarning
-
             warnings.warn(contents.message, TwinWarning, stacklevel=2)
-        return _agreeing(contents.choose(test, path).parts(joint), dt, path)
-    if is_log:
-        from hmtb_twin import JointLog
-
-        log = JointLog.load(path)
+        parts = contents.choose(test, path).parts(joint)
+    elif log is not None:
         check_complete(log, log.axes if joint is None else (joint,), path.name)
-        return _agreeing((log.iodata(joint),), dt, path)
+        parts = (log.iodata(joint),)
+    if parts and dt is not None and abs(dt - parts[0].dt) > SAME_INTERVAL * parts[0].dt:
+        raise ScenarioError(
+            f"{path.name}: --dt says a sampling interval of {dt:.6g} s, the log of {parts[0].dt:.6g} s; "
+            "expected one (leave out --dt)"
+        )
+    if parts:
+        return parts
     if joint is not None:
-        from hmtb_twin import JOINTS
-
         if joint not in JOINTS:
             raise ScenarioError(unknown("joint", joint, JOINTS))
         inputs, outputs = (f"{joint}_commanded",), (f"{joint}_measured",)
@@ -123,7 +118,7 @@ def read_parts(
         raise ScenarioError(_for_users(str(error), path, inputs, outputs)) from error
 
 
-def check_complete(log: "JointLog", joints: Sequence[str], name: str) -> None:
+def check_complete(log: JointLog, joints: Sequence[str], name: str) -> None:
     """Refuse a log with missing angles: a simulation loses none, so the file was damaged since.
 
     Args:
@@ -134,8 +129,6 @@ def check_complete(log: "JointLog", joints: Sequence[str], name: str) -> None:
     Raises:
         ScenarioError: An angle is no number.
     """
-    from hmtb_twin import JOINTS
-
     columns = [JOINTS.index(joint) for joint in joints if joint in JOINTS]
     for what, angles in (("commanded", log.commanded[:, columns]), ("measured", log.measured[:, columns])):
         bad = ~np.isfinite(angles)
@@ -169,54 +162,26 @@ def _for_users(text: str, path: Path, inputs: Sequence[str], outputs: Sequence[s
     return text
 
 
-def _is_log(path: Path) -> bool:
-    from hmtb_twin.bus.joint_log import FORMAT
-
-    return netcdf_format(path) == FORMAT
-
-
 def excited(path: Path, test: str | None = None) -> tuple[str, ...]:
     """Axes that the experiment of a log or record excites; empty for files that do not name them."""
     if is_record(path):
         return read_records(path).choose(test, path).axes
-    if path.suffix != ".nc" or not _is_log(path):
-        return ()
-    from hmtb_twin import JointLog
-
-    return JointLog.load(path).axes
+    log = log_of(path)
+    return () if log is None else log.axes
 
 
 def of_joint(record: IOData) -> str | None:
     """Joint of the first input of a record from our own files; None for records from elsewhere."""
-    from hmtb_twin import JOINTS
-
-    name, mark, _ = (record.input_names or ("",))[0].partition(" commanded")
-    return name if mark and name in JOINTS else None
+    return next(iter(joints_of(record)), None)
 
 
 def joints_of(record: IOData) -> tuple[str, ...]:
     """Joints of a record from our own files, input by input; none for records from elsewhere."""
-    from hmtb_twin import JOINTS
-
     named = [name.partition(" commanded") for name in record.input_names or ()]
     joints = tuple(name for name, mark, _ in named if mark and name in JOINTS)
     return joints if len(joints) == record.nu else ()
 
 
-def log_of(path: Path) -> "JointLog | None":
+def log_of(path: Path) -> JointLog | None:
     """The log in a file of `hmtb simulate`; None for other files."""
-    if path.suffix != ".nc" or not _is_log(path):
-        return None
-    from hmtb_twin import JointLog
-
-    return JointLog.load(path)
-
-
-def _agreeing(parts: tuple[IOData, ...], dt: float | None, path: Path) -> tuple[IOData, ...]:
-    """The records of one of our files, unless --dt contradicts their interval."""
-    if dt is not None and abs(dt - parts[0].dt) > SAME_INTERVAL * parts[0].dt:
-        raise ScenarioError(
-            f"{path.name}: --dt says a sampling interval of {dt:.6g} s, the log of {parts[0].dt:.6g} s; "
-            "expected one (leave out --dt)"
-        )
-    return parts
+    return JointLog.load(path) if path.suffix == ".nc" and netcdf_format(path) == FORMAT else None

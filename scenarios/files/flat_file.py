@@ -15,8 +15,7 @@ FLAT = "hmtb ascii record 1"
 CSV_HEADER = ",".join(("time_s", *COLUMNS))
 """First line of our CSV files."""
 
-FLAGS = 2
-"""The last columns hold whole numbers."""
+_COLUMN_LINES = {f"column {k}": f"{n}, {u}" for k, (n, u) in enumerate(zip(COLUMNS, UNITS, strict=True), start=2)}
 
 
 def write_flat(record: BusRecord, path: Path) -> Path:
@@ -29,7 +28,7 @@ def write_flat(record: BusRecord, path: Path) -> Path:
         f"samples: {len(record)}",
         "lost samples: NaN",
         "column 1: time, s",
-        *(f"column {k}: {name}, {unit}" for k, (name, unit) in enumerate(zip(COLUMNS, UNITS, strict=True), start=2)),
+        *(f"{key}: {text}" for key, text in _COLUMN_LINES.items()),
     ]
     write_whole(path, "".join(f"% {line}\n" for line in lines) + _rows(record, " "))
     return path
@@ -43,65 +42,58 @@ def write_csv(record: BusRecord, path: Path) -> Path:
 
 def read_flat(path: Path) -> BusRecord:
     """Read a file that `write_flat` wrote; `ScenarioError` on others and damaged ones."""
-    text = _text(path)
-    header = [line[1:].strip() for line in text.splitlines() if line.startswith("%")]
-    named = dict(line.split(":", 1) for line in header if ":" in line)
-    expected = {f"column {k}": f" {n}, {u}" for k, (n, u) in enumerate(zip(COLUMNS, UNITS, strict=True), start=2)}
-    wrong = [key for key, value in expected.items() if named.get(key, "").strip() != value.strip()]
+    lines = _lines(path)
+    header = [line[1:].strip() for line in lines if line.startswith("%")]
+    named = {key: text.strip() for key, mark, text in (line.partition(":") for line in header) if mark}
+    wrong = [key for key, text in _COLUMN_LINES.items() if named.get(key) != text]
     if header[:1] != [FLAT] or wrong:
-        what = f"{wrong[0]} is {named.get(wrong[0], 'not named').strip()!r}" if wrong else "its first line differs"
+        what = f"{wrong[0]} is {named.get(wrong[0], 'not named')!r}" if wrong else "its first line differs"
         raise ScenarioError(f"{path.name} is no ASCII record of ours: {what}; expected '% {FLAT}' and its columns")
     try:
-        dt, samples = float(named["sampling time"].strip().removesuffix("s")), int(named["samples"])
+        dt, samples = float(named["sampling time"].removesuffix("s")), int(named["samples"])
     except (KeyError, ValueError) as error:
         raise ScenarioError(f"{path.name}: no sampling time or number of samples among its first lines") from error
-    table = _numbers(path, [line for line in text.splitlines() if line and not line.startswith("%")], None)
+    table = _numbers(path, [line for line in lines if not line.startswith("%")], None)
     if len(table) != samples:
         raise ScenarioError(f"{path.name}: {len(table)} lines of numbers, expected {samples}: the file is cut off")
     axes = tuple(map(unquote, named.get("excited", "").split()))
-    return _record(path, unquote(named.get("test", path.stem).strip()), dt, axes, table)
+    return _record(path, unquote(named.get("test", path.stem)), dt, axes, table)
 
 
 def read_csv(path: Path) -> BusRecord:
     """Read a CSV file with our columns; the record is named after the file, and its excited axes are not known."""
-    first, *lines = _text(path).splitlines() or [""]
+    first, *lines = _lines(path) or [""]
     if first.strip() != CSV_HEADER:
         raise ScenarioError(f"{path.name}: its columns are not those of a bus record: {CSV_HEADER}")
-    table = _numbers(path, [line for line in lines if line], ",")
+    table = _numbers(path, lines, ",")
     if len(table) < 2:
         raise ScenarioError(f"{path.name}: {len(table)} lines of numbers; the sampling time needs two")
     return _record(path, path.stem, float(table[1, 0] - table[0, 0]), (), table)
 
 
 def _rows(record: BusRecord, separator: str) -> str:
-    table = np.column_stack([record.time, record.columns()])
-    text = [list(map(repr, column.tolist())) for column in table.T]
-    for column in text[-FLAGS:]:
+    text = [list(map(repr, column.tolist())) for column in (record.time, *record.columns().T)]
+    for column in text[-2:]:  # status and saturation are whole numbers
         column[:] = [value.removesuffix(".0") for value in column]
     return "".join(separator.join(row) + "\n" for row in zip(*text, strict=True)).replace("nan", "NaN")
 
 
-def _text(path: Path) -> str:
+def _lines(path: Path) -> list[str]:
     try:
-        return path.read_text(encoding="utf-8")
+        return [line for line in path.read_text(encoding="utf-8").splitlines() if line]
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{path.name}: not a text file") from error
 
 
 def _numbers(path: Path, lines: list[str], separator: str | None) -> np.ndarray:
     width = len(COLUMNS) + 1
-    if not lines:
-        return np.empty((0, width))
     try:
-        return np.loadtxt(lines, delimiter=separator, comments=None, ndmin=2, usecols=range(width))
+        table = np.loadtxt(lines, delimiter=separator, comments=None, ndmin=2) if lines else np.empty((0, width))
     except ValueError as error:
-        for line in lines:
-            if len(line.split(separator)) != width:
-                raise ScenarioError(
-                    f"{path.name}: {len(line.split(separator))} values in the line of time {line.split(separator)[0]}, "
-                    f"expected {width}"
-                ) from error
         raise ScenarioError(f"{path.name}: {error}") from error
+    if table.shape[1] != width:
+        raise ScenarioError(f"{path.name}: {table.shape[1]} columns of numbers, expected {width}")
+    return table
 
 
 def _record(path: Path, name: str, dt: float, axes: tuple[str, ...], table: np.ndarray) -> BusRecord:

@@ -1,6 +1,6 @@
 """Hashes of arrays and files: what a citation can be held to."""
 
-from hashlib import sha256
+from hashlib import file_digest, sha256
 from pathlib import Path
 
 import numpy as np
@@ -28,8 +28,5 @@ def bytes_hash(content: bytes) -> str:
 
 def file_hash(path: Path) -> str:
     """SHA-256 of a file, hexadecimal, as `sha256sum` gives it."""
-    digest = sha256()
     with path.open("rb") as stream:
-        while block := stream.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
+        return file_digest(stream, "sha256").hexdigest()

@@ -1,6 +1,5 @@
 """MATLAB files of version 5: bus records, and matrices from other programs."""
 
-import zlib
 from collections.abc import Sequence
 from math import prod
 from pathlib import Path
@@ -20,18 +19,6 @@ FORMAT = "hmtb mat record 1"
 MOST_NUMBERS = 2**27
 """No matrix has more numbers: a small file can claim to unpack to any size."""
 
-READER_ERRORS = (
-    OSError,
-    ArithmeticError,
-    LookupError,
-    MemoryError,
-    TypeError,
-    ValueError,
-    AttributeError,
-    RuntimeError,
-)
-"""What SciPy's reader raises on bytes that are no such file follows no rule."""
-
 
 def read_mat_numbers(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
     """Read matrices by name; those that are not in the file are left out.
@@ -44,16 +31,13 @@ def read_mat_numbers(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
         ScenarioError: It is no such file, or damaged, or has matrices of an absurd size.
     """
     from scipy.io import loadmat, whosmat
-    from scipy.io.matlab import MatReadError
 
     try:
-        for name, shape, _ in whosmat(path):
-            if name in names and prod(shape) > MOST_NUMBERS:
-                raise ScenarioError(f"{path}: {name} of shape {shape} given, expected at most {MOST_NUMBERS} numbers")
+        shapes = {name: shape for name, shape, _ in whosmat(path) if name in names}
+        if large := [name for name, shape in shapes.items() if prod(shape) > MOST_NUMBERS]:
+            raise ValueError(f"{large[0]} of shape {shapes[large[0]]} given, expected at most {MOST_NUMBERS} numbers")
         matrices = loadmat(path, variable_names=list(names))
-    except ScenarioError:
-        raise
-    except (MatReadError, zlib.error, *READER_ERRORS) as error:
+    except Exception as error:  # what SciPy's reader raises on bytes that are no such file follows no rule
         raise ScenarioError(f"cannot read {path}: {error}; expected a file of save(..., '-v7')") from error
     return {name: np.asarray(matrices[name]) for name in names if name in matrices}
 
@@ -90,21 +74,19 @@ def is_ours(path: Path) -> bool:
 
 
 def read_mat(path: Path) -> "BusRecord":
-    """Read a file that `write_mat` wrote; `ScenarioError` on a damaged one."""
+    """Read a file that `write_mat` wrote; `ScenarioError` on another, and on a damaged one."""
     from scipy.io import loadmat
 
     from hmtb_twin.bus.record import CHANNELS, BusRecord
 
+    if not is_ours(path):
+        raise ScenarioError(f"{path.name} is no MATLAB record of ours: it lacks a variable 'format' that says so")
     try:
         content = loadmat(path, simplify_cells=True)
-        parts = {c: np.asarray(content[c], float).reshape(-1, len(names)) for c, (names, _) in CHANNELS.items()}
-        return BusRecord.from_columns(
-            _text(content["name"]),
-            float(content["dt"]),
-            tuple(map(str, np.atleast_1d(content["excited"]))),
-            np.column_stack([parts[channel] for channel in CHANNELS]),
-        )
-    except Exception as error:  # SciPy's reader fails in many ways
+        channels = [np.asarray(content[c], float).reshape(-1, len(names)) for c, (names, _) in CHANNELS.items()]
+        axes = tuple(map(str, np.atleast_1d(content["excited"])))
+        return BusRecord.from_columns(_text(content["name"]), float(content["dt"]), axes, np.column_stack(channels))
+    except Exception as error:  # as above
         raise ScenarioError(f"{path.name}: a damaged MATLAB file of ours ({error})") from error
 
 

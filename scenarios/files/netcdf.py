@@ -18,6 +18,8 @@ Attribute = str | int | float | np.ndarray
 MOST_BYTES = 2**31
 """Arrays of one file together; more is no record of an experiment."""
 
+NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
+"""Beginning of the name that NetCDF4 gives an array which only states the length of a dimension."""
 
 BOOKKEEPING = frozenset(
     {
@@ -93,7 +95,7 @@ def read_netcdf(path: Path | BinaryIO, *, only: Collection[str] | None = None) -
             variables = {
                 name: Variable(_dimensions(raw, name, entry), _values(entry), _attributes(entry))
                 for name, entry in raw.items()
-                if (only is None or name in only) and not _is_dimension(entry)
+                if (only is None or name in only) and not _text(entry.attrs.get("NAME", "")).startswith(NO_VARIABLE)
             }
             return Contents(variables, _attributes(raw))
     except FileNotFoundError:
@@ -116,11 +118,6 @@ def _check(raw: h5py.File, path: Path | BinaryIO) -> None:
         size += entry.nbytes
     if size > MOST_BYTES:
         raise ScenarioError(f"{path}: arrays of {size} bytes given, expected at most {MOST_BYTES}")
-
-
-def _is_dimension(entry: h5py.Dataset) -> bool:
-    """Whether an array only states the length of a dimension without a variable."""
-    return _text(entry.attrs.get("NAME", "")).startswith("This is a netCDF dimension but not a netCDF variable")
 
 
 def _dimensions(raw: h5py.File, name: str, entry: h5py.Dataset) -> tuple[str, ...]:
@@ -169,9 +166,6 @@ TEXT = h5py.string_dtype()
 IN_FILE, IN_MEMORY = h5t.py_create(TEXT, logical=True), h5t.py_create(TEXT)
 """How HDF5 has them in a file, and in an array of Python's own."""
 
-NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
-"""Beginning of the name that NetCDF4 gives a dimension scale without a variable."""
-
 
 def _netcdf_bytes(
     sizes: Mapping[str, int], variables: Mapping[str, Variable], attributes: Mapping[str, Attribute]
@@ -190,9 +184,17 @@ def _netcdf_bytes(
         _attribute(file, "_NCProperties", np.array(made_by.encode()))
         for name, value in attributes.items():
             _attribute(file, name, value)
-        scales = {
-            name: _scale(file, name, size, number, variables) for number, (name, size) in enumerate(sizes.items())
-        }
+        scales: dict[str, h5d.DatasetID] = {}
+        for number, (name, size) in enumerate(sizes.items()):
+            if name in variables:
+                scale = _dataset(file, name, variables[name])
+                h5ds.set_scale(scale, name.encode())
+            else:
+                space = h5s.create_simple((size,), (size or h5s.UNLIMITED,))
+                scale = h5d.create(file, name.encode(), h5t.IEEE_F32BE, space, _properties((size,), 4))
+                h5ds.set_scale(scale, f"{NO_VARIABLE}.{size:10}".encode())
+            _attribute(scale, "_Netcdf4Dimid", np.array(number, np.int32))
+            scales[name] = scale
         for name, variable in variables.items():
             stored = scales[name] if name in scales else _dataset(file, name, variable)
             if name not in scales:
@@ -204,20 +206,6 @@ def _netcdf_bytes(
         return bytes(file.get_file_image())
     finally:
         file.close()
-
-
-def _scale(file: h5f.FileID, name: str, size: int, number: int, variables: Mapping[str, Variable]) -> h5d.DatasetID:
-    """A dimension, as its variable or as an empty array."""
-    if name in variables:
-        stored = _dataset(file, name, variables[name])
-        h5ds.set_scale(stored, name.encode())
-    else:
-        properties = _properties((size,), 4)
-        space = h5s.create_simple((size,), (size or h5s.UNLIMITED,))
-        stored = h5d.create(file, name.encode(), h5t.IEEE_F32BE, space, properties)
-        h5ds.set_scale(stored, f"{NO_VARIABLE}{size:10}".encode())
-    _attribute(stored, "_Netcdf4Dimid", np.array(number, np.int32))
-    return stored
 
 
 def _dataset(file: h5f.FileID, name: str, variable: Variable) -> h5d.DatasetID:

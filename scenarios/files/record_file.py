@@ -1,18 +1,20 @@
 """Files of bus records in every format: 1553, ASCII, CSV, NetCDF, MATLAB."""
 
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
+import h5py
+
+from hmtb_twin import JointLog
+from hmtb_twin.bus import recorder_run
+from hmtb_twin.bus.messages import incomplete, rounding
+from hmtb_twin.bus.record import CHANNELS, FORMAT, BusRecord
+from scenarios.files import mat_file
 from scenarios.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError, unknown
-
-if TYPE_CHECKING:
-    from hmtb_twin.bus.record import BusRecord
+from scenarios.files.flat_file import CSV_HEADER, FLAT, read_csv, read_flat, write_csv, write_flat
 
 ENDINGS: Mapping[str, str] = MappingProxyType(
     {"nc": ".nc", "csv": ".csv", "mat": ".mat", "1553": ".ch10", "ascii": ".asc"}
@@ -35,11 +37,11 @@ class RecordFile:
         hidden: Channels of a joint log that no other format holds: what only a simulation knows.
     """
 
-    records: tuple["BusRecord", ...]
+    records: tuple[BusRecord, ...]
     message: str = ""
     hidden: tuple[str, ...] = ()
 
-    def choose(self, test: str | None, path: Path) -> "BusRecord":
+    def choose(self, test: str | None, path: Path) -> BusRecord:
         """Choose a test by name or by number from 1; not needed if there is one.
 
         Raises:
@@ -70,8 +72,6 @@ def format_of(path: Path) -> str:
 
 def netcdf_format(path: Path) -> str:
     """Format that a NetCDF4 file names; empty if it names none or is no such file."""
-    import h5py
-
     try:
         with h5py.File(path) as file:
             return str(file.attrs.get("format", ""))
@@ -83,24 +83,19 @@ def is_record(path: Path) -> bool:
     """Whether a file holds bus records of ours, by its contents."""
     kind = FORMATS.get(path.suffix)
     if kind == "nc":
-        from hmtb_twin.bus.record import FORMAT
-
         return netcdf_format(path) == FORMAT
     if kind == "mat":
-        from scenarios.files.mat_file import is_ours
-
-        return is_ours(path)
-    if kind == "ascii":
-        from scenarios.files.flat_file import FLAT
-
+        return mat_file.is_ours(path)
+    if kind in _FIRST_LINES:
         with path.open("rb") as file:
-            return file.readline(80).decode("ascii", errors="replace").strip() == f"% {FLAT}"
-    if kind == "csv":
-        from scenarios.files.flat_file import CSV_HEADER, FLAT
-
-        with path.open("rb") as file:
-            return file.readline(len(CSV_HEADER) + 4).decode("ascii", errors="replace").strip() == CSV_HEADER
+            line = file.readline(len(CSV_HEADER) + 4).decode("ascii", errors="replace")
+        return line.strip() == _FIRST_LINES[kind]
     return kind == "1553"
+
+
+_FIRST_LINES = {"ascii": f"% {FLAT}", "csv": CSV_HEADER}
+_READERS = {"mat": mat_file.read_mat, "ascii": read_flat, "csv": read_csv}
+_WRITERS = {"mat": mat_file.write_mat, "ascii": write_flat, "csv": write_csv, "nc": BusRecord.save}
 
 
 def read_records(path: Path) -> RecordFile:
@@ -116,30 +111,23 @@ def read_records(path: Path) -> RecordFile:
         ScenarioError: The file is missing or of another kind.
         TwinError: It is damaged beyond use.
     """
-    from scenarios.files import flat_file, mat_file
-
     if not path.is_file():
         raise ScenarioError(f"no file {str(path)!r}; expected one of {', '.join(FORMATS)}")
     kind = format_of(path)
     if kind == "1553":
-        from hmtb_twin.bus.recorder_run import read_run
-
-        run = read_run(path)
+        run = recorder_run.read_run(path)
         return RecordFile(run.tests, run.message)
-    if kind == "nc":
-        from hmtb_twin import JointLog
-        from hmtb_twin.bus.record import FORMAT, BusRecord
-
-        if netcdf_format(path) == FORMAT:
-            return RecordFile((BusRecord.load(path),))
-        return RecordFile((BusRecord.of(JointLog.load(path)),), hidden=_hidden(path))
-    if kind == "mat" and not mat_file.is_ours(path):
-        raise ScenarioError(f"{path.name} is no MATLAB record of ours: it lacks a variable 'format' that says so")
-    readers = {"mat": mat_file.read_mat, "ascii": flat_file.read_flat, "csv": flat_file.read_csv}
-    return RecordFile((readers[kind](path),))
+    if kind in _READERS:
+        return RecordFile((_READERS[kind](path),))
+    if netcdf_format(path) == FORMAT:
+        return RecordFile((BusRecord.load(path),))
+    record = BusRecord.of(JointLog.load(path))
+    with h5py.File(path) as file:
+        hidden = tuple(str(n) for n in file if n not in (*CHANNELS, "sample", "joint", "component", "axis"))
+    return RecordFile((record,), hidden=(*hidden, "seed", "provenance") if hidden else ())
 
 
-def write_record(record: "BusRecord", path: Path) -> Path:
+def write_record(record: BusRecord, path: Path) -> Path:
     """Write one test; the ending chooses the format.
 
     Args:
@@ -150,31 +138,14 @@ def write_record(record: "BusRecord", path: Path) -> Path:
         The path.
 
     Raises:
-        ScenarioError: Another ending, or the file cannot be written.
+        ScenarioError: Another ending, or there is a folder of that name.
+        TwinError: The NetCDF file cannot be written.
     """
-    from scenarios.files import flat_file, mat_file
-
     check_place(path)
     kind = format_of(path)
-    writers = {"mat": mat_file.write_mat, "ascii": flat_file.write_flat, "csv": flat_file.write_csv}
-    if kind in writers:
-        return writers[kind](record, path)
-    if kind != "nc":
+    if kind not in _WRITERS:
         raise ScenarioError(f"{path.name}: 1553 records are written by the run")
-    with saving(path):
-        return record.save(path)
-    return path
-
-
-@contextmanager
-def saving(path: Path) -> Iterator[None]:
-    """Replace the NetCDF library's errors, which are for its programmers, by the system's reason."""
-    try:
-        yield
-    except ValueError as error:
-        number = getattr(error.__cause__, "errno", None)
-        why = os.strerror(number) if number else "the file system refuses"
-        raise ScenarioError(f"cannot write {path}: {why}") from error
+    return _WRITERS[kind](record, path)
 
 
 def losses(contents: Sequence[RecordFile], kind: str) -> list[str]:
@@ -193,9 +164,6 @@ def losses(contents: Sequence[RecordFile], kind: str) -> list[str]:
         lost.append(f"what only a simulation knows ({', '.join(hidden)})")
     if kind != "1553":
         return lost
-    from hmtb_twin.bus.messages import incomplete, rounding
-    from hmtb_twin.bus.recorder_run import MEMORY, TESTS_PER_RUN
-
     records = [record for entry in contents for record in entry.records]
     for record in records:
         units = {"commanded": "rad", "measured": "rad", "wrench": "N or N m"}
@@ -207,15 +175,15 @@ def losses(contents: Sequence[RecordFile], kind: str) -> list[str]:
             f"{record.name}: {channel} values at {count} ticks at which others of the same message are missing"
             for channel, count in incomplete(record).items()
         ]
-    if len(records) > TESTS_PER_RUN:
-        raise ScenarioError(f"{len(records)} tests given; a run of the recorder holds {TESTS_PER_RUN}")
+    if len(records) > recorder_run.TESTS_PER_RUN:
+        raise ScenarioError(f"{len(records)} tests given; a run of the recorder holds {recorder_run.TESTS_PER_RUN}")
     ticks = sum(map(len, records))
-    if ticks > MEMORY:
-        lost.append(f"{ticks - MEMORY} of {ticks} ticks: the recorder's memory holds {MEMORY}, twenty minutes")
+    if ticks > (memory := recorder_run.MEMORY):
+        lost.append(f"{ticks - memory} of {ticks} ticks: the recorder's memory holds {memory}, twenty minutes")
     return lost
 
 
-def unnamed(records: Sequence["BusRecord"], kind: str, names: Sequence[str]) -> list[str]:
+def unnamed(records: Sequence[BusRecord], kind: str, names: Sequence[str]) -> list[str]:
     """List what a format has no place for beside the channels: a CSV names no test and no axes.
 
     Args:
@@ -232,15 +200,3 @@ def unnamed(records: Sequence["BusRecord"], kind: str, names: Sequence[str]) -> 
         if what:
             texts.append(f"{name}.csv does not say {' nor '.join(what)}")
     return texts
-
-
-def _hidden(path: Path) -> tuple[str, ...]:
-    """Variables and provenance of a joint log beyond the channels of the bus."""
-    import h5py
-
-    from hmtb_twin.bus.record import CHANNELS
-
-    with h5py.File(path) as file:
-        coordinates = {"sample", "joint", "component", "axis"}
-        variables = tuple(str(name) for name in file if name not in CHANNELS and name not in coordinates)
-        return (*variables, "seed", "provenance") if variables else ()

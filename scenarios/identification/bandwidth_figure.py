@@ -1,6 +1,7 @@
-"""The figure of the 1 Hz finding: what was recovered, by joint, method and test, beside what is true and printed."""
+"""The figure of the 1 Hz finding: recovered bandwidths by joint, method and test, beside true and printed ones."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,7 +11,7 @@ from matplotlib.patches import Patch
 
 from scenarios.identification.bandwidth_study import BandwidthStudy
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, METHODS, RecoveredBandwidth
-from scenarios.report.figure_style import HIGH, NOT_EXCITED, dress, short
+from scenarios.report.figure_style import NOT_EXCITED, dress, method_style, short
 from scenarios.truth.published import published
 from sysid.plots import BOUND, INK, PALETTE, Style
 
@@ -39,13 +40,18 @@ def bandwidth_figure(study: BandwidthStudy) -> Figure:
     Args:
         study: The bandwidths.
     """
-    groups = [(joint, _groups(study, joint)) for joint in study.joints]
+    methods = list(dict.fromkeys(row.method for row in study.rows))
+    groups = [
+        (joint, sorted(study.groups(joint), key=lambda rows: methods.index(rows[0].method))) for joint in study.joints
+    ]
     heights = [len(rows) + len(published(joint)) + 1.4 for joint, rows in groups]
     figure = Figure(figsize=(WIDTH, ROW * sum(heights) + 1.5), layout="constrained")
     panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
-    limits = _limits(study)
+    values = [value for row in study.rows for value in (row.hz, row.true_hz)]
+    values += [one.bandwidth_hz for joint in study.joints for one in published(joint)]
+    within = [*ABOUT_1_HZ, *(value for value in values if REACH[0] <= value <= REACH[1])]
     for axes, (joint, rows) in zip(panels, groups, strict=True):
-        axes.set_xlim(*limits)
+        axes.set_xlim(min(within) - SPARE, max(within) + SPARE)
         _panel(axes, study, joint, rows)
     panels[-1].set_xlabel("bandwidth / Hz")
     figure.suptitle(f"Bandwidths on the arm {study.condition}", fontsize=10, x=0.01, ha="left")
@@ -56,25 +62,18 @@ def bandwidth_figure(study: BandwidthStudy) -> Figure:
 def _panel(axes: Axes, study: BandwidthStudy, joint: str, rows: Sequence[Sequence[RecoveredBandwidth]]) -> None:
     labels: list[str] = []
     several = len({row.test for row in study.rows}) > 1
-    for found in rows:
-        _draw(axes, found, len(labels))
-        held = sum(row.covers for row in found)
-        axes.annotate(
-            f"{held} of {len(found)}",
-            (1.01, len(labels)),
-            xycoords=("axes fraction", "data"),
-            va="center",
-            fontsize=8,
-            annotation_clip=False,
-        )
-        labels.append(METHODS[found[0].method] + (f", test {found[0].test}" if several else ""))
-        bla = found[0].best_linear
+    for group in rows:
+        y = len(labels)
+        _draw(axes, group, y)
+        held = f"{sum(row.covers for row in group)} of {len(group)}"
+        place: tuple[str, str] = ("axes fraction", "data")
+        axes.annotate(held, (1.01, y), xycoords=place, va="center", fontsize=8, annotation_clip=False)
+        labels.append(METHODS[group[0].method] + (f", test {group[0].test}" if several else ""))
+        bla = group[0].best_linear
         if bla is not None and np.isfinite(bla).all():
-            y = len(labels) - 1
             axes.fill_betweenx([y - 0.5, y + 0.5], bla[1], bla[2], color=BEST_LINEAR, lw=0.6, zorder=1)
-    star = PALETTE["published"]
     for printed in published(joint):
-        _mark(axes, printed.bandwidth_hz, len(labels), star, 8)
+        _mark(axes, printed.bandwidth_hz, len(labels), PALETTE["published"], 8)
         labels.append(f"published {printed.label}")
     truth = study.truth.joint(joint).bandwidth_hz
     axes.axvspan(*ABOUT_1_HZ, color=NOT_EXCITED, lw=0, zorder=0)
@@ -87,22 +86,13 @@ def _panel(axes: Axes, study: BandwidthStudy, joint: str, rows: Sequence[Sequenc
     dress([axes])
 
 
-def _draw(axes: Axes, found: Sequence[RecoveredBandwidth], y: int) -> None:
-    style = _style(found[0].method)
-    claimed = sorted((row for row in found if np.isfinite(row.hz)), key=lambda row: row.hz)
-    if len(claimed) < len(found):
-        axes.plot(
-            0.012,
-            y,
-            "x",
-            color=style.colour,
-            ms=6,
-            mew=1.6,
-            transform=axes.get_yaxis_transform(),
-            clip_on=False,
-            zorder=4,
-        )
-    levels = [row.half_power_hz for row in found if np.isfinite(row.half_power_hz)]
+def _draw(axes: Axes, group: Sequence[RecoveredBandwidth], y: int) -> None:
+    style = method_style(group[0].method)
+    claimed = sorted((row for row in group if not row.refused), key=lambda row: row.hz)
+    if len(claimed) < len(group):
+        edge: dict[str, Any] = {"transform": axes.get_yaxis_transform(), "clip_on": False}
+        axes.plot(0.012, y, "x", color=style.colour, ms=6, mew=1.6, zorder=4, **edge)
+    levels = [row.half_power_hz for row in group if np.isfinite(row.half_power_hz)]
     if levels:
         axes.plot(np.median(levels), y, "|", color=style.colour, ms=11, mew=1.8, zorder=5)
     if not claimed:
@@ -136,30 +126,13 @@ def _mark(axes: Axes, hz: float, y: int, style: Style, size: float) -> None:
     )
 
 
-def _style(method: str) -> Style:
-    return HIGH if method == "oe_high" else PALETTE[method]
-
-
-def _groups(study: BandwidthStudy, joint: str) -> list[list[RecoveredBandwidth]]:
-    """Rows of one joint by method and test, methods together."""
-    groups: dict[tuple[str, str], list[RecoveredBandwidth]] = {}
-    for row in study.rows:
-        if row.joint == joint:
-            groups.setdefault((row.method, row.test), []).append(row)
-    methods = list(dict.fromkeys(method for method, _ in groups))
-    return [groups[key] for key in sorted(groups, key=lambda key: methods.index(key[0]))]
-
-
-def _limits(study: BandwidthStudy) -> tuple[float, float]:
-    values = [value for row in study.rows for value in (row.hz, row.true_hz) if np.isfinite(value)]
-    values += [one.bandwidth_hz for joint in study.joints for one in published(joint)]
-    seen = [value for value in values if REACH[0] <= value <= REACH[1]]
-    return min(*seen, ABOUT_1_HZ[0]) - SPARE, max(*seen, ABOUT_1_HZ[1]) + SPARE
-
-
 def _legend(study: BandwidthStudy) -> list[Line2D | Patch]:
     star, grey = PALETTE["published"], "#555555"
-    several = any(len(rows) > 1 for joint in study.joints for rows in _groups(study, joint))
+    several = any(len(rows) > 1 for joint in study.joints for rows in study.groups(joint))
+
+    def mark(shape: str, label: str, **style: float) -> Line2D:
+        return Line2D([], [], color=grey, marker=shape, ls="none", label=label, **style)  # type: ignore[arg-type]
+
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=PALETTE["truth"].colour, lw=1.6, label="small-signal truth"),
         Line2D([], [], color=BOUND.colour, ls=":", lw=1.2, label="1 Hz"),
@@ -167,17 +140,13 @@ def _legend(study: BandwidthStudy) -> list[Line2D | Patch]:
     ]
     if study.best_linear:
         handles.append(Patch(color=BEST_LINEAR, label="best linear truth, 95 %"))
-    mark = "middle seed with 95 % interval" if several else "recovered with 95 % interval"
-    handles.append(Line2D([], [], color=grey, marker="o", ms=5.5, lw=1.6, label=mark))
-    if several:
-        handles.append(Line2D([], [], color=grey, marker="o", ms=3, alpha=0.35, ls="none", label="each seed"))
-    handles.append(
-        Line2D([], [], color=grey, marker="|", ms=11, mew=1.8, ls="none", label="gain 0.707" + ", middle" * several)
-    )
+    middle = "middle seed with 95 % interval" if several else "recovered with 95 % interval"
+    handles.append(Line2D([], [], color=grey, marker="o", ms=5.5, lw=1.6, label=middle))
+    handles += [mark("o", "each seed", ms=3, alpha=0.35)] if several else []
+    handles.append(mark("|", "gain 0.707" + ", middle" * several, ms=11, mew=1.8))
     if any(published(joint) for joint in study.joints):
         handles.append(
             Line2D([], [], color=star.colour, marker=star.marker, ms=8, ls="none", label="printed in the thesis")
         )
-    if any(row.refused for row in study.rows):
-        handles.append(Line2D([], [], color=grey, marker="x", ms=6, ls="none", label="not claimed: record bears none"))
+    handles += [mark("x", "not claimed: record bears none", ms=6)] if any(row.refused for row in study.rows) else []
     return handles

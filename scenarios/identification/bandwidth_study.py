@@ -1,8 +1,8 @@
 """Study of the 1 Hz finding: bandwidths of joints, methods, tests and seeds beside every truth."""
 
+import itertools
 import re
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -10,9 +10,9 @@ import numpy as np
 
 from hmtb_twin import Arm, JointLog, Truth, linearize, simulate
 from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.truth.logged_arm import logged_arm
 from scenarios.experiments.campaign import SINGLE_JOINT, Condition, campaign_scenario, single_joint_test
 from scenarios.experiments.log_review import SETTLING, prepared
-from scenarios.experiments.logged_arm import logged_arm
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.scenario import Scenario
 from scenarios.experiments.waveform import WINDOW
@@ -23,12 +23,12 @@ from scenarios.identification.one_hertz import (
     look,
     published_in_words,
     recovered_in_words,
-    true_bandwidths,
     truth_in_words,
     verdict,
 )
-from scenarios.identification.recovered_bandwidth import METHODS, Recording, RecoveredBandwidth, recover
+from scenarios.identification.recovered_bandwidth import METHODS, Recording, RecoveredBandwidth, recover, structure
 from scenarios.truth.bla_of_record import BestLinearOfTest, best_linear_of_test
+from scenarios.truth.maps import Stage
 from scenarios.truth.published import published
 from sysid.models.bandwidth import half_power_hz
 
@@ -43,9 +43,6 @@ ENOUGH = (
 
 FULL = 240.0
 """Length of the thesis' tests, s."""
-
-Stage = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
-"""Opens a progress bar with a label."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +70,14 @@ class BandwidthStudy:
         """The joints, in the order of the rows."""
         return tuple(dict.fromkeys(row.joint for row in self.rows))
 
+    def groups(self, joint: str) -> list[list[RecoveredBandwidth]]:
+        """Return the rows of a joint by method and test, the seeds of each together."""
+        groups: dict[tuple[str, str], list[RecoveredBandwidth]] = {}
+        for row in self.rows:
+            if row.joint == joint:
+                groups.setdefault((row.method, row.test), []).append(row)
+        return list(groups.values())
+
     def refusals(self) -> tuple[str, ...]:
         """Say why bandwidths are not claimed: each reason once, with the methods and how often."""
         by_reason: dict[str, list[RecoveredBandwidth]] = {}
@@ -92,7 +97,7 @@ class BandwidthStudy:
         texts = (
             "" if self.duration is None or self.duration >= FULL else f"{look(self.duration)}.",
             verdict(self.rows),
-            truth_in_words(true_bandwidths(self.rows)),
+            truth_in_words({row.joint: row.true_hz for row in self.rows}),
             best_linear_in_words(self.rows),
             recovered_in_words(self.rows),
             coverage_in_words(self.rows),
@@ -149,12 +154,11 @@ def from_simulation(
     Raises:
         ScenarioError: An unknown joint, method or test, no seed, tests too short, or every experiment failed.
     """
-    for what, given in (("joints", joints), ("tests", tests), ("seeds", seeds)):
-        if not given:
+    for what, values in (("joints", joints), ("methods", methods), ("tests", tests), ("seeds", seeds)):
+        if not values:
             raise ScenarioError(f"no {what} given, expected one or more")
-    for joint in joints:
-        _check_joint(joint)
-    _check_methods(methods)
+    for joint, method in itertools.product(joints, methods):
+        structure(joint, method)  # refuses unknown names before any work begins
     for test in tests:
         if test not in SINGLE_JOINT:
             raise ScenarioError(unknown("test", test, map(str, SINGLE_JOINT)))
@@ -185,12 +189,9 @@ def from_simulation(
             ]
     if not recordings:
         raise ScenarioError(f"every experiment failed: {'; '.join(f'{name}: {why}' for name, why in failed.items())}")
-    first = next((seed for seed in seeds if seed is not None), 0)
-    arm = condition.arm()
-    truth = linearize(arm, OPERATING_POSE, amplitudes=())
-    approximations = _best_linear(recordings, arm, first, threads, stage) if best_linear else {}
-    rows = _rows(recordings, methods, truth, approximations, stage)
-    return BandwidthStudy(str(condition), rows, truth, approximations, MappingProxyType(failed), duration)
+    first = next((seed for seed in seeds if seed is not None), 0) if best_linear else None
+    known = (str(condition), condition.arm(), OPERATING_POSE)
+    return _study(recordings, methods, known, first, threads, stage, failed=failed, duration=duration)
 
 
 def from_logs(
@@ -219,14 +220,16 @@ def from_logs(
         ScenarioError: A log that excites several axes or a joint that was not studied, one that is too short, the same
             record twice, or logs of several arms.
     """
-    _check_methods(methods)
+    if not methods:
+        raise ScenarioError("no methods given, expected one or more")
     recordings = list[Recording]()
     arms: dict[tuple[object, ...], tuple[Arm, str, str]] = {}
     for log in logs:
         if len(log.axes) != 1:
             raise ScenarioError(f"{log.name} excites {', '.join(log.axes)}; expected a log that excites one joint")
         (joint,) = log.axes
-        _check_joint(joint)
+        for method in methods:
+            structure(joint, method)
         if round(len(log) * log.dt, 9) < SHORTEST:
             raise ScenarioError(f"{log.name}: a log of {len(log) * log.dt:g} s given, {ENOUGH}")
         if "scenario" not in log.provenance:
@@ -243,81 +246,58 @@ def from_logs(
             f"the logs are of {len(arms)} arms or conditions ({', '.join(name for *_, name in arms.values())}); "
             "expected one, whose truth they are compared with"
         )
-    _refuse_repeated(logs)
+    for log, other in itertools.combinations(logs, 2):
+        # A record that comes twice, under its own name or another, whole or cut, would count as two.
+        common = min(len(log), len(other))
+        same = np.array_equal(log.measured[:common], other.measured[:common])
+        if same or (log.name, log.seed) == (other.name, other.seed):
+            raise ScenarioError(
+                f"the log of {other.name}, seed {other.seed}, is given twice"
+                + (f", also as {log.name}, seed {log.seed}" if log.name != other.name else "")
+                + "; expected every record once"
+            )
     ((arm, pose, _),) = arms.values()
-    truth = linearize(arm, pose, amplitudes=())
-    approximations = _best_linear(recordings, arm, seed, threads, stage) if best_linear else {}
-    rows = _rows(recordings, methods, truth, approximations, stage)
     shortest = min(len(log) * log.dt for log in logs)
-    condition, duration = str(Condition(arm.variant, arm.friction)), shortest if shortest < FULL else None
-    return BandwidthStudy(condition, rows, truth, approximations, MappingProxyType({}), duration)
+    known = (str(Condition(arm.variant, arm.friction)), arm, pose)
+    duration = shortest if shortest < FULL else None
+    return _study(recordings, methods, known, seed if best_linear else None, threads, stage, duration=duration)
 
 
-def _groups(recordings: Sequence[Recording]) -> dict[tuple[str, str], list[Recording]]:
-    """Group recordings by joint and test, joints in the thesis' order."""
+def _study(
+    recordings: Sequence[Recording],
+    methods: Sequence[str],
+    known: tuple[str, Arm, str],
+    seed: int | None,
+    threads: int | None,
+    stage: Stage,
+    *,
+    failed: Mapping[str, str] = MappingProxyType({}),
+    duration: float | None,
+) -> BandwidthStudy:
+    """Recover bandwidths joint by joint in the thesis' order, then test by test, then seed by seed.
+
+    `known` has the condition in words, the arm and its pose; without a seed, best linear approximations are left out.
+    """
+    condition, arm, pose = known
+    truth = linearize(arm, pose, amplitudes=())
     groups: dict[tuple[str, str], list[Recording]] = {}
     for one in sorted(recordings, key=lambda one: list(STRUCTURES).index(one.joint)):
         groups.setdefault((one.joint, one.test), []).append(one)
-    return groups
-
-
-def _best_linear(
-    recordings: Sequence[Recording], arm: Arm, seed: int, threads: int | None, stage: Stage
-) -> dict[tuple[str, str], BestLinearOfTest]:
-    groups, approximations = _groups(recordings), dict[tuple[str, str], BestLinearOfTest]()
-    with stage("best linear approximation") as step:
-        for (joint, test), group in groups.items():
-            step(len(approximations), len(groups))
-            records = [one.data for one in group]
-            approximations[joint, test] = best_linear_of_test(
-                group[0].setting, arm, records, test=test, seed=seed, threads=threads
-            )
-    return approximations
-
-
-def _rows(
-    recordings: Sequence[Recording],
-    methods: Sequence[str],
-    truth: Truth,
-    approximations: Mapping[tuple[str, str], BestLinearOfTest],
-    stage: Stage,
-) -> tuple[RecoveredBandwidth, ...]:
-    """Recover bandwidths joint by joint, then test by test, then seed by seed."""
-    rows: list[RecoveredBandwidth] = []
+    approximations, rows = dict[tuple[str, str], BestLinearOfTest](), list[RecoveredBandwidth]()
+    if seed is not None:
+        with stage("best linear approximation") as step:
+            for (joint, test), group in groups.items():
+                step(len(approximations), len(groups))
+                records = [one.data for one in group]
+                approximations[joint, test] = best_linear_of_test(
+                    group[0].setting, arm, records, test=test, seed=seed, threads=threads
+                )
     chosen = list(dict.fromkeys(methods))
     with stage("identify") as step:
-        for (joint, test), group in _groups(recordings).items():
+        for (joint, test), group in groups.items():
             bla = approximations.get((joint, test))
             interval = None if bla is None else (bla.hz, *bla.ci95)
-            for one in group:
-                for method in chosen:
-                    rows.append(recover(one, method, truth.joint(joint).bandwidth_hz, interval))
-                    step(len(rows), len(recordings) * len(chosen))
-    return tuple(rows)
-
-
-def _check_joint(joint: str) -> None:
-    if joint not in STRUCTURES:
-        raise ScenarioError(unknown("joint", joint, STRUCTURES))
-
-
-def _check_methods(methods: Sequence[str]) -> None:
-    if not methods:
-        raise ScenarioError("no methods given, expected one or more")
-    for method in methods:
-        if method not in METHODS:
-            raise ScenarioError(unknown("method", method, METHODS))
-
-
-def _refuse_repeated(logs: Sequence[JointLog]) -> None:
-    """Refuse a record that comes twice, under its own name or another, whole or cut: it would count as two."""
-    for number, log in enumerate(logs):
-        for other in logs[:number]:
-            common = min(len(log), len(other))
-            same = np.array_equal(log.measured[:common], other.measured[:common])
-            if same or (log.name, log.seed) == (other.name, other.seed):
-                raise ScenarioError(
-                    f"the log of {log.name}, seed {log.seed}, is given twice"
-                    + (f", also as {other.name}, seed {other.seed}" if log.name != other.name else "")
-                    + "; expected every record once"
-                )
+            for one, method in itertools.product(group, chosen):
+                rows.append(recover(one, method, truth.joint(joint).bandwidth_hz, interval))
+                step(len(rows), len(recordings) * len(chosen))
+    return BandwidthStudy(condition, tuple(rows), truth, approximations, failed, duration)

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import sysid
-from scenarios.experiments.joint_inputs import dependence_warning
+from scenarios.experiments.joint_inputs import LAGS
 from scenarios.files.data_file import excited
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import ESTIMATORS, SHORTEST, complete_parts, estimate
 from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offset
+from sysid.validation.input_independence import LIMIT, input_independence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -171,20 +172,9 @@ def usable(
     for part in records:
         kept += [part[left:]] if len(part) > left else []
         left = max(left - len(part), 0)
-    _refuse_constants(kept, path, test)
-    if len(kept) == 1 and kept[0].complete:
-        return (kept[0],)
-    whole = complete_parts(kept) if method in ESTIMATORS and not ESTIMATORS[method].gaps else kept
-    whole = [part for part in whole if part.known.all(axis=1).sum() >= SHORTEST]
-    if not whole:
-        raise ScenarioError(f"{path.name}: between the gaps no part has {SHORTEST} samples; nothing to identify from")
-    return tuple(whole)
-
-
-def _refuse_constants(records: Sequence[IOData], path: Path, test: str | None) -> None:
     # Before the mean is removed, which would leave rounding where there was a constant.
     for what, names in (("input", records[0].input_names), ("output", records[0].output_names)):
-        values = np.concatenate([part.u if what == "input" else part.y for part in records])
+        values = np.concatenate([getattr(part, "u" if what == "input" else "y") for part in kept])
         for column, name in zip(values.T, names or (), strict=True):
             if np.nanmin(column) == np.nanmax(column):
                 axes = excited(path, test)
@@ -193,6 +183,13 @@ def _refuse_constants(records: Sequence[IOData], path: Path, test: str | None) -
                     f"{path.name}: the {what} {name!r} is constant at {np.nanmin(column):g}; expected one "
                     f"that moves in {len(values)} samples{hint}"
                 )
+    if len(kept) == 1 and kept[0].complete:
+        return (kept[0],)
+    whole = complete_parts(kept) if method in ESTIMATORS and not ESTIMATORS[method].gaps else kept
+    whole = [part for part in whole if part.known.all(axis=1).sum() >= SHORTEST]
+    if not whole:
+        raise ScenarioError(f"{path.name}: between the gaps no part has {SHORTEST} samples; nothing to identify from")
+    return tuple(whole)
 
 
 def _remarks(fitted: FittedModel) -> tuple[str, ...]:
@@ -204,8 +201,12 @@ def _remarks(fitted: FittedModel) -> tuple[str, ...]:
         texts.append(f"the model and the fits are of {len(parts)} parts between lost samples, {samples} samples in all")
     if missing:
         texts.append(f"{missing} of {values} output samples are missing")
-    if first.nu > 1 and (together := dependence_warning(max(parts, key=len))):
-        texts.append(together)
+    inputs = input_independence(max(parts, key=len).scored.u, first.input_names or (), lags=LAGS)
+    if inputs is not None and inputs.condition > LIMIT:
+        texts.append(
+            f"the inputs {', '.join(inputs.names)} move together (condition {inputs.condition:.3g} between them, limit "
+            f"{LIMIT:g}): their effects on the outputs cannot be separated"
+        )
     paths: dict[str, list[str]] = {}
     for i, row in enumerate(fitted.claims):
         for j, claim in enumerate(row):

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,22 +16,17 @@ from scenarios.files.data_file import joints_of, log_of, read_parts
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.identification import identify, usable
 from scenarios.identification.methods import ESTIMATORS
-from scenarios.truth.published import BY_NAME, PublishedModel, published, published_model
+from scenarios.truth.published import BY_NAME, EQUATIONS, PublishedModel, published, published_model
 from sysid import IOData, ModelFit, StateSpace
 from sysid.polynomial.fit_with_offset import subtract_means, unexplained_offset
 
 FORMS = "truth, published, published:NAME (4.7 ... 5.10, sysid, okid, hybrid), METHOD:ORDERS (oe:2/2/1)"
 """Forms of a model's name, for messages."""
 
-DIGITS = 4
-"""Most digits of an order: more are a slip of the keyboard."""
-
-SAME = 1e-6
-"""Samples that differ by less than this part of their range are the same, written with few digits."""
+DIGITS = 4  # of an order at most: more are a slip of the keyboard
 
 
-@dataclass(frozen=True)
-class ModelName:
+class ModelName(NamedTuple):
     """A model by name.
 
     Attributes:
@@ -71,19 +67,6 @@ class JudgedModel:
     remarks: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class ComparedModels:
-    """Models on a record.
-
-    Attributes:
-        parts: The record about its means, or as it is.
-        models: The models, in the sequence of their names.
-    """
-
-    parts: tuple[IOData, ...]
-    models: tuple[JudgedModel, ...]
-
-
 def parsed(text: str) -> ModelName:
     """Parse the name of a model.
 
@@ -115,29 +98,6 @@ def parsed(text: str) -> ModelName:
     return ModelName(text, kind, orders=orders)
 
 
-def same_samples(records: Sequence[IOData], others: Sequence[IOData]) -> bool:
-    """Whether two files hold one record: the same samples, or those of its beginning.
-
-    Args:
-        records: One file, as read.
-        others: The other.
-    """
-
-    def close(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-        known = ~np.isnan(a)
-        if not np.array_equal(known, ~np.isnan(b)):
-            return False
-        ranges = np.nanmax(a, axis=0, initial=-np.inf) - np.nanmin(a, axis=0, initial=np.inf)
-        return bool((np.abs(a - b) <= SAME * ranges)[known].all())
-
-    def same(one: IOData, other: IOData) -> bool:
-        common = min(len(one), len(other))
-        channels = ((one.u, other.u), (one.y, other.y))
-        return all(a.shape[1] == b.shape[1] and close(a[:common], b[:common]) for a, b in channels)
-
-    return any(same(one, other) for one in records for other in others)
-
-
 def compare_models(
     names: Sequence[ModelName],
     records: Sequence[IOData],
@@ -149,7 +109,7 @@ def compare_models(
     keep_mean: bool = False,
     steps: int = 1,
     test: str | None = None,
-) -> ComparedModels:
+) -> tuple[tuple[IOData, ...], tuple[JudgedModel, ...]]:
     """Judge models on a record, each about its own operating point.
 
     Args:
@@ -164,7 +124,7 @@ def compare_models(
         test: Which test of the file, for messages.
 
     Returns:
-        The models with their fits.
+        The record about its means, or as it is; and the models with their fits, in the sequence of their names.
 
     Raises:
         ScenarioError: A model does not go with the record: other joints, another sampling interval, no truth known.
@@ -176,7 +136,23 @@ def compare_models(
     for name in names:
         if name.kind in ESTIMATORS:
             own = usable(estimation or records, skip, name.kind, estimation_path or path, test)
-            models.append(_estimated(name, own, parts, shown, keep_mean, steps))
+            result = identify(own, name.kind, name.orders, keep_mean=keep_mean, steps=steps, check=parts)
+            label = f"{name.kind.upper()} {'/'.join(map(str, result.fitted.orders.values()))}"
+            # The same samples twice, about their means and about the model's own operating point.
+            moved = [part.y - about.y for part, about in zip(shown, result.checked, strict=True)]
+            claims = [[(claim.hz, claim.low, claim.high) for claim in row] for row in result.fitted.claims]
+            models.append(
+                JudgedModel(
+                    label,
+                    name.kind,
+                    result.fitted.estimate.model,
+                    replace(result.fit, name=label),
+                    np.nanmean(np.concatenate(moved), axis=0),
+                    np.array(claims)[..., 0],
+                    np.array(claims)[..., 1:],
+                    result.warnings,
+                )
+            )
             continue
         for label, model, remarks in _known_models(name, parts[0], path):
             level = np.zeros(model.ny) if keep_mean else unexplained_offset(model, shown)[0]
@@ -185,14 +161,23 @@ def compare_models(
             band = model.bandwidth()
             no_interval = np.full((*band.shape, 2), np.nan)
             models.append(JudgedModel(label, name.kind, model, fit, level, band, no_interval, remarks))
-    return ComparedModels(shown, tuple(models))
+    return shown, tuple(models)
 
 
 def _known_models(name: ModelName, record: IOData, path: Path) -> list[tuple[str, StateSpace, tuple[str, ...]]]:
     """Label, model and remarks of models that need no estimation."""
     joints = joints_of(record)
     if name.kind == "truth":
-        return [("truth", _truth(path, joints), ())]
+        from hmtb_twin import linearize
+        from hmtb_twin.truth.logged_arm import logged_arm
+
+        log = log_of(path)
+        if log is None or not joints:
+            raise ScenarioError(f"{path.name} tells of no arm; the truth is known of logs of hmtb simulate only (.nc)")
+        truth = linearize(logged_arm(log), log.provenance["pose"], amplitudes=())
+        if len(joints) == 1:
+            return [("truth", truth.joint(joints[0]).model, ())]
+        return [("truth", replace(truth.subset(joints, joints), K=None, innovation_covariance=None), ())]
     if not name.name and len(joints) != 1:
         what = f"{len(joints)} joints" if joints else "no joint that is known"
         raise ScenarioError(
@@ -201,7 +186,7 @@ def _known_models(name: ModelName, record: IOData, path: Path) -> list[tuple[str
         )
     entries = [published_model(name.name)] if name.name else list(published(joints[0]))
     if not entries:
-        have = ", ".join(dict.fromkeys(entry.joint for entry in BY_NAME.values() if isinstance(entry, PublishedModel)))
+        have = ", ".join(dict.fromkeys(entry.joint for entry in EQUATIONS.values()))
         raise ScenarioError(f"the thesis prints no model of {joints[0]}; it does of {have}")
     if abs(record.dt - SAMPLE_TIME) > 1e-6:
         raise ScenarioError(
@@ -225,45 +210,6 @@ def _known_models(name: ModelName, record: IOData, path: Path) -> list[tuple[str
         model = sysid.models.block_diagonal([part.model for part in chosen])
         models.append((f"published {label}", model, tuple(f"{part.label}: {part.doubts}" for part in chosen)))
     return models
-
-
-def _truth(path: Path, joints: tuple[str, ...]) -> StateSpace:
-    """Return the small-signal truth of the arm of a log, of the joints that were read."""
-    from hmtb_twin import linearize
-    from scenarios.experiments.logged_arm import logged_arm
-
-    log = log_of(path)
-    if log is None or not joints:
-        raise ScenarioError(f"{path.name} tells of no arm; the truth is known of logs of hmtb simulate only (.nc)")
-    truth = linearize(logged_arm(log), log.provenance["pose"], amplitudes=())
-    if len(joints) == 1:
-        return truth.joint(joints[0]).model
-    return replace(truth.subset(joints, joints), K=None, innovation_covariance=None)
-
-
-def _estimated(
-    name: ModelName,
-    estimation: Sequence[IOData],
-    parts: Sequence[IOData],
-    shown: Sequence[IOData],
-    keep_mean: bool,
-    steps: int,
-) -> JudgedModel:
-    result = identify(estimation, name.kind, name.orders, keep_mean=keep_mean, steps=steps, check=parts)
-    label = f"{name.kind.upper()} {'/'.join(map(str, result.fitted.orders.values()))}"
-    # The same samples twice, about their means and about the model's own operating point.
-    moved = np.concatenate([part.y - own.y for part, own in zip(shown, result.checked, strict=True)])
-    claims = result.fitted.claims
-    return JudgedModel(
-        label,
-        name.kind,
-        result.fitted.estimate.model,
-        replace(result.fit, name=label),
-        np.nanmean(moved, axis=0),
-        np.array([[claim.hz for claim in row] for row in claims]),
-        np.array([[[claim.low, claim.high] for claim in row] for row in claims]),
-        result.warnings,
-    )
 
 
 def read_joints(
@@ -290,18 +236,12 @@ def read_joints(
     if any(len(one) > 1 for one in each):
         raise ScenarioError(f"{path.name}: commands were lost in between; read one joint at a time")
     records = [one[0] for one in each]
+    labels: dict[str, Any] = {
+        what: tuple(label for record in records for label in getattr(record, what) or ())
+        for what in ("input_names", "output_names", "input_units", "output_units")
+    }
+    u, y = (np.hstack([getattr(record, name) for record in records]) for name in "uy")
+    complete = all(record.complete for record in records)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return (
-            IOData(
-                np.hstack([record.u for record in records]),
-                np.hstack([record.y for record in records]),
-                records[0].dt,
-                input_names=tuple(name for record in records for name in record.input_names or ()),
-                output_names=tuple(name for record in records for name in record.output_names or ()),
-                input_units=tuple(unit for record in records for unit in record.input_units or ()),
-                output_units=tuple(unit for record in records for unit in record.output_units or ()),
-                missing=not all(record.complete for record in records),
-                name=records[0].name,
-            ),
-        )
+        return (IOData(u, y, records[0].dt, missing=not complete, name=records[0].name, **labels),)

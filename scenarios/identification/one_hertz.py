@@ -1,6 +1,6 @@
 """Does the 1 Hz finding hold? The answer in words for the arm, for recovered models and for the printed ones."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 
 import numpy as np
 
@@ -13,27 +13,28 @@ Rows = Sequence[RecoveredBandwidth]
 
 def verdict(rows: Rows) -> str:
     """Answer in one sentence: for the arm, by method, for the printed models."""
-    truths = true_bandwidths(rows)
-    stands = all(map(near_1_hz, truths.values()))
-    arm = "stands for the arm itself" if stands else f"does not stand for the arm itself: {_outside(truths)}"
+    truths = {row.joint: row.true_hz for row in rows}
+    outside = {joint: hz for joint, hz in truths.items() if not near_1_hz(hz)}
+    arm = f"does not stand for the arm itself: {_of_joints(outside)}" if outside else "stands for the arm itself"
     kept, partly, none = list[str](), list[str](), list[str]()
-    for method, group in by_method(rows).items():
+    for method, group in grouped(rows, "method").items():
         near = sum(row.near for row in group)
         if near == len(group):
             kept.append(METHODS[method])
-        elif any(np.isfinite(row.hz) for row in group):
-            partly.append(f"{METHODS[method]} ({near} of {len(group)})")
-        else:
+        elif all(row.refused for row in group):
             none.append(METHODS[method])
+        else:
+            partly.append(f"{METHODS[method]} ({near} of {len(group)})")
+    counts = [
+        f"{sum(near_1_hz(one.bandwidth_hz) for one in published(joint))} of {len(published(joint))} "
+        f"({joint.replace('_', ' ')})"
+        for joint in truths
+        if published(joint)
+    ]
     clauses = [f"The 1 Hz finding, read as {ABOUT_1_HZ[0]:g} to {ABOUT_1_HZ[1]:g} Hz, {arm}"]
     clauses += [f"every bandwidth recovered by {joined(kept)} keeps to it"] if kept else []
     clauses += [f"not every bandwidth recovered by {joined(partly)} does"] if partly else []
     clauses += [f"{joined(none)} can claim none"] if none else []
-    printed = {joint: published(joint) for joint in truths if published(joint)}
-    counts = [
-        f"{sum(near_1_hz(one.bandwidth_hz) for one in models)} of {len(models)} ({joint.replace('_', ' ')})"
-        for joint, models in printed.items()
-    ]
     clauses += [f"of the models that the thesis prints {joined(counts)} keep to it"] if counts else []
     return "; ".join(clauses) + "."
 
@@ -41,10 +42,8 @@ def verdict(rows: Rows) -> str:
 def truth_in_words(truths: Mapping[str, float]) -> str:
     """Describe the small-signal bandwidths (Hz) by joint."""
     near = sum(map(near_1_hz, truths.values()))
-    return (
-        f"Truth: the small-signal bandwidths are {_of_joints(truths)}; {near} of {len(truths)} "
-        f"{'is' if len(truths) == 1 else 'are'} about 1 Hz."
-    )
+    count = f"{near} of {len(truths)} {_are(truths)} about 1 Hz"
+    return f"Truth: the small-signal bandwidths are {_of_joints(truths)}; {count}."
 
 
 def best_linear_in_words(rows: Rows) -> str:
@@ -62,7 +61,7 @@ def best_linear_in_words(rows: Rows) -> str:
     moved = [shift for shift in shifts if np.isfinite(shift)]
     return (
         "Best linear: commands as strong as the tests', with all that the arm is not linear in, make it "
-        f"{', '.join(shown)} Hz; {near} of {len(tests)} {'is' if len(tests) == 1 else 'are'} about 1 Hz"
+        f"{', '.join(shown)} Hz; {near} of {len(tests)} {_are(tests)} about 1 Hz"
         + (f", {min(moved):+.1f} to {max(moved):+.1f} % from the small-signal ones." if moved else ".")
     )
 
@@ -70,47 +69,32 @@ def best_linear_in_words(rows: Rows) -> str:
 def recovered_in_words(rows: Rows) -> str:
     """Count the recovered bandwidths that are about 1 Hz, by method, test, joint and seed."""
     parts = []
-    for method, group in by_method(rows).items():
-        values = [row.hz for row in group if np.isfinite(row.hz)]
-        text = f"{METHODS[method]} {sum(row.near for row in group)} of {len(group)}"
+    for method, group in grouped(rows, "method").items():
+        values = [row.hz for row in group if not row.refused]
         notes = [f"{between(values)} Hz" if values else "none claimed"]
         if values and not all(row.near for row in group):
-            notes += _where(group)
-        parts.append(f"{text} ({'; '.join(notes)})")
-    near = sum(row.near for row in rows)
+            for name, prefix in (("test", "test "), ("joint", "")):
+                if len(several := grouped(group, name)) > 1:
+                    notes.append(
+                        ", ".join(f"{prefix}{key.replace('_', ' ')} {_near(of)}" for key, of in several.items())
+                    )
+            together = grouped(group, "seed").values()
+            if len(together) > 1 and max(map(len, together)) > 1:
+                every = sum(all(row.near for row in of) for of in together)
+                notes.append(f"all of a seed in {every} of {len(together)} seeds")
+        parts.append(f"{METHODS[method]} {_near(group)} ({'; '.join(notes)})")
     levels = [row.half_power_hz for row in rows]
     known = [level for level in levels if np.isfinite(level)]
     return (
-        f"Recovered: {near} of {len(rows)} bandwidths are about 1 Hz: {', '.join(parts)}. "
+        f"Recovered: {_near(rows)} bandwidths are about 1 Hz: {', '.join(parts)}. "
         f"By where the gain is 0.707, whatever it is at 0 Hz, which is how spectra are read, it is "
         f"{sum(map(near_1_hz, levels))} of {len(levels)}" + (f" ({between(known)} Hz)." if known else ".")
     )
 
 
-def _where(rows: Rows) -> list[str]:
-    """Count the bandwidths of one method that are about 1 Hz, by test, joint and seed."""
-    notes = []
-    for of, prefix in (("test", "test "), ("joint", "")):
-        groups: dict[str, list[RecoveredBandwidth]] = {}
-        for row in rows:
-            groups.setdefault(getattr(row, of), []).append(row)
-        if len(groups) > 1:
-            counts = [
-                f"{prefix}{name.replace('_', ' ')} {sum(row.near for row in group)} of {len(group)}"
-                for name, group in groups.items()
-            ]
-            notes.append(", ".join(counts))
-    together: dict[int | None, list[bool]] = {}
-    for row in rows:
-        together.setdefault(row.seed, []).append(row.near)
-    if len(together) > 1 and max(map(len, together.values())) > 1:
-        notes.append(f"all of a seed in {sum(map(all, together.values()))} of {len(together)} seeds")
-    return notes
-
-
 def coverage_in_words(rows: Rows) -> str:
     """Count the intervals that hold the truth: another question than being near 1 Hz."""
-    total, refused = len(rows), sum(not np.isfinite(row.hz) for row in rows)
+    total, refused = len(rows), sum(row.refused for row in rows)
     measured = [row for row in rows if row.covers_best_linear is not None]
     text = (
         "Near 1 Hz is not the same as right: "
@@ -123,7 +107,7 @@ def coverage_in_words(rows: Rows) -> str:
         f"{METHODS[method]} {sum(row.covers for row in group)}"
         + (f" and {sum(bool(row.covers_best_linear) for row in group)}" if measured else "")
         + f" of {len(group)}"
-        for method, group in by_method(rows).items()
+        for method, group in grouped(rows, "method").items()
     ]
     text += f" ({', '.join(by)})."
     wrong = sum(row.near and not row.covers for row in rows)
@@ -167,16 +151,11 @@ def look(duration: float) -> str:
     return f"This is a look, not a result: the records are {duration:g} s long instead of 240 s"
 
 
-def true_bandwidths(rows: Rows) -> dict[str, float]:
-    """Return the small-signal truths by joint, in the order of the rows, Hz."""
-    return {row.joint: row.true_hz for row in rows}
-
-
-def by_method(rows: Rows) -> dict[str, list[RecoveredBandwidth]]:
-    """Group rows by method, in the order in which methods come first."""
+def grouped(rows: Rows, name: str) -> dict[str, list[RecoveredBandwidth]]:
+    """Group rows by an attribute, its values in the order in which they come first."""
     groups: dict[str, list[RecoveredBandwidth]] = {}
     for row in rows:
-        groups.setdefault(row.method, []).append(row)
+        groups.setdefault(getattr(row, name), []).append(row)
     return groups
 
 
@@ -191,9 +170,13 @@ def joined(parts: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(parts[:-1]), parts[-1])))
 
 
+def _near(rows: Rows) -> str:
+    return f"{sum(row.near for row in rows)} of {len(rows)}"
+
+
+def _are(things: Sized) -> str:
+    return "is" if len(things) == 1 else "are"
+
+
 def _of_joints(values: Mapping[str, float]) -> str:
     return ", ".join(f"{hz:.2f} Hz ({joint.replace('_', ' ')})" for joint, hz in values.items())
-
-
-def _outside(values: Mapping[str, float]) -> str:
-    return _of_joints({joint: hz for joint, hz in values.items() if not near_1_hz(hz)})

@@ -13,7 +13,7 @@ from scenarios.experiments.model_structures import STRUCTURES, Structure, every_
 from scenarios.experiments.scenario import Scenario
 from scenarios.experiments.waveform import POINTS, WINDOW
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.identification.identification import fit_model
+from scenarios.identification.identification import FittedModel, fit_model
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
@@ -162,44 +162,33 @@ class RecoveredBandwidth:
 
     def record(self) -> dict[str, object]:
         """Return what `hmtb bandwidth --json` prints of it."""
-        hz, low, high = self.best_linear or (None, None, None)
+        hz, *ends = self.best_linear or (None, None, None)
+        own = ("joint", "method", "orders", "scenario", "test", "seed", "hz", "ci95", "true_hz")
+        levels = ("model_hz", "model_ci95", "dc_gain", "half_power_hz", "lowest_excited_hz")
         return {
-            "joint": self.joint,
-            "method": self.method,
-            "orders": dict(self.orders),
-            "scenario": self.scenario,
-            "test": self.test,
-            "seed": self.seed,
-            "hz": self.hz,
-            "ci95": list(self.ci95),
-            "true_hz": self.true_hz,
+            **{name: getattr(self, name) for name in own},
             "bla_hz": hz,
-            "bla_ci95": [low, high],
+            "bla_ci95": ends,
             "published_hz": self.published_hz,
             "near_1_hz": self.near,
             "covers": self.covers,
             "covers_bla": self.covers_best_linear,
             "refused": self.refused,
             "reason": "; ".join(self.reasons),
-            "model_hz": self.model_hz,
-            "model_ci95": list(self.model_ci95),
-            "dc_gain": self.dc_gain,
-            "half_power_hz": self.half_power_hz,
-            "lowest_excited_hz": self.lowest_excited_hz,
+            **{name: getattr(self, name) for name in levels},
         }
 
 
-def structure(joint: str, method: str) -> Structure:
-    """Return the structure of a method for a joint: the thesis' own, or one of sufficient order.
+def structure(joint: str, method: str) -> Structure | None:
+    """Return the structure of a method for a joint: the thesis' own, or one of sufficient order; None without a model.
 
     Raises:
         ScenarioError: Unknown joint or method.
     """
-    if joint not in STRUCTURES:
-        raise ScenarioError(unknown("joint", joint, STRUCTURES))
-    if method not in METHODS:
-        raise ScenarioError(unknown("method", method, METHODS))
-    return {entry.method: entry for entry in (*STRUCTURES[joint], *every_structure(joint))}[method]
+    for what, name, names in (("joint", joint, STRUCTURES), ("method", method, METHODS)):
+        if name not in names:
+            raise ScenarioError(unknown(what, name, names))
+    return {entry.method: entry for entry in (*STRUCTURES[joint], *every_structure(joint))}.get(method)
 
 
 def recover(
@@ -216,68 +205,69 @@ def recover(
     Returns:
         The bandwidth; without one, where the record does not support it or the method fails, with the reason.
     """
+    data, row = recording.data, dict[str, Any]()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
-        find = _without_model if method in NONPARAMETRIC else _with_model
-        return RecoveredBandwidth(
-            joint=recording.joint,
-            method=method,
-            test=recording.test,
-            seed=recording.seed,
-            scenario=recording.data.name,
-            true_hz=true_hz,
-            best_linear=best_linear,
-            lowest_excited_hz=lowest_excited(recording.data),
-            **find(recording, method),
-        )
+        lowest = lowest_excited(data)
+        try:
+            if (chosen := structure(recording.joint, method)) is None:
+                row["label"] = NONPARAMETRIC[method]
+                row |= _of_response(_response(data, method), periodic(data))
+            else:
+                row["label"] = chosen.label
+                row["orders"] = ESTIMATORS[chosen.estimator].complete(chosen.estimator, chosen.orders)
+                row |= _of_model(fit_model([data], chosen.estimator, chosen.orders, keep_mean=True))
+        except SysidError as error:
+            row["reasons"] = (str(error),)
+    return RecoveredBandwidth(
+        joint=recording.joint,
+        method=method,
+        test=recording.test,
+        seed=recording.seed,
+        scenario=data.name,
+        true_hz=true_hz,
+        best_linear=best_linear,
+        lowest_excited_hz=lowest,
+        **row,
+    )
 
 
-def _with_model(recording: Recording, method: str) -> dict[str, Any]:
-    chosen = structure(recording.joint, method)
-    row: dict[str, Any] = {
-        "label": chosen.label,
-        "orders": ESTIMATORS[chosen.estimator].complete(chosen.estimator, chosen.orders),
-    }
-    try:
-        fitted = fit_model([recording.data], chosen.estimator, chosen.orders, keep_mean=True)
-    except SysidError as error:
-        return {**row, "reasons": (str(error),)}
-    claim, band, model = fitted.claims[0][0], fitted.band, fitted.estimate.model
+def _of_model(fitted: FittedModel) -> dict[str, Any]:
+    claim, (hz, *ci95), model = fitted.claims[0][0], fitted.band.path(), fitted.estimate.model
     reasons = claim.warnings
     if not claim.refused and not np.isfinite(claim.hz):
         reasons = ("the model's gain does not fall by 3 dB from its value at 0 Hz below half of the sampling rate",)
     return {
-        **row,
         "hz": claim.hz,
         "ci95": (claim.low, claim.high),
-        "model_hz": float(band.hz[0, 0]),
-        "model_ci95": (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
+        "model_hz": hz,
+        "model_ci95": tuple(ci95),
         "dc_gain": float(model.dc_gain()[0, 0]),
         "half_power_hz": half_power_hz(model),
         "reasons": reasons,
     }
 
 
-def _without_model(recording: Recording, method: str) -> dict[str, Any]:
-    row: dict[str, Any] = {"label": NONPARAMETRIC[method]}
-    try:
-        response = _response(recording.data, method)
-    except SysidError as error:
-        return {**row, "reasons": (str(error),)}
-    row["half_power_hz"] = level = gain_crossing(response, HALF_POWER)
+def _of_response(response: FrequencyResponse, repeats: bool) -> dict[str, Any]:
+    level = gain_crossing(response, HALF_POWER)
     within = int(np.sum(response.frequencies <= REACH * level)) if np.isfinite(level) else 0
     if within < DEGREE + 2:
         # With fewer, lines beyond the bandwidth would fix the gain at 0 Hz, with an interval that knows of noise alone.
         every = f": the command repeats every {WINDOW:g} s and excites a line every {1 / WINDOW:g} Hz"
         reason = (
             f"too few lines of the response lie below {REACH:g} times the frequency of the gain 0.707 to tell the gain "
-            f"at 0 Hz, {within} where {DEGREE + 2} are needed{every if periodic(recording.data) else ''}"
+            f"at 0 Hz, {within} where {DEGREE + 2} are needed{every if repeats else ''}"
         )
-        return {**row, "reasons": (reason,)}
-    band = response_bandwidth(response)
-    hz, low, high = (float(part[0, 0]) for part in (band.hz, *band.ci95))
-    reasons = () if np.isfinite(hz) else ("the response never falls to half of its power at 0 Hz",)
-    return {**row, "hz": hz, "ci95": (low, high), "model_hz": hz, "model_ci95": (low, high), "reasons": reasons}
+        return {"half_power_hz": level, "reasons": (reason,)}
+    hz, *ci95 = response_bandwidth(response).path()
+    return {
+        "hz": hz,
+        "ci95": tuple(ci95),
+        "model_hz": hz,
+        "model_ci95": tuple(ci95),
+        "half_power_hz": level,
+        "reasons": () if np.isfinite(hz) else ("the response never falls to half of its power at 0 Hz",),
+    }
 
 
 def _response(record: IOData, method: str) -> FrequencyResponse:
@@ -289,17 +279,8 @@ def _response(record: IOData, method: str) -> FrequencyResponse:
         return sysid.etfe([record[start : start + POINTS] for start in range(0, len(record) - POINTS + 1, POINTS)])
     if method == "etfe":
         raise SysidError(f"the command does not repeat every {POINTS} samples; the mean over periods has none")
-    response = sysid.spa(record)
     # A held command has next to no power at half of the sampling rate.
-    kept = np.isfinite(response.response[:, 0, 0])
-    return FrequencyResponse(
-        response.frequencies[kept],
-        response.response[kept],
-        response.dt,
-        response.method,
-        None if response.covariance is None else response.covariance[kept],
-        degrees_of_freedom=response.degrees_of_freedom,
-    )
+    return sysid.spa(record).determined()
 
 
 def periodic(record: IOData) -> bool:

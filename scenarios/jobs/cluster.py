@@ -1,13 +1,12 @@
-"""Run batches on the workers of aAsk scheduler, wherever they are."""
+"""Run batches on the workers of a Dask scheduler, wherever they are."""
 
 import logging
 import re
 import socket
-import struct
 from asyncio import CancelledError as AsyncCancelledError
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import CancelledError
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import suppress
 from threading import Event
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any
@@ -22,31 +21,14 @@ if TYPE_CHECKING:
 ADDRESS = re.compile(r"(?:tcp|tls)://(?:\[[0-9A-Fa-f:.%\w]+\]|[\w.-]+):([0-9]{1,5})", re.ASCII)
 """Address of a scheduler."""
 
-MOST_PORTS = 2**16 - 1
-
-AHEAD = 2
-"""Batches with each worker: one that runs, and one that waits beside it."""
-
 CONNECT = 5.0
 """Time for a scheduler to answer for the first time, s."""
-
-HANDSHAKE = 20.0
-"""Time for a scheduler that listens to accept a client, s."""
-
-GREETING = struct.Struct("<Q")
-"""Begin of all messages between Dask's processes: the length of the message, bytes."""
-
-MOST_GREETING = 2**20
-"""A scheduler's first message is shorter, bytes."""
 
 PAUSE = 1.0
 """Time between attempts to reach a scheduler that has gone, s."""
 
 LOOK = 2.0
 """Time between looks at scheduler and workers, s."""
-
-GATHER = 600.0
-"""Time for the results of a batch to travel, s."""
 
 GONE = (OSError, TimeoutError, CancelledError, AsyncCancelledError)
 """What Dask raises where scheduler or worker have gone."""
@@ -71,7 +53,7 @@ class Cluster(Executor["Future"]):
 
     def __init__(self, address: str, patience: float = 300.0, report: Callable[[str], None] = lambda _: None) -> None:
         match = ADDRESS.fullmatch(address)
-        if match is None or not 1 <= int(match[1]) <= MOST_PORTS:
+        if match is None or not 1 <= int(match[1]) < 2**16:
             raise ScenarioError(
                 f"cluster {address[:100]!r} given, expected the address of a Dask scheduler as 'dask scheduler' "
                 "prints it, such as tcp://127.0.0.1:8786"
@@ -87,11 +69,13 @@ class Cluster(Executor["Future"]):
         self._client: Client | None = None
         self._looked = -LOOK
         self._news = Event()
-        self._quiet = ExitStack()
 
     def _room(self) -> int:
         if self._client is None:
-            self._quiet.enter_context(_silence_dask())
+            # Dask logs every lost connection, which `report` tells in one line.
+            for name in ("distributed", *logging.root.manager.loggerDict):
+                if name.split(".")[0] == "distributed":
+                    logging.getLogger(name).setLevel(logging.CRITICAL)
             timeout = min(CONNECT, self._patience)
             try:
                 self._connect(timeout)
@@ -104,7 +88,7 @@ class Cluster(Executor["Future"]):
         if monotonic() - self._looked >= LOOK:
             self.workers = self._count_workers()
             self._looked = monotonic()
-        return AHEAD * self.workers
+        return 2 * self.workers  # one batch runs, and one waits beside it
 
     def _submit(self, task: Callable[..., Any], shared: Any, batch: tuple[Any, ...]) -> "Future":
         assert self._client is not None  # noqa: S101 - _room has connected it
@@ -124,34 +108,33 @@ class Cluster(Executor["Future"]):
         try:
             if handle.status not in ("finished", "error"):
                 raise LostError
-            answer: list[Any] | Mapping[str, Any] = handle.result(timeout=GATHER)
+            answer: list[Any] | Mapping[str, Any] = handle.result(timeout=600.0)
         except KilledWorker as error:
             raise DeadWorkerError from error
         except ImportError as error:
-            raise ScenarioError(self._refusal("of the scheduler", f"it cannot import {error.name}")) from error
+            answer = {"worker": "of the scheduler", "differences": [f"it cannot import {error.name}"]}
         except GONE as error:
             raise LostError from error
         finally:
             handle.release()
         if isinstance(answer, Mapping):
-            raise ScenarioError(self._refusal(answer["worker"], "; ".join(answer["differences"])))
+            raise ScenarioError(
+                f"worker {answer['worker']} would compute other bits than this process: "
+                f"{'; '.join(answer['differences'])}. Start workers with the same software, on processors of one kind; "
+                f"{RESUME}"
+            )
         return answer
 
     def _close(self) -> None:
         client, self._client = self._client, None
         if client is not None:
-            # A scheduler that has gone answers no farewell.
-            with suppress(*GONE):
+            with suppress(*GONE):  # a scheduler that has gone answers no farewell
                 client.close(timeout=PAUSE)
-        self._quiet.close()
 
     def _connect(self, timeout: float) -> None:
         from distributed import Client
 
-        client, self._client = self._client, None
-        if client is not None:
-            with suppress(*GONE):
-                client.close(timeout=PAUSE)
+        self._close()
         end = monotonic() + timeout
         while True:
             try:
@@ -161,7 +144,7 @@ class Cluster(Executor["Future"]):
                 if monotonic() >= end:
                     raise
                 sleep(PAUSE / 4)
-        self._client = Client(self._address, timeout=HANDSHAKE, set_as_default=False)
+        self._client = Client(self._address, timeout=20.0, set_as_default=False)
 
     def _count_workers(self) -> int:
         """Number of workers, at least one; waits where there are none, or no scheduler."""
@@ -189,12 +172,6 @@ class Cluster(Executor["Future"]):
                 )
                 reported = missing
             sleep(min(PAUSE, self._patience))
-
-    def _refusal(self, worker: str, differences: str) -> str:
-        return (
-            f"worker {worker} would compute other bits than this process: {differences}. Start workers with the same "
-            f"software, on processors of one kind; {RESUME}"
-        )
 
 
 def worker_threads() -> int | None:
@@ -229,25 +206,8 @@ def _check_scheduler(address: str, timeout: float) -> None:
     with socket.create_connection(get_address_host_port(address, strict=True), timeout=timeout) as connection:
         if parse_address(address)[0] != "tcp":
             return
-        greeting = b""
-        while len(greeting) < GREETING.size:
-            part = connection.recv(GREETING.size - len(greeting))
-            if not part:
-                raise ConnectionError("the connection is closed at once")
-            greeting += part
-    if not 0 < GREETING.unpack(greeting)[0] < MOST_GREETING:
+        with connection.makefile("rb") as stream:
+            greeting = stream.read(8)
+    # Dask's messages begin with their length in bytes; a scheduler's first one is short.
+    if len(greeting) < 8 or not 0 < int.from_bytes(greeting, "little") < 2**20:
         raise ConnectionError("it is no Dask scheduler")
-
-
-@contextmanager
-def _silence_dask() -> Iterator[None]:
-    """Silence Dask's log of lost connections, which `report` tells in one line."""
-    names = [name for name in ("distributed", *logging.root.manager.loggerDict) if name.split(".")[0] == "distributed"]
-    before = {name: logging.getLogger(name).level for name in names}
-    try:
-        for name in names:
-            logging.getLogger(name).setLevel(logging.CRITICAL)
-        yield
-    finally:
-        for name, level in before.items():
-            logging.getLogger(name).setLevel(level)

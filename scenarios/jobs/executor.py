@@ -8,11 +8,11 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import connection, get_context, parent_process
 from threading import Thread
 from time import sleep
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, Generic, TypeVar
 
 from scenarios.files.errors import ScenarioError
@@ -22,15 +22,6 @@ RESUME = "progress is saved: run the command again to resume"
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Numerical libraries read their number of threads here: one, where every processor has a worker of its own."""
-
-CLOSE_TIME = 10.0
-"""Time for workers to close what they have opened before they are killed, s."""
-
-ORPHAN_TIME = 4.0
-"""The same for workers whose parent is gone, s."""
-
-SHOWN = 3
-"""Items that an error names."""
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -65,9 +56,7 @@ class Executor(ABC, Generic[Handle]):
     def __enter__(self) -> "Executor[Handle]":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._close()
 
     def run(
@@ -128,9 +117,9 @@ class Executor(ABC, Generic[Handle]):
                 else:
                     yield from results
         if fatal:
-            more = f" and {len(fatal) - SHOWN} more" if len(fatal) > SHOWN else ""
+            more = f" and {len(fatal) - 3} more" if len(fatal) > 3 else ""
             raise ScenarioError(
-                f"{', '.join(fatal[:SHOWN])}{more}: every worker that ran it died; its memory may be too small. All "
+                f"{', '.join(fatal[:3])}{more}: every worker that ran it died; its memory may be too small. All "
                 f"other {items} are done and {RESUME}, with fewer or larger workers"
             )
 
@@ -148,7 +137,7 @@ class Executor(ABC, Generic[Handle]):
 
     @abstractmethod
     def _results(self, handle: Handle) -> Iterable[Any]:
-        """The results of a batch that is done; raises `LostError` or `DeadWorkerError` where there are none."""
+        """Return the results of a batch that is done; raises `LostError` or `DeadWorkerError` where there are none."""
 
     @abstractmethod
     def _close(self) -> None:
@@ -179,7 +168,7 @@ class LocalProcesses(Executor[Future[list[Any]]]):
 
     def _submit(self, task: Callable[..., Any], shared: Any, batch: tuple[Any, ...]) -> Future[list[Any]]:
         while True:
-            pool = self._idle.pop() if self._idle else self._new_pool()
+            pool = self._idle.pop() if self._idle else one_process()
             with suppress(BrokenProcessPool), _one_thread():  # of one that died since, nothing is lost
                 future = pool.submit(_run_task, task, shared, batch)
                 self._busy[future] = pool
@@ -190,19 +179,11 @@ class LocalProcesses(Executor[Future[list[Any]]]):
 
     def _results(self, handle: Future[list[Any]]) -> list[Any]:
         pool = self._busy.pop(handle)
-        try:
-            results = handle.result()
-        except BrokenProcessPool as error:
+        if isinstance(handle.exception(), BrokenProcessPool):
             pool.shutdown()
-            raise DeadWorkerError from error
-        except BaseException:
-            self._idle.append(pool)
-            raise
+            raise DeadWorkerError
         self._idle.append(pool)
-        return results
-
-    def _new_pool(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_prepare_worker)
+        return handle.result()
 
     def _close(self) -> None:
         # Python 3.14 has terminate_workers() for this.
@@ -210,7 +191,7 @@ class LocalProcesses(Executor[Future[list[Any]]]):
         for process in busy:
             process.terminate()
         for process in busy:
-            process.join(CLOSE_TIME)
+            process.join(10.0)  # s, for closing what it has opened
             if process.is_alive():
                 process.kill()
         for pool in (*self._busy.values(), *self._idle):
@@ -221,22 +202,21 @@ class LocalProcesses(Executor[Future[list[Any]]]):
 
 def at_worker_exit(close: Callable[[], object]) -> None:
     """Call a function when this process ends, also by SIGTERM or with its parent: to close what batches share."""
-    if not _CLOSERS:
-        atexit.register(_close_all)
-    _CLOSERS.append(close)
+    atexit.register(close)
+    _CLOSERS.callback(close)
 
 
-_CLOSERS: list[Callable[[], object]] = []
-
-
-def _close_all() -> None:
-    while _CLOSERS:
-        with suppress(Exception):
-            _CLOSERS.pop()()
+_CLOSERS = ExitStack()
+"""What SIGTERM closes: Python's own functions at exit do not run then."""
 
 
 def _run_task(task: Callable[..., Any], shared: Any, batch: tuple[Any, ...]) -> list[Any]:
     return list(task(shared, batch))
+
+
+def one_process() -> ProcessPoolExecutor:
+    """Pool of one process, which ends by SIGTERM or with its parent, not by Ctrl-C, and closes what batches share."""
+    return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_prepare_worker)
 
 
 def _prepare_worker() -> None:
@@ -248,7 +228,8 @@ def _prepare_worker() -> None:
 
 def _leave(number: int, frame: FrameType | None) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    _close_all()
+    with suppress(Exception):
+        _CLOSERS.close()
     os._exit(128 + number)  # an exception would become the result of the batch
 
 
@@ -260,7 +241,7 @@ def _leave_with_parent() -> None:
     connection.wait([parent.sentinel])
     os.kill(os.getpid(), signal.SIGTERM)
     # A library that computes for long lets no signal through.
-    sleep(ORPHAN_TIME)
+    sleep(4.0)
     os._exit(1)
 
 

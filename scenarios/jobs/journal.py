@@ -5,19 +5,9 @@ import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from scenarios.files.errors import ScenarioError
-
-SHOWN = 3
-"""Differences between two fingerprints that an error names."""
-
-LONGEST_VALUE = 40
-"""Values of a fingerprint up to this length are shown in full, characters."""
-
-HASH_LENGTH = 64
-"""Hashes in a fingerprint are shown by their first twelve digits."""
 
 LAST = "\U0010ffff"
 """Sorts behind everything that may follow a prefix."""
@@ -59,13 +49,8 @@ class Journal:
     def __enter__(self) -> "Journal":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
-
-    def __len__(self) -> int:
-        return int(self._execute("SELECT COUNT(*) FROM entries").fetchone()[0])
 
     def __contains__(self, key: str) -> bool:
         return bool(self._execute("SELECT 1 FROM entries WHERE key = ?", (key,)).fetchone())
@@ -73,10 +58,6 @@ class Journal:
     def close(self) -> None:
         """Release the lock; other processes may open the journal."""
         self._database.close()
-
-    def entries(self) -> dict[str, Any]:
-        """All payloads by key, in the order in which they were added."""
-        return dict(self.items())
 
     def items(self, prefix: str = "") -> Iterator[tuple[str, Any]]:
         """Keys and payloads one by one: with a prefix sorted by key, without one in the order of adding.
@@ -112,15 +93,11 @@ class Journal:
     def add_all(self, payloads: Mapping[str, Any]) -> None:
         """Add several entries at once: after a kill all of them are there, or none."""
         rows = [(key, value if isinstance(value, bytes) else json.dumps(value)) for key, value in payloads.items()]
-        self._execute("BEGIN")
-        try:
+        with self._database:  # rolls back where an error leaves the transaction open
+            self._execute("BEGIN")
             for row in rows:
                 self._execute("INSERT OR REPLACE INTO entries (key, payload) VALUES (?, ?)", row)
             self._execute("COMMIT")
-        except BaseException:
-            with suppress(sqlite3.Error):
-                self._database.rollback()
-            raise
 
     def remove(self, key: str) -> None:
         """Remove an entry: its work is to be done again."""
@@ -140,9 +117,9 @@ class Journal:
                 self._execute("INSERT INTO fingerprint VALUES (?, ?)", row)
         self._execute("COMMIT")
         if before and (changed := differences(before, fingerprint)):
-            more = f"; {len(changed) - SHOWN} more" if len(changed) > SHOWN else ""
+            more = f"; {len(changed) - 3} more" if len(changed) > 3 else ""
             raise ScenarioError(
-                f"{self._path} was begun with other settings or software: {'; '.join(changed[:SHOWN])}{more}. Resume "
+                f"{self._path} was begun with other settings or software: {'; '.join(changed[:3])}{more}. Resume "
                 f"with those, or remove {self._path} to start again"
             )
 
@@ -183,8 +160,8 @@ def differences(
     for name in dict.fromkeys((*before, *now)):
         values = [table.get(name, "none") for table in (before, now)]
         if values[0] != values[1]:
-            shown = [value[:12] if len(value) == HASH_LENGTH else value for value in values]
-            short = all(len(value) <= LONGEST_VALUE for value in shown)
+            shown = [value[:12] if len(value) == 64 else value for value in values]  # the beginning of a hash tells
+            short = all(len(value) <= 40 for value in shown)
             texts.append(f"{name} {shown[0]} {words[0]}, {shown[1]} {words[1]}" if short else f"{name} differs")
     return texts
 

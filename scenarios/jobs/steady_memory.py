@@ -1,14 +1,7 @@
 """Memory that goes back to the system when a chunk is done, so that a build of any size needs what one chunk needs."""
 
 import ctypes
-import sys
 from functools import cache
-
-THRESHOLD = 128 * 1024
-"""Blocks from this size on are given back to the system when they are free, bytes; where glibc begins, too."""
-
-_MMAP_THRESHOLD = -3
-"""M_MMAP_THRESHOLD of mallopt(3)."""
 
 
 @cache
@@ -22,9 +15,8 @@ def steady_memory() -> bool:
     Returns:
         Whether it was done.
     """
-    if not sys.platform.startswith("linux"):
-        return False
     try:
-        return bool(ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, THRESHOLD))
-    except (OSError, AttributeError):
+        # M_MMAP_THRESHOLD, -3: blocks of 128 KiB and more, where glibc begins too, go back when they are free.
+        return bool(ctypes.CDLL(None).mallopt(-3, 128 * 1024))
+    except (OSError, AttributeError, TypeError):
         return False

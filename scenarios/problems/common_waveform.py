@@ -5,12 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
-from hmtb_twin.parameters.values import SAMPLE_TIME
-from scenarios.problems.linear_problem import BURN_IN, LinearProblem
-from scenarios.problems.problem import Bound
-from scenarios.problems.textbook import binary_sequence, noise_variance
+from scenarios.problems.linear_problem import BURN_IN, LinearProblem, binary_sequence, noise_variance
 from sysid import IOData, Polynomials, StateSpace, oe
 from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.validation import CramerRaoBound
+from sysid.validation.cramer_rao import signals_from_rest
 
 SAMPLES = 2000
 HOLD = 3
@@ -25,11 +24,8 @@ B1 = np.array([0.0, 0.03, 0.045])
 B2 = np.array([0.0, 0.04, 0.02])
 """The second path has the poles of the first, so that what one input alone shows is a system of the same order."""
 
-SHARED = {
-    "shared": "two inputs, the second the first's waveform and three tenths of its own: both are given",
-    "shared-alone": "the same records, the first input alone: every estimate takes in the other path, nearly all of it",
-}
-"""Names, with what they are."""
+SHARED = ("shared", "shared-alone")
+"""Both inputs are given; or the first alone: then every estimate takes in the other path, nearly all of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,26 +47,27 @@ class SharedAlone(LinearProblem):
         """None: the record does not tell the path from what comes with the other input."""
         del structure
 
-    def bound_without_other(self, structure: str | None) -> Bound | None:
+    def bound_without_other(self, structure: str | None) -> CramerRaoBound | None:
         """The bound if the second input were silent."""
         return super().bound(structure)
 
     @cached_property
     def limit(self) -> StateSpace:
-        """What output error tends to: its fit to the record without noise.
+        """Limit of output-error estimates: the fit to the record without noise.
 
         Nearly the sum of both paths, and more than it: the second input's own sequence has little in common with the
         first's at lag 0, but something at others, and these two sequences are the same in each record. Structures with
         a model of the disturbance weigh frequencies otherwise and tend to something close by.
         """
-        signals = self.both.respond(self.both.reference, np.zeros(len(self.both.reference)))
+        inputs = self.both.reference
+        signals = signals_from_rest(self.both.polynomials, inputs, np.zeros(len(inputs)))
         record = IOData(signals.u[BURN_IN:, :1], signals.y[BURN_IN:], self.both.dt)
         b, f = self.polynomials.channel(0)
         delay = int(np.argmax(b != 0.0))
         return oe(record, len(b) - delay, len(f) - 1, delay).model
 
     def expected_bias(self) -> ComplexArray:
-        """Of the response (nf, 1, 1): of `limit` less the truth."""
+        """Bias of the response (nf, 1, 1): `limit` less the truth."""
         return self.limit.frequency_response(self.frequencies) - self.truth.frequency_response(self.frequencies)
 
 
@@ -79,10 +76,10 @@ def shared(plain: str, name: str, samples: int | None) -> LinearProblem:
     truth = Polynomials(B=np.stack((B1, B2)), F=np.stack((F, F)))
     variance = noise_variance(truth, _inputs(SAMPLES), SIGNAL_TO_NOISE_DB)
     inputs = _inputs(samples or SAMPLES)
-    both = LinearProblem(name, truth, inputs, variance, SAMPLE_TIME)
+    both = LinearProblem(name, truth, inputs, variance)
     if plain == "shared":
         return both
-    return SharedAlone(name, Polynomials(B=B1, F=F), inputs[:, :1], variance, SAMPLE_TIME, both=both)
+    return SharedAlone(name, Polynomials(B=B1, F=F), inputs[:, :1], variance, both=both)
 
 
 def _inputs(samples: int) -> FloatArray:

@@ -9,15 +9,15 @@ from scipy.signal import max_len_seq
 
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.estimators.task import Task
-from scenarios.problems.problem import Bound, comparison_frequencies
-from scenarios.problems.state_space_bound import Coordinates, coordinates, state_space_bound
-from scenarios.problems.textbook import BITS
+from scenarios.problems.linear_problem import BITS, BURN_IN, binary_sequence
+from scenarios.problems.problem import MORE_ORDERS, Problem
 from sysid import IOData, StateSpace
 from sysid.models.recursion import state_trajectory
-from sysid.records.arrays import FloatArray, Locked
+from sysid.records.arrays import FloatArray
+from sysid.subspace.cramer_rao_ss import LocalCoordinates, cramer_rao_bound_ss
+from sysid.validation import CramerRaoBound
 
 SAMPLES = 12_000
-BURN_IN = 500
 HOLD = 5
 CHANNELS = 3
 SEED = 7
@@ -30,17 +30,12 @@ SIGNAL_TO_NOISE_DB = 20.0
 COLOUR = 0.9
 """Pole of the coloured noise."""
 
-MORE_ORDERS = 3
-
-MIMO = {
-    "mimo": "3 x 3, order 10, white noise at the outputs",
-    "mimo-coloured": "the same with noise of first order at each output: order 13 with it",
-}
-"""Names, with what they are."""
+MIMO = ("mimo", "mimo-coloured")
+"""Order 10 with white noise at the outputs; the same with noise of first order at each output: order 13 with it."""
 
 
 @dataclass(frozen=True, eq=False)
-class MimoProblem(Locked):
+class MimoProblem(Problem):
     """A state-space model in innovation form, with inputs that are the same in each record.
 
     Attributes:
@@ -54,11 +49,6 @@ class MimoProblem(Locked):
     truth: StateSpace
     inputs: FloatArray
     order: int
-
-    @cached_property
-    def frequencies(self) -> FloatArray:
-        """See `comparison_frequencies` (nf,), Hz."""
-        return comparison_frequencies(self.truth)
 
     @cached_property
     def noise_free(self) -> FloatArray:
@@ -81,15 +71,13 @@ class MimoProblem(Locked):
         order = {"fit": self.truth.order, "underfit": self.order - 1, "select": 0}[ask]
         return Task("ss", {"order": order} if order else {}, self.truth.order + MORE_ORDERS, self.frequencies)
 
-    def bound(self, structure: str | None) -> Bound | None:
+    def bound(self, structure: str | None) -> CramerRaoBound | None:
         """See `Problem.bound`; parameters are local coordinates at the truth."""
-        if structure not in (None, "ss"):
-            return None
-        return self._bound
+        return self._bound if structure in (None, "ss") else None
 
     @cached_property
-    def _bound(self) -> Bound:
-        return state_space_bound(self._coordinates, self.draw, self.frequencies)
+    def _bound(self) -> CramerRaoBound:
+        return cramer_rao_bound_ss(self._coordinates, self.draw, self.frequencies)
 
     def efficient(self, structure: str, seed: int) -> FloatArray:
         """See `LinearProblem.efficient`."""
@@ -102,14 +90,25 @@ class MimoProblem(Locked):
         return self._coordinates.realise(theta), None
 
     @cached_property
-    def _coordinates(self) -> Coordinates:
-        return coordinates(self.truth, self.draw(0))
+    def _coordinates(self) -> LocalCoordinates:
+        return LocalCoordinates.at(self.truth, self.draw(0))
 
 
 def mimo(plain: str, name: str, samples: int | None) -> MimoProblem:
     """A problem of `MIMO`; samples of a record, or None for `SAMPLES`."""
-    A, B, C = _system()
+    rng = np.random.default_rng(SEED)
+    # Modes side by side, B and C random, the modes reached about alike.
+    blocks = []
+    for f, damping in zip(RESONANCES_HZ, DAMPING, strict=True):
+        w = 2.0 * np.pi * f
+        q = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * w * SAMPLE_TIME)
+        blocks.append(np.array([[q.real, q.imag], [-q.imag, q.real]]))
+    blocks += [np.array([[np.exp(-2.0 * np.pi * f * SAMPLE_TIME)]]) for f in REAL_HZ]
+    A = np.asarray(scipy.linalg.block_diag(*blocks), dtype=np.float64)
     n = len(A)
+    B, C = rng.standard_normal((n, CHANNELS)), rng.standard_normal((CHANNELS, n))
+    moduli = np.concatenate([np.full(len(block), np.linalg.norm(block, 2)) for block in blocks])
+    B = B * np.sqrt(1.0 - np.minimum(0.999, moduli**2))[:, None]
     full = state_trajectory(A, _inputs(SAMPLES) @ B.T, np.zeros(n)) @ C.T
     variances = np.var(full[BURN_IN:], axis=0) / 10.0 ** (SIGNAL_TO_NOISE_DB / 10.0)
     K = np.zeros((n, CHANNELS))
@@ -124,30 +123,11 @@ def mimo(plain: str, name: str, samples: int | None) -> MimoProblem:
     return MimoProblem(name, truth, _inputs(samples or SAMPLES), n)
 
 
-def _system() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Modes side by side, B and C random, the modes reached about alike."""
-    rng = np.random.default_rng(SEED)
-    blocks = []
-    for f, damping in zip(RESONANCES_HZ, DAMPING, strict=True):
-        w = 2.0 * np.pi * f
-        q = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * w * SAMPLE_TIME)
-        blocks.append(np.array([[q.real, q.imag], [-q.imag, q.real]]))
-    blocks += [np.array([[np.exp(-2.0 * np.pi * f * SAMPLE_TIME)]]) for f in REAL_HZ]
-    A = np.asarray(scipy.linalg.block_diag(*blocks), dtype=np.float64)
-    B, C = rng.standard_normal((len(A), CHANNELS)), rng.standard_normal((CHANNELS, len(A)))
-    moduli = np.concatenate([np.full(len(block), np.linalg.norm(block, 2)) for block in blocks])
-    return A, B * np.sqrt(1.0 - np.minimum(0.999, moduli**2))[:, None], C
-
-
 def _inputs(samples: int) -> FloatArray:
     """One binary sequence, a third of its period apart in the three inputs (BURN_IN + samples, 3)."""
-    n = samples + BURN_IN
-    period = 2**BITS - 1
+    n, period = samples + BURN_IN, 2**BITS - 1
     first = np.concatenate(([1], np.zeros(BITS - 1)))
     sequence = max_len_seq(BITS, state=first, length=-(-n // HOLD))[0] * 2.0 - 1.0
-    shifted = np.repeat(max_len_seq(BITS, length=period)[0] * 2.0 - 1.0, HOLD)
-    rows = [np.repeat(sequence, HOLD)[:n]]
-    for i in range(1, CHANNELS):
-        rolled = np.roll(shifted, i * (period // CHANNELS) * HOLD)
-        rows.append(np.resize(rolled, n))
-    return np.stack(rows, axis=1)
+    whole = binary_sequence(period * HOLD, HOLD)
+    shifted = [np.resize(np.roll(whole, i * (period // CHANNELS) * HOLD), n) for i in range(1, CHANNELS)]
+    return np.stack([np.repeat(sequence, HOLD)[:n], *shifted], axis=1)

@@ -9,9 +9,8 @@ from scenarios.problems.common_waveform import SHARED, shared
 from scenarios.problems.mimo import MIMO, mimo
 from scenarios.problems.noise_free import DELAYS, ORDERS, noise_free
 from scenarios.problems.problem import Problem
-from scenarios.problems.published_problems import SINGLE, published_problem
 from scenarios.problems.random_problems import DIFFICULTIES, random_problem
-from scenarios.problems.textbook import FEEDBACK, TEXTBOOK, feedback, textbook
+from scenarios.problems.textbook import FEEDBACK, PUBLISHED, SYSTEMS, textbook
 
 FEWEST = 200
 """Samples that a record has at least."""
@@ -19,13 +18,13 @@ FEWEST = 200
 LISTED = 3
 """Random problems of each difficulty that `names` lists."""
 
-_FAMILIES: tuple[tuple[Collection[str], Callable[[str, str, int | None], Problem]], ...] = (
-    (TEXTBOOK, textbook),
-    (FEEDBACK, feedback),
-    (SHARED, shared),
-    (MIMO, mimo),
-    (SINGLE, published_problem),
-)
+_FAMILIES: dict[str, tuple[Collection[str], Callable[[str, str, int | None], Problem]]] = {
+    "textbook": (SYSTEMS, textbook),
+    "published": (PUBLISHED, textbook),
+    "feedback": (FEEDBACK, textbook),
+    "shared": (SHARED, shared),
+    "mimo": (MIMO, mimo),
+}
 
 
 @lru_cache(maxsize=256)
@@ -47,13 +46,12 @@ def problem(name: str) -> Problem:
     if at and not (re.fullmatch(r"[1-9]\d{0,6}", length) and int(length) >= FEWEST):
         raise ScenarioError(f"{name!r}: expected a whole number of samples from {FEWEST} on behind @, got {length!r}")
     samples = int(length) if at else None
-    for family, make in _FAMILIES:
+    for family, make in _FAMILIES.values():
         if plain in family:
             return make(plain, name, samples)
-    if match := re.fullmatch(r"quiet-(\d)-(\d)", plain):
-        order, delay = int(match[1]), int(match[2])
-        if order in ORDERS and delay in DELAYS:
-            return noise_free(order, delay, name, samples)
+    if plain in names()["quiet"]:
+        _, order, delay = plain.split("-")
+        return noise_free(int(order), int(delay), name, samples)
     if match := re.fullmatch(rf"random-({'|'.join(DIFFICULTIES)})-([1-9]\d{{0,3}})", plain):
         return random_problem(match[1], int(match[2]), name, samples)
     raise ScenarioError(unknown("problem", plain, [entry for family in names().values() for entry in family]))
@@ -61,12 +59,8 @@ def problem(name: str) -> Problem:
 
 def names() -> dict[str, tuple[str, ...]]:
     """Names of all problems but those of the arm, by family; of random ones the first few of 9999."""
-    return {
-        "textbook": tuple(TEXTBOOK),
+    drawn = {
         "quiet": tuple(f"quiet-{order}-{delay}" for order in ORDERS for delay in DELAYS),
-        "published": tuple(SINGLE),
         "random": tuple(f"random-{name}-{number}" for name in DIFFICULTIES for number in range(1, LISTED + 1)),
-        "feedback": tuple(FEEDBACK),
-        "shared": tuple(SHARED),
-        "mimo": tuple(MIMO),
     }
+    return {family: tuple(entries) for family, (entries, _) in _FAMILIES.items()} | drawn

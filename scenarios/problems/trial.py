@@ -1,7 +1,8 @@
 """A trial: one request to an estimator, identified by names, so that any process can repeat it."""
 
-import hashlib
 from dataclasses import dataclass
+
+from scenarios.estimators.seeds import seed_of
 
 ASKS = ("fit", "underfit", "select")
 
@@ -27,5 +28,4 @@ class Trial:
 
     def seed(self, run_seed: int) -> int:
         """Seed of the record, from the seed of the run, the problem and the draw: the same for all estimators."""
-        text = f"{run_seed}|{self.problem}|{self.draw}"
-        return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> 1
+        return seed_of(f"{run_seed}|{self.problem}|{self.draw}")

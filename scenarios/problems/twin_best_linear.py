@@ -4,6 +4,7 @@
 """
 
 import json
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from hashlib import sha256
@@ -17,8 +18,8 @@ from scipy.linalg import block_diag
 from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.parameters.values import SAMPLE_TIME
-from scenarios.experiments.logged_arm import experiment_arm
-from scenarios.experiments.multisines import MultisineExperiment, Multisines
+from hmtb_twin.run.experiment_row import experiment_arm
+from scenarios.experiments.multisines import MultisineExperiment
 from scenarios.files.atomic_write import write_whole
 from scenarios.problems.twin_name import TwinName, twin_name
 from scenarios.problems.twin_records import arm_hash, records_folder
@@ -98,10 +99,11 @@ class BestLinear(Locked):
             KeyError, TypeError, ValueError: It is no such table.
         """
         low, high = table["bandwidth_ci95"]
-        response = np.array(table["real"]) + 1j * np.array(table["imaginary"])
-        values = {one.name: table[one.name] for one in fields(cls) if one.name in table}
-        values |= {name: np.array(value) for name, value in values.items() if isinstance(value, list)}
-        return cls(**values | {"response": response, "bandwidth_ci95": (low, high)})
+        values: dict[str, Any] = {
+            k: np.array(value) if isinstance(value, list) else value for k, value in table.items()
+        }
+        values |= {"response": values["real"] + 1j * values["imaginary"], "bandwidth_ci95": (low, high)}
+        return cls(**{one.name: values[one.name] for one in fields(cls)})
 
 
 def twin_best_linear(name: TwinName) -> BestLinear:
@@ -122,16 +124,15 @@ def _of_class(name: TwinName, folder: Path | None) -> BestLinear:
     entry, key = _table().get(str(name)), class_key(name)
     if entry is not None and entry["key"] == key:
         return BestLinear.from_table(entry)
-    path = None if folder is None else folder / f"best-linear-{key}.json"
-    if path is not None:
-        try:
-            return BestLinear.from_table(json.loads(path.read_text(encoding="utf-8")))
-        except (OSError, ValueError, KeyError, TypeError):
-            pass  # none there, or a damaged one: it is measured
+    if folder is None:
+        return measured_best_linear(name)
+    path = folder / f"best-linear-{key}.json"
+    # A file that is missing or damaged is made by measuring.
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        return BestLinear.from_table(json.loads(path.read_text(encoding="utf-8")))
     best = measured_best_linear(name)
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, json.dumps(best.to_table()))
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(path, json.dumps(best.to_table()))
     return best
 
 
@@ -150,7 +151,17 @@ def measured_best_linear(name: TwinName, *, realisations: int = REALISATIONS, th
         realisations: Waveforms.
         threads: Threads for the physics; the bits do not depend on it.
     """
-    setting, excitation = _measurement(name, realisations)
+    setting = MultisineExperiment(str(name), (name.joint,), variant=name.variant, seed=SEED)
+    if name.excitation == "multisine":
+        excitation = name.multisines(SEED, realisations=realisations)
+    else:
+        experiment = name.experiment(SEED)
+        arm = experiment_arm(experiment)
+        # The command follows without simulating the physics.
+        station = ControlStation(experiment, arm, np.random.default_rng(SEED).spawn(2)[0])
+        command = station.commands[:, joint_index(name.joint)]
+        record = IOData(command - command.mean(), command - command.mean(), SAMPLE_TIME)
+        setting, excitation, _ = multisine_like(setting, arm, [record], seed=SEED, realisations=realisations)
     truth = best_linear(setting, excitation, threads=threads)
     servo, (low, high) = truth.servo, truth.bandwidth.ci95
     return BestLinear(
@@ -185,13 +196,19 @@ def scattered_model(name: TwinName, truth: StateSpace, best: BestLinear, seed: i
     columns = network.frequency_response(best.frequencies)[:, :, 0]
     basis = np.vstack([columns.real, columns.imag])
     periods = name.samples * truth.dt * (best.frequencies[1] - best.frequencies[0])
-    errors = _normal_errors(name.waveform_seed(seed), best.distortion_variance)
-    errors = errors + _normal_errors(seed, best.noise_variance / periods)
+
+    def normal_errors(seed: int, variance: FloatArray) -> ComplexArray:
+        real, imaginary = np.random.default_rng(seed).standard_normal((2, len(variance)))
+        return np.asarray(np.sqrt(0.5 * variance) * (real + 1j * imaginary))
+
+    errors = normal_errors(name.waveform_seed(seed), best.distortion_variance)
+    errors = errors + normal_errors(seed, best.noise_variance / periods)
     missing = best.response - path.frequency_response(best.frequencies)[:, 0, 0]
     inverse = np.linalg.pinv(basis)
     # A projection of equal, independent errors onto few directions keeps only their share of the power.
     factor = np.sqrt(len(basis) / FUNCTIONS)
-    weights = inverse @ _parts(missing) + factor * (inverse @ _parts(errors))
+    fits = [inverse @ np.concatenate([part.real, part.imag]) for part in (missing, errors)]
+    weights = fits[0] + factor * fits[1]
     return StateSpace(
         block_diag(path.A, network.A),
         np.vstack([path.B, network.B]),
@@ -202,23 +219,9 @@ def scattered_model(name: TwinName, truth: StateSpace, best: BestLinear, seed: i
     )
 
 
-def _measurement(name: TwinName, realisations: int) -> tuple[MultisineExperiment, Multisines]:
-    setting = MultisineExperiment(str(name), (name.joint,), variant=name.variant, seed=SEED)
-    if name.excitation == "multisine":
-        return setting, name.multisines(SEED, realisations=realisations)
-    experiment = name.experiment(SEED)
-    arm = experiment_arm(experiment)
-    # The command follows without simulating the physics.
-    station = ControlStation(experiment, arm, np.random.default_rng(SEED).spawn(2)[0])
-    command = station.commands[:, joint_index(name.joint)]
-    record = IOData(command - command.mean(), command - command.mean(), SAMPLE_TIME)
-    base, excitation, _ = multisine_like(setting, arm, [record], seed=SEED, realisations=realisations)
-    return base, excitation
-
-
 @lru_cache(maxsize=1)
 def _table() -> dict[str, Any]:
-    return dict(json.loads(TABLE.read_text(encoding="utf-8"))) if TABLE.is_file() else {}
+    return dict(json.loads(TABLE.read_text(encoding="utf-8")))
 
 
 def _laguerre(dt: float) -> StateSpace:
@@ -229,16 +232,6 @@ def _laguerre(dt: float) -> StateSpace:
     A = np.where(lag > 0, below, np.where(lag == 0, POLE, 0.0))
     B = np.sqrt(1.0 - POLE**2) * (-POLE) ** step
     return StateSpace(A, B[:, None], np.eye(FUNCTIONS), np.zeros((FUNCTIONS, 1)), None, dt)
-
-
-def _normal_errors(seed: int, variance: FloatArray) -> ComplexArray:
-    """Circular normal errors of these variances, line by line."""
-    real, imaginary = np.random.default_rng(seed).standard_normal((2, len(variance)))
-    return np.asarray(np.sqrt(0.5 * variance) * (real + 1j * imaginary))
-
-
-def _parts(values: ComplexArray) -> FloatArray:
-    return np.concatenate([values.real, values.imag])
 
 
 def main() -> None:

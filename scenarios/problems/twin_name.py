@@ -2,12 +2,12 @@
 
 import re
 from dataclasses import dataclass
-from hashlib import sha256
 
 import numpy as np
 
 from hmtb_twin import JOINTS, VARIANTS, Experiment, JointLog
 from hmtb_twin.parameters.values import HAND_CONTROLLER, INDEXED_JOINTS, SAMPLE_RATE, SAMPLE_TIME
+from scenarios.estimators.seeds import seed_of
 from scenarios.experiments.campaign import REGISTER
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
@@ -38,8 +38,6 @@ NAME = re.compile(
     r"twin-(?P<variant>[a-z_]+)-(?P<joint>[a-z_]+)-(?P<excitation>[a-z]+)-(?P<mrad>\d+(\.\d+)?)mrad"
     r"(-w(?P<waveform>\d{1,6}))?(@(?P<samples>\d{1,7}))?"
 )
-FORM = "twin-VARIANT-JOINT-EXCITATION-AMPLITUDEmrad, then -wNUMBER and @SAMPLES where wanted"
-"""Form of a name."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +62,8 @@ class TwinName:
     samples: int
 
     def __post_init__(self) -> None:
-        known = {
-            "variant": tuple(VARIANTS),
-            "joint": tuple(joint for joint in JOINTS if joint not in INDEXED_JOINTS),
-            "excitation": tuple(PERIODS),
-        }
-        for field, names in known.items():
+        free = tuple(joint for joint in JOINTS if joint not in INDEXED_JOINTS)
+        for field, names in (("variant", tuple(VARIANTS)), ("joint", free), ("excitation", tuple(PERIODS))):
             if getattr(self, field) not in names:
                 raise ScenarioError(unknown(field, getattr(self, field), names))
         if not 0.0 < self.mrad <= 1000.0:
@@ -104,7 +98,7 @@ class TwinName:
     def waveform_seed(self, seed: int) -> int:
         """Seed of the waveform: from the class and the number of the waveform, else from the seed of the draw."""
         which = f"draw {seed}" if self.waveform is None else f"waveform {self.waveform}"
-        return int.from_bytes(sha256(f"{self.excitation_class}|{which}".encode()).digest()[:8], "big") >> 1
+        return seed_of(f"{self.excitation_class}|{which}")
 
     def multisines(self, seed: int, *, realisations: int = 2) -> Multisines:
         """The excitation class of a multisine problem.
@@ -142,10 +136,10 @@ class TwinName:
             experiment.volts()  # raises before a batch begins where the converter cannot play it
             return experiment
         volts = self.mrad / 1000.0 / HAND_CONTROLLER.gain
-        if self.excitation == "prbs":
-            settings = {"amplitude": volts, "clock": CLOCK, "seed": waveform, "register": REGISTER}
-        else:
-            settings = {"f_start": SWEEP[0], "f_end": SWEEP[1], "amplitude": float(np.sqrt(2.0)) * volts}
+        settings = {
+            "prbs": {"amplitude": volts, "clock": CLOCK, "seed": waveform, "register": REGISTER},
+            "chirp": {"f_start": SWEEP[0], "f_end": SWEEP[1], "amplitude": float(np.sqrt(2.0)) * volts},
+        }[self.excitation]
         return Scenario(
             name=str(self).replace("@", "+"),
             axes=(self.joint,),
@@ -178,13 +172,11 @@ def twin_name(text: str) -> TwinName:
     """
     match = NAME.fullmatch(text)
     if match is None:
-        raise ScenarioError(f"{text!r} given, expected a problem of the twin: {FORM}")
-    waveform, samples = match["waveform"], match["samples"]
-    return TwinName(
-        variant=match["variant"],
-        joint=match["joint"],
-        excitation=match["excitation"],
-        mrad=float(match["mrad"]),
-        waveform=None if waveform is None else int(waveform),
-        samples=STEADY.get(match["excitation"], 0) if samples is None else int(samples),
-    )
+        raise ScenarioError(
+            f"{text!r} given, expected a problem of the twin: twin-VARIANT-JOINT-EXCITATION-AMPLITUDEmrad, then "
+            "-wNUMBER and @SAMPLES where wanted"
+        )
+    waveform = None if match["waveform"] is None else int(match["waveform"])
+    samples = int(match["samples"] or STEADY.get(match["excitation"], 0))
+    variant, joint, excitation = match.group("variant", "joint", "excitation")
+    return TwinName(variant, joint, excitation, float(match["mrad"]), waveform, samples)

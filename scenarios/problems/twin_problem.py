@@ -1,19 +1,20 @@
 """The arm as a family of problems: joints, excitations and amplitudes, with noise, friction and limits."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from hmtb_twin import JointTruth, load_arm
 from hmtb_twin.parameters.values import OPERATING_POSE
 from scenarios.datasets.arm_truth import arm_truth
-from scenarios.estimators.task import STRUCTURES, Task
-from scenarios.problems.problem import Bound
+from scenarios.estimators.task import Task
+from scenarios.problems.problem import Problem
 from scenarios.problems.twin_best_linear import BestLinear, scattered_model, twin_best_linear
 from scenarios.problems.twin_name import TwinName, twin_name
 from scenarios.problems.twin_records import draw_record
 from sysid import IOData, StateSpace
+from sysid.polynomial.structures import STRUCTURES
 from sysid.records.arrays import ComplexArray, FloatArray
 
 ORDER = 3
@@ -31,7 +32,7 @@ MOST_ORDER = 10
 
 
 @dataclass(frozen=True)
-class TwinProblem:
+class TwinProblem(Problem):
     """One joint of the arm under one excitation: commanded to measured angle about the operating point, 50 Hz.
 
     A draw has new noise, and another waveform unless the name states one (`-w3`). Draws of one waveform scatter by
@@ -39,7 +40,8 @@ class TwinProblem:
     initialisation window, and then have whole periods.
 
     Two truths: `truth` is that of small signals, exact and without friction; `best_linear` is the linear system nearest
-    to the arm under this excitation at this amplitude, measured, which estimates tend to.
+    to the arm under this excitation at this amplitude, measured, which estimates tend to. There is no bound: no linear
+    model is the truth of an arm with friction.
 
     Attributes:
         parsed: The name, read.
@@ -47,7 +49,7 @@ class TwinProblem:
 
     parsed: TwinName
 
-    @property
+    @cached_property
     def name(self) -> str:
         """By which `problem` finds it again."""
         return str(self.parsed)
@@ -57,7 +59,7 @@ class TwinProblem:
         """Small-signal truth of the joint: model, bandwidth, poles, delay."""
         return _joint_truth(self.parsed.variant, self.parsed.joint)
 
-    @property
+    @cached_property
     def truth(self) -> StateSpace:
         """The small-signal truth, with its noise."""
         return self.joint_truth.model
@@ -67,7 +69,7 @@ class TwinProblem:
         """The best linear truth of the excitation class."""
         return twin_best_linear(self.parsed)
 
-    @property
+    @cached_property
     def frequencies(self) -> FloatArray:
         """Lines of the excitation up to 5 Hz (nf,), Hz."""
         return self.parsed.frequencies
@@ -90,13 +92,8 @@ class TwinProblem:
         orders = {name: values[name] for name in STRUCTURES[structure]} if order else {}
         return Task(structure, orders, MOST_ORDER, self.frequencies)
 
-    def bound(self, structure: str | None) -> Bound | None:
-        """None: no linear model is the truth of an arm with friction."""
-        del structure
-        return None
-
     def nonparametric(self, record: IOData) -> ComplexArray:
-        """The response that a record shows without any model: output over input, line by line (nf, 1, 1).
+        """Response that a record shows without any model: output over input, line by line (nf, 1, 1).
 
         Over whole periods of a periodic record this is free of leakage; its mean over waveforms is the best linear
         approximation [Pintelon2012, sec. 4.3].

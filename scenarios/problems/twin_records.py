@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -10,11 +11,11 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from hmtb_twin import Arm, simulate
+from hmtb_twin import simulate
 from hmtb_twin.bus.joint_log import software_versions
 from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets.arm_truth import model_sha256
-from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import fingerprint
@@ -74,12 +75,7 @@ def prepare(trials: Sequence[Trial], run_seed: int, *, folder: Path | None = Non
 
 
 def draw_record(name: TwinName, seed: int) -> IOData:
-    """A record; it is simulated alone where it does not exist yet.
-
-    Args:
-        name: The problem.
-        seed: Of the draw.
-    """
+    """A record by the problem and the seed of the draw; it is simulated alone where it does not exist yet."""
     record = _find(name, seed)
     if record is None:
         _simulate([(name, seed)], threads=1)
@@ -100,10 +96,8 @@ def record_key(name: TwinName, seed: int) -> str:
     return sha256(json.dumps(made_from, sort_keys=True).encode()).hexdigest()
 
 
-@lru_cache(maxsize=64)
-def arm_hash(arm: Arm) -> str:
-    """Hash of a compiled arm; see `model_sha256`."""
-    return model_sha256(arm)
+arm_hash = lru_cache(maxsize=64)(model_sha256)
+"""Hash of a compiled arm."""
 
 
 def _simulate(draws: Sequence[tuple[TwinName, int]], threads: int | None) -> int:
@@ -127,11 +121,16 @@ def _simulate(draws: Sequence[tuple[TwinName, int]], threads: int | None) -> int
 
 
 def _find(name: TwinName, seed: int) -> IOData | None:
+    """A record from memory or from a file; None where there is none, or a damaged one, which is simulated again."""
     key, folder = record_key(name, seed), records_folder()
     if key not in _KEPT and folder is not None:
-        record = _read(folder / f"{key}.npz", name)
-        if record is not None:
-            _keep(key, record)
+        with (
+            suppress(OSError, ValueError, KeyError, BadZipFile, EOFError),
+            np.load(folder / f"{key}.npz", allow_pickle=False) as arrays,
+        ):
+            record = IOData(arrays["u"], arrays["y"], SAMPLE_TIME, window=SETTLING)
+            if record.u.shape == record.y.shape == (SETTLING + name.samples, 1):
+                _keep(key, record)
     return _KEPT.get(key)
 
 
@@ -139,16 +138,3 @@ def _keep(key: str, record: IOData) -> None:
     while len(_KEPT) >= MOST:
         _KEPT.pop(next(iter(_KEPT)))
     _KEPT[key] = record
-
-
-def _read(path: Path, name: TwinName) -> IOData | None:
-    """A record from a file; None where there is none, or a damaged one, which is simulated again."""
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            u, y = arrays["u"], arrays["y"]
-    except (OSError, ValueError, KeyError, BadZipFile, EOFError):
-        return None
-    shape = (SETTLING + name.samples, 1)
-    if any(part.shape != shape or part.dtype != float or not np.isfinite(part).all() for part in (u, y)):
-        return None
-    return IOData(u, y, SAMPLE_TIME, window=SETTLING)

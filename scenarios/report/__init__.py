@@ -1,7 +1,8 @@
 """Pages and figures: the look of figures, figures as files and inside a page, pages from templates."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from scenarios.files.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from scenarios.report.figures import SETTINGS, Gallery, Picture, save_figure
@@ -9,9 +10,4 @@ if TYPE_CHECKING:
 
 __all__ = ["SETTINGS", "Gallery", "Page", "Picture", "save_figure"]
 
-
-def __getattr__(name: str) -> object:
-    # Matplotlib takes a quarter of a second to load.
-    if name not in __all__:
-        raise AttributeError(f"module 'scenarios.report' has no attribute {name!r}")
-    return getattr(import_module(f"scenarios.report.{'page' if name == 'Page' else 'figures'}"), name)
+__getattr__ = lazy_names(__name__, figures="SETTINGS Gallery Picture save_figure", page="Page")

@@ -9,11 +9,11 @@ from typing import cast
 import numpy as np
 
 import sysid
-from scenarios.experiments.campaign import Campaign
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import MissingRecordError, ScenarioError
+from scenarios.thesis.campaign import Campaign
 from sysid import IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 

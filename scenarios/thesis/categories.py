@@ -6,7 +6,8 @@ from statistics import median
 
 import numpy as np
 
-from scenarios.experiments.campaign import RPCM, plays_identified_sequence
+from scenarios.experiments.campaign import RPCM
+from scenarios.thesis.campaign import plays_identified_sequence
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import AS_IT_IS
 from scenarios.thesis.findings_fits import FAST, FOLLOWS

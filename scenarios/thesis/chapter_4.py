@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import sysid
-from scenarios.experiments.campaign import single_joint_test, tests_of_same_sequence
+from scenarios.experiments.campaign import single_joint_test
 from scenarios.report.figure_style import (
     FREQUENCIES,
     MRAD,
@@ -24,6 +24,7 @@ from scenarios.report.figure_style import (
 from scenarios.report.figures import Gallery, Picture
 from scenarios.thesis import chapter_4 as draw
 from scenarios.thesis import figures_data_sets as draw_sets
+from scenarios.thesis.campaign import tests_of_same_sequence
 from scenarios.thesis.comparison import Comparison, JointResult, ModelResult
 from scenarios.thesis.envelope import envelope
 from scenarios.thesis.every_data_set import AUDIBLE, DataSets, distances

@@ -5,11 +5,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.experiments.campaign import RPCM, plays_identified_sequence
+from scenarios.experiments.campaign import RPCM
 from scenarios.report.figure_style import short
 from scenarios.report.figures import Gallery, Picture
 from scenarios.thesis import figures_chapter_6 as draw
 from scenarios.thesis import figures_records as records
+from scenarios.thesis.campaign import plays_identified_sequence
 from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.figures_chapter_6 import block_diagrams

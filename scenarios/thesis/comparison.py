@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from hmtb_twin import JointLog, JointTruth, Truth
-from scenarios.experiments.campaign import Campaign, tests_of_same_sequence
 from scenarios.thesis.attribution import Attributions, OrderEffect
+from scenarios.thesis.campaign import Campaign, tests_of_same_sequence
 from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.fairness_table import Fairness
 from scenarios.thesis.multivariable import Multivariable, ThreeJointModel

@@ -9,18 +9,12 @@ from types import MappingProxyType
 import numpy as np
 
 import sysid
-from scenarios.experiments.campaign import (
-    RPCM,
-    SINGLE_JOINT,
-    Campaign,
-    campaign_scenario,
-    plays_identified_sequence,
-    single_joint_test,
-)
+from scenarios.experiments.campaign import RPCM, SINGLE_JOINT, campaign_scenario, single_joint_test
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import Structure, every_structure
 from scenarios.experiments.registry import names
 from scenarios.identification.methods import estimate
+from scenarios.thesis.campaign import Campaign, plays_identified_sequence
 from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 

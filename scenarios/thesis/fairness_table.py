@@ -12,9 +12,10 @@ import numpy as np
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.experiments.campaign import RPCM, Campaign, Condition, tests_of_same_sequence
+from scenarios.experiments.campaign import RPCM, Condition
 from scenarios.experiments.model_structures import STRUCTURES, every_structure
 from scenarios.identification.methods import estimate
+from scenarios.thesis.campaign import Campaign, tests_of_same_sequence
 from scenarios.truth.published import published
 from sysid import IOData, StateSpace, SysidError, SysidWarning
 

@@ -10,8 +10,8 @@ from matplotlib.patches import Patch
 
 from hmtb_twin import JointLog, TwinError, load_arm, render
 from hmtb_twin.arm.rendering import Stage
+from hmtb_twin.run.playback import pictured_arm
 from scenarios.experiments.campaign import RPCM
-from scenarios.experiments.logged_arm import pictured_arm
 from scenarios.experiments.rpcm import rpcm_outcome
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
 from scenarios.report.figure_style import FREQUENCIES, NOT_EXCITED, WIDTH, dress, method_style, short

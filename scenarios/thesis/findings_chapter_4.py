@@ -14,7 +14,7 @@ from scenarios.thesis.finding import Finding, decided_finding, verdict
 from scenarios.thesis.prediction_errors import EDGE
 from scenarios.thesis.tally import p_value
 from scenarios.thesis.verdicts import MARGIN, ahead, comparison_word, held_out_one_step, tied
-from scenarios.truth.published import YAW_ARMAX
+from scenarios.truth.published import EQUATIONS
 from sysid import StateSpace
 
 COMPARED = ("armax", "oe")
@@ -157,7 +157,7 @@ def data_set_spread(entry: DataSets, method: str) -> float:
 def yaw_armax(study: Comparison) -> Finding:
     """F9: the yaw ARMAX has white, independent residuals and a near cancellation."""
     model = study.joints["shoulder_yaw"].models["armax"]
-    distance, printed = nearest(model.estimate.model), nearest(YAW_ARMAX.model)
+    distance, printed = nearest(model.estimate.model), nearest(EQUATIONS["4.7"].model)
     test = model.residual_test
     parts = [bool(test.white[0]), bool(test.independent[0, 0]), distance <= printed]
     smooth = _smooth(study, "shoulder_yaw", "armax")

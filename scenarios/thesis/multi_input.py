@@ -8,9 +8,9 @@ import scipy.linalg
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS, Truth
-from scenarios.experiments.campaign import Campaign
 from scenarios.experiments.joint_inputs import joint_inputs
 from scenarios.experiments.log_review import SETTLING
+from scenarios.thesis.campaign import Campaign
 from sysid import IOData, StateSpace, SysidError
 from sysid.models import block_diagonal
 

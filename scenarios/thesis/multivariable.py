@@ -10,11 +10,12 @@ import numpy as np
 
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, Status
-from scenarios.experiments.campaign import RPCM, Campaign
+from scenarios.experiments.campaign import RPCM
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.registry import names
 from scenarios.experiments.rpcm import rpcm_outcome
 from scenarios.files.errors import MissingRecordError
+from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.multi_input import (
     INDEPENDENT,
     SHARED,

@@ -9,10 +9,11 @@ from scipy.signal.windows import parzen
 
 import sysid
 from hmtb_twin.parameters.values import SAMPLE_RATE
-from scenarios.experiments.campaign import RPCM, Campaign, single_joint_test
+from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import MissingRecordError, ScenarioError
+from scenarios.thesis.campaign import Campaign
 from sysid import FrequencyResponse, IOData, SysidWarning
 from sysid.frequency import CovarianceFunction, DelayEstimate, ImpulseResponse
 from sysid.models.bandwidth import HALF_POWER

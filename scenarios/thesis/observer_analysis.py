@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS, Truth
-from scenarios.experiments.campaign import Campaign, single_joint_test
+from scenarios.experiments.campaign import single_joint_test
 from scenarios.files.errors import MissingRecordError
+from scenarios.thesis.campaign import Campaign
 from sysid import Estimate, IOData, ModelFit, ResidualTest, SysidWarning
 
 P = 5

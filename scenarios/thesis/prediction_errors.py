@@ -8,8 +8,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 import sysid
-from scenarios.experiments.campaign import Campaign, single_joint_test
+from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.model_structures import every_structure
+from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.every_data_set import DataSets, every_data_set
 from scenarios.thesis.order_search import Searches, search_orders
 from sysid import Estimate, IOData, SysidWarning

@@ -22,13 +22,11 @@ from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
 from scenarios.truth.published import (
     DRAWS,
+    EQUATIONS,
     PUBLISHED,
     SYSTEMS,
-    YAW_ARMAX_BOTH,
-    YAW_ARMAX_STATE_SPACE,
     DigitRange,
     PublishedModel,
-    digit_range,
     published,
 )
 from sysid import IOData, SysidWarning
@@ -143,10 +141,10 @@ def published_section(study: Comparison, gallery: Gallery) -> dict[str, object]:
         What the template shows.
     """
     records = several_records(study)
-    rows = [printed_row(study, entry, records) for entry in (*PUBLISHED, YAW_ARMAX_BOTH)]
+    rows = [printed_row(study, entry, records) for entry in (*PUBLISHED, EQUATIONS["4.7+4.9"])]
     rows.sort(key=lambda row: (STUDIED_JOINTS.index(row.printed.joint), row.printed.method))
     # Second prints of one model lie on each other; the first is drawn.
-    printed_rows = [row.printed for row in rows if row.printed not in (YAW_ARMAX_STATE_SPACE, YAW_ARMAX_BOTH)]
+    printed_rows = [row.printed for row in rows if row.printed.name not in ("4.9", "4.7+4.9")]
     return {
         "rows": rows,
         "records": list(records),
@@ -190,7 +188,7 @@ def printed_row(study: Comparison, printed: PublishedModel, records: dict[str, I
     k = STUDIED_JOINTS.index(printed.joint)
     return PrintedRow(
         printed=printed,
-        digits=digit_range(printed.name),
+        digits=printed.digit_range,
         near=near_1_hz(printed.bandwidth_hz),
         observer=float(np.abs(np.roots(printed.noise_polynomial)).max(initial=0.0)),
         singles={number: _fit(printed, data) for number, data in singles.items()},

@@ -4,8 +4,9 @@ from collections.abc import Iterable, Mapping
 from statistics import median
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.experiments.campaign import OTHER_WAVEFORMS, plays_identified_sequence, single_joint_test
+from scenarios.experiments.campaign import single_joint_test
 from scenarios.files.errors import MissingRecordError
+from scenarios.thesis.campaign import OTHER_WAVEFORMS, plays_identified_sequence
 from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.multivariable import Kind, Way
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS, reference_fits

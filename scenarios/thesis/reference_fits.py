@@ -8,7 +8,7 @@ from scipy.signal import fftconvolve
 
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog
-from scenarios.experiments.campaign import Campaign
+from scenarios.thesis.campaign import Campaign
 from sysid import StateSpace
 
 SETTLED = 1e-6

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS, JointTruth
-from scenarios.experiments.campaign import Campaign
 from scenarios.experiments.model_structures import STRUCTURES, Structure, every_structure
 from scenarios.identification.methods import estimate
+from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS, Disturbance
 from scenarios.thesis.robustness_outcome import (
     Failure,

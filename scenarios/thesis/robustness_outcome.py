@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 
 import sysid
-from scenarios.experiments.campaign import Campaign
 from scenarios.experiments.log_review import settled
 from scenarios.experiments.model_structures import STRUCTURES
+from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, biased
 from sysid import Estimate, IOData, SysidError, SysidWarning, predict
 from sysid.validation import fit_percent

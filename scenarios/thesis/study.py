@@ -11,16 +11,7 @@ import numpy as np
 import sysid
 from hmtb_twin import STUDIED_JOINTS, JointTruth
 from hmtb_twin.parameters.values import SAMPLE_RATE
-from scenarios.experiments.campaign import (
-    CONDITIONS,
-    EVERY_TEST,
-    FAIRNESS_TESTS,
-    Campaign,
-    Condition,
-    campaign_scenario,
-    run_campaign,
-    single_joint_test,
-)
+from scenarios.experiments.campaign import Condition, campaign_scenario, single_joint_test
 from scenarios.experiments.log_review import swing, velocity_limited_share
 from scenarios.experiments.model_structures import STRUCTURES, SUFFICIENT, Structure
 from scenarios.experiments.scenario import Scenario
@@ -29,6 +20,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
 from scenarios.identification.methods import estimate
 from scenarios.thesis.attribution import attribute, order_effects, scaled
+from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, Campaign, run_campaign
 from scenarios.thesis.comparison import (
     Comparison,
     Cost,

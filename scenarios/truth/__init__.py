@@ -1,7 +1,8 @@
 """Truth about the twin: best linear approximations, attainable errors, maps, and the models that the thesis prints."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from scenarios.files.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from scenarios.truth.attainable import Attainable
@@ -10,17 +11,6 @@ if TYPE_CHECKING:
     from scenarios.truth.maps import Density, Maps
     from scenarios.truth.published import PublishedModel, published_model
     from scenarios.truth.truth_summary import TruthSummary
-
-_MODULES = {
-    "Attainable": "attainable",
-    "BestLinearOfTest": "bla_of_record",
-    "BestLinearTruth": "best_linear",
-    "Density": "maps",
-    "Maps": "maps",
-    "PublishedModel": "published",
-    "TruthSummary": "truth_summary",
-    "published_model": "published",
-}
 
 __all__ = [
     "Attainable",
@@ -33,9 +23,12 @@ __all__ = [
     "published_model",
 ]
 
-
-def __getattr__(name: str) -> object:
-    # The command line's help does not wait for the laboratory.
-    if name not in _MODULES:
-        raise AttributeError(f"module 'scenarios.truth' has no attribute {name!r}")
-    return getattr(import_module(f"scenarios.truth.{_MODULES[name]}"), name)
+__getattr__ = lazy_names(
+    __name__,
+    attainable="Attainable",
+    best_linear="BestLinearTruth",
+    bla_of_record="BestLinearOfTest",
+    maps="Density Maps",
+    published="PublishedModel published_model",
+    truth_summary="TruthSummary",
+)

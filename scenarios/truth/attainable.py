@@ -5,20 +5,19 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import ceil, log, sqrt
-from types import MappingProxyType
 
 import numpy as np
 from scipy.stats import chi2
 
-from hmtb_twin import JOINTS, Arm, JointLog, Status, Truth, linearize, load_arm
+from hmtb_twin import JOINTS, JointLog, Status, Truth, linearize
 from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.control.modes import joint_index
-from hmtb_twin.truth.linearization import simulated
-from scenarios.experiments.logged_arm import check_truth, logged_arm
+from hmtb_twin.truth.logged_arm import check_truth, logged_arm
 from scenarios.files.errors import ScenarioError
-from scenarios.truth.attainable_models import ConditionalMean, conditional_mean, long_response
+from scenarios.truth.noise_free import noise_free
 from sysid import IOData, StateSpace, SysidError, SysidWarning, oe, pem_ss, predict
 from sysid.polynomial.least_squares import tall_least_squares
+from sysid.polynomial.long_arx import long_arx_simulation
 from sysid.records.arrays import FloatArray
 
 MATTERS = 1e-4
@@ -29,9 +28,6 @@ FADED = 1e-6
 
 MOST_STEPS = 100
 """Steps after which a search ends, the minimum or not."""
-
-DRAWS = 8
-"""Draws of process noise behind the mean response of an arm that is not linear."""
 
 
 @dataclass(frozen=True)
@@ -103,9 +99,6 @@ class Attainable:
     parameters: tuple[int, int]
     provenance: Mapping[str, str]
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
-
     def by_chance(self, rmse: float, parameters: int = 0) -> float:
         """Return the error that a model as good as a floor undercuts by chance once in twenty times at most, rad.
 
@@ -142,10 +135,9 @@ def attainable(
         The floors.
 
     Raises:
-        ScenarioError: No joint named where several are excited; a log without its arm, with a shutdown or work in
-            contact, or too short for the linear systems; a joint that does not move; a truth of another arm, of other
-            conditions or of another pose.
-        TwinError: Unknown joint.
+        ScenarioError: No joint named where several are excited; a log with a shutdown or work in contact, or too short
+            for the linear systems; a joint that does not move.
+        TwinError: Unknown joint, a log without its arm, or a truth of another arm, other conditions or another pose.
     """
     if joint is None:
         if len(record.axes) != 1:
@@ -163,8 +155,8 @@ def attainable(
     measured = record.measured[:, column]
     delayed_angles = delayed(record.true_angles, arm.delays)
     true = delayed_angles[:, column]
-    mean, origin = _noise_free(record, arm, truth, delayed_angles)
-    quiet, uncertain = mean.angles[:, column], mean.variance[window:, column].mean()
+    mean, variance, origin = noise_free(record, arm, truth, delayed_angles)
+    quiet, uncertain = mean[:, column], variance[window:, column].mean()
     # Servo valves under load stand a little off the commanded pose; the linear model counts from where they stand.
     start = arm.rest(truth.angles).qpos[column]
 
@@ -174,7 +166,10 @@ def attainable(
     model = truth.subset(moved, (joint,))
     rest = np.zeros(model.order)
     simulation, one_step = (predict(model, offsets, steps=steps, x0=rest)[:, 0] + start for steps in (None, 1))
-    settling = _settling(truth, joint)
+    known = truth.joint(joint)
+    # A pulse has died out with its slowest mode; one that carries less than what counts as faded never shows.
+    slowest = float(np.abs(known.poles[known.shares > FADED]).max())
+    settling = ceil(log(FADED) / log(slowest)) + known.delay_samples
     first = max(window, settling)
     coefficients = (len(moved) + 1) * settling + len(moved) + 1
     if len(record) - window < 2 * coefficients:
@@ -187,8 +182,14 @@ def attainable(
     commands = np.hstack([*(_lagged(signal, memory, first=0) for signal in offsets.u.T), constant])
     both = [*(_lagged(signal, settling, first=0) for signal in offsets.u.T), constant]
     both.append(_lagged(offsets.y[:, 0], settling, first=1))
-    order, fitted = _right_order(model, offsets, quiet, window, steps)
-    high = _high_orders(offsets, quiet, window, (settling, memory))
+    exact = replace(offsets, y=quiet[:, None], window=0)[window:].detrend()
+    order, of_order = _right_order(model, exact, steps)
+    # ARX models remember longer than pulse responses of as many coefficients, and their fit needs no search.
+    long = [long_arx_simulation(exact.u, exact.y[:, 0], n) for n in (settling, memory)]
+    fitted, high = (
+        [np.concatenate([quiet[:window], hat + quiet[window:].mean()]) for hat in hats if hat is not None]
+        for hats in (of_order, long)
+    )
     linear = _fitted(commands, quiet, max(window, memory))
     predicted = _fitted(np.hstack(both), measured, first)
     # What is fitted to the noise itself lowers its own errors; those before the regression begins are not fitted.
@@ -237,60 +238,25 @@ def attainable(
     )
 
 
-def _noise_free(record: JointLog, arm: Arm, truth: Truth, true: FloatArray) -> tuple[ConditionalMean, str]:
-    """Mean of the angles (N, 7) given the commands, as they reach the record, and where it comes from."""
-    if not arm.plant.process_noise:
-        return ConditionalMean(true, np.zeros_like(true)), "of the record"
-    if arm.friction or arm.plant.actuator == "orifice":
-        # Noise dithers what is not smooth: the mean is not the motion without noise.
-        mean = conditional_mean(arm, truth.angles, record.commanded, draws=DRAWS, seed=record.seed)
-        return mean, f"mean of {DRAWS} draws of process noise"
-    quiet = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0), specimen=arm.specimen)
-    angles = simulated(quiet, truth.angles, record.commanded) + quiet.rest(truth.angles).qpos[: len(JOINTS)]
-    return ConditionalMean(angles, np.zeros_like(angles)), "simulated anew without process noise"
-
-
-def _high_orders(record: IOData, quiet: FloatArray, window: int, orders: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    """Simulate ARX models fitted to noise-free angles, their initial state fitted too.
-
-    They remember longer than pulse responses of as many coefficients, and a least-squares fit needs no search.
-    """
-    exact = replace(record, y=quiet[:, None], window=0)[window:].detrend()
-    hats = (long_response(exact.u, exact.y[:, 0], order) for order in orders)
-    return tuple(np.concatenate([quiet[:window], hat + quiet[window:].mean()]) for hat in hats if hat is not None)
-
-
-def _right_order(
-    model: StateSpace, record: IOData, quiet: FloatArray, window: int, steps: int | None
-) -> tuple[int, tuple[FloatArray, ...]]:
+def _right_order(model: StateSpace, exact: IOData, steps: int | None) -> tuple[int, list[FloatArray]]:
     """Simulate output-error models of the truth's order fitted to noise-free angles; return the order too."""
     start = replace(model, K=None).minimal(MATTERS)
-    exact = replace(record, y=quiet[:, None], window=0)[window:].detrend()
-    simulated_angles: list[FloatArray] = []
+    most = steps or MOST_STEPS
+    # The criterion has several minima where the record is distorted, so the search begins at several places.
+    fits = [lambda: pem_ss(exact, start, direct=False, gain=False, search=False, max_iterations=most)]
+    if exact.nu == 1:
+        # It has initial estimates of its own, which often lead further down than the truth does.
+        fits.insert(0, lambda: oe(exact, start.order, start.order, 1, max_iterations=most))
+    outputs: list[FloatArray] = []
     with warnings.catch_warnings():
         # Warnings of poor excitation are about parameters; here only the output counts.
         warnings.simplefilter("ignore", SysidWarning)
-        most = steps or MOST_STEPS
-        # The criterion has several minima where the record is distorted, so the search begins at several places.
-        fits = [lambda: pem_ss(exact, start, direct=False, gain=False, search=False, max_iterations=most)]
-        if record.nu == 1:
-            # It has initial estimates of its own, which often lead further down than the truth does.
-            fits.insert(0, lambda: oe(exact, start.order, start.order, 1, max_iterations=most))
         for fit in fits:
             with contextlib.suppress(SysidError):
-                hat = predict(fit(), exact, steps=None)[:, 0]
-                simulated_angles.append(np.concatenate([quiet[:window], hat + quiet[window:].mean()]))
+                outputs.append(predict(fit(), exact, steps=None)[:, 0])
                 if steps is not None:
                     break
-    return start.order, tuple(simulated_angles)
-
-
-def _settling(truth: Truth, joint: str) -> int:
-    """Samples after which a pulse has died out, bus delay included."""
-    known = truth.joint(joint)
-    # A mode that carries less than what counts as faded never shows.
-    slowest = float(np.abs(known.poles[known.shares > FADED]).max())
-    return ceil(log(FADED) / log(slowest)) + known.delay_samples
+    return start.order, outputs
 
 
 def _lagged(signal: FloatArray, memory: int, *, first: int) -> FloatArray:

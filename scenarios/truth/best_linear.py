@@ -1,22 +1,37 @@
 """Best linear approximation of the twin for one class and amplitude of excitation."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 
-from hmtb_twin import JOINTS, Experiment, JointLog, Status, Truth, linearize, load_arm, simulate
+from hmtb_twin import (
+    JOINTS,
+    STUDIED_JOINTS,
+    Arm,
+    Chain,
+    Experiment,
+    JointLog,
+    Status,
+    Truth,
+    linearize,
+    load_arm,
+    simulate,
+)
 from hmtb_twin.control.modes import joint_index
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
 from sysid import Bandwidth, BestLinearApproximation, IOData, SysidWarning, bla
 from sysid.frequency.bla import ResponseAgreement, response_agreement
+from sysid.frequency.silent_lines import SilentLines, silent_lines
 from sysid.models.bandwidth import response_bandwidth
-from sysid.records.arrays import FloatArray
+from sysid.records.arrays import FloatArray, Locked
+
+REALISATIONS = 8
+"""Realisations that suffice for a joint: four seconds of one core, intervals of one or two percent."""
 
 SLOWEST = 0.3
 """Lines up to this frequency tell the gain at low frequency, Hz."""
@@ -32,68 +47,7 @@ STUCK = 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class SilentLines:
-    """Distortion at the silent lines of an odd-random grid, as root mean square over the excited band.
-
-    Attributes:
-        even: Of even order, and all else that falls on even lines (ny,), rad.
-        odd: Of odd order (ny,), rad: the silent odd lines stand for all odd ones.
-        noise: Noise of one period over the same band (ny,), rad.
-    """
-
-    even: FloatArray
-    odd: FloatArray
-    noise: FloatArray
-
-
-def silent_lines(
-    records: Sequence[IOData], approximation: BestLinearApproximation, multisines: Multisines
-) -> SilentLines:
-    """Read even and odd distortion at the silent lines [Pintelon2012, sec. 4.3].
-
-    The command itself has some power at those lines, because it is rounded or limited. It passes through the system and
-    is subtracted first, with the response interpolated between the excited lines.
-
-    Args:
-        records: Steady, whole periods.
-        approximation: The response.
-        multisines: The excitation class, on an odd-random grid.
-
-    Returns:
-        The levels less noise, not below zero.
-    """
-    period, band = multisines.samples, multisines.band
-    silent = np.setdiff1d(band, multisines.lines)
-    g = approximation.response.response
-    at = np.empty((len(silent), *g.shape[1:]), dtype=complex)
-    for i, j in np.ndindex(g.shape[1:]):
-        real, imaginary = (np.interp(silent, multisines.lines, part) for part in (g[:, i, j].real, g[:, i, j].imag))
-        at[:, i, j] = real + 1j * imaginary
-    power, noise = [], []
-    for record in records:
-        u, y = (
-            np.fft.rfft(part.reshape(-1, period, part.shape[1]), axis=1)[:, silent] for part in (record.u, record.y)
-        )
-        errors = y - np.einsum("fij,pfj->pfi", at, u)
-        scatter = errors.var(axis=0, ddof=1)
-        power.append(np.abs(errors.mean(axis=0)) ** 2 - scatter / len(errors))
-        noise.append(scatter)
-    # A line X_k of numpy's transform carries the mean square 2 |X_k|^2 / N^2.
-    level, floor = (2.0 * np.mean(part, axis=0) / period**2 for part in (power, noise))
-    is_odd = silent % 2 == 1
-    return SilentLines(
-        even=_rms(level[~is_odd].sum(axis=0)),
-        odd=_rms(level[is_odd].sum(axis=0) * np.sum(band % 2 == 1) / max(np.sum(is_odd), 1)),
-        noise=_rms(floor.sum(axis=0) * len(band) / len(silent)),
-    )
-
-
-def _rms(mean_square: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.maximum(mean_square, 0.0)))
-
-
-@dataclass(frozen=True, eq=False)
-class BestLinearTruth:
+class BestLinearTruth(Locked):
     """The best linear approximation of the twin, its uncertainty and its nonlinear distortion.
 
     `servo` has the commanded angle of the record as its input, after converters, hold and velocity limit: it is known
@@ -124,17 +78,6 @@ class BestLinearTruth:
     physics_seconds: float
     provenance: Mapping[str, str]
 
-    def __post_init__(self) -> None:
-        rms = np.array(self.command_rms)
-        rms.setflags(write=False)
-        object.__setattr__(self, "command_rms", rms)
-        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
-
-    @property
-    def multisines(self) -> Multisines:
-        """The excitation class."""
-        return self.experiment.multisines
-
     @property
     def bandwidth(self) -> Bandwidth:
         """Half-power bandwidths of `servo` with 95 % intervals, Hz."""
@@ -143,7 +86,7 @@ class BestLinearTruth:
     @property
     def distortion_percent(self) -> FloatArray:
         """Nonlinear distortion of each measured angle, of one realisation of `servo`, in percent of its linear part."""
-        return distortion_percent(self.servo)
+        return self.servo.distortion_percent
 
     @cached_property
     def small_signal(self) -> Truth:
@@ -154,15 +97,13 @@ class BestLinearTruth:
 
     def servo_agreement(self, truth: Truth | None = None) -> ResponseAgreement:
         """Compare `servo` line by line with a small-signal truth, by default that of the same arm."""
-        return response_agreement(self.servo, self._expected(truth or self.small_signal))
+        return self.agreement(self.servo, truth)
 
-    def chain_agreement(self, truth: Truth | None = None) -> ResponseAgreement:
-        """Compare `chain` line by line with a small-signal truth, by default that of the same arm."""
-        return response_agreement(self.chain, self._expected(truth or self.small_signal))
-
-    def _expected(self, truth: Truth) -> np.ndarray:
+    def agreement(self, approximation: BestLinearApproximation, truth: Truth | None = None) -> ResponseAgreement:
+        """Compare `servo` or `chain` line by line with a small-signal truth, by default that of the same arm."""
         rows, columns = ([joint_index(name) for name in names] for names in (self.measured, self.experiment.axes))
-        return truth.model.frequency_response(self.servo.response.frequencies)[:, rows][:, :, columns]
+        response = (truth or self.small_signal).model.frequency_response(approximation.response.frequencies)
+        return response_agreement(approximation, response[:, rows][:, :, columns])
 
 
 def best_linear(
@@ -197,21 +138,68 @@ def best_linear(
         SysidError: The command does not move at a line, for instance because the stick stays in its deadband.
     """
     experiments = multisine_experiments(setting, multisines or Multisines())
-    outputs = _outputs(experiments[0].axes if measured is None else measured)
+    if measured is None:
+        measured = experiments[0].axes
+    elif isinstance(measured, str) or not isinstance(measured, Sequence) or not 0 < len(measured) == len(set(measured)):
+        raise ScenarioError(f"measured = {measured!r} given, expected one or more of {', '.join(JOINTS)}, each once")
     result = simulate(experiments, threads=threads)
     for name, reason in result.failed.items():
         raise ScenarioError(f"{name}: {reason}")
     origin = {"setting": setting.name, "seed": str(setting.seed)}
-    return approximated(experiments, result, measured=outputs, physics_seconds=result.physics_seconds, origin=origin)
+    return approximated(experiments, result, measured, physics_seconds=result.physics_seconds, origin=origin)
+
+
+def measured_best_linear(
+    arm: Arm,
+    pose: str,
+    multisines: Multisines,
+    *,
+    chain: Chain | None = None,
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[str, BestLinearTruth]:
+    """Measure the best linear approximation of each studied joint, excited alone.
+
+    Args:
+        arm: The arm.
+        pose: Keyframe about which it moves.
+        multisines: The excitation class; its seed draws the noise too.
+        chain: The chain of signals; by default as the laboratory records.
+        threads: Threads for the physics; all processors by default.
+        progress: Called with the joints done and those in all.
+
+    Returns:
+        The approximations by joint.
+
+    Raises:
+        ScenarioError: See `best_linear`.
+    """
+    approximations: dict[str, BestLinearTruth] = {}
+    for joint in STUDIED_JOINTS:
+        setting = MultisineExperiment(
+            joint,
+            (joint,),
+            variant=arm.variant,
+            payload=arm.payload,
+            plant=arm.plant,
+            specimen=arm.specimen,
+            pose=pose,
+            chain=chain or Chain(),
+            seed=multisines.seed,
+        )
+        approximations[joint] = best_linear(setting, multisines, threads=threads)
+        if progress is not None:
+            progress(len(approximations), len(STUDIED_JOINTS))
+    return approximations
 
 
 def approximated(
     experiments: Sequence[MultisineExperiment],
     logs: Sequence[JointLog],
-    *,
     measured: Sequence[str],
-    physics_seconds: float = 0.0,
-    origin: Mapping[str, str] = MappingProxyType({}),
+    *,
+    physics_seconds: float,
+    origin: Mapping[str, str],
 ) -> BestLinearTruth:
     """Compute the best linear approximation from existing records; see `best_linear`.
 
@@ -219,32 +207,42 @@ def approximated(
         experiments: Realisations of one class of excitation under one set of conditions; of several axes as many
             records each, one after the other.
         logs: Their logs.
-        measured: Outputs, joints.
+        measured: Outputs, joints, each once.
         physics_seconds: Wall time of the records in the physics, s.
         origin: Their origin, for the provenance.
 
     Raises:
-        ScenarioError: `measured` is no sequence of joints, each once.
         SysidError: The command does not move at a line.
     """
-    first = experiments[0]
-    outputs = _outputs(measured)
-    rows = [joint_index(name) for name in outputs]
-    excited = [joint_index(name) for name in first.axes]
-    servo = [_record(first, outputs, log, log.commanded[:, excited], rows) for log in logs]
-    chain = [
-        _record(first, outputs, log, experiment.offsets(), rows)
-        for log, experiment in zip(logs, experiments, strict=True)
-    ]
-    of_servo = _bla(servo, first.multisines)
-    steady = [record.scored for record in servo]
+    first, multisines = experiments[0], experiments[0].multisines
+    rows, columns = ([joint_index(name) for name in names] for names in (measured, first.axes))
+
+    def record(log: JointLog, inputs: FloatArray) -> IOData:
+        return IOData(
+            inputs,
+            log.measured[:, rows],
+            log.dt,
+            input_names=tuple(f"{name} commanded" for name in first.axes),
+            output_names=tuple(f"{name} measured" for name in measured),
+            input_units=("rad",) * len(first.axes),
+            output_units=("rad",) * len(measured),
+            window=multisines.settling * multisines.samples,
+        )
+
+    servo = [record(log, log.commanded[:, columns]) for log in logs]
+    chain = [record(log, experiment.offsets()) for log, experiment in zip(logs, experiments, strict=True)]
+    with warnings.catch_warnings():
+        # Noise of the wires makes the commands of two periods differ; the record holds them, so they are known.
+        warnings.filterwarnings("ignore", message=".* is not periodic with", category=SysidWarning)
+        of_servo, of_chain = (bla(records, multisines.samples, lines=multisines.lines) for records in (servo, chain))
+    steady = [part.scored for part in servo]
     status = np.concatenate([log.status[len(log) - len(part) :] for log, part in zip(logs, steady, strict=True)])
     return BestLinearTruth(
         experiment=first,
-        measured=outputs,
+        measured=tuple(measured),
         servo=of_servo,
-        chain=_bla(chain, first.multisines),
-        silent=silent_lines(steady, of_servo, first.multisines) if first.multisines.odd else None,
+        chain=of_chain,
+        silent=silent_lines(steady, of_servo, multisines.samples, multisines.band) if multisines.odd else None,
         command_rms=np.sqrt(np.mean([part.u.var(axis=0) for part in steady], axis=0)),
         slewing=float(np.mean((status & Status.VELOCITY_LIMITED) != 0)),
         limited=float(np.mean((status & (Status.JOINT_LIMITED | Status.CONVERTER_SATURATED)) != 0)),
@@ -252,21 +250,11 @@ def approximated(
         provenance={
             "method": "robust method, random-phase multisines",
             **origin,
-            **{f"multisines_{name}": str(value) for name, value in vars(first.multisines).items()},
+            **{f"multisines_{name}": str(value) for name, value in vars(multisines).items()},
             **logs[0].provenance,
             **versions(),
         },
     )
-
-
-def distortion_percent(approximation: BestLinearApproximation) -> FloatArray:
-    """Return the nonlinear distortion of each output, in percent of its linear part, root mean squares (ny,).
-
-    Both are sums over the lines, on which an input of equal lines has equal power.
-    """
-    excess = approximation.realisations * (approximation.total_variance - approximation.noise_variance)
-    linear = np.abs(approximation.response.response) ** 2 - approximation.total_variance
-    return np.asarray(100.0 * np.sqrt(np.maximum(excess.sum(axis=(0, 2)), 0.0) / linear.sum(axis=(0, 2))))
 
 
 def slow_gain(approximation: BestLinearTruth, truth: Truth) -> float:
@@ -289,10 +277,8 @@ def cautions(approximation: BestLinearTruth, truth: Truth) -> tuple[str, ...]:
         approximation: The approximation of one joint, excited alone.
         truth: The small-signal truth of the same arm.
     """
-    remarks = []
-    band, gain = approximation.bandwidth, slow_gain(approximation, truth)
-    distortion = float(approximation.distortion_percent[0])
-    hz, low, high = (float(part[0, 0]) for part in (band.hz, *band.ci95))
+    remarks, gain, distortion = [], slow_gain(approximation, truth), float(approximation.distortion_percent[0])
+    hz, low, high = approximation.bandwidth.path()
     if gain < STUCK:
         remarks.append(f"it follows {100 * gain:.0f} % of a slow command, and the bandwidth is relative to that")
     if distortion > DISTORTED:
@@ -302,32 +288,3 @@ def cautions(approximation: BestLinearTruth, truth: Truth) -> tuple[str, ...]:
     elif not high <= WIDE * low:
         remarks.append(f"the interval's ends differ by a factor of {high / low:.1f}")
     return tuple(remarks)
-
-
-def _outputs(measured: Sequence[str]) -> tuple[str, ...]:
-    fine = isinstance(measured, Sequence) and not isinstance(measured, str) and len(measured) > 0
-    if not fine or any(list(measured).count(name) > 1 for name in measured):
-        raise ScenarioError(f"measured = {measured!r} given, expected one or more of {', '.join(JOINTS)}, each once")
-    return tuple(measured)
-
-
-def _record(
-    experiment: MultisineExperiment, outputs: tuple[str, ...], log: JointLog, inputs: np.ndarray, rows: list[int]
-) -> IOData:
-    return IOData(
-        inputs,
-        log.measured[:, rows],
-        log.dt,
-        input_names=tuple(f"{name} commanded" for name in experiment.axes),
-        output_names=tuple(f"{name} measured" for name in outputs),
-        input_units=("rad",) * len(experiment.axes),
-        output_units=("rad",) * len(outputs),
-        window=experiment.multisines.settling * experiment.multisines.samples,
-    )
-
-
-def _bla(records: list[IOData], multisines: Multisines) -> BestLinearApproximation:
-    with warnings.catch_warnings():
-        # Noise of the wires makes the commands of two periods differ; the record holds them, so they are known.
-        warnings.filterwarnings("ignore", message=".* is not periodic with", category=SysidWarning)
-        return bla(records, multisines.samples, lines=multisines.lines)

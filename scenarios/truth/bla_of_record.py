@@ -10,15 +10,12 @@ from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import joint_index
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
-from scenarios.truth.best_linear import best_linear, cautions
+from scenarios.truth.best_linear import REALISATIONS, best_linear, cautions
 from sysid import IOData
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 
 SHARE = 0.95
 """Share of the command's power that the multisine's band holds."""
-
-REALISATIONS = 8
-"""Realisations of the multisine: some four seconds of one core for a joint, intervals of one or two percent."""
 
 CLOSE = 0.01
 """How close the multisine's command comes to the test's, as a part of its root mean square."""
@@ -97,14 +94,14 @@ def best_linear_of_test(
     Raises:
         ScenarioError: See `scenarios.truth.best_linear.best_linear`.
     """
-    base, multisines, wanted = multisine_like(setting, arm, records, seed=seed)
+    base, multisines, wanted = multisine_like(setting, arm, records, seed=seed, realisations=REALISATIONS)
     approximation = best_linear(base, multisines, threads=threads)
-    band, response = approximation.bandwidth, approximation.servo.response
+    response, (hz, *ci95) = approximation.servo.response, approximation.bandwidth.path()
     return BestLinearOfTest(
         joint=base.name,
         test=test,
-        hz=float(band.hz[0, 0]),
-        ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
+        hz=hz,
+        ci95=(ci95[0], ci95[1]),
         half_power_hz=gain_crossing(response, HALF_POWER),
         wanted_rms=wanted,
         command_rms=float(approximation.command_rms[0]),
@@ -119,9 +116,12 @@ def best_linear_of_test(
 
 
 def multisine_like(
-    setting: Experiment, arm: Arm, records: Sequence[IOData], *, seed: int = 0, realisations: int = REALISATIONS
+    setting: Experiment, arm: Arm, records: Sequence[IOData], *, seed: int, realisations: int
 ) -> tuple[MultisineExperiment, Multisines, float]:
     """Choose the multisine like a test's command; see `best_linear_of_test`.
+
+    A limited command grows less than the amplitude at the stick, which a secant on logarithmic scales therefore finds.
+    Where the converter clips first, it is the largest amplitude that the converter plays.
 
     Args:
         setting: Any experiment of the joint on the arm, for its conditions.
@@ -136,61 +136,32 @@ def multisine_like(
     Raises:
         ScenarioError: The multisine cannot be played.
     """
-    rms = float(np.sqrt(np.mean([np.var(part.u) for part in records])))
-    (joint,) = setting.axes
-    base = MultisineExperiment(
-        joint,
-        (joint,),
-        variant=setting.variant,
-        payload=setting.payload,
-        plant=setting.plant,
-        specimen=setting.specimen,
-        pose=setting.pose,
-        chain=setting.chain,
-        hand_controller=setting.hand_controller,
-        seed=seed,
-    )
-    target = Multisines(rms=rms, f_max=_band(records), realisations=realisations, seed=seed)
-    return base, _matched(base, arm, target), rms
-
-
-def _band(records: Sequence[IOData]) -> float:
-    """Frequency below which `SHARE` of the command's power lies, Hz, the mean over the records."""
+    wanted = float(np.sqrt(np.mean([np.var(part.u) for part in records])))
     ends = []
     for part in records:
         power = np.abs(np.fft.rfft(part.u[:, 0])) ** 2
         line = int(np.searchsorted(np.cumsum(power), SHARE * power.sum()))
         ends.append(line / (len(part) * part.dt))
-    return float(np.mean(ends))
-
-
-def _matched(base: MultisineExperiment, arm: Arm, target: Multisines) -> Multisines:
-    """Return the multisine whose command, behind converters and velocity limit, has the target's root mean square.
-
-    A limited command grows less than the amplitude at the stick, which a secant on logarithmic scales therefore finds.
-    Where the converter clips first, it is the largest amplitude that the converter plays.
-    """
-    rms, slope = target.rms, 1.0
+    (joint,) = setting.axes
+    shared = ("variant", "payload", "plant", "specimen", "pose", "chain", "hand_controller")
+    base = MultisineExperiment(joint, (joint,), seed=seed, **{name: getattr(setting, name) for name in shared})
+    target = Multisines(rms=wanted, f_max=float(np.mean(ends)), realisations=realisations, seed=seed)
+    rms, slope = wanted, 1.0
     points: list[tuple[float, float]] = []
     for _ in range(ROUNDS):
         current = replace(target, rms=rms)
-        largest = _largest(base, current)
+        peak = max(float(np.abs(current.offsets(r)).max()) for r in range(realisations))
+        largest = ROOM * rms * BOARD.dac_range * base.hand_controller.gain / peak
         if rms > largest:
             rms, current = largest, replace(target, rms=largest)
         command_rms = _command_rms(base, arm, current)
-        if abs(command_rms / target.rms - 1.0) < CLOSE or (rms == largest and command_rms < target.rms):
-            return current
+        if abs(command_rms / wanted - 1.0) < CLOSE or (rms == largest and command_rms < wanted):
+            break
         points.append((float(np.log(rms)), float(np.log(command_rms))))
         if len(points) > 1 and points[-1][0] != points[-2][0]:
             slope = (points[-1][1] - points[-2][1]) / (points[-1][0] - points[-2][0])
-        rms *= float((target.rms / command_rms) ** (1.0 / max(slope, 0.1)))
-    return current
-
-
-def _largest(base: MultisineExperiment, multisines: Multisines) -> float:
-    """Largest root mean square that the converter plays without clipping, rad."""
-    peak = max(float(np.abs(multisines.offsets(r)).max()) for r in range(multisines.realisations))
-    return ROOM * multisines.rms * BOARD.dac_range * base.hand_controller.gain / peak
+        rms *= float((wanted / command_rms) ** (1.0 / max(slope, 0.1)))
+    return base, current, wanted
 
 
 def _command_rms(base: MultisineExperiment, arm: Arm, multisines: Multisines) -> float:

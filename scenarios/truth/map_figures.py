@@ -1,8 +1,8 @@
 """Figures and page of the maps."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import matplotlib
@@ -16,121 +16,24 @@ from matplotlib.figure import Figure
 from hmtb_twin import JOINTS, STUDIED_JOINTS
 from scenarios.experiments.preview_figure import COLOURS, LINES
 from scenarios.files.atomic_write import write_whole
-from scenarios.report.figure_style import dress
+from scenarios.report.figure_style import dress, short
 from scenarios.report.figures import SETTINGS, save_figure, svg
-from scenarios.truth.map_findings import STUDIED, TOLERANCE, findings, words
+from scenarios.truth.map_findings import STUDIED, TOLERANCE, findings
 from scenarios.truth.map_table import MOVING, UNITS, MapTable
 from scenarios.truth.maps import PLANE, Maps
-from scenarios.truth.truth_summary import conditions_in_words, departures_in_words
+from scenarios.truth.truth_summary import conditions_in_words
 from sysid.plots.palette import BOUND, INK, PALETTE
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 """One for each joint: points stay apart in grey."""
 
-CAPTIONS = {
-    "workspace": f"""Change of each studied joint's bandwidth over shoulder and elbow pitch, the others at the operating
-        pose (circle); lines where it is {100 * TOLERANCE:.0f} %. Below: smallest damping ratio of the studied joints'
-        poles, largest gain up to 5 Hz from one studied joint's command to another's angle, and largest distance of a
-        relative gain from one at the joint's bandwidth.""",
-    "cuts": f"""Change of the studied joints' bandwidths while one joint turns through its range, from those at the
-        operating pose (dotted); dashed: {100 * TOLERANCE:.0f} %.""",
-    "locality": """Left: change of the studied joints' bandwidths at random poses, against the largest turn of any joint
-        from the operating pose. Right: part of random poses of the whole joint space with a bandwidth below the value
-        on the axis (dotted: at the operating pose).""",
-    "coupling": """Largest gain up to 5 Hz from a joint's command (column) to another joint's angle (row), in percent of
-        that joint's own gain at 0 Hz: at the operating pose, and not exceeded at 95 % of random poses.""",
-    "conditions": """Bandwidth of every joint over payload, supply pressure and oil temperature; gaps where the arm
-        cannot hold the pose.""",
-    "amplitude": """Best linear approximation of the studied joints, each excited alone by random-phase multisines, over
-        amplitude (left) and over dry friction (right). Bandwidth with 95 % interval (dotted: small-signal truth);
-        bandwidth from the angle asked for at the stick, before the velocity limit; gain at low frequency over that of
-        the truth; nonlinear distortion. Where the gain is far below one the arm sticks, and a bandwidth, which is
-        relative to that gain, says little.""",
-}
-"""What each figure shows."""
+WIDTH = 9.6
+"""Width of the figures, inch."""
 
+CHANGE = "change of bandwidth / %"
 
-@dataclass(frozen=True, eq=False)
-class Panel:
-    """One panel of a figure: curves by joint, or an image.
-
-    Attributes:
-        axes: Labels, limits and scales, as `Axes.set` takes them.
-        curves: By joint x (n,) and y (n,), and where known the ends of intervals of y (n, 2).
-        style: Style of the curves, beside the joint's colour, line and marker.
-        levels: Heights of dashed lines; of an image, values of its contours.
-        marks: Positions of dotted lines by joint; "" for a line of no joint.
-        upright: Whether the dotted lines are vertical.
-        image: Values (a, b) over x and y, its colour map and the label of its colour bar.
-        over: x (a,) and y (b,) of the image.
-        circle: Point of the image that is marked; without one, every value is printed.
-    """
-
-    axes: Mapping[str, Any]
-    curves: Mapping[str, Sequence[np.ndarray]] = field(default_factory=dict)
-    style: Mapping[str, Any] = field(default_factory=dict)
-    levels: tuple[float, ...] = ()
-    marks: Mapping[str, float] = field(default_factory=dict)
-    upright: bool = False
-    image: np.ndarray | None = None
-    over: tuple[np.ndarray, np.ndarray] = (np.empty(0), np.empty(0))
-    colours: str = "cividis"
-    label: str = ""
-    circle: tuple[float, ...] = ()
-
-
-def map_figure(title: str, panels: Sequence[Sequence[Panel]], size: tuple[float, float]) -> Figure:
-    """Draw rows of panels with one legend of joints.
-
-    Args:
-        title: Above all panels.
-        panels: The panels, row by row; rows are of one length.
-        size: Width and height, inch.
-    """
-    figure = Figure(figsize=size, layout="constrained")
-    grid = figure.subplots(len(panels), len(panels[0]), squeeze=False)
-    for axes, panel in zip(grid.flat, (panel for row in panels for panel in row), strict=True):
-        for joint, (x, y, *interval) in panel.curves.items():
-            number = MOVING.index(joint)
-            style = {"color": COLOURS[number], "ls": LINES[number], "marker": MARKERS[number], "ms": 4, "lw": 1.4}
-            reach = np.abs(np.transpose(interval[0]) - y) if interval else None
-            axes.errorbar(x, y, reach, label=words(joint), capsize=2, elinewidth=0.9, **{**style, **panel.style})
-        for joint, at in panel.marks.items():
-            colour = COLOURS[MOVING.index(joint)] if joint else BOUND.colour
-            (axes.axvline if panel.upright else axes.axhline)(at, color=colour, ls=":", lw=1.0)
-        if panel.image is None:
-            for level in panel.levels:
-                axes.axhline(level, color=BOUND.colour, ls=BOUND.line, lw=BOUND.width)
-            dress([axes])
-        else:
-            _image(figure, axes, panel, panel.image)
-        axes.set(**panel.axes)
-        axes.title.set_fontsize(9)
-        axes.tick_params(labelsize=8, colors=INK)
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    if handles:
-        figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=8, frameon=False)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, color=INK)
-    return figure
-
-
-def _image(figure: Figure, axes: Axes, panel: Panel, values: np.ndarray) -> None:
-    x, y = panel.over
-    widest = float(np.nanmax(np.abs(values)))
-    norm = None if panel.colours == "cividis" else TwoSlopeNorm(0.0, -widest, widest)
-    mesh = axes.pcolormesh(x, y, values.T, cmap=panel.colours, norm=norm, shading="nearest", rasterized=True)
-    figure.colorbar(mesh, ax=axes, label=panel.label, pad=0.02)
-    bounds = [level for level in panel.levels if np.nanmin(values) < level < np.nanmax(values)]
-    if bounds and norm is not None:
-        lines = axes.contour(x, y, values.T, bounds, colors=PALETTE["truth"].colour, linewidths=1.0)
-        axes.clabel(lines, fmt="%+.0f %%", fontsize=8)
-    if panel.circle:
-        axes.plot(*panel.circle, "o", ms=8, mfc="none", mec="black", mew=2.6)
-        axes.plot(*panel.circle, "o", ms=8, mfc="none", mec="white", mew=1.2)
-    else:
-        for i, j in np.argwhere(np.isfinite(values)):
-            ink = "white" if values[i, j] < 0.55 * widest else "black"
-            axes.text(x[i], y[j], f"{values[i, j]:.1f}", ha="center", va="center", fontsize=8, color=ink)
+LEVELS = (-100.0 * TOLERANCE, 100.0 * TOLERANCE)
+"""Changes up to which a bandwidth counts as unchanged, percent."""
 
 
 def map_figures(maps: Maps) -> dict[str, Figure]:
@@ -140,159 +43,176 @@ def map_figures(maps: Maps) -> dict[str, Figure]:
         maps: The maps.
 
     Returns:
-        Figures by name; `CAPTIONS` says what each shows.
+        Figures by name; the template of the page says what each shows.
     """
-    departures = departures_in_words(maps.arm)
+    departures = conditions_in_words(maps.arm, departures=True)
     arm = f"arm {maps.truth.variant}, payload {maps.truth.payload}" + (f", {departures}" if departures else "")
     figures = {
-        "workspace": map_figure(f"Over the workspace: {arm}", _workspace(maps), (9.6, 6.4)),
-        "cuts": map_figure(f"One joint turns, the others stay: {arm}", _cuts(maps), (9.6, 5.6)),
-        "locality": map_figure(f"How local: {arm}", _locality(maps), (9.6, 4.2)),
-        "coupling": map_figure(f"Coupling: {arm}", _coupling(maps), (9.6, 5.0)),
-        "conditions": map_figure(f"At the operating pose: {arm}", _conditions(maps), (9.6, 4.4)),
+        "workspace": _workspace(maps, f"Over the workspace: {arm}"),
+        "cuts": _cuts(maps, f"One joint turns, the others stay: {arm}"),
+        "locality": _locality(maps, f"How local: {arm}"),
+        "coupling": _coupling(maps, f"Coupling: {arm}"),
+        "conditions": _conditions(maps, f"At the operating pose: {arm}"),
     }
     if "amplitude" in maps.table.varied:
-        panels = _amplitude(maps)
-        figures["amplitude"] = map_figure(f"Where linear ends: {arm}", panels, (4.8 * len(panels[0]), 9.6))
+        figures["amplitude"] = _amplitude(maps, f"Where linear ends: {arm}")
     return figures
 
 
-LEVELS = (-100.0 * TOLERANCE, 100.0 * TOLERANCE)
+def _panels(title: str, rows: int, columns: int, height: float, width: float = WIDTH) -> tuple[Figure, np.ndarray]:
+    figure = Figure(figsize=(width, height), layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, color=INK)
+    return figure, figure.subplots(rows, columns, squeeze=False)
 
 
-def _workspace(maps: Maps) -> list[list[Panel]]:
-    rows = maps.table.rows("workspace")
-    over = tuple(np.unique(np.degrees(rows.angles[:, JOINTS.index(joint)])) for joint in PLANE)
-    circle = tuple(np.degrees(maps.truth.angles[JOINTS.index(joint)]) for joint in PLANE)
+def _curves(
+    axes: Axes,
+    joint: str,
+    x: np.ndarray,
+    y: np.ndarray,
+    ends: np.ndarray | None = None,
+    style: Mapping[str, Any] = MappingProxyType({}),
+) -> None:
+    """Draw a curve in the style of its joint; `ends` are those of its intervals (n, 2)."""
+    number = MOVING.index(joint)
+    look = {"color": COLOURS[number], "ls": LINES[number], "marker": MARKERS[number], "ms": 4, "lw": 1.4}
+    reach = None if ends is None else np.abs(np.transpose(ends) - y)
+    axes.errorbar(x, y, reach, label=short(joint), capsize=2, elinewidth=0.9, **{**look, **style})
 
-    def panel(
-        title: str, values: np.ndarray, label: str, colours: str = "cividis", levels: tuple[float, ...] = ()
-    ) -> Panel:
-        axes = {"title": title, "xlabel": f"{words(PLANE[0])} / deg", "ylabel": f"{words(PLANE[1])} / deg"}
-        image = values.reshape(len(over[0]), len(over[1]))
-        return Panel(axes, image=image, over=over, circle=circle, label=label, colours=colours, levels=levels)  # type: ignore[arg-type]
 
+def _changes(axes: Axes, maps: Maps, rows: MapTable, style: Mapping[str, Any]) -> None:
+    """Draw the changes of the studied bandwidths between lines at the tolerance."""
+    change = 100.0 * maps.change(rows)
+    for joint, k in zip(STUDIED_JOINTS, STUDIED, strict=True):
+        _curves(axes, joint, rows.value.astype(float), change[:, k], style=style)
+    for level in LEVELS:
+        axes.axhline(level, color=BOUND.colour, ls=BOUND.line, lw=BOUND.width)
+    axes.set_ylabel(CHANGE)
+
+
+def _dressed(figure: Figure) -> Figure:
+    """Dress panels with curves, under which one legend names the joints."""
+    dress(figure.axes)
+    for axes in figure.axes:
+        axes.title.set_fontsize(9)
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=8, frameon=False)
+    return figure
+
+
+def _image(axes: Axes, over: tuple[np.ndarray, np.ndarray], values: np.ndarray, label: str, title: str) -> None:
+    """Draw values (a, b) over x (a,) and y (b,); changes with colours about zero and contours at the tolerance."""
+    widest = float(np.nanmax(np.abs(values)))
+    colours, norm = ("PuOr_r", TwoSlopeNorm(0.0, -widest, widest)) if label == CHANGE else ("cividis", None)
+    mesh = axes.pcolormesh(*over, values.T, cmap=colours, norm=norm, shading="nearest", rasterized=True)
+    axes.figure.colorbar(mesh, ax=axes, label=label, pad=0.02)
+    bounds = [level for level in LEVELS if np.nanmin(values) < level < np.nanmax(values)]
+    if bounds and norm is not None:
+        lines = axes.contour(*over, values.T, bounds, colors=PALETTE["truth"].colour, linewidths=1.0)
+        axes.clabel(lines, fmt="%+.0f %%", fontsize=8)
+    axes.set_title(title, fontsize=9)
+    axes.tick_params(labelsize=8, colors=INK)
+
+
+def _workspace(maps: Maps, title: str) -> Figure:
+    rows, columns = maps.table.rows("workspace"), [JOINTS.index(joint) for joint in PLANE]
+    x, y = (np.unique(np.degrees(rows.angles[:, column])) for column in columns)
+    figure, grid = _panels(title, 2, 3, 6.4)
     change = 100.0 * maps.change(rows)
     cross = 100.0 * rows.cross[:, STUDIED][:, :, STUDIED].max(axis=(1, 2))
-    return [
-        [
-            panel(
-                f"{words(joint)}: {maps.here.of(joint)[0]:.3f} Hz here",
-                change[:, k],
-                "change of bandwidth / %",
-                colours="PuOr_r",
-                levels=LEVELS,
-            )
-            for joint, k in zip(STUDIED_JOINTS, STUDIED, strict=True)
-        ],
-        [
-            panel("smallest damping ratio", rows.damping[:, STUDIED].min(axis=1), "damping ratio"),
-            panel("largest cross gain up to 5 Hz", cross, "gain / %"),
-            panel("relative gain at the bandwidth", rows.interaction[:, STUDIED].max(axis=1), "distance from one"),
-        ],
-    ]
-
-
-def _changes(maps: Maps, rows: MapTable) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    change = 100.0 * maps.change(rows)
-    return {joint: (rows.value.astype(float), change[:, MOVING.index(joint)]) for joint in STUDIED_JOINTS}
-
-
-def _cuts(maps: Maps) -> list[list[Panel]]:
     panels = [
-        Panel(
-            {"xlabel": f"{words(joint)} / deg", "ylabel": "change of bandwidth / %"},
-            _changes(maps, maps.table.rows(joint)),
-            {"marker": ""},
-            levels=LEVELS,
-            marks={"": float(np.degrees(maps.truth.angles[JOINTS.index(joint)]))},
-            upright=True,
-        )
-        for joint in MOVING
+        (f"{short(joint)}: {maps.here.of(joint)[0]:.3f} Hz here", change[:, k], CHANGE)
+        for joint, k in zip(STUDIED_JOINTS, STUDIED, strict=True)
     ]
-    return [panels[:3], panels[3:]]
-
-
-def _locality(maps: Maps) -> list[list[Panel]]:
-    anywhere = {joint: np.sort(maps.table.rows("anywhere").of(joint)) for joint in STUDIED_JOINTS}
-    shares = {joint: (hz, 100.0 * np.arange(1, len(hz) + 1) / len(hz)) for joint, hz in anywhere.items()}
-    left = {"title": "near the operating pose", "xlabel": "largest turn of a joint / deg", "xlim": (0, None)}
-    right = {"title": "anywhere", "xlabel": "bandwidth / Hz", "ylabel": "poses below it / %", "ylim": (0, 100)}
-    near = _changes(maps, maps.table.rows("near"))
-    here = {joint: float(maps.here.of(joint)[0]) for joint in STUDIED_JOINTS}
-    style = {"ls": "", "ms": 3, "alpha": 0.7, "rasterized": True}
-    return [
-        [
-            Panel({**left, "ylabel": "change of bandwidth / %"}, near, style, levels=LEVELS),
-            Panel(right, shares, {"marker": ""}, marks=here, upright=True),
-        ]
+    panels += [
+        ("smallest damping ratio", rows.damping[:, STUDIED].min(axis=1), "damping ratio"),
+        ("largest cross gain up to 5 Hz", cross, "gain / %"),
+        ("relative gain at the bandwidth", rows.interaction[:, STUDIED].max(axis=1), "distance from one"),
     ]
+    for axes, (heading, values, label) in zip(grid.flat, panels, strict=True):
+        _image(axes, (x, y), values.reshape(len(x), len(y)), label, heading)
+        for colour, width in (("black", 2.6), ("white", 1.2)):
+            axes.plot(*np.degrees(maps.truth.angles[columns]), "o", ms=8, mfc="none", mec=colour, mew=width)
+        axes.set(xlabel=f"{short(PLANE[0])} / deg", ylabel=f"{short(PLANE[1])} / deg")
+    return figure
 
 
-def _coupling(maps: Maps) -> list[list[Panel]]:
-    places = np.arange(len(MOVING))
-    names = [words(joint) for joint in MOVING]
-    axes = {"xlabel": "commanded", "ylabel": "moved", "xticks": places, "yticks": places, "yticklabels": names}
-    axes |= {"xticklabels": [name.replace(" ", "\n") for name in names], "ylim": (len(MOVING) - 0.5, -0.5)}
+def _cuts(maps: Maps, title: str) -> Figure:
+    figure, grid = _panels(title, 2, 3, 5.6)
+    for axes, joint in zip(grid.flat, MOVING, strict=True):
+        _changes(axes, maps, maps.table.rows(joint), {"marker": ""})
+        here = float(np.degrees(maps.truth.angles[JOINTS.index(joint)]))
+        axes.axvline(here, color=BOUND.colour, ls=":", lw=1.0)
+        axes.set_xlabel(f"{short(joint)} / deg")
+    return _dressed(figure)
+
+
+def _locality(maps: Maps, title: str) -> Figure:
+    figure, ((left, right),) = _panels(title, 1, 2, 4.2)
+    _changes(left, maps, maps.table.rows("near"), {"ls": "", "ms": 3, "alpha": 0.7, "rasterized": True})
+    for joint in STUDIED_JOINTS:
+        hz = np.sort(maps.table.rows("anywhere").of(joint))
+        _curves(right, joint, hz, 100.0 * np.arange(1, len(hz) + 1) / len(hz), style={"marker": ""})
+        right.axvline(maps.here.of(joint)[0], color=COLOURS[MOVING.index(joint)], ls=":", lw=1.0)
+    left.set(title="near the operating pose", xlabel="largest turn of a joint / deg", xlim=(0, None))
+    right.set(title="anywhere", xlabel="bandwidth / Hz", ylabel="poses below it / %", ylim=(0, 100))
+    return _dressed(figure)
+
+
+def _coupling(maps: Maps, title: str) -> Figure:
+    figure, grid = _panels(title, 1, 2, 5.0)
+    places, names = np.arange(len(MOVING)), [short(joint) for joint in MOVING]
     often = np.nanquantile(maps.table.rows("anywhere").cross, 0.95, axis=0)
-    return [
-        [
-            Panel(
-                {**axes, "title": title},
-                image=100.0 * np.where(np.eye(len(MOVING), dtype=bool), np.nan, cross).T,
-                over=(places, places),
-                label="largest gain up to 5 Hz / %",
-            )
-            for cross, title in ((maps.here.cross[0], "at the operating pose"), (often, "at 95 % of random poses"))
-        ]
-    ]
+    headings = ("at the operating pose", "at 95 % of random poses")
+    for axes, cross, heading in zip(grid.flat, (maps.here.cross[0], often), headings, strict=True):
+        values = 100.0 * np.where(np.eye(len(MOVING), dtype=bool), np.nan, cross).T
+        _image(axes, (places, places), values, "largest gain up to 5 Hz / %", heading)
+        for i, j in np.argwhere(np.isfinite(values)):
+            ink = "white" if values[i, j] < 0.55 * np.nanmax(values) else "black"
+            axes.text(i, j, f"{values[i, j]:.1f}", ha="center", va="center", fontsize=8, color=ink)
+        axes.set(xlabel="commanded", ylabel="moved", ylim=(len(MOVING) - 0.5, -0.5))
+        axes.set_xticks(places, [name.replace(" ", "\n") for name in names])
+        axes.set_yticks(places, names)
+    return figure
 
 
-def _conditions(maps: Maps) -> list[list[Panel]]:
-    panels = []
-    for name in ("payload", "supply pressure", "oil temperature"):
+def _conditions(maps: Maps, title: str) -> Figure:
+    names = [name for name in ("payload", "supply pressure", "oil temperature") if name in maps.table.varied]
+    figure, grid = _panels(title, 1, len(names), 4.4)
+    for axes, name in zip(grid.flat, names, strict=True):
         rows = maps.table.rows(name)
-        if not len(rows):
-            continue
-        axes: dict[str, Any] = {"ylabel": "bandwidth / Hz", "ylim": (0.0, None)}
+        x = np.arange(len(rows), dtype=float) if name == "payload" else rows.value.astype(float)
+        for joint in MOVING:
+            _curves(axes, joint, x, rows.of(joint))
+        axes.set(xlabel=f"{name} / {UNITS[name]}" if name in UNITS else name, ylabel="bandwidth / Hz", ylim=(0.0, None))
         if name == "payload":
-            x = np.arange(len(rows), dtype=float)
-            axes |= {"xlabel": name, "xticks": x, "xticklabels": rows.value}
-        else:
-            x = rows.value.astype(float)
-            axes["xlabel"] = f"{name} / {UNITS[name]}"
-        panels.append(Panel(axes, {joint: (x, rows.of(joint)) for joint in MOVING}))
-    return [panels]
+            axes.set_xticks(x, rows.value)
+    return _dressed(figure)
 
 
-def _amplitude(maps: Maps) -> list[list[Panel]]:
-    quantities: tuple[tuple[str, dict[str, Any]], ...] = (
-        ("bandwidth", {"ylabel": "bandwidth / Hz", "ylim": (0, None)}),
-        ("stick_bandwidth", {"ylabel": "bandwidth from the stick / Hz", "ylim": (0, None)}),
-        ("gain", {"ylabel": "gain up to 0.3 Hz / truth's", "ylim": (0, 1.1)}),
-        ("distortion", {"ylabel": "distortion / %", "yscale": "log", "ylim": (0.01, 200.0)}),
-    )
-    here = {joint: float(maps.here.of(joint)[0]) for joint in STUDIED_JOINTS}
-    columns = (
-        ("amplitude", {"xlabel": "amplitude at the stick / rad rms", "xscale": "log"}),
-        ("friction", {"xlabel": "dry friction / multiple of the arm's"}),
-    )
-    panels = []
-    for name, axes in quantities:
-        row = []
-        for varied, horizontal in columns:
+def _amplitude(maps: Maps, title: str) -> Figure:
+    quantities: dict[str, dict[str, Any]] = {
+        "bandwidth": {"ylabel": "bandwidth / Hz", "ylim": (0, None)},
+        "stick_bandwidth": {"ylabel": "bandwidth from the stick / Hz", "ylim": (0, None)},
+        "gain": {"ylabel": "gain up to 0.3 Hz / truth's", "ylim": (0, 1.1)},
+        "distortion": {"ylabel": "distortion / %", "yscale": "log", "ylim": (0.01, 200.0)},
+    }
+    columns: dict[str, dict[str, Any]] = {"amplitude": {"xlabel": "amplitude at the stick / rad rms", "xscale": "log"}}
+    if "friction" in maps.table.varied:
+        columns["friction"] = {"xlabel": "dry friction / multiple of the arm's"}
+    figure, grid = _panels(title, len(quantities), len(columns), 9.6, 4.8 * len(columns))
+    for line, (name, vertical) in zip(grid, quantities.items(), strict=True):
+        for axes, (varied, horizontal) in zip(line, columns.items(), strict=True):
             rows = maps.table.rows(varied)
-            if not len(rows):
-                continue
-            curves = {}
             for joint in STUDIED_JOINTS:
                 # A distortion of zero has no place on a logarithmic axis.
                 values = np.where(rows.of(joint, name) == 0.0, np.nan, rows.of(joint, name))
-                interval = [rows.of(joint, "interval")] if name == "bandwidth" else []
-                curves[joint] = (rows.value.astype(float), values, *interval)
-            row.append(Panel({**axes, **horizontal}, curves, marks=here if name.endswith("bandwidth") else {}))
-        panels.append(row)
-    return panels
+                ends = rows.of(joint, "interval") if name == "bandwidth" else None
+                _curves(axes, joint, rows.value.astype(float), values, ends)
+                if name.endswith("bandwidth"):
+                    axes.axhline(maps.here.of(joint)[0], color=COLOURS[MOVING.index(joint)], ls=":", lw=1.0)
+            axes.set(**vertical, **horizontal)
+    return _dressed(figure)
 
 
 def write_maps(maps: Maps, folder: Path) -> tuple[Path, ...]:
@@ -318,10 +238,9 @@ def write_maps(maps: Maps, folder: Path) -> tuple[Path, ...]:
         truth=maps.truth,
         conditions=conditions_in_words(maps.arm),
         findings=findings(maps),
-        drawings={
-            name: Markup(svg(figure, " ".join(CAPTIONS[name].split()), name)) for name, figure in figures.items()
-        },
-        captions=CAPTIONS,
+        tolerance=f"{100 * TOLERANCE:.0f} %",
+        figures=figures,
+        svg=lambda name, caption: Markup(svg(figures[name], " ".join(caption.unescape().split()), name)),
     )
     write_whole(folder / "maps.csv", maps.table.text())
     write_whole(folder / "maps.html", text)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS
+from scenarios.report.figure_style import short
 from scenarios.truth.map_table import MOVING, UNITS, MapTable
 from scenarios.truth.maps import LEVEL_AMPLITUDE, REACH, Maps
 
@@ -16,9 +17,6 @@ SLIGHT = 0.01
 
 STUDIED = [MOVING.index(name) for name in STUDIED_JOINTS]
 """Columns of the studied joints among the moving ones."""
-
-LARGE_SIGNALS = ("amplitude", "friction")
-"""What varies in rows of best linear approximations."""
 
 
 def findings(maps: Maps) -> tuple[str, ...]:
@@ -37,11 +35,6 @@ def findings(maps: Maps) -> tuple[str, ...]:
     )
 
 
-def words(joint: str) -> str:
-    """Return a joint's name for a sentence."""
-    return joint.replace("_", " ")
-
-
 def turns_within(maps: Maps, joint: str) -> tuple[float, float]:
     """Return how far a joint may turn down and up before a studied bandwidth leaves the tolerance.
 
@@ -56,21 +49,21 @@ def turns_within(maps: Maps, joint: str) -> tuple[float, float]:
     rows = maps.table.rows(joint)
     turns = rows.value.astype(float) - np.degrees(maps.truth.angles[JOINTS.index(joint)])
     worst = np.abs(maps.change(rows)[:, STUDIED]).max(axis=1)
-    down, up = turns < 0.0, turns > 0.0
-    return _first_beyond(-turns[down][::-1], worst[down][::-1]), _first_beyond(turns[up], worst[up])
 
+    def first_beyond(way: float) -> float:
+        on_way = np.flatnonzero(way * turns > 0.0)[:: int(way)]
+        # At the operating pose itself nothing has changed.
+        away, changes = (np.concatenate([[0.0], part[on_way]]) for part in (way * turns, worst))
+        beyond = np.flatnonzero(~(changes <= TOLERANCE))
+        if not len(beyond):
+            return float("inf")
+        k = beyond[0]
+        if not np.isfinite(changes[k]):
+            return float(away[k - 1])
+        part = (TOLERANCE - changes[k - 1]) / (changes[k] - changes[k - 1])
+        return float(away[k - 1] + part * (away[k] - away[k - 1]))
 
-def _first_beyond(turns: np.ndarray, changes: np.ndarray) -> float:
-    # At the operating pose itself nothing has changed.
-    turns, changes = np.concatenate([[0.0], turns]), np.concatenate([[0.0], changes])
-    beyond = np.flatnonzero(~(changes <= TOLERANCE))
-    if not len(beyond):
-        return float("inf")
-    k = beyond[0]
-    if not np.isfinite(changes[k]):
-        return float(turns[k - 1])
-    part = (TOLERANCE - changes[k - 1]) / (changes[k] - changes[k - 1])
-    return float(turns[k - 1] + part * (turns[k] - turns[k - 1]))
+    return first_beyond(-1.0), first_beyond(1.0)
 
 
 def linear_range(amplitudes: np.ndarray, bandwidths: np.ndarray, hz: float) -> tuple[float, float] | None:
@@ -84,14 +77,12 @@ def linear_range(amplitudes: np.ndarray, bandwidths: np.ndarray, hz: float) -> t
     Returns:
         Smallest and largest amplitude of the longest run of such points, rad; None where there is none.
     """
-    runs: list[list[float]] = [[]]
-    for amplitude, bandwidth in zip(amplitudes, bandwidths, strict=True):
-        if np.isfinite(bandwidth) and abs(bandwidth / hz - 1.0) <= TOLERANCE:
-            runs[-1].append(float(amplitude))
-        elif runs[-1]:
-            runs.append([])
-    longest = max(runs, key=len)
-    return (longest[0], longest[-1]) if longest else None
+    within = np.concatenate([[False], np.abs(bandwidths / hz - 1.0) <= TOLERANCE, [False]])
+    starts, ends = np.flatnonzero(np.diff(within)).reshape(-1, 2).T
+    if not len(starts):
+        return None
+    longest = np.argmax(ends - starts)
+    return float(amplitudes[starts[longest]]), float(amplitudes[ends[longest] - 1])
 
 
 def _neighbourhood(maps: Maps, near: MapTable) -> str:
@@ -109,14 +100,10 @@ def _neighbourhood(maps: Maps, near: MapTable) -> str:
 
 
 def _one_joint(maps: Maps) -> str:
-    limited, free = [], []
-    for joint in MOVING:
-        limits = zip(turns_within(maps, joint), ("down", "up"), strict=True)
-        ways = [f"{turn:.0f}° {way}" for turn, way in limits if np.isfinite(turn)]
-        if ways:
-            limited.append(f"{words(joint)} {' or '.join(ways)}")
-        else:
-            free.append(words(joint))
+    limits = {joint: zip(turns_within(maps, joint), ("down", "up"), strict=True) for joint in MOVING}
+    ways = {joint: [f"{turn:.0f}° {way}" for turn, way in ends if np.isfinite(turn)] for joint, ends in limits.items()}
+    limited = [f"{short(joint)} {' or '.join(texts)}" for joint, texts in ways.items() if texts]
+    free = [short(joint) for joint, texts in ways.items() if not texts]
     if not limited:
         return f"One joint alone, anywhere in its range, changes no studied bandwidth by more than {PERCENT}."
     text = f"One joint alone takes a studied bandwidth beyond {PERCENT} when it turns: {', '.join(limited)}"
@@ -129,7 +116,7 @@ def _everywhere(maps: Maps, anywhere: MapTable) -> str:
     for joint, k in zip(STUDIED_JOINTS, STUDIED, strict=True):
         low, high = np.nanquantile(anywhere.of(joint), [0.05, 0.95])
         parts.append(
-            f"{words(joint)} {low:.2f} to {high:.2f} Hz ({100 * within[:, k].mean():.0f} % of poses within {PERCENT} "
+            f"{short(joint)} {low:.2f} to {high:.2f} Hz ({100 * within[:, k].mean():.0f} % of poses within {PERCENT} "
             f"of its {maps.here.of(joint)[0]:.3f} Hz)"
         )
     heavy = 1.0 - float(anywhere.held.mean())
@@ -159,9 +146,9 @@ def _coupling(maps: Maps, anywhere: MapTable) -> str:
     largest = float(np.nanmax(anywhere.interaction[:, STUDIED]))
     alone = ": for a bandwidth, joints may be identified one by one" if largest <= TOLERANCE else ""
     return (
-        f"Coupling up to 5 Hz: at the pose a command to the {words(MOVING[j])} moves the {words(MOVING[i])} by up to "
+        f"Coupling up to 5 Hz: at the pose a command to the {short(MOVING[j])} moves the {short(MOVING[i])} by up to "
         f"{100 * cross[i, j]:.0f} % of itself, the largest of all pairs; between the studied joints it is "
-        f"{100 * cross[studied][k, m]:.0f} % at the pose ({words(STUDIED_JOINTS[m])} to {words(STUDIED_JOINTS[k])}) "
+        f"{100 * cross[studied][k, m]:.0f} % at the pose ({short(STUDIED_JOINTS[m])} to {short(STUDIED_JOINTS[k])}) "
         f"and below {100 * often:.0f} % at 95 % of all poses. At a joint's own bandwidth the relative gain differs "
         f"from one by at most {np.nanmax(maps.here.interaction[:, STUDIED]):.2g} at the pose and "
         f"{largest:.2g} anywhere{alone}."
@@ -187,7 +174,7 @@ def _condition(maps: Maps, rows: MapTable) -> str:
         return f"{span}: no bandwidth changes by more than {100 * changes[k]:.1f} %.{gaps}"
     return (
         f"{span}: studied bandwidths change by up to {100 * changes[STUDIED].max():.1f} %; of all joints the "
-        f"{words(MOVING[k])}'s changes most, from {hz[0, k]:.2f} to {hz[-1, k]:.2f} Hz.{gaps}"
+        f"{short(MOVING[k])}'s changes most, from {hz[0, k]:.2f} to {hz[-1, k]:.2f} Hz.{gaps}"
     )
 
 
@@ -196,15 +183,15 @@ def _amplitude(maps: Maps, rows: MapTable) -> str:
     for joint in STUDIED_JOINTS:
         ends = linear_range(amplitudes, rows.of(joint), float(maps.here.of(joint)[0]))
         span = "nowhere" if ends is None else f"from {ends[0]:g} to {ends[1]:g} rad"
-        parts.append(f"{words(joint)} {span}")
+        parts.append(f"{short(joint)} {span}")
     first, last = STUDIED_JOINTS[0], STUDIED_JOINTS[-1]
     return (
         f"Amplitude (root mean square, {amplitudes[0]:g} to {amplitudes[-1]:g} rad): the bandwidth from commanded to "
         f"measured angle is within {PERCENT} of the small-signal one: {', '.join(parts)}. At {amplitudes[0]:g} rad the "
-        f"{words(first)} follows {100 * rows.of(first, 'gain')[0]:.0f} % of a slow command with "
+        f"{short(first)} follows {100 * rows.of(first, 'gain')[0]:.0f} % of a slow command with "
         f"{rows.of(first, 'distortion')[0]:.0f} % distortion. At {amplitudes[-1]:g} rad commands move at the velocity "
         f"limit {100 * rows.of(last, 'slewing')[-1]:.0f} % of the time: from the stick, the bandwidth of the "
-        f"{words(last)} is {_hz(rows.of(last, 'stick_bandwidth')[-1])}."
+        f"{short(last)} is {_hz(rows.of(last, 'stick_bandwidth')[-1])}."
     )
 
 
@@ -218,7 +205,7 @@ def _friction(rows: MapTable) -> str:
             # An interval narrower than the rounding of the bandwidth says nothing more.
             interval = f" ({low} to {high})" if np.isfinite(hz) and low != high else ""
             ends.append(f"{_hz(hz)}{interval} at {rows.value[k]:g}")
-        parts.append(f"{words(joint)} {', '.join(ends)}")
+        parts.append(f"{short(joint)} {', '.join(ends)}")
     return (
         f"Dry friction in multiples of the arm's, at {LEVEL_AMPLITUDE:g} rad: bandwidths (95 %) {'; '.join(parts)}. "
         "The small-signal truth leaves dry friction out."

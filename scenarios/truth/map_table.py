@@ -2,13 +2,14 @@
 
 import csv
 import io
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from hmtb_twin import JOINTS, Arm, OverloadError, Truth, linearize
 from hmtb_twin.parameters.values import INDEXED_JOINTS
+from sysid.records.arrays import Locked
 
 MOVING = tuple(name for name in JOINTS if name not in INDEXED_JOINTS)
 """Joints that follow a command; the others are pinned."""
@@ -55,7 +56,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class MapTable:
+class MapTable(Locked):
     """Dynamics at n operating points; the m columns are the joints of `MOVING`; NaN where a value does not exist.
 
     Small-signal rows come from linear models: all of them is NaN where the drives cannot hold the arm. Rows that vary
@@ -95,12 +96,6 @@ class MapTable:
     distortion: np.ndarray
     slewing: np.ndarray
 
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            array = np.array(value)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-
     def __len__(self) -> int:
         return len(self.varied)
 
@@ -137,21 +132,20 @@ class MapTable:
             "distortion_percent": self.distortion,
             "velocity_limited_share": self.slewing,
         }
+
+        def number(value: float) -> str:
+            return f"{value:.6g}" if np.isfinite(value) else ""
+
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
-        angles = (f"{name}_deg" for name in JOINTS)
-        writer.writerow(("varied", "value", "unit", *angles, "stable", "joint", *columns))
+        writer.writerow(("varied", "value", "unit", *(f"{name}_deg" for name in JOINTS), "stable", "joint", *columns))
         for k, varied in enumerate(self.varied):
-            value = self.value[k] if isinstance(self.value[k], str) else _number(self.value[k])
+            value = self.value[k] if isinstance(self.value[k], str) else number(self.value[k])
             pose = (f"{angle:.4g}" for angle in np.degrees(self.angles[k]))
             point = (varied, value, UNITS.get(varied, ""), *pose, int(self.stable[k]))
             for i, joint in enumerate(MOVING):
-                writer.writerow((*point, joint, *(_number(values[k, i]) for values in columns.values())))
+                writer.writerow((*point, joint, *(number(values[k, i]) for values in columns.values())))
         return buffer.getvalue()
-
-
-def _number(value: float) -> str:
-    return f"{value:.6g}" if np.isfinite(value) else ""
 
 
 def table_row(varied: str, value: float | str, angles: np.ndarray, stable: bool, **quantities: np.ndarray) -> MapTable:
@@ -183,14 +177,23 @@ def linear_row(varied: str, value: float | str, arm: Arm, pose: np.ndarray) -> M
 def truth_row(varied: str, value: float | str, truth: Truth) -> MapTable:
     """Describe one linear model."""
     model = truth.model
+
+    def moving(frequencies: np.ndarray) -> np.ndarray:
+        return np.asarray(model.frequency_response(frequencies)[:, COLUMNS[:, None], COLUMNS])
+
     frequencies = np.unique(np.concatenate([np.geomspace(0.02, 0.999 * 0.5 / model.dt, 50), [CROSS_BAND]]))
-    response = _moving(truth, np.concatenate([[0.0], frequencies]))
+    response = moving(np.concatenate([[0.0], frequencies]))
     still, swept = response[0], response[1:]
     gain = np.diagonal(still).real
-    own = np.abs(np.diagonal(swept, axis1=1, axis2=2))
     z, vectors = np.linalg.eig(model.A)
     stable = bool(np.abs(z).max() < 1.0)
-    bandwidth = _bandwidth(truth, frequencies, own / gain) if stable else np.full(M, np.nan)
+    bandwidth, relative_gain = np.full(M, np.nan), np.full(M, np.nan, dtype=complex)
+    if stable:
+        bandwidth = _bandwidth(moving, frequencies, np.abs(np.diagonal(swept, axis1=1, axis2=2)) / gain)
+    known = np.flatnonzero(np.isfinite(bandwidth))
+    if len(known):
+        response, own = moving(bandwidth[known]), (np.arange(len(known)), known, known)
+        relative_gain[known] = response[own] * np.linalg.inv(response)[own]
     cross = np.abs(swept[frequencies <= CROSS_BAND]).max(axis=0) / np.abs(gain)[:, None]
     return table_row(
         varied,
@@ -201,28 +204,23 @@ def truth_row(varied: str, value: float | str, truth: Truth) -> MapTable:
         gain=gain,
         damping=_damping(truth, z, vectors, gain),
         cross=np.where(np.eye(M, dtype=bool), 0.0, cross),
-        relative_gain=_relative_gain(truth, bandwidth),
+        relative_gain=relative_gain,
     )
 
 
-def _moving(truth: Truth, frequencies: np.ndarray) -> np.ndarray:
-    return np.asarray(truth.model.frequency_response(frequencies)[:, COLUMNS[:, None], COLUMNS])
-
-
-def _bandwidth(truth: Truth, frequencies: np.ndarray, relative: np.ndarray) -> np.ndarray:
+def _bandwidth(moving: Callable[[np.ndarray], np.ndarray], frequencies: np.ndarray, relative: np.ndarray) -> np.ndarray:
     """Narrow, for all joints at once, the interval of the grid in which each gain first falls to half power."""
+    joints, target = np.arange(M), np.log(np.sqrt(0.5))
     below = relative < np.sqrt(0.5)
     first = np.argmax(below, axis=0)
     falls = below.any(axis=0) & (first > 0)
     low, high = frequencies[np.maximum(first - 1, 0)], frequencies[first]
-    joints = np.arange(M)
     # |G|^2 is close to a straight line in log-log over so short an interval: the secant converges in a few steps.
-    target = np.log(np.sqrt(0.5))
     at_low, at_high = np.log(relative[first - 1, joints]), np.log(relative[first, joints])
-    still = np.abs(np.diagonal(_moving(truth, np.zeros(1))[0]))
+    still = np.abs(np.diagonal(moving(np.zeros(1))[0]))
     for _ in range(REFINEMENTS):
         guess = np.exp(np.log(low) + (target - at_low) / (at_high - at_low) * np.log(high / low))
-        at_guess = np.log(np.abs(_moving(truth, guess)[joints, joints, joints]) / still)
+        at_guess = np.log(np.abs(moving(guess)[joints, joints, joints]) / still)
         below_half = at_guess < target
         low, at_low = np.where(below_half, low, guess), np.where(below_half, at_low, at_guess)
         high, at_high = np.where(below_half, guess, high), np.where(below_half, at_guess, at_high)
@@ -232,6 +230,7 @@ def _bandwidth(truth: Truth, frequencies: np.ndarray, relative: np.ndarray) -> n
 
 
 def _damping(truth: Truth, z: np.ndarray, vectors: np.ndarray, gain: np.ndarray) -> np.ndarray:
+    """Smallest damping ratio of each joint's slow poles; poles z and eigenvectors are those of the model."""
     model = truth.model
     # A pole at z = 0 is a delay of the bus; it has no image in the s plane.
     moving = np.abs(z) > 1e-6
@@ -243,14 +242,3 @@ def _damping(truth: Truth, z: np.ndarray, vectors: np.ndarray, gain: np.ndarray)
     share = np.abs(seen[:, slow] * weights[slow].T / (1.0 - z[slow])) / np.abs(gain)[:, None]
     ratio = np.where(np.abs(s[slow].imag) < 1e-6, 1.0, -s[slow].real / np.abs(s[slow]))
     return np.where(share > MODE_SHARE, ratio, 1.0).min(axis=1, initial=1.0)
-
-
-def _relative_gain(truth: Truth, bandwidth: np.ndarray) -> np.ndarray:
-    out = np.full(M, np.nan, dtype=complex)
-    known = np.flatnonzero(np.isfinite(bandwidth))
-    if len(known):
-        response = _moving(truth, bandwidth[known])
-        out[known] = (
-            response[np.arange(len(known)), known, known] * np.linalg.inv(response)[np.arange(len(known)), known, known]
-        )
-    return out

@@ -1,19 +1,19 @@
 """Maps of the truth: how the dynamics of one arm vary with pose, payload, supply, oil, amplitude and friction."""
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hmtb_twin import IDEAL, PAYLOADS, STUDIED_JOINTS, Arm, Plant, Truth, linearize, load_arm
+from hmtb_twin import IDEAL, PAYLOADS, Arm, Plant, Truth, linearize, load_arm
 from hmtb_twin.parameters.drives import COLDEST, HOTTEST
 from hmtb_twin.parameters.values import MOTIONS
-from scenarios.experiments.multisines import MultisineExperiment, Multisines
+from scenarios.experiments.multisines import Multisines
 from scenarios.files.errors import ScenarioError
-from scenarios.truth.best_linear import best_linear, slow_gain
+from scenarios.truth.best_linear import measured_best_linear, slow_gain
 from scenarios.truth.map_table import COLUMNS, MOVING, SHAPES, MapTable, linear_row, stacked, table_row, truth_row
-from scenarios.truth.truth_summary import Progress, hydraulic
+from scenarios.truth.truth_summary import hydraulic
 from sysid.models.bandwidth import response_bandwidth
 
 REACH = np.radians(60.0)
@@ -34,6 +34,9 @@ LEVEL_AMPLITUDE = 1e-2
 CHAIN = replace(IDEAL, friction=True, velocity_limit=True)
 """Chain of signals of the best linear approximations: noise and rounding, which are no part of the arm, are off."""
 
+LARGE_SIGNAL = ("bandwidth", "interval", "gain", "stick_bandwidth", "distortion", "slewing")
+"""Quantities of a best linear approximation in the table."""
+
 MOST = 10**4
 """Largest number of points: more are a slip of the keyboard."""
 
@@ -42,6 +45,9 @@ PREVIEW = 0.5
 
 Point = tuple[str, float | str, Arm, np.ndarray]
 """What varies, its value, the arm and its pose (7,), rad."""
+
+Progress = Callable[[int, int], None]
+"""Called with the work done and the total."""
 
 Stage = Callable[[str], AbstractContextManager[Progress]]
 """Opens a progress bar with a label."""
@@ -87,27 +93,16 @@ class Density:
         """
         if not 0.05 <= factor <= 20.0:
             raise ScenarioError(f"density of the maps: {factor:g} given, expected 0.05 to 20 times the default grid")
-
-        def many(count: int, by: float = factor) -> int:
-            return max(3, round(count * by))
-
-        full = cls()
-        side = np.sqrt(factor)
-        scaled = replace(
-            full,
-            plane=(many(full.plane[0], side), many(full.plane[1], side)),
-            cut=many(full.cut),
-            sample=many(full.sample),
-            condition=many(full.condition),
+        full, side = cls(), np.sqrt(factor)
+        plane, (cut, sample, condition) = (
+            [max(3, round(count * by)) for count in counts]
+            for counts, by in ((full.plane, side), ((full.cut, full.sample, full.condition), factor))
         )
+        scaled = replace(full, plane=(plane[0], plane[1]), cut=cut, sample=sample, condition=condition)
         if factor >= PREVIEW:
             return scaled
-        return replace(
-            scaled,
-            amplitudes=full.amplitudes[1::2],
-            levels=full.levels[::2],
-            measurement=replace(full.measurement, realisations=2),
-        )
+        measurement = replace(full.measurement, realisations=2)
+        return replace(scaled, amplitudes=full.amplitudes[1::2], levels=full.levels[::2], measurement=measurement)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,12 +129,6 @@ class Maps:
         return np.asarray(table.bandwidth / self.here.bandwidth[0] - 1.0)
 
 
-@contextmanager
-def silent(label: str) -> Iterator[Progress]:
-    """Show no progress."""
-    yield lambda done, total: None
-
-
 def maps(
     arm: Arm,
     pose: str | np.ndarray,
@@ -147,7 +136,7 @@ def maps(
     *,
     seed: int = 0,
     threads: int | None = None,
-    stage: Stage = silent,
+    stage: Stage = lambda label: nullcontext(lambda done, total: None),
 ) -> Maps:
     """Make the maps of one arm.
 
@@ -157,7 +146,7 @@ def maps(
         density: How finely.
         seed: Of the random poses.
         threads: Threads for the physics of best linear approximations; all processors by default.
-        stage: Shows the progress of each part.
+        stage: Shows the progress of each part; none by default.
 
     Returns:
         The maps.
@@ -254,38 +243,19 @@ def _large_signals(
         points += [("friction", each, (LEVEL_AMPLITUDE, each)) for each in density.levels]
     # The amplitude at which friction varies is one of the amplitudes: it is measured once.
     rows: dict[tuple[float, float], dict[str, np.ndarray]] = {}
-    total = len({key for *_, key in points})
-    for varied, value, key in points:
-        if key not in rows:
-            rows[key] = _large_signal(arm, pose, truth, *key, density.measurement, threads)
-            step(len(rows), total)
-        yield table_row(varied, value, truth.angles, True, **rows[key])
-
-
-def _large_signal(
-    arm: Arm, pose: str, truth: Truth, amplitude: float, level: float, measurement: Multisines, threads: int | None
-) -> dict[str, np.ndarray]:
-    """Measure the best linear approximation of each studied joint, excited alone."""
-    names = ("bandwidth", "interval", "gain", "stick_bandwidth", "distortion", "slewing")
-    columns = {name: np.full(SHAPES[name], np.nan) for name in names}
-    plant = replace(arm.plant, friction_level=level) if arm.friction else arm.plant
-    for joint in STUDIED_JOINTS:
-        setting = MultisineExperiment(
-            joint,
-            (joint,),
-            variant=arm.variant,
-            payload=arm.payload,
-            plant=plant,
-            specimen=arm.specimen,
-            pose=pose,
-            chain=CHAIN,
-        )
-        measured = best_linear(setting, replace(measurement, rms=amplitude), threads=threads)
-        band, k = measured.bandwidth, MOVING.index(joint)
-        columns["bandwidth"][k] = band.hz[0, 0]
-        columns["interval"][k] = [end[0, 0] for end in band.ci95]
-        columns["gain"][k] = slow_gain(measured, truth)
-        columns["stick_bandwidth"][k] = response_bandwidth(measured.chain.response).hz[0, 0]
-        columns["distortion"][k] = measured.distortion_percent[0]
-        columns["slewing"][k] = measured.slewing
-    return columns
+    for varied, value, (amplitude, multiple) in points:
+        if (amplitude, multiple) not in rows:
+            rubbing = _with(arm, replace(arm.plant, friction_level=multiple)) if arm.friction else arm
+            multisines = replace(density.measurement, rms=amplitude)
+            approximations = measured_best_linear(rubbing, pose, multisines, chain=CHAIN, threads=threads)
+            columns = {name: np.full(SHAPES[name], np.nan) for name in LARGE_SIGNAL}
+            for joint, measured in approximations.items():
+                hz, *interval = measured.bandwidth.path()
+                stick_hz, *_ = response_bandwidth(measured.chain.response).path()
+                distortion, gain = measured.distortion_percent[0], slow_gain(measured, truth)
+                values = (hz, interval, gain, stick_hz, distortion, measured.slewing)
+                for name, quantity in zip(LARGE_SIGNAL, values, strict=True):
+                    columns[name][MOVING.index(joint)] = quantity
+            rows[amplitude, multiple] = columns
+            step(len(rows), len({key for *_, key in points}))
+        yield table_row(varied, value, truth.angles, True, **rows[amplitude, multiple])

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from scenarios.experiments.preview_figure import COLOURS, LINES
 from scenarios.report.figure_style import dress, short
-from scenarios.truth.truth_summary import TruthSummary, departures_in_words, pose_in_words
+from scenarios.truth.truth_summary import TruthSummary, conditions_in_words, pose_in_words
 from sysid.plots.palette import BOUND, INK, PALETTE
 
 LOWEST = 0.05
@@ -70,11 +70,11 @@ def truth_figure(summary: TruthSummary) -> Figure:
     ]
     handles.append(Line2D([], [], color=INK, marker="o", ls="", mfc="white", label="bandwidth"))
     if summary.best_linear:
-        rms = next(iter(summary.best_linear.values())).multisines.rms
+        rms = next(iter(summary.best_linear.values())).experiment.multisines.rms
         handles.append(Line2D([], [], color=INK, marker=".", ls="", ms=5, label=f"best linear at {rms:g} rad rms"))
         handles.append(Line2D([], [], color=INK, marker="|", ls="-", lw=1.4, ms=7, label="its bandwidth, 95 %"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-    truth, departures = summary.truth, departures_in_words(summary.arm)
+    truth, departures = summary.truth, conditions_in_words(summary.arm, departures=True)
     title = f"Truth: arm {truth.variant}, payload {truth.payload}, pose {short(pose_in_words(truth))}"
     title += f"\n{departures[0].upper()}{departures[1:]}" if departures else "; nominal conditions"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, color=INK)
@@ -96,14 +96,14 @@ def _responses(gain: Axes, phase: Axes, summary: TruthSummary, joints: list[str]
             phase.plot(hz, np.degrees(np.interp(hz, f, angle)), **mark)
         if name not in summary.best_linear:
             continue
-        measured, band = summary.best_linear[name].servo.response, summary.best_linear[name].bandwidth
+        measured = summary.best_linear[name].servo.response
         values = measured.response[:, 0, 0]
         dots: dict[str, Any] = {"color": colour, "marker": ".", "ls": "", "ms": 4, "alpha": 0.8}
         gain.plot(measured.frequencies, 20.0 * np.log10(np.abs(values)), **dots)
         # Whole turns are those nearest to the truth's phase.
         near = np.interp(measured.frequencies, f, angle)
         phase.plot(measured.frequencies, np.degrees(near + np.angle(values * np.exp(-1j * near))), **dots)
-        hz, low, high = (float(part[0, 0]) for part in (band.hz, *band.ci95))
+        hz, low, high = summary.best_linear[name].bandwidth.path()
         if np.isfinite(hz):
             at, reach = HALF_POWER_DB - APART_DB * (1 + number), ((hz - low,), (high - hz,))
             gain.errorbar(hz, at, xerr=reach, color=colour, marker="|", ms=7, capsize=4, elinewidth=1.6, zorder=6)

@@ -1,29 +1,22 @@
 """Summary of the truth about an arm at an operating point, for the screen and for JSON."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from hmtb_twin import JOINTS, NOMINAL_PLANT, STUDIED_JOINTS, Arm, JointLog, JointTruth, Truth
+from hmtb_twin import JOINTS, NOMINAL_PLANT, Arm, JointLog, JointTruth, Truth
 from hmtb_twin.parameters.drives import Actuator
 from hmtb_twin.parameters.variants import variant_named
 from hmtb_twin.truth.analytic_hydraulics import LinearHydraulics, linear_hydraulics
-from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.attainable import Attainable, attainable
-from scenarios.truth.best_linear import BestLinearTruth, best_linear, cautions
-
-Progress = Callable[[int, int], None]
-"""Called with the work done and the total."""
+from scenarios.truth.best_linear import BestLinearTruth, cautions
 
 LOCKED = 1e-2
 """Gain at 0 Hz below which a joint does not follow its command."""
 
 LOCKED_NOTE = "locked: the joint is indexed and does not follow a command, so it has no bandwidth"
-
-REALISATIONS = 8
-"""Realisations of the multisine behind a best linear approximation: some seconds for the three studied joints."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +68,36 @@ class TruthSummary:
                 "innovation_covariance_rad2": truth.model.innovation_covariance,
             }
         if self.best_linear:
-            record["best_linear"] = {name: _best_linear(one, truth) for name, one in self.best_linear.items()}
+            record["best_linear"] = {
+                name: {
+                    "amplitude_rad": one.experiment.multisines.rms,
+                    "bandwidth_hz": one.bandwidth.path()[0],
+                    "ci95": one.bandwidth.path()[1:],
+                    "distortion_percent": float(one.distortion_percent[0]),
+                    "velocity_limited_share": one.slewing,
+                    "cautions": cautions(one, truth),
+                    "frequency_hz": one.servo.response.frequencies,
+                    "response": one.servo.response.response[:, 0, 0],
+                    "standard_error": np.sqrt(one.servo.total_variance[:, 0, 0]),
+                }
+                for name, one in self.best_linear.items()
+            }
         if self.attainable:
-            record["attainable"] = {name: _attainable(one) for name, one in self.attainable.items()}
+            record["attainable"] = {
+                name: {
+                    "samples": floors.samples,
+                    "chance_takes_off": 1.0 - floors.by_chance(1.0),
+                    "spread_rad": floors.spread,
+                    "mean_error_rad": floors.mean_error,
+                    "simulation": {
+                        **{key: vars(floor) for key, floor in vars(floors.simulation).items()},
+                        "right_order": vars(floors.right_order),
+                    },
+                    "one_step": {key: vars(floor) for key, floor in vars(floors.one_step).items()},
+                    "order": floors.order,
+                }
+                for name, floors in self.attainable.items()
+            }
         return record
 
     def _joint(self, name: str) -> dict[str, object]:
@@ -88,7 +108,15 @@ class TruthSummary:
             "poles": np.asarray(entry.poles, dtype=complex),
             "zeros": np.asarray(entry.zeros, dtype=complex),
             "delay_samples": entry.delay_samples,
-            "dominant": [] if locked else [_natural(pole) for pole in entry.dominant_poles],
+            "dominant": [
+                {
+                    "re": float(pole.real),
+                    "im": float(pole.imag),
+                    "hz": float(abs(pole) / (2.0 * np.pi)),
+                    "damping_ratio": damping_ratio(pole),
+                }
+                for pole in ([] if locked else entry.dominant_poles)
+            ],
             "note": LOCKED_NOTE if locked else None,
         }
         if self.truth.plant.process_noise and entry.model.innovation_covariance is not None:
@@ -114,47 +142,6 @@ def truth_summary(arm: Arm, truth: Truth) -> TruthSummary:
     return TruthSummary(arm, truth, {name: truth.joint(name) for name in JOINTS}, hydraulics)
 
 
-def measured_best_linear(
-    arm: Arm,
-    pose: str,
-    amplitude: float,
-    *,
-    seed: int = 0,
-    threads: int | None = None,
-    progress: Progress | None = None,
-) -> dict[str, BestLinearTruth]:
-    """Measure the best linear approximation of each studied joint, excited alone, as the laboratory records it.
-
-    Args:
-        arm: The arm.
-        pose: Keyframe about which it moves.
-        amplitude: Root mean square of the angle asked for at the stick, rad.
-        seed: Of the phases and of the noise.
-        threads: Threads for the physics; all processors by default.
-        progress: Called with the joints done and those in all.
-
-    Raises:
-        ScenarioError: See `best_linear`.
-    """
-    multisines = Multisines(rms=amplitude, realisations=REALISATIONS, seed=seed)
-    approximations: dict[str, BestLinearTruth] = {}
-    for joint in STUDIED_JOINTS:
-        setting = MultisineExperiment(
-            joint,
-            (joint,),
-            variant=arm.variant,
-            payload=arm.payload,
-            plant=arm.plant,
-            specimen=arm.specimen,
-            pose=pose,
-            seed=seed,
-        )
-        approximations[joint] = best_linear(setting, multisines, threads=threads)
-        if progress is not None:
-            progress(len(approximations), len(STUDIED_JOINTS))
-    return approximations
-
-
 def attainable_on(log: JointLog, truth: Truth) -> dict[str, Attainable]:
     """Return the floors of every joint that a log excites.
 
@@ -174,8 +161,13 @@ def hydraulic(arm: Arm) -> bool:
     return all(isinstance(drive, Actuator) for drive in variant_named(arm.variant).actuators.values())
 
 
-def _conditions(arm: Arm) -> list[tuple[bool, str]]:
-    """List what the arm's drives run on and rub with: whether it departs from the nominal plant, and the words."""
+def conditions_in_words(arm: Arm, *, departures: bool = False) -> str:
+    """Return what the arm's drives run on and rub with, in words and with units; of oil only where there is some.
+
+    Args:
+        arm: The arm.
+        departures: Leave out what is nominal; the text is empty where all is.
+    """
     plant, nominal, oil = arm.plant, NOMINAL_PLANT, hydraulic(arm)
     texts = [
         (plant.actuator != nominal.actuator, f"{plant.actuator} actuators" if oil else "electric drives"),
@@ -192,17 +184,7 @@ def _conditions(arm: Arm) -> list[tuple[bool, str]]:
     # By name: a value for each body would fill the page.
     if names := [name.replace("_", " ") for name in arm.specimen.deviations]:
         texts.append((True, f"a specimen whose {', '.join(names)} deviate"))
-    return texts
-
-
-def conditions_in_words(arm: Arm) -> str:
-    """Return what the arm's drives run on and rub with, in words and with units; of oil only where there is some."""
-    return ", ".join(text for _, text in _conditions(arm))
-
-
-def departures_in_words(arm: Arm) -> str:
-    """Return the conditions of the arm that are not nominal, in words and with units; empty where all are."""
-    return ", ".join(text for departs, text in _conditions(arm) if departs)
+    return ", ".join(text for departs, text in texts if departs or not departures)
 
 
 def pose_in_words(truth: Truth) -> str:
@@ -215,43 +197,3 @@ def pose_in_words(truth: Truth) -> str:
 def damping_ratio(pole: complex) -> float:
     """Return the damping ratio of a pole in the s plane: 1 where it is real and stable."""
     return float(-pole.real / abs(pole)) if abs(pole.imag) > 1e-9 * abs(pole) else float(np.sign(-pole.real))
-
-
-def _natural(pole: complex) -> dict[str, float]:
-    return {
-        "re": float(pole.real),
-        "im": float(pole.imag),
-        "hz": float(abs(pole) / (2.0 * np.pi)),
-        "damping_ratio": damping_ratio(pole),
-    }
-
-
-def _best_linear(approximation: BestLinearTruth, truth: Truth) -> dict[str, object]:
-    band = approximation.bandwidth
-    return {
-        "amplitude_rad": approximation.multisines.rms,
-        "bandwidth_hz": float(band.hz[0, 0]),
-        "ci95": [float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])],
-        "distortion_percent": float(approximation.distortion_percent[0]),
-        "velocity_limited_share": approximation.slewing,
-        "cautions": list(cautions(approximation, truth)),
-        "frequency_hz": approximation.servo.response.frequencies,
-        "response": approximation.servo.response.response[:, 0, 0],
-        "standard_error": np.sqrt(approximation.servo.total_variance[:, 0, 0]),
-    }
-
-
-def _attainable(attainable: Attainable) -> dict[str, object]:
-    simulation, one_step = (
-        {name: vars(getattr(horizon, name)) for name in ("any_model", "best_linear", "small_signal")}
-        for horizon in (attainable.simulation, attainable.one_step)
-    )
-    return {
-        "samples": attainable.samples,
-        "chance_takes_off": 1.0 - attainable.by_chance(1.0),
-        "spread_rad": attainable.spread,
-        "mean_error_rad": attainable.mean_error,
-        "simulation": {**simulation, "right_order": vars(attainable.right_order)},
-        "one_step": one_step,
-        "order": attainable.order,
-    }

@@ -47,6 +47,16 @@ class BestLinearApproximation(Locked):
     realisations: int
     periods: tuple[int, ...]
 
+    @property
+    def distortion_percent(self) -> FloatArray:
+        """Nonlinear distortion of each output in percent of its linear part, root mean squares (ny,).
+
+        Both are sums over the lines, on which an input of equal lines has equal power.
+        """
+        excess = self.realisations * (self.total_variance - self.noise_variance)
+        linear = np.abs(self.response.response) ** 2 - self.total_variance
+        return np.asarray(100.0 * np.sqrt(np.maximum(excess.sum(axis=(0, 2)), 0.0) / linear.sum(axis=(0, 2))))
+
 
 def bla(
     data: IOData | Sequence[IOData], period: int, *, lines: ArrayLike | None = None, audible: float = 1e-4

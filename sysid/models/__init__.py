@@ -5,7 +5,7 @@ from sysid.models.estimate import Bandwidth, Estimate
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.models.predict import predict, residuals, simulate
-from sysid.models.reduction import hankel_singular_values
+from sysid.models.reduction import add_delay, hankel_singular_values
 from sysid.models.state_space import StateSpace, block_diagonal
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "FrequencyResponse",
     "Polynomials",
     "StateSpace",
+    "add_delay",
     "band",
     "block_diagonal",
     "hankel_singular_values",

@@ -179,7 +179,7 @@ def bandwidth_claim(
         The bandwidth, or NaN with the reason.
     """
     band = estimate.bandwidth() if band is None else band
-    hz, low, high = (float(part[output, input]) for part in (band.hz, *band.ci95))
+    hz, low, high = band.path(output, input)
     lowest = lowest_excited(record, input=input)
     poles = estimate.poles()
     objections: list[str] = []

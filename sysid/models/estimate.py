@@ -42,6 +42,11 @@ class Bandwidth(Locked):
         value = np.asarray(hz, dtype=float)
         return (self.ci95[0] <= value) & (value <= self.ci95[1])
 
+    def path(self, output: int = 0, input: int = 0) -> tuple[float, float, float]:
+        """Bandwidth of the path from one input to one output, and the ends of its interval, Hz."""
+        low, high = (float(end[output, input]) for end in self.ci95)
+        return float(self.hz[output, input]), low, high
+
 
 @dataclass(frozen=True)
 class DataSummary:

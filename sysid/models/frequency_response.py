@@ -1,6 +1,7 @@
 """Frequency responses with their uncertainty, from any method."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.special import chndtrinc
@@ -72,6 +73,12 @@ class FrequencyResponse(Locked):
         object.__setattr__(self, "frequencies", np.asarray(self.frequencies, dtype=float))
         object.__setattr__(self, "response", np.asarray(self.response, dtype=complex))
         super().__post_init__()
+
+    def determined(self) -> "FrequencyResponse":
+        """Return the response at the frequencies at which the data determine all of it."""
+        kept = np.isfinite(self.response).all(axis=(1, 2))
+        parts: dict[str, Any] = {name: one[kept] for name, one in vars(self).items() if isinstance(one, np.ndarray)}
+        return replace(self, **parts)
 
     @property
     def magnitude(self) -> FloatArray:

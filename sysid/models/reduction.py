@@ -109,3 +109,23 @@ def split_delay(model: StateSpace | Estimate) -> tuple[StateSpace, tuple[int, ..
         B[:, j] = np.linalg.matrix_power(path.A, delay) @ B[:, j]
         delays.append(delay)
     return replace(path, B=B, D=D).input_path(), tuple(delays)
+
+
+def add_delay(model: StateSpace, samples: int) -> StateSpace:
+    """Delay the inputs of a model by further samples, with a state for each input and sample.
+
+    Args:
+        model: A model.
+        samples: Samples of further delay.
+
+    Returns:
+        The model, its noise model unchanged.
+    """
+    for _ in range(samples):
+        n, nu, ny = model.order, model.nu, model.ny
+        A = np.block([[model.A, model.B], [np.zeros((nu, n + nu))]])
+        B = np.vstack((np.zeros((n, nu)), np.eye(nu)))
+        C = np.hstack((model.C, model.D))
+        K = None if model.K is None else np.vstack((model.K, np.zeros((nu, ny))))
+        model = StateSpace(A, B, C, np.zeros((ny, nu)), K, model.dt, model.innovation_covariance)
+    return model

@@ -8,12 +8,15 @@ from sysid.polynomial.fit_with_offset import fit_with_offset
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.iv4 import iv4
 from sysid.polynomial.oe import oe
+from sysid.polynomial.structures import Embedding, embedding
 
 __all__ = [
+    "Embedding",
     "InitialConditions",
     "armax",
     "arx",
     "bj",
+    "embedding",
     "fit_with_offset",
     "iv4",
     "oe",

@@ -9,17 +9,20 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from sysid.models.polynomials import stabilised
 from sysid.polynomial.gram_matrices import lagged_products, lagged_solution
-from sysid.polynomial.least_squares import solve
+from sysid.polynomial.least_squares import solve, tall_least_squares
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.regressors import arx_regressors, input_lags, output_lags
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
 LARGEST = 60  # order: more coefficients cost time and variance, and the search refines the result anyway
+DIED = 1e-17  # a free response has died out where it is below this part of its largest value
+UNSTABLE = 1e60  # a larger response is that of an unstable model; it cannot be fitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,3 +140,36 @@ def arx_solution(
     phi = np.vstack([build(yi, ui, start=s) for yi, ui, s in zip(y, u, starts, strict=True)])
     target = np.concatenate([yi[s:] for yi, s in zip(y, starts, strict=True)])
     return solve(phi, target[:, None]).solution[:, 0]
+
+
+def long_arx_simulation(u: FloatArray, y: FloatArray, order: int) -> FloatArray | None:
+    """Fit A(q) y = B(q) u by least squares, then simulate it with the initial conditions that fit best.
+
+    The same as `predict(arx(data, order, order), data, steps=None)`, without state-space matrices of that size: the
+    influence of the initial conditions on A(q) y ends after `order` samples. For orders of some hundreds.
+
+    Args:
+        u: Inputs (N, nu).
+        y: Output (N,).
+        order: Coefficients of A and of each B; N must exceed twice their number.
+
+    Returns:
+        Simulated output (N,); None where the model grows beyond what can be fitted.
+    """
+    nu = u.shape[1]
+    regressors = arx_regressors(y, u, order, (order,) * nu, (1,) * nu, order)
+    theta = tall_least_squares(regressors, y[order:], cond=1e-15)
+    a, *b = np.split(theta, 1 + nu)
+    a = np.concatenate([[1.0], a])
+    pulse = np.zeros(len(y))
+    pulse[0] = 1.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        forced = sum(lfilter(np.concatenate([[0.0], bj]), a, signal) for bj, signal in zip(b, u.T, strict=True))
+        free = lfilter([1.0], a, pulse)
+    if not (np.abs(free) < UNSTABLE).all() or not (np.abs(forced) < UNSTABLE).all():
+        return None
+    alive = int(np.flatnonzero(np.abs(free) > DIED * np.abs(free).max())[-1]) + 1
+    rows = min(len(y), alive + order)
+    columns = toeplitz(free[:rows], np.zeros(order))
+    weights = tall_least_squares(columns, (y - forced)[:rows], cond=1e-15)
+    return np.asarray(forced + np.convolve(free, weights)[: len(y)])

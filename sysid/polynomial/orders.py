@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.polyutils import trimseq
 
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.regressors import first_row
@@ -31,6 +32,27 @@ class Orders:
     nd: int
     nf: tuple[int, ...]
     nk: tuple[int, ...]
+
+    @staticmethod
+    def of(polynomials: Polynomials, *, padded: bool = False) -> "Orders":
+        """Orders of polynomials; the leading zeros of B are the delay.
+
+        Args:
+            polynomials: Any.
+            padded: Whether zeros behind the last coefficients of B and F are parameters too.
+        """
+        rows = [polynomials.channel(j) for j in range(polynomials.nu)]
+        nk = tuple(int(np.flatnonzero(b)[0]) if b.any() else 0 for b, _ in rows)
+        if padded:
+            rows = list(zip(np.atleast_2d(polynomials.B), np.atleast_2d(polynomials.F), strict=True))
+        return Orders(
+            na=len(polynomials.A) - 1,
+            nb=tuple(len(b) - k for (b, _), k in zip(rows, nk, strict=True)),
+            nc=len(polynomials.C) - 1,
+            nd=len(polynomials.D) - 1,
+            nf=tuple(len(f) - 1 for _, f in rows),
+            nk=nk,
+        )
 
     @property
     def count(self) -> int:
@@ -96,7 +118,22 @@ class Orders:
     def polynomials(self, theta: FloatArray) -> Polynomials:
         """Parameters as a `Polynomials` record."""
         a, b, c, d, f = self.split(theta)
-        return Polynomials(a, _rows(b), c, d, _rows(f))
+        return Polynomials(a, padded_rows(b), c, d, padded_rows(f))
+
+    def parameters(self, polynomials: Polynomials) -> FloatArray:
+        """Inverse of `polynomials`: parameters (p,), zero where a polynomial is shorter than its order.
+
+        Raises:
+            SysidError: A polynomial is longer than its order.
+        """
+        rows = [polynomials.channel(j) for j in range(polynomials.nu)]
+        return self.join(
+            _filled("A", polynomials.A, self.na + 1),
+            [_filled("B", b, n + k) for (b, _), n, k in zip(rows, self.nb, self.nk, strict=True)],
+            _filled("C", polynomials.C, self.nc + 1),
+            _filled("D", polynomials.D, self.nd + 1),
+            [_filled("F", f, n + 1) for (_, f), n in zip(rows, self.nf, strict=True)],
+        )
 
 
 def make_orders(
@@ -131,10 +168,18 @@ def _per_input(name: str, value: int | Sequence[int], nu: int, least: int = 0) -
     return values
 
 
-def _rows(polynomials: list[FloatArray]) -> FloatArray:
+def padded_rows(polynomials: Sequence[FloatArray]) -> FloatArray:
+    """Rows of coefficients side by side, zeros behind the shorter ones (rows, longest); a single one as it is."""
     if len(polynomials) == 1:
         return polynomials[0]
     out = np.zeros((len(polynomials), max(len(p) for p in polynomials)))
     for row, p in zip(out, polynomials, strict=True):
         row[: len(p)] = p
     return out
+
+
+def _filled(name: str, row: FloatArray, length: int) -> FloatArray:
+    row = trimseq(row)
+    if len(row) > length:
+        raise SysidError(f"{name} has {len(row)} coefficients, expected at most {length}")
+    return np.concatenate((row, np.zeros(length - len(row))))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sysid.models.estimate import DataSummary, Estimate
-from sysid.models.polynomials import innovations_form
+from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.models.predict import residuals
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation, check_means
@@ -84,6 +84,42 @@ def make_estimate(
         diagnostics={**diagnostics, "warnings": tuple(messages)},
         data=summary,
         realise=realise,
+    )
+
+
+def known_estimate(
+    model: StateSpace,
+    polynomials: Polynomials,
+    orders: Orders,
+    covariance: FloatArray,
+    *,
+    variance: float,
+    data: IOData,
+) -> Estimate:
+    """An estimate from anywhere with the covariance of its parameters, to propagate it; it has no residuals.
+
+    Args:
+        model: The model.
+        polynomials: The same as polynomials.
+        orders: Coefficients that are parameters.
+        covariance: Of the parameters in the sequence A, B, C, D, F (p, p).
+        variance: Of the innovation.
+        data: The record, for names and the sampling interval.
+    """
+    summary = DataSummary.of((data,))
+    return Estimate(
+        model=model,
+        polynomials=polynomials,
+        parameters=orders.parameters(polynomials),
+        parameter_names=orders.names,
+        covariance=covariance,
+        noise_variance=np.array([[variance]]),
+        residuals=np.zeros((0, 1)),
+        method="claimed",
+        orders={},
+        diagnostics={},
+        data=summary,
+        realise=Realise(orders, summary, variance),
     )
 
 

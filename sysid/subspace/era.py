@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, Locked, real_array
+from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
 
 NUMERICAL_RANK = 1e-13  # singular value, relative to the largest, that is rounding
@@ -143,6 +144,23 @@ def checked_order(order: int, xi: FloatArray) -> int:
 def _percent(values: FloatArray, order: int) -> float:
     total = float(values.sum())
     return float(100.0 * values[:order].sum() / total) if total > 0.0 else 100.0
+
+
+def markov_parameters(data: IOData, count: int) -> FloatArray:
+    """Markov parameters by least squares on past inputs alone, D = 0; unbiased in an open loop, whatever the noise.
+
+    Args:
+        data: One experiment.
+        count: Number of values behind D.
+
+    Returns:
+        Y_0 = 0, Y_1, ..., Y_count (count + 1, ny, nu).
+    """
+    past = np.lib.stride_tricks.sliding_window_view(data.u, count, axis=0)[:-1, :, ::-1]
+    columns = past.transpose(0, 2, 1).reshape(len(past), count * data.nu)
+    solution = np.linalg.lstsq(columns, data.y[count:], rcond=None)[0]
+    pulses = solution.reshape(count, data.nu, data.ny).transpose(0, 2, 1)
+    return np.concatenate((np.zeros((1, data.ny, data.nu)), pulses))
 
 
 def era_dc(

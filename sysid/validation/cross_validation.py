@@ -14,6 +14,9 @@ from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidWarning
 from sysid.validation.compare import ModelFit, compare
 
+SAME = 1e-6
+"""Samples that differ by less than this part of their range are the same, written with few digits."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CrossValidation(Locked):
@@ -83,3 +86,28 @@ def cross_validate(
         simulation_deviation=simulation.std(axis=0, ddof=1),
         one_step_deviation=one_step.std(axis=0, ddof=1),
     )
+
+
+def same_samples(records: Sequence[IOData], others: Sequence[IOData]) -> bool:
+    """Whether two data sets share a record: the same samples, or those of its beginning.
+
+    A fit to data that the model was estimated from is no validation.
+
+    Args:
+        records: One data set.
+        others: The other.
+    """
+
+    def close(a: FloatArray, b: FloatArray) -> bool:
+        known = ~np.isnan(a)
+        if not np.array_equal(known, ~np.isnan(b)):
+            return False
+        ranges = np.nanmax(a, axis=0, initial=-np.inf) - np.nanmin(a, axis=0, initial=np.inf)
+        return bool((np.abs(a - b) <= SAME * ranges)[known].all())
+
+    def same(one: IOData, other: IOData) -> bool:
+        common = min(len(one), len(other))
+        channels = ((one.u, other.u), (one.y, other.y))
+        return all(a.shape[1] == b.shape[1] and close(a[:common], b[:common]) for a, b in channels)
+
+    return any(same(one, other) for one in records for other in others)

@@ -211,6 +211,68 @@ def structure_scan(
     )
 
 
+def choose_orders(
+    estimator: Callable[..., Estimate],
+    data: IOData,
+    names: Sequence[str],
+    candidates: Sequence[tuple[int, ...]],
+    *,
+    simulated: bool = False,
+    patience: int = 2,
+) -> dict[str, Order]:
+    """Orders with the least BIC among candidates of rising size, until some in a row are no better than the best.
+
+    Models that are far too large take the longest to fit, and most of them are never needed. Unstable models are
+    skipped.
+
+    Args:
+        estimator: Called as `estimator(data, *candidate)`.
+        data: One experiment.
+        names: Names of the orders.
+        candidates: Orders to try, one tuple each, the smallest first.
+        simulated: Whether the error of the simulated output counts instead of that one step ahead: for methods without
+            a meaningful noise model.
+        patience: Candidates in a row that are tried beyond the best so far.
+
+    Returns:
+        Orders by name.
+
+    Raises:
+        SysidError: No candidate, or none that could be fitted.
+    """
+    fits: dict[tuple[int, ...], Estimate | SysidError] = {}
+
+    def fit(record: IOData, *orders: int) -> Estimate:
+        if orders not in fits:
+            fits[orders] = _stable_fit(estimator, record, orders)
+        estimate = fits[orders]
+        if isinstance(estimate, SysidError):
+            raise estimate
+        return estimate
+
+    for count in range(min(patience, len(candidates)), len(candidates) + 1):
+        tried = list(candidates[:count])
+        if simulated:
+            table = structure_scan(fit, data, names, tried, validation=data, steps=None)
+            criterion = np.log(table.validation) + table.parameters * np.log(table.samples) / table.samples
+        else:
+            table = structure_scan(fit, data, names, tried)
+            criterion = table.bic
+        best = table.best(criterion)
+        if tried.index(tuple(best.values())) + patience < count:  # type: ignore[arg-type]
+            break
+    return best
+
+
+def _stable_fit(estimator: Callable[..., Estimate], data: IOData, orders: tuple[int, ...]) -> Estimate | SysidError:
+    try:
+        estimate = estimator(data, *orders)
+    except SysidError as error:
+        return error
+    stable = estimate.model.input_path().is_stable()
+    return estimate if stable else SysidError(f"orders {orders} give an unstable model")
+
+
 def _parameters(estimate: Estimate) -> int:
     """Free parameters: a state-space model in innovation form has n (nu + 2 ny) + nu ny of them."""
     if estimate.polynomials is not None:

@@ -4,10 +4,8 @@ from time import process_time
 
 import mujoco
 
-from hmtb_twin import Arm, JointLog
 
-
-def bare_seconds(arm: Arm, log: JointLog) -> float:
+def bare_seconds(arm, log):
     """Processor time of the steps of one experiment, with the controls it had and nothing else."""
     data, controls = arm.rest(arm.pose(log.provenance["pose"])), arm.controls(log.commanded)
     substeps = round(log.dt / arm.model.opt.timestep)

@@ -1,12 +1,9 @@
 """How the best linear approximation departs from the small-signal truth: link by link and amplitude by amplitude.
 
-Run by hand: `PYTHONPATH=. python tests/benchmarks/best_linear.py` (some minutes). First the agreement of the arm
-without friction, seed by seed: p-values of the lines and of the whole, and what the intervals of the bandwidth hold.
-Then the tables of `docs/truth.md`.
+First the agreement of the arm without friction, seed by seed: p-values of the lines and of the whole, and what the
+intervals of the bandwidth hold. Then the tables of `docs/truth.md`.
 """
 
-import argparse
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -15,8 +12,8 @@ from scipy.stats import kstest
 
 from hmtb_twin import IDEAL, NOMINAL_PLANT, STUDIED_JOINTS, Chain, Plant, linearize, load_arm
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
-from scenarios.truth.best_linear import BestLinearTruth, best_linear, distortion_percent
-from sysid.frequency.bla import ResponseAgreement
+from scenarios.truth.best_linear import best_linear
+from tests.benchmarks.tables import heading, options, row
 
 QUIET = replace(IDEAL, resolver=True)
 """Measurement noise alone."""
@@ -40,7 +37,7 @@ LINKS: Mapping[str, tuple[Chain, Plant]] = {
 FREQUENCIES = (0.3, 1.0, 3.0)
 
 
-def near(response_agreement: ResponseAgreement, frequency: float) -> str:
+def near(response_agreement, frequency):
     """Gain and phase departure, averaged over the lines within a sixth of an octave."""
     f = response_agreement.frequencies
     chosen = np.abs(np.log2(f / frequency)) < 1.0 / 6.0
@@ -48,66 +45,58 @@ def near(response_agreement: ResponseAgreement, frequency: float) -> str:
     return f"{20 * np.log10(abs(ratio)):+.2f} / {np.degrees(np.angle(ratio)):+.1f}"
 
 
-def row(name: str, path: str, found: BestLinearTruth, response_agreement: ResponseAgreement, distortion: float) -> str:
-    """One row of the table; the p-value and the bandwidth are those from the command."""
-    band = found.bandwidth
-    cells = [
+def departure(name, path, truth, agreement, distortion):
+    """Print one row of the table; the p-value and the bandwidth are those from the command."""
+    band = truth.bandwidth
+    row(
         name,
-        f"{1e3 * found.multisines.rms:g}",
+        f"{1e3 * truth.experiment.multisines.rms:g}",
         path,
-        *(near(response_agreement, f) for f in FREQUENCIES),
+        *(near(agreement, f) for f in FREQUENCIES),
         f"{distortion:.2g}",
-        f"{found.servo_agreement().p_all[0, 0]:.2g}",
+        f"{truth.servo_agreement().p_all[0, 0]:.2g}",
         f"{band.hz[0, 0]:.3f} ({band.ci95[0][0, 0]:.3f} to {band.ci95[1][0, 0]:.3f})",
-        f"{100 * found.slewing:.0f}",
-    ]
-    return f"| {' | '.join(cells)} |"
+        f"{100 * truth.slewing:.0f}",
+    )
 
 
-def departures(joint: str, multisines: Multisines) -> None:
+def departures(joint, multisines):
     """Print the table of one joint: from the command, and from the stick where a link lies between the two."""
-    heads = " | ".join(f"{f:g} Hz: dB / deg" for f in FREQUENCIES)
+    heads = (f"{f:g} Hz: dB / deg" for f in FREQUENCIES)
     print(f"\n`{joint}`\n")
-    print(f"| link | rms, mrad | from | {heads} | distortion, % | p, from command | bandwidth, Hz | slewing, % |")
-    print("|---" * (7 + len(FREQUENCIES)) + "|")
+    last = ("distortion, %", "p, from command", "bandwidth, Hz", "slewing, %")
+    heading("link", "rms, mrad", "from", *heads, *last)
     for name, (chain, plant) in LINKS.items():
         for rms in AMPLITUDES:
             setting = MultisineExperiment("departure", (joint,), chain=chain, plant=plant)
-            found = best_linear(setting, replace(multisines, rms=rms))
+            truth = best_linear(setting, replace(multisines, rms=rms))
             before = chain.velocity_limit or chain.adc or chain.noise
             if chain.friction or not before:
-                level = float(found.distortion_percent[0])
-                print(row(name, "command", found, found.servo_agreement(), level), flush=True)
+                departure(name, "command", truth, truth.servo_agreement(), float(truth.distortion_percent[0]))
             if before:
-                level = float(distortion_percent(found.chain)[0])
-                print(row(name, "stick", found, found.chain_agreement(), level), flush=True)
+                departure(name, "stick", truth, truth.agreement(truth.chain), float(truth.chain.distortion_percent[0]))
 
 
-def response_agreement(seeds: int, multisines: Multisines) -> None:
+def response_agreement(seeds, multisines):
     """Print what the arm without friction gives, seed by seed."""
-    print("| joint | lines with p < 0.05, % | p of uniform p | seeds with p < 0.05 | intervals that hold the truth |")
-    print("|---|---|---|---|---|")
+    heading("joint", "lines with p < 0.05, %", "p of uniform p", "seeds with p < 0.05", "intervals that hold the truth")
     truth = linearize(load_arm(friction=False))
     for joint in STUDIED_JOINTS:
         lines, whole, covered = [], [], 0
         for seed in range(seeds):
             setting = MultisineExperiment("agreement", (joint,), chain=QUIET, seed=seed)
-            found = best_linear(setting, replace(multisines, seed=seed))
-            result = found.servo_agreement(truth)
+            estimate = best_linear(setting, replace(multisines, seed=seed))
+            result = estimate.servo_agreement(truth)
             lines.append(result.p.ravel())
             whole.append(result.p_all.item())
-            covered += bool(found.bandwidth.covers(truth.joint(joint).bandwidth_hz).item())
+            covered += bool(estimate.bandwidth.covers(truth.joint(joint).bandwidth_hz).item())
         p = np.concatenate(lines)
-        print(
-            f"| {joint} | {100 * np.mean(p < 0.05):.1f} of {len(p)} | {kstest(p, 'uniform').pvalue:.2f} | "
-            f"{np.sum(np.array(whole) < 0.05)} of {seeds} | {covered} of {seeds} |",
-            flush=True,
-        )
+        below = f"{100 * np.mean(p < 0.05):.1f} of {len(p)}", f"{kstest(p, 'uniform').pvalue:.2f}"
+        row(joint, *below, f"{np.sum(np.array(whole) < 0.05)} of {seeds}", f"{covered} of {seeds}")
 
 
-def main() -> int:
-    """Measure."""
-    parser = argparse.ArgumentParser()
+def main():
+    parser = options(__doc__)
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--joints", nargs="*", default=["shoulder_yaw", "elbow_pitch"])
     arguments = parser.parse_args()
@@ -115,8 +104,7 @@ def main() -> int:
         response_agreement(arguments.seeds, Multisines(realisations=8, period=5.12, f_min=0.1))
     for joint in arguments.joints:
         departures(joint, Multisines())
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

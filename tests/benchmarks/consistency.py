@@ -1,7 +1,7 @@
 """How the error of each method shrinks with the length of the record: a slope of -1/2 is consistency.
 
-Run by hand: `PYTHONPATH=. python tests/benchmarks/consistency.py [draws]`. The error is the root mean square, over
-draws and frequencies up to half of Nyquist, of the relative error of the frequency response.
+The error is the root mean square, over draws and frequencies up to half of Nyquist, of the relative error of the
+frequency response.
 """
 
 import sys
@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 
 import sysid
+from tests.benchmarks.tables import heading, row
 from tests.sysid import conftest as problems
 
 LENGTHS = (500, 2000, 8000, 32000)
 
 
-def errors(problem: Any, fit: Callable[[sysid.IOData], sysid.Estimate], draws: int) -> list[float]:
+def errors(problem, fit, draws):
     """Error at each length."""
-    found = []
+    of_lengths = []
     for samples in LENGTHS:
         shorter = replace(problem, samples=samples)
         f = np.linspace(0.02, 0.5, 60) * 0.5 / shorter.model.dt
@@ -29,12 +30,11 @@ def errors(problem: Any, fit: Callable[[sysid.IOData], sysid.Estimate], draws: i
         for seed in range(draws):
             model = fit(shorter.draw(seed)).model
             squares.append(np.mean(np.abs(model.frequency_response(f) / true - 1.0) ** 2))
-        found.append(float(np.sqrt(np.mean(squares))))
-    return found
+        of_lengths.append(float(np.sqrt(np.mean(squares))))
+    return of_lengths
 
 
-def main() -> None:
-    """Measure all and write a table."""
+def main():
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     warnings.simplefilter("ignore", sysid.SysidWarning)
     p3, p4, p5 = problems.make_p3(), problems.make_p4(), problems.make_p5()
@@ -51,11 +51,11 @@ def main() -> None:
         "n4sid": (p3, lambda d: sysid.n4sid(d, 2)),
         "pem_ss": (p3, lambda d: sysid.pem_ss(d, sysid.n4sid(d, 2))),
     }
-    print(f"| method | {' | '.join(f'N = {n}' for n in LENGTHS)} | slope |\n|{'---|' * (len(LENGTHS) + 2)}")
+    heading("method", *(f"N = {n}" for n in LENGTHS), "slope")
     for name, (problem, fit) in cases.items():
-        found = errors(problem, fit, draws)
-        slope = np.polyfit(np.log(LENGTHS), np.log(found), 1)[0]
-        print(f"| {name} | {' | '.join(f'{100 * e:.3f} %' for e in found)} | {slope:.2f} |")
+        of_lengths = errors(problem, fit, draws)
+        slope = np.polyfit(np.log(LENGTHS), np.log(of_lengths), 1)[0]
+        row(name, *(f"{100 * e:.3f} %" for e in of_lengths), f"{slope:.2f}")
 
 
 if __name__ == "__main__":

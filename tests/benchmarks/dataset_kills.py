@@ -3,11 +3,8 @@
 A build is killed by SIGKILL, at random moments or at a random wait for the disk, and resumed by the same command. When
 it ends before it is killed, the next build begins. At the end every file of every data set is compared with those of an
 undisturbed build.
-
-    python tests/benchmarks/dataset_kills.py --kills 25 --seed 1
 """
 
-import argparse
 import os
 import signal
 import sqlite3
@@ -15,13 +12,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
+
+from tests.benchmarks.tables import heading, options, row
 
 SPEC = """
 name = "killed"
@@ -50,9 +48,6 @@ draw_waveforms = true
 excitation = { kind = "white_noise", amplitude = 0.5 }
 """
 
-ROWS = 4
-"""Experiments side by side: few, so that there are many moments between chunks."""
-
 CHILD = """
 import os, signal, sys
 at, calls, fsync = int(sys.argv.pop(1)), 0, os.fsync
@@ -73,96 +68,71 @@ sys.exit(code)
 
 @dataclass(frozen=True)
 class Ended:
-    """How a build ended.
-
-    Attributes:
-        killed: Whether it was killed before its end.
-        seconds: How long it ran.
-        waits: How often it waited for the disk, if it came to its end.
-    """
+    """How a build ended; how often it waited for the disk is known of one that was not killed."""
 
     killed: bool
     seconds: float
     waits: int
 
 
-def run(spec: Path, out: Path, *, after: float | None = None, wait: int = 0, rows: int = ROWS) -> Ended:
-    """Build in a process of its own, and kill it.
+def run(spec, out, *, after=None, wait=0, rows=4):
+    """Build in a process of its own, and kill it after a time, s, or when it waits for the disk that often.
 
-    Args:
-        spec: The spec.
-        out: Where the folder of the data set is made.
-        after: Killed after that time, s, where given.
-        wait: Killed when it waits for the disk that often; 0: not.
-        rows: Experiments side by side.
-
-    Raises:
-        RuntimeError: It ended by itself in another way than done.
+    Few experiments run side by side, so that there are many moments between chunks.
     """
     words = ["dataset", "build", str(spec), "--out", str(out), "--rows", str(rows), "--progress", "none"]
     begun = time.monotonic()
     command = [sys.executable, "-c", CHILD, str(wait), *words]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as child:
         try:
-            _, said = child.communicate(timeout=after)
+            _, messages = child.communicate(timeout=after)
         except subprocess.TimeoutExpired:
             child.kill()
-            _, said = child.communicate()
+            _, messages = child.communicate()
     seconds = time.monotonic() - begun
     if child.returncode == -signal.SIGKILL:
         return Ended(True, seconds, 0)
     if child.returncode:
-        raise RuntimeError(f"exit code {child.returncode}: {said}")
-    return Ended(False, seconds, int(said.split()[-1]))
+        raise RuntimeError(f"exit code {child.returncode}: {messages}")
+    return Ended(False, seconds, int(messages.split()[-1]))
 
 
-def contents(folder: Path) -> Mapping[str, str]:
-    """Hash of every file in a folder."""
+def contents(folder):
     paths = (path for path in folder.rglob("*") if path.is_file())
     return {path.relative_to(folder).as_posix(): sha256(path.read_bytes()).hexdigest() for path in paths}
 
 
-def state(out: Path) -> str:
+def state(out):
     """What a killed build has left."""
-    done = [path for path in out.iterdir() if not path.name.endswith(".unfinished")]
-    folders = [*done, *out.glob("*.unfinished")]
+    folders = list(out.iterdir())
     if not folders:
         return "nothing"
     (folder,) = folders
     journal = folder / "journal.sqlite"
-    keys: list[str] = []
+    keys = []
     if journal.exists():
         with closing(sqlite3.connect(journal)) as database, suppress(sqlite3.Error):
             keys = [key for (key,) in database.execute("SELECT key FROM entries")]
     experiments = sum(key.startswith("experiment") for key in keys)
     half = sum(path.name.endswith(".partial") for path in folder.rglob("*"))
     end = "done but for its journal" if journal.exists() else "done"
-    named = end if done else "checksums" if (folder / "SHA256SUMS").exists() else ""
-    parts = [f"{experiments} experiments", f"{len(keys) - experiments} pieces", f"{half} half files", named]
+    if folder.name.endswith(".unfinished"):
+        end = "checksums" if (folder / "SHA256SUMS").exists() else ""
+    parts = [f"{experiments} experiments", f"{len(keys) - experiments} pieces", f"{half} half files", end]
     return ", ".join(part for part in parts if part and not part.startswith("0 "))
 
 
-def kills(spec: Path, folder: Path, number: int, seed: int) -> Sequence[tuple[str, str]]:
-    """Kill builds and go on with them.
-
-    Args:
-        spec: The spec.
-        folder: An empty one.
-        number: How many kills.
-        seed: Of their moments.
-
-    Returns:
-        How each build ended, and what was there then.
+def kills(spec, folder, number, seed):
+    """Kill builds and resume them, and print how each ended and what was there then.
 
     Raises:
         RuntimeError: A file of a data set differs from that of a build that nobody disturbed.
     """
     rng = np.random.default_rng(seed)
-    undisturbed = folder / "undisturbed"
-    whole = run(spec, undisturbed)
-    (reference,) = undisturbed.iterdir()
+    whole = run(spec, folder / "undisturbed")
+    (reference,) = (folder / "undisturbed").iterdir()
     expected = contents(reference)
-    rows = [(f"undisturbed, {whole.waits} waits for the disk", f"{len(expected)} files")]
+    row(f"undisturbed, {whole.waits} waits for the disk", f"{len(expected)} files")
     killed = builds = 0
     while True:
         out = folder / f"build-{builds}"
@@ -176,33 +146,27 @@ def kills(spec: Path, folder: Path, number: int, seed: int) -> Sequence[tuple[st
             after = float(rng.uniform(0.0, 0.7 * whole.seconds))
             ended, how = run(spec, out, after=after), f"after {after:.1f} s"
         killed += ended.killed
-        rows.append((f"kill {killed}, {how}" if ended.killed else f"came to its end, {how}", state(out)))
+        row(f"kill {killed}, {how}" if ended.killed else f"came to its end, {how}", state(out))
         if not ended.killed:
-            found = contents(out / reference.name)
-            different = sorted(name for name in {*found, *expected} if found.get(name) != expected.get(name))
-            if different or os.listdir(out) != [reference.name]:
-                raise RuntimeError(f"{out}: {', '.join(different) or os.listdir(out)} differ")
+            if contents(out / reference.name) != expected or os.listdir(out) != [reference.name]:
+                raise RuntimeError(f"{out} differs from an undisturbed build: {os.listdir(out)}")
             builds += 1
             if killed == number:
-                rows.append((f"{builds} data sets after {killed} kills", "every file equal"))
-                return rows
+                row(f"{builds} data sets after {killed} kills", "every file equal")
+                return
 
 
-def main() -> int:
-    """Run and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def main():
+    parser = options(__doc__)
     parser.add_argument("--kills", type=int, default=25)
     parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args()
+    arguments = parser.parse_args()
+    heading("build", "what was there then")
     with tempfile.TemporaryDirectory() as name:
         spec = Path(name) / "killed.toml"
         spec.write_text(SPEC)
-        rows = kills(spec, Path(name), given.kills, given.seed)
-    print("| build | what was there then |\n|---|---|")
-    for row in rows:
-        print(f"| {' | '.join(row)} |")
-    return 0
+        kills(spec, Path(name), arguments.kills, arguments.seed)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

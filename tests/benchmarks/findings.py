@@ -6,24 +6,22 @@ Two minutes for each seed on two processors. Seeds that have come to an end are 
 command takes up there. To be run whenever a change moves findings: tests/scenarios/thesis/test_recorded.py says when.
 """
 
-import argparse
 import sys
 from pathlib import Path
 
 from scenarios.thesis.finding import CLAIMS
 from scenarios.thesis.frequencies import seeds_record
 from scenarios.thesis.monte_carlo import FILE, tally
-from scenarios.thesis.tally import Tally, write_tally
+from scenarios.thesis.tally import write_tally
+from tests.benchmarks.tables import ROOT, options
 
-ROOT = Path(__file__).parents[2]
 
-
-def main() -> int:
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--seeds", type=int, default=20, help="how many, counted from 1")
-    options.add_argument("--duration", type=float, help="length of the records instead of 240 s, for a trial")
-    options.add_argument("--out", type=Path, default=ROOT / "scenarios" / "data" / FILE)
-    chosen = options.parse_args()
+def main():
+    parser = options(__doc__)
+    parser.add_argument("--seeds", type=int, default=20, help="how many, counted from 1")
+    parser.add_argument("--duration", type=float, help="length of the records instead of 240 s, for a trial")
+    parser.add_argument("--out", type=Path, default=ROOT / "scenarios" / "data" / FILE)
+    chosen = parser.parse_args()
     found = tally(
         range(1, chosen.seeds + 1),
         duration=chosen.duration,
@@ -35,7 +33,7 @@ def main() -> int:
     return 1 if found.failed else 0
 
 
-def show(found: Tally) -> None:
+def show(found):
     for key in CLAIMS:
         frequency = found.frequency(key)
         note = "   depends on the seed" if frequency.depends else ""

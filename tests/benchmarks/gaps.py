@@ -1,7 +1,5 @@
 """Efficiency, coverage and time of fits to records with missing outputs.
 
-Run by hand from the root of the repository: `PYTHONPATH=. python tests/benchmarks/gaps.py 400`.
-
 A quarter of the outputs of the problems of `efficiency.py`, cut to 2500 samples, is lost: sample by sample, or in
 bursts of 20 on average. Per problem: the mean of error' J error / p with J the Fisher information of the outputs that
 are left (1 is the Cramer-Rao bound); the coverage of nominal 95 % intervals of the parameters; the mean of the variance
@@ -14,9 +12,7 @@ of |H|, over a quarter as many draws.
 
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +21,8 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid.models.delta_method import spread
+from tests.benchmarks.efficiency import STRUCTURES
+from tests.benchmarks.tables import heading, row
 from tests.sysid import conftest as problems
 
 Array = NDArray[np.float64]
@@ -33,8 +31,7 @@ STEP = 1e-5
 FREQUENCIES = np.array([0.02, 0.1, 0.3, 0.6]) * 0.5
 
 
-def holes(seed: int, shape: tuple[int, ...], bursts: bool) -> NDArray[np.bool_]:
-    """Which samples are lost."""
+def holes(seed, shape, bursts):
     rng = np.random.default_rng(70_000 + seed)
     if not bursts:
         return rng.random(shape) < 0.25
@@ -47,14 +44,13 @@ def holes(seed: int, shape: tuple[int, ...], bursts: bool) -> NDArray[np.bool_]:
     return out
 
 
-def lose(data: sysid.IOData, lost: NDArray[np.bool_]) -> sysid.IOData:
-    """Take outputs away."""
+def lose(data, lost):
     y = data.y.copy()
     y[lost] = np.nan
     return replace(data, y=y, missing=True)
 
 
-def information(problem: Any, known: NDArray[np.bool_]) -> Array:
+def information(problem, known):
     """Fisher information of the parameters in the known outputs, from their joint normal distribution alone.
 
     Mean and covariance are differentiated numerically. The variance of the innovation is unknown too, and eliminated.
@@ -63,7 +59,7 @@ def information(problem: Any, known: NDArray[np.bool_]) -> Array:
     pulse = np.zeros(20_000)
     pulse[0] = 1.0
 
-    def moments(theta: Array) -> tuple[Array, Array]:
+    def moments(theta):
         parts = np.split(theta, sizes)
         a, c, d, f = (np.concatenate(([1.0], parts[i])) for i in (0, 2, 3, 4))
         moved = replace(problem, A=a, B=np.concatenate((np.zeros(problem.nk), parts[1])), C=c, D=d, F=f)
@@ -89,77 +85,62 @@ def information(problem: Any, known: NDArray[np.bool_]) -> Array:
     return by_mean + 0.5 * by_spread - 0.5 * np.outer(traces, traces) / known.sum()
 
 
-def seconds(run: Callable[[], Any]) -> tuple[Any, float]:
+def seconds(run, *arguments):
     """What it returns, and how long it takes."""
     begin = time.perf_counter()
-    out = run()
+    out = run(*arguments)
     return out, time.perf_counter() - begin
 
 
-def polynomial_figures(problem: Any, estimator: Any, orders: tuple[int, ...], draws: int, bursts: bool) -> list[float]:
-    """Run a polynomial model over noise realisations; the same samples are lost in all."""
+def polynomial_draws(problem, estimator, orders, draws, bursts):
+    """Figures of a polynomial model in each noise realisation; the same samples are lost in all."""
     lost = holes(0, (problem.samples,), bursts)
     bound = information(problem, ~lost)
-    errors, covered, variances, ratios, failed = [], [], [], [], 0
     for seed in range(draws):
         data = problem.draw(seed)
-        _, whole = seconds(lambda: estimator(data, *orders))  # noqa: B023
-        found, gapped = seconds(lambda: estimator(lose(data, lost), *orders))  # noqa: B023
-        error = found.parameters - problem.parameters
-        errors.append(error @ bound @ error / len(error))
-        covered.append(np.mean(np.abs(error) <= 1.96 * np.sqrt(np.diag(found.covariance))))
-        variances.append(found.noise_variance[0, 0] / problem.variance)
-        ratios.append(gapped / whole)
-        failed += not found.diagnostics["converged"]
-    return _figures(errors, covered, variances, ratios, failed)
+        _, whole = seconds(estimator, data, *orders)
+        estimate, gapped = seconds(estimator, lose(data, lost), *orders)
+        error = estimate.parameters - problem.parameters
+        covered = np.mean(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance)))
+        variance = estimate.noise_variance[0, 0] / problem.variance
+        failed = not estimate.diagnostics["converged"]
+        yield error @ bound @ error / len(error), covered, variance, failed, gapped / whole
 
 
-def state_space_figures(model: sysid.StateSpace, draws: int, bursts: bool) -> list[float]:
-    """Run `pem_ss` over noise realisations."""
+def state_space_draws(model, draws, bursts):
+    """Figures of `pem_ss` in each noise realisation."""
     ny, f = model.ny, FREQUENCIES / model.dt
 
-    def size(of: sysid.StateSpace) -> Array:
+    def size(of):
         return np.abs(np.concatenate((of.frequency_response(f), of.noise_response(f)), axis=2))
 
     truth = size(model)
-    errors, covered, variances, ratios, failed = [], [], [], [], 0
+    inputs, direct = np.hstack((model.B, model.gain)), np.hstack((model.D, np.eye(ny)))
+    joint = sysid.StateSpace(model.A, inputs, model.C, direct, None, model.dt)
     for seed in range(draws):
         rng = np.random.default_rng(seed)
         e = rng.multivariate_normal(np.zeros(ny), model.innovation_covariance, SAMPLES)
         u = rng.standard_normal((SAMPLES, model.nu))
-        joint = sysid.StateSpace(
-            model.A, np.hstack((model.B, model.gain)), model.C, np.hstack((model.D, np.eye(ny))), None, model.dt
-        )
         data = sysid.IOData(u, sysid.simulate(joint, np.hstack((u, e))), model.dt)
-        _, whole = seconds(lambda: sysid.pem_ss(data, model))  # noqa: B023
+        _, whole = seconds(sysid.pem_ss, data, model)
         lost = holes(seed, (SAMPLES,), True)[:, None] if bursts else holes(seed, (SAMPLES, ny), False)
-        found, gapped = seconds(lambda: sysid.pem_ss(lose(data, np.broadcast_to(lost, data.y.shape)), model))  # noqa: B023
-        moves = spread(lambda theta: size(found.realise(theta)), found.parameters, found.covariance)  # noqa: B023
-        relative = (size(found.model) - truth) / np.sqrt(np.sum(moves**2, axis=0))
-        errors.append(np.mean(relative[:, :, model.nu :] ** 2))
-        covered.append(np.mean(np.abs(relative) <= 1.96))
-        variances.append(np.mean(np.diag(found.noise_variance) / np.diag(model.innovation_covariance)))
-        ratios.append(gapped / whole)
-        failed += not found.diagnostics["converged"]
-    return _figures(errors, covered, variances, ratios, failed)
+        estimate, gapped = seconds(sysid.pem_ss, lose(data, np.broadcast_to(lost, data.y.shape)), model)
+        moves = spread(lambda theta: size(estimate.realise(theta)), estimate.parameters, estimate.covariance)  # noqa: B023
+        relative = (size(estimate.model) - truth) / np.sqrt(np.sum(moves**2, axis=0))
+        variance = np.mean(np.diag(estimate.noise_variance) / np.diag(model.innovation_covariance))
+        failed = not estimate.diagnostics["converged"]
+        error = np.mean(relative[:, :, model.nu :] ** 2)
+        yield error, np.mean(np.abs(relative) <= 1.96), variance, failed, gapped / whole
 
 
-def _figures(*lists: Any) -> list[float]:
-    errors, covered, variances, ratios, failed = lists
-    standard = float(np.std(errors) / np.sqrt(len(errors)))
-    means = [float(np.mean(part)) for part in (errors, covered, variances)]
-    return [means[0], standard, *means[1:], failed, float(np.median(ratios))]
+def print_row(name, lost, draws):
+    errors, covered, variances, failed, ratios = zip(*draws, strict=True)
+    numbers = np.mean(errors), np.std(errors) / np.sqrt(len(errors)), np.mean(covered), np.mean(variances)
+    row(name, lost, *(f"{number:.3f}" for number in numbers), sum(failed), f"{np.median(ratios):.0f}")
 
 
-def main() -> None:
-    """Measure all and write a row each."""
+def main():
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 400
-    plan = {
-        "p1": (sysid.armax, (5, 3, 5, 2)),
-        "p2": (sysid.oe, (2, 2, 1)),
-        "p3": (sysid.armax, (2, 2, 2, 1)),
-        "p4": (sysid.bj, (2, 2, 2, 2, 1)),
-    }
     two = sysid.StateSpace(
         np.array([[0.9, 0.2], [-0.2, 0.7]]),
         np.array([[1.0], [0.3]]),
@@ -170,29 +151,16 @@ def main() -> None:
         np.array([[1.0, 0.5], [0.5, 1.0]]),
     )
     models = {"ss1": problems.make_p3().model, "ss2": two}
-    write = sys.stdout.write
-    write("| problem | lost | squared error | its standard error | coverage | variance | not converged | time |\n")
-    write("|---|---|---|---|---|---|---|---|\n")
-    rows: list[tuple[str, Callable[[bool], list[float]]]] = []
-    for name, (estimator, orders) in plan.items():
+    errors = ("squared error", "its standard error", "coverage", "variance")
+    heading("problem", "lost", *errors, "not converged", "time")
+    lost = {"at random": False, "bursts": True}
+    for name, (estimator, orders) in list(STRUCTURES.items())[:4]:
         problem = replace(getattr(problems, f"make_{name}")(), samples=SAMPLES)
-        rows.append(
-            (
-                f"{name} {estimator.__name__}",
-                lambda bursts, p=problem, e=estimator, o=orders: polynomial_figures(p, e, o, draws, bursts),
-            )
-        )
+        for how, bursts in lost.items():
+            print_row(f"{name} {estimator.__name__}", how, polynomial_draws(problem, estimator, orders, draws, bursts))
     for name, model in models.items():
-        rows.append((f"{name} pem_ss", lambda bursts, m=model: state_space_figures(m, max(draws // 4, 2), bursts)))
-    for name, figures in rows:
-        for bursts in (False, True):
-            error, standard, coverage, variance, failed, ratio = figures(bursts)
-            how = "bursts" if bursts else "at random"
-            write(
-                f"| {name} | {how} | {error:.3f} | {standard:.3f} | {coverage:.3f} | {variance:.3f} | {failed} "
-                f"| {ratio:.0f} |\n"
-            )
-            sys.stdout.flush()
+        for how, bursts in lost.items():
+            print_row(f"{name} pem_ss", how, state_space_draws(model, max(draws // 4, 2), bursts))
 
 
 if __name__ == "__main__":

@@ -1,13 +1,11 @@
 """How near a prediction-error fit comes to the cost of one least-squares solve of the same size.
 
-Run by hand: `PYTHONPATH=. python tests/benchmarks/least_squares_cost.py`. Processor time in one process, median of runs
-taken in turn; the solve is that of as many rows and columns as the fit has errors and parameters, regressors ready.
+Processor time in one process, median of runs taken in turn; the solve is that of as many rows
+and columns as the fit has errors and parameters, regressors ready.
 """
 
 import os
-import sys
 import warnings
-from collections.abc import Callable, Sequence
 from time import process_time
 
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -19,13 +17,14 @@ from scipy.signal import lfilter  # noqa: E402
 import sysid  # noqa: E402
 from sysid.polynomial.orders import make_orders  # noqa: E402
 from sysid.polynomial.prediction_error import linearise  # noqa: E402
+from tests.benchmarks.tables import heading, row  # noqa: E402
 from tests.sysid import conftest as problems  # noqa: E402
 
 ROUNDS = 40
 ORDERS = (5, 3, 5, 2)
 
 
-def medians(runs: Sequence[Callable[[], object]]) -> list[float]:
+def medians(runs):
     """Processor time of each in ms."""
     times: list[list[float]] = [[] for _ in runs]
     for _ in range(ROUNDS):
@@ -36,8 +35,7 @@ def medians(runs: Sequence[Callable[[], object]]) -> list[float]:
     return [1e3 * float(np.median(taken)) for taken in times]
 
 
-def main() -> None:
-    """Measure and write a table."""
+def main():
     warnings.simplefilter("ignore", sysid.SysidWarning)
     problem = problems.make_p1()
     data = problem.draw(0)
@@ -58,9 +56,7 @@ def main() -> None:
             lambda: np.linalg.lstsq(phi, target, rcond=None),
         ]
     )
-    sys.stdout.write(
-        f"| P1, {len(phi)} x {phi.shape[1]} | processor time, ms | least-squares solves |\n|---|---|---|\n"
-    )
+    heading(f"P1, {len(phi)} x {phi.shape[1]}", "processor time, ms", "least-squares solves")
     rows = {
         "numpy.linalg.lstsq": solve,
         "armax": fit,
@@ -68,7 +64,7 @@ def main() -> None:
         "one recursive filter over the record": filtering,
     }
     for name, value in rows.items():
-        sys.stdout.write(f"| {name} | {value:.2f} | {value / solve:.2f} |\n")
+        row(name, f"{value:.2f}", f"{value / solve:.2f}")
 
 
 if __name__ == "__main__":

@@ -3,16 +3,16 @@
 Run with names or tags of scenarios. Rates and ways are those of the arm itself, commands beside them in brackets.
 """
 
-import argparse
 import sys
 
 import numpy as np
 
-from hmtb_twin import JOINTS, JointLog, Status, load_arm, simulate
+from hmtb_twin import JOINTS, Status, load_arm, simulate
+from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import MOTIONS, SAMPLE_TIME
-from scenarios import Scenario, load, names
+from scenarios import load, names
 from scenarios.experiments.joint_inputs import settled_inputs
-from scenarios.experiments.log_review import clipped_share
+from tests.benchmarks.tables import heading, options, row
 
 HEAD = (
     "test",
@@ -27,27 +27,24 @@ HEAD = (
 )
 
 
-def main() -> int:
-    """Simulate and print."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+def main():
+    parser = options(__doc__)
     parser.add_argument("names", nargs="+", help="scenarios, or tags of them")
-    chosen = [load(name) for entry in parser.parse_args().names for name in _expanded(entry)]
+    chosen = [
+        load(name) for entry in parser.parse_args().names for name in ((entry,) if entry in names() else names(entry))
+    ]
     result = simulate(chosen)
     logs = {log.name: log for log in result.logs}
-    print("| " + " | ".join(HEAD) + " |\n|---" + "|---:" * (len(HEAD) - 2) + "|---|")
+    heading(*HEAD)
     for scenario in chosen:
         if scenario.name in logs:
-            print("| " + " | ".join(_row(scenario, logs[scenario.name])) + " |", flush=True)
+            row(*_row(scenario, logs[scenario.name]))
         else:
-            print(f"| {scenario.name} | failed: {result.failed[scenario.name]} " + "| " * (len(HEAD) - 2) + "|")
+            row(scenario.name, f"failed: {result.failed[scenario.name]}", *("" for _ in HEAD[2:]))
     return 1 if result.failed else 0
 
 
-def _expanded(entry: str) -> tuple[str, ...]:
-    return (entry,) if entry in names() else names(entry)
-
-
-def _row(scenario: Scenario, log: JointLog) -> tuple[str, ...]:
+def _row(scenario, log):
     arm = load_arm(scenario.variant, scenario.payload, worksite=scenario.worksite)
     rates = np.abs(np.diff(log.true_angles, axis=0)) / SAMPLE_TIME
     asked = np.abs(np.diff(log.commanded, axis=0)) / SAMPLE_TIME
@@ -59,10 +56,21 @@ def _row(scenario: Scenario, log: JointLog) -> tuple[str, ...]:
         ways.append(np.linalg.norm(places - home, axis=1).max())
         turned = np.linalg.norm(rotations - frame, axis=(1, 2)).max() / np.sqrt(8.0)
         turns.append(2.0 * np.arcsin(min(turned, 1.0)))
-    clipped, limited = clipped_share(log, scenario), _share(log, Status.VELOCITY_LIMITED)
+    beyond = BOARD.exceeds_range(scenario.requested_volts()).any(axis=1)
+    clipped = float(np.mean(beyond | ((log.status & Status.CONVERTER_SATURATED) != 0)))
     orders = ", ".join(str(entry.waveform().order_of_excitation()) for entry in scenario.excitation) or "-"
     inputs = settled_inputs(log.commanded, scenario)
-    complaints = _complaints(log, rates, asked, arm.velocity_limits, clipped)
+    limits = arm.velocity_limits
+    lower, upper = (np.array([getattr(MOTIONS[name], end) for name in JOINTS]) for end in ("lower", "upper"))
+    complaints = {
+        "commands beyond their velocity limits": (asked > limits * (1 + 1e-9)).any(),
+        "joints faster than their limits": (rates > limits).any(),
+        "commands beyond ranges": ((log.commanded < lower) | (log.commanded > upper)).any(),
+        "joints beyond ranges": ((log.true_angles < lower) | (log.true_angles > upper)).any(),
+        "a joint at the end of its range": (log.status & Status.JOINT_LIMITED).any(),
+        "near singular": (log.status & Status.SINGULAR).any(),
+        "a converter clips": clipped > 0,
+    }
     limit = np.degrees(arm.velocity_limits[fastest])
     return (
         scenario.name,
@@ -71,31 +79,11 @@ def _row(scenario: Scenario, log: JointLog) -> tuple[str, ...]:
         f"{1e3 * ways[0]:.1f} ({1e3 * ways[1]:.1f})",
         f"{1e3 * turns[0]:.1f} ({1e3 * turns[1]:.1f})",
         f"{100 * clipped:.3g}",
-        f"{100 * limited:.3g}",
+        f"{100 * np.mean((log.status & Status.VELOCITY_LIMITED) != 0):.3g}",
         orders,
         "" if inputs is None else f"{inputs.condition:.3g}",
-        "yes" if not complaints else "no: " + ", ".join(complaints),
+        "no: " + ", ".join(name for name, holds in complaints.items() if holds) if any(complaints.values()) else "yes",
     )
-
-
-def _complaints(
-    log: JointLog, rates: np.ndarray, asked: np.ndarray, limits: np.ndarray, clipped: float
-) -> tuple[str, ...]:
-    lower, upper = (np.array([getattr(MOTIONS[name], end) for name in JOINTS]) for end in ("lower", "upper"))
-    found = {
-        "commands beyond their velocity limits": (asked > limits * (1 + 1e-9)).any(),
-        "joints faster than their limits": (rates > limits).any(),
-        "commands beyond ranges": ((log.commanded < lower) | (log.commanded > upper)).any(),
-        "joints beyond ranges": ((log.true_angles < lower) | (log.true_angles > upper)).any(),
-        "a joint at the end of its range": _share(log, Status.JOINT_LIMITED) > 0,
-        "near singular": _share(log, Status.SINGULAR) > 0,
-        "a converter clips": clipped > 0,
-    }
-    return tuple(name for name, holds in found.items() if holds)
-
-
-def _share(log: JointLog, flag: Status) -> float:
-    return float(np.mean((log.status & flag) != 0))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ A fit is off when N (V - V0) / V0 exceeds 20, V0 being the lowest loss that any 
 import contextlib
 import os
 import sys
-from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 from statistics import median
@@ -24,18 +23,17 @@ import numpy as np  # noqa: E402 - BLAS reads its number of threads when it load
 from scipy.signal import lfilter  # noqa: E402
 
 import sysid  # noqa: E402
-from scenarios.estimators.outcome import Answer  # noqa: E402
-from scenarios.estimators.task import STRUCTURES, Task  # noqa: E402
+from scenarios.estimators.task import Task  # noqa: E402
+from sysid.polynomial.structures import STRUCTURES  # noqa: E402
+from tests.benchmarks.tables import heading, row  # noqa: E402
 from tests.sysid import conftest as problems  # noqa: E402
 
 SKIP = 500
 """First residuals left out of every loss: initial conditions are each method's own affair."""
 
-Fit = Callable[[np.ndarray, np.ndarray], sysid.Polynomials]
-
 
 @contextlib.contextmanager
-def silence() -> Iterator[None]:
+def silence():
     """Send what compiled code prints to nowhere."""
     sys.stdout.flush()
     kept = os.dup(1)
@@ -49,7 +47,7 @@ def silence() -> Iterator[None]:
             os.close(kept)
 
 
-def loss(p: sysid.Polynomials, u: np.ndarray, y: np.ndarray) -> float:
+def loss(p, u, y):
     """Mean square of the one-step prediction error; infinite where the predictor is unstable."""
     if max((np.abs(np.roots(q)).max(initial=0.0) for q in (p.C, p.F)), default=0.0) >= 1.0:
         return np.inf
@@ -57,55 +55,48 @@ def loss(p: sysid.Polynomials, u: np.ndarray, y: np.ndarray) -> float:
     return float(np.mean(error[SKIP:] ** 2))
 
 
-def ours(method: str, orders: tuple[int, ...]) -> Fit:
-    """This package."""
-
-    def fit(u: np.ndarray, y: np.ndarray) -> sysid.Polynomials:
-        return getattr(sysid, method)(sysid.IOData(u, y, 0.02), *orders).polynomials
-
-    return fit
+def ours(method, orders):
+    return lambda u, y: getattr(sysid, method)(sysid.IOData(u, y, 0.02), *orders).polynomials
 
 
-def adapted(function: Callable[[sysid.IOData, Task], Answer], method: str, orders: tuple[int, ...]) -> Fit:
+def adapted(function, method, orders):
     """A peer as the test bench calls it."""
     task = Task(method, dict(zip(STRUCTURES[method], orders, strict=True)), max(orders), np.ones(1))
 
-    def fit(u: np.ndarray, y: np.ndarray) -> sysid.Polynomials:
+    def fit(u, y):
         answer = function(sysid.IOData(u, y, 0.02), task)
         return answer.polynomials or from_states(answer.model)
 
     return fit
 
 
-def from_states(model: sysid.StateSpace) -> sysid.Polynomials:
+def from_states(model):
     """The output-error model of a state-space model with one input and one output."""
     F = np.poly(model.A)
     return sysid.Polynomials(B=np.convolve(F, model.markov(len(F))[:, 0, 0])[: len(F)], F=F)
 
 
-def pysib(method: str, orders: tuple[int, ...]) -> Fit:
-    """pysib, its prediction-error estimators."""
+def pysib(method, orders):
     from scenarios.estimators import polynomial_peers
 
     return adapted(getattr(polynomial_peers, f"pysib_{method}"), method, orders)
 
 
-def sippy(method: str, orders: tuple[int, ...], *, mode: str = "OPT") -> Fit:
+def sippy(method, orders, *, mode="OPT"):
     """SIPPY, by optimisation if not said otherwise."""
     from scenarios.estimators.polynomial_peers import sippy_polynomials
 
     return adapted(lambda data, task: sippy_polynomials(method, data, task, mode=mode), method, orders)
 
 
-def jax_sysid(method: str, orders: tuple[int, ...]) -> Fit:
+def jax_sysid(method, orders):
     """jax-sysid, double precision: an output-error fit of the same order."""
     from scenarios.estimators.state_space_peers import jax_sysid_oe
 
     return adapted(jax_sysid_oe, method, orders)
 
 
-def versions(*names: str) -> str:
-    """What was measured beside ours."""
+def versions(*names):
     return ", ".join(f"{name} {version(name)}" for name in names)
 
 
@@ -116,11 +107,11 @@ CASES = (
 )
 
 
-def main() -> None:
-    """Measure and write a table."""
+def main():
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 3
     print(versions("numpy", "scipy", "pysib", "sippy-unipi", "jax-sysid"), f"; {draws} draws")
-    print("\n| problem | method | processor time, median s | times ours | off |\n|---|---|---|---|---|")
+    print()
+    heading("problem", "method", "processor time, median s", "times ours", "off")
     for key, method, orders, peers in CASES:
         problem = getattr(problems, f"make_{key.lower()}")()
         seconds: dict[str, list[float]] = {name: [] for name in peers}
@@ -134,16 +125,16 @@ def main() -> None:
                     continue  # nothing in them warms up
                 started = process_time()
                 with silence():
-                    found = fit(u, y)
+                    polynomials = fit(u, y)
                 elapsed = process_time() - started
                 if seed >= 0:
                     seconds[name].append(elapsed)
-                    losses[name].append(loss(found, u, y))
+                    losses[name].append(loss(polynomials, u, y))
         best = np.min([losses[name] for name in peers], axis=0)
         for name in peers:
             off = int((len(u) * (np.array(losses[name]) / best - 1.0) > 20.0).sum())
             ratio = median(seconds[name]) / median(seconds["this package"])
-            print(f"| {key} {method} | {name} | {median(seconds[name]):.3f} | {ratio:.1f} | {off}/{draws} |")
+            row(f"{key} {method}", name, f"{median(seconds[name]):.3f}", f"{ratio:.1f}", f"{off}/{draws}")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,9 @@
 """Which figures each estimator that is wrong on purpose must fail, and why: exactly these, and no other.
 
 Its faults are those of `faulty_estimators`; `simulated_estimators` has the same, of errors
-that are drawn, for the figures of accuracy alone. `python tests/benchmarks/bench_planted_faults.py` holds the bench
+that are drawn, for the figures of accuracy alone. `python tests/benchmarks/bench_sets.py faults` holds the bench
 to it.
 """
-
-from collections.abc import Mapping
-from types import MappingProxyType
 
 _RESPONSE_WRONG = {
     "noise_free_recovery": "the response is as wrong without noise",
@@ -21,7 +18,7 @@ _RESPONSE_WRONG = {
 }
 
 
-def _claims(often: str, times: str) -> dict[str, str]:
+def _claims(often, times):
     return {
         "coverage": f"95 % intervals hold the truth too {often}",
         "normalised_error": f"its mean is {times}, not one",
@@ -29,28 +26,26 @@ def _claims(often: str, times: str) -> dict[str, str]:
     }
 
 
-def _failures(what: str) -> dict[str, str]:
+def _failures(what):
     return {"reliability": f"{what} is a failure, and all other figures leave it out"}
 
 
-PLANTED_FAULTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
-    {
-        "delayed": {
-            **_RESPONSE_WRONG,
-            "amplitude_split": "a sample is a tenth of the response and more on the arm, two to five percent allowed",
-        },
-        "overconfident": _claims("seldom", "two"),
-        "underconfident": _claims("often", "a half"),
-        # 2 % are within what the split over amplitude allows
-        "biased": _RESPONSE_WRONG,
-        # it claims the variance that it has
-        "inefficient": {"efficiency": "its variance is one and a half times the bound"},
-        "unstable": _failures("an unstable model"),
-        "slow": {"speed": "it takes more than 1200 rulers"},
-        "crashing": _failures("a process that dies"),
-        "hungry": _failures("a process beyond its limit of memory"),
-        "hanging": _failures("no answer in time"),
-        "absent-minded": _failures("a model of NaN"),
-    }
-)
+PLANTED_FAULTS = {
+    "delayed": {
+        **_RESPONSE_WRONG,
+        "amplitude_split": "a sample is a tenth of the response and more on the arm, two to five percent allowed",
+    },
+    "overconfident": _claims("seldom", "two"),
+    "underconfident": _claims("often", "a half"),
+    # 2 % are within what the split over amplitude allows
+    "biased": _RESPONSE_WRONG,
+    # it claims the variance that it has
+    "inefficient": {"efficiency": "its variance is one and a half times the bound"},
+    "unstable": _failures("an unstable model"),
+    "slow": {"speed": "it takes more than 1200 rulers"},
+    "crashing": _failures("a process that dies"),
+    "hungry": _failures("a process beyond its limit of memory"),
+    "hanging": _failures("no answer in time"),
+    "absent-minded": _failures("a model of NaN"),
+}
 """Reasons by the names of figure and estimator."""

@@ -9,14 +9,15 @@ the fourth root of the determinant of their covariance.
 
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
-from peers import jax_sysid, pysib, silence, sippy, versions  # isort: skip - sets the number of threads first
+from tests.benchmarks.peers import jax_sysid, pysib, silence, sippy, versions  # isort: skip - sets the number of threads first
 import numpy as np
 
 import sysid
 from scenarios.estimators.task import Task
+from tests.benchmarks.tables import heading, row
 
 SETS = {
     "robot arm": ("robot_arm.dat", (0,), (1,), 1.0),
@@ -40,10 +41,8 @@ ORDERS = (2, 4, 6, 8, 10)
 BLOCK_ROWS = (10, 15, 20, 30, 40)
 """Of the N4SID models among which prediction-error fits begin."""
 
-Outcome = sysid.StateSpace | Exception
 
-
-def halves(folder: Path, name: str) -> tuple[sysid.IOData, sysid.IOData]:
+def halves(folder, name):
     """For estimation and for validation, the means of the first removed from both."""
     file, inputs, outputs, dt = SETS[name]
     table = np.loadtxt(folder / file)
@@ -53,7 +52,7 @@ def halves(folder: Path, name: str) -> tuple[sysid.IOData, sysid.IOData]:
     return data[:half], data[half:]
 
 
-def attempt(fit: Callable[[], sysid.StateSpace]) -> Outcome:
+def attempt(fit):
     """The model, or why there is none."""
     try:
         with silence(), np.errstate(all="ignore"):
@@ -62,33 +61,29 @@ def attempt(fit: Callable[[], sysid.StateSpace]) -> Outcome:
         return error
 
 
-def loss(errors: np.ndarray) -> float:
+def loss(errors):
     """Root mean square, of several outputs the geometric mean of the principal ones."""
     return float(np.linalg.det(np.atleast_2d(errors.T @ errors / len(errors))) ** (0.5 / errors.shape[1]))
 
 
-def scores(model: Outcome, first: sysid.IOData, second: sysid.IOData) -> str:
+def scores(model, first, second):
     """Losses and fits on both halves."""
     if isinstance(model, Exception):
-        return f"failed: {type(model).__name__} | | | "
-    out = []
+        return f"failed: {type(model).__name__}", "", "", ""
     predictor = np.abs(np.linalg.eigvals(model.A - model.gain @ model.C)).max(initial=0.0)
+    losses = [f"unstable predictor, radius {predictor:.3f}", ""]
     if not model.gain.any():
-        out += ["–", "–"]
-    elif predictor > 1.0:
-        out += [f"unstable predictor, radius {predictor:.3f}", ""]
-    else:
-        out += [f"{loss(sysid.residuals(model, half)):.6g}" for half in (first, second)]
+        losses = ["–", "–"]
+    elif predictor <= 1.0:
+        losses = [f"{loss(sysid.residuals(model, half)):.6g}" for half in (first, second)]
     if not model.is_stable():
-        return " | ".join([*out, f"unstable, radius {np.abs(model.poles()).max():.3f}", ""])
+        return *losses, f"unstable, radius {np.abs(model.poles()).max():.3f}", ""
     ours, theirs = (sysid.compare(model, half)[0] for half in (first, second))
     fits = ", ".join(f"{percent:.2f} %" for percent in theirs.simulation)
-    return " | ".join([*out, f"{loss(first.y - ours.simulated):.6g}", fits])
+    return *losses, f"{loss(first.y - ours.simulated):.6g}", fits
 
 
-def polynomial_fits(
-    name: str, method: str, orders: tuple[int, ...], data: sysid.IOData
-) -> Iterator[tuple[str, Outcome]]:
+def polynomial_fits(name, method, orders, data):
     """Who fitted a polynomial structure, and the model in innovations form."""
     peers = {"sippy-unipi": sippy(method, orders)}
     if data.nu == 1:
@@ -103,12 +98,12 @@ def polynomial_fits(
         yield peer, attempt(lambda fit=fit: sysid.models.innovations_form(fit(u, y), data.dt))
 
 
-def states(order: int) -> Task:
+def states(order):
     """The task of a state-space model."""
     return Task("ss", {"order": order}, order, np.ones(1))
 
 
-def control_era(data: sysid.IOData, order: int) -> sysid.StateSpace:
+def control_era(data, order):
     """python-control: pulse response by least squares, 200 values, and the eigensystem realization algorithm."""
     import control
 
@@ -117,54 +112,46 @@ def control_era(data: sysid.IOData, order: int) -> sysid.StateSpace:
     return sysid.StateSpace(m.A, m.B, m.C, m.D, None, data.dt)
 
 
-def state_space_fits(data: sysid.IOData, order: int) -> Iterator[tuple[str, Outcome]]:
+def state_space_fits(data, order):
     """Who fitted a state-space model of some order: those with an innovation gain, then those without.
 
     SLICOT's options that ask for the gain are left alone (`test_state_space.py`).
     """
-    from scenarios.estimators.state_space_peers import (
-        N4SID,
-        jax_output_error,
-        nfoursid_subspace,
-        sippy_subspace,
-        slicot_subspace,
-    )
+    from scenarios.estimators.state_space_peers import jax_output_error, nfoursid_n4sid, sippy_n4sid, slicot_n4sid
 
-    def starts() -> list[sysid.Estimate]:
+    def starts():
         return [sysid.n4sid(data, order, block_rows=rows, stable=True) for rows in BLOCK_ROWS]
 
     yield "this package, pem_ss", attempt(lambda: sysid.pem_ss(data, starts()).model)
     yield "this package, n4sid", attempt(lambda: sysid.n4sid(data, order).model)
     yield "this package, okid", attempt(lambda: sysid.okid(data, order, p=20).model)
     for weighting in ("N4SID", "MOESP", "CVA", "PARSIM-K"):
-        yield (
-            f"sippy-unipi, {weighting}",
-            attempt(lambda w=weighting: sippy_subspace(data, states(order), w, direct=True)),
-        )
-    yield "nfoursid", attempt(lambda: nfoursid_subspace(data, order))
+        fit = partial(sippy_n4sid, data, states(order), weighting=weighting, direct=True)
+        yield f"sippy-unipi, {weighting}", attempt(lambda fit=fit: fit().model)
+    yield "nfoursid", attempt(lambda: nfoursid_n4sid(data, states(order)).model)
     yield "this package, pem_ss, no gain", attempt(lambda: sysid.pem_ss(data, starts(), gain=False).model)
-    yield "ctrlsys, SLICOT's N4SID", attempt(lambda: slicot_subspace(N4SID, data, order, order))
+    yield "ctrlsys, SLICOT's N4SID", attempt(lambda: slicot_n4sid(data, states(order)).model)
     yield "control, markov and era", attempt(lambda: control_era(data, order))
     yield "jax-sysid", attempt(lambda: jax_output_error(data, order, direct=True))
 
 
-def main() -> None:
-    """Fit all and write a table of each kind."""
+def main():
     folder = Path(sys.argv[1])
     warnings.simplefilter("ignore")
     names = ("numpy", "scipy", "pysib", "sippy-unipi", "jax-sysid", "nfoursid", "ctrlsys", "control")
     print(versions(*names) + "\n")
-    scored = "one-step loss | held out | simulation loss | simulation fit, held out |\n|---|---|---|---|---|---|---|"
-    print(f"| data | structure | method | {scored}")
+    scored = ("one-step loss", "held out", "simulation loss", "simulation fit, held out")
+    heading("data", "structure", "method", *scored)
     for name, method, orders in STRUCTURES:
         first, second = halves(folder, name)
         for who, model in polynomial_fits(name, method, orders, first):
-            print(f"| {name} | {method} {orders} | {who} | {scores(model, first, second)} |", flush=True)
-    print(f"\n| data | order | method | {scored}")
+            row(name, f"{method} {orders}", who, *scores(model, first, second))
+    print()
+    heading("data", "order", "method", *scored)
     first, second = halves(folder, "CD player")
     for order in ORDERS:
         for who, model in state_space_fits(first, order):
-            print(f"| CD player | {order} | {who} | {scores(model, first, second)} |", flush=True)
+            row("CD player", order, who, *scores(model, first, second))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,5 @@
 """Recursive estimators against the batch estimate of the same record: what one pass reaches, from where.
 
-Run by hand from the root of the repository:
-
-    PYTHONPATH=. python tests/benchmarks/recursive.py 20
-
 Distances are N (V - V*) / V* over the whole record, V* the loss of the batch estimate: about 0 where nothing is lost,
 p (the number of parameters) where half of the information is. P1 has condition 4e8.
 """
@@ -17,6 +13,7 @@ from typing import Any
 import numpy as np
 
 import sysid
+from tests.benchmarks.tables import heading, row
 from tests.sysid.conftest import Problem, make_p1, make_p2, make_p3
 
 CASES: list[tuple[str, Callable[[], Problem], Any, Any, tuple[int, ...]]] = [
@@ -28,19 +25,15 @@ CASES: list[tuple[str, Callable[[], Problem], Any, Any, tuple[int, ...]]] = [
 FIRST = (0, 300, 600, 1000)  # samples of the record that an estimate to begin with is made of
 
 
-def distance(model: sysid.StateSpace, batch: sysid.StateSpace, data: sysid.IOData) -> float:
+def distance(model, batch, data):
     """N (V - V*) / V*."""
     loss, least = (float(np.mean(sysid.residuals(m, data) ** 2)) for m in (model, batch))
     return len(data) * (loss / least - 1.0)
 
 
-def main() -> None:
-    """Write a row per problem and beginning."""
+def main():
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 20
-    sys.stdout.write(
-        "| problem | begins with | N dV/V, median | 90 % | deviations by batch's | warned | us per sample |\n"
-    )
-    sys.stdout.write("|---|---|---|---|---|---|---|\n")
+    heading("problem", "begins with", "N dV/V, median", "90 %", "deviations by batch's", "warned", "us per sample")
     for label, make, recursive, batch, orders in CASES:
         records = [make().draw(seed) for seed in range(draws)]
         wholes = [batch(data, *orders) for data in records]
@@ -52,18 +45,15 @@ def main() -> None:
                     start = batch(data[:first], *orders) if first else None
                     caught.clear()
                     begin = time.perf_counter()
-                    found = recursive(data[first:], *orders, start=start)
+                    estimate = recursive(data[first:], *orders, start=start)
                     seconds += time.perf_counter() - begin
                     warned += any("still far from the minimum" in str(w.message) for w in caught)
-                distances.append(distance(found.final.model, whole.model, data))
-                ratios.append(np.median(np.sqrt(np.diag(found.final.covariance) / np.diag(whole.covariance))))
+                distances.append(distance(estimate.final.model, whole.model, data))
+                ratios.append(np.median(np.sqrt(np.diag(estimate.final.covariance) / np.diag(whole.covariance))))
             where = f"an estimate from {first} samples" if first else "zero"
             speed = 1e6 * seconds / sum(len(data) - first for data in records)
-            sys.stdout.write(
-                f"| {label} | {where} | {np.median(distances):.2g} | {np.quantile(distances, 0.9):.2g} "
-                f"| {np.median(ratios):.2f} | {warned} of {draws} | {speed:.0f} |\n"
-            )
-            sys.stdout.flush()
+            quantiles = f"{np.median(distances):.2g}", f"{np.quantile(distances, 0.9):.2g}"
+            row(label, where, *quantiles, f"{np.median(ratios):.2f}", f"{warned} of {draws}", f"{speed:.0f}")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,4 @@
-"""The servo valves' loops, and the truth of an arm that has them. Run from the root of the repository:
-
-    PYTHONPATH=. python tests/benchmarks/servo_valve.py
+"""The servo valves' loops, and the truth of an arm that has them.
 
 It takes a minute and writes Markdown tables: margins of each load-pressure loop; damping of the whole arm with
 other amplifiers and spools, and over supply pressures; bandwidths beside those of linear actuators; the tangent's
@@ -17,12 +15,13 @@ from itertools import product
 
 import numpy as np
 
-from hmtb_twin import JOINTS, Arm, OverloadError, Plant, linearize, load_arm
+from hmtb_twin import JOINTS, OverloadError, Plant, linearize, load_arm
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.parameters.payloads import PAYLOADS
 from hmtb_twin.parameters.servo_valve import SERVO_VALVE
 from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE
 from hmtb_twin.truth.linearization import sample_map
+from tests.benchmarks.tables import heading, row
 from tests.hmtb_twin.altered_arms import with_valve
 
 POSES = (OPERATING_POSE, "home")
@@ -47,20 +46,20 @@ print(imported - start, time.perf_counter() - imported)
 """
 
 
-def natural_poles(arm: Arm, pose: str) -> np.ndarray:
+def natural_poles(arm, pose):
     """Poles of the arm at rest, rad/s, from the map of one physics step."""
     period = arm.model.opt.timestep
     step = sample_map(arm.model, arm.rest(arm.pose(pose)), period=period)[0]
     return np.log(np.linalg.eigvals(step) + 0j) / period
 
 
-def oscillations(poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def oscillations(poles):
     """Damping ratios of those poles that swing, and one of each pair."""
     swinging = poles[poles.imag > 1.0]
     return -swinging.real / np.abs(swinging), swinging
 
 
-def over_pressure(pressure: float) -> tuple[object, ...]:
+def over_pressure(pressure):
     """Whether the arms are stable and damped on a supply: the worst of all variants, payloads, poses, temperatures."""
     held, slowest, damping, oil = 0, -np.inf, np.inf, np.inf
     cases = list(product(("nominal", "published"), PAYLOADS, POSES, TEMPERATURES))
@@ -77,14 +76,14 @@ def over_pressure(pressure: float) -> tuple[object, ...]:
     return f"{pressure:g}", f"{held} of {len(cases)}", f"{slowest:.2f}", f"{damping:.2f}", f"{oil:.2f}"
 
 
-def least_damped(arm: Arm, pose: str) -> str:
+def least_damped(arm, pose):
     """Frequency and damping of the arm's two least damped oscillations."""
     damping, swinging = oscillations(natural_poles(arm, pose))
     order = np.argsort(damping)[:2]
     return ", ".join(f"{damping[k]:+.2f} at {abs(swinging[k]) / (2 * np.pi):.1f} Hz" for k in order)
 
 
-def plain_loop(arm: Arm, gain: float) -> Arm:
+def plain_loop(arm, gain):
     """The arm with the same gain for standing and for changing loads, rad/s."""
     model = copy(arm.model)
     compliance = [arm.actuators[name].compliance for name in JOINTS]
@@ -92,25 +91,20 @@ def plain_loop(arm: Arm, gain: float) -> Arm:
     return replace(arm, model=model)
 
 
-def table(*lines: tuple[object, ...]) -> None:
-    """Print lines of cells as Markdown, a rule after the first."""
-    for i, line in enumerate(lines):
-        sys.stdout.write("| " + " | ".join(map(str, line)) + " |\n")
-        if i == 0:
-            sys.stdout.write("|" + "---|" * len(line) + "\n")
-    sys.stdout.write("\n")
+def table(*lines):
+    heading(*map(str, lines[0]))
+    for line in lines[1:]:
+        row(*line)
+    print()
 
 
-def start(folder: str) -> tuple[float, ...]:
+def start(folder):
     """Seconds to import the compiler and to have the equations compiled or read back, in a process of its own."""
-    done = subprocess.run(
-        [sys.executable, "-c", START], env={**os.environ, "NUMBA_CACHE_DIR": folder}, capture_output=True, check=True
-    )
-    return tuple(map(float, done.stdout.split()))
+    environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
+    return map(float, subprocess.check_output([sys.executable, "-c", START], env=environment).split())
 
 
-def main() -> None:
-    """Print all tables."""
+def main():
     arm, plain = (load_arm(plant=Plant(actuator=form), friction=False) for form in ("orifice", "linear"))
     loops = []
     for name in JOINTS:

@@ -5,23 +5,23 @@ OKID (order 2, p = 5) from each joint's own command. Errors are the largest over
 0 Hz.
 """
 
-import sys
 import warnings
 from dataclasses import replace
 
 import numpy as np
 
 import sysid
-from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, linearize, load_arm, simulate
+from hmtb_twin import JOINTS, STUDIED_JOINTS, linearize, load_arm, simulate
 from scenarios import load
 from scenarios.experiments.joint_inputs import settled_inputs
+from tests.benchmarks.tables import heading, row
 
 FREQUENCIES = np.array([0.25, 0.5, 1.0, 2.0, 3.0])
 COLUMNS = [JOINTS.index(joint) for joint in STUDIED_JOINTS]
 TESTS = ("mimo-7", "mimo-7-independent", "mimo-8", "mimo-8-independent")
 
 
-def errors(log: JointLog, true: np.ndarray) -> tuple[float, float]:
+def errors(log, true):
     """Largest error of the full and of the block-diagonal model."""
     data = sysid.IOData(log.commanded[200:, COLUMNS], log.measured[200:, COLUMNS], log.dt).detrend()
     with warnings.catch_warnings():
@@ -34,21 +34,19 @@ def errors(log: JointLog, true: np.ndarray) -> tuple[float, float]:
     return float(np.abs(full - true).max()), float(diagonal)
 
 
-def main() -> int:
-    """Simulate, identify and print."""
+def main():
     true = linearize(load_arm()).model.frequency_response(FREQUENCIES)[:, COLUMNS][:, :, COLUMNS]
     shared = [load(name) for name in TESTS]
     smooth = [
         replace(entry, name=f"{entry.name}-no-friction", chain=replace(entry.chain, friction=False)) for entry in shared
     ]
     chosen = [*shared, *smooth]
-    print("| test | condition between joints | full model, error | block-diagonal model, error |\n|---|---:|---:|---:|")
+    heading("test", "condition between joints", "full model, error", "block-diagonal model, error")
     for scenario, log in zip(chosen, simulate(chosen), strict=True):
         inputs = settled_inputs(log.commanded, scenario)
         full, diagonal = errors(log, true)
-        print(f"| {scenario.name} | {inputs.condition if inputs else np.nan:.3g} | {full:.3f} | {diagonal:.3f} |")
-    return 0
+        row(scenario.name, f"{inputs.condition if inputs else np.nan:.3g}", f"{full:.3f}", f"{diagonal:.3f}")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

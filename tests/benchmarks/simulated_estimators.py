@@ -3,33 +3,24 @@
 No record is drawn: the errors come from the Cramér-Rao bound itself.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from scenarios.bench.measurement import Measurement
-from scenarios.bench.statistics import TWO_SIDED_95, bound_for
+from scenarios.bench.statistics import bound_for
 from scenarios.estimators.outcome import MODEL
-from scenarios.problems.bound import response_covariance
-from scenarios.problems.problem import Bound
 from scenarios.problems.registry import problem
-from scenarios.problems.trial import Trial
 from sysid.models.delta_method import standard_directions
-from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.models.frequency_response import NORMAL_95
 
 
 @dataclass(frozen=True)
 class Fault:
     """What is wrong with an estimator that is perfect otherwise.
 
-    Attributes:
-        gain: Factor on the response.
-        delay: Samples by which the response comes too late.
-        variance: Factor on the variance, which the estimator knows and claims.
-        claimed: Factor on the claimed covariance alone.
-        failing: Share of the requests that give no model.
-        claimed_share: Share of the records of which it claims anything.
+    `variance` is a factor that the estimator knows and claims, `claimed` one on the claimed covariance alone; `failing`
+    is the share of requests that give no model, `claimed_share` that of the records of which it claims anything.
     """
 
     gain: float = 1.0
@@ -78,21 +69,12 @@ FOUND_BY = {
 """Figures of accuracy that each fault fails, and no others: a test holds them to it."""
 
 
-def simulated(trials: Sequence[Trial], fault: Fault, rng: np.random.Generator) -> list[Measurement]:
-    """Measure an estimator that is perfect but for a fault.
-
-    Args:
-        trials: Synthetic problems with a bound, or without noise.
-        fault: What is wrong.
-        rng: Source of the draws.
-
-    Returns:
-        What is measured of each trial.
-    """
+def simulated(trials, fault, rng):
+    """Measurements of an estimator that is perfect but for a fault, on problems with a bound or without noise."""
     return [_one(trial, fault, rng) for trial in trials]
 
 
-def _one(trial: Trial, fault: Fault, rng: np.random.Generator) -> Measurement:
+def _one(trial, fault, rng):
     if fault.failing > 0.0 and rng.random() < fault.failing:
         return Measurement(trial, "unstable", "a pole outside the unit circle")
     here = problem(trial.problem)
@@ -100,15 +82,13 @@ def _one(trial: Trial, fault: Fault, rng: np.random.Generator) -> Measurement:
         true = here.truth.frequency_response(here.frequencies)
         return Measurement(trial, MODEL, response=_wrong(true, here.frequencies, here.truth.dt, fault))
     bound = bound_for(trial.problem, None)
-    if bound is None:
-        raise AssertionError(f"{trial.problem}: no bound to simulate from")
     steps = rng.standard_normal(len(bound.response_directions)) * np.sqrt(fault.variance)
     parts = np.tensordot(steps, bound.response_directions, axes=1)
     response = _wrong(bound.response + parts[..., 0] + 1j * parts[..., 1], bound.frequencies, here.truth.dt, fault)
     if fault.claimed_share < 1.0 and rng.random() >= fault.claimed_share:
         return Measurement(trial, MODEL, response=response)
     scale = fault.variance * fault.claimed
-    deviation = bound.bandwidth_deviation * np.sqrt(scale) * TWO_SIDED_95
+    deviation = bound.bandwidth_deviation * np.sqrt(scale) * NORMAL_95
     bandwidth = bound.bandwidth_hz * np.exp(
         bound.bandwidth_deviation * rng.standard_normal(bound.bandwidth_hz.shape) * np.sqrt(fault.variance)
     )
@@ -119,7 +99,7 @@ def _one(trial: Trial, fault: Fault, rng: np.random.Generator) -> Measurement:
         trial,
         MODEL,
         response=response,
-        response_covariance=_times(scale, response_covariance(bound)),
+        response_covariance=_times(scale, bound.response_covariance),
         normalised_error=normalised,
         parameters=count,
         covered=covered,
@@ -128,17 +108,17 @@ def _one(trial: Trial, fault: Fault, rng: np.random.Generator) -> Measurement:
     )
 
 
-def _times(scale: float, covariance: FloatArray) -> FloatArray:
+def _times(scale, covariance):
     """A covariance times a factor, also an infinite one."""
     return scale * covariance if np.isfinite(scale) else np.where(covariance == 0.0, 0.0, scale)
 
 
-def _wrong(response: ComplexArray, frequencies: np.ndarray, dt: float, fault: Fault) -> ComplexArray:
+def _wrong(response, frequencies, dt, fault):
     late = np.exp(-2j * np.pi * frequencies * dt * fault.delay)
     return np.asarray(fault.gain * late[:, None, None] * response)
 
 
-def _parameters(bound: Bound, fault: Fault, scale: float, rng: np.random.Generator) -> tuple[float, int, int]:
+def _parameters(bound, fault, scale, rng):
     """Normalised error, covered and number of the parameters; none of a state space, nor of a model with a delay."""
     p = len(bound.parameters)
     if fault.delay or bound.polynomials is None:
@@ -151,5 +131,5 @@ def _parameters(bound: Bound, fault: Fault, scale: float, rng: np.random.Generat
     count = int(np.count_nonzero(lags))
     errors[first : first + count] += (fault.gain - 1.0) * bound.parameters[first : first + count]
     whitened = np.linalg.lstsq(directions, errors, rcond=None)[0]
-    within = np.abs(errors) <= TWO_SIDED_95 * np.sqrt(scale * np.diag(bound.covariance))
+    within = np.abs(errors) <= NORMAL_95 * np.sqrt(scale * np.diag(bound.covariance))
     return (float(whitened @ whitened) / scale, int(np.count_nonzero(within)), p)

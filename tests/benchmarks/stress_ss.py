@@ -1,10 +1,5 @@
 """Random multivariable systems on short records: does `pem_ss` converge, and to the best of several minima?
 
-Run by hand from the root of the repository:
-
-    PYTHONPATH=. python tests/benchmarks/stress_ss.py
-    PYTHONPATH=. python tests/benchmarks/stress_ss.py --systems 60 --samples 1000 2000
-
 Systems have order 2 to 6, 1 to 3 inputs and outputs, poles up to 0.985, binary inputs held for 1, 2 or 5 samples, and
 disturbances through the gain of a Kalman filter, 5 to 20 dB below the outputs. A fit from the default `n4sid` counts as
 off where N (V - V*) > 20, V the logarithm of the determinant of the errors' covariance and V* the least that was
@@ -12,11 +7,8 @@ reached from n4sid with other horizons, from OKID and from the truth. With `--co
 frequency response hold the truth.
 """
 
-import argparse
-import sys
 import time
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,10 +16,10 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_discrete_are
 
 import sysid
+from tests.benchmarks.stress import BURN_IN, OFF, random_roots, summary
+from tests.benchmarks.tables import options
 
 Array = NDArray[np.float64]
-BURN_IN = 500
-OFF = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,19 +30,12 @@ class Case:
     truth: sysid.StateSpace
 
 
-def draw_system(rng: np.random.Generator, order: int, nu: int, ny: int) -> sysid.StateSpace:
+def draw_system(rng, order, nu, ny):
     """Modes of random size; the gain is that of a Kalman filter for disturbances of states and outputs."""
-    blocks: list[Array] = []
-    size = 0
-    while size < order:
-        modulus = 0.985 * np.sqrt(rng.uniform(0.1, 1.0))
-        if order - size >= 2 and rng.random() < 0.6:
-            angle = rng.uniform(0.05, 2.5)
-            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-            blocks.append(modulus * turn)
-        else:
-            blocks.append(np.array([[modulus * rng.choice([1.0, 1.0, -1.0])]]))
-        size += len(blocks[-1])
+    blocks = [
+        np.array([[root.real, -root.imag], [root.imag, root.real]]) if np.iscomplex(root) else np.array([[root]])
+        for root in random_roots(rng, order, 0.985)
+    ]
     A = block_diag(*blocks)
     B, C = rng.standard_normal((order, nu)), rng.standard_normal((ny, order))
     half = rng.uniform(0.1, 1.0) * rng.standard_normal((order, order))
@@ -59,7 +44,7 @@ def draw_system(rng: np.random.Generator, order: int, nu: int, ny: int) -> sysid
     return sysid.StateSpace(A, B, C, np.zeros((ny, nu)), A @ P @ C.T @ np.linalg.inv(S), 1.0, S)
 
 
-def make_record(rng: np.random.Generator, truth: sysid.StateSpace, samples: int, hold: int, snr_db: float) -> Case:
+def make_record(rng, truth, samples, hold, snr_db):
     """A record of it in steady state."""
     total = samples + BURN_IN
     u = np.column_stack([np.repeat(rng.choice([-1.0, 1.0], -(-total // hold)), hold)[:total] for _ in range(truth.nu)])
@@ -71,7 +56,7 @@ def make_record(rng: np.random.Generator, truth: sysid.StateSpace, samples: int,
     return Case(sysid.IOData(u[BURN_IN:], clean + v, 1.0), truth)
 
 
-def make_case(seed: int, samples: tuple[int, int]) -> Case:
+def make_case(seed, samples):
     """Draw a system and a record."""
     rng = np.random.default_rng(seed)
     truth = draw_system(rng, int(rng.integers(2, 7)), int(rng.integers(1, 4)), int(rng.integers(1, 4)))
@@ -79,13 +64,13 @@ def make_case(seed: int, samples: tuple[int, int]) -> Case:
     return make_record(rng, truth, length, int(rng.choice([1, 2, 5])), rng.uniform(5.0, 20.0))
 
 
-def loss(estimate: sysid.Estimate) -> float:
+def loss(estimate):
     """Logarithm of the determinant of the errors' covariance."""
     e = estimate.residuals
     return float(np.linalg.slogdet(e.T @ e / len(e))[1])
 
 
-def other_fits(case: Case, gain: bool) -> Iterator[sysid.Estimate]:
+def other_fits(case, gain):
     """From other beginnings."""
     data, order = case.data, case.truth.order
     most = len(data) // (2 * (data.nu + data.ny) + 3)
@@ -102,58 +87,42 @@ def other_fits(case: Case, gain: bool) -> Iterator[sysid.Estimate]:
             continue
 
 
-def measure(systems: int, samples: tuple[int, int], gain: bool) -> dict[str, float]:
+def measure(systems, samples, gain):
     """Fit every system and compare with the best of the other fits."""
-    distances, seconds, steps = [], [], []
-    open_ended = edge = refused = 0
+    distances, seconds, steps, converged, edge, refused = [], [], [], [], [], []
     for seed in range(systems):
         case = make_case(seed, samples)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", sysid.SysidWarning)
-            start = sysid.n4sid(case.data, case.truth.order)
-            if not gain and not start.model.is_stable():
-                start = sysid.n4sid(case.data, case.truth.order, stable=True)
-            begin = time.perf_counter()
-            estimate = sysid.pem_ss(case.data, start, gain=gain)
-            seconds.append(time.perf_counter() - begin)
-            others = [loss(other) for other in other_fits(case, gain) if other.model.order == estimate.model.order]
-        refused += estimate.model.order < case.truth.order
+        start = sysid.n4sid(case.data, case.truth.order)
+        if not gain and not start.model.is_stable():
+            start = sysid.n4sid(case.data, case.truth.order, stable=True)
+        begin = time.perf_counter()
+        estimate = sysid.pem_ss(case.data, start, gain=gain)
+        seconds.append(time.perf_counter() - begin)
+        m = estimate.model
+        others = [loss(other) for other in other_fits(case, gain) if other.model.order == m.order]
+        refused.append(m.order < case.truth.order)
         distances.append(len(case.data) * (loss(estimate) - min([loss(estimate), *others])))
         steps.append(estimate.diagnostics["iterations"])
-        open_ended += not estimate.diagnostics["converged"]
-        m = estimate.model
-        edge += bool(np.abs(np.linalg.eigvals(m.A - m.gain @ m.C)).max() > 1.0 - 1e-4)
-        if distances[-1] > OFF or not estimate.diagnostics["converged"]:
-            sys.stdout.write(
-                f"system {seed}: order {m.order}, {m.nu} inputs, {m.ny} outputs, N = {len(case.data)}, "
-                f"distance {distances[-1]:.4g}, {estimate.diagnostics['reason']}\n"
-            )
-            sys.stdout.flush()
-    return {
-        "systems": systems,
-        "off": int(np.sum(np.array(distances) > OFF)),
-        "worst N dV": float(np.max(distances)),
-        "not converged": open_ended,
-        "lower order given": refused,
-        "at the edge of stability": edge,
-        "median iterations": float(np.median(steps)),
-        "median ms": 1e3 * float(np.median(seconds)),
-        "longest ms": 1e3 * float(np.max(seconds)),
-    }
+        converged.append(estimate.diagnostics["converged"])
+        edge.append(np.abs(np.linalg.eigvals(m.A - m.gain @ m.C)).max() > 1.0 - 1e-4)
+        if distances[-1] > OFF or not converged[-1]:
+            sizes = f"order {m.order}, {m.nu} inputs, {m.ny} outputs, N = {len(case.data)}"
+            print(f"system {seed}: {sizes}, distance {distances[-1]:.4g}, {estimate.diagnostics['reason']}", flush=True)
+    counts = {"lower_order_given": refused, "at_the_edge_of_stability": edge}
+    figures = summary(systems, distances, converged, seconds, **counts)
+    return {**figures, "median iterations": float(np.median(steps))}
 
 
-def coverage(draws: int, samples: int) -> dict[str, float]:
+def coverage(draws, samples):
     """Bands of one 2 x 2 system of order 4 over many draws of the disturbance."""
     rng = np.random.default_rng(4)
     truth = draw_system(rng, 4, 2, 2)
     f = np.array([0.01, 0.03, 0.1, 0.2, 0.35])
     g = truth.frequency_response(f)
-    hits: dict[str, list[Array]] = {"magnitude": [], "real part": [], "imaginary part": []}
+    hits = {"magnitude": [], "real part": [], "imaginary part": []}
     for seed in range(draws):
         data = make_record(np.random.default_rng(1000 + seed), truth, samples, 2, 10.0).data
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", sysid.SysidWarning)
-            response = sysid.pem_ss(data, sysid.n4sid(data, 4)).frequency_response(f)
+        response = sysid.pem_ss(data, sysid.n4sid(data, 4)).frequency_response(f)
         low, high = response.magnitude_ci95()
         hits["magnitude"].append((low <= np.abs(g)) & (np.abs(g) <= high))
         error = response.response - g
@@ -163,24 +132,23 @@ def coverage(draws: int, samples: int) -> dict[str, float]:
     return {f"coverage, {name}": float(np.mean(part)) for name, part in hits.items()}
 
 
-def main() -> None:
-    """Measure what is asked for and write a line per figure."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+def main():
+    parser = options(__doc__)
     parser.add_argument("--systems", type=int, default=200)
     parser.add_argument("--samples", type=int, nargs=2, default=(200, 500), metavar="N", help="shortest and longest")
     parser.add_argument("--fits", choices=("free", "zero"), nargs="+", default=["free", "zero"], help="the gain K")
     parser.add_argument("--coverage", type=int, default=0, metavar="DRAWS", help="coverage over so many draws instead")
     asked = parser.parse_args()
+    warnings.simplefilter("ignore", sysid.SysidWarning)
     if asked.coverage:
         for samples in sorted(set(asked.samples)):
             for figure, value in coverage(asked.coverage, samples).items():
-                sys.stdout.write(f"N = {samples:5d}  {figure:26s}{value:10.4g}\n")
+                print(f"N = {samples:5d}  {figure:26s}{value:10.4g}")
         return
     for fit in asked.fits:
         label = "K free" if fit == "free" else "K = 0"
         for figure, value in measure(asked.systems, tuple(asked.samples), fit == "free").items():
-            sys.stdout.write(f"{label:8s}{figure:26s}{value:10.4g}\n")
-        sys.stdout.flush()
+            print(f"{label:8s}{figure:26s}{value:10.4g}", flush=True)
 
 
 if __name__ == "__main__":

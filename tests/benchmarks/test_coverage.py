@@ -8,6 +8,7 @@ from scenarios import load
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import SUFFICIENT
 from scenarios.thesis.attribution import CONDITIONS, conditions
+from tests.benchmarks.tables import heading, row
 
 SEEDS = range(1, 21)
 
@@ -15,8 +16,8 @@ SEEDS = range(1, 21)
 def test_coverage_by_condition():
     truth = linearize(load_arm())
     planned = {joint: load(f"siso-5-{joint}") for joint in STUDIED_JOINTS}
-    print("\n| condition | " + " | ".join(joint.replace("_", " ") for joint in STUDIED_JOINTS) + " |")
-    print("|---" * (1 + len(STUDIED_JOINTS)) + "|")
+    print()
+    heading("condition", *(joint.replace("_", " ") for joint in STUDIED_JOINTS))
     for number, condition in enumerate(CONDITIONS):
         runs = {joint: (test, *conditions(test))[number] for joint, test in planned.items()}
         covered = dict.fromkeys(STUDIED_JOINTS, 0)
@@ -27,6 +28,6 @@ def test_coverage_by_condition():
             covered[joint] += int(band.covers(truth.joint(joint).bandwidth_hz)[0, 0])
             found[joint].append(float(band.hz[0, 0]))
         cells = [f"{covered[j]} of {len(SEEDS)}, mean {sum(found[j]) / len(SEEDS):.4f} Hz" for j in STUDIED_JOINTS]
-        print(f"| {condition} | " + " | ".join(cells) + " |")
-    print("| true bandwidth | " + " | ".join(f"{truth.joint(j).bandwidth_hz:.4f} Hz" for j in STUDIED_JOINTS) + " |")
+        row(condition, *cells)
+    row("true bandwidth", *(f"{truth.joint(j).bandwidth_hz:.4f} Hz" for j in STUDIED_JOINTS))
     assert min(covered.values()) >= 17

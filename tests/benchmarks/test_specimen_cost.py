@@ -1,7 +1,7 @@
-"""What a specimen of the arm costs to load, to bring to rest and to linearise, and what a thousand leave in memory."""
+"""Costs of a specimen to load, rest and linearise, of a thousand in memory, and of a fleet against one arm."""
 
 import gc
-from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from time import process_time
@@ -9,11 +9,14 @@ from time import process_time
 import numpy as np
 import pytest
 
-from hmtb_twin import Plant, linearize, load_arm
+from hmtb_twin import Plant, Specimen, linearize, load_arm, simulate
 from hmtb_twin.arm import controller_model as controllers
+from hmtb_twin.parameters.specimen import LINK_NAMES
 from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions, draw_specimen
 from hmtb_twin.parameters.values import OPERATING_POSE
 from hmtb_twin.parameters.variants import variant_named
+from scenarios import load
+from tests.benchmarks.bare_steps import bare_seconds
 
 POPULATION = TwinDistributions(
     mass=Distribution("normal", 0.05),
@@ -24,10 +27,11 @@ POPULATION = TwinDistributions(
     dry_friction=Distribution("lognormal", 0.3),
 )
 ROUNDS = 60
+ARMS, FLEET_SECONDS, FLEET_ROUNDS = 64, 20.0, 3
 PAGE = 4096
 
 
-def _milliseconds(step: Callable[[int], object]) -> float:
+def _milliseconds(step):
     taken = []
     for i in range(ROUNDS):
         started = process_time()
@@ -58,7 +62,7 @@ def test_a_specimen_costs_what_its_compilation_costs():
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no /proc")
 def test_a_thousand_specimens_leave_no_more_than_the_cache_holds():
-    def resident() -> float:
+    def resident():
         gc.collect()
         return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 2**20
 
@@ -71,3 +75,34 @@ def test_a_thousand_specimens_leave_no_more_than_the_cache_holds():
     print("\nresident after 100, 200, ... loads: " + ", ".join(f"{size:.1f}" for size in sizes) + " MiB", end="")
     # The cache is full after 64 arms.
     assert sizes[-1] - sizes[0] < 5.0
+
+
+def test_a_fleet_costs_little_more_than_one_arm_and_than_bare_steps():
+    simulate(_experiments([Specimen()] * ARMS, seconds=0.1))
+    ratios = []
+    for turn in range(FLEET_ROUNDS):
+        # Arms that were never loaded before: their compilation is part of the cost.
+        rng = np.random.default_rng(turn)
+        fleet = [Specimen(mass=tuple(rng.uniform(0.9, 1.1, len(LINK_NAMES)))) for _ in range(ARMS)]
+        many, bare = _cost(_experiments(fleet), fleet)
+        one, one_bare = _cost(_experiments([Specimen()] * ARMS), [Specimen()])
+        ratios.append((many / one, many / bare, one / one_bare))
+    against_one, over_bare, one_over_bare = (median(column) for column in zip(*ratios, strict=True))
+    print(f"\n{ARMS} experiments of {FLEET_SECONDS:g} s: {ARMS} arms / one arm {against_one:.3f}, ", end="")
+    print(f"simulate / bare mj_step: {ARMS} arms {over_bare:.3f}, one arm {one_over_bare:.3f} (medians)", end="")
+    assert against_one <= 1.15
+    assert over_bare <= 1.35
+
+
+def _experiments(specimens, seconds=FLEET_SECONDS):
+    plain = replace(load("siso-5-shoulder_yaw"), duration=seconds)
+    return [replace(plain, name=f"arm-{i}", seed=i, specimen=specimen) for i, specimen in enumerate(specimens)]
+
+
+def _cost(experiments, specimens):
+    """Return processor seconds of `simulate` and of its bare steps."""
+    started = process_time()
+    logs = simulate(experiments, threads=1)
+    ours = process_time() - started
+    arms = [load_arm(specimen=specimen) for specimen in specimens]
+    return ours, sum(bare_seconds(arms[i % len(arms)], log) for i, log in enumerate(logs))

@@ -7,9 +7,7 @@ covariances or for the Kalman gain are left alone: they return another model, or
 """
 
 import time
-from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,16 +22,16 @@ SAMPLES, BURN_IN, ORDER, DT = 12_000, 500, 10, 0.02
 SEEDS = range(12)
 
 
-def binary(samples: int, state: np.ndarray | None = None) -> np.ndarray:
+def binary(samples, state=None):
     """Maximum-length sequence of +-1, twelve bits, each held for five samples."""
     return np.repeat(max_len_seq(12, state=state, length=-(-samples // 5))[0] * 2.0 - 1.0, 5)[:samples]
 
 
 @cache
-def problem() -> tuple[sysid.StateSpace, np.ndarray, np.ndarray]:
+def problem():
     """The truth, its inputs and its outputs without noise."""
     rng = np.random.default_rng(7)
-    blocks: list[np.ndarray] = []
+    blocks = []
     for hz, damping in zip((0.7, 1.9, 4.2, 7.5), (0.25, 0.12, 0.08, 0.06), strict=True):
         pole = np.exp(2 * np.pi * hz * DT * (-damping + 1j * np.sqrt(1 - damping**2)))
         blocks.append(np.array([[pole.real, pole.imag], [-pole.imag, pole.real]]))
@@ -50,8 +48,7 @@ def problem() -> tuple[sysid.StateSpace, np.ndarray, np.ndarray]:
     return truth, u[BURN_IN:], y[BURN_IN:]
 
 
-def draw(seed: int, coloured: bool) -> sysid.IOData:
-    """One noise realisation."""
+def draw(seed, coloured):
     _, u, y = problem()
     noise = np.random.default_rng(seed).standard_normal((3, SAMPLES + 300))
     if coloured:
@@ -60,13 +57,12 @@ def draw(seed: int, coloured: bool) -> sysid.IOData:
     return sysid.IOData(u, y + noise[:, 300:].T * y.std(axis=0) / 10.0, DT)
 
 
-def percent(model: sysid.StateSpace) -> float:
-    """Error of the pulse response."""
+def percent(model):
     expected = problem()[0].markov(200)
     return 100.0 * float(np.linalg.norm(model.markov(200) - expected) / np.linalg.norm(expected))
 
 
-def fastest(run: Callable[[], Any], rounds: int = 7) -> float:
+def fastest(run, rounds=7):
     """Least processor time of several runs in ms."""
     times = []
     for _ in range(rounds):
@@ -76,7 +72,7 @@ def fastest(run: Callable[[], Any], rounds: int = 7) -> float:
     return 1e3 * min(times)
 
 
-def slicot(data: sysid.IOData, block_rows: int) -> sysid.StateSpace:
+def slicot(data, block_rows):
     ctrlsys = pytest.importorskip("ctrlsys")
     u, y = np.asfortranarray(data.u), np.asfortranarray(data.y)
     factor = ctrlsys.ib01ad("N", "C", "N", "O", "N", "N", block_rows, 3, 3, u, y, 0.0, -1.0)[1]
@@ -84,12 +80,12 @@ def slicot(data: sysid.IOData, block_rows: int) -> sysid.StateSpace:
     return sysid.StateSpace(A, B, C, D, None, DT)
 
 
-def refined(data: sysid.IOData, direct: bool = True) -> sysid.StateSpace:
+def refined(data, direct=True):
     return sysid.pem_ss(data, sysid.n4sid(data, ORDER), gain=False, direct=direct).model
 
 
 @pytest.mark.parametrize(("coloured", "direct", "limit"), [(False, True, 0.8), (True, True, 1.1), (False, False, 0.69)])
-def test_refined_model_is_as_accurate_as_can_be(coloured: bool, direct: bool, limit: float) -> None:
+def test_refined_model_is_as_accurate_as_can_be(coloured, direct, limit):
     records = [draw(seed, coloured) for seed in SEEDS]
     ours = [percent(refined(data, direct)) for data in records]
     first = [percent(sysid.n4sid(data, ORDER).model) for data in records]
@@ -98,7 +94,7 @@ def test_refined_model_is_as_accurate_as_can_be(coloured: bool, direct: bool, li
 
 
 @pytest.mark.parametrize("coloured", [False, True])
-def test_refined_from_okid_ends_at_the_same_model(coloured: bool) -> None:
+def test_refined_from_okid_ends_at_the_same_model(coloured):
     data = draw(0, coloured)
     start = sysid.okid(data, ORDER, p=40)
     again = sysid.pem_ss(data, start, gain=False).model
@@ -106,7 +102,7 @@ def test_refined_from_okid_ends_at_the_same_model(coloured: bool) -> None:
     assert percent(again) == pytest.approx(percent(refined(data)), rel=0.01)
 
 
-def test_time_beside_slicot() -> None:
+def test_time_beside_slicot():
     for coloured in (False, True):
         data = draw(0, coloured)
         start = sysid.n4sid(data, ORDER)
@@ -117,12 +113,10 @@ def test_time_beside_slicot() -> None:
         theirs = {rows: fastest(lambda data=data, rows=rows: slicot(data, rows)) for rows in (15, 25)}
         total = times["n4sid"] + times["pem_ss"]
         errors = {rows: percent(slicot(data, rows)) for rows in (15, 25)}
-        for rows in (15, 25):
-            print(
-                f"\ncoloured {coloured}: SLICOT, {rows} block rows: {theirs[rows]:.1f} ms, {errors[rows]:.2f} %", end=""
-            )
-            print(f"; times longer: {', '.join(f'{k} {v / theirs[rows]:.1f}' for k, v in times.items())}", end="")
-            print(f"; both together {total / theirs[rows]:.1f}")
+        for rows, theirs_ms in theirs.items():
+            longer = ", ".join(f"{name} {ours / theirs_ms:.1f}" for name, ours in times.items())
+            print(f"\ncoloured {coloured}: SLICOT, {rows} block rows: {theirs_ms:.1f} ms, {errors[rows]:.2f} %", end="")
+            print(f"; times longer: {longer}; both together {total / theirs_ms:.1f}")
         print(f"ours: {times['n4sid']:.0f} ms + {times['pem_ss']:.0f} ms")
         # at the block rows at which SLICOT is at its best
         assert times["pem_ss"] <= 30.0 * theirs[25]
@@ -130,7 +124,7 @@ def test_time_beside_slicot() -> None:
 
 
 @pytest.mark.parametrize("p", [20, 40])
-def test_okid_beside_its_own_least_squares(p: int) -> None:
+def test_okid_beside_its_own_least_squares(p):
     data = draw(0, False)
     phi, y = _regressors(data, p, p, True), data.y[p:]
     ours = fastest(lambda: sysid.okid(data, ORDER, p=p, realiser=sysid.era_dc))

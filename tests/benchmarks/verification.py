@@ -12,7 +12,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from tests.benchmarks.tables import ROOT, environment
+
 PAGES = tuple(sorted((ROOT / "docs").glob("*.md")))
 BLOCK = re.compile(r"<!-- measured by: (?P<command>.+?) -->\n.*?<!-- end -->", re.DOTALL)
 
@@ -23,7 +26,7 @@ TALK = re.compile(r"=|\.+$|\(\d+ durations|\d+ passed|[\d.]+s (call|setup|teardo
 """What the test runner says of itself."""
 
 
-def measured(command: str, folder: Path | None) -> str:
+def measured(command, folder):
     """Run a command at the root of the project and return its output as Markdown.
 
     Raises:
@@ -31,7 +34,7 @@ def measured(command: str, folder: Path | None) -> str:
     """
     words = [str(folder) if word == FOLDER else word for word in shlex.split(command)]
     words[0] = sys.executable if words[0] == "python" else words[0]
-    run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, env=_environment())
+    run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, env=environment())
     if run.returncode:
         said = (run.stderr.strip() or run.stdout.strip() or "nothing").splitlines()
         raise RuntimeError(f"exit {run.returncode}, said at last: {said[-1]}")
@@ -42,14 +45,7 @@ def measured(command: str, folder: Path | None) -> str:
     return "\n".join(("```text", *filter(str.strip, lines), "```"))
 
 
-def _environment() -> dict[str, str]:
-    import os
-
-    threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    return {**os.environ, **threads, "PYTHONPATH": str(ROOT)}
-
-
-def main() -> int:
+def main():
     """Renew the blocks whose command holds one of the words given, or all."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("words", nargs="*", help="of the commands to run; all when none is given")
@@ -59,7 +55,7 @@ def main() -> int:
     return 1 if sum(_renew(page, asked.words, folder) for page in PAGES) else 0
 
 
-def _renew(path: Path, words: list[str], folder: Path | None) -> int:
+def _renew(path, words, folder):
     """Renew the blocks of a page and return how many could not be."""
     page, failed = path.read_text(encoding="utf-8"), 0
     for block in list(BLOCK.finditer(page)):

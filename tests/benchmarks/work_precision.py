@@ -1,10 +1,6 @@
 """Work against precision of the physics: integrators and steps for both forms of the actuator.
 
-Run by hand from the root of the repository, on a quiet machine:
-
-    PYTHONPATH=. python tests/benchmarks/work_precision.py
-
-It takes some ten minutes and writes a Markdown table for each form:
+On a quiet machine it takes some ten minutes. It writes a Markdown table for each form:
 
 * error of the log: a studied joint follows pseudo-random binary commands of 0.067 rad for 6 s, one joint at a time,
   with LuGre friction; root mean square of the difference between its angles at 50 Hz and the reference's over that of
@@ -15,18 +11,18 @@ It takes some ten minutes and writes a Markdown table for each form:
 The reference is Richardson's extrapolation of two steps far below the default.
 """
 
-import argparse
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections import namedtuple
+from dataclasses import replace
 from importlib.util import find_spec
 
 import mujoco
 import numpy as np
 
-from hmtb_twin import JOINTS, NOMINAL_PLANT, STUDIED_JOINTS, Arm, load_arm
+from hmtb_twin import JOINTS, NOMINAL_PLANT, STUDIED_JOINTS, load_arm
 from hmtb_twin.parameters.values import OPERATING_POSE, SAMPLE_TIME
+from tests.benchmarks.tables import heading, options, row
 from tests.hmtb_twin.altered_arms import at_step, bandwidths
 
 INTEGRATORS = {
@@ -41,40 +37,30 @@ REFERENCE = {"linear": ("implicitfast", 1.0 / 64e3, 1), "orifice": ("RK4", 1.0 /
 AMPLITUDE, SECONDS, TURNS = 0.067, 6.0, 5
 
 
-@dataclass(frozen=True)
-class Result:
-    """What one way of stepping gives."""
-
-    logs: np.ndarray
-    bandwidths: np.ndarray
+Result = namedtuple("Result", "logs bandwidths")
 
 
-def commands() -> list[np.ndarray]:
+def commands():
     """Commands (N, 7) that excite one studied joint each, rad."""
     pose = load_arm().pose(OPERATING_POSE)
     ticks = round(SECONDS / SAMPLE_TIME)
-    made = []
-    for name in STUDIED_JOINTS:
-        bits = np.random.default_rng(2).choice([-AMPLITUDE, AMPLITUDE], ticks // 5)
-        command = np.tile(pose, (ticks, 1))
-        command[:, JOINTS.index(name)] += np.repeat(bits, 5)
-        made.append(command)
-    return made
+    bits = np.repeat(np.random.default_rng(2).choice([-AMPLITUDE, AMPLITUDE], ticks // 5), 5)
+    return [pose + np.outer(bits, np.eye(len(JOINTS))[JOINTS.index(name)]) for name in STUDIED_JOINTS]
 
 
-def logged(arm: Arm, command: np.ndarray) -> np.ndarray:
+def logged(arm, command):
     """Angles (N, 7) at the end of each tick, rad."""
     data = arm.rest(command[0])
     substeps = round(SAMPLE_TIME / arm.model.opt.timestep)
     angles = np.empty_like(command)
-    for row, control in zip(angles, arm.controls(command), strict=True):
+    for place, control in zip(angles, arm.controls(command), strict=True):
         data.ctrl[:] = control
         mujoco.mj_step(arm.model, data, nstep=substeps)
-        row[:] = data.qpos
+        place[:] = data.qpos
     return angles
 
 
-def result(arm: Arm) -> Result:
+def result(arm):
     """Logs (3, N) of the excited joints and bandwidths (6,); NaN where the simulation diverges."""
     logs = np.array([logged(arm, c)[:, JOINTS.index(name)] for c, name in zip(commands(), STUDIED_JOINTS, strict=True)])
     if not np.isfinite(logs).all() or np.abs(logs).max() > 10.0:
@@ -82,7 +68,7 @@ def result(arm: Arm) -> Result:
     return Result(logs, np.array(list(bandwidths(arm).values())))
 
 
-def reference(arm: Arm, form: str) -> Result:
+def reference(arm, form):
     """The limit of small steps."""
     name, step, order = REFERENCE[form]
     coarse, fine = (result(at_step(arm, s, INTEGRATORS[name])) for s in (step, step / 2.0))
@@ -92,50 +78,45 @@ def reference(arm: Arm, form: str) -> Result:
     )
 
 
-def seconds(run: Callable[[], object]) -> float:
+def seconds(run):
     """Processor time of a run, s."""
     begin = time.process_time()
     run()
     return time.process_time() - begin
 
 
-def cost(arm: Arm, other: Arm) -> float:
+def cost(arm, other):
     """Processor time of the other arm over the arm's, the least of some turns."""
     command = commands()[1]
     turns = [(seconds(lambda: logged(arm, command)), seconds(lambda: logged(other, command))) for _ in range(TURNS)]
     return min(b for _, b in turns) / min(a for a, _ in turns)
 
 
-def table(form: str) -> str:
-    """The table of one form of the actuator, in Markdown."""
+def table(form):
+    """Print the table of one form of the actuator."""
     arm = load_arm(plant=replace(NOMINAL_PLANT, actuator=form))
     limit = reference(arm, form)
     moved = np.linalg.norm(limit.logs - limit.logs[:, :1], axis=1)
-    lines = [
-        f"| {form}: integrator | step, ms | error of the log | change of bandwidth | cost |",
-        "|---|---|---|---|---|",
-    ]
+    heading(f"{form}: integrator", "step, ms", "error of the log", "change of bandwidth", "cost")
     default = (mujoco.mjtIntegrator(arm.model.opt.integrator), arm.model.opt.timestep)
     for name, integrator in INTEGRATORS.items():
         for step in STEPS:
             other = at_step(arm, step, integrator)
-            found = result(other)
-            error = float((np.linalg.norm(found.logs - limit.logs, axis=1) / moved).max())
-            changes = found.bandwidths / limit.bandwidths - 1.0
+            outcome = result(other)
+            error = float((np.linalg.norm(outcome.logs - limit.logs, axis=1) / moved).max())
+            changes = outcome.bandwidths / limit.bandwidths - 1.0
             worst = float(changes[np.argmax(np.abs(changes))])
             moved_by = f"{100 * worst:+.4f} %" if np.isfinite(worst) else "unstable at rest"
             label = f"**{name}**" if (integrator, step) == default else name
             cells = ["diverges", "", ""]
             if np.isfinite(error):
                 cells = [f"{error:.1e}", moved_by, f"{cost(arm, other):.2f}"]
-            lines.append(f"| {label} | {1e3 * step:g} | {' | '.join(cells)} |")
-            sys.stderr.write(lines[-1] + "\n")
-    return "\n".join(lines)
+            row(label, f"{1e3 * step:g}", *cells)
+    print()
 
 
-def main() -> None:
-    """Write the tables to standard output."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main():
+    parser = options(__doc__)
     parser.add_argument("--form", choices=tuple(REFERENCE), help="one form of the actuator only")
     form = parser.parse_args().form
     # Steps too coarse diverge, as the table tells; the engine need not write that to a file.
@@ -144,7 +125,7 @@ def main() -> None:
         if name == "orifice" and not find_spec("numba"):
             sys.stdout.write("orifice: left out, it needs Numba (the extra `orifice`)\n")
             continue
-        sys.stdout.write(table(name) + "\n\n")
+        table(name)
 
 
 if __name__ == "__main__":

@@ -4,15 +4,11 @@ Every row is the thesis' PRBS test of 1 V [Morris1996, table 1, test 5], with an
 seed, identified with the thesis' own structures: ARMAX 5/3/5 delay 2, OE 2/2 delay 2, OKID of order 2 with p = 5. Of
 each model: bandwidth relative to its DC gain, DC gain, and gain at 0.5 Hz, the lowest line of a 100-point file at 50
 points per second; medians over the seeds, and the quartiles of ARMAX's.
-
-`PYTHONPATH=. python tests/benchmarks/yaw_question.py` prints the table in a few minutes, and
-`python tests/benchmarks/verification.py yaw_question` renews it in docs/published-variant.md.
 """
 
-import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
@@ -24,8 +20,8 @@ from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, JOINTS, RECORDER, SAMPLE_TIME, SERVOS, HandController
 from scenarios import Scenario, load
 from scenarios.experiments.log_review import settled
-from scenarios.truth.published import YAW_ARMAX, YAW_OE, YAW_OKID
-from sysid import IOData, StateSpace
+from scenarios.truth.published import EQUATIONS
+from tests.benchmarks.tables import heading, row
 
 JOINT = "shoulder_yaw"
 DURATION = 60.0
@@ -34,13 +30,14 @@ LOWEST_LINE = 0.5
 LIMIT = 25.0
 """Velocity limit of the yaw's command, deg/s."""
 
-Signal = Callable[[np.ndarray], np.ndarray]
-View = Callable[[IOData, int], IOData]
-
 
 @dataclass(frozen=True)
 class Record:
-    """How a record is made."""
+    """How a record is made.
+
+    `hidden` is what happens to the command, in volts, behind the point where it is logged; `limit_logged` whether the
+    velocity limit acts before that point.
+    """
 
     variant: str = "nominal"
     plant: Plant = NOMINAL_PLANT
@@ -48,12 +45,10 @@ class Record:
     amplitude: float = 1.0
     clock: int = 2
     repeat: float = 0.5
-    hidden: Signal | None = None
-    """What happens to the command, in volts, behind the point where it is logged."""
+    hidden: Callable | None = None
     limit_logged: bool = True
-    """Whether the velocity limit acts before that point."""
 
-    def logged(self, volts: np.ndarray) -> np.ndarray:
+    def logged(self, volts):
         """The command at that point, V."""
         return limited(LIMIT)(volts) if self.limit_logged else volts
 
@@ -64,91 +59,78 @@ class Row:
 
     label: str
     record: Record
-    view: View = lambda data, seed: data.detrend()
+    view: Callable = lambda data, seed: data.detrend()
     armax: tuple[int, int, int, int] = (5, 3, 5, 2)
     oe: tuple[int, int, int] = (2, 2, 2)
     group: str = ""
 
 
-@dataclass(frozen=True)
-class Hidden(Scenario):
-    """An experiment whose servo gets another command than the log shows."""
-
-    record: Record = field(default_factory=Record, compare=False)
-
-    def volts(self) -> np.ndarray:
-        volts = super().volts()
-        return volts if self.record.hidden is None else self.record.hidden(self.record.logged(volts))
-
-
-def scaled(factor: float) -> Signal:
+def scaled(volts):
     """The servo gets a multiple of what is logged."""
-    return lambda volts: factor * volts
+    return 1.18 * volts
 
 
-def smoothed(pole: float) -> Signal:
-    """The command passes a first-order low-pass, pole in rad/s, behind the log."""
-    a = np.exp(-pole * SAMPLE_TIME)
-    return lambda volts: lfilter([0.0, 1.0 - a], [1.0, -a], volts, axis=0)
+def smoothed(volts):
+    """The command passes a first-order low-pass of 1 rad/s behind the log."""
+    a = np.exp(-SAMPLE_TIME)
+    return lfilter([0.0, 1.0 - a], [1.0, -a], volts, axis=0)
 
 
-def led(time: float) -> Signal:
-    """Velocity feedforward: the servo gets the command and its derivative times a time, s."""
-    return lambda volts: volts + time * np.diff(volts, axis=0, prepend=0.0) / SAMPLE_TIME
+def led(volts):
+    """Velocity feedforward: the servo gets the command and its derivative times 50 ms."""
+    return volts + 0.05 * np.diff(volts, axis=0, prepend=0.0) / SAMPLE_TIME
 
 
-def limited(speed: float) -> Signal:
+def limited(speed):
     """The velocity limit, deg/s, acts behind the log instead of before it."""
 
-    def signal(volts: np.ndarray) -> np.ndarray:
+    def signal(volts):
         step = np.radians(speed) * SAMPLE_TIME / HAND_CONTROLLER.gain
         passed, last = np.empty_like(volts), np.zeros(volts.shape[1])
         for k, wanted in enumerate(volts):
-            last = last + np.clip(wanted - last, -step, step)
-            passed[k] = last
+            last = passed[k] = last + np.clip(wanted - last, -step, step)
         return passed
 
     return signal
 
 
-def means_in(data: IOData, seed: int) -> IOData:
+def means_in(data, seed):
     return data
 
 
-def offset_left_in(data: IOData, seed: int) -> IOData:
+def offset_left_in(data, seed):
     """Both angles from the start pose, the measured one 5 mrad off, and no detrending."""
     return data.subtract(u=data.u.mean(axis=0), y=data.y.mean(axis=0) - 5e-3)
 
 
-def wandering(step: float) -> View:
+def wandering(step):
     """The measured angle wanders: a random walk, rad per sample."""
 
-    def view(data: IOData, seed: int) -> IOData:
+    def view(data, seed):
         walk = np.cumsum(np.random.default_rng(seed).standard_normal(data.y.shape), axis=0)
         return replace(data, y=data.y + step * walk).detrend()
 
     return view
 
 
-def drifting(total: float) -> View:
+def drifting(total):
     """The measured angle drifts in a straight line, rad from start to end."""
     return lambda data, seed: replace(data, y=data.y + total * np.linspace(0.0, 1.0, len(data))[:, None]).detrend()
 
 
-def played(width: float) -> View:
+def backlash(width):
     """Backlash between joint and resolver, rad."""
 
-    def view(data: IOData, seed: int) -> IOData:
+    def view(data, seed):
         shown, last = np.empty_like(data.y), data.y[0]
         for k, angle in enumerate(data.y):
-            last = np.clip(last, angle - width / 2, angle + width / 2)
-            shown[k] = last
+            last = shown[k] = np.clip(last, angle - width / 2, angle + width / 2)
         return replace(data, y=shown).detrend()
 
     return view
 
 
-def integrating(time: float) -> View:
+def integrating(time):
     """A servo with integral action kp/time beside its kp and kd: what the same arm, linear, would have measured."""
     A, B = coupled(YAW_PLANE.joints, SERVOS)
     yaw, n = YAW_PLANE.joints.index(JOINT), len(YAW_PLANE.joints)
@@ -158,7 +140,7 @@ def integrating(time: float) -> View:
     B = np.append(B[:, yaw], 1.0)[:, None]
     Ad, Bd, *_ = cont2discrete((A, B, np.eye(1, 3 * n + 1, yaw), np.zeros((1, 1))), SAMPLE_TIME)
 
-    def view(data: IOData, seed: int) -> IOData:
+    def view(data, seed):
         u, state, shown = data.u - data.u.mean(axis=0), np.zeros(3 * n + 1), np.empty_like(data.y)
         for k in range(len(u)):
             shown[k] = state[yaw]
@@ -170,20 +152,15 @@ def integrating(time: float) -> View:
     return view
 
 
-def first(seconds: float) -> View:
-    """Only the first seconds of the record."""
-    return lambda data, seed: data[: round(seconds / SAMPLE_TIME)].detrend()
-
-
 NOMINAL, SLOW = Record(), Record("published")
 
 
-def rubbing(percent: float) -> Record:
+def rubbing(percent):
     """The nominal arm with that dry friction, percent of the maximum torque."""
     return Record(plant=Plant(friction_level=float(percent)))
 
 
-def behind(percent: float, speed: float) -> Record:
+def behind(percent, speed):
     """The same with a velocity limit, deg/s, behind the log instead of before it."""
     return replace(rubbing(percent), hidden=limited(speed), limit_logged=False)
 
@@ -191,7 +168,7 @@ def behind(percent: float, speed: float) -> Record:
 WORN = rubbing(22)
 
 
-ROWS: tuple[Row, ...] = (
+ROWS = (
     Row("as it is (dry friction 1 %)", NOMINAL, group="The nominal arm, truly 1.0 Hz"),
     Row("means left in", NOMINAL, means_in),
     Row("zero of the resolver 5 mrad off, left in", NOMINAL, offset_left_in),
@@ -202,36 +179,27 @@ ROWS: tuple[Row, ...] = (
     Row("hand-controller bias 0.5 V", replace(NOMINAL, hand_controller=HandController(bias=0.5))),
     Row("hand controller holds 5 samples", replace(NOMINAL, hand_controller=HandController(hold=5))),
     Row("supply at 9 MPa, which just holds the arm", replace(NOMINAL, plant=Plant(supply_pressure=9.0))),
-    Row("servo gets 1.18 times the logged command", replace(NOMINAL, hidden=scaled(1.18))),
+    Row("servo gets 1.18 times the logged command", replace(NOMINAL, hidden=scaled)),
     Row("integral action, reset time 1 s, without friction", NOMINAL, integrating(1.0)),
-    Row("velocity feedforward, 50 ms", replace(NOMINAL, hidden=led(0.05))),
-    Row("velocity limit behind the log, 100 deg/s", behind(1, 100.0)),
-    Row("velocity limit behind the log, 50 deg/s", behind(1, 50.0)),
-    Row("velocity limit behind the log, 25 deg/s", behind(1, 25.0)),
-    Row("velocity limit behind the log, 5 deg/s", behind(1, 5.0)),
-    Row("command smoothed behind the log, 1 rad/s", replace(NOMINAL, hidden=smoothed(1.0))),
-    Row("backlash 30 mrad", NOMINAL, played(0.03)),
+    Row("velocity feedforward, 50 ms", replace(NOMINAL, hidden=led)),
+    *(Row(f"velocity limit behind the log, {speed} deg/s", behind(1, speed)) for speed in (100, 50, 25, 5)),
+    Row("command smoothed behind the log, 1 rad/s", replace(NOMINAL, hidden=smoothed)),
+    Row("backlash 30 mrad", NOMINAL, backlash(0.03)),
     Row("delay taken as 1", NOMINAL, armax=(5, 3, 5, 1), oe=(2, 2, 1)),
     Row("delay taken as 4", NOMINAL, armax=(5, 3, 5, 4), oe=(2, 2, 4)),
     Row("orders too high: ARMAX 8/8/8, OE 5/5", NOMINAL, armax=(8, 8, 8, 2), oe=(5, 5, 2)),
-    Row("the first 8 s only", NOMINAL, first(8.0)),
+    Row("the first 8 s only", NOMINAL, lambda data, seed: data[: round(8.0 / SAMPLE_TIME)].detrend()),
     Row("dry friction 8 %", rubbing(8), group="The nominal arm with the seals of a worn hydraulic arm"),
-    Row("dry friction 15 %", rubbing(15)),
-    Row("dry friction 18 %", rubbing(18)),
-    Row("dry friction 20 %", rubbing(20)),
-    Row("dry friction 22 %", WORN),
-    Row("dry friction 25 %", rubbing(25)),
-    Row("dry friction 30 %", rubbing(30)),
+    *(Row(f"dry friction {percent} %", rubbing(percent)) for percent in (15, 18, 20, 22, 25, 30)),
     Row("dry friction 22 %, Coulomb alone", replace(NOMINAL, plant=Plant(friction="coulomb", friction_level=22.0))),
     Row("dry friction 22 %, 2 V", replace(WORN, amplitude=2.0)),
     Row("dry friction 22 %, 3 samples per bit", replace(WORN, clock=3)),
     Row("dry friction 22 %, file played at 0.1 instead of 0.5 Hz", replace(WORN, repeat=0.1)),
     Row("dry friction 22 %, file played at 0.05 Hz", replace(WORN, repeat=0.05)),
-    Row("dry friction 22 %, servo gets 1.18 times the logged command", replace(WORN, hidden=scaled(1.18))),
+    Row("dry friction 22 %, servo gets 1.18 times the logged command", replace(WORN, hidden=scaled)),
     Row("dry friction 22 %, means left in", WORN, means_in),
     Row("dry friction 22 %, output wanders, 0.3 mrad per sample", WORN, wandering(3e-4)),
-    Row("dry friction 22 %, velocity limit behind the log, 50 deg/s", behind(22, 50.0)),
-    Row("dry friction 15 %, velocity limit behind the log, 50 deg/s", behind(15, 50.0)),
+    *(Row(f"dry friction {p} %, velocity limit behind the log, 50 deg/s", behind(p, 50.0)) for p in (22, 15)),
     Row("as it is", SLOW, group="The published variant, truly 0.16 Hz with a DC gain of 1.00"),
     Row("means left in", SLOW, means_in),
     Row("nominal seals (1 %)", replace(SLOW, plant=Plant(friction_level=1 / 0.15))),
@@ -239,11 +207,18 @@ ROWS: tuple[Row, ...] = (
     Row("output wanders, 0.3 mrad per sample", SLOW, wandering(3e-4)),
     Row("velocity limit behind the log, 25 deg/s", replace(SLOW, hidden=limited(25.0), limit_logged=False)),
 )
-"""Every hypothesis."""
 
 
-def scenario(record: Record, seed: int, duration: float) -> Hidden:
+def scenario(record, seed, duration):
     """The PRBS test as one record wants it."""
+
+    class Hidden(Scenario):
+        """An experiment whose servo gets another command than the log shows."""
+
+        def volts(self):
+            volts = super().volts()
+            return volts if record.hidden is None else record.hidden(record.logged(volts))
+
     test = load(f"siso-5-{JOINT}")
     (prbs,) = test.excitation
     parameters = {**prbs.parameters, "amplitude": record.amplitude, "clock": record.clock, "seed": seed}
@@ -259,17 +234,16 @@ def scenario(record: Record, seed: int, duration: float) -> Hidden:
         chain=replace(test.chain, velocity_limit=record.hidden is None),
         excitation=(replace(prbs, parameters=parameters, repeat_frequency=record.repeat),),
     )
-    values = {entry.name: getattr(changed, entry.name) for entry in fields(Scenario)}
-    return Hidden(**values, record=record)
+    return Hidden(**vars(changed))
 
 
-def records(wanted: Sequence[Record], seeds: int, duration: float) -> dict[Record, list[IOData]]:
+def records(wanted, seeds, duration):
     """Simulate every record with every seed, and cut off its start; the means stay."""
     runs = [(record, scenario(record, seed, duration)) for record in wanted for seed in range(seeds)]
     logs = simulate([run for _, run in runs])
     if logs.failed:
         raise SystemExit(f"failed: {dict(logs.failed)}")
-    found: dict[Record, list[IOData]] = {record: [] for record in wanted}
+    settled_records = {record: [] for record in wanted}
     for (record, run), log in zip(runs, logs, strict=True):
         data = settled(log, JOINT)
         if record.hidden is not None:
@@ -277,71 +251,56 @@ def records(wanted: Sequence[Record], seeds: int, duration: float) -> dict[Recor
             start = log.commanded[0, JOINTS.index(JOINT)]
             logged = record.logged(Scenario.volts(run))[-len(data) :]
             data = replace(data, u=start + HAND_CONTROLLER.gain * logged)
-        found[record].append(data)
-    return found
+        settled_records[record].append(data)
+    return settled_records
 
 
-def models(row: Row, data: IOData, seed: int) -> Iterator[StateSpace]:
+def models(hypothesis, data, seed):
     """The thesis' three models of a record."""
-    seen = row.view(data, seed)
+    seen = hypothesis.view(data, seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        yield sysid.armax(seen, *row.armax).model
-        yield sysid.oe(seen, *row.oe).model
+        yield sysid.armax(seen, *hypothesis.armax).model
+        yield sysid.oe(seen, *hypothesis.oe).model
         yield sysid.okid(seen, 2, p=5).model
 
 
-def figures(model: StateSpace) -> tuple[float, float, float]:
+def figures(model):
     """Bandwidth in Hz relative to the DC gain, DC gain, gain at the lowest line."""
-    gain = float(model.dc_gain()[0, 0])
-    at_line = float(np.abs(model.frequency_response(np.array([LOWEST_LINE]))[0, 0, 0]))
-    return float(model.bandwidth()[0, 0]), gain, at_line
+    at_line = np.abs(model.frequency_response(np.array([LOWEST_LINE]))[0, 0, 0])
+    return float(model.bandwidth()[0, 0]), float(model.dc_gain()[0, 0]), float(at_line)
 
 
-def measured(row: Row, data: Sequence[IOData]) -> np.ndarray:
+def measured(hypothesis, data):
     """Figures of every seed and method, (seeds, 3, 3)."""
-    return np.array([[figures(model) for model in models(row, one, seed)] for seed, one in enumerate(data)])
+    return np.array([[figures(model) for model in models(hypothesis, one, seed)] for seed, one in enumerate(data)])
 
 
-def line(label: str, values: np.ndarray) -> str:
-    """A line of the table: medians, and ARMAX's quartiles."""
-    middle = np.median(values, axis=0)
+def print_row(label, values):
+    """Print medians, and ARMAX's quartiles."""
+
+    def gain(value):
+        return f"{value:.2f}" if abs(value) < 10.0 else ("large" if value > 0 else "-large")
+
+    cells = []
+    for hz, dc, at_line in np.median(values, axis=0):
+        # The gain of a model of some seed never falls by 3 dB.
+        cells += [f"{hz:.2f}" if np.isfinite(hz) else "none", gain(dc), f"{at_line:.2f}"]
     low, high = np.quantile(values[:, 0], [0.25, 0.75], axis=0)
-    spread = f"{low[0]:.2f}-{high[0]:.2f} | {_gain(low[1])} to {_gain(high[1])}" if len(values) > 1 else "|"
-    cells = " | ".join(f"{_width(width)} | {_gain(dc)} | {at:.2f}" for width, dc, at in middle)
-    return f"| {label} | {cells} | {spread} |"
+    spread = (f"{low[0]:.2f}-{high[0]:.2f}", f"{gain(low[1])} to {gain(high[1])}") if len(values) > 1 else ("", "")
+    row(label, *cells, *spread)
 
 
-def _width(value: float) -> str:
-    """None where the gain of a model of some seed never falls by 3 dB."""
-    return f"{value:.2f}" if np.isfinite(value) else "none"
-
-
-def _gain(value: float) -> str:
-    return f"{value:.2f}" if abs(value) < 10.0 else ("large" if value > 0 else "-large")
-
-
-def table(seeds: int = SEEDS, duration: float = DURATION) -> list[str]:
-    """The whole table, as Markdown."""
-    made = records(list(dict.fromkeys(row.record for row in ROWS)), seeds, duration)
-    lines = [
-        "| | ARMAX, Hz | DC | at 0.5 Hz | OE, Hz | DC | at 0.5 Hz | OKID, Hz | DC | at 0.5 Hz "
-        "| ARMAX, middle half, Hz | DC |",
-        "|---|" + "---:|" * 11,
-        line("**printed**", np.array([[figures(m.model) for m in (YAW_ARMAX, YAW_OE, YAW_OKID)]])),
-    ]
-    for row in ROWS:
-        if row.group:
-            lines.append(f"| *{row.group}* |" + " |" * 11)
-        lines.append(line(row.label, measured(row, made[row.record])))
-    return lines
-
-
-def main() -> int:
-    """Measure and print."""
-    sys.stdout.write("\n".join(table()) + "\n")
-    return 0
+def main():
+    simulated = records(list(dict.fromkeys(entry.record for entry in ROWS)), SEEDS, DURATION)
+    methods = (cell for method in ("ARMAX", "OE", "OKID") for cell in (f"{method}, Hz", "DC", "at 0.5 Hz"))
+    heading("", *methods, "ARMAX, middle half, Hz", "DC")
+    print_row("**printed**", np.array([[figures(EQUATIONS[name].model) for name in ("4.7", "4.8", "5.8")]]))
+    for entry in ROWS:
+        if entry.group:
+            row(f"*{entry.group}*", *[""] * 11)
+        print_row(entry.label, measured(entry, simulated[entry.record]))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

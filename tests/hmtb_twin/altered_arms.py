@@ -6,10 +6,10 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from hmtb_twin import JOINTS, Arm, JointLog
+from hmtb_twin import JOINTS
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.orifice import valve_parameters
-from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve
+from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
 from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE, SAMPLE_TIME
 from hmtb_twin.truth.linearization import sample_map, sliding
 from sysid import StateSpace
@@ -20,12 +20,12 @@ CHANNELS = (
 )
 
 
-def equal(first: JointLog, second: JointLog) -> bool:
+def equal(first, second):
     """Whether two logs agree in every bit of every channel."""
     return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in CHANNELS)
 
 
-def with_valve(arm: Arm, *, valve: ServoValve = SERVO_VALVE, power_unit: PowerUnit = POWER_UNIT) -> Arm:
+def with_valve(arm, *, valve=SERVO_VALVE, power_unit=POWER_UNIT):
     """Return an arm with orifice actuators on other servo valves, or on another supply."""
     model = copy(arm.model)
     for j, name in enumerate(JOINTS):
@@ -36,7 +36,7 @@ def with_valve(arm: Arm, *, valve: ServoValve = SERVO_VALVE, power_unit: PowerUn
     return replace(arm, model=model)
 
 
-def at_step(arm: Arm, step: float, integrator: mujoco.mjtIntegrator | None = None) -> Arm:
+def at_step(arm, step, integrator=None):
     """Return an arm with another physics step in s, a whole part of a tick, and perhaps another integrator."""
     model = copy(arm.model)
     model.opt.timestep = SAMPLE_TIME / round(SAMPLE_TIME / step)
@@ -45,7 +45,7 @@ def at_step(arm: Arm, step: float, integrator: mujoco.mjtIntegrator | None = Non
     return replace(arm, model=model)
 
 
-def bandwidths(arm: Arm) -> dict[str, float]:
+def bandwidths(arm):
     """Return the small-signal bandwidth of each joint as the arm's own step and integrator make it, Hz.
 
     The 50 Hz map is differentiated by whole ticks, which works with every integrator; dry friction is off, as in the

@@ -1,13 +1,12 @@
 """Oil and energy balances of a run of the arm, for both forms of the actuator."""
 
-from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
 
-from hmtb_twin import JOINTS, Arm
+from hmtb_twin import JOINTS
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.orifice import arm_parameters
 from hmtb_twin.parameters.values import SAMPLE_TIME
@@ -15,58 +14,49 @@ from hmtb_twin.parameters.values import SAMPLE_TIME
 
 @dataclass(frozen=True)
 class OilBalance:
-    """Oil that came in through the load ports and where it went; volumes (n,), cm^3.
-
-    The joint takes the oil one physics step h late: `underway` is D h (w at the end less w at the start).
-    `throughput` is the integral of the magnitude of the flow through the load ports.
-    """
+    """Oil that came in through the load ports and where it went; volumes (n,), cm^3."""
 
     ports: np.ndarray
     leaked: np.ndarray
     swept: np.ndarray
     stored: np.ndarray
-    underway: np.ndarray
-    throughput: np.ndarray
+    underway: np.ndarray  # the joint takes the oil one physics step h late: D h (w at the end less w at the start)
+    throughput: np.ndarray  # integral of the magnitude of the flow through the load ports
 
     @property
-    def residual(self) -> np.ndarray:
+    def residual(self):
         """Oil that came in and is nowhere, (n,) cm^3."""
         return self.ports - self.leaked - self.swept - self.stored + self.underway
 
     @property
-    def closure(self) -> float:
+    def closure(self):
         """Sum of the residuals' magnitudes over all the oil that flowed."""
         return float(np.abs(self.residual).sum() / self.throughput.sum())
 
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energy that the supply gave, its pressure times the flow it delivers, and where it went; J.
-
-    Throttled in the valves, leaked past the actuators, stored in the oil's compression, cut off by the limit of the
-    torque (negative where a load overruns it: a real actuator's relief valves would open before), rubbed by dry and
-    dragged by viscous friction, taken by pin and stops, and gained by the links.
-    """
+    """Energy that the supply gave, its pressure times the flow it delivers, and where it went; J."""
 
     supplied: float
-    throttled: float
+    throttled: float  # in the valves
     leaked: float
     compressed: float
-    limited: float
-    rubbed: float
-    dragged: float
-    constrained: float
+    limited: float  # negative where a load overruns the torque's limit: real relief valves would open before
+    rubbed: float  # by dry friction
+    dragged: float  # by viscous friction
+    constrained: float  # by pin and stops
     kinetic: float
     potential: float
 
     @property
-    def closure(self) -> float:
+    def closure(self):
         """Energy that came in and is nowhere, over the energy supplied."""
         spent = sum(getattr(self, item.name) for item in fields(self) if item.name != "supplied")
         return abs(self.supplied - spent) / self.supplied
 
 
-def link_energy(model: mujoco.MjModel, angles: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+def link_energy(model, angles, velocities):
     """Return the potential and the kinetic energy of the links, J."""
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = angles, velocities
@@ -76,7 +66,7 @@ def link_energy(model: mujoco.MjModel, angles: np.ndarray, velocities: np.ndarra
     return np.array(data.energy)
 
 
-def steps(model: mujoco.MjModel, arm: Arm, command: np.ndarray, *, ends: bool = False) -> Iterator[mujoco.MjData]:
+def steps(model, arm, command, *, ends=False):
     """Yield the data before each physics step of a run from rest under commands at 50 Hz, and at the end.
 
     With `ends`, forces are computed at each instant, and the instant between two ticks comes twice: with the controls
@@ -98,7 +88,7 @@ def steps(model: mujoco.MjModel, arm: Arm, command: np.ndarray, *, ends: bool = 
     assert not any(stat.number for stat in data.warning), "the physics engine warned: the balances mean nothing"
 
 
-def linear_balances(arm: Arm, command: np.ndarray, *, refined: int = 1) -> tuple[OilBalance, EnergyBalance]:
+def linear_balances(arm, command, *, refined=1):
     """Run an arm with linear actuators from rest under commands (N, 7) at 50 Hz, rad; return its balances.
 
     Over a physics step of length h the engine holds valve flow Q and joint velocity w, and integrates
@@ -166,7 +156,7 @@ def linear_balances(arm: Arm, command: np.ndarray, *, refined: int = 1) -> tuple
     return oil, energy
 
 
-def orifice_balances(arm: Arm, command: np.ndarray, *, refined: int = 4) -> tuple[OilBalance, EnergyBalance]:
+def orifice_balances(arm, command, *, refined=4):
     """Run an arm with servo valves from rest under commands (N, 7) at 50 Hz, rad; return its balances.
 
     Flows are computed from the states at the ends of the physics steps and integrated by Simpson's rule, so that both
@@ -181,7 +171,7 @@ def orifice_balances(arm: Arm, command: np.ndarray, *, refined: int = 4) -> tupl
     angles, velocities, constraint, supply, joints = np.split(np.array(rows), [n, 2 * n, 3 * n, 3 * n + 1], axis=1)
     supply, joints, p = supply[:, 0], joints.reshape(-1, n, eq.STATES), arm_parameters(model)
 
-    def integral(rate: np.ndarray) -> np.ndarray:
+    def integral(rate):
         """Simpson's rule over each tick, within which all rates are smooth."""
         weights = np.full(instants, 2.0)
         weights[1::2], weights[[0, -1]] = 4.0, 1.0

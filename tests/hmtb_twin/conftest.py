@@ -3,7 +3,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from hmtb_twin import Arm, Chain, HandController, Operator, Plant, Specimen, Truth, linearize, load_arm
+from hmtb_twin import Chain, HandController, Plant, Specimen, linearize, load_arm
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class BinaryTest:
     hand_controller: HandController = HandController()  # noqa: RUF009
     spoil: dict[int, float] = field(default_factory=dict)
 
-    def volts(self) -> np.ndarray:
+    def volts(self):
         ticks = round(50 * self.duration)
         bits = np.random.default_rng(7).choice([-1.0, 1.0], (ticks // self.hold + 1, len(self.axes)))
         volts = self.amplitude * np.repeat(bits, self.hold, axis=0)[:ticks]
@@ -36,20 +36,20 @@ class BinaryTest:
             volts[row] = value
         return volts
 
-    def operator(self) -> Operator | None:
+    def operator(self):
         return None
 
 
 @pytest.fixture(scope="session")
-def arm() -> Arm:
+def arm():
     return load_arm()
 
 
 @pytest.fixture(scope="session")
-def truth(arm: Arm) -> Truth:
+def truth(arm):
     return linearize(arm)
 
 
 @pytest.fixture(scope="session")
-def experiment() -> type[BinaryTest]:
+def experiment():
     return BinaryTest

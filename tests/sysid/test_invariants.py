@@ -19,7 +19,7 @@ Estimator = Callable[[IOData | Sequence[IOData]], Estimate]
 Array = NDArray[np.float64]
 
 # name: estimator, relative tolerance of its answer (iterations stop when a part of 1e-9 of the cost is left)
-SINGLE: dict[str, tuple[Estimator, float]] = {
+SINGLE = {
     "arx": (lambda d: sysid.arx(d, 2, 2), 1e-8),
     # its instruments are simulated from rest: what comes before the window has not quite died out behind it
     "iv4": (lambda d: sysid.iv4(d, 2, 2), 1e-5),
@@ -27,7 +27,7 @@ SINGLE: dict[str, tuple[Estimator, float]] = {
     "oe": (lambda d: sysid.oe(d, 2, 2), 2e-3),
     "bj": (lambda d: sysid.bj(d, 2, 1, 1, 2), 2e-3),
 }
-SEVERAL: dict[str, tuple[Estimator, float]] = {
+SEVERAL = {
     "okid": (lambda d: sysid.okid(d, 2, p=6), 1e-6),
     "n4sid": (lambda d: sysid.n4sid(d, 2), 1e-6),
     "pem_ss": (lambda d: sysid.pem_ss(d, sysid.n4sid(d, 2)), 2e-3),
@@ -38,7 +38,7 @@ quick = settings(max_examples=8, deadline=None, derandomize=True)
 pytestmark = pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 
 
-def record(seed: int, nu: int = 1, ny: int = 1, samples: int = 500, noise: float = 0.2) -> IOData:
+def record(seed, nu=1, ny=1, samples=500, noise=0.2):
     """Every channel has the poles 0.75 +- 0.37 i, so that the order stays two."""
     rng = np.random.default_rng(seed)
     u = rng.standard_normal((samples + 100, nu))
@@ -54,19 +54,19 @@ def record(seed: int, nu: int = 1, ny: int = 1, samples: int = 500, noise: float
     return IOData(u, y, DT)[100:]
 
 
-def response(estimate: Estimate) -> NDArray[np.complex128]:
+def response(estimate):
     return estimate.model.frequency_response(F)
 
 
-def assert_same(found: NDArray[np.complex128], expected: NDArray[np.complex128], tolerance: float) -> None:
+def assert_same(actual, expected, tolerance):
     scale = np.abs(expected).max(axis=0)
-    np.testing.assert_array_less(np.abs(found - expected) / scale, tolerance)
+    np.testing.assert_array_less(np.abs(actual - expected) / scale, tolerance)
 
 
 @each
 @quick
 @given(u=st.floats(-9.0, 9.0), y=st.floats(-9.0, 9.0), signs=st.sampled_from([(1, 1), (1, -1), (-1, 1)]))
-def test_scaled_channels_scale_the_model(name: str, u: float, y: float, signs: tuple[int, int]) -> None:
+def test_scaled_channels_scale_the_model(name, u, y, signs):
     identify, tolerance = EVERY[name]
     data = record(1)
     a, b = signs[0] * 10.0**u, signs[1] * 10.0**y
@@ -79,19 +79,23 @@ def test_scaled_channels_scale_the_model(name: str, u: float, y: float, signs: t
 
 @each
 @quick
-@given(cut=st.integers(0, 20))
-def test_the_clock_does_not_matter(name: str, cut: int) -> None:
-    """Samples at the head of the initialisation window that nothing needs may stay or go."""
+@given(cut=st.integers(0, 30))
+def test_the_clock_does_not_matter(name, cut):
+    """Samples at the head of the initialisation window that nothing needs may stay or go, whatever they are."""
     identify, tolerance = EVERY[name]
     data = replace(record(2), window=40)
-    assert_same(response(identify(data[cut:])), response(identify(data)), tolerance)
+    expected = response(identify(data))
+    assert_same(response(identify(data[cut:])), expected, tolerance)
+    y = data.y.copy()
+    y[:cut] += 100.0
+    assert_same(response(identify(replace(data, y=y))), expected, tolerance)
 
 
 @pytest.mark.slow
 @each
 @quick
 @given(where=st.integers(150, 350))
-def test_a_record_in_two_parts_is_one_record(name: str, where: int) -> None:
+def test_a_record_in_two_parts_is_one_record(name, where):
     """The equations lost at the cut move the model by a small part of its uncertainty; the order is arbitrary."""
     identify, tolerance = EVERY[name]
     data = record(3)
@@ -105,7 +109,7 @@ def test_a_record_in_two_parts_is_one_record(name: str, where: int) -> None:
 @each
 @quick
 @given(where=st.integers(100, 400))
-def test_without_noise_the_cut_costs_nothing(name: str, where: int) -> None:
+def test_without_noise_the_cut_costs_nothing(name, where):
     identify, _ = EVERY[name]
     data = record(4, noise=0.0)
     parts = identify([data[:where], data[where:]])
@@ -117,7 +121,7 @@ def test_without_noise_the_cut_costs_nothing(name: str, where: int) -> None:
 @pytest.mark.parametrize("name", ["arx", "okid"])
 @quick
 @given(where=st.integers(100, 400))
-def test_parts_that_overlap_by_their_windows_are_exactly_one_record(name: str, where: int) -> None:
+def test_parts_that_overlap_by_their_windows_are_exactly_one_record(name, where):
     identify, tolerance = EVERY[name]
     data = record(5)
     first, second = data[:where], replace(data[where - 10 :], window=10)
@@ -125,7 +129,7 @@ def test_parts_that_overlap_by_their_windows_are_exactly_one_record(name: str, w
 
 
 @each
-def test_two_inputs_in_either_sequence(name: str) -> None:
+def test_two_inputs_in_either_sequence(name):
     identify, tolerance = EVERY[name]
     data = record(6, nu=2)
     turned = data.select(inputs=[1, 0])
@@ -135,20 +139,19 @@ def test_two_inputs_in_either_sequence(name: str) -> None:
 @pytest.mark.parametrize("name", SEVERAL)
 @quick
 @given(st.permutations(range(3)), st.permutations(range(2)))
-def test_channels_in_any_sequence(name: str, outputs: list[int], inputs: list[int]) -> None:
+def test_channels_in_any_sequence(name, outputs, inputs):
     identify, tolerance = SEVERAL[name]
     data = record(7, nu=2, ny=3)
-    found, plain = identify(data.select(inputs=inputs, outputs=outputs)), identify(data)
-    assert_same(response(found), response(plain)[:, outputs][:, :, inputs], tolerance)
-    np.testing.assert_allclose(
-        found.noise_variance, plain.noise_variance[np.ix_(outputs, outputs)], rtol=tolerance, atol=1e-12
-    )
-    assert found.model.output_names == tuple(plain.model.output_names[i] for i in outputs)
+    moved, plain = identify(data.select(inputs=inputs, outputs=outputs)), identify(data)
+    assert_same(response(moved), response(plain)[:, outputs][:, :, inputs], tolerance)
+    variance = plain.noise_variance[np.ix_(outputs, outputs)]
+    np.testing.assert_allclose(moved.noise_variance, variance, rtol=tolerance, atol=1e-12)
+    assert moved.model.output_names == tuple(plain.model.output_names[i] for i in outputs)
 
 
 @quick
 @given(u=st.floats(-9.0, 9.0), y=st.floats(-9.0, 9.0))
-def test_scaled_channels_scale_what_has_no_model(u: float, y: float) -> None:
+def test_scaled_channels_scale_what_has_no_model(u, y):
     data = record(8)
     a, b = 10.0**u, 10.0**y
     scaled = replace(data, u=a * data.u, y=b * data.y)
@@ -159,7 +162,7 @@ def test_scaled_channels_scale_what_has_no_model(u: float, y: float) -> None:
         np.testing.assert_allclose(other.coherence, plain.coherence, rtol=1e-9)
     np.testing.assert_allclose(sysid.cra(scaled).response * a / b, sysid.cra(data).response, rtol=1e-7, atol=1e-12)
     assert sysid.delayest(scaled).arx == sysid.delayest(data).arx
-    grid: tuple[Sequence[int], Sequence[int], Sequence[int]] = (range(1, 4), range(1, 4), range(3))
+    grid = (range(1, 4), range(1, 4), range(3))
     assert sysid.selstruc(scaled, *grid).orders == sysid.selstruc(data, *grid).orders
     tested, plain_test = sysid.resid(sysid.arx(scaled, 1, 1), scaled), sysid.resid(sysid.arx(data, 1, 1), data)
     np.testing.assert_allclose(tested.whiteness_p, plain_test.whiteness_p, rtol=1e-6)

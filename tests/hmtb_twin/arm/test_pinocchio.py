@@ -19,7 +19,7 @@ STATES = 100
 RELATIVE = 1e-12
 
 
-def agree(model: mujoco.MjModel, peer: "pin.Model") -> None:
+def agree(model, peer):
     data, scratch = mujoco.MjData(model), peer.createData()
     rng = np.random.default_rng(0)
     n = model.nv
@@ -41,7 +41,7 @@ def agree(model: mujoco.MjModel, peer: "pin.Model") -> None:
         close(torque + model.dof_armature * a, pin.rnea(peer, scratch, q, v, a))
 
 
-def close(ours: np.ndarray, theirs: np.ndarray, relative: float = RELATIVE) -> None:
+def close(ours, theirs, relative=RELATIVE):
     difference, size = float(np.abs(ours - theirs).max()), float(np.abs(theirs).max())
     assert difference <= relative * size
 
@@ -49,7 +49,7 @@ def close(ours: np.ndarray, theirs: np.ndarray, relative: float = RELATIVE) -> N
 ARMS = pytest.mark.parametrize(("variant", "payload"), list(product(VARIANTS, PAYLOADS)))
 
 
-def rigid(variant: str, payload: str) -> tuple[mujoco.MjModel, "pin.Model"]:
+def rigid(variant, payload):
     """An arm's bodies alone, without drives, drag and constraints, and the controller's own model of them."""
     arm = load_arm(variant, payload)
     model, flags = copy(arm.model), mujoco.mjtDisableBit
@@ -57,14 +57,14 @@ def rigid(variant: str, payload: str) -> tuple[mujoco.MjModel, "pin.Model"]:
     return model, arm.controller._model
 
 
-def moving(peer: "pin.Model", count: int = STATES) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def moving(peer, count=STATES):
     """Random angles, rad, velocities, rad/s, and the torques, N m, of random accelerations."""
     rng, n, scratch = np.random.default_rng(1), peer.nv, peer.createData()
     drawn = [(rng.uniform(-3, 3, n), rng.uniform(-2, 2, n), rng.uniform(-5, 5, n)) for _ in range(count)]
     return [(q, v, pin.rnea(peer, scratch, q, v, a).copy()) for q, v, a in drawn]
 
 
-def acceleration(model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
+def acceleration(model, data, q, v, t):
     data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q, v, t
     mujoco.mj_forward(model, data)
     return data.qacc.copy()
@@ -106,20 +106,15 @@ def test_kinematics(variant, payload):
 
 
 @ARMS
-def test_forward_dynamics(variant, payload):
+def test_accelerations_and_their_derivatives(variant, payload):
+    """Derivatives by differences of eighth order and by the engine's own."""
     model, peer = rigid(variant, payload)
     data, scratch = mujoco.MjData(model), peer.createData()
     for q, v, torque in moving(peer):
         # The wrist roll's inertia is a hundredth of the shoulder's: accelerations carry that condition number.
         close(acceleration(model, data, q, v, torque), pin.aba(peer, scratch, q, v, torque), 1e-10)
-
-
-@ARMS
-def test_linearised_dynamics(variant, payload):
-    """Derivatives of the accelerations: by differences of eighth order and by the engine's own."""
-    model, peer = rigid(variant, payload)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    data, scratch, n, h = mujoco.MjData(model), peer.createData(), model.nv, model.opt.timestep
+    n, h = model.nv, model.opt.timestep
     A = np.empty((2 * n + model.na,) * 2)
     # Truncation and rounding are both near 1e-12 at this step.
     weights, reach = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}, 0.004
@@ -143,15 +138,6 @@ def test_linearised_dynamics(variant, payload):
 
 
 def test_panda(tmp_path):
-    path = panda(tmp_path)
-    model, peer = mujoco.MjModel.from_xml_path(str(path)), pin.buildModelFromUrdf(str(path))
-    names = [model.joint(i).name for i in range(model.njnt)]
-    assert names == list(peer.names)[1:]
-    assert model.nv >= 7
-    agree(model, peer)
-
-
-def panda(folder: Path) -> Path:
     """The Panda of example-robot-data without its meshes, which the dynamics do not need."""
     files = distribution("example-robot-data").files or []
     urdf = next(Path(str(file.locate())) for file in files if str(file).endswith("panda_description/urdf/panda.urdf"))
@@ -159,8 +145,12 @@ def panda(folder: Path) -> Path:
     for link in tree.iter("link"):
         for shape in [*link.findall("visual"), *link.findall("collision")]:
             link.remove(shape)
-    mujoco_options = ET.SubElement(tree, "mujoco")
-    ET.SubElement(mujoco_options, "compiler", fusestatic="false", balanceinertia="false")
-    path = folder / "panda.urdf"
+    options = ET.SubElement(tree, "mujoco")
+    ET.SubElement(options, "compiler", fusestatic="false", balanceinertia="false")
+    path = tmp_path / "panda.urdf"
     path.write_bytes(ET.tostring(tree))
-    return path
+    model, peer = mujoco.MjModel.from_xml_path(str(path)), pin.buildModelFromUrdf(str(path))
+    names = [model.joint(i).name for i in range(model.njnt)]
+    assert names == list(peer.names)[1:]
+    assert model.nv >= 7
+    agree(model, peer)

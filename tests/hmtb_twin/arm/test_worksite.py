@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from hmtb_twin import IDEAL, JointLog, Motion, Status, View, linearize, load_arm, simulate
+from hmtb_twin import IDEAL, Motion, Status, linearize, load_arm, simulate
 from hmtb_twin.arm.worksite_model import LATCH_WELD, UNIT_BODY
 from hmtb_twin.control.modes import TOOL_AXES
 from hmtb_twin.parameters.payloads import LATCH, SEATS, UNIT
@@ -13,13 +13,13 @@ from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, SAMPLE_TIME
 WEIGHT = 9.81 * UNIT.mass
 
 
-def commands(amplitude: float, ticks: int = 400) -> np.ndarray:
+def commands(amplitude, ticks=400):
     bits = np.random.default_rng(3).choice([-amplitude, amplitude], (ticks // 5, len(JOINTS)))
     bits[:, 0] = 0.0
     return load_arm().pose(OPERATING_POSE) + np.repeat(bits, 5, axis=0)
 
 
-def response(arm, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def response(arm, command):
     data = arm.rest(arm.pose(OPERATING_POSE))
     angles, wrench = np.empty_like(command), np.empty((len(command), 6))
     for k, control in enumerate(arm.controls(command)):
@@ -50,8 +50,14 @@ def test_truth_is_that_of_free_space_and_the_latch_holds_stiffly():
     assert np.linalg.norm(data.site("tool").xpos - data.body(UNIT_BODY).xpos) < 1e-6
 
 
-def test_the_scene_holds_the_seats_and_no_other_plates():
+def test_the_scene_holds_the_seats_and_only_the_unit_touches_anything():
+    for payload in ("rpcm", "none"):
+        assert not load_arm(payload=payload).model.geom_contype.any()
     model = load_arm(worksite=True).model
+    touching = np.flatnonzero(model.geom_contype)
+    assert [model.body(model.geom_bodyid[g]).name for g in touching] == [UNIT_BODY]
+    touched = {model.body(model.geom_bodyid[g]).name for g in np.flatnonzero(model.geom_conaffinity)}
+    assert touched == {"support_structure", "holster", "receptacle", "end_effector"}
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     for name, seat in SEATS.items():
@@ -68,16 +74,6 @@ def test_the_scene_holds_the_seats_and_no_other_plates():
         position, rotation = seat.seated
         np.testing.assert_allclose(data.site(f"{name}_seat").xpos, position, atol=1e-8)
         np.testing.assert_allclose(data.site(f"{name}_seat").xmat.reshape(3, 3), rotation, atol=1e-8)
-
-
-def test_only_the_unit_touches_anything():
-    for payload in ("rpcm", "none"):
-        assert not load_arm(payload=payload).model.geom_contype.any()
-    model = load_arm(worksite=True).model
-    touching = np.flatnonzero(model.geom_contype)
-    assert [model.body(model.geom_bodyid[g]).name for g in touching] == [UNIT_BODY]
-    touched = {model.body(model.geom_bodyid[g]).name for g in np.flatnonzero(model.geom_conaffinity)}
-    assert touched == {"support_structure", "holster", "receptacle", "end_effector"}
 
 
 @pytest.mark.parametrize("name", SEATS)
@@ -99,11 +95,11 @@ def test_a_seat_takes_the_unit_in_and_holds_it(name):
 class Hand:
     """Moves the tool down onto the unit in its holster in three seconds, closes there at 4 s, and opens at 6 s."""
 
-    def __init__(self, down: float, aside: float) -> None:
+    def __init__(self, down, aside):
         # 0.02 m/s per volt, over three seconds.
         self.volts = np.array([down / 0.06, aside / 0.06, 0.0, 0.0, 0.0, 0.0])
 
-    def move(self, view: View) -> Motion:
+    def move(self, view):
         return Motion(self.volts * (view.time < 3.0), 4.0 <= view.time < 6.0)
 
 
@@ -116,7 +112,7 @@ def gripping(experiment):
         short: float = 0.001
         aside: float = 0.0
 
-        def operator(self) -> Hand:
+        def operator(self):
             return Hand(float(way[2]) - self.short, self.aside)
 
     kind = {"axes": TOOL_AXES, "mode": "cartesian_rate", "worksite": True, "payload": "none", "chain": IDEAL}
@@ -143,15 +139,3 @@ def test_latch_does_not_close_beside_the_unit_and_keeps_it_without_power(grippin
     assert not any((one.status & Status.UNIT_HELD).any() for one in missed)
     assert ((log.status[200:300] & Status.UNIT_HELD) > 0).all()
     assert (log.status[225:275] & Status.SHUT_DOWN).all()
-
-
-def test_log_keeps_unit_and_contact_and_others_have_none(gripping, experiment, tmp_path):
-    log = simulate([replace(gripping, duration=1.0)])[0]
-    back = JointLog.load(log.save(tmp_path / "log.nc"))
-    for name in ("unit_pose", "contact_force", "status"):
-        np.testing.assert_array_equal(getattr(back, name), getattr(log, name))
-        with pytest.raises(ValueError, match="read-only"):
-            getattr(back, name)[0] = 0
-    plain = simulate([experiment(duration=1.0)])[0]
-    assert plain.unit_pose is None
-    assert JointLog.load(plain.save(tmp_path / "plain.nc")).contact_force is None

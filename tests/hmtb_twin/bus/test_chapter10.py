@@ -11,10 +11,10 @@ from chapter10.computer import ComputerF1
 from chapter10.ms1553 import MS1553F1
 from chapter10.time import TimeF1
 
-from hmtb_twin import TwinError
 from hmtb_twin.bus.messages import BusFaults
 from hmtb_twin.bus.recorder_run import DATE, record_run
 from hmtb_twin.bus.words import BAM, MESSAGES
+from tests.refusals import refused
 
 
 @pytest.fixture(scope="module")
@@ -146,6 +146,5 @@ def test_faults_set_the_bits_of_the_standard(bus_record, tmp_path):
 
 def test_missing_library_is_one_line(bus_record, tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "chapter10", None)
-    with pytest.raises(TwinError, match=r"pip install 'hmtb-twin\[bus\]'"):
-        record_run([bus_record("none", 5)], tmp_path / "none.ch10")
+    refused(r"pip install 'hmtb-twin\[bus\]'", record_run, [bus_record("none", 5)], tmp_path / "none.ch10")
     assert not list(tmp_path.iterdir())

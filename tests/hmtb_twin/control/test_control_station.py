@@ -1,25 +1,26 @@
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, Chain, Motion, Status, TwinError, View, load_arm, simulate
+from hmtb_twin import IDEAL, JOINTS, Chain, Motion, Status, load_arm, simulate
+from hmtb_twin.control.hand_controller import HandControllerInterface, deflection, pickup
 from hmtb_twin.parameters.drives import ACTUATORS
-from hmtb_twin.parameters.values import MOTIONS, RECORDER
+from hmtb_twin.parameters.values import HAND_CONTROLLER, MOTIONS, RECORDER
 from scenarios import Scenario
-
-CHANNELS = ("commanded", "measured", "wrench", "true_angles", "load_pressure", "volts", "counts", "status")
+from tests.hmtb_twin.altered_arms import equal
+from tests.refusals import refused
 
 
 class Replay:
     """An operator who moves the stick exactly as the excitation computer would."""
 
-    def __init__(self, volts: np.ndarray) -> None:
+    def __init__(self, volts):
         self._volts = iter(volts)
-        self.views: list[View] = []
+        self.views = []
 
-    def move(self, view: View) -> Motion:
+    def move(self, view):
         self.views.append(view)
         return Motion(next(self._volts))
 
@@ -33,15 +34,14 @@ def operated(experiment, make):
 def test_an_operator_who_does_the_same_gives_the_same_log_and_sees_the_tool_where_it_is(experiment, mode):
     operators = []
 
-    def replay(self) -> Replay:
+    def replay(self):
         operators.append(Replay(experiment.volts(self)))
         return operators[-1]
 
     axes = ("x", "z") if mode.startswith("cartesian") else ("shoulder_yaw", "elbow_pitch")
     settings = {"mode": mode, "axes": axes, "duration": 2.0}
     by_hand, played = simulate([operated(experiment, replay)(**settings), experiment(**settings)])
-    for name in CHANNELS:
-        np.testing.assert_array_equal(getattr(by_hand, name), getattr(played, name), err_msg=name)
+    assert equal(by_hand, played)
     for k in (0, 20, 99):
         view, (position, rotation) = operators[0].views[k], load_arm().controller.tool_pose(by_hand.true_angles[k])
         assert view.time == pytest.approx(k * 0.02)
@@ -64,11 +64,9 @@ def test_saturation_and_limits_are_flagged(experiment):
 def stopped(experiment):
     """A binary test of the shoulder pitch with the power off from 3 s to 6 s, run beside another; the other alone."""
     other = experiment(duration=3.0)
-    log, company = simulate(
-        [experiment(name="off", axes=("shoulder_pitch",), duration=9.0, shutdown=(3.0, 6.0)), other]
-    )
-    alone = simulate([other])[0]
-    assert all(np.array_equal(getattr(alone, name), getattr(company, name)) for name in CHANNELS)
+    off = experiment(name="off", axes=("shoulder_pitch",), duration=9.0, shutdown=(3.0, 6.0))
+    log, company = simulate([off, other])
+    assert equal(simulate([other])[0], company)
     np.testing.assert_array_equal(np.flatnonzero(log.status & Status.SHUT_DOWN), np.arange(150, 300))
     return log
 
@@ -96,35 +94,33 @@ def test_restart_is_bumpless(stopped):
 
 @pytest.mark.parametrize("times", [(0.0,), (0.005,), (5.0,), (3.999,), (2.0, 1.0), (3.0, 3.005), (float("nan"),)])
 def test_bad_shutdowns_are_refused(experiment, times):
-    with pytest.raises(TwinError, match="power off"):
-        simulate([experiment(duration=4.0, shutdown=times)])
+    refused("power off", simulate, [experiment(duration=4.0, shutdown=times)])
 
 
 @pytest.mark.parametrize(
-    ("answer", "says"),
+    ("answer", "message"),
     [
         (Motion(np.zeros(6)), r"expected 1 finite numbers, one per axis, at 0.02 s"),
         (Motion(np.array([np.nan])), r"expected 1 finite numbers"),
-        (Motion("up"), r"expected 1 numbers"),  # type: ignore[arg-type]
+        (Motion("up"), r"expected 1 numbers"),
         (None, r"gave NoneType, expected a Motion"),
     ],
 )
-def test_an_operator_who_does_the_impossible_fails_alone(experiment, answer, says):
+def test_an_operator_who_does_the_impossible_fails_alone(experiment, answer, message):
     class Wrong:
-        def move(self, view: View) -> Motion:
+        def move(self, view):
             return Motion(np.zeros(1)) if view.time < 0.01 else answer
 
     kind = operated(experiment, lambda _: Wrong())
     logs = simulate([kind(name="wrong", duration=0.1), experiment(duration=0.1)])
     assert [log.name for log in logs] == ["binary"]
-    assert re.search(says, logs.failed["wrong"])
-    with pytest.raises(TwinError, match=r"gave int, expected an object with a method move"):
-        simulate([operated(experiment, lambda _: 3)()])
+    assert re.search(message, logs.failed["wrong"])
+    refused(r"gave int, expected an object with a method move", simulate, [operated(experiment, lambda _: 3)()])
 
 
 def test_the_log_names_its_operator_and_claims_no_recipe_it_cannot_keep():
     class Own(Scenario):
-        def operator(self) -> Replay:
+        def operator(self):
             return Replay(np.zeros((50, 1)))
 
     log = simulate([Own("own", ("wrist_yaw",), (), duration=1.0)])[0]
@@ -132,9 +128,9 @@ def test_the_log_names_its_operator_and_claims_no_recipe_it_cannot_keep():
     assert log.provenance["operator"].endswith("Replay")
 
 
-def test_a_restart_beyond_a_range_begins_at_its_end_and_says_so(experiment):
+def test_a_restart_beyond_a_range_begins_at_its_end_with_a_flag(experiment):
     class Push(experiment):
-        def volts(self) -> np.ndarray:
+        def volts(self):
             return np.full((round(50 * self.duration), len(self.axes)), 9.9)
 
     push = Push(axes=JOINTS[1:], pose="home", duration=7.0, shutdown=(3.0, 6.0))
@@ -144,3 +140,38 @@ def test_a_restart_beyond_a_range_begins_at_its_end_and_says_so(experiment):
     beyond = ((log.true_angles < lower - 1e-3) | (log.true_angles > upper + 1e-3)).any(axis=1)[150:301]
     assert beyond.any(), "an arm at its limit creeps beyond it"
     assert ((log.status[150:301] & Status.JOINT_LIMITED) != 0)[beyond].all()
+
+
+def interface(volts, parameters=HAND_CONTROLLER, chain=IDEAL, seed=0):
+    """Received volts and counts of one axis."""
+    column = np.atleast_2d(volts).T
+    disturbance = pickup(len(column), 1, parameters, np.random.default_rng(seed), chain)
+    received, counts = HandControllerInterface(parameters, chain, disturbance).read(column)
+    return received[:, 0], counts[:, 0]
+
+
+def test_coloured_noise_keeps_its_size_and_loses_its_high_frequencies():
+    coloured, _ = interface(np.zeros(60_000), replace(HAND_CONTROLLER, noise_corner=1.0), replace(IDEAL, noise=True))
+    assert abs(coloured.std() / HAND_CONTROLLER.noise - 1.0) < 0.05
+    correlation = np.corrcoef(coloured[1:], coloured[:-1])[0, 1]
+    assert correlation == pytest.approx(np.exp(-2 * np.pi / 50), abs=0.02)
+
+
+def test_mains_hum_is_seen_at_its_alias():
+    hum, _ = interface(np.zeros(5000), replace(HAND_CONTROLLER, noise=0.0, hum=0.1), replace(IDEAL, noise=True))
+    spectrum = np.abs(np.fft.rfft(hum)) / 2500
+    assert np.fft.rfftfreq(5000, 0.02)[spectrum.argmax()] == pytest.approx(10.0)
+    assert spectrum.max() == pytest.approx(0.1, rel=1e-3)
+
+
+def test_converter_saturates_and_the_circuit_takes_most_of_the_bias_away():
+    assert interface(np.array([50.0, -50.0]))[1].tolist() == [2047.0, -2048.0]
+    chain = replace(IDEAL, bias=True)
+    bias, left = (interface(np.zeros(1), replace(HAND_CONTROLLER, compensation=part), chain)[0] for part in (0.0, 0.95))
+    np.testing.assert_allclose(left, 0.05 * bias)
+
+
+def test_deadband_keeps_small_deflections_from_the_arm_and_leaves_no_step():
+    wide = replace(HAND_CONTROLLER, deadband=0.1)
+    counts = np.array([-1.0, -0.1, 0.05, 0.1, 0.3]) / HAND_CONTROLLER.adc_step
+    np.testing.assert_allclose(deflection(counts, wide), [-0.9, 0.0, 0.0, 0.0, 0.2], atol=1e-12)

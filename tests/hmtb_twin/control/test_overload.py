@@ -1,5 +1,3 @@
-"""Drives that cannot hold the arm, in both forms of the actuator."""
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq

@@ -1,5 +1,3 @@
-"""The servo valves against their own equations written down a second time, against orifice law, and in the arm."""
-
 import runpy
 import sys
 from copy import copy
@@ -12,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, Plant, TwinError, linearize, load_arm, simulate
+from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, linearize, load_arm, simulate
 from hmtb_twin.hydraulics import orifice as orifice_module
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.orifice import (
@@ -23,10 +21,11 @@ from hmtb_twin.hydraulics.orifice import (
 )
 from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
-from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE, SAMPLE_TIME
+from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE
 from hmtb_twin.truth.linearization import sample_map
 from tests.hmtb_twin.altered_arms import with_valve
 from tests.hmtb_twin.balances import orifice_balances
+from tests.refusals import refused
 
 ORIFICE = Plant(actuator="orifice")
 GAINS = {"shaft": (0.0, 0.0), "other": (0.0, 0.0)}
@@ -106,8 +105,8 @@ def test_bench_follows_the_equations_written_down_again(name):
         run(model, data, 0.1)
         state = solve_ivp(equations, (0, 0.1), state, args=(torque,), rtol=1e-10, atol=1e-12, method="LSODA").y[:, -1]
         spool, speed, _, slow, mean, load = states(data)[0]
-        got = [data.qvel[0], data.act[0], spool, speed / omega, slow, mean + load / 2, mean - load / 2]
-        np.testing.assert_allclose(got, state, rtol=1e-5, atol=2e-6)
+        simulated = [data.qvel[0], data.act[0], spool, speed / omega, slow, mean + load / 2, mean - load / 2]
+        np.testing.assert_allclose(simulated, state, rtol=1e-5, atol=2e-6)
 
 
 def test_python_and_mujoco_compute_the_same_rates():
@@ -178,12 +177,24 @@ def test_overlap_is_a_dead_band_and_underlap_leaks():
     assert null[1] == pytest.approx(4 * SERVO_VALVE.clearance / 2 * SMOOTH.rated_flow, rel=1e-6)
 
 
+def test_spool_stops_at_full_stroke_and_pressures_stay_within_the_check_valves():
+    model, data = bench(ACTUATORS["shoulder_yaw"], inertia=25.0)
+    p, rows = arm_parameters(model)[0], np.empty((2000, eq.STATES))
+    for k, row in enumerate(rows):
+        data.ctrl[1] = 1e5 if k // 200 % 2 else -1e5
+        mujoco.mj_step(model, data)
+        row[:] = states(data)[0]
+    half = np.abs(rows[:, eq.LOAD]) / 2
+    assert 1.0 <= np.abs(rows[:, eq.SPOOL]).max() < 1.05
+    assert 0.0 < (rows[:, eq.MEAN] - half).min() < p[eq.RETURN]
+    assert p[eq.RELIEF] < (rows[:, eq.MEAN] + half).max() < p[eq.RELIEF] + 3.0
+
+
 def test_joints_share_a_supply_that_sags():
-    shafts = ("shaft", "other")
     small = replace(POWER_UNIT, largest_flow=1.2 * SMOOTH.rated_flow)
     speeds, pressures = [], []
     for torque in (0.0, 1e5):
-        model, data = bench(shafts=shafts, power_unit=small)
+        model, data = bench(shafts=("shaft", "other"), power_unit=small)
         data.ctrl[1], data.ctrl[3] = 1e5, torque
         run(model, data, 15.0)
         speeds.append(data.qvel[0])
@@ -195,22 +206,6 @@ def test_joints_share_a_supply_that_sags():
     assert speeds[1] == pytest.approx(0.6 * SMOOTH.no_load_speed, rel=0.02)
     assert speeds[0] > 0.97 * SMOOTH.no_load_speed
     assert pressures[1] < 12.0
-
-
-def test_spool_stops_at_full_stroke_and_pressures_stay_within_the_check_valves():
-    model, data = bench(ACTUATORS["shoulder_yaw"], inertia=25.0)
-    p = arm_parameters(model)[0]
-    lowest, highest, stroke = 99.0, 0.0, 0.0
-    for k in range(2000):
-        data.ctrl[1] = 1e5 if k // 200 % 2 else -1e5
-        mujoco.mj_step(model, data)
-        own = states(data)[0]
-        stroke = max(stroke, abs(own[eq.SPOOL]))
-        lowest = min(lowest, own[eq.MEAN] - abs(own[eq.LOAD]) / 2)
-        highest = max(highest, own[eq.MEAN] + abs(own[eq.LOAD]) / 2)
-    assert 1.0 <= stroke < 1.05
-    assert 0.0 < lowest < p[eq.RETURN]
-    assert p[eq.RELIEF] < highest < p[eq.RELIEF] + 3.0
 
 
 def test_pressure_loop_has_margin_and_leakage_takes_the_place_of_the_amplifiers_slope(valve_arm):
@@ -290,10 +285,6 @@ def test_rest_is_an_equilibrium(pose, valve_arm):
     offsets = np.abs(angles - valve_arm.pose(pose))[free]
     # Null leakage costs a loaded valve some opening, and the servo some millirad.
     assert 1e-5 < offsets.max() < 5e-3
-    assert valve_arm.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    # Simpson's rule over a tick wants an even number of steps.
-    substeps = SAMPLE_TIME / valve_arm.model.opt.timestep
-    assert substeps == pytest.approx(2 * round(substeps / 2), abs=1e-12)
     run(valve_arm.model, data, 2.0)
     assert np.abs(data.qpos - angles).max() < 1e-8
     assert np.abs(data.act - act).max() < 1e-5
@@ -313,35 +304,20 @@ def test_worn_seals_are_resolved_by_the_step(friction):
     np.testing.assert_allclose(angles[0], angles[1], atol=1e-5)
 
 
-def test_logs_hold_spools_and_supply_and_do_not_depend_on_threads(experiment, tmp_path):
-    tests = [experiment(seed=seed, plant=ORIFICE, duration=2.0) for seed in range(3)]
-    logs, again = simulate(tests, threads=1), simulate(tests, threads=2)
-    assert not logs.failed
-    for one, other in zip(logs, again, strict=True):
-        for name in ("true_angles", "load_pressure", "spool", "supply_pressure", "wrench"):
-            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    log = logs[0]
-    assert np.abs(log.spool[:, 3]).max() > 10 * np.abs(log.spool[:, 1]).max()
-    assert 20.0 < log.supply_pressure.min() < log.supply_pressure.max() < 20.7
-    read = JointLog.load(log.save(tmp_path / "log.nc"))
-    np.testing.assert_array_equal(read.spool, log.spool)
-    np.testing.assert_array_equal(read.supply_pressure, log.supply_pressure)
-    plain = simulate([experiment(duration=0.2)])[0]
-    assert plain.spool is None
-    assert JointLog.load(plain.save(tmp_path / "plain.nc")).supply_pressure is None
-
-
 def test_shutdown_and_worksite_run_on_servo_valves(experiment):
     stopped = experiment(plant=ORIFICE, duration=3.0, shutdown=(1.0, 2.0))
     site = experiment(plant=ORIFICE, duration=1.0, worksite=True)
     logs = simulate([stopped, site, replace(stopped, name="linear", plant=Plant())])
     assert not logs.failed
-    assert np.abs(logs[0].spool[60:100]).max() < 1e-6
+    log = logs[0]
+    assert np.abs(log.spool[:50, 3]).max() > 10 * np.abs(log.spool[:50, 1]).max()
+    assert 20.0 < log.supply_pressure[:50].min() < log.supply_pressure[:50].max() < 20.7
+    assert np.abs(log.spool[60:100]).max() < 1e-6
     # The arm sinks by leakage alone, as it does with linear actuators.
-    sunk, linear = (np.ptp(log.true_angles[60:100], axis=0)[2:5] for log in (logs[0], logs[2]))
+    sunk, linear = (np.ptp(log.true_angles[60:100], axis=0)[2:5] for log in (log, logs[2]))
     np.testing.assert_allclose(sunk, linear, rtol=0.1)
     assert sunk.max() < 0.02
-    assert np.abs(logs[0].spool[105:]).max() > 1e-3
+    assert np.abs(log.spool[105:]).max() > 1e-3
     assert logs[1].unit_pose is not None
 
 
@@ -366,8 +342,6 @@ def test_books_of_oil_and_energy_balance(friction, joints):
     [
         ("ModuleNotFoundError(\"No module named 'numba'\", name='numba')", "is not installed"),
         ("ImportError('Numba needs NumPy 2.2 or less')", r"cannot be loaded \(ImportError: Numba needs NumPy 2.2"),
-        ("AttributeError('module has no _ARRAY_API')", r"cannot be loaded \(AttributeError: module has no"),
-        ("SystemError('initialization failed')", r"cannot be loaded \(SystemError"),
         ("OSError('libllvmlite.so: cannot open')", r"cannot be loaded \(OSError: libllvmlite"),
     ],
 )
@@ -378,8 +352,7 @@ def test_absent_or_failing_compiler_says_what_is_wrong_and_what_to_install(error
     anew = runpy.run_path(eq.__file__)
     monkeypatch.setattr(eq, "COMPILER", anew["COMPILER"])
     monkeypatch.setattr(eq, "FAULT", anew["FAULT"])
-    with pytest.raises(TwinError, match=rf"Numba.*{words}.*pip install 'hmtb-twin\[orifice\]'.*linear"):
-        load_arm(plant=ORIFICE)
+    refused(rf"Numba.*{words}.*pip install 'hmtb-twin\[orifice\]'.*linear", load_arm, plant=ORIFICE)
 
 
 def test_without_a_folder_for_machine_code_the_equations_are_compiled_anew(monkeypatch):
@@ -397,7 +370,7 @@ def test_without_a_folder_for_machine_code_the_equations_are_compiled_anew(monke
 
 
 @pytest.mark.parametrize("name", ["act_dyn", "act_bias"])
-def test_removed_equations_are_put_back_wherever_an_arm_moves(name, experiment):
+def test_removed_equations_are_put_back_wherever_an_arm_moves_and_foreign_ones_refused(name, experiment):
     plant = replace(ORIFICE, friction="viscous")
     kind, arm = experiment(duration=0.5, plant=plant), load_arm(plant=plant)
     getter, setter = (getattr(mujoco, f"{verb}_mjcb_{name}") for verb in ("get", "set"))
@@ -412,20 +385,12 @@ def test_removed_equations_are_put_back_wherever_an_arm_moves(name, experiment):
         setter(None)
         np.testing.assert_array_equal(use(), before)
         assert getter() is ours
-
-
-@pytest.mark.parametrize("name", ["act_dyn", "act_bias"])
-def test_arm_does_not_move_on_somebody_elses_equations_and_leaves_them_alone(name, experiment):
-    kind, arm = experiment(duration=0.5, plant=ORIFICE), load_arm(plant=ORIFICE)
-    getter, setter = (getattr(mujoco, f"{verb}_mjcb_{name}") for verb in ("get", "set"))
-    ours = getter()
+    # On somebody else's equations nothing moves, and they stay where they are.
     setter(lambda model, data, actuator: 0.0)
     theirs = getter()
-    uses = (lambda: load_arm(plant=ORIFICE), lambda: simulate([kind]), lambda: arm.rest(arm.pose("home")))
     try:
         for use in (*uses, install_valve_equations):
-            with pytest.raises(TwinError, match=f"mjcb_{name}; the orifice valve needs it"):
-                use()
+            refused(f"mjcb_{name}; the orifice valve needs it", use)
             assert getter() is theirs
     finally:
         setter(ours)

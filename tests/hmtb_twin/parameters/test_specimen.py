@@ -1,7 +1,4 @@
-"""One specimen of the arm: its bodies, its drives, where it rests and what is true of it."""
-
 from dataclasses import replace
-from itertools import pairwise
 from xml.etree import ElementTree
 
 import mujoco
@@ -21,13 +18,14 @@ from hmtb_twin.parameters.specimen import FARTHEST, LENGTHS, LINK_NAMES
 from hmtb_twin.parameters.values import LINKS, OPERATING_POSE, RECORDER
 from hmtb_twin.run.simulation import simulate
 from hmtb_twin.truth.linearization import sliding, small_signal_error
+from tests.refusals import refused
 
 
-def deviating(seed: int) -> Specimen:
+def deviating(seed):
     """A specimen that is off in everything that moves it."""
     rng = np.random.default_rng(seed)
 
-    def scattered(name: str, spread: float) -> tuple[float, ...]:
+    def scattered(name, spread):
         return tuple(np.exp(rng.normal(0.0, spread, LENGTHS[name])))
 
     return Specimen(
@@ -45,7 +43,7 @@ def deviating(seed: int) -> Specimen:
     )
 
 
-def bodies(specimen: Specimen) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
+def bodies(specimen):
     """Mass, centre of mass and inertia of each link of the nominal arm on this specimen."""
     nominal = [(x.mass, (x.length / 2, 0, 0), (x.axial_inertia, *2 * [x.transverse_inertia])) for x in LINKS.values()]
     parts = specimen.bodies(*(np.array(column, dtype=float) for column in zip(*nominal, strict=True)))
@@ -54,7 +52,7 @@ def bodies(specimen: Specimen) -> dict[str, tuple[float, np.ndarray, np.ndarray]
 
 @given(st.lists(st.floats(-FARTHEST, FARTHEST), min_size=9, max_size=9), st.floats(0.01, 100.0))
 @settings(max_examples=50)
-def test_the_log_cholesky_parameters_are_those_of_pinocchio(theta: list[float], factor: float) -> None:
+def test_the_log_cholesky_parameters_are_those_of_pinocchio(theta, factor):
     """Of a body of unit mass and unit extents, whose pseudo-inertia is the identity."""
     names = ("stretch", "shear", "shift")
     parts = {name: (*theta[3 * k : 3 * k + 3], *21 * [0.0]) for k, name in enumerate(names)}
@@ -72,7 +70,7 @@ def test_the_log_cholesky_parameters_are_those_of_pinocchio(theta: list[float], 
     assert moments[0] + moments[1] >= moments[2] * (1.0 - 1e-9)
 
 
-def test_mass_is_a_plain_factor_gains_let_nothing_droop_and_extremes_are_bodies() -> None:
+def test_mass_is_a_plain_factor_gains_let_nothing_droop_and_extremes_are_bodies():
     soft = load_arm(specimen=Specimen(kp=(1.2,) * 7, drag=(2.0,) * 7, bulk_modulus=0.5))
     np.testing.assert_array_equal(soft.rest(soft.pose("home")).qpos, soft.pose("home"))
     ends = np.random.default_rng(0).choice([-FARTHEST, FARTHEST], (3, 24))
@@ -85,17 +83,15 @@ def test_mass_is_a_plain_factor_gains_let_nothing_droop_and_extremes_are_bodies(
     np.testing.assert_array_equal(heavy.model.dof_armature, arm.model.dof_armature)
 
 
-def test_the_plant_has_the_bodies_that_pinocchio_is_told_of() -> None:
+def test_the_plant_has_the_bodies_of_pinocchio():
     specimen = deviating(1)
     root = ElementTree.fromstring(model_file("hmtb/hmtb.xml").read_text(encoding="utf-8"))
     written = {str(body.get("name")): body.find("inertial") for body in root.iter("body")}
     for name, (mass, centre, inertia) in bodies(specimen).items():
         inertial = written[BODIES[name]]
-        assert inertial is not None
         numbers = {"mass": [mass], "pos": centre, "fullinertia": inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]}
         inertial.attrib = {key: " ".join(repr(float(part)) for part in parts) for key, parts in numbers.items()}
     unit = written["rpcm"]
-    assert unit is not None
     unit.set("mass", repr(1.2 * float(unit.get("mass", ""))))
     unit.set("diaginertia", " ".join(repr(1.2 * float(part)) for part in unit.get("diaginertia", "").split()))
     known, arm = ControllerModel(ElementTree.tostring(root, encoding="unicode")), load_arm(specimen=specimen)
@@ -104,7 +100,7 @@ def test_the_plant_has_the_bodies_that_pinocchio_is_told_of() -> None:
         np.testing.assert_allclose(arm.inertia(angles), known.inertia_matrix(angles), atol=1e-9)
 
 
-def test_the_controller_knows_the_variant_and_is_shared() -> None:
+def test_the_controller_knows_the_variant_and_is_shared():
     arm, other = load_arm(), load_arm(specimen=deviating(1))
     assert other.controller is arm.controller
     tuned, factors = np.array(list(arm.gains.values())), np.column_stack([other.specimen.kp, other.specimen.kd])
@@ -116,7 +112,7 @@ def test_the_controller_knows_the_variant_and_is_shared() -> None:
     assert (other.unpowered.body_mass[1:] != arm.model.body_mass[1:]).all()
 
 
-def test_what_the_drives_rub_and_run_on() -> None:
+def test_what_the_drives_rub_and_run_on():
     """The same seals and the same oil, asked for in two ways."""
     worn, level = load_arm(specimen=Specimen(dry_friction=(2.0,) * 7)), load_arm(plant=Plant(friction_level=2.0))
     np.testing.assert_array_equal(worn.model.actuator_biasprm, level.model.actuator_biasprm)
@@ -126,8 +122,8 @@ def test_what_the_drives_rub_and_run_on() -> None:
     thick = Specimen(drag=(3.0,) * 7, bulk_modulus=0.5, leakage=4.0).applied("elbow_pitch", ACTUATORS["elbow_pitch"])
     plain = ACTUATORS["elbow_pitch"]
     assert thick.drag == pytest.approx(3.0 * plain.drag)
-    assert thick.compliance == pytest.approx(2.0 * plain.compliance)  # type: ignore[union-attr]
-    assert thick.leakage == pytest.approx(4.0 * plain.leakage)  # type: ignore[union-attr]
+    assert thick.compliance == pytest.approx(2.0 * plain.compliance)
+    assert thick.leakage == pytest.approx(4.0 * plain.leakage)
     assert NOMINAL_SPECIMEN.applied("elbow_pitch", plain) is plain
 
 
@@ -142,7 +138,7 @@ def test_what_the_drives_rub_and_run_on() -> None:
         ("nominal", "rpcm", Plant("orifice"), False, False, 1e-8),
     ],
 )
-def test_a_drooping_arm_stands_still_where_it_rests(variant, payload, plant, friction, worksite, still) -> None:
+def test_a_drooping_arm_stands_still_where_it_rests(variant, payload, plant, friction, worksite, still):
     arm = load_arm(variant, payload, plant=plant, specimen=deviating(2), friction=friction, worksite=worksite)
     angles = arm.pose(OPERATING_POSE)
     data = arm.rest(angles)
@@ -173,9 +169,7 @@ def test_a_drooping_arm_stands_still_where_it_rests(variant, payload, plant, fri
         ("nominal", OPERATING_POSE, "orifice", 3, 1e-5, 8e-5),
     ],
 )
-def test_the_truth_of_a_drooping_arm_is_as_good_as_that_of_a_nominal_one(
-    variant, pose, form, seed, amplitude, error
-) -> None:
+def test_the_truth_of_a_drooping_arm_is_as_good_as_that_of_a_nominal_one(variant, pose, form, seed, amplitude, error):
     arm = load_arm(variant, plant=Plant(form), specimen=deviating(seed))
     truth, nominal = linearize(arm, pose, amplitudes=(amplitude,)), linearize(load_arm(variant), pose, amplitudes=())
     assert truth.specimen == arm.specimen
@@ -186,7 +180,7 @@ def test_the_truth_of_a_drooping_arm_is_as_good_as_that_of_a_nominal_one(
     assert truth.joint("shoulder_pitch").dc_gain != pytest.approx(1.0, abs=1e-5)
 
 
-def test_noise_of_the_resolvers_is_that_of_the_specimen_in_log_and_truth(experiment) -> None:
+def test_noise_of_the_resolvers_is_that_of_the_specimen_in_log_and_truth(experiment):
     still = replace(experiment(), amplitude=0.0, duration=20.0, chain=replace(IDEAL, resolver=True))
     noisy = replace(still, specimen=Specimen(resolver_noise=4.0))
     quiet, loud = simulate([still, noisy])
@@ -204,37 +198,30 @@ def test_noise_of_the_resolvers_is_that_of_the_specimen_in_log_and_truth(experim
         ({"mass": (1.0, 1.1)}, r"^specimen: 2 entries of mass given, expected 8, or none where nothing deviates$"),
         ({"kp": (1.0,) * 6 + (0.0,)}, r"^specimen: kp\[6\] = 0.0 given, expected a number from 0.01 to 100$"),
         ({"shift": (4.0,) * 24}, r"^specimen: shift\[0\] = 4.0 given, expected a number from -3 to 3$"),
-        ({"leakage": 0.0}, r"^specimen: leakage = 0.0 given, expected a number from 0.01 to 100$"),
         ({"dry_friction": (-0.1,) * 7}, r"^specimen: dry_friction\[0\] = -0.1 given, expected a number from 0 to 100$"),
         ({"bulk_modulus": float("nan")}, "bulk_modulus = nan given, expected a number"),
-        ({"payload_mass": True}, "payload_mass = True given, expected a number"),
-        ({"payload_mass": "1"}, "payload_mass = '1' given, expected a number"),
         ({"mass": "heavy"}, r"mass = 'heavy' given, expected a tuple of numbers$"),
-        ({"mass": 1.1}, r"mass = 1.1 given, expected a tuple of numbers$"),
     ],
 )
-def test_what_no_arm_can_be_is_refused(given, message) -> None:
-    with pytest.raises(TwinError, match=message):
-        Specimen(**given)
+def test_what_no_arm_can_be_is_refused(given, message):
+    refused(message, Specimen, **given)
 
 
-def test_electric_drives_have_no_oil() -> None:
+def test_electric_drives_have_no_oil():
     arm = load_arm("flight", specimen=Specimen(mass=(1.1,) * 8, kd=(1.1,) * 7))
     np.testing.assert_allclose(arm.model.body_mass[1:-1], 1.1 * load_arm("flight").model.body_mass[1:-1])
     for name in ("bulk_modulus", "leakage"):
         with pytest.raises(TwinError, match=f"^specimen: {name} = 2.0 given, but the drives of this arm are electric"):
             load_arm("flight", specimen=Specimen(**{name: 2.0}))
-    with pytest.raises(TwinError, match=r"expected a Specimen, such as"):
-        load_arm(specimen=None)  # type: ignore[arg-type]
+    refused(r"expected a Specimen, such as", load_arm, specimen=None)
 
 
-def test_what_deviates_nowhere_is_nominal_however_it_is_written() -> None:
-    written = Specimen(mass=[1] * 8, stretch=np.zeros(24), kd=(np.float64(1.0),) * 7)  # type: ignore[arg-type]
+def test_what_deviates_nowhere_is_nominal_however_it_is_written():
+    written = Specimen(mass=[1] * 8, stretch=np.zeros(24), kd=(np.float64(1.0),) * 7)
     assert written == NOMINAL_SPECIMEN
     assert hash(written) == hash(NOMINAL_SPECIMEN)
     assert load_arm(specimen=written) is load_arm()
-    other = Specimen(kp=np.full(7, 1.5))  # type: ignore[arg-type]
+    other = Specimen(kp=np.full(7, 1.5))
     assert {type(value) for value in other.kp} == {float}
     assert other.deviations == {"kp": (1.5,) * 7}
-    assert len(LINK_NAMES) == 8
-    assert all(a != b for a, b in pairwise(LINK_NAMES))
+    assert len(set(LINK_NAMES)) == 8

@@ -3,11 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, TwinError, linearize, load_arm
+from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, linearize, load_arm
 from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE, POSES
 from hmtb_twin.truth import linearization
 from hmtb_twin.truth.linearization import CLEARANCE, linear, simulated, small_signal_error
 from hmtb_twin.truth.linearization import STEP_DIFFERENCES as STEP
+from tests.refusals import refused
 
 
 def test_joints_have_their_bandwidths_gains_and_published_delays(truth):
@@ -16,11 +17,6 @@ def test_joints_have_their_bandwidths_gains_and_published_delays(truth):
     assert [truth.joint(name).delay_samples for name in STUDIED_JOINTS] == [2, 1, 2]
     assert [truth.joint(name).dc_gain for name in JOINTS[1:]] == pytest.approx(6 * [1.0], abs=1e-6)
     assert np.isnan(truth.joint("shoulder_roll").bandwidth_hz)
-    f = np.geomspace(0.01, 24.9, 200)
-    for name in JOINTS[1:]:
-        # The minimal model of a joint keeps its response.
-        whole, small = truth.channel(name, name), truth.joint(name).model
-        assert np.abs(whole.frequency_response(f) - small.frequency_response(f)).max() < 1e-7
     elbow = truth.joint("elbow_pitch").bandwidth_hz
     smooth, bare = (linearize(arm, amplitudes=()) for arm in (load_arm(friction=False), load_arm(payload="none")))
     assert smooth.joint("elbow_pitch").bandwidth_hz == pytest.approx(elbow, rel=1e-9)
@@ -48,7 +44,7 @@ def test_error_against_simulation_is_proportional_to_amplitude_over_three_decade
         assert error / amplitude == pytest.approx(errors[1e-3] / 1e-3, rel=0.03)
 
 
-def test_whole_map_predicts_all_joints_at_once(truth):
+def test_whole_map_predicts_all_joints_at_once_and_divergence_shows(truth, monkeypatch):
     arm = load_arm(friction=False)
     rng = np.random.default_rng(3)
     offsets = 1e-5 * rng.choice([-1.0, 1.0], (200, 7))
@@ -57,13 +53,20 @@ def test_whole_map_predicts_all_joints_at_once(truth):
     response = linear(truth.model, offsets)
     difference = simulated(arm, angles, angles + offsets) - response
     assert np.linalg.norm(difference[:, 1:]) < 2e-6 * np.linalg.norm(response[:, 1:])
-
-
-def test_truth_cannot_be_changed(truth):
     with pytest.raises(ValueError, match="read-only"):
         truth.angles[0] = 1.0
     with pytest.raises(TypeError):
         truth.small_signal_error[1e-3] = 0.0
+
+    def diverged(*arguments):
+        response = simulated(*arguments)
+        response[-1, JOINTS.index("elbow_pitch")] = np.nan
+        return response
+
+    # The elbow's is neither the first nor the last of the comparisons.
+    assert np.isfinite(small_signal_error(arm, truth.model, truth.angles, 1e-3))
+    monkeypatch.setattr(linearization, "simulated", diverged)
+    assert np.isnan(small_signal_error(arm, truth.model, truth.angles, 1e-3))
 
 
 @pytest.mark.parametrize(
@@ -87,36 +90,19 @@ def test_poses_out_of_range_or_on_a_stop_are_refused(arm, changes, expected):
         amplitude = 0.1 * CLEARANCE
         assert linearize(arm, pose, amplitudes=(amplitude,)).small_signal_error[amplitude] < 1e-5
     else:
-        with pytest.raises(TwinError, match=expected):
-            linearize(arm, pose, amplitudes=())
+        refused(expected, linearize, arm, pose, amplitudes=())
 
 
 @pytest.mark.parametrize("pose", [["a"] * 7, [1j] * 7, {}, None, [0.0] * 6, [np.nan] * 7, 5, [True] * 7, [[1, 2], [3]]])
 def test_a_pose_is_seven_finite_numbers(pose):
-    with pytest.raises(TwinError, match="expected a name or 7 finite joint angles"):
-        linearize(load_arm(), pose)
+    refused("expected a name or 7 finite joint angles", linearize, load_arm(), pose)
 
 
 @pytest.mark.parametrize("amplitude", [0.0, -1e-3, float("nan"), float("inf"), 1e3, True, None, "1e-3", 1e-3j])
 def test_amplitudes_are_a_sequence_of_small_positive_numbers(arm, amplitude):
-    with pytest.raises(TwinError, match=r"expected above 0 and up to 6\.283 rad"):
-        linearize(arm, amplitudes=(amplitude,))
+    refused(r"expected above 0 and up to 6\.283 rad", linearize, arm, amplitudes=(amplitude,))
     if amplitude in (-1e-3, None, "1e-3"):
-        with pytest.raises(TwinError, match=r"amplitudes = .* given, expected a sequence of numbers in rad"):
-            linearize(arm, amplitudes=amplitude)
-
-
-def test_comparison_that_diverges_shows(arm, truth, monkeypatch):
-    def diverged(*given):
-        response = simulated(*given)
-        response[-1, JOINTS.index("elbow_pitch")] = np.nan
-        return response
-
-    smooth = load_arm(friction=False)
-    assert np.isfinite(small_signal_error(smooth, truth.model, truth.angles, 1e-3))
-    monkeypatch.setattr(linearization, "simulated", diverged)
-    # The elbow's is neither the first nor the last of the comparisons.
-    assert np.isnan(small_signal_error(smooth, truth.model, truth.angles, 1e-3))
+        refused(r"amplitudes = .* given, expected a sequence of numbers in rad", linearize, arm, amplitudes=amplitude)
 
 
 @pytest.mark.filterwarnings("error")
@@ -128,28 +114,67 @@ def test_unstable_arm_has_a_linear_model_but_no_joint_truths(truth, monkeypatch)
         return replace(path, A=path.A * 1.2 / np.abs(np.linalg.eigvals(path.A)).max()), disturbances
 
     monkeypatch.setattr(linearization, "_sampled_model", unstable)
-    found = linearize(load_arm(plant=Plant(supply_pressure=50.0)))
-    assert found.spectral_radius == pytest.approx(1.2)
-    assert all(np.isnan(error) for error in found.small_signal_error.values())
+    grown = linearize(load_arm(plant=Plant(supply_pressure=50.0)))
+    assert grown.spectral_radius == pytest.approx(1.2)
+    assert all(np.isnan(error) for error in grown.small_signal_error.values())
     conditions = r"at rpcm_holster_out_approach under .*supply_pressure = 50\.0"
-    with pytest.raises(TwinError, match=rf"^the arm is unstable {conditions}.*: spectral radius 1\.2 at 50 Hz"):
-        found.joint("elbow_pitch")
+    refused(rf"^the arm is unstable {conditions}.*: spectral radius 1\.2 at 50 Hz", grown.joint, "elbow_pitch")
     assert truth.spectral_radius < 1.0
 
 
 @pytest.mark.parametrize("names", [5, None, {}, "elbow_pitch", (), ("elbow_pitch", "elbow_pitch"), {"elbow_pitch"}])
 def test_a_subset_takes_joints_each_once(truth, names):
     for arguments in ((names, JOINTS), (JOINTS, names)):
-        with pytest.raises(TwinError, match="expected one or more joints, each once"):
-            truth.subset(*arguments)
+        refused("expected one or more joints, each once", truth.subset, *arguments)
 
 
 @pytest.mark.parametrize("name", [5, None, ["elbow_pitch"], np.array(["elbow_pitch", "ankle"]), "ankle"])
 def test_unknown_names_are_answered_with_what_there_is(truth, name):
     for ask in (truth.joint, lambda one: truth.channel("elbow_pitch", one)):
-        with pytest.raises(TwinError, match=r"unknown joint .*, available: .*elbow_pitch"):
-            ask(name)
-    with pytest.raises(TwinError, match=r"unknown variant .*, available: nominal"):
-        load_arm(variant=name)
-    with pytest.raises(TwinError, match=r"unknown payload .*, available: .*rpcm"):
-        load_arm(payload=name)
+        refused(r"unknown joint .*, available: .*elbow_pitch", ask, name)
+    refused(r"unknown variant .*, available: nominal", load_arm, variant=name)
+    refused(r"unknown payload .*, available: .*rpcm", load_arm, payload=name)
+
+
+FREQUENCIES = np.geomspace(0.05, 24.0, 60)
+ARMS = [
+    ("nominal", "rpcm", "linear"),
+    ("nominal", "mdm", "linear"),
+    ("published", "rpcm", "linear"),
+    ("flight", "none", "linear"),
+    ("nominal", "rpcm", "orifice"),
+]
+
+
+@pytest.fixture(scope="module", params=ARMS, ids="-".join)
+def truths(request):
+    variant, payload, actuator = request.param
+    return [
+        linearize(load_arm(variant, payload, plant=Plant(actuator=actuator, process_noise=noise)), amplitudes=())
+        for noise in (0.0, 0.005)
+    ]
+
+
+def test_poles_are_eigenvalues_of_the_whole_arm_with_and_without_noise(truths):
+    for truth in truths:
+        whole = np.linalg.eigvals(truth.model.A)
+        for name in JOINTS[1:]:
+            poles = truth.joint(name).poles
+            assert np.abs(poles[:, None] - whole).min(axis=1).max() < 1e-9
+    quiet, noisy = (truth.joint("shoulder_pitch") for truth in truths)
+    np.testing.assert_allclose(noisy.dominant_poles, quiet.dominant_poles, rtol=1e-9)
+
+
+def test_poles_zeros_gain_and_delay_are_the_response(truths):
+    truth = truths[0]
+    z = np.exp(2j * np.pi * FREQUENCIES * truth.dt)[:, None]
+    for name in JOINTS[1:]:
+        joint = truth.joint(name)
+        assert len(joint.poles) - len(joint.zeros) == joint.delay_samples
+        assert len(joint.shares) == len(joint.poles)
+        assert len(joint.dominant_poles) >= 1
+        assert (joint.dominant_poles.real < 0.0).all()
+        ratio = np.prod(z - joint.zeros, axis=1) / np.prod(z - joint.poles, axis=1)
+        gain = joint.dc_gain * np.prod(1.0 - joint.poles) / np.prod(1.0 - joint.zeros)
+        response = truth.channel(name, name).frequency_response(FREQUENCIES)[:, 0, 0]
+        np.testing.assert_allclose(gain * ratio, response, rtol=1e-5)

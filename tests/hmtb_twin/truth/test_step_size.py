@@ -4,7 +4,7 @@ from itertools import product
 
 import pytest
 
-from hmtb_twin import VARIANTS, Arm, Plant, load_arm
+from hmtb_twin import VARIANTS, Plant, load_arm
 from hmtb_twin.parameters.payloads import PAYLOADS
 from tests.hmtb_twin.altered_arms import at_step, bandwidths
 
@@ -16,7 +16,7 @@ DOUBLED = 1e-3
 """Largest change of a bandwidth that a doubled step may make."""
 
 
-def change(arm: Arm, factor: float) -> float:
+def change(arm, factor):
     """Largest relative change of a bandwidth when the physics step is multiplied."""
     ours, other = bandwidths(arm), bandwidths(at_step(arm, factor * arm.model.opt.timestep))
     assert len(ours) == 6

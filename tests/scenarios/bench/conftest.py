@@ -1,10 +1,11 @@
 """Results made up as runs of the bench write them: good ones, biased ones, ones that fail, ones without a verdict."""
 
+import json
 import math
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
+from functools import reduce
+from operator import getitem
 
 import numpy as np
 import pytest
@@ -18,68 +19,43 @@ NAN = math.nan
 ANY = (-math.inf, math.inf)
 
 
-def part(label: str, value: float, expected: float, limits: tuple[float, float], why: str = "", **more: object) -> Part:
+def part(label, value, expected, limits, why="", **more):
     known = math.isfinite(value)
     interval = (value - 0.1 * abs(value), value + 0.1 * abs(value)) if known else (NAN, NAN)
     passed = limits[0] <= value <= limits[1] if known and limits != ANY else None
     return Part(label, value, expected, interval, limits, passed, why=why, draws=100 if known else 0, **more)
 
 
-def figure(
-    name: str, title: str, unit: str, parts: tuple[Part, ...], curves: dict[str, object] | None = None
-) -> Metric:
+def figure(name, title, unit, parts, curves=None):
     judged = [p for p in parts if p.passed is not None and p.theory]
     worst = next((p for p in judged if not p.passed), (judged or parts)[0])
     passed = all(p.passed for p in judged) if judged else None
-    told = (name, title, unit, worst.value, worst.expected, worst.interval, passed)
-    return Metric(*told, 5e-4, f"{title} by problem", parts, curves or {})
+    numbers = (worst.value, worst.expected, worst.interval, passed)
+    return Metric(name, title, unit, *numbers, 5e-4, f"{title} by problem", parts, curves or {})
 
 
-def figures(
-    *,
-    efficiency: float = 1.02,
-    covered: float = 95.0,
-    bias: float = 0.05,
-    digits: float = 13.2,
-    failed: int = 0,
-    rulers: float = 6.0,
-    coloured: str = "",
-) -> dict[str, Metric]:
-    """Figures of an estimator.
-
-    Args:
-        efficiency: Mean squared error over bound.
-        covered: Percent of intervals that hold the truth.
-        bias: Under feedback.
-        digits: Without noise.
-        failed: Requests in 100 that gave no model.
-        rulers: Time.
-        coloured: Why theory says that it is not efficient under coloured disturbances, where it does.
+def figures(*, efficiency=1.02, covered=95.0, bias=0.05, digits=13.2, failed=0, multiples=6.0, coloured=""):
+    """Metrics of an estimator: error over bound, percent covered, bias, digits, failures in 100, times the reference,
+    and why theory does not expect efficiency under coloured disturbances, where it does not.
     """
     rng = np.random.default_rng(1)
     factors = rng.uniform(0.97, 1.03, len(PROBLEMS)).tolist()
     none = failed > 50
     poor = {name: bool(coloured) and name in ("p3", "p4") for name in PROBLEMS}
 
-    def by_problem(value: float, expected: float, limits: tuple[float, float], worse: float = 1.0) -> tuple[Part, ...]:
-        return tuple(
-            part(name, NAN, expected, ANY, "no verdict: 3 of 100 records have a value")
-            if none
-            else part(
-                name,
-                value * factor * (worse if poor[name] else 1.0),
-                expected,
-                limits,
-                coloured if poor[name] else "",
-                theory=not poor[name],
-            )
-            for name, factor in zip(PROBLEMS, factors, strict=True)
-        )
+    def on_problem(name, value, expected, limits, worse):
+        if none:
+            return part(name, NAN, expected, ANY, "no verdict: 3 of 100 records have a value")
+        if poor[name]:
+            return part(name, value * worse, expected, limits, coloured, theory=False)
+        return part(name, value, expected, limits)
+
+    def by_problem(value, expected, limits, worse=1.0):
+        spread = zip(PROBLEMS, factors, strict=True)
+        return tuple(on_problem(name, value * factor, expected, limits, worse) for name, factor in spread)
 
     quiet = tuple(part(f"quiet-{o}-{k}", digits - 0.3 * o, 14.0, (8.0, math.inf)) for o in (1, 2, 3, 4) for k in (1, 2))
-    times = tuple(
-        part(name, rulers * f, NAN, ANY, "told, not judged") for name, f in zip(PROBLEMS, factors, strict=True)
-    )
+    times = [part(name, multiples * f, NAN, ANY, "not judged") for name, f in zip(PROBLEMS, factors, strict=True)]
     hz = np.geomspace(0.1, 25.0, 30)
     gain = 1.0 / np.sqrt(1.0 + hz**2)
     deviation = 0.02 * np.sqrt(gain)
@@ -95,13 +71,19 @@ def figures(
         for name, factor in zip(PROBLEMS, factors, strict=True)
         if not none
     }
-    rows = {"mrad": [5, 10, 40], "systematic": [9.0 * efficiency, 2.0, 1.0], "noise": [2.0, 1.0, 0.4]}
-    rows |= {"distortion": [8.0, 4.0, 1.5], "expected_distortion": [7.0, 3.5, 1.4], "systematic_limit": [5.5, 5.2, 5.1]}
-    rows |= {"systematic_interval": [[8.0, 10.0 * efficiency], [1.0, 3.0], [NAN, NAN]]}
+    rows = {
+        "mrad": [5, 10, 40],
+        **{"systematic": [9.0 * efficiency, 2.0, 1.0], "noise": [2.0, 1.0, 0.0], "distortion": [8.0, 4.0, 1.5]},
+        **{"expected_noise": [1.9, 0.9, 0.3], "expected_distortion": [7.0, 3.5, 1.4]},
+        "systematic_limit": [5.5, 5.2, 5.1],
+        "systematic_interval": [[8.0, 10.0 * efficiency], [1.0, 3.0], [NAN, NAN]],
+        **{name: [[0.5, 9.0], [0.4, 5.0], [0.0, 2.0]] for name in ("noise_interval", "distortion_interval")},
+    }
     split = {} if none else {"shoulder_yaw": rows, "elbow_pitch": rows}
     hertz = [
         {
-            "joint": joint, "excitation": kind, "mrad": mrad, "models": 10, "small_signal": 1.03, "best_linear": best,
+            "label": f"{joint} {kind} {mrad:g} mrad", "mrad": mrad, "models": 10, "small_signal": 1.03,
+            "best_linear": best,
             "hz": [] if none else rng.normal(best * math.sqrt(min(efficiency, 3.0)), 0.02, 10).tolist(),
         }
         for joint in ("shoulder_yaw", "elbow_pitch")
@@ -121,7 +103,7 @@ def figures(
         figure("amplitude_split", "Split over amplitude", "%",
                (part("shoulder_yaw 5 mrad, systematic", 9.0 * efficiency, 0.0, (-math.inf, 10.0)),), split),
         figure("reliability", "Failures", "%", share),
-        figure("speed", "Time of an estimate", "rulers", times),
+        figure("speed", "Time of an estimate", "times the reference", tuple(times)),
         figure("bandwidth", "Recovered bandwidth", "Hz", (part("elbow_pitch prbs 67 mrad", 0.98, 0.98, ANY),),
                {"classes": hertz, "about_1_hz": [0.9, 1.1], "near": 3, "models": 30}),
         *(figure(name, name, "", (part("all", NAN, NAN, ANY, "no verdict: no record was run"),))
@@ -130,9 +112,9 @@ def figures(
     return {f.name: f for f in made}
 
 
-def result(name: str, made: dict[str, Metric], **more: object) -> Result:
+def result(name, made, **more):
     plain = Result(
-        contestant=Estimator(name, f"my_module:{name.split()[0]}", version="1.2.3", method="pem", structure="oe"),
+        estimator=Estimator(name, f"my_module:{name.split()[0]}", version="1.2.3", method="pem", structure="oe"),
         limits=Limits(),
         effort="quick",
         seed=7,
@@ -143,7 +125,7 @@ def result(name: str, made: dict[str, Metric], **more: object) -> Result:
         outcomes={"model": 900},
         reasons={},
         seconds=36.5,
-        figures=made,
+        metrics=made,
         run="one",
     )
     return replace(plain, **more)
@@ -153,19 +135,17 @@ HOSTILE = "<script>alert('1')</script> | `rm` $x^2$ [a](javascript:b) \u202eesre
 
 
 @pytest.fixture(scope="session")
-def results() -> tuple[Result, ...]:
+def results():
     """Seven estimators: one passes all, one fails where theory says, others fail in their own ways."""
     late = "delays are one sample too long"
     coloured = "under a coloured disturbance output error is not efficient [Ljung1999, theorem 8.4]"
     return (
         result("one_sample_late", figures(efficiency=240.0, covered=3.0, bias=9.0, digits=1.3), reasons={late: 2}),
         result("armax", figures()),
-        result("oe", figures(coloured=coloured, rulers=9.0)),
-        result("okid", figures(efficiency=1.9, digits=11.0, rulers=2.0)),
-        result("n4sid", figures(efficiency=1.25, rulers=0.8)),
-        result(
-            "a programme of another language with a name that is far too long for any column", figures(rulers=900.0)
-        ),
+        result("oe", figures(coloured=coloured, multiples=9.0)),
+        result("okid", figures(efficiency=1.9, digits=11.0, multiples=2.0)),
+        result("n4sid", figures(efficiency=1.25, multiples=0.8)),
+        result("a programme of another language with a name too long for any column", figures(multiples=900.0)),
         result(
             HOSTILE, figures(failed=97), outcomes={"model": 27, "unstable": 873}, reasons={f"{HOSTILE}\nTraceback": 873}
         ),
@@ -173,7 +153,7 @@ def results() -> tuple[Result, ...]:
 
 
 @pytest.fixture(scope="session")
-def originals(results: tuple[Result, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def originals(results, tmp_path_factory):
     folder = tmp_path_factory.mktemp("originals")
     for number, made in enumerate(results):
         save(folder / f"{number}.json", made)
@@ -181,18 +161,32 @@ def originals(results: tuple[Result, ...], tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture
-def written(originals: Path, tmp_path: Path) -> list[Path]:
+def written(originals, tmp_path):
     """Their files, to be changed at will."""
     folder = shutil.copytree(originals, tmp_path / "results")
     return sorted(folder.iterdir())
 
 
-def save(path: Path, made: Result) -> Path:
+def save(path, made):
     path.write_text(made.to_json(), encoding="utf-8")
     return path
 
 
 @pytest.fixture
-def saved() -> Callable[[Path, Result], Path]:
+def saved():
     """Writes a result."""
     return save
+
+
+@pytest.fixture
+def changed():
+    """Writes the table of a result with other values at some places, named by their keys."""
+
+    def write(table, changes, path):
+        for place, value in changes:
+            *keys, last = (int(key) if key.isdigit() else key for key in place.split())
+            reduce(getitem, keys, table)[last] = value
+        path.write_text(json.dumps(table), encoding="utf-8")
+        return path
+
+    return write

@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -30,11 +31,13 @@ class Few(MetricDefinition):
     def trials(self, effort):
         return tuple(Trial(name, draw) for name in self.problems for draw in range(self.draws))
 
-    def evaluate(self, measurements, estimator, false_alarm, reference):
-        answered = [m.normalised_error for m in measurements if m.kind == "model"]
+    def evaluate(self, evidence):
+        answered = [m.normalised_error for m in evidence.measurements if m.kind == "model"]
         value = sum(answered) / max(1, len(answered))
         passed = len(answered) == len(self.trials("quick"))
-        return Metric(self.name, self.title, "", value, 2.0, (1.0, 3.0), passed, false_alarm, f"of {len(answered)}")
+        return Metric(
+            self.name, self.title, "", value, 2.0, (1.0, 3.0), passed, evidence.false_alarm, f"of {len(answered)}"
+        )
 
 
 @dataclass
@@ -49,7 +52,7 @@ class Here(Executor):
     def run(
         self, task: Callable, shared: BenchSetup, batches: Iterable[tuple[RecordJob, ...]], **names
     ) -> Iterator[TrialResult]:
-        with Runner(shared) as runner:
+        with closing(Runner(shared)) as runner:
             for batch in batches:
                 for result in (result for job in batch for result in runner.run(job)):
                     if self.asked >= self.after:

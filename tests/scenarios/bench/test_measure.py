@@ -5,145 +5,111 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.bench.measurement import Measurement, dynamic_order, measure, normalised_error
+from scenarios.bench.measurement import Measurement, dynamic_order, measure
+from scenarios.estimators import model_numbers
 from scenarios.estimators.outcome import Answer, EstimatorOutcome
 from scenarios.estimators.reference_time import Ruler
-from scenarios.estimators.task import Task
-from scenarios.problems.problem import Bound, Problem
+from scenarios.estimators.returned import numbers_of
 from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
-from sysid import Estimate, IOData, Polynomials, StateSpace, bj, oe
+from sysid import Polynomials, StateSpace, bj, oe
 from sysid.models import innovations_form
 
 TRIAL = Trial("p2@600", 0)
+P2 = problem(TRIAL.problem)
+TASK, BOUND = P2.task("oe"), P2.bound("oe")
 
 
 @pytest.fixture(scope="module")
-def p2() -> Problem:
-    return problem(TRIAL.problem)
+def record():
+    return P2.draw(TRIAL.seed(0))
 
 
 @pytest.fixture(scope="module")
-def record(p2: Problem) -> IOData:
-    return p2.draw(TRIAL.seed(0))
+def estimate(record):
+    return oe(record, TASK.orders["nb"], TASK.orders["nf"], TASK.orders["nk"])
 
 
-@pytest.fixture(scope="module")
-def task(p2: Problem) -> Task:
-    asked = p2.task("oe")
-    assert asked is not None
-    return asked
+def measured(record, answer, *, bound=BOUND, ask="fit"):
+    outcome = EstimatorOutcome("model", answer=answer, seconds=2.0)
+    return measure(P2, replace(TRIAL, ask=ask), TASK, bound, record, outcome)
 
 
-@pytest.fixture(scope="module")
-def bound(p2: Problem) -> Bound:
-    known = p2.bound("oe")
-    assert known is not None
-    return known
+def answer_of(estimate):
+    data = P2.draw(TRIAL.seed(0))
+    return model_numbers.answer_of(numbers_of(estimate, data, TASK), data, TASK)
 
 
-@pytest.fixture(scope="module")
-def estimate(record: IOData, task: Task) -> Estimate:
-    return oe(record, task.orders["nb"], task.orders["nf"], task.orders["nk"])
+def test_one_of_our_estimates(record, estimate):
+    one = measured(record, answer_of(estimate))
+    error = estimate.parameters - BOUND.parameters
+    assert one.normalised_error == pytest.approx(error @ np.linalg.solve(estimate.covariance, error))
+    assert one.covered == (np.abs(error) < 1.96 * np.sqrt(np.diag(estimate.covariance))).sum()
+    assert (one.parameters, one.order, one.seconds) == (4, 2, 2.0)
+    known = estimate.frequency_response(P2.frequencies)
+    assert one.response_covariance == pytest.approx(known.covariance, rel=1e-9)
+    assert one.bandwidth_ci95 == pytest.approx(np.stack(estimate.bandwidth().ci95))
+    assert 0.0 < one.whiteness_p < 1.0 and 0.0 < one.independence_p < 1.0
+    assert str(Measurement.from_table(one.to_table()).to_table()) == str(one.to_table())
 
 
-def measured(
-    p2: Problem, task: Task, bound: Bound | None, record: IOData, answer: Answer, ask: str = "fit"
-) -> Measurement:
-    return measure(
-        p2, replace(TRIAL, ask=ask), task, bound, record, EstimatorOutcome("model", answer=answer, seconds=2.0)
-    )
-
-
-def test_one_of_our_estimates(p2: Problem, task: Task, bound: Bound, record: IOData, estimate: Estimate):
-    answer = Answer(estimate.model, estimate.polynomials, estimate.covariance)
-    found = measured(p2, task, bound, record, answer)
-    error = estimate.parameters - bound.parameters
-    assert found.normalised_error == pytest.approx(error @ np.linalg.solve(estimate.covariance, error))
-    assert found.covered == (np.abs(error) < 1.96 * np.sqrt(np.diag(estimate.covariance))).sum()
-    assert (found.parameters, found.order, found.seconds) == (4, 2, 2.0)
-    known = estimate.frequency_response(p2.frequencies)
-    assert found.response_covariance == pytest.approx(known.covariance, rel=1e-9)
-    assert found.bandwidth_ci95 == pytest.approx(np.stack(estimate.bandwidth().ci95))
-    assert 0.0 < found.whiteness_p < 1.0 and 0.0 < found.independence_p < 1.0
-    assert str(Measurement.from_table(found.to_table()).to_table()) == str(found.to_table())
-
-
-def test_what_is_claimed_itself_counts_before_what_follows(
-    p2: Problem, task: Task, bound: Bound, record: IOData, estimate: Estimate
-):
-    own = np.zeros((len(p2.frequencies), 1, 1, 2, 2))
+def test_claims_of_its_own_count_before_those_derived(record, estimate):
+    own = np.zeros((len(P2.frequencies), 1, 1, 2, 2))
     ends = (np.array([[1.0]]), np.array([[2.0]]))
-    found = measured(p2, task, bound, record, Answer(estimate.model, None, None, own, ends))
-    assert (found.response_covariance == own).all()
-    assert found.bandwidth_ci95 is not None and found.bandwidth_ci95.ravel().tolist() == [1.0, 2.0]
-    assert np.isnan(found.normalised_error) and (found.parameters, found.covered) == (0, -1)
+    one = measured(record, Answer(estimate.model, None, None, own, ends))
+    assert (one.response_covariance == own).all()
+    assert one.bandwidth_ci95.ravel().tolist() == [1.0, 2.0]
+    assert np.isnan(one.normalised_error) and (one.parameters, one.covered) == (0, -1)
 
 
-def test_the_truth_itself(p2: Problem, task: Task, bound: Bound, record: IOData):
-    answer = Answer(p2.truth, bound.polynomials, bound.covariance)
-    found = measured(p2, task, bound, record, answer)
-    assert (found.normalised_error, found.covered) == (0.0, 4)
-    assert (found.response == p2.truth.frequency_response(p2.frequencies)).all()
+def test_the_truth_itself(record):
+    one = measured(record, Answer(P2.truth, BOUND.polynomials, BOUND.covariance))
+    assert (one.normalised_error, one.covered) == (0.0, 4)
+    assert (one.response == P2.truth.frequency_response(P2.frequencies)).all()
 
 
-def test_errors_of_parameters_need_the_orders_that_were_asked(
-    p2: Problem, task: Task, bound: Bound, record: IOData, estimate: Estimate
-):
-    answer = Answer(estimate.model, estimate.polynomials, estimate.covariance)
-    for known, ask in ((None, "fit"), (bound, "select")):
-        found = measured(p2, task, known, record, answer, ask)
-        assert np.isnan(found.normalised_error) and (found.parameters, found.covered) == (4, -1)
-    other = bj(record, 2, 1, 1, 2)
-    found = measured(p2, task, bound, record, Answer(other.model, other.polynomials, other.covariance))
-    assert np.isnan(found.normalised_error) and (found.parameters, found.covered) == (6, -1)
+def test_errors_of_parameters_need_the_orders_of_the_task(record, estimate):
+    unbounded = measured(record, answer_of(estimate), bound=None)
+    chosen = measured(record, answer_of(estimate), ask="select")
+    for one, parameters in ((unbounded, 4), (chosen, 4), (measured(record, answer_of(bj(record, 2, 1, 1, 2))), 6)):
+        assert np.isnan(one.normalised_error) and (one.parameters, one.covered) == (parameters, -1)
 
 
-def test_without_a_model_of_the_noise_whiteness_is_not_tested(
-    p2: Problem, task: Task, bound: Bound, record: IOData, estimate: Estimate
-):
+def test_without_a_model_of_the_noise_whiteness_is_not_tested(record, estimate):
     bare = replace(estimate.model, K=None, innovation_covariance=None)
-    found = measured(p2, task, bound, record, Answer(bare))
-    assert np.isnan(found.whiteness_p) and 0.0 < found.independence_p < 1.0
-    found = measured(p2, task, bound, record, Answer(bare, estimate.polynomials))
-    assert 0.0 < found.whiteness_p < 1.0  # output error: white
-    arx = Polynomials(A=estimate.polynomials.F, B=estimate.polynomials.B) if estimate.polynomials else None
-    assert np.isnan(measured(p2, task, bound, record, Answer(bare, arx)).whiteness_p)
+    one = measured(record, Answer(bare))
+    assert np.isnan(one.whiteness_p) and 0.0 < one.independence_p < 1.0
+    # output error: white
+    assert 0.0 < measured(record, Answer(bare, estimate.polynomials)).whiteness_p < 1.0
+    arx = Polynomials(A=estimate.polynomials.F, B=estimate.polynomials.B)
+    assert np.isnan(measured(record, Answer(bare, arx)).whiteness_p)
 
 
-def test_a_claim_of_another_number_of_parameters_is_malformed(
-    p2: Problem, task: Task, bound: Bound, record: IOData, estimate: Estimate
-):
-    found = measured(p2, task, bound, record, Answer(estimate.model, estimate.polynomials, np.eye(9)))
-    assert found.kind == "malformed" and "covariance of shape (9, 9) given" in found.why
-
-
-def test_no_model_has_no_numbers(p2: Problem, task: Task, bound: Bound, record: IOData):
+def test_answers_without_numbers(record, estimate):
+    one = measured(record, Answer(estimate.model, estimate.polynomials, np.eye(9)))
+    assert one.kind == "malformed" and "covariance of shape (9, 9) given" in one.why
     outcome = EstimatorOutcome("crash", "exit code 3", seconds=1.0, peak_bytes=7)
-    found = measure(p2, TRIAL, task, bound, record, outcome, ruler_seconds=0.5)
-    assert (found.kind, found.why, found.seconds, found.ruler_seconds) == ("crash", "exit code 3", 1.0, 0.5)
-    assert (found.peak_bytes, found.order, found.response) == (7, -1, None)
+    one = measure(P2, TRIAL, TASK, BOUND, record, outcome, ruler_seconds=0.5)
+    assert (one.kind, one.why, one.seconds, one.ruler_seconds) == ("crash", "exit code 3", 1.0, 0.5)
+    assert (one.peak_bytes, one.order, one.response) == (7, -1, None)
 
 
-def test_states_that_cancel_do_not_count():
-    noise_apart = innovations_form(Polynomials(B=[0.0, 1.0], F=[1.0, -0.5], C=[1.0, 0.3], D=[1.0, -0.9]), 0.1)
-    assert (noise_apart.order, dynamic_order(noise_apart)) == (2, 1)
-    cancelling = innovations_form(Polynomials(B=[0.0, 1.0, -0.9], F=np.poly([0.5, 0.9])), 0.1)
-    assert (cancelling.order, dynamic_order(cancelling)) == (2, 1)
-    delayed = innovations_form(Polynomials(B=[0.0, 0.0, 0.0, 1.0], F=[1.0, -0.5]), 0.1)
-    assert dynamic_order(delayed) == 3
+@pytest.mark.parametrize(
+    ("polynomials", "states", "order"),
+    [
+        # poles of the noise alone, and those that cancel, do not count; a delay does
+        (Polynomials(B=[0.0, 1.0], F=[1.0, -0.5], C=[1.0, 0.3], D=[1.0, -0.9]), 2, 1),
+        (Polynomials(B=[0.0, 1.0, -0.9], F=np.poly([0.5, 0.9])), 2, 1),
+        (Polynomials(B=[0.0, 0.0, 0.0, 1.0], F=[1.0, -0.5]), 3, 3),
+    ],
+)
+def test_states_that_cancel_do_not_count(polynomials, states, order):
+    model = innovations_form(polynomials, 0.1)
+    assert (model.order, dynamic_order(model)) == (states, order)
     assert dynamic_order(StateSpace([[0.5]], [[0.0]], [[1.0]], [[0.0]], None, 0.1)) == 0
 
 
-def test_the_normalised_error_of_parameters_of_any_size():
-    covariance = np.array([[4.0, 1e-8], [1e-8, 1e-16]])
-    error = np.array([2.0, 1e-8])
-    assert normalised_error(error, covariance) == pytest.approx(error @ np.linalg.solve(covariance, error))
-    assert normalised_error(error, np.diag([1.0, 0.0])) == np.inf
-    assert normalised_error(error, np.ones((2, 2))) == np.inf
-
-
-def test_the_ruler_keeps_the_shortest_time(record: IOData):
+def test_the_reference_time_is_the_shortest(record):
     ruler = Ruler(record)
     ruler.measure()
     first = ruler.seconds

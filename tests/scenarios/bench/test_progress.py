@@ -1,6 +1,6 @@
 """Journals of trials are resumed where they still count, and removed where they are outdated."""
 
-from pathlib import Path
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -11,20 +11,20 @@ from scenarios.bench.runner import RecordJob, TrialResult
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.trial import Trial
 
-FINGERPRINT = {"estimator": {"name": "mine"}, "source": "1", "software": "2", "seed": 0}
-TRIALS = [
-    Measurement(Trial("p1", k), "model", response=np.array([[[1.0 + 2.0j]]]), whiteness_p=0.1 * k) for k in range(3)
-]
+ESTIMATOR = {"name": "mine", "target": "a:b", "home": "", "program": False}
+FINGERPRINT = {"estimator": ESTIMATOR, "source": "1", "software": "2", "seed": 0}
+RESPONSE = np.array([[[1.0 + 2.0j]]])
+TRIALS = [Measurement(Trial("p1", k), "model", response=RESPONSE, whiteness_p=0.1 * k) for k in range(3)]
 
 
-def opened(folder: Path, notes: list[str] | None = None, name: str = "mine", **changes: object) -> TrialJournal:
+def opened(folder, notes=None, name="mine", **changes):
     notify = [].append if notes is None else notes.append
-    return TrialJournal(folder, name, {**FINGERPRINT, **changes}, run="a", notify=notify)
+    return closing(TrialJournal(folder, name, {**FINGERPRINT, **changes}, run="a", notify=notify))
 
 
-def test_trials_are_there_again(tmp_path: Path):
+def test_trials_are_there_again(tmp_path):
     with opened(tmp_path) as journal:
-        for one in (*TRIALS, TRIALS[0]):
+        for one in TRIALS:
             journal.add(one)
     with opened(tmp_path) as journal:
         assert (journal.run, journal.done) == ("a", {one.trial.key for one in TRIALS})
@@ -33,23 +33,21 @@ def test_trials_are_there_again(tmp_path: Path):
             opened(tmp_path)
 
 
-def test_hangs_at_the_end_are_counted(tmp_path: Path):
+def test_hangs_at_the_end_are_counted(tmp_path):
     with opened(tmp_path) as journal:
-        kinds = [("hang", ""), ("model", ""), ("hang", ""), ("hang", ""), ("hang", "given up after 2")]
-        for draw, (kind, why) in enumerate(kinds[:4]):
-            journal.add(Measurement(Trial("p1", draw), kind, why))
+        for draw, kind in enumerate(("hang", "model", "hang", "hang")):
+            journal.add(Measurement(Trial("p1", draw), kind))
     with opened(tmp_path) as journal:
         assert journal.hangs == 2
-        journal.add(Measurement(Trial("p1", 4), *kinds[4]))
+        journal.add(Measurement(Trial("p1", 4), "hang", "given up after 2"))
         assert journal.hangs == 0
 
 
-def test_an_outdated_journal_is_removed_unless_it_is_open(tmp_path: Path):
-    for change, words in (
-        ({"source": "changed"}, "mine: its file changed since the last run: its trials start again"),
-        ({"software": "changed"}, "mine: this software, or a package that it uses, changed since the last run"),
-    ):
-        notes: list[str] = []
+def test_an_outdated_journal_is_removed_unless_it_is_open(tmp_path):
+    file = "mine: its file changed since the last run: its trials start again"
+    software = "mine: this software, or a package that it uses, changed since the last run"
+    for change, words in (({"source": "changed"}, file), ({"software": "changed"}, software)):
+        notes = []
         with opened(tmp_path) as journal:
             journal.add(TRIALS[0])
             with opened(tmp_path, notes, **change):
@@ -61,8 +59,8 @@ def test_an_outdated_journal_is_removed_unless_it_is_open(tmp_path: Path):
         other.path.unlink()
 
 
-def test_journals_of_other_seeds_and_estimators_stay_and_empty_ones_go(tmp_path: Path):
-    notes: list[str] = []
+def test_journals_of_other_seeds_and_estimators_stay_and_empty_ones_go(tmp_path):
+    notes = []
     with opened(tmp_path) as journal:
         journal.add(TRIALS[0])
     with opened(tmp_path, notes, seed=1), opened(tmp_path, notes, "mine-2", source="3"):
@@ -78,13 +76,13 @@ def test_names_become_names_of_files():
     assert len(set(files)) == 5 and files[0].startswith("our-oe-2-n-3-") and files[3].startswith("estimator-")
 
 
-def test_the_first_job_of_each_kind_of_problem_predicts_the_cost() -> None:
+def test_the_first_job_of_each_kind_of_problem_predicts_the_cost():
     names = ("twin-a-w0", "twin-a-w1", "p1@300", "twin-a-w2", "p1", "twin-a-w3", "p1")
     first, others = pilot_jobs([RecordJob(name, draw, (("fit", 0),)) for draw, name in enumerate(names)])
     assert [problem_kind(job.problem) for job in first] == ["twin-a", "p1@300", "p1"]
     costs = CostModel()
     for job in first:
         costs.learn(TrialResult(0, Measurement(Trial(job.problem, job.draw), "crash"), 1.0 + job.draw))
-    cost = costs.cost(others, 2)
+    cost = costs.remaining(others, 2)
     assert (cost.requests, cost.core_seconds, cost.wall) == (4, 8.0, 4.0)
     assert str(cost) == "4 requests, 8 s of one core, about 4 s with all workers"

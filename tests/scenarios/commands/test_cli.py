@@ -15,11 +15,10 @@ from scipy.signal import lfilter
 
 from scenarios import names
 from scenarios.commands.cli import main
-from tests.scenarios.commands.calls import complaint, result, run
 
 
 @pytest.fixture
-def record() -> tuple[np.ndarray, np.ndarray]:
+def record():
     """A known first-order lag with a bandwidth of 0.807 Hz, with a little noise."""
     rng = np.random.default_rng(1)
     u = np.repeat(rng.choice([-1.0, 1.0], 500), 4)
@@ -28,7 +27,7 @@ def record() -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture
-def csv(tmp_path: Path, record: tuple[np.ndarray, np.ndarray]) -> Path:
+def csv(tmp_path, record):
     path = tmp_path / "robot.csv"
     u, y = record
     table = np.column_stack([0.02 * np.arange(len(u)), u, y])
@@ -39,29 +38,29 @@ def csv(tmp_path: Path, record: tuple[np.ndarray, np.ndarray]) -> Path:
 OE = ("--method", "oe", "--orders", "1", "1", "1")
 
 
-def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_and_version(run):
     for words in ([], ["--help"], ["identify", "--help"], ["thesis", "--help"], ["scenarios", "list", "--help"]):
-        code, out, _ = run(capsys, *words)
+        code, out, _ = run(*words)
         assert code == 0
         assert "usage" in out.lower()
-    code, out, err = run(capsys, "--version")
+    code, out, err = run("--version")
     assert (code, err) == (0, "")
     assert out.startswith("hmtb ")
-    code, out, _ = run(capsys, "identify", "--help")
+    code, out, _ = run("identify", "--help")
     assert "p = 5 (the default)" in " ".join(out.split())
 
 
-def test_help_names_every_variant_and_payload(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_names_every_variant_and_payload(run):
     from hmtb_twin import PAYLOADS, VARIANTS
 
-    _, out, _ = run(capsys, "truth", "--help")
+    _, out, _ = run("truth", "--help")
     assert all(name in out for name in (*VARIANTS, *PAYLOADS))
 
 
-def test_help_names_every_method_and_its_orders(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_names_every_method_and_its_orders(run):
     from scenarios.identification.methods import ESTIMATORS
 
-    out = " ".join(run(capsys, "identify", "--help")[1].split())
+    out = " ".join(run("identify", "--help")[1].split())
     assert f"--method {'|'.join(ESTIMATORS)}" in out
     for name, entry in ESTIMATORS.items():
         assert " ".join([name, *entry.orders, *(f"[{order}]" for order in entry.optional)]) in out
@@ -91,107 +90,101 @@ def test_help_names_every_method_and_its_orders(capsys: pytest.CaptureFixture[st
         ("simulate xyz", f"unknown scenario 'xyz'; there are {len(names())}, listed by: hmtb scenarios list"),
         ("scenarios shw", "unknown action 'shw'; there are: list, show"),
         ("scenarios show", "hmtb scenarios show needs a name"),
-        ("truth --payloads rpcm", "cannot read '--payloads rpcm': did you mean --payload?"),
+        ("truth --payloads rpcm", "unknown option '--payloads': did you mean --payload?"),
         ("waveform", "missing KIND"),
         ("waveform prbs --clock 2.5", "--clock: expected a whole number, given 2.5"),
     ],
 )
-def test_usage_errors_are_one_line(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: str, words: str, says: str
-) -> None:
+def test_usage_errors_are_one_line(complaint, monkeypatch, columns, words, says):
     monkeypatch.setenv("COLUMNS", columns)
-    assert says in complaint(capsys, *words.split())
+    assert says in complaint(*words.split())
 
 
-def test_scenarios_are_listed_by_tag_and_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    listed = result(capsys, "scenarios", "list", "--tag", "prbs")["scenarios"]
+def test_scenarios_are_listed_by_tag_and_shown(run, result, tmp_path):
+    listed = result("scenarios", "list", "--tag", "prbs")["scenarios"]
     assert listed[0]["name"] == "siso-5-shoulder_yaw"
     assert [entry["name"] for entry in listed] == list(names("prbs"))
-    code, out, _ = run(capsys, "scenarios")
+    code, out, _ = run("scenarios")
     assert code == 0
     assert out.count("siso-") == 48
-    code, out, _ = run(capsys, "scenarios", "show", "siso-7-elbow_pitch")
+    code, out, _ = run("scenarios", "show", "siso-7-elbow_pitch")
     assert code == 0
     mine = tmp_path / "mine.toml"
     mine.write_text(out.replace("siso-7-elbow_pitch", "mine").replace("240.0", "2.0"))
-    done = result(capsys, "simulate", mine, "--out", tmp_path)
+    done = result("simulate", mine, "--out", tmp_path)
     assert done["logs"] == [str(tmp_path / "mine.nc")]
     assert done["failed"] == {}
 
 
-def test_simulate_writes_what_identify_reads(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_simulate_writes_what_identify_reads(result, tmp_path):
     words = ("simulate", "siso-5-elbow_pitch", "--duration", "20", "--format", "nc,csv", "--out", tmp_path)
-    logs = result(capsys, *words)["logs"]
+    logs = result(*words)["logs"]
     assert [Path(path).suffix for path in logs] == [".nc", ".csv"]
-    by_nc = result(capsys, "identify", logs[0], "--method", "oe", "--orders", "2", "2", "1", "--skip", "4")
+    by_nc = result("identify", logs[0], "--method", "oe", "--orders", "2", "2", "1", "--skip", "4")
     by_csv = result(
-        capsys, "identify", logs[1], "--joint", "elbow_pitch", "--method", "oe", "--orders", "2", "2", "--skip", "4"
+        "identify", logs[1], "--joint", "elbow_pitch", "--method", "oe", "--orders", "2", "2", "--skip", "4"
     )
     assert by_nc["bandwidth_hz"] == pytest.approx(by_csv["bandwidth_hz"], rel=1e-6)
     assert 0.9 < by_nc["bandwidth_hz"] < 1.2
     assert by_nc["fit"]["simulation"][0] > 95
 
 
-def test_seed_changes_the_noise_and_nothing_else_does(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_seed_changes_the_noise_and_nothing_else_does(result, tmp_path):
     from hmtb_twin import JointLog
 
     measured = []
     for number, seed in enumerate(("1", "1", "2")):
         folder = tmp_path / str(number)
         words = ("simulate", "siso-5-elbow_pitch", "--duration", "2", "--seed", seed, "--out", folder)
-        (path,) = result(capsys, *words)["logs"]
+        (path,) = result(*words)["logs"]
         measured.append(JointLog.load(path).measured)
     np.testing.assert_array_equal(measured[0], measured[1])
     assert not np.array_equal(measured[0], measured[2])
 
 
-def test_identify_reads_any_robots_data(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, csv: Path, record: tuple[np.ndarray, np.ndarray]
-) -> None:
+def test_identify_reads_any_robots_data(run, result, tmp_path, csv, record):
     u, y = record
     mat, bare = tmp_path / "robot.mat", tmp_path / "bare.csv"
     savemat(mat, {"u": u, "y": y[:, None], "dt": 0.02})
     np.savetxt(bare, np.column_stack([u, y]), delimiter=",")
     true_hz = np.arccos((1 + 0.81 - 2 * 0.01) / (2 * 0.9)) / (2 * np.pi * 0.02)
     for path, words in ((csv, ()), (mat, ()), (bare, ("--dt", "0.02"))):
-        found = result(capsys, "identify", path, *OE, *words)
+        found = result("identify", path, *OE, *words)
         assert set(found) >= {"method", "orders", "fit", "bandwidth_hz", "ci95", "poles", "warnings"}
         assert found["orders"] == {"nb": 1, "nf": 1, "nk": 1}
         assert found["bandwidth_hz"] == pytest.approx(true_hz, rel=2e-3)
         assert found["ci95"][0] < found["bandwidth_hz"] < found["ci95"][1]
         assert found["poles"][0] == pytest.approx([0.9, 0.0], abs=1e-3)
-    code, out, _ = run(capsys, "identify", csv, *OE, "--validate", csv)
+    code, out, _ = run("identify", csv, *OE, "--validate", csv)
     assert code == 0
     assert "bandwidth" in out
 
 
 @pytest.mark.parametrize("header", ["t", "Time", "TIME (s)", "time_s", "Time [ms]", "t / ms", "Ts", "dt"])
-def test_every_usual_name_of_time_is_read(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, record: tuple[np.ndarray, np.ndarray], header: str
-) -> None:
+def test_every_usual_name_of_time_is_read(result, complaint, tmp_path, record, header):
     u, y = record
     scale = 1000.0 if "ms" in header else 1.0
     times = scale * 0.05 * (np.ones(len(u)) if header in ("Ts", "dt") else np.arange(len(u)))
     path = tmp_path / "robot.csv"
     np.savetxt(path, np.column_stack([times, u, y]), delimiter=",", header=f"{header},u,y", comments="", fmt="%.12g")
-    assert result(capsys, "identify", path, *OE)["dt"] == pytest.approx(0.05)
-    said = complaint(capsys, "identify", path, *OE, "--dt", "0.02")
+    assert result("identify", path, *OE)["dt"] == pytest.approx(0.05)
+    said = complaint("identify", path, *OE, "--dt", "0.02")
     assert f"sampling interval 0.02 s by --dt, 0.05 s by {header!r}" in said
     mat = tmp_path / "robot.mat"
     savemat(mat, {"u": u, "y": y, "Ts": 0.05})
-    assert result(capsys, "identify", mat, *OE)["dt"] == 0.05
+    assert result("identify", mat, *OE)["dt"] == 0.05
     savemat(mat, {"u": u, "y": y})
-    assert "no sampling interval" in complaint(capsys, "identify", mat, *OE)
+    assert "no sampling interval" in complaint("identify", mat, *OE)
 
 
 @pytest.mark.parametrize("method", [("arx", "1", "1"), ("armax", "1", "1", "1"), ("oe", "1", "1"), ("okid", "1", "3")])
-def test_every_method_runs(capsys: pytest.CaptureFixture[str], csv: Path, method: tuple[str, ...]) -> None:
-    found = result(capsys, "identify", csv, "--method", method[0], "--orders", *method[1:])
+def test_every_method_runs(result, csv, method):
+    found = result("identify", csv, "--method", method[0], "--orders", *method[1:])
     assert found["poles"][0][0] == pytest.approx(0.9, abs=0.02)
 
 
-def test_truth_has_the_promised_keys(capsys: pytest.CaptureFixture[str]) -> None:
-    found = result(capsys, "truth")
+def test_truth_has_the_promised_keys(result):
+    found = result("truth")
     assert found["dt"] == 0.02
     assert (found["variant"], found["payload"]) == ("nominal", "rpcm")
     assert set(found["joints"]) >= {"shoulder_yaw", "shoulder_pitch", "elbow_pitch", "wrist_roll"}
@@ -205,36 +198,34 @@ def test_truth_has_the_promised_keys(capsys: pytest.CaptureFixture[str]) -> None
 
 
 @pytest.mark.slow
-def test_truth_says_which_joint_is_locked(capsys: pytest.CaptureFixture[str]) -> None:
-    joints = result(capsys, "truth")["joints"]
+def test_truth_says_which_joint_is_locked(run, result):
+    joints = result("truth")["joints"]
     assert joints["shoulder_roll"]["bandwidth_hz"] is None
     assert "locked" in joints["shoulder_roll"]["note"]
     assert all(entry["note"] is None for name, entry in joints.items() if name != "shoulder_roll")
-    _, out, _ = run(capsys, "truth")
+    _, out, _ = run("truth")
     (line,) = (line for line in out.splitlines() if line.split()[:1] == ["shoulder_roll"])
     assert "locked" in line
     assert "zeros" in out
 
 
-def test_unknown_names_suggest_the_near_one(capsys: pytest.CaptureFixture[str], tmp_path: Path, csv: Path) -> None:
-    assert "did you mean 'siso-5-elbow_pitch'" in complaint(capsys, "simulate", "siso-5-elbow_pich", "--out", tmp_path)
-    assert "did you mean 'elbow_pitch'" in complaint(capsys, "identify", csv, *OE, "--joint", "elbow")
-    assert "did you mean 'armax'" in complaint(capsys, "identify", csv, "--method", "armx", "--orders", "1", "1", "1")
-    assert "nominal" in complaint(capsys, "truth", "--variant", "nominl")
-    assert "rpcm" in complaint(capsys, "truth", "--payload", "box")
-    assert "did you mean 'prbs'" in complaint(capsys, "waveform", "prb", "--out", tmp_path)
-    assert "frequency" in complaint(capsys, "waveform", "sine", "--out", tmp_path)
-    assert "did you mean 'y'" not in complaint(capsys, "identify", csv, *OE, "--output", "angle")
-    assert "there are: nc, csv" in complaint(
-        capsys, "simulate", "siso-1-elbow_pitch", "--format", "xls", "--out", tmp_path
-    )
+def test_unknown_names_suggest_the_near_one(complaint, tmp_path, csv):
+    assert "did you mean 'siso-5-elbow_pitch'" in complaint("simulate", "siso-5-elbow_pich", "--out", tmp_path)
+    assert "did you mean 'elbow_pitch'" in complaint("identify", csv, *OE, "--joint", "elbow")
+    assert "did you mean 'armax'" in complaint("identify", csv, "--method", "armx", "--orders", "1", "1", "1")
+    assert "nominal" in complaint("truth", "--variant", "nominl")
+    assert "rpcm" in complaint("truth", "--payload", "box")
+    assert "did you mean 'prbs'" in complaint("waveform", "prb", "--out", tmp_path)
+    assert "frequency" in complaint("waveform", "sine", "--out", tmp_path)
+    assert "did you mean 'y'" not in complaint("identify", csv, *OE, "--output", "angle")
+    assert "there are: nc, csv" in complaint("simulate", "siso-1-elbow_pitch", "--format", "xls", "--out", tmp_path)
 
 
-def test_wrong_orders(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
+def test_wrong_orders(complaint, csv):
     identify = ("identify", csv, "--method", "oe", "--orders")
-    assert "takes the orders nb nf [nk]; given 2" in complaint(capsys, *identify, "2")
-    assert "0 or more, given -1 2" in complaint(capsys, *identify, "-1", "2")
-    assert "data" in complaint(capsys, *identify, "4000", "4000", "1")
+    assert "takes the orders nb nf [nk]; given 2" in complaint(*identify, "2")
+    assert "0 or more, given -1 2" in complaint(*identify, "-1", "2")
+    assert "data" in complaint(*identify, "4000", "4000", "1")
 
 
 @pytest.mark.parametrize(
@@ -255,41 +246,39 @@ def test_wrong_orders(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
         ("1,2\n-1,3\n" * 50, "or --dt SECONDS"),
     ],
 )
-def test_wrong_csv(capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str, says: str) -> None:
+def test_wrong_csv(complaint, tmp_path, text, says):
     path = tmp_path / "bad.csv"
     path.write_text(text)
-    assert says in complaint(capsys, "identify", path, *OE)
+    assert says in complaint("identify", path, *OE)
 
 
-def test_wrong_files(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert "no data file" in complaint(capsys, "identify", tmp_path / "missing.csv", *OE)
+def test_wrong_files(complaint, tmp_path):
+    assert "no data file" in complaint("identify", tmp_path / "missing.csv", *OE)
     for ending in ("nc", "mat", "csv", "xyz"):
         path = tmp_path / f"foreign.{ending}"
         path.write_bytes(bytes(range(256)) * 8)
-        assert "foreign" in complaint(capsys, "identify", path, *OE)
+        assert "foreign" in complaint("identify", path, *OE)
     short = tmp_path / "short.mat"
     savemat(short, {"dt": 0.02, "u": np.arange(50.0) % 3, "y": np.arange(40.0)})
-    said = complaint(capsys, "identify", short, *OE)
+    said = complaint("identify", short, *OE)
     assert "50" in said
     assert "40" in said
 
 
-def test_what_cannot_be_written_or_asked_for(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_what_cannot_be_written_or_asked_for(complaint, tmp_path):
     blocker = tmp_path / "file"
     blocker.write_text("")
     for command in (("thesis", "--quick"), ("simulate", "siso-1-elbow_pitch"), ("waveform", "prbs")):
-        assert "cannot write to folder" in complaint(capsys, *command, "--out", blocker / "inside")
+        assert "cannot write to folder" in complaint(*command, "--out", blocker / "inside")
     simulate = ("simulate", "siso-1-elbow_pitch", "--out", tmp_path)
-    assert "duration" in complaint(capsys, *simulate, "--duration", "-1")
-    assert "seed" in complaint(capsys, *simulate, "--seed", "-1")
-    assert "threads" in complaint(capsys, *simulate, "--threads", "0")
-    assert "named twice" in complaint(capsys, "simulate", "siso-1-elbow_pitch", *simulate[1:])
-    assert "cannot read scenario file" in complaint(capsys, "simulate", tmp_path / "missing.toml", "--out", tmp_path)
+    assert "duration" in complaint(*simulate, "--duration", "-1")
+    assert "seed" in complaint(*simulate, "--seed", "-1")
+    assert "threads" in complaint(*simulate, "--threads", "0")
+    assert "named twice" in complaint("simulate", "siso-1-elbow_pitch", *simulate[1:])
+    assert "cannot read scenario file" in complaint("simulate", tmp_path / "missing.toml", "--out", tmp_path)
 
 
-def test_interrupt_is_130_and_leaves_nothing(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_interrupt_is_130_and_leaves_nothing(run, monkeypatch, tmp_path):
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
@@ -302,14 +291,14 @@ def test_interrupt_is_130_and_leaves_nothing(
         ("simulate", "siso-1-elbow_pitch", "--out", str(inside)),
         ("thesis", "--quick", "--out", str(inside)),
     ):
-        code, out, err = run(capsys, *words)
+        code, out, err = run(*words)
         assert (code, out) == (130, "")
         assert err == f"hmtb: interrupted; run the command again: hmtb {' '.join(words)}\n"
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.4, 0.8])
-def test_an_interrupt_during_start_up_is_one_line(delay: float) -> None:
+def test_an_interrupt_during_start_up_is_one_line(run, delay):
     """Whichever module is being imported: compiled ones lose a KeyboardInterrupt or turn it into another error."""
     script = "from scenarios.__main__ import run; print('started', flush=True); raise SystemExit(run())"
     command = [sys.executable, "-c", script, "truth"]
@@ -325,7 +314,7 @@ def test_an_interrupt_during_start_up_is_one_line(delay: float) -> None:
 
 
 @pytest.mark.parametrize("words", [["--help"], ["scenarios", "list"]])
-def test_start_up_is_fast(words: list[str]) -> None:
+def test_start_up_is_fast(words):
     """Help and lists load neither the laboratory nor the analyst: 0.6 s of processor time at most."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([sys.executable, "-m", "scenarios", *words], check=True, capture_output=True)
@@ -333,37 +322,35 @@ def test_start_up_is_fast(words: list[str]) -> None:
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.6
 
 
-def test_clipping_and_slewing_are_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    _, toml, _ = run(capsys, "scenarios", "show", "siso-1-elbow_pitch")
+def test_clipping_and_slewing_are_told(run, result, tmp_path):
+    _, toml, _ = run("scenarios", "show", "siso-1-elbow_pitch")
     loud, quiet = tmp_path / "loud.toml", tmp_path / "quiet.toml"
     text = toml.replace("240.0", "4.0")
     loud.write_text(text.replace("siso-1-elbow_pitch", "loud").replace("amplitude = 1.0", "amplitude = 50.0"))
     quiet.write_text(text.replace("siso-1-elbow_pitch", "quiet").replace("amplitude = 1.0", "amplitude = 0.01"))
-    found = result(capsys, "simulate", loud, quiet, "--out", tmp_path)
+    found = result("simulate", loud, quiet, "--out", tmp_path)
     assert found["clipped"]["loud"] > 0.5
     assert found["velocity_limited"]["loud"] > 0.9
     assert found["clipped"]["quiet"] == 0.0
     assert found["velocity_limited"]["quiet"] < found["velocity_limited"]["loud"]
     assert [text.partition(":")[0] for text in found["warnings"]] == ["loud"]
-    code, out, _ = run(capsys, "simulate", loud, "--out", tmp_path)
+    code, out, _ = run("simulate", loud, "--out", tmp_path)
     assert code == 0
     assert "converter clips" in out
     assert "warning: loud:" in out
 
 
-def test_names_that_leave_the_folder_are_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    _, toml, _ = run(capsys, "scenarios", "show", "siso-1-elbow_pitch")
+def test_names_that_leave_the_folder_are_refused(run, complaint, tmp_path):
+    _, toml, _ = run("scenarios", "show", "siso-1-elbow_pitch")
     for name in ("../escape", "a/b", ".."):
         path = tmp_path / "mine.toml"
         path.write_text(toml.replace("siso-1-elbow_pitch", name).replace("240.0", "1.0"))
         out = tmp_path / "out"
-        assert f"scenario name {name!r}" in complaint(capsys, "simulate", path, "--out", out)
+        assert f"scenario name {name!r}" in complaint("simulate", path, "--out", out)
         assert not out.exists()
 
 
-def test_errors_of_libraries_do_not_leak(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_errors_of_libraries_do_not_leak(complaint, monkeypatch, tmp_path):
     import xarray
 
     def full(*_: object, **__: object) -> None:
@@ -371,22 +358,22 @@ def test_errors_of_libraries_do_not_leak(
 
     simulate = ("simulate", "siso-1-elbow_pitch", "--duration", "1", "--out", tmp_path)
     (tmp_path / "siso-1-elbow_pitch.nc").mkdir()
-    assert "it is a folder" in complaint(capsys, *simulate)
+    assert "it is a folder" in complaint(*simulate)
     (tmp_path / "siso-1-elbow_pitch.nc").rmdir()
     monkeypatch.setattr(xarray.Dataset, "to_netcdf", full)
-    said = complaint(capsys, *simulate)
+    said = complaint(*simulate)
     assert "cannot write" in said
     assert "rrno" not in said
 
 
-def test_a_log_of_another_joint_gives_a_hint(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_log_of_another_joint_gives_a_hint(result, complaint, tmp_path):
     words = ("simulate", "siso-5-elbow_pitch", "siso-5-shoulder_yaw", "--duration", "6", "--out", tmp_path)
-    mine, other = result(capsys, *words)["logs"]
-    assert "excites shoulder_yaw" in complaint(capsys, "identify", mine, *OE, "--validate", other)
-    assert "the log of 0.02 s" in complaint(capsys, "identify", mine, *OE, "--dt", "0.01")
+    mine, other = result(*words)["logs"]
+    assert "excites shoulder_yaw" in complaint("identify", mine, *OE, "--validate", other)
+    assert "the log of 0.02 s" in complaint("identify", mine, *OE, "--dt", "0.01")
 
 
-def test_a_fault_of_ours_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_of_ours_keeps_its_traceback(monkeypatch):
     def broken(*_: object) -> None:
         raise ValueError("not the user's doing")
 
@@ -396,7 +383,7 @@ def test_a_fault_of_ours_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize(("words", "code"), [(["truth", "--pose", "home"], 0), (["--version"], 0), (["nonsense"], 2)])
-def test_closed_streams_get_nothing(monkeypatch: pytest.MonkeyPatch, words: list[str], code: int) -> None:
+def test_closed_streams_get_nothing(monkeypatch, words, code):
     """`hmtb ... >&- 2>&-`: Python has no stream then."""
     for name in ("stdout", "stderr"):
         monkeypatch.setattr(sys, name, None)

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,11 +12,10 @@ from scenarios.commands.cli import main
 from scenarios.experiments.registry import load
 from scenarios.identification.model_comparison import parsed
 from scenarios.truth.published import published_model
-from tests.scenarios.commands.calls import complaint, result
 
 
 @pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def logs(tmp_path_factory):
     """Ten seconds of two single-joint tests and of one of several joints."""
     folder = tmp_path_factory.mktemp("logs")
     names = ("siso-5-elbow_pitch", "siso-8-elbow_pitch", "mimo-7-independent")
@@ -26,7 +24,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture
-def csv(tmp_path: Path) -> Path:
+def csv(tmp_path):
     rng = np.random.default_rng(0)
     u = np.repeat(rng.choice([-1.0, 1.0], 600), 2)
     y = lfilter([0, 0.1], [1, -0.9], u) + 0.01 * rng.standard_normal(1200)
@@ -36,10 +34,8 @@ def csv(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_without_words_the_truth_and_all_prints_of_the_joint(
-    capsys: pytest.CaptureFixture[str], logs: dict[str, Path]
-) -> None:
-    found = result(capsys, "compare", logs["siso-5-elbow_pitch"], "--skip", 4)
+def test_without_words_the_truth_and_all_prints_of_the_joint(result, logs):
+    found = result("compare", logs["siso-5-elbow_pitch"], "--skip", 4)
     assert [entry["model"] for entry in found["models"]] == ["truth", "published ARMAX (4.12)", "published OKID (5.10)"]
     true, armax, okid = found["models"]
     assert true["bandwidth_hz"] == pytest.approx(linearize(load_arm()).joint("elbow_pitch").bandwidth_hz, rel=1e-6)
@@ -54,12 +50,10 @@ def test_without_words_the_truth_and_all_prints_of_the_joint(
     assert found["warnings"] == []
 
 
-def test_estimates_come_from_the_other_record_or_say_that_they_do_not(
-    capsys: pytest.CaptureFixture[str], logs: dict[str, Path]
-) -> None:
+def test_estimates_come_from_the_other_record_or_say_that_they_do_not(result, logs):
     chirp, prbs = logs["siso-8-elbow_pitch"], logs["siso-5-elbow_pitch"]
     words = (chirp, "--models", "oe:2/2/2", "truth", "--skip", 4)
-    held_out, own = result(capsys, "compare", *words, "--estimation", prbs), result(capsys, "compare", *words)
+    held_out, own = result("compare", *words, "--estimation", prbs), result("compare", *words)
     assert held_out["estimation"] == str(prbs)
     assert held_out["warnings"] == []
     assert own["estimation"] == str(chirp)
@@ -72,30 +66,26 @@ def test_estimates_come_from_the_other_record_or_say_that_they_do_not(
     assert low < held_out["models"][0]["bandwidth_hz"] < high
 
 
-def test_the_same_record_under_another_name_is_no_validation(
-    capsys: pytest.CaptureFixture[str], logs: dict[str, Path], csv: Path, tmp_path: Path
-) -> None:
+def test_the_same_record_under_another_name_is_no_validation(result, logs, csv, tmp_path):
     prbs = logs["siso-5-elbow_pitch"]
     (tmp_path / "copy.nc").write_bytes(prbs.read_bytes())
     (tmp_path / "link.nc").symlink_to(prbs)
     for path in (prbs, tmp_path / "copy.nc", tmp_path / "link.nc"):
-        (said,) = result(capsys, "compare", prbs, "--models", "arx:2/2", "--estimation", path)["warnings"]
+        (said,) = result("compare", prbs, "--models", "arx:2/2", "--estimation", path)["warnings"]
         assert f"arx:2/2: identified from {path.name}, which holds the same record, so that the fit is no valid" in said
     lines = csv.read_text(encoding="utf-8").splitlines()
     start = csv.with_name("start.csv")
     start.write_text("\n".join(lines[:800]), encoding="utf-8")
-    assert (
-        "no validation" in result(capsys, "compare", csv, "--models", "arx:1/1", "--estimation", start)["warnings"][0]
-    )
+    assert "no validation" in result("compare", csv, "--models", "arx:1/1", "--estimation", start)["warnings"][0]
     end = csv.with_name("end.csv")
     end.write_text("\n".join([lines[0], *lines[400:]]), encoding="utf-8")
     held_out = csv.with_name("held-out.csv")
     held_out.write_text("\n".join(lines[:400]), encoding="utf-8")
-    assert result(capsys, "compare", held_out, "--models", "arx:1/1", "--estimation", end)["warnings"] == []
+    assert result("compare", held_out, "--models", "arx:1/1", "--estimation", end)["warnings"] == []
 
 
-def test_the_fits_are_those_of_identify(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
-    (entry,) = result(capsys, "compare", csv, "--models", "arx:1/1", "--steps", "3")["models"]
+def test_the_fits_are_those_of_identify(result, capsys, csv):
+    (entry,) = result("compare", csv, "--models", "arx:1/1", "--steps", "3")["models"]
     assert main(["identify", str(csv), "--method", "arx", "--orders", "1", "1", "--steps", "3", "--json"]) == 0
     same = json.loads(capsys.readouterr().out)
     for name in ("simulation", "one_step", "ahead"):
@@ -104,21 +94,21 @@ def test_the_fits_are_those_of_identify(capsys: pytest.CaptureFixture[str], csv:
     assert entry["poles"] == [pytest.approx(pole) for pole in same["poles"]]
 
 
-def test_three_joints_at_once(capsys: pytest.CaptureFixture[str], logs: dict[str, Path]) -> None:
+def test_three_joints_at_once(result, logs):
     joints = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
     words = ("--models", "published:okid", "truth", "--joint", *joints, "--skip", 4)
-    printed, true = result(capsys, "compare", logs["mimo-7-independent"], *words)["models"]
+    printed, true = result("compare", logs["mimo-7-independent"], *words)["models"]
     hz = [printed["bandwidth_hz"][k][k] for k in range(3)]
     assert hz == pytest.approx([0.13, 1.40, 0.89], abs=0.006)
     assert len(true["fit"]["simulation"]) == 3
     assert min(true["fit"]["simulation"]) > 80.0
     # On one joint a printed model of three is its part for that joint.
-    (part,) = result(capsys, "compare", logs["siso-5-elbow_pitch"], "--models", "published:okid")["models"]
+    (part,) = result("compare", logs["siso-5-elbow_pitch"], "--models", "published:okid")["models"]
     assert part["model"] == "published OKID model (5.11), OKID (5.10)"
     assert part["bandwidth_hz"] == pytest.approx(published_model("5.10").model.bandwidth()[0, 0])
 
 
-def test_each_model_is_judged_about_its_own_operating_point(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_each_model_is_judged_about_its_own_operating_point(result, tmp_path):
     """A constant between input and output costs no fit unless it is asked to."""
     model = published_model("4.10").model
     u = np.repeat(np.random.default_rng(1).choice([-0.05, 0.05], 400), 3)
@@ -128,11 +118,11 @@ def test_each_model_is_judged_about_its_own_operating_point(capsys: pytest.Captu
     path = tmp_path / "offset.csv"
     np.savetxt(path, np.column_stack((u, y)), delimiter=",", header="u,y", comments="")
     words = (path, "--dt", 0.02, "--models", "published:4.10")
-    assert result(capsys, "compare", *words)["models"][0]["fit"]["simulation"][0] == pytest.approx(100.0, abs=1e-6)
-    assert result(capsys, "compare", *words, "--keep-mean")["models"][0]["fit"]["simulation"][0] < 0.0
+    assert result("compare", *words)["models"][0]["fit"]["simulation"][0] == pytest.approx(100.0, abs=1e-6)
+    assert result("compare", *words, "--keep-mean")["models"][0]["fit"]["simulation"][0] < 0.0
 
 
-def test_the_table_and_the_figure(capsys: pytest.CaptureFixture[str], logs: dict[str, Path], tmp_path: Path) -> None:
+def test_the_table_and_the_figure(capsys, logs, tmp_path):
     out = tmp_path / "outputs.svg"
     words = [logs["siso-5-elbow_pitch"], "--models", "truth", "published", "arx:2/2/2", "armax:2/2/2/2", "--out", out]
     assert main(["compare", *map(str, words), "--piece", "4", "2"]) == 0
@@ -168,37 +158,33 @@ def test_the_table_and_the_figure(capsys: pytest.CaptureFixture[str], logs: dict
         (["--joint", "elbow_pitch", "elbow_pitch"], "expected each joint once"),
     ],
 )
-def test_complaints(capsys: pytest.CaptureFixture[str], logs: dict[str, Path], words: list[str], said: str) -> None:
-    assert said in complaint(capsys, "compare", logs["siso-5-elbow_pitch"], *words)
+def test_complaints(complaint, logs, words, said):
+    assert said in complaint("compare", logs["siso-5-elbow_pitch"], *words)
 
 
-def test_what_a_foreign_table_cannot_be_laid_beside(
-    capsys: pytest.CaptureFixture[str], csv: Path, logs: dict[str, Path]
-) -> None:
-    assert "tells of no arm; the truth is known of logs" in complaint(capsys, "compare", csv)
-    assert "name one, as published:4.7" in complaint(capsys, "compare", csv, "--models", "published")
-    assert "takes 3 input(s), robot.csv was read with 1" in complaint(
-        capsys, "compare", csv, "--models", "published:okid"
-    )
+def test_what_a_foreign_table_cannot_be_laid_beside(complaint, csv, logs):
+    assert "tells of no arm; the truth is known of logs" in complaint("compare", csv)
+    assert "name one, as published:4.7" in complaint("compare", csv, "--models", "published")
+    assert "takes 3 input(s), robot.csv was read with 1" in complaint("compare", csv, "--models", "published:okid")
     slow = csv.with_name("slow.csv")
     slow.write_text("\n".join(line.partition(",")[2] for line in csv.read_text(encoding="utf-8").splitlines()))
     words = (slow, "--dt", 0.01, "--models", "published:4.7")
-    assert "sampled every 0.01 s; the printed models hold at 0.02 s" in complaint(capsys, "compare", *words)
+    assert "sampled every 0.01 s; the printed models hold at 0.02 s" in complaint("compare", *words)
     assert "'published' takes all printed models of one" in complaint(
-        capsys, "compare", logs["mimo-7-independent"], "--models", "published", "--joint", "shoulder_yaw", "elbow_pitch"
+        "compare", logs["mimo-7-independent"], "--models", "published", "--joint", "shoulder_yaw", "elbow_pitch"
     )
     assert "the thesis prints no model of wrist_yaw" in complaint(
-        capsys, "compare", logs["mimo-7-independent"], "--models", "published", "--joint", "wrist_yaw"
+        "compare", logs["mimo-7-independent"], "--models", "published", "--joint", "wrist_yaw"
     )
 
 
-def test_names_are_understood() -> None:
+def test_names_are_understood():
     assert parsed("armax:5,3,5/2").orders == (5, 3, 5, 2)
     assert parsed("published:4.7+4.9").name == "4.7+4.9"
     assert parsed("truth").kind == "truth"
 
 
-def test_a_log_is_read_as_it_was_written(logs: dict[str, Path]) -> None:
+def test_a_log_is_read_as_it_was_written(logs):
     log = JointLog.load(logs["mimo-7-independent"])
     from scenarios.identification.model_comparison import read_joints
 

@@ -12,21 +12,20 @@ from scenarios.commands.dataset import DATA_SET_COMMANDS
 from scenarios.datasets.chunk import BuiltExperiment, run_chunk
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
-from tests.scenarios.commands.calls import run
 
 
 @pytest.mark.parametrize("words", [["dataset"], ["dataset", "--help"], ["dataset", "-h"]])
-def test_help_names_every_command(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
-    code, out, err = run(capsys, *words)
+def test_help_names_every_command(run, words):
+    code, out, err = run(*words)
     assert (code, err) == (0, "")
     assert all(f"  {name} " in out for name in DATA_SET_COMMANDS)
     assert "dataset" in COMMANDS
-    assert "  dataset " in run(capsys, "--help")[1]
+    assert "  dataset " in run("--help")[1]
 
 
 @pytest.mark.parametrize("name", DATA_SET_COMMANDS)
-def test_every_command_has_help(capsys: pytest.CaptureFixture[str], name: str) -> None:
-    code, out, err = run(capsys, "dataset", name, "--help")
+def test_every_command_has_help(run, name):
+    code, out, err = run("dataset", name, "--help")
     assert (code, err) == (0, "")
     assert out.startswith(f"usage: hmtb dataset {name} ")
 
@@ -48,23 +47,21 @@ def test_every_command_has_help(capsys: pytest.CaptureFixture[str], name: str) -
         ("show", "missing SPEC"),
     ],
 )
-def test_usage_errors_are_one_line(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: str, words: str, says: str
-) -> None:
+def test_usage_errors_are_one_line(run, monkeypatch, columns, words, says):
     monkeypatch.setenv("COLUMNS", columns)
-    code, out, err = run(capsys, "dataset", *words.split())
+    code, out, err = run("dataset", *words.split())
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert err.startswith("hmtb: ")
     assert says in err
 
 
-def test_data_sets_are_listed_and_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    listed = json.loads(run(capsys, "dataset", "list", "--json")[1])["data_sets"]
+def test_data_sets_are_listed_and_shown(run):
+    listed = json.loads(run("dataset", "list", "--json")[1])["data_sets"]
     assert [entry["label"] for entry in listed] == list(shipped())
     spec = load_spec("hmtb-siso-v1")
-    out = run(capsys, "dataset", "show", "hmtb-siso-v1")[1]
+    out = run("dataset", "show", "hmtb-siso-v1")[1]
     assert DataSetSpec.from_toml(out) == spec
-    assert json.loads(run(capsys, "dataset", "show", "hmtb-siso-v1", "--json")[1]) == tomllib.loads(spec.to_toml())
+    assert json.loads(run("dataset", "show", "hmtb-siso-v1", "--json")[1]) == tomllib.loads(spec.to_toml())
 
 
 TINY = """
@@ -94,21 +91,19 @@ WEAK = 'supply_pressure = { kind = "uniform", spread = 2.5, centre = 8.0 }\n'
 
 
 @pytest.fixture
-def least(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def least(tmp_path, monkeypatch):
     """A spec whose records alone are built; what is made of them has tests of its own."""
-    monkeypatch.setattr("scenarios.datasets.finish.STAGES", ())
-    monkeypatch.setattr("scenarios.datasets.finish.METADATA", ())
-    monkeypatch.setattr("scenarios.datasets.chunk.ARM_TRUTH", ())
+    monkeypatch.setattr("scenarios.datasets.build.STAGES", ())
+    monkeypatch.setattr("scenarios.datasets.build.metadata_files", lambda folder, spec, index: {})
+    monkeypatch.setattr("scenarios.datasets.chunk.arm_files", lambda plan, entry: {})
     path = tmp_path / "least.toml"
     path.write_text(TINY)
     return path
 
 
-def test_build_says_what_was_built_and_never_builds_it_again(
-    capsys: pytest.CaptureFixture[str], least: Path, tmp_path: Path
-) -> None:
+def test_build_says_what_was_built_and_never_builds_it_again(run, least, tmp_path):
     words = ("dataset", "build", least, "--out", tmp_path / "deep" / "out", "--workers", "1")
-    code, out, err = run(capsys, *words, "--json")
+    code, out, err = run(*words, "--json")
     assert (code, err) == (0, "")
     said = json.loads(out)
     assert said == {
@@ -117,14 +112,12 @@ def test_build_says_what_was_built_and_never_builds_it_again(
         "failed": {},
         "hash": json.loads((Path(said["path"]) / "experiments.json").read_text())["hash"],
     }
-    code, out, err = run(capsys, *words)
+    code, out, err = run(*words)
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert "already there: a version is never overwritten" in err
 
 
-def test_an_interrupted_build_says_how_to_go_on_and_goes_on(
-    capsys: pytest.CaptureFixture[str], least: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_build_says_how_to_go_on_and_goes_on(run, least, tmp_path, monkeypatch):
     words = ("dataset", "build", str(least), "--out", str(tmp_path), "--rows", "1")
     with monkeypatch.context() as patch:
         calls = iter((run_chunk,))
@@ -135,28 +128,26 @@ def test_an_interrupted_build_says_how_to_go_on_and_goes_on(
             raise KeyboardInterrupt
 
         patch.setattr("scenarios.datasets.build.run_chunk", interrupted)
-        code, out, err = run(capsys, *words)
+        code, out, err = run(*words)
     assert (code, out) == (130, "")
     kept = f"1 of 2 experiments kept in {tmp_path / 'least-v1.unfinished'}"
     assert err == f"hmtb: interrupted; {kept}; run the command again to resume: hmtb {' '.join(words)}\n"
-    code, out, err = run(capsys, *words)
+    code, out, err = run(*words)
     assert (code, err) == (0, "")
     assert out.startswith(f"{tmp_path / 'least-v1'}: 2 experiments, 0 failed, hash ")
 
 
-def test_failures_are_told_and_the_exit_code_is_one(
-    capsys: pytest.CaptureFixture[str], least: Path, tmp_path: Path
-) -> None:
+def test_failures_are_told_and_the_exit_code_is_one(run, least, tmp_path):
     least.write_text(TINY + "\n[twins]\ncount = 3\n" + WEAK)
     words = ("dataset", "build", least, "--out", tmp_path)
-    code, out, err = run(capsys, *words, "--json")
+    code, out, err = run(*words, "--json")
     assert (code, err) == (1, "")
     said = json.loads(out)
     assert said["experiments"] == 2
     assert list(said["failed"]) == ["twin-0-one", "twin-0-two", "twin-1-one", "twin-1-two"]
     assert all("the drives cannot hold the arm" in why for why in said["failed"].values())
     (tmp_path / "least-v1").rename(tmp_path / "elsewhere")
-    code, out, err = run(capsys, *words)
+    code, out, err = run(*words)
     assert (code, err) == (1, "")
     # A reason that many share is said once.
     assert out.startswith("failed: twin-0-one and 1 more: ") and out.count("failed: ") == 2

@@ -14,22 +14,21 @@ from scenarios import load
 from scenarios.commands.cli import main
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.truth import truth_summary
-from scenarios.truth.best_linear import best_linear, cautions
+from scenarios.truth.best_linear import best_linear, cautions, measured_best_linear
 from scenarios.truth.maps import Density
 from scenarios.truth.truth_figure import truth_figure
-from tests.scenarios.commands.calls import complaint, printed, result
 
 
-def test_table_tells_resonance_and_errors(capsys: pytest.CaptureFixture[str]) -> None:
-    out = printed(capsys, "truth")
+def test_table_tells_resonance_and_errors(printed):
+    out = printed("truth")
     assert "hydraulic resonance" in out
     assert "Relative error of the linear model" in out
     (row,) = (line for line in out.splitlines() if line.startswith(" elbow_pitch"))
     assert "-6.0, -6.5, -9.1" in row
 
 
-def test_json_tells_all_of_the_small_signal_truth(capsys: pytest.CaptureFixture[str]) -> None:
-    found = result(capsys, "truth")
+def test_json_tells_all_of_the_small_signal_truth(result):
+    found = result("truth")
     assert found["plant"] == vars(NOMINAL_PLANT)
     truth = linearize(load_arm(), amplitudes=())
     for name in STUDIED_JOINTS:
@@ -50,10 +49,8 @@ def actuator(name: str) -> Actuator:
     return load_arm().actuators[name]
 
 
-def test_conditions_are_those_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
-    found = result(
-        capsys, "truth", "--oil-temperature", 5, "--supply-pressure", 15, "--friction-level", 2, "--payload", "none"
-    )
+def test_conditions_are_those_asked_for(result):
+    found = result("truth", "--oil-temperature", 5, "--supply-pressure", 15, "--friction-level", 2, "--payload", "none")
     plant = Plant(oil_temperature=5.0, supply_pressure=15.0, friction_level=2.0)
     assert found["plant"] == vars(plant)
     true = linearize(load_arm(payload="none", plant=plant), amplitudes=()).joint("wrist_roll")
@@ -61,40 +58,38 @@ def test_conditions_are_those_asked_for(capsys: pytest.CaptureFixture[str]) -> N
 
 
 @pytest.mark.slow
-def test_process_noise_brings_the_noise_model(capsys: pytest.CaptureFixture[str]) -> None:
-    found = result(capsys, "truth", "--process-noise", 0.001)
+def test_process_noise_brings_the_noise_model(printed, result):
+    found = result("truth", "--process-noise", 0.001)
     truth = linearize(load_arm(plant=Plant(process_noise=0.001)), amplitudes=())
     assert np.array(found["noise"]["K"]) == pytest.approx(truth.model.gain)
     assert found["joints"]["elbow_pitch"]["innovation_sd_rad"] == pytest.approx(
         float(np.sqrt(truth.joint("elbow_pitch").model.innovation_covariance[0, 0]))
     )
-    assert "Standard deviation of each joint's innovations" in printed(capsys, "truth", "--process-noise", 0.001)
+    assert "Standard deviation of each joint's innovations" in printed("truth", "--process-noise", 0.001)
 
 
 @pytest.mark.slow
-def test_pose_by_angles(capsys: pytest.CaptureFixture[str]) -> None:
+def test_pose_by_angles(printed, result):
     degrees = (0, 20, 50, 30, -50, 0, 0)
-    found = result(capsys, "truth", "--pose", ",".join(map(str, degrees)))
+    found = result("truth", "--pose", ",".join(map(str, degrees)))
     true = linearize(load_arm(), np.radians(degrees), amplitudes=()).joint("shoulder_yaw")
     assert found["joints"]["shoulder_yaw"]["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
     assert found["angles_rad"] == pytest.approx(np.radians(degrees))
-    assert "0,20,50,30,-50,0,0 deg" in printed(capsys, "truth", "--pose", ",".join(map(str, degrees)))
+    assert "0,20,50,30,-50,0,0 deg" in printed("truth", "--pose", ",".join(map(str, degrees)))
 
 
 @pytest.mark.slow
-def test_electric_drives_have_no_oil(capsys: pytest.CaptureFixture[str]) -> None:
-    out = printed(capsys, "truth", "--variant", "flight")
+def test_electric_drives_have_no_oil(printed, result):
+    out = printed("truth", "--variant", "flight")
     assert "hydraulic" not in out
     assert "oil" not in out
-    assert "hydraulics" not in result(capsys, "truth", "--variant", "flight")["joints"]["elbow_pitch"]
+    assert "hydraulics" not in result("truth", "--variant", "flight")["joints"]["elbow_pitch"]
 
 
 @pytest.mark.parametrize("columns", ["60", "100"])
-def test_help_is_wrapped_and_its_examples_keep_their_lines(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: str
-) -> None:
+def test_help_is_wrapped_and_its_examples_keep_their_lines(printed, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
-    out = printed(capsys, "truth", "--help")
+    out = printed("truth", "--help")
     prose = re.split(r"\n\W*options\b", out)[0]
     assert all(len(line) <= int(columns) for line in prose.splitlines())
     assert "\n\n\n" not in prose.rstrip("\n")
@@ -102,17 +97,17 @@ def test_help_is_wrapped_and_its_examples_keep_their_lines(
         assert f"  hmtb truth {example}" in prose.splitlines()
     assert "need a pose by name" in " ".join(prose.split())
     monkeypatch.setenv("COLUMNS", "200")
-    assert "or the seven joint angles in degrees, with commas." in printed(capsys, "truth", "--help")
+    assert "or the seven joint angles in degrees, separated by commas." in printed("truth", "--help")
 
 
 @pytest.mark.slow
-def test_dry_friction_is_said_to_be_left_out(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "Dry friction is not in these numbers; see --bla" in printed(capsys, "truth")
-    assert "Dry friction" not in printed(capsys, "truth", "--friction", "none")
+def test_dry_friction_is_said_to_be_left_out(printed):
+    assert "Dry friction is not in these numbers; see --bla" in printed("truth")
+    assert "Dry friction" not in printed("truth", "--friction", "none")
 
 
 @pytest.mark.slow
-def test_cautions_tell_where_a_bandwidth_says_little() -> None:
+def test_cautions_tell_where_a_bandwidth_says_little():
     """While the bristles bend a joint is another one, between stick and slip no linear one; sliding it is fine."""
     arm = load_arm()
     truth = linearize(arm, amplitudes=())
@@ -131,7 +126,7 @@ def drawn_words(path: Path) -> str:
 
 
 @pytest.mark.slow
-def test_title_tells_conditions_that_are_not_nominal() -> None:
+def test_title_tells_conditions_that_are_not_nominal():
     def title(**changes: object) -> str:
         arm = load_arm(plant=Plant(**changes))
         return truth_figure(truth_summary.truth_summary(arm, linearize(arm))).get_suptitle()
@@ -144,7 +139,7 @@ def test_title_tells_conditions_that_are_not_nominal() -> None:
 
 
 @pytest.mark.slow
-def test_measured_bandwidths_bear_their_intervals() -> None:
+def test_measured_bandwidths_bear_their_intervals():
     arm = load_arm()
     found = best_linear(MultisineExperiment("elbow", ("elbow_pitch",)), Multisines(rms=0.02, realisations=2))
     summary = replace(truth_summary.truth_summary(arm, linearize(arm)), best_linear={"elbow_pitch": found})
@@ -156,23 +151,22 @@ def test_measured_bandwidths_bear_their_intervals() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", ["svg", "png", "pdf"])
-def test_figure(capsys: pytest.CaptureFixture[str], tmp_path: Path, ending: str) -> None:
+def test_figure(printed, tmp_path, ending):
     path = tmp_path / "deep" / f"truth.{ending}"
-    assert f"figure: {path}" in printed(capsys, "truth", "--out", path)
+    assert f"figure: {path}" in printed("truth", "--out", path)
     start = {"svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}[ending]
     assert path.read_bytes().startswith(start)
 
 
 @pytest.mark.slow
-def test_best_linear_columns(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(truth_summary, "REALISATIONS", 2)
+def test_best_linear_columns(printed, result, monkeypatch, tmp_path):
+    monkeypatch.setattr("scenarios.truth.best_linear.REALISATIONS", 2)
     # Measured once for both ways of printing.
-    measure = functools.cache(truth_summary.measured_best_linear)
-    monkeypatch.setattr(truth_summary, "measured_best_linear", lambda *given, progress, **rest: measure(*given, **rest))
+    measure = functools.cache(measured_best_linear)
+    once = "scenarios.truth.best_linear.measured_best_linear"
+    monkeypatch.setattr(once, lambda *given, progress, **rest: measure(*given, **rest))
     words = ("--bla", 0.02, "--out", tmp_path / "truth.png")
-    found = result(capsys, "truth", *words)["best_linear"]
+    found = result("truth", *words)["best_linear"]
     assert set(found) == set(STUDIED_JOINTS)
     for name, entry in found.items():
         low, high = entry["ci95"]
@@ -180,60 +174,58 @@ def test_best_linear_columns(
         true = linearize(load_arm(), amplitudes=()).joint(name).bandwidth_hz
         assert 0.5 * true < entry["bandwidth_hz"] < true, "dry friction lowers it"
         assert entry["distortion_percent"] > 0.5
-    out = printed(capsys, "truth", *words)
+    out = printed("truth", *words)
     assert "best linear" in out
     assert "0.02 rad rms" in out
     assert "Dry friction is not in these numbers but for the best linear ones" in out
 
 
 @pytest.mark.slow
-def test_attainable_on_a_log(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_attainable_on_a_log(printed, result, complaint, capsys, tmp_path):
     assert main(["simulate", "siso-5-elbow_pitch", "--duration", "30", "--out", str(tmp_path)]) == 0
     capsys.readouterr()
     log = tmp_path / "siso-5-elbow_pitch.nc"
-    found = result(capsys, "truth", "--data", log)["attainable"]["elbow_pitch"]
+    found = result("truth", "--data", log)["attainable"]["elbow_pitch"]
     floors = found["simulation"]
     assert floors["any_model"]["fit"] >= floors["best_linear"]["fit"] >= floors["small_signal"]["fit"] > 50.0
-    out = printed(capsys, "truth", "--data", log, "--out", tmp_path / "floors.svg")
+    out = printed("truth", "--data", log, "--out", tmp_path / "floors.svg")
     assert "Attainable on siso-5-elbow_pitch" in out
     assert "Chance: on 1500 samples" in out
     with_floors, without = tmp_path / "floors.svg", tmp_path / "plain.svg"
-    printed(capsys, "truth", "--out", without)
+    printed("truth", "--out", without)
     assert "attainable on siso-5-elbow_pitch" in drawn_words(with_floors)
     assert "attainable" not in drawn_words(without)
-    assert "leave out the options" in complaint(capsys, "truth", "--data", log, "--payload", "none")
+    assert "leave out options" in complaint("truth", "--data", log, "--payload", "none")
     for option, value, logged in (
         ("variant", "flight", "nominal"),
         ("friction-level", "2.0", "1.0"),
         ("pose", "home", "rpcm_holster_out_approach"),
     ):
-        said = complaint(capsys, "truth", "--data", log, f"--{option}", value)
+        said = complaint("truth", "--data", log, f"--{option}", value)
         assert f"--{option} {value} given, the log has {option.replace('-', '_')} = {logged}" in said
-    printed(capsys, "truth", "--data", log, "--variant", "nominal", "--supply-pressure", "20.7")
-    assert "expected a log" in complaint(capsys, "truth", "--data", tmp_path / "log.csv")
-    assert "missing.nc" in complaint(capsys, "truth", "--data", tmp_path / "missing.nc")
+    printed("truth", "--data", log, "--variant", "nominal", "--supply-pressure", "20.7")
+    assert "expected a log" in complaint("truth", "--data", tmp_path / "log.csv")
+    assert "missing.nc" in complaint("truth", "--data", tmp_path / "missing.nc")
 
 
 @pytest.mark.slow
-def test_the_nominal_default_does_not_pass_for_an_option(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_the_nominal_default_does_not_pass_for_an_option(result, complaint, tmp_path):
     """A log of another arm needs no option; naming the nominal arm contradicts it."""
     log = tmp_path / "published.nc"
     experiment = replace(load("siso-5-elbow_pitch"), name="published", variant="published", duration=30.0)
     simulate([experiment])[0].save(log)
-    assert result(capsys, "truth", "--data", log)["variant"] == "published"
-    said = complaint(capsys, "truth", "--data", log, "--variant", "nominal")
+    assert result("truth", "--data", log)["variant"] == "published"
+    said = complaint("truth", "--data", log, "--variant", "nominal")
     assert "--variant nominal given, the log has variant = published" in said
 
 
 @pytest.mark.slow
-def test_maps_by_one_command(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_maps_by_one_command(printed, capsys, monkeypatch, tmp_path):
     coarse = Density(plane=(3, 3), cut=3, sample=5, condition=3, amplitudes=())
     monkeypatch.setattr(Density, "scaled", classmethod(lambda cls, factor: coarse))
     assert main(["truth", "--maps", "--out", str(tmp_path / "here.svg")]) == 2
     assert "expected a folder" in capsys.readouterr().err
-    out = printed(capsys, "truth", "--maps", "--out", tmp_path / "here")
+    out = printed("truth", "--maps", "--out", tmp_path / "here")
     assert f"maps: {tmp_path / 'here' / 'maps.html'}" in out
     files = {path.name for path in (tmp_path / "here").iterdir()}
     assert files >= {"maps.html", "maps.csv", "workspace.svg", "truth.svg"}
@@ -265,10 +257,10 @@ def test_maps_by_one_command(
         ("--out truth.gif", "expected a figure: .svg, .png, .pdf"),
         ("--maps --density 0", "density of the maps: 0 given"),
         ("--seed -1", "seed"),
-        ("--bla 0.01 --threads 0", "threads = 0 given"),
-        ("--threads 0", "threads = 0 given"),
+        ("--bla 0.01 --threads 0", "--threads 0 given"),
+        ("--threads 0", "--threads 0 given"),
         ("--threads 2", "--threads 2 given without --bla or --maps"),
-        ("--maps --threads 0", "threads = 0 given"),
+        ("--maps --threads 0", "--threads 0 given"),
         ("--density 0", "--density 0 given without --maps"),
         ("--density 1", "--density 1 given without --maps"),
         (
@@ -277,9 +269,7 @@ def test_maps_by_one_command(
         ),
     ],
 )
-def test_bad_values_are_one_line(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, expected: str
-) -> None:
+def test_bad_values_are_one_line(complaint, tmp_path, monkeypatch, words, expected):
     monkeypatch.chdir(tmp_path)
-    assert expected in complaint(capsys, "truth", *words.split())
+    assert expected in complaint("truth", *words.split())
     assert list(tmp_path.iterdir()) == []

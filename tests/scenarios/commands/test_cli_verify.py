@@ -8,7 +8,6 @@ import pytest
 from scenarios.bench.result import Result
 from scenarios.commands.cli import main
 from tests.scenarios.bench.few import Few, Here
-from tests.scenarios.commands.calls import complaint
 
 MODULE = """
 import sysid
@@ -19,7 +18,7 @@ def my_estimator(data, task):
 
 
 @pytest.fixture
-def executor(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Here:
+def executor(monkeypatch, tmp_path):
     """In an empty folder, with one small figure, everything in this process."""
     monkeypatch.chdir(tmp_path)
     here = Here()
@@ -28,9 +27,7 @@ def executor(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Here:
     return here
 
 
-def test_figures_are_printed_written_and_told(
-    executor: Here, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_figures_are_printed_written_and_told(executor, tmp_path, capsys):
     assert main(["verify", "perfect", "--quick", "--seed", "3"]) == 0
     out, err = capsys.readouterr()
     assert "Parameters within their intervals" in out and "✓ passes" in out
@@ -47,13 +44,11 @@ def test_figures_are_printed_written_and_told(
     assert told["passed"] is True
     figure = told["figures"]["few"]
     assert (figure["passed"], figure["expected"], figure["interval"]) == (True, 2.0, [1.0, 3.0])
-    assert figure["value"] == result.figures["few"].value
+    assert figure["value"] == result.metrics["few"].value
 
 
 @pytest.mark.slow
-def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(
-    executor: Here, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(executor, tmp_path, capsys):
     (tmp_path / "mine.py").write_text(MODULE)
     words = ["verify", "perfect", "mine.py:my_estimator", "--structure", "oe", "--quick", "--figures", "few"]
     assert main(words) == 1
@@ -65,7 +60,7 @@ def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(
     assert result.command == (
         f"hmtb verify mine.py:my_estimator --structure oe --quick --figures few --seed {result.seed}"
     )
-    assert (result.contestant.target, result.contestant.home) == ("mine.py:my_estimator", "")
+    assert (result.estimator.target, result.estimator.home) == ("mine.py:my_estimator", "")
     assert main([*words, "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
     assert {name: entry["passed"] for name, entry in told["estimators"].items()} == {
@@ -75,9 +70,7 @@ def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(
     assert told["passed"] is False and told["estimators"]["my_estimator"]["outcomes"] == {"error": 4}
 
 
-def test_an_interrupted_run_says_how_to_go_on(
-    executor: Here, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupted_run_says_how_to_go_on(executor, tmp_path, capsys):
     executor.after = 3
     assert main(["verify", "perfect", "--quick"]) == 130
     err = capsys.readouterr().err
@@ -91,13 +84,11 @@ def test_an_interrupted_run_says_how_to_go_on(
     assert executor.asked == 4
 
 
-def test_a_lesser_run_is_refused_beside_a_fuller_result_and_a_fuller_one_is_not(
-    executor: Here, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_lesser_run_is_refused_beside_a_fuller_result_and_a_fuller_one_is_not(complaint, executor, tmp_path, capsys):
     assert main(["verify", "perfect", "--quick", "--records", "1"]) == 1  # too few for its figure
     assert main(["verify", "perfect", "--quick"]) == 0
     capsys.readouterr()
-    says = complaint(capsys, "verify", "perfect", "--quick", "--records", "1")
+    says = complaint("verify", "perfect", "--quick", "--records", "1")
     assert "perfect.json has the result of a more complete run, with records that this run does not ask" in says
     assert "give another --out, or move that file away" in says
     assert executor.asked == 4
@@ -106,7 +97,7 @@ def test_a_lesser_run_is_refused_beside_a_fuller_result_and_a_fuller_one_is_not(
     assert Result.read(tmp_path / "results" / "perfect.json").effort == "full"
 
 
-def test_the_list_says_what_can_run_here(executor: Here, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_list_says_what_can_run_here(executor, capsys):
     assert main(["verify", "--list", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)["estimators"]
     assert told["our-oe"]["available"] and told["our-oe"]["structure"] == "oe"
@@ -144,16 +135,14 @@ def test_the_list_says_what_can_run_here(executor: Here, capsys: pytest.CaptureF
         (("perfect", "--structure", "tf"), "structure"),
     ],
 )
-def test_what_cannot_be_is_refused_before_anything_is_made(
-    executor: Here, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
-) -> None:
+def test_what_cannot_be_is_refused_before_anything_is_made(complaint, executor, tmp_path, words, says):
     (tmp_path / "mine.py").write_text(MODULE)
     (tmp_path / "my-file.py").write_text(MODULE)
-    assert says in complaint(capsys, "verify", *words)
+    assert says in complaint("verify", *words)
     assert not (tmp_path / "results").exists()
 
 
-def test_processes_are_at_least_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_processes_are_at_least_one(complaint, tmp_path):
     assert "workers must be 1 or more, given 0" in complaint(
-        capsys, "verify", "perfect", "--workers", "0", "--out", str(tmp_path / "out")
+        "verify", "perfect", "--workers", "0", "--out", str(tmp_path / "out")
     )

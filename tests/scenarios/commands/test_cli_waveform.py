@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from scenarios.experiments.waveform import read_points
-from tests.scenarios.commands.calls import complaint, result, run
 
 WAVEFORMS = {
     "sine": "--frequency 1",
@@ -23,7 +22,7 @@ WAVEFORMS = {
 
 
 @pytest.mark.slow
-def test_every_waveform_has_flags_for_everything_it_takes(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_every_waveform_has_flags_for_everything_it_takes(run, result, tmp_path):
     from inspect import signature
 
     from scenarios.experiments.excitation import KINDS
@@ -31,35 +30,35 @@ def test_every_waveform_has_flags_for_everything_it_takes(capsys: pytest.Capture
     assert set(WAVEFORMS) == set(KINDS) - {"points"}
     for kind, words in WAVEFORMS.items():
         typed = ["--amplitude", "0.5", *words.split()]
-        found = result(capsys, "waveform", kind, *typed, "--out", tmp_path)
+        found = result("waveform", kind, *typed, "--out", tmp_path)
         flags = {word[2:].replace("-", "_") for word in typed if word.startswith("--")}
         assert flags == set(signature(KINDS[kind]).parameters)
         assert set(found["parameters"]) == flags
         assert found["parameters"]["amplitude"] == 0.5
-    out = run(capsys, "waveform", "prbs", "--out", tmp_path)[1]
+    out = run("waveform", "prbs", "--out", tmp_path)[1]
     assert "mean / V" in out
     assert "update rate / Hz" in out
 
 
-def test_waveform_complains_in_the_flags_as_typed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_waveform_complains_in_the_flags_as_typed(complaint, tmp_path):
     waveform = ("waveform", "--out", tmp_path / "none")
-    said = complaint(capsys, *waveform, "chirp_as_printed", "--f-low", "1", "--f-high", "2")
+    said = complaint(*waveform, "chirp_as_printed", "--f-low", "1", "--f-high", "2")
     assert "chirp_as_printed needs --f-center; it takes --f-low, --f-high, --f-center, --amplitude" in said
-    assert "multisine has no --f-start" in complaint(capsys, *waveform, "multisine", "--f-start", "1")
+    assert "multisine has no --f-start" in complaint(*waveform, "multisine", "--f-start", "1")
     assert not (tmp_path / "none").exists()
 
 
-def test_waveform_writes_the_file_and_the_plot(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    found = result(capsys, "waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
+def test_waveform_writes_the_file_and_the_plot(result, tmp_path):
+    found = result("waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
     assert found["order_of_excitation"] == 4
     points = np.loadtxt(found["points"])
     assert points.shape == (100,)
     assert Path(found["plot"]).read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_written_file_reads_back_to_the_last_bit(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    found = result(capsys, "waveform", "chirp", "--f-start", "5", "--f-end", "10", "--out", tmp_path)
-    again = result(capsys, "waveform", "file", "--path", found["points"], "--out", tmp_path / "again")
+def test_a_written_file_reads_back_to_the_last_bit(result, tmp_path):
+    found = result("waveform", "chirp", "--f-start", "5", "--f-end", "10", "--out", tmp_path)
+    again = result("waveform", "file", "--path", found["points"], "--out", tmp_path / "again")
     assert again["points"] == found["points"]
     assert Path(again["plot"]) == tmp_path / "again" / "chirp.png"
     for key in ("order_of_excitation", "mean_v", "rms_v", "period_s"):
@@ -68,17 +67,15 @@ def test_a_written_file_reads_back_to_the_last_bit(capsys: pytest.CaptureFixture
     np.testing.assert_allclose(read_points(found["points"]), np.cos(2 * np.pi * (5 * t + 5 * t**2 / 4)), atol=1e-12)
 
 
-def test_a_file_of_few_digits_excites_no_more_than_its_tones(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_file_of_few_digits_excites_no_more_than_its_tones(result, tmp_path):
     path = tmp_path / "mine.txt"
     np.savetxt(path, np.sin(2 * np.pi * 3 * np.arange(100) / 50), fmt="%.9g")
-    assert result(capsys, "waveform", "file", "--path", path, "--out", tmp_path)["order_of_excitation"] == 2
+    assert result("waveform", "file", "--path", path, "--out", tmp_path)["order_of_excitation"] == 2
 
 
 @pytest.mark.slow
-def test_it_says_for_which_models_a_waveform_is_too_poor(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    found = result(capsys, "waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
+def test_it_says_for_which_models_a_waveform_is_too_poor(run, result, tmp_path):
+    found = result("waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
     (warning,) = found["warnings"]
     assert found["needed_order"]["armax 5 3 5 2"] == 8
     assert found["needed_order"]["oe 2 2 1"] == found["needed_order"]["armax 2 2 2 1"] == 4
@@ -86,14 +83,14 @@ def test_it_says_for_which_models_a_waveform_is_too_poor(capsys: pytest.CaptureF
     assert warning == (
         "order of excitation 4 is too low for 4 of the 8 models of the study: okid (6), oe (7 to 8), armax (8)"
     )
-    (warning,) = result(capsys, "waveform", "sine", "--frequency", "5", "--out", tmp_path)["warnings"]
+    (warning,) = result("waveform", "sine", "--frequency", "5", "--out", tmp_path)["warnings"]
     assert warning == "order of excitation 2 is too low for every model of the study: they need 4 to 8"
-    assert result(capsys, "waveform", "prbs", "--out", tmp_path)["warnings"] == []
-    out = run(capsys, "waveform", "sine", "--frequency", "5", "--out", tmp_path)[1]
+    assert result("waveform", "prbs", "--out", tmp_path)["warnings"] == []
+    out = run("waveform", "sine", "--frequency", "5", "--out", tmp_path)[1]
     assert "warning: order of excitation 2 is too low" in " ".join(out.split())
 
 
-def test_the_estimators_warn_by_the_same_rule() -> None:
+def test_the_estimators_warn_by_the_same_rule():
     import warnings
 
     import sysid
@@ -115,29 +112,27 @@ def test_the_estimators_warn_by_the_same_rule() -> None:
             assert all(f"of order {order} only, the model needs {needed}" in text for text in said)
 
 
-def test_a_path_belongs_to_a_file_and_nothing_else(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_path_belongs_to_a_file_and_nothing_else(complaint, tmp_path):
     out = ("--out", tmp_path)
-    assert "hmtb waveform file --path FILE" in complaint(capsys, "waveform", "file", *out)
-    assert "hmtb waveform file --path FILE" in complaint(capsys, "waveform", "points", *out)
-    assert "prbs has no --path" in complaint(capsys, "waveform", "prbs", "--path", "x.txt", *out)
-    assert "No such file" in complaint(capsys, "waveform", "file", "--path", tmp_path / "none.txt", *out)
-    assert "did you mean 'file'" in complaint(capsys, "waveform", "fil", *out)
-    assert "points" not in complaint(capsys, "waveform", "square", *out)
-    said = complaint(capsys, "waveform", "file", "mine.txt", *out)
+    assert "hmtb waveform file --path FILE" in complaint("waveform", "file", *out)
+    assert "hmtb waveform file --path FILE" in complaint("waveform", "points", *out)
+    assert "prbs has no --path" in complaint("waveform", "prbs", "--path", "x.txt", *out)
+    assert "No such file" in complaint("waveform", "file", "--path", tmp_path / "none.txt", *out)
+    assert "did you mean 'file'" in complaint("waveform", "fil", *out)
+    assert "points" not in complaint("waveform", "square", *out)
+    said = complaint("waveform", "file", "mine.txt", *out)
     assert "unexpected argument 'mine.txt'; did you mean --path mine.txt?" in said
 
 
 @pytest.mark.parametrize("word", ["nan", "inf", "two"])
-def test_what_is_no_number_is_named_with_its_line(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, word: str
-) -> None:
+def test_what_is_no_number_is_named_with_its_line(complaint, tmp_path, word):
     path = tmp_path / "mine.txt"
     path.write_text("1\n" * 41 + f"{word}\n" + "1\n" * 58, encoding="utf-8")
-    said = complaint(capsys, "waveform", "file", "--path", path, "--out", tmp_path)
+    said = complaint("waveform", "file", "--path", path, "--out", tmp_path)
     assert f"line 42: expected a finite number in V, given '{word}'" in said
 
 
-def test_points_beyond_the_converter_are_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_points_beyond_the_converter_are_told(result, tmp_path):
     path = tmp_path / "high.txt"
     path.write_text("12\n-9\n" + "0.5\n" * 97 + "-11\n", encoding="utf-8")
     for words, count in (
@@ -145,6 +140,6 @@ def test_points_beyond_the_converter_are_told(capsys: pytest.CaptureFixture[str]
         (("prbs", "--amplitude", "11"), 100),
         (("prbs", "--amplitude", "9.9"), 0),
     ):
-        warnings = result(capsys, "waveform", *words, "--out", tmp_path / "out")["warnings"]
+        warnings = result("waveform", *words, "--out", tmp_path / "out")["warnings"]
         told = [text for text in warnings if "±10 V of the excitation computer's converter" in text]
         assert [text.split()[0] for text in told] == [str(count)] * bool(count)

@@ -1,6 +1,5 @@
 """The bus on the command line: `hmtb simulate --format 1553`, `hmtb convert`, `hmtb identify`."""
 
-import json
 import sys
 from pathlib import Path
 
@@ -11,20 +10,12 @@ from hmtb_twin import JointLog
 from hmtb_twin.bus.recorder_run import read_run, record_run
 from scenarios.commands.cli import main
 from scenarios.files.record_file import read_records, write_record
-from tests.scenarios.commands.calls import complaint
 
 OE = ("--method", "oe", "--orders", "2", "2", "1")
 
 
-def run(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> dict:
-    assert main([*map(str, words), "--json"]) == code
-    out, err = capsys.readouterr()
-    assert err == ""
-    return json.loads(out)
-
-
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(tmp_path_factory):
     """Two experiments in every format, the bus faulty."""
     folder = tmp_path_factory.mktemp("made")
     names = ("siso-5-elbow_pitch", "siso-5-shoulder_yaw")
@@ -35,39 +26,37 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_simulate_writes_every_format(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_simulate_writes_every_format(result, made):
     endings = sorted(path.name.replace("siso-5-", "") for path in made.iterdir())
     joints = ("elbow_pitch", "shoulder_yaw")
     assert endings == sorted([f"{j}.{e}" for j in joints for e in ("nc", "csv", "mat", "asc")] + ["run-1.ch10"])
-    again = run(capsys, "simulate", "siso-5-elbow_pitch", "--format", "1553", "--duration", "2", "--out", made / "one")
+    again = result("simulate", "siso-5-elbow_pitch", "--format", "1553", "--duration", "2", "--out", made / "one")
     assert again["logs"] == [str(made / "one" / "siso-5-elbow_pitch.ch10")]
     (record,) = read_run(again["logs"][0]).tests
     assert (record.name, record.axes, len(record)) == ("siso-5-elbow_pitch", ("elbow_pitch",), 100)
 
 
-def test_faults_of_the_bus_follow_the_seed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_faults_of_the_bus_follow_the_seed(result, tmp_path):
     files = []
     for number, seed in enumerate((3, 3, 4)):
         words = ("simulate", "siso-5-elbow_pitch", "--duration", "4", "--format", "1553", "--dropped", "0.1")
-        (path,) = run(capsys, *words, "--seed", seed, "--out", tmp_path / str(number))["logs"]
+        (path,) = result(*words, "--seed", seed, "--out", tmp_path / str(number))["logs"]
         files.append(np.isnan(read_run(path).tests[0].measured))
     np.testing.assert_array_equal(files[0], files[1])
     assert (files[0] != files[2]).any()
 
 
 @pytest.mark.slow
-def test_a_run_becomes_files_and_files_become_a_run(
-    made: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_run_becomes_files_and_files_become_a_run(result, made, tmp_path):
     source = read_run(made / "run-1.ch10")
     for name, ending in (("ascii", "asc"), ("csv", "csv"), ("mat", "mat"), ("nc", "nc")):
-        done = run(capsys, "convert", made / "run-1.ch10", tmp_path / name, "--format", name, code=1)
+        done = result("convert", made / "run-1.ch10", tmp_path / name, "--format", name, code=1)
         paths = [Path(path) for path in done["files"]]
         assert [path.name for path in paths] == [f"{test.name}.{ending}" for test in source.tests]
         assert [entry["ticks_lost"] for entry in done["tests"]] == [int(test.lost.sum()) for test in source.tests]
         assert done["warnings"] == [source.message]
         back = tmp_path / f"{name}.ch10"
-        assert run(capsys, "convert", *paths, back)["files"] == [str(back)]
+        assert result("convert", *paths, back)["files"] == [str(back)]
         for given, found in zip(source.tests, read_run(back).tests, strict=True):
             np.testing.assert_array_equal(found.columns(), given.columns())
             assert found.name == given.name
@@ -77,79 +66,77 @@ def test_a_run_becomes_files_and_files_become_a_run(
     np.testing.assert_array_equal(record.measured[known], log.measured[known])
 
 
-def test_one_test_of_a_run(made: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_one_test_of_a_run(result, complaint, made, tmp_path):
     assert "2 tests (siso-5-elbow_pitch, siso-5-shoulder_yaw) need a folder" in complaint(
-        capsys, "convert", made / "run-1.ch10", tmp_path / "a.asc"
+        "convert", made / "run-1.ch10", tmp_path / "a.asc"
     )
-    done = run(capsys, "convert", made / "run-1.ch10", tmp_path / "a.asc", "--test", "2", code=1)
+    done = result("convert", made / "run-1.ch10", tmp_path / "a.asc", "--test", "2", code=1)
     assert [entry["name"] for entry in done["tests"]] == ["siso-5-shoulder_yaw"]
-    assert "unknown test '3'" in complaint(capsys, "convert", made / "run-1.ch10", tmp_path / "b.asc", "--test", "3")
+    assert "unknown test '3'" in complaint("convert", made / "run-1.ch10", tmp_path / "b.asc", "--test", "3")
     assert not (tmp_path / "b.asc").exists()
 
 
-def test_what_would_be_lost_is_refused(made: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_what_would_be_lost_is_refused(result, complaint, made, tmp_path):
     log = made / "siso-5-elbow_pitch.nc"
-    said = complaint(capsys, "convert", log, tmp_path / "a.ch10")
+    said = complaint("convert", log, tmp_path / "a.ch10")
     for what in ("true_angles", "load_pressure", "digits of the commanded values", "--lossy"):
         assert what in said
     assert list(tmp_path.iterdir()) == []
-    done = run(capsys, "convert", log, tmp_path / "a.ch10", "--lossy")
+    done = result("convert", log, tmp_path / "a.ch10", "--lossy")
     assert any("true_angles" in text for text in done["warnings"])
     np.testing.assert_array_equal(read_run(tmp_path / "a.ch10").tests[0].measured, JointLog.load(log).measured)
 
 
-def test_memory_is_full_with_one_line(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bus_record
-) -> None:
+def test_memory_is_full_with_one_line(result, complaint, tmp_path, monkeypatch, bus_record):
     record_run([bus_record("long", 200)], tmp_path / "long.ch10")
     monkeypatch.setattr("hmtb_twin.bus.recorder_run.MEMORY", 150)
-    said = complaint(capsys, "convert", tmp_path / "long.ch10", tmp_path / "cut.ch10")
+    said = complaint("convert", tmp_path / "long.ch10", tmp_path / "cut.ch10")
     assert "50 of 200 ticks: the recorder's memory holds 150, twenty minutes" in said
-    done = run(capsys, "convert", tmp_path / "long.ch10", tmp_path / "cut.ch10", "--lossy")
+    done = result("convert", tmp_path / "long.ch10", tmp_path / "cut.ch10", "--lossy")
     assert "memory full at tick 150 of long" in done["warnings"][-1]
-    found = run(capsys, "convert", tmp_path / "cut.ch10", tmp_path / "cut.asc", code=1)
+    found = result("convert", tmp_path / "cut.ch10", tmp_path / "cut.asc", code=1)
     assert found["warnings"] == ["long was to have 200 ticks, of which the memory held 150"]
 
 
 @pytest.mark.slow
-def test_identify_reads_all_of_them(made: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    reference = run(capsys, "identify", made / "siso-5-elbow_pitch.nc", *OE, "--skip", "4")
+def test_identify_reads_all_of_them(result, complaint, made, tmp_path):
+    reference = result("identify", made / "siso-5-elbow_pitch.nc", *OE, "--skip", "4")
     for ending, words in ((".asc", ()), (".mat", ()), (".csv", ("--joint", "elbow_pitch"))):
-        found = run(capsys, "identify", made / f"siso-5-elbow_pitch{ending}", *OE, *words, "--skip", "4")
+        found = result("identify", made / f"siso-5-elbow_pitch{ending}", *OE, *words, "--skip", "4")
         assert found == reference
-    bus = run(capsys, "identify", made / "run-1.ch10", "--test", "siso-5-elbow_pitch", *OE, "--skip", "4")
+    bus = result("identify", made / "run-1.ch10", "--test", "siso-5-elbow_pitch", *OE, "--skip", "4")
     # Gaps cost samples, not truth: the model of the parts is that of the whole.
     assert bus["bandwidth_hz"] == pytest.approx(reference["bandwidth_hz"], rel=0.02)
     assert bus["samples"] < reference["samples"] == 1800
     assert "messages are missing" in bus["warnings"][0]
     assert "parts between lost samples" in bus["warnings"][1]
-    run(capsys, "convert", made / "run-1.ch10", tmp_path / "a.asc", "--test", "1", code=1)
-    by_ascii = run(capsys, "identify", tmp_path / "a.asc", *OE, "--skip", "4")
+    result("convert", made / "run-1.ch10", tmp_path / "a.asc", "--test", "1", code=1)
+    by_ascii = result("identify", tmp_path / "a.asc", *OE, "--skip", "4")
     assert by_ascii["bandwidth_hz"] == bus["bandwidth_hz"]
-    checked = run(capsys, "identify", tmp_path / "a.asc", *OE, "--validate", made / "siso-5-elbow_pitch.nc")
+    checked = result("identify", tmp_path / "a.asc", *OE, "--validate", made / "siso-5-elbow_pitch.nc")
     assert checked["fit"]["simulation"][0] > 80
     run_itself = ("--test", "1", "--validate", made / "run-1.ch10", "--validate-test", "1")
-    validated = run(capsys, "identify", made / "run-1.ch10", *run_itself, *OE, "--skip", "4")
+    validated = result("identify", made / "run-1.ch10", *run_itself, *OE, "--skip", "4")
     assert validated["fit"] == bus["fit"]
-    assert "choose one by --test" in complaint(capsys, "identify", made / "run-1.ch10", *OE)
+    assert "choose one by --test" in complaint("identify", made / "run-1.ch10", *OE)
 
 
-def test_every_method_takes_a_record_with_gaps(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_method_takes_a_record_with_gaps(result, made):
     for words in (("arx", "2", "2"), ("armax", "2", "2", "2"), ("okid", "2", "5")):
         method = ("--method", words[0], "--orders", *words[1:])
-        found = run(capsys, "identify", made / "run-1.ch10", "--test", "1", *method, "--keep-mean")
+        found = result("identify", made / "run-1.ch10", "--test", "1", *method, "--keep-mean")
         assert max(abs(complex(*pole)) for pole in found["poles"]) < 1.0
 
 
-def test_cut_off_file(made: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_cut_off_file(result, complaint, made, tmp_path):
     content = (made / "run-1.ch10").read_bytes()
     (tmp_path / "cut.ch10").write_bytes(content[: len(content) // 3])
-    done = run(capsys, "convert", tmp_path / "cut.ch10", tmp_path / "asc", "--format", "ascii", code=1)
+    done = result("convert", tmp_path / "cut.ch10", tmp_path / "asc", "--format", "ascii", code=1)
     (message,) = done["warnings"]
     assert message.startswith("cut.ch10: ")
     assert "which is cut off" in message
     (tmp_path / "cut.ch10").write_bytes(content[:5000])
-    said = complaint(capsys, "convert", tmp_path / "cut.ch10", tmp_path / "asc2", "--format", "ascii")
+    said = complaint("convert", tmp_path / "cut.ch10", tmp_path / "asc2", "--format", "ascii")
     assert "no message of the arm's bus" in said
     assert not (tmp_path / "asc2").exists()
 
@@ -167,20 +154,13 @@ def test_cut_off_file(made: Path, capsys: pytest.CaptureFixture[str], tmp_path: 
         ("a.xyz b.csv", "unknown kind of file '.xyz'"),
     ],
 )
-def test_mistakes_are_one_line(
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    bus_record,
-    words: str,
-    says: str,
-) -> None:
+def test_mistakes_are_one_line(complaint, tmp_path, monkeypatch, bus_record, words, says):
     monkeypatch.chdir(tmp_path)
     for name in ("a.asc", "copy.asc"):
         write_record(bus_record("a", 5), Path(name))
     Path("a.xyz").write_text("x")
     before = sorted(path.name for path in tmp_path.iterdir())
-    assert says in complaint(capsys, "convert", *words.split())
+    assert says in complaint("convert", *words.split())
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
@@ -192,40 +172,36 @@ def test_mistakes_are_one_line(
         ("--format 1554", "unknown format '1554': did you mean '1553'"),
     ],
 )
-def test_mistakes_of_simulate_are_one_line(capsys: pytest.CaptureFixture[str], words: str, says: str) -> None:
-    assert says in complaint(capsys, "simulate", "siso-5-elbow_pitch", *words.split())
+def test_mistakes_of_simulate_are_one_line(complaint, words, says):
+    assert says in complaint("simulate", "siso-5-elbow_pitch", *words.split())
 
 
-def test_without_the_library_nothing_is_simulated(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bus_record
-) -> None:
+def test_without_the_library_nothing_is_simulated(complaint, tmp_path, monkeypatch, bus_record):
     record_run([bus_record("a", 5)], tmp_path / "a.ch10")
     monkeypatch.setitem(sys.modules, "chapter10", None)
     line = "1553 records need pychapter10: pip install 'hmtb-twin[bus]'"
-    assert line in complaint(capsys, "simulate", "siso-5-elbow_pitch", "--format", "1553", "--out", tmp_path / "out")
-    assert line in complaint(capsys, "convert", tmp_path / "a.ch10", tmp_path / "a.asc")
-    assert line in complaint(capsys, "identify", tmp_path / "a.ch10", *OE)
+    assert line in complaint("simulate", "siso-5-elbow_pitch", "--format", "1553", "--out", tmp_path / "out")
+    assert line in complaint("convert", tmp_path / "a.ch10", tmp_path / "a.asc")
+    assert line in complaint("identify", tmp_path / "a.ch10", *OE)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.ch10"]
 
 
-def test_a_csv_says_what_it_cannot_hold(made: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_csv_says_what_it_cannot_hold(result, made, capsys, tmp_path):
     source, out = made / "siso-5-elbow_pitch.asc", tmp_path / "mine.csv"
     says = "mine.csv does not say that the test is siso-5-elbow_pitch nor that it excites elbow_pitch"
-    assert run(capsys, "convert", source, out)["lost"] == [says]
+    assert result("convert", source, out)["lost"] == [says]
     assert main(["convert", str(source), str(out)]) == 0
     assert capsys.readouterr().err == f"note: {says}\n"
-    assert run(capsys, "convert", source, tmp_path / "mine.mat")["lost"] == []
-    assert run(capsys, "convert", out, tmp_path / "again.csv")["lost"] == [
-        "again.csv does not say that the test is mine"
-    ]
+    assert result("convert", source, tmp_path / "mine.mat")["lost"] == []
+    assert result("convert", out, tmp_path / "again.csv")["lost"] == ["again.csv does not say that the test is mine"]
 
 
-def test_our_csv_is_read_by_joint(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    said = complaint(capsys, "identify", made / "siso-5-elbow_pitch.csv", *OE)
+def test_our_csv_is_read_by_joint(complaint, made):
+    said = complaint("identify", made / "siso-5-elbow_pitch.csv", *OE)
     assert "it is a record of joints: choose one by --joint" in said
 
 
-def test_a_recording_of_several_tests_is_one_row(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recording_of_several_tests_is_one_row(made, capsys):
     names = ("siso-5-elbow_pitch", "siso-5-shoulder_yaw")
     words = ("simulate", *names, "--format", "1553", "--duration", "2", "--out", str(made / "two"))
     assert main([*words]) == 0

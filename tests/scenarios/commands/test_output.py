@@ -1,11 +1,9 @@
 """Output of commands: progress goes to stderr alone."""
 
-import pytest
-
 from scenarios.commands.output import progress
 
 
-def test_short_work_writes_nothing_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+def test_short_work_writes_nothing_without_a_terminal(capsys):
     for lines in (False, True):
         with progress("simulating", lines=lines) as bar:
             bar(1, 2)

@@ -5,25 +5,24 @@ import io
 import json
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hmtb_twin.control.modes import joint_index
+from hmtb_twin.run.experiment_row import experiment_arm
 from hmtb_twin.truth.linearization import simulated
 from scenarios.commands.cli import main
-from scenarios.datasets.attainable_scores import TABLE, AttainableStage
-from scenarios.datasets.baselines import BaselineData, baseline, differences, read_table, report, table
+from scenarios.datasets.attainable_scores import attainable_files
+from scenarios.datasets.baselines import BaselineData, baseline, differences, report
 from scenarios.datasets.build import build
-from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
+from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, DataSetPlan
 from scenarios.datasets.score import score, score_model
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import BaselineSpec, Method, Scoring
-from scenarios.experiments.logged_arm import experiment_arm
-from scenarios.files.errors import ScenarioError
-from sysid import IOData
+from scenarios.datasets.tables import read_table, table_text
+from tests.refusals import refused
 
 SMALL = """
 name = "small"
@@ -58,34 +57,32 @@ excitation = { kind = "white_noise", amplitude = 2.0 }
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
+def small(tmp_path_factory):
     return open_data_set(build(DataSetSpec.from_toml(SMALL), tmp_path_factory.mktemp("small"), workers=1).path)
 
 
 @pytest.fixture(scope="module")
-def floors(small: DataSet) -> dict[str, dict[str, str]]:
+def floors(small):
     with (small.folder / ATTAINABLE).open(newline="") as stream:
         return {line["experiment"]: line for line in csv.DictReader(stream)}
 
 
 class Physics:
-    """The twin itself as a model: it is told the commands of a record, and the arm."""
+    """The twin itself as a model, which knows the commands of a record and the arm, and starts at rest."""
 
-    def __init__(self, small: DataSet, record: DataRecord) -> None:
-        self.entry = next(entry for entry in DataSetPlan(small.spec) if entry.name == record.name)
+    def __init__(self, small, record):
+        self.experiment = next(entry for entry in DataSetPlan(small.spec) if entry.name == record.name).experiment
 
-    def predicted(self, record: IOData, steps: int) -> np.ndarray:
-        """Return the angle of the arm that starts at rest."""
-        arm, experiment = experiment_arm(self.entry.experiment), self.entry.experiment
-        pose = arm.pose(experiment.pose)
+    def predicted(self, record, steps):
+        arm, column = experiment_arm(self.experiment), joint_index("elbow_pitch")
+        pose = arm.pose(self.experiment.pose)
         commands = np.tile(pose, (len(record), 1))
-        column = joint_index("elbow_pitch")
         commands[:, column] = record.u[:, 0]
         return (simulated(arm, pose, commands) + arm.rest(pose).qpos[:7])[:, [column]]
 
 
 @pytest.mark.slow
-def test_the_right_model_reaches_the_stated_score(small: DataSet, floors: dict[str, dict[str, str]]) -> None:
+def test_the_right_model_reaches_the_stated_score(small, floors):
     """With dry friction and without, the twin simulated from the commands alone leaves the noise of the recorder."""
     scores = score_model(lambda record: Physics(small, record), small)
     assert [one.experiment for one in scores.scores] == list(floors)
@@ -95,13 +92,9 @@ def test_the_right_model_reaches_the_stated_score(small: DataSet, floors: dict[s
         assert one.value == pytest.approx(float(stated["attainable"]), rel=1e-6)
 
 
-def test_without_friction_the_small_signal_truth_reaches_it_within_chance(
-    small: DataSet, floors: dict[str, dict[str, str]]
-) -> None:
-    values = {
-        one.experiment: one.value
-        for one in baseline(BaselineData(small, small.spec.baselines), Method("truth")).test.scores
-    }
+def test_without_friction_the_small_signal_truth_reaches_it_within_chance(small, floors):
+    scores = baseline(BaselineData(small, small.spec.baselines), Method("truth")).test.scores
+    values = {one.experiment: one.value for one in scores}
     smooth, rough = floors["noise-viscous"], floors["noise-lugre"]
     lower, floor = float(smooth["attainable_by_chance"]), float(smooth["attainable"])
     # An initial state and a constant more or less: what chance takes off a floor it may put on it.
@@ -111,7 +104,7 @@ def test_without_friction_the_small_signal_truth_reaches_it_within_chance(
     assert float(rough["attainable"]) < float(rough["best_linear"]) < float(rough["small_signal"])
 
 
-def test_no_baseline_goes_below_a_floor(small: DataSet, floors: dict[str, dict[str, str]]) -> None:
+def test_no_baseline_goes_below_a_floor(small, floors):
     published = sorted((small.folder / "baselines").iterdir())
     assert len(published) == len(small.spec.baselines.models)
     for path in published:
@@ -124,7 +117,7 @@ def test_no_baseline_goes_below_a_floor(small: DataSet, floors: dict[str, dict[s
 
 
 @pytest.mark.slow
-def test_every_row_is_made_again_by_its_command(small: DataSet, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_row_is_made_again_by_its_command(small, monkeypatch):
     rows = read_table(small.folder / BASELINES)
     assert [one["method"] for one in rows] == [method.name for method in small.spec.baselines.methods]
     monkeypatch.chdir(small.folder.parent)
@@ -134,31 +127,28 @@ def test_every_row_is_made_again_by_its_command(small: DataSet, monkeypatch: pyt
         assert main([*words[1:], "--json"]) == 0
 
 
-def test_a_row_that_differs_is_said_so(small: DataSet, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_row_that_differs_is_reported(small, tmp_path, capsys):
     copy = tmp_path / "small-v1"
     shutil.copytree(small.folder, copy)
     rows = [dict(one) for one in read_table(copy / BASELINES)]
     rows[0]["test"] = f"{float(rows[0]['test']) * (1 + 1e-8):.11g}"
-    (copy / BASELINES).write_bytes(table(rows))
+    (copy / BASELINES).write_text(table_text(rows[0], rows))
     assert main(["dataset", "baselines", str(copy), "--method", "hold"]) == 1
     assert "published" in capsys.readouterr().out
     assert main(["dataset", "baselines", str(copy), "--method", "arx", "--orders", "1", "1"]) == 0
     assert "no such row is published" in capsys.readouterr().out
-    with pytest.raises(ScenarioError, match="a row has more or fewer columns"):
-        (copy / BASELINES).write_text("a,b\n1\n")
-        read_table(copy / BASELINES)
+    (copy / BASELINES).write_text("a,b\n1\n")
+    refused("a row has more or fewer columns", read_table, copy / BASELINES)
     assert differences({"test": "1", "test_x": "", "orders": "2"}, {"test": "1.0000000001", "test_x": "3"}) == (
         "test_x = none, published 3",
     )
 
 
-def test_models_come_from_the_training_part_of_their_own_arm(small: DataSet) -> None:
+def test_models_come_from_the_training_part_of_their_own_arm(small):
     bench = BaselineData(small, BaselineSpec())
     assert [one.name for one in bench.training(small.record("noise-lugre"))] == ["prbs-lugre"]
     assert [one.name for one in bench.training(small.record("noise-viscous"))] == ["prbs-viscous"]
-    found = baseline(bench, Method("gain"))
-    assert set(found.trained) == {"prbs-viscous", "prbs-lugre"}
-    assert found.validation is None
+    assert set(baseline(bench, Method("gain")).trained) == {"prbs-viscous", "prbs-lugre"}
     assert report(bench, Method("gain"))["row"]["validation"] == ""
     # Of another arm where there is none of its own.
     other = replace(bench, data_set=replace(small, index=tuple(x for x in small.index if x.name != "prbs-lugre")))
@@ -167,7 +157,7 @@ def test_models_come_from_the_training_part_of_their_own_arm(small: DataSet) -> 
     assert "no training records of elbow_pitch" in report(none, Method("gain"))["row"]["failed"]
 
 
-def test_methods_are_understood_strictly() -> None:
+def test_methods_are_understood_strictly():
     assert Method.parsed("oe:2/2") == Method("oe", (2, 2, 1))
     assert str(Method.parsed("okid:2")) == "okid:2/5"
     for text, match in (
@@ -176,34 +166,27 @@ def test_methods_are_understood_strictly() -> None:
         ("ox:2/2", "unknown method 'ox'"),
         ("oe:2/-2", "expected a method with its orders"),
     ):
-        with pytest.raises(ScenarioError, match=match):
-            Method.parsed(text)
-    with pytest.raises(ScenarioError, match="each once"):
-        BaselineSpec(models=("oe:2/2", "oe:2/2/1"))
+        refused(match, Method.parsed, text)
+    refused("each once", BaselineSpec, models=("oe:2/2", "oe:2/2/1"))
 
 
-def test_scores_of_the_command_are_those_of_the_function(
-    small: DataSet, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_scores_of_the_command_are_those_of_the_function(small, tmp_path, capsys):
     hats = {record.name: record.y + 0.001 for record in small.test}
     for name, hat in hats.items():
         (tmp_path / f"{name}.csv").write_text("elbow_pitch\n" + "\n".join(map(repr, hat.tolist())))
     assert main(["dataset", "score", str(tmp_path), "--data", str(small.folder), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["mean"] == pytest.approx(1.0)
-    assert found["mean"] == score(hats, small).mean
-    assert (found["metric"], found["unit"], found["steps"]) == ("rmse", "mrad", 0)
+    result = json.loads(capsys.readouterr().out)
+    assert result["mean"] == score(hats, small).mean == pytest.approx(1.0)
+    assert (result["metric"], result["unit"], result["steps"]) == ("rmse", "mrad", 0)
     assert main(["dataset", "score", str(tmp_path), "--data", str(small.folder)]) == 0
     assert "score: 1 mrad (rmse in simulation, mean over all records and outputs)" in capsys.readouterr().out
     assert main(["dataset", "score", str(tmp_path / "none"), "--data", str(small.folder)]) == 2
 
 
 @pytest.mark.parametrize(("noise", "steps", "warns"), [(0.001, 1, True), (0.001, 0, False), (0.0, 1, False)])
-def test_a_bound_that_no_model_reaches_says_so(
-    tiny: Path, tiny_spec: DataSetSpec, noise: float, steps: int, warns: bool
-) -> None:
+def test_a_bound_that_no_model_reaches_has_a_note(tiny, tiny_spec, noise, steps, warns):
     records = tuple(replace(block, process_noises=(noise,)) for block in tiny_spec.records)
     plan = DataSetPlan(replace(tiny_spec, records=records, scoring=Scoring(steps=steps)))
-    (table,) = AttainableStage().make(plan, tiny, TABLE).values()
+    (table,) = attainable_files(plan, tiny, "table").values()
     (row,) = csv.DictReader(io.StringIO(table.decode()))
     assert ("no model does" in row["note"]) is warns

@@ -1,18 +1,18 @@
 """Best linear approximations of a data set: one for each class of excitation, and read back with its interval."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.modes import joint_index
+from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets import best_linear_truth
 from scenarios.datasets.arm_truth import arm_truth
 from scenarios.datasets.best_linear_truth import (
-    BestLinearStage,
     best_linear_contents,
+    best_linear_pieces,
     excitation_class,
     matching_multisines,
     recorded_realisations,
@@ -22,12 +22,11 @@ from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import TruthSpec
-from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.experiments.multisines import multisine_experiments
-from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import read_netcdf
 from scenarios.truth.best_linear import best_linear
 from sysid import bla
+from tests.refusals import refused
 
 SPEC = DataSetSpec.from_toml("""
 name = "approximated"
@@ -66,22 +65,22 @@ excitation = { kind = "white_noise", amplitude = 1.0 }
 """)
 
 
-def test_there_is_a_piece_for_each_class() -> None:
+def test_there_is_a_piece_for_each_class():
     """Realisations and repeats differ by chance; arm, joints and amplitude do not."""
     plan = DataSetPlan(SPEC)
-    assert BestLinearStage().pieces(plan) == [
+    assert best_linear_pieces(plan) == [
         "multisine-10mrad-01",
         "multisine-30mrad-01",
         "prbs-shoulder_yaw-r1",
         "prbs-elbow_pitch-r1",
         "both",
     ]
-    assert BestLinearStage().pieces(DataSetPlan(replace(SPEC, truth=replace(SPEC.truth, best_linear=())))) == []
+    assert best_linear_pieces(DataSetPlan(replace(SPEC, truth=replace(SPEC.truth, best_linear=())))) == []
     assert len({excitation_class(entry) for entry in plan}) == 5
 
 
 @pytest.mark.slow
-def test_the_file_is_the_approximation_and_lies_about_the_truth(tmp_path: Path) -> None:
+def test_the_file_is_the_approximation_and_lies_about_the_truth(tmp_path):
     entry = DataSetPlan(SPEC)[0]
     contents = best_linear_contents(SPEC, entry, threads=1)
     path = tmp_path / "best.nc"
@@ -101,42 +100,40 @@ def test_the_file_is_the_approximation_and_lies_about_the_truth(tmp_path: Path) 
     assert low < stored["bandwidth"][0, 0] < high < low + 0.1
 
 
-def test_a_binary_sequence_is_matched_in_strength_and_band() -> None:
-    with pytest.raises(ScenarioError, match="excites shoulder_yaw, elbow_pitch at once"):
-        best_linear_contents(SPEC, DataSetPlan(SPEC)[-1])
+def commands(experiment, arm):
+    return ControlStation(experiment, arm, np.random.default_rng(experiment.seed).spawn(2)[0]).commands
+
+
+def test_a_binary_sequence_is_matched_in_strength_and_band():
+    refused("excites shoulder_yaw, elbow_pitch at once", best_linear_contents, SPEC, list(DataSetPlan(SPEC))[-1])
     entry = next(entry for entry in DataSetPlan(SPEC) if entry.name == "prbs-elbow_pitch-r1")
     setting, multisines = matching_multisines(SPEC, entry)
     assert setting.axes == ("elbow_pitch",)
     assert multisines.realisations == 8
-    arm, experiment = experiment_arm(entry.experiment), entry.experiment
-    station = ControlStation(experiment, arm, np.random.default_rng(experiment.seed).spawn(2)[0])
-    command = station.commands[:, joint_index("elbow_pitch")]
+    arm, column = experiment_arm(entry.experiment), joint_index("elbow_pitch")
+    command = commands(entry.experiment, arm)[:, column]
     power = np.abs(np.fft.rfft(command - command.mean())) ** 2
     inside = power[: round(multisines.f_max * 20.0) + 1].sum() / power.sum()
     assert inside == pytest.approx(0.95, abs=0.02)
     # The velocity limit takes some of what is asked for.
     assert multisines.rms > command.std()
-    stations = (
-        ControlStation(one, arm, np.random.default_rng(one.seed).spawn(2)[0])
-        for one in multisine_experiments(setting, multisines)
-    )
-    played = [station.commands[multisines.samples :, joint_index("elbow_pitch")] for station in stations]
+    played = [commands(one, arm)[multisines.samples :, column] for one in multisine_experiments(setting, multisines)]
     assert np.sqrt(np.mean(np.var(played, axis=1))) == pytest.approx(command.std(), rel=0.02)
 
 
-def test_what_is_asked_of_the_truth_is_checked_and_written_whole() -> None:
-    assert DataSetSpec.from_toml(SPEC.to_toml()) == SPEC
-    for table, match in (
+@pytest.mark.parametrize(
+    ("table", "match"),
+    [
         ({"amplitudes": (0.0,)}, "above 0 and up to 1 rad"),
         ({"amplitudes": (0.1, 0.1)}, "expected each once"),
-        ({"floors": -1}, "floors = -1 given, expected 0 or more"),
-        ({"search_steps": -1}, "search_steps = -1 given, expected 0 or more"),
-        ({"realisations": 1}, "realisations = 1 given, expected 2 or more"),
-    ):
-        with pytest.raises(ScenarioError, match=match):
-            TruthSpec(**table)  # type: ignore[arg-type]
-    with pytest.raises(ScenarioError, match=r"truth\.best_linear: unknown block 'prsb': did you mean 'prbs'"):
-        replace(SPEC, truth=TruthSpec(best_linear=("prsb",)))
+        ({"floors": -1}, "floors = -1 given, expected 0 to 1000000"),
+        ({"search_steps": -1}, "search_steps = -1 given, expected 0 to 10000"),
+        ({"realisations": 1}, "realisations = 1 given, expected 2 to 10000"),
+        ({"best_linear": ("prsb",)}, r"truth\.best_linear: unknown block 'prsb': did you mean 'prbs'"),
+    ],
+)
+def test_a_wrong_truth_table_is_refused(table, match):
+    refused(match, lambda: replace(SPEC, truth=TruthSpec(**table)))
 
 
 BLOCK = """
@@ -148,30 +145,21 @@ frictions = ["none"]
 draw_waveforms = true
 multisines = {{ rms = {}, f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, periods = 2, settling = 1 }}
 """
-OWN = DataSetSpec.from_toml(
-    """
+OWN = """
 name = "own"
 version = 1
 title = "Multisines that are a measurement"
 seed = 5
-
-[truth]
-best_linear = ["new"]
-realisations = 4
-floors = 0
-
-[baselines]
-models = []
+truth = { best_linear = ["new"], realisations = 4, floors = 0 }
+baselines = { models = [] }
 """
-    + BLOCK.format("known", "train", 0.03)
-    + BLOCK.format("stronger", "train", 0.02)
-    + BLOCK.format("new", "test", 0.03)
-)
+BLOCKS = (("known", "train", 0.03), ("stronger", "train", 0.02), ("new", "test", 0.03))
+OWN = DataSetSpec.from_toml(OWN + "".join(BLOCK.format(*block) for block in BLOCKS))
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.* is not periodic")
-def test_recorded_realisations_of_a_class_are_the_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recorded_realisations_of_a_class_are_the_measurement(tmp_path, monkeypatch):
     """Records of one class count whatever their part, others do not; only what is missing is simulated."""
     folder = build(OWN, tmp_path, workers=1).path
     plan = DataSetPlan(OWN)
@@ -186,8 +174,8 @@ def test_recorded_realisations_of_a_class_are_the_measurement(tmp_path: Path, mo
     response = stored.variables["response"].values
     np.testing.assert_array_equal(response[..., 0] + 1j * response[..., 1], expected.response.response)
     assert stored.attributes["realisations"] == 4
-    with monkeypatch.context() as patched:
-        patched.setattr(best_linear_truth, "simulate", None)
+    with monkeypatch.context() as patch:
+        patch.setattr(best_linear_truth, "simulate", None)
         best_linear_contents(OWN, entry, recorded=own)
         with pytest.raises(TypeError):
             best_linear_contents(OWN, entry, recorded=own[:3])
@@ -199,13 +187,12 @@ def test_recorded_realisations_of_a_class_are_the_measurement(tmp_path: Path, mo
     assert [one.name for one, _ in recorded_realisations(plan, folder, entry)] == ["known-02", "new-01", "new-02"]
 
 
-def test_silent_lines_and_other_excitations_keep_records_apart(tmp_path: Path) -> None:
+def test_silent_lines_and_other_excitations_keep_records_apart(tmp_path):
     """Odd multisines of two seeds have different lines; nothing but a multisine has realisations."""
     odd = tuple(replace(block, multisines=replace(block.multisines, odd=True)) for block in OWN.records)
     plan = DataSetPlan(replace(OWN, records=odd))
     for entry in plan:
         (tmp_path / entry.data).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / entry.data).touch()
-    with pytest.raises(ScenarioError, match="new-01"):
-        recorded_realisations(plan, tmp_path, next(entry for entry in plan if entry.name == "new-01"))
-    assert recorded_realisations(DataSetPlan(SPEC), tmp_path, DataSetPlan(SPEC)[-1]) == ()
+    refused("new-01", recorded_realisations, plan, tmp_path, next(entry for entry in plan if entry.name == "new-01"))
+    assert recorded_realisations(DataSetPlan(SPEC), tmp_path, list(DataSetPlan(SPEC))[-1]) == ()

@@ -4,62 +4,63 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 
-from hmtb_twin import Plant, TwinError
+from hmtb_twin import Plant
 from hmtb_twin.hydraulics import valve_equations
 from scenarios.datasets import build as build_module
-from scenarios.datasets import chunk, finish
+from scenarios.datasets import chunk
 from scenarios.datasets.build import BuiltDataSet, build
 from scenarios.datasets.chunk import BuiltExperiment, run_chunk
 from scenarios.datasets.index import read_index
-from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files import atomic_write
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.executor import Executor
 from scenarios.jobs.journal import Journal, read_fingerprint
 from scenarios.jobs.progress import Progress
+from tests.refusals import refused
 
 
 class Words:
     """A stage that counts how often a piece is made."""
 
-    name = "words"
+    name, bad, stopped = "words", "", False
 
-    def __init__(self, spoilt: str = "") -> None:
-        self.made: list[str] = []
-        self.spoilt = spoilt
+    def __init__(self):
+        self.made = []
 
-    def pieces(self, plan: DataSetPlan) -> tuple[str, ...]:
+    def pieces(self, plan):
         return ("one", "two", "three")
 
-    def make(self, plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, bytes]:
+    def make(self, plan, folder, piece):
         assert read_index(folder)["data_set"] == plan.spec.label
+        if self.stopped and piece == "three":
+            raise KeyboardInterrupt
         self.made.append(piece)
-        if piece == self.spoilt:
+        if piece == self.bad:
             raise ScenarioError(f"{piece} is no word")
         return {f"words/{piece}.txt": piece.encode()}
 
 
 @pytest.fixture(scope="module", autouse=True)
-def stage() -> Iterator[Words]:
+def stage():
     """The stages of these tests: what is made beside the records has tests of its own."""
     stage = Words()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(finish, "STAGES", (stage,))
-        patch.setattr(finish, "METADATA", (lambda folder, spec, index: {"README.md": index["hash"].encode()},))
-        patch.setattr(chunk, "ARM_TRUTH", ())
+        patch.setattr(build_module, "STAGES", (stage,))
+        patch.setattr(build_module, "metadata_files", lambda folder, spec, index: {"README.md": index["hash"].encode()})
+        patch.setattr(chunk, "arm_files", lambda plan, entry: {})
         yield stage
 
 
 @pytest.fixture
-def words(stage: Words, monkeypatch: pytest.MonkeyPatch) -> Words:
+def words(stage, monkeypatch):
     """The stage, nothing made yet."""
     monkeypatch.setattr(stage, "made", [])
     return stage
@@ -68,29 +69,21 @@ def words(stage: Words, monkeypatch: pytest.MonkeyPatch) -> Words:
 class Recorded(Executor[None]):
     """Returns experiments that were built before, and may be interrupted on the way."""
 
-    def __init__(
-        self,
-        records: Mapping[int, BuiltExperiment],
-        *,
-        most: int = 99,
-        error: BaseException | None = None,
-        backwards: bool = False,
-    ) -> None:
+    def __init__(self, records, *, most=99, error=KeyboardInterrupt, backwards=False):
         super().__init__()
-        self.records, self.most, self.error, self.backwards = records, most, error, backwards
-        self.asked: list[int] = []
+        self.records, self.most, self.error, self.backwards, self.asked = records, most, error, backwards, []
 
-    def run(self, task, shared, batches, *, name=str, items="items") -> Iterator[BuiltExperiment]:  # type: ignore[no-untyped-def]
+    def run(self, task, shared, batches, *, name=str, items="items"):
         numbers = [number for batch in batches for number in batch]
         for number in reversed(numbers) if self.backwards else numbers:
             if len(self.asked) == self.most:
-                raise self.error or KeyboardInterrupt
+                raise self.error
             self.asked.append(number)
             yield self.records[number]
 
-    _room = _submit = _finished = _results = None  # type: ignore[assignment]
+    _room = _submit = _finished = _results = None
 
-    def _close(self) -> None:
+    def _close(self):
         pass
 
 
@@ -102,16 +95,16 @@ class Case:
     records: Mapping[int, BuiltExperiment]
     files: Mapping[str, bytes]
 
-    def build(self, out: Path, **options: Any) -> BuiltDataSet:
+    def build(self, out, **options):
         return build(self.spec, out, **{"executor": Recorded(self.records), **options})
 
-    def begin(self, out: Path, most: int = 2) -> Path:
+    def begin(self, out, most=2):
         """The folder of a build that was interrupted."""
         with pytest.raises(KeyboardInterrupt):
             self.build(out, executor=Recorded(self.records, most=most))
         return out / f"{self.spec.label}.unfinished"
 
-    def resume(self, out: Path) -> list[int]:
+    def resume(self, out):
         """Experiments that a build runs which ends with all files as they should be."""
         executor = Recorded(self.records)
         assert files(self.build(out, executor=executor).path) == self.files
@@ -119,84 +112,56 @@ class Case:
 
 
 @pytest.fixture(scope="module")
-def case(stage: Words, tiny_spec: DataSetSpec, tmp_path_factory: pytest.TempPathFactory) -> Case:
+def case(stage, tiny_spec, tmp_path_factory):
     plan = DataSetPlan(tiny_spec)
     records = {one.number: one for one in run_chunk(plan, range(len(plan)), threads=1)}
     out = tmp_path_factory.mktemp("undisturbed")
     return Case(tiny_spec, records, files(build(tiny_spec, out, executor=Recorded(records)).path))
 
 
-def files(folder: Path) -> dict[str, bytes]:
+def files(folder):
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_the_bytes_do_not_depend_on_threads_and_chunks(case: Case, tmp_path: Path) -> None:
-    seen: list[Progress] = []
+def test_the_bytes_do_not_depend_on_threads_and_chunks(case, tmp_path):
+    seen = []
     built = case.build(tmp_path, workers=2, rows=1, progress=seen.append)
     assert (built.experiments, built.failed) == (3, {})
     assert files(built.path) == case.files
-    assert not {"journal.sqlite"} & set(case.files)
+    assert "journal.sqlite" not in case.files
     of_records = [one for one in seen if one.step == "records"]
-    assert of_records[0].done == 0
-    assert of_records[-1].done == of_records[-1].total == 3
+    assert of_records[0].done == 0 and of_records[-1].done == of_records[-1].total == 3
     assert of_records[-1].seconds == of_records[-1].seconds_total == 12.0
     assert [one.seconds for one in of_records] == sorted(one.seconds for one in of_records)
     assert seen[-1] == Progress("finish", 1, 1)
 
 
-def test_the_index_and_the_checksums_hold_every_file(case: Case) -> None:
-    sums = dict(line.split("  ")[::-1] for line in case.files["SHA256SUMS"].decode().splitlines())
-    assert set(sums) == set(case.files) - {"SHA256SUMS"}
-    index = json.loads(case.files["experiments.json"])
-    assert [entry["name"] for entry in index["experiments"]] == [entry.name for entry in DataSetPlan(case.spec)]
-    for number, entry in enumerate(index["experiments"]):
-        assert entry["arrays"] == case.records[number].arrays
-        assert entry["file"] in case.files
-
-
-def test_experiments_may_come_in_any_order(case: Case, tmp_path: Path) -> None:
+def test_experiments_come_in_any_order_and_are_kept_when_a_build_ends_early(case, tmp_path):
     backwards = Recorded(case.records, backwards=True)
-    assert files(case.build(tmp_path, executor=backwards).path) == case.files
+    assert files(case.build(tmp_path / "a", executor=backwards).path) == case.files
+    case.begin(tmp_path / "b")
+    assert case.resume(tmp_path / "b") == [2]
+    assert os.listdir(tmp_path / "b") == ["tiny-v1"]
+    lost = Recorded(case.records, most=1, error=ScenarioError("no scheduler"))
+    refused("no scheduler", case.build, tmp_path / "c", executor=lost)
+    assert case.resume(tmp_path / "c") == [1, 2]
 
 
-def test_what_is_done_when_interrupted_is_not_done_again(case: Case, tmp_path: Path) -> None:
-    case.begin(tmp_path)
-    assert case.resume(tmp_path) == [2]
-    assert os.listdir(tmp_path) == ["tiny-v1"]
-
-
-def test_what_is_done_when_an_executor_fails_is_kept(case: Case, tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match="no scheduler"):
-        case.build(tmp_path, executor=Recorded(case.records, most=1, error=ScenarioError("no scheduler")))
-    assert case.resume(tmp_path) == [1, 2]
-
-
-def damaged(folder: Path) -> None:
-    path = folder / "data" / "train" / "binary-shoulder_yaw.nc"
+def damage(folder):
+    path = folder / "data/train/binary-shoulder_yaw.nc"
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
 
 
-def missing(folder: Path) -> None:
-    (folder / "truth" / "signals" / "binary-shoulder_yaw.nc").unlink()
-
-
-def unnoted(folder: Path) -> None:
-    (folder / "data" / "test").mkdir()
-    (folder / "data" / "test" / "noise.nc").write_bytes(b"another")
-
-
-def partial(folder: Path) -> None:
-    (folder / "data" / "train" / "binary-elbow_pitch.nc.partial").write_bytes(b"half")
+def add_unknown_and_partial(folder):
+    (folder / "data/test").mkdir()
+    (folder / "data/test/noise.nc").write_bytes(b"another")
+    (folder / "data/train/binary-elbow_pitch.nc.partial").write_bytes(b"half")
     (folder / "experiments.json.partial").write_bytes(b"half")
 
 
-def no_journal(folder: Path) -> None:
-    (folder / "journal.sqlite").unlink()
-
-
-def only_the_spec(folder: Path) -> None:
+def keep_only_the_spec(folder):
     for path in folder.iterdir():
         if path.name != "spec.toml":
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -205,30 +170,22 @@ def only_the_spec(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("harm", "again"),
     [
-        (damaged, [0, 2]),
-        (missing, [0, 2]),
-        (unnoted, [2]),
-        (partial, [2]),
-        (no_journal, [0, 1, 2]),
-        (only_the_spec, [0, 1, 2]),
+        (damage, [0, 2]),
+        (lambda folder: (folder / "truth/signals/binary-shoulder_yaw.nc").unlink(), [0, 2]),
+        (add_unknown_and_partial, [2]),
+        (lambda folder: (folder / "journal.sqlite").unlink(), [0, 1, 2]),
+        (keep_only_the_spec, [0, 1, 2]),
     ],
 )
-def test_what_a_crash_leaves_is_mended(
-    case: Case, tmp_path: Path, harm: Callable[[Path], None], again: list[int]
-) -> None:
+def test_what_a_crash_leaves_is_mended(case, tmp_path, harm, again):
     harm(case.begin(tmp_path))
     assert case.resume(tmp_path) == again
 
 
-@pytest.mark.parametrize("name", ["write_index", "_write_checksums", "read_index", "sync_folder"])
-def test_an_end_that_is_cut_short_is_gone_through_again(
-    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
-    def killed(*_: object) -> None:
-        raise SystemExit
-
+@pytest.mark.parametrize("name", ["write_index", "_write_checksums", "read_index", "sync"])
+def test_an_end_that_is_cut_short_is_gone_through_again(case, tmp_path, monkeypatch, name):
     with monkeypatch.context() as patch:
-        patch.setattr(finish, name, killed)
+        patch.setattr(build_module, name, lambda *_: sys.exit())
         with pytest.raises(SystemExit):
             case.build(tmp_path)
     rest = Recorded(case.records)
@@ -236,20 +193,15 @@ def test_an_end_that_is_cut_short_is_gone_through_again(
     assert rest.asked == []
     assert built == BuiltDataSet(tmp_path / "tiny-v1", 3, {}, read_index(built.path)["hash"])
     assert files(built.path) == case.files
+    # Killed between the last two steps: renaming the folder and removing the journal.
+    (built.path / "journal.sqlite").touch()
+    assert case.build(tmp_path) == built
+    assert files(built.path) == case.files
 
 
-def test_a_piece_of_a_stage_is_made_once(
-    case: Case, tmp_path: Path, words: Words, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    make = words.make
-
-    def stopped(plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, bytes]:
-        if piece == "three":
-            raise KeyboardInterrupt
-        return make(plan, folder, piece)
-
+def test_a_piece_of_a_stage_is_made_once(case, tmp_path, words, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr(words, "make", stopped)
+        patch.setattr(words, "stopped", True)
         with pytest.raises(KeyboardInterrupt):
             case.build(tmp_path)
     # The disk has spoilt one meanwhile; it is noted last then, which the manifest must not show at the end.
@@ -258,10 +210,8 @@ def test_a_piece_of_a_stage_is_made_once(
     assert words.made == ["one", "two", "one", "three"]
 
 
-def test_what_fails_is_noted_and_does_not_stop_the_rest(
-    case: Case, tmp_path: Path, words: Words, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(words, "spoilt", "two")
+def test_what_fails_is_noted_and_does_not_stop_the_rest(case, tmp_path, words, monkeypatch):
+    monkeypatch.setattr(words, "bad", "two")
     broken = {**case.records, 1: BuiltExperiment(1, case.records[1].about, failed="the drives are too weak")}
     with pytest.raises(KeyboardInterrupt):
         case.build(tmp_path, executor=Recorded(broken, most=2))
@@ -276,169 +226,128 @@ def test_what_fails_is_noted_and_does_not_stop_the_rest(
     assert not (built.path / entry["file"]).exists()
 
 
-def test_an_experiment_that_cannot_be_run_and_a_truth_that_cannot_be_told_are_noted(
-    case: Case, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def untold(plan: DataSetPlan, entry: PlannedExperiment) -> Mapping[str, object]:
+def test_an_experiment_or_a_truth_that_cannot_be_computed_is_noted(case, monkeypatch):
+    def unknown_truth(plan, entry):
         raise ScenarioError(f"nothing is true of {entry.arm}")
 
     short = tuple(replace(block, duration=0.2) for block in case.spec.records)
     plan = DataSetPlan(replace(case.spec, window=0, records=short))
     entries = list(plan)
-    weak = replace(entries[2].experiment, plant=Plant(supply_pressure=6.0))
-    entries[2] = replace(entries[2], experiment=weak)
+    entries[2] = replace(entries[2], experiment=replace(entries[2].experiment, plant=Plant(supply_pressure=6.0)))
     monkeypatch.setattr(DataSetPlan, "__getitem__", lambda _, number: entries[number])
-    monkeypatch.setattr(chunk, "ARM_TRUTH", (untold,))
-    found = list(run_chunk(plan, range(3), threads=1))
-    assert [bool(made.failed) for made in found] == [False, False, True]
-    assert "the drives cannot hold the arm" in found[2].failed
-    assert [made.missing for made in found] == [{"truth/arms/arm-0.nc": "nothing is true of arm-0"}, {}, {}]
-    assert [len(made.files) for made in found] == [2, 2, 0]
+    monkeypatch.setattr(chunk, "arm_files", unknown_truth)
+    results = list(run_chunk(plan, range(3), threads=1))
+    assert [bool(one.failed) for one in results] == [False, False, True]
+    assert "the drives cannot hold the arm" in results[2].failed
+    assert [one.missing for one in results] == [{"truth/arms/arm-0.nc": "nothing is true of arm-0"}, {}, {}]
+    assert [len(one.files) for one in results] == [2, 2, 0]
 
 
 @pytest.mark.parametrize("call", (0, 1, 4, 9, 14, 21))
-def test_a_full_disk_is_one_line_and_costs_nothing(
-    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: int
-) -> None:
+def test_a_full_disk_is_one_line_and_costs_nothing(case, tmp_path, monkeypatch, call):
     calls = iter(range(1000))
 
-    def full(descriptor: int) -> None:
+    def full(descriptor):
         if next(calls) >= call:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:
         patch.setattr(atomic_write.os, "fsync", full)
-        with pytest.raises(ScenarioError, match=f"{tmp_path}.*: {os.strerror(errno.ENOSPC)}"):
-            case.build(tmp_path)
+        refused(f"{tmp_path}.*: {os.strerror(errno.ENOSPC)}", case.build, tmp_path)
     assert not (tmp_path / "tiny-v1").exists()
     assert not list(tmp_path.rglob("*.partial"))
     case.resume(tmp_path)
 
 
-def test_a_build_killed_before_it_removed_its_journal_is_done(case: Case, tmp_path: Path) -> None:
-    built = case.build(tmp_path)
-    (built.path / "journal.sqlite").touch()
-    assert case.build(tmp_path) == built
-    assert files(built.path) == case.files
-
-
-def test_two_builders_do_not_share_a_folder(case: Case, tmp_path: Path) -> None:
+def test_two_builders_do_not_share_a_folder(case, tmp_path):
     path = case.begin(tmp_path) / "journal.sqlite"
-    fingerprint = read_fingerprint(path)
-    assert fingerprint is not None
-    with Journal(path, fingerprint), pytest.raises(ScenarioError, match="another process is at work here"):
-        case.build(tmp_path)
+    with Journal(path, read_fingerprint(path)):
+        refused("another process is at work here", case.build, tmp_path)
     case.resume(tmp_path)
 
 
-def test_a_build_begun_with_other_spec_or_software_is_refused(
-    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_build_begun_with_other_spec_or_software_is_refused(case, tmp_path, monkeypatch):
     folder = case.begin(tmp_path)
     before = files(folder)
     for spec, says in (
         (replace(case.spec, seed=8), "seed 7 then, 8 now"),
         (replace(case.spec, records=case.spec.records[::-1]), "records differs"),
     ):
-        with pytest.raises(ScenarioError, match=says):
-            build(spec, tmp_path, executor=Recorded(case.records))
+        refused(says, build, spec, tmp_path, executor=Recorded(case.records))
     with monkeypatch.context() as patch:
         patch.setattr(build_module, "versions", lambda: {**json.loads(before["build.json"])["versions"], "numpy": "1"})
         patch.setattr(build_module, "fingerprint", lambda: "0" * 64)
-        with pytest.raises(ScenarioError, match=r"numpy \S+ then, 1 now; source \w+ then, 0000"):
-            case.build(tmp_path)
+        refused(r"numpy \S+ then, 1 now; source \w+ then, 0000", case.build, tmp_path)
     assert {**files(folder), "journal.sqlite": b""} == {**before, "journal.sqlite": b""}
     (folder / "journal.sqlite").write_bytes(b"SQLite format 3" + bytes(1000))
-    with pytest.raises(ScenarioError, match=r"journal\.sqlite"):
-        case.build(tmp_path)
+    refused(r"journal\.sqlite", case.build, tmp_path)
 
 
-def test_nothing_that_is_there_is_overwritten(case: Case, tmp_path: Path) -> None:
-    def refused(out: Path, says: str) -> None:
-        before = files(tmp_path)
-        with pytest.raises(ScenarioError, match=says):
-            case.build(out)
-        assert files(tmp_path) == before
-
-    done = case.build(tmp_path / "a")
-    refused(done.path.parent, "already there: a version is never overwritten")
-    (tmp_path / "b").mkdir()
-    (tmp_path / "b" / "tiny-v1").write_text("mine")
-    refused(tmp_path / "b", "already there")
-    (tmp_path / "c").mkdir()
-    (tmp_path / "c" / "tiny-v1.unfinished").write_text("mine")
-    refused(tmp_path / "c", r"tiny-v1\.unfinished: a file of that name is there")
-    (tmp_path / "d" / "tiny-v1.unfinished").mkdir(parents=True)
-    (tmp_path / "d" / "tiny-v1.unfinished" / "letter.txt").write_text("mine")
-    refused(tmp_path / "d", r"holds no build but letter\.txt")
-    refused(tmp_path / "b" / "tiny-v1", "tiny-v1: a file of that name is there")
+@pytest.mark.parametrize(
+    ("place", "out", "says"),
+    [
+        ("tiny-v1", "", "already there"),
+        ("tiny-v1/SHA256SUMS", "", "already there: a version is never overwritten"),
+        ("tiny-v1.unfinished", "", r"tiny-v1\.unfinished: a file of that name is there"),
+        ("tiny-v1.unfinished/letter.txt", "", r"holds no build but letter\.txt"),
+        ("tiny-v1", "tiny-v1", "tiny-v1: a file of that name is there"),
+    ],
+)
+def test_nothing_that_is_there_is_overwritten(case, tmp_path, place, out, says):
+    (tmp_path / place).parent.mkdir(exist_ok=True)
+    (tmp_path / place).write_text("mine")
+    refused(says, case.build, tmp_path / out)
+    assert files(tmp_path) == {place: b"mine"}
 
 
-def test_a_folder_that_cannot_be_written_is_one_line(case: Case, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_one_line(case, tmp_path):
     tmp_path.chmod(0o500)
     user = os.geteuid()
     if user == 0:
         os.seteuid(65534)  # nobody; root writes everywhere
     try:
-        with pytest.raises(ScenarioError, match=r"^cannot write or read \S+: Permission denied$"):
-            case.build(tmp_path)
+        refused(r"^cannot write or read \S+: Permission denied$", case.build, tmp_path)
     finally:
         os.seteuid(user)
         tmp_path.chmod(0o700)
 
 
-def test_a_set_without_any_record_is_not_published_and_can_be_tried_again(case: Case, tmp_path: Path) -> None:
+def test_a_set_without_any_record_is_not_published_and_can_be_tried_again(case, tmp_path):
     broken = {
         n: BuiltExperiment(n, made.about, failed=f"{made.about['name']}: too weak") for n, made in case.records.items()
     }
     for _ in range(2):
-        with pytest.raises(
-            ScenarioError, match=r"none of 3 experiments has a record, .*; 3 of them: too weak\. The same"
-        ):
-            case.build(tmp_path, executor=Recorded(broken))
+        executor = Recorded(broken)
+        refused("none of 3 experiments has a record, .*; 3 of them: too weak", case.build, tmp_path, executor=executor)
     assert os.listdir(tmp_path) == ["tiny-v1.unfinished"]
     case.resume(tmp_path)
 
 
-def test_what_a_spec_needs_is_looked_for_before_anything_is_made(
-    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missing_software_and_wrong_options_are_refused_before_anything_is_made(case, tmp_path, monkeypatch):
     monkeypatch.setattr(valve_equations, "COMPILER", False)
     first, *others = case.spec.records
-    with pytest.raises(TwinError, match="Numba, which compiles its equations"):
-        build(replace(case.spec, records=(replace(first, actuators=("linear", "orifice")), *others)), tmp_path)
-    with pytest.raises(ScenarioError, match="workers = 1025 given, expected 1 to 1024"):
-        case.build(tmp_path, workers=1025)
+    orifice = replace(case.spec, records=(replace(first, actuators=("linear", "orifice")), *others))
+    refused("Numba, which compiles its equations", build, orifice, tmp_path)
+    refused("workers = 1025 given, expected 1 to 1024", case.build, tmp_path, workers=1025)
+    refused("rows = 0 given", case.build, tmp_path, rows=0)
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_where_a_file_should_be_is_named(case: Case, tmp_path: Path) -> None:
-    in_the_way = case.begin(tmp_path) / "data" / "test" / "noise.nc"
-    in_the_way.mkdir(parents=True)
-    with pytest.raises(
-        ScenarioError, match=r"cannot write \S+/data/test/noise\.nc: it is a folder; expected a file or nothing there"
-    ):
-        case.build(tmp_path)
-    in_the_way.rmdir()
-    case.resume(tmp_path)
-
-
-def test_files_of_nobody_are_not_published(case: Case, tmp_path: Path) -> None:
+def test_what_stands_in_the_way_and_files_of_others_are_named(case, tmp_path):
     folder = case.begin(tmp_path)
-    strays = [folder / "letter.txt", folder / "data" / "train" / "solution.nc"]
+    in_the_way = folder / "data/test/noise.nc"
+    in_the_way.mkdir(parents=True)
+    refused(r"cannot write \S+/data/test/noise\.nc: it is a folder", case.build, tmp_path)
+    in_the_way.rmdir()
+    strays = [folder / "letter.txt", folder / "data/train/solution.nc"]
     for stray in strays:
         stray.write_text("mine")
-    with pytest.raises(ScenarioError, match=r"'data/train/solution\.nc', 'letter\.txt', which no part of the build"):
-        case.build(tmp_path)
+    refused(r"'data/train/solution\.nc', 'letter\.txt', which no part of the build", case.build, tmp_path)
     for stray in strays:
         stray.unlink()
     case.resume(tmp_path)
 
 
-def test_an_executor_that_leaves_experiments_out_is_found_out(case: Case, tmp_path: Path) -> None:
-    idle = Recorded(case.records)
-    idle.run = lambda *_, **__: iter(())  # type: ignore[method-assign]
-    with pytest.raises(ScenarioError, match="the executor returned 0 of 3 experiments"):
-        case.build(tmp_path, executor=idle)
-    with pytest.raises(ScenarioError, match="rows = 0 given"):
-        case.build(tmp_path, rows=0)
+def test_an_executor_that_leaves_experiments_out_is_refused(case, tmp_path, monkeypatch):
+    monkeypatch.setattr(Recorded, "run", lambda *_, **__: iter(()))
+    refused("the executor returned 0 of 3 experiments", case.build, tmp_path)

@@ -1,18 +1,20 @@
-"""The page on data sets: its snippets run as they stand, in Python and in Octave, and give the same numbers."""
+"""The page on data sets and its pictures: the snippets run as they stand, in Python and Octave, with equal numbers."""
 
+import importlib.util
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
+import h5py
 import numpy as np
 import pytest
+from PIL import Image
 
 from hmtb_twin.parameters.specimen_draw import TwinDistributions
 from scenarios.datasets import open_data_set
@@ -37,7 +39,7 @@ TINY = {
 
 
 @pytest.fixture(scope="module")
-def place(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def place(tiny, tmp_path_factory):
     """A folder as a reader of the page has it: the data set, and its records as .mat and CSV."""
     folder = tmp_path_factory.mktemp("reader")
     (folder / tiny.name).symlink_to(tiny, target_is_directory=True)
@@ -45,20 +47,20 @@ def place(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def snippets(language: str) -> list[str]:
-    found = re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.M | re.S)
+def snippets(language):
+    page = PAGE
     for name, tiny in TINY.items():
-        found = [text.replace(name, tiny) for text in found]
-    return found
+        page = page.replace(name, tiny)
+    return re.findall(rf"^```{language}\n(.*?)^```", page, re.M | re.S)
 
 
-def digest(values: np.ndarray) -> str:
+def digest(values):
     """SHA-256 of the bytes of an array in Octave's order."""
     return sha256(np.asfortranarray(values).tobytes(order="F")).hexdigest()
 
 
 @pytest.mark.slow
-def test_the_python_snippets_run(place: Path) -> None:
+def test_the_python_snippets_run(place):
     text = "\n".join(snippets("python"))
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", text], cwd=place, env=env, capture_output=True, text=True, timeout=60)
@@ -71,26 +73,24 @@ def test_the_python_snippets_run(place: Path) -> None:
     assert f"\noe {row}\n" in done.stdout
 
 
-def test_the_snippet_for_students_comes_near_the_baseline(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_snippet_for_students_comes_near_the_baseline(place, monkeypatch):
     """Command and answer are taken from their means: the first command is a step of the excitation already."""
     (snippet,) = (text for text in snippets("python") if "steps=None" in text)
     monkeypatch.chdir(place)
     data_set = open_data_set(place / "tiny-v1")
 
-    def reached(text: str) -> float:
-        made: dict[str, Any] = {}
-        exec(text, made)
-        return score({made["test"].name: made["yhat"]}, data_set).mean
+    def reached(text):
+        names = {}
+        exec(text, names)
+        return score({names["test"].name: names["yhat"]}, data_set).mean
 
-    found = reached(snippet)
-    assert found < 1.05 * baseline(BaselineData(data_set, data_set.spec.baselines), Method.parsed("oe:2/2/2")).test.mean
-    assert found < 0.8 * reached(snippet.replace(".mean(axis=0)", "[0]"))
+    best = baseline(BaselineData(data_set, data_set.spec.baselines), Method.parsed("oe:2/2/2")).test.mean
+    assert reached(snippet) < 1.05 * best
+    assert reached(snippet) < 0.8 * reached(snippet.replace(".mean(axis=0)", "[0]"))
 
 
-def test_the_hash_comes_out_by_the_recipe_of_the_page(tiny: Path) -> None:
+def test_the_hash_comes_out_by_the_recipe_of_the_page(tiny):
     """Computed by what the page says alone: HDF5, JSON and SHA-256."""
-    import h5py
-
     index = json.loads((tiny / "experiments.json").read_text(encoding="utf-8"))
     whole = sha256()
     for experiment in index["experiments"]:
@@ -107,9 +107,9 @@ def test_the_hash_comes_out_by_the_recipe_of_the_page(tiny: Path) -> None:
 
 
 @pytest.mark.skipif(OCTAVE is None, reason="Octave is not installed: apt-get install octave")
-def test_octave_reads_the_same_numbers(place: Path) -> None:
+def test_octave_reads_the_same_numbers(place):
     mat, csv, _ = snippets("matlab")
-    said = """
+    both = """
     printf('%s %s %s ', num2hex(u(1)), num2hex(u(end)), num2hex(sum(y)));
     printf('%s %s\\n', hash('sha256', char(typecast(u', 'uint8'))), hash('sha256', char(typecast(y', 'uint8'))));
     """
@@ -119,10 +119,7 @@ def test_octave_reads_the_same_numbers(place: Path) -> None:
     printf('%s\\n', hash('sha256', char(typecast(test.force(:)', 'uint8'))));
     printf('%s\\n', hash('sha256', char(typecast(table(:)', 'uint8'))));
     """
-    command = [str(OCTAVE), "--no-gui", "--no-init-file", "--quiet", "--eval", mat + said + csv + said + rest]
-    done = subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    of_mat, of_csv, *others = done.stdout.splitlines()
+    of_mat, of_csv, *others = run_octave(mat + both + csv + both + rest, place)
     record, test = (open_data_set(place / "tiny-v1").record(name) for name in ("binary-elbow_pitch", "noise"))
     first, last, total, u_hash, y_hash = of_mat.split()
     assert of_csv == of_mat
@@ -132,8 +129,6 @@ def test_octave_reads_the_same_numbers(place: Path) -> None:
     dt, window, kind, end = others[0].split()
     assert (bits(dt), window, kind, bits(end)) == (0.02, "20", "int64", 199 * 0.02)
     assert others[1].split() == ["elbow_pitch", "rad", "test"]
-    import h5py
-
     with h5py.File(place / "tiny-v1" / "data/test/noise.nc") as file:
         assert others[2] == digest(file["force"][:])
     table = np.loadtxt(place / "tiny-v1-csv/train/binary-elbow_pitch.csv", delimiter=",", skiprows=1)
@@ -141,7 +136,15 @@ def test_octave_reads_the_same_numbers(place: Path) -> None:
     assert test.state_initialization_window_length == int(window)
 
 
-def bits(text: str) -> float:
+def run_octave(text, place):
+    """Lines that Octave prints."""
+    command = [str(OCTAVE), "--no-gui", "--no-init-file", "--quiet", "--eval", text]
+    done = subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def bits(text):
     """The number that Octave's `num2hex` writes."""
     return float(np.frombuffer(bytes.fromhex(text), ">f8")[0])
 
@@ -150,52 +153,37 @@ def bits(text: str) -> float:
     OCTAVE is None or not list(Path("/usr/share/octave/packages").glob("netcdf*")),
     reason="Octave's netcdf package is not installed: apt-get install octave-netcdf",
 )
-def test_octave_reads_the_files_themselves(place: Path) -> None:
-    said = (
-        "printf('%s\\n', hash('sha256', char(typecast(u(:)', 'uint8'))), hash('sha256', char(typecast(y', 'uint8'))));"
-    )
-    command = [
-        str(OCTAVE),
-        "--no-gui",
-        "--no-init-file",
-        "--quiet",
-        "--eval",
-        "pkg load netcdf\n" + snippets("matlab")[2] + said,
-    ]
-    done = subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
+def test_octave_reads_the_files_themselves(place):
+    hashes = "hash('sha256', char(typecast(u(:)', 'uint8'))), hash('sha256', char(typecast(y', 'uint8')))"
+    lines = run_octave(f"pkg load netcdf\n{snippets('matlab')[2]}printf('%s\\n', {hashes});", place)
     record = open_data_set(place / "tiny-v1").record("binary-elbow_pitch")
-    assert done.stdout.split() == [digest(record.u), digest(record.y)]
+    assert lines == [digest(record.u), digest(record.y)]
 
 
-def test_every_format_stands_on_the_page() -> None:
-    table = PAGE.split("### Formats")[1].split("\n## ")[0]
-    assert re.findall(r"^\| `(\w+)` \|", table, re.M) == list(FORMATS)
-
-
-def rows(section: str) -> dict[str, str]:
+def rows(section):
     """The tables of a section: second columns by the names in the first."""
     lines = PAGE.split(f"\n## {section}\n")[1].split("\n## ")[0].splitlines()
     cells = [line.split(" | ", 1) for line in lines if line.startswith("| `")]
     return {name: text for names, text in cells for name in re.findall(r"`([^`]+)`", names)}
 
 
-def test_every_key_of_a_spec_stands_on_the_page_and_no_other() -> None:
-    found = rows("A data set of your own")
+def test_every_key_of_a_spec_and_every_format_stands_on_the_page_and_no_other():
+    texts = rows("A data set of your own")
     tables = {"[scoring]", "[truth]", "[baselines]", "[twins]", "[[records]]"}
     kinds = (DataSetSpec, RecordBlock, TwinDistributions)
     known = {entry.name for kind in kinds for entry in fields(kind)} - {name.strip("[]") for name in tables}
-    assert set(found) == known | tables
+    assert set(texts) == known | tables
     inside = {"[scoring]": Scoring, "[truth]": TruthSpec, "[baselines]": BaselineSpec, "multisines": Multisines}
     for key, kind in inside.items():
-        said = set(re.findall(r"`(\w+)`", found[key]))
-        missing = {entry.name for entry in fields(kind)} - said
+        missing = {entry.name for entry in fields(kind)} - set(re.findall(r"`(\w+)`", texts[key]))
         assert not missing, f"{key}: {missing}"
-    assert set(re.findall(r"`(\w+)`", found["[scoring]"])) >= {*METRICS, *UNITS}
+    assert set(re.findall(r"`(\w+)`", texts["[scoring]"])) >= {*METRICS, *UNITS}
     assert list(rows("How models are scored")) == list(METRICS)
+    formats = PAGE.split("### Formats")[1].split("\n## ")[0]
+    assert re.findall(r"^\| `(\w+)` \|", formats, re.M) == list(FORMATS)
 
 
-def test_every_data_set_stands_on_the_page_with_its_picture() -> None:
+def test_every_data_set_stands_on_the_page_with_its_picture():
     table = PAGE.split("\n## ")[0]
     assert set(re.findall(r"^\| `([\w-]+)` \|", table, re.M)) == set(shipped())
     pictures = re.findall(r"\]\((images/datasets/[^)]+)\)", PAGE)
@@ -204,9 +192,45 @@ def test_every_data_set_stands_on_the_page_with_its_picture() -> None:
         assert 10_000 < (ROOT / "docs" / picture).stat().st_size < 150_000
 
 
-def test_the_page_names_what_is_in_a_folder(tiny: Path) -> None:
+def test_the_page_names_what_is_in_a_folder(tiny):
     table = PAGE.split("\n## The folder\n")[1].split("In a record:")[0]
     named = {name.split("/")[0] for row in table.splitlines() for name in re.findall(r"`([^`]+)`", row.split(" | ")[0])}
     there = {path.name for path in tiny.iterdir()}
     assert there <= named, f"docs/datasets.md lacks {sorted(there - named)}"
     assert named - there <= {"baselines.csv", "baselines"}
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    """The script that draws the pictures of the page."""
+    spec = importlib.util.spec_from_file_location("pictures", ROOT / "docs/images/datasets.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_picture_is_of_the_spec_that_comes_with_the_package(pictures):
+    """Where this fails: run docs/images/datasets.py, and look at what it drew."""
+    for label, spec in shipped().items():
+        with Image.open(pictures.FOLDER / f"{label}.png") as picture:
+            assert picture.info[pictures.NOTE] == pictures.drawn_from(spec), f"the picture of {label} is out of date"
+    siso = shipped()["hmtb-siso-v1"]
+    renamed = replace(siso, title="Other", description="words", truth=replace(siso.truth, floors=3))
+    assert pictures.drawn_from(renamed) == pictures.drawn_from(siso)
+    block = replace(siso.records[0], duration=30.0)
+    assert pictures.drawn_from(replace(siso, records=(block, *siso.records[1:]))) != pictures.drawn_from(siso)
+
+
+def test_pictures_show_the_numbers_of_the_records(tiny, pictures, monkeypatch):
+    data_set = open_data_set(tiny)
+    *records, spectra, sizes = pictures.gallery_figure(data_set).axes
+    record, test = data_set.record("binary-elbow_pitch"), data_set.test[0]
+    command, answer = (np.asarray(line.get_ydata()) for line in records[1].lines)
+    assert np.allclose(command, np.rad2deg(record.u - record.u[0])) and len(command) == 200
+    assert np.allclose(answer, np.rad2deg(record.y - record.u[0]))
+    frequency, root = (np.asarray(values) for values in spectra.lines[1].get_data())
+    power = np.sum((root / 1000) ** 2) * (frequency[1] - frequency[0])
+    assert power == pytest.approx(np.var(test.u), rel=0.5)  # within what the window of a spectrum does
+    assert sizes.lines[1].get_ydata() == pytest.approx([np.std(test.y) / np.std(test.u)])
+    monkeypatch.setattr(pictures, "FLEET", 1)
+    assert pictures.gallery_figure(data_set).axes[-1].get_xlabel() == "true bandwidth of 1 randomised arm / Hz"

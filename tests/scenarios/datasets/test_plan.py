@@ -1,123 +1,97 @@
 """What a spec asks for: names, seeds and arms of its experiments."""
 
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
 
-from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
-from scenarios.experiments.multisines import MultisineExperiment
-from scenarios.experiments.scenario import Scenario
-from scenarios.files.errors import ScenarioError
+from tests.refusals import refused
 
 FLEET = load_spec("hmtb-fleet-v1")
 
 
-def of(count: int) -> DataSetPlan:
-    assert FLEET.twins is not None
+def of(count):
     return DataSetPlan(replace(FLEET, twins=replace(FLEET.twins, count=count)))
 
 
-def waveform_seed(entry: PlannedExperiment) -> int:
-    assert isinstance(entry.experiment, Scenario)
-    seed = entry.experiment.excitation[0].parameters["seed"]
-    assert isinstance(seed, int)
-    return seed
+def waveform_seed(entry):
+    return entry.experiment.excitation[0].parameters["seed"]
 
 
 @pytest.mark.parametrize("label", shipped())
-def test_a_shipped_spec_reads_back_from_its_own_text(label: str) -> None:
+def test_a_shipped_spec_reads_back_and_names_its_experiments_and_seeds_once(label):
     spec = shipped()[label]
     assert spec.label == label
     assert DataSetSpec.from_toml(spec.to_toml()) == spec
-
-
-@pytest.mark.parametrize("label", shipped())
-def test_every_experiment_has_a_name_and_a_noise_of_its_own(label: str) -> None:
-    entries = DataSetPlan(shipped()[label])[:100]
-    assert len({entry.name for entry in entries}) == len(entries)
-    assert len({entry.experiment.seed for entry in entries}) == len(entries)
+    entries = list(islice(DataSetPlan(spec), 100))
+    assert len({entry.name for entry in entries}) == len({entry.experiment.seed for entry in entries}) == len(entries)
 
 
 @pytest.mark.parametrize("count", [4, 10, 11, 1000])
-def test_a_twin_is_the_same_however_many_there_are(count: int) -> None:
+def test_a_twin_is_the_same_however_many_there_are(count):
     """Names have more digits then, which change nothing."""
     few, many = of(4)[9].experiment, of(count)[9].experiment
-    assert replace(few, name="same") == replace(many, name="same")  # type: ignore[type-var]
+    assert replace(few, name="same") == replace(many, name="same")
 
 
-def test_twins_have_arms_noise_and_waveforms_of_their_own() -> None:
+def test_twins_have_arms_noise_and_waveforms_of_their_own():
     plan = of(50)
     first = [plan[number] for number in range(0, len(plan), 3)]
     assert len({entry.experiment.specimen for entry in first}) == 50
     assert len({waveform_seed(entry) for entry in first}) == 50
-    pressures = np.array([entry.experiment.plant.supply_pressure for entry in first])
-    assert np.ptp(pressures) > 2.0
+    assert np.ptp([entry.experiment.plant.supply_pressure for entry in first]) > 2.0
 
 
-def test_more_repeats_leave_the_first_as_they_are() -> None:
+def test_more_repeats_leave_the_first_as_they_are():
     spec = load_spec("hmtb-mimo-v1")
     more = replace(spec, records=(replace(spec.records[0], repeats=12), *spec.records[1:]))
-    assert DataSetPlan(spec)[1].name == "independent-r2"
-    assert DataSetPlan(more)[1].name == "independent-r02"
-    assert DataSetPlan(spec)[1].experiment.seed == DataSetPlan(more)[1].experiment.seed
+    two, second = DataSetPlan(spec)[1], DataSetPlan(more)[1]
+    assert (two.name, second.name) == ("independent-r2", "independent-r02")
+    assert two.experiment.seed == second.experiment.seed
 
 
-def test_multisines_are_drawn_for_every_joint_amplitude_and_repeat_but_once_for_a_measurement() -> None:
+def test_multisines_are_drawn_for_every_joint_amplitude_and_repeat_but_once_for_a_measurement():
     spec = load_spec("hmtb-nonlinear-v1")
     block = replace(spec.records[0], repeats=2)
-    seeds: dict[int, set[tuple[object, ...]]] = {}
+    measurements = set()
     for entry in DataSetPlan(replace(spec, records=(block, *spec.records[1:]))):
         if entry.block == block.name:
             one = entry.experiment
-            assert isinstance(one, MultisineExperiment)
-            run = entry.name.rpartition("-")[2]
-            seeds.setdefault(one.multisines.seed, set()).add((one.axes, one.multisines.rms, run))
-    assert len(seeds) == 2 * 4 * 2
-    assert all(len(of_seed) == 1 for of_seed in seeds.values())
+            measurements.add((one.multisines.seed, one.axes, one.multisines.rms, entry.name.rpartition("-")[2]))
+    assert len(measurements) == len({seed for seed, *_ in measurements}) == 2 * 4 * 2
 
 
-def test_waveforms_that_are_not_drawn_are_those_written() -> None:
-    entry = next(iter(DataSetPlan(load_spec("hmtb-thesis-v1"))))
-    assert waveform_seed(entry) == 0
-
-
-def test_blocks_that_make_experiments_of_one_name_are_refused() -> None:
+def test_waveforms_are_those_written_and_names_are_unique():
     spec = load_spec("hmtb-thesis-v1")
+    assert waveform_seed(DataSetPlan(spec)[0]) == 0
     again = replace(spec.records[0], name="again")
-    with pytest.raises(ScenarioError, match="siso-5-shoulder_yaw"):
-        DataSetPlan(replace(spec, records=(*spec.records, again)))
+    refused("siso-5-shoulder_yaw", DataSetPlan, replace(spec, records=(*spec.records, again)))
 
 
 @pytest.mark.parametrize("label", ["hmtb-siso-v1", "hmtb-mimo-v1"])
-def test_lengths_and_windows_that_cannot_be_are_refused_before_anything_is_run(label: str) -> None:
+def test_lengths_and_windows_that_cannot_be_are_refused_before_anything_is_run(label):
     spec = shipped()[label]
     shortest = min(e.experiment.duration for e in DataSetPlan(spec) if e.part != "train")
-    with pytest.raises(ScenarioError, match="expected 10 or more behind it to score"):
-        DataSetPlan(replace(spec, window=round(50 * shortest) - 9))
+    refused("expected 10 or more behind it to score", DataSetPlan, replace(spec, window=round(50 * shortest) - 9))
     assert len(DataSetPlan(replace(spec, window=round(50 * shortest) - 10)))
 
 
-def test_a_duration_of_no_whole_number_of_samples_is_refused(tiny_spec: DataSetSpec) -> None:
-    for duration in (4.013, 4.00001):
-        records = (replace(tiny_spec.records[0], duration=duration), tiny_spec.records[1])
-        with pytest.raises(ScenarioError, match=f"duration {duration} s given, expected a positive multiple of 0.02 s"):
-            DataSetPlan(replace(tiny_spec, records=records))
+def test_a_duration_of_no_whole_number_of_samples_is_refused(tiny_spec):
+    records = (replace(tiny_spec.records[0], duration=4.00001), tiny_spec.records[1])
+    spec = replace(tiny_spec, records=records)
+    refused("duration 4.00001 s given, expected a positive multiple of 0.02 s", DataSetPlan, spec)
 
 
 @pytest.mark.parametrize(
     ("before", "after", "says"),
     [
-        (
-            'title = "Three short records"',
-            'title = "a\\u0000b"',
-            "title = 'a.x00b' given, expected no control characters",
-        ),
+        ('title = "Three short records"', 'title = "a\\u0000b"', "title = 'a.x00b' given, expected no control char"),
         ('title = "Three short records"', 'title = "a\\u202eb"', "title = 'a.u202eb' given"),
         ('description = "For tests."', 'description = "a\\u001b[2J"', "description = 'a.x1b"),
         ('creators = ["The HMTB twin contributors"]', 'creators = ["A\\nB"]', "creators = 'A.nB' given"),
-        ('keywords = ["system ', 'keywords = ["a\\u007f", "system ', "keywords = 'a.x7f' given"),
         ("version = 1", "version = 1000001", "version = 1000001 given, expected 1 to 1000000"),
         ('date = "2026-01-31"', 'date = "31.1.2026"', "expected a day as YYYY-MM-DD"),
         ('url = ""', 'url = "ftp://x"', "expected one of http"),
@@ -128,10 +102,7 @@ def test_a_duration_of_no_whole_number_of_samples_is_refused(tiny_spec: DataSetS
         ("seed = 7", 'seed = 7\ntwins = { count = 1, mass = { kind = "lognormal", spread = 1e9 } }', "would be drawn"),
     ],
 )
-def test_a_spec_that_nobody_means_is_refused_in_a_line(
-    tiny_spec: DataSetSpec, before: str, after: str, says: str
-) -> None:
+def test_a_spec_that_nobody_means_is_refused_in_a_line(tiny_spec, before, after, says):
     text = tiny_spec.to_toml()
     assert before in text
-    with pytest.raises(ScenarioError, match=says):
-        DataSetSpec.from_toml(text.replace(before, after, 1))
+    refused(says, DataSetSpec.from_toml, text.replace(before, after, 1))

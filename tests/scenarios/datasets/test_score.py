@@ -1,34 +1,33 @@
 """The score: its formulas, its rules about what may be seen, and what it refuses."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import savemat
 
-from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
-from scenarios.datasets.score import Score, Scores, metric, read_predictions, score, score_model
+from scenarios.datasets.data_set import open_data_set
+from scenarios.datasets.score import Score, Scores, metric, score, score_model
 from scenarios.datasets.spec_tables import Scoring
-from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Contents, Variable
-from scenarios.identification.predictors import Hold, ModelPredictor, StackedPredictor, StaticGain
 from sysid import IOData, StateSpace
 from sysid.models import block_diagonal
 from sysid.validation import fit_percent
+from sysid.validation.predictors import Hold, ModelPredictor, StackedPredictor, StaticGain
+from tests.refusals import refused
 
 
 @pytest.fixture(scope="module")
-def opened(tiny: Path) -> DataSet:
+def opened(tiny):
     return open_data_set(tiny)
 
 
 @pytest.fixture(scope="module")
-def record(opened: DataSet) -> DataRecord:
+def record(opened):
     return opened.test[0]
 
 
-def test_metrics_are_those_of_the_books() -> None:
+def test_metrics_and_means_are_those_of_the_books():
     rng = np.random.default_rng(0)
     y = rng.standard_normal((500, 2)) * [1.0, 3.0]
     hat = y + rng.standard_normal((500, 2))
@@ -37,24 +36,17 @@ def test_metrics_are_those_of_the_books() -> None:
     np.testing.assert_allclose(metric(Scoring("rmse", "deg"), y, hat), np.degrees(rmse))
     np.testing.assert_allclose(metric(Scoring("nrmse"), y, hat), 100.0 * rmse / y.std(axis=0))
     np.testing.assert_allclose(metric(Scoring("fit"), y, hat), fit_percent(y, hat))
-
-
-def test_a_model_beyond_all_numbers_has_an_infinite_error_and_missing_outputs_none() -> None:
+    # A model beyond all numbers has an infinite error, missing outputs have none.
     y, hat = np.ones((3, 1)), np.array([[1.0], [np.nan], [np.inf]])
     assert metric(Scoring(), y, hat) == np.inf
-    with pytest.raises(ScenarioError, match="measured outputs are missing"):
-        metric(Scoring(), hat, y)
-    with pytest.raises(ScenarioError, match="nrmse is not defined"):
-        metric(Scoring("nrmse"), y, y)
-
-
-def test_means_count_every_record_and_output_once() -> None:
+    refused("measured outputs are missing", metric, Scoring(), hat, y)
+    refused("nrmse is not defined", metric, Scoring("nrmse"), y, y)
     scores = Scores(Scoring(), (Score("a", "elbow_pitch", 1.0), Score("b", "elbow_pitch", 3.0), Score("b", "yaw", 5.0)))
-    assert scores.mean == 3.0
+    assert scores.mean == 3.0  # every record and output counts once
     assert scores.by_joint == {"elbow_pitch": 2.0, "yaw": 5.0}
 
 
-def test_the_window_is_not_scored_and_its_predictions_are_not_looked_at(opened: DataSet, record: DataRecord) -> None:
+def test_the_window_is_not_scored_and_its_predictions_are_not_looked_at(opened, record):
     window = record.state_initialization_window_length or 0
     hat = np.array(record.y)
     hat[:window] = np.nan
@@ -62,12 +54,11 @@ def test_the_window_is_not_scored_and_its_predictions_are_not_looked_at(opened: 
     assert score({record.name: hat}, opened).mean == pytest.approx(1.0)
     hat[window] += 1.0
     scored = len(hat) - window
-    assert score({record.name: hat}, opened).mean == pytest.approx(
-        1000.0 * np.sqrt((1.001**2 + (scored - 1) * 1e-6) / scored)
-    )
+    expected = 1000.0 * np.sqrt((1.001**2 + (scored - 1) * 1e-6) / scored)
+    assert score({record.name: hat}, opened).mean == pytest.approx(expected)
 
 
-def test_a_model_sees_no_output_behind_the_window(record: DataRecord) -> None:
+def test_a_model_sees_no_output_behind_the_window(record):
     """Outputs behind the window are replaced by rubbish: the simulation stays the same to the bit."""
     data = record.iodata()
     assert data.window == 20
@@ -85,7 +76,7 @@ def test_a_model_sees_no_output_behind_the_window(record: DataRecord) -> None:
         assert not np.array_equal(one[104:], other[104:])
 
 
-def test_without_operating_point_a_model_finds_state_and_level_in_the_window() -> None:
+def test_without_operating_point_a_model_finds_state_and_level_in_the_window():
     rng = np.random.default_rng(1)
     model = StateSpace([[0.9, 0.1], [0.0, 0.8]], [[0.1], [0.2]], [[1.0, 0.0]], [[0.0]], None, 0.02)
     u, state, y = rng.standard_normal((300, 1)), np.array([3.0, -2.0]), []
@@ -98,13 +89,11 @@ def test_without_operating_point_a_model_finds_state_and_level_in_the_window() -
     np.testing.assert_allclose(known.predicted(data, 0), data.y, atol=1e-9)
     # Without a window it starts at rest at its operating point; without that nothing tells the level.
     assert known.predicted(replace(data, window=0), 0)[0] == pytest.approx(-1.3)
-    with pytest.raises(ScenarioError, match="no initialisation window"):
-        ModelPredictor(model).predicted(replace(data, window=0), 0)
-    with pytest.raises(ScenarioError, match="one of them given"):
-        ModelPredictor(model, inputs=np.zeros(1))
+    refused("no initialisation window", ModelPredictor(model).predicted, replace(data, window=0), 0)
+    refused("one of them given", ModelPredictor, model, inputs=np.zeros(1))
 
 
-def test_predictors_of_single_outputs_are_stacked() -> None:
+def test_predictors_of_single_outputs_are_stacked():
     rng = np.random.default_rng(2)
     gain = np.array([[1.0, 0.5], [0.0, 2.0]])
     u = rng.standard_normal((50, 2))
@@ -116,85 +105,76 @@ def test_predictors_of_single_outputs_are_stacked() -> None:
     np.testing.assert_allclose(rows.predicted(data, 0), whole.predicted(data, 0), atol=1e-12)
 
 
-def test_score_of_a_model_is_the_score_of_its_predictions(opened: DataSet, record: DataRecord) -> None:
+def test_score_of_a_model_is_the_score_of_its_predictions(opened, record):
     model = StateSpace([[0.9]], [[0.1]], [[1.0]], [[0.0]], None, 0.02)
     hat = ModelPredictor(model).predicted(record.iodata(), 0)
     of_model = score_model(model, opened)
     assert of_model == score({record.name: hat}, opened)
     assert of_model == score_model(lambda one: ModelPredictor(model), opened)
     assert of_model.scores[0].joint == "elbow_pitch"
-    with pytest.raises(ValueError, match="the data have 1 input"):
-        score_model(block_diagonal([model, model]), opened)
+    refused("the data have 1 input", score_model, block_diagonal([model, model]), opened)
 
 
-def as_csv(path: Path, values: np.ndarray) -> None:
+def as_csv(path, values):
     path.write_text("elbow_pitch\n" + "".join(f"{value!r}\n" for value in values.tolist()))
 
 
-def as_mat(path: Path, values: np.ndarray) -> None:
+def as_mat(path, values):
     savemat(path, {"y": values[:, None]})
 
 
-def as_netcdf(path: Path, values: np.ndarray) -> None:
+def as_netcdf(path, values):
     y = Variable(("sample", "output"), values[:, None], {})
     output = Variable(("output",), np.array(["elbow_pitch"]), {})
     path.write_bytes(Contents({"y": y, "output": output}, {}).to_bytes())
 
 
-def test_files_of_every_format_give_the_same_numbers(opened: DataSet, record: DataRecord, tmp_path: Path) -> None:
+def test_files_of_every_format_give_the_same_numbers(opened, record, tmp_path):
     hat = record.y + np.random.default_rng(0).standard_normal(len(record)) * 1e-3
     (tmp_path / "notes.md").write_text("other files are ignored")
     for ending, write in ((".csv", as_csv), (".nc", as_netcdf), (".mat", as_mat)):
         path = tmp_path / f"{record.name}{ending}"
         write(path, hat)
-        np.testing.assert_array_equal(read_predictions(tmp_path, opened.test)[record.name][:, 0], hat)
         assert score(tmp_path, opened) == score([path], opened) == score({record.name: hat}, opened)
         path.unlink()
 
 
-def test_predictions_that_do_not_fit_are_refused(opened: DataSet, record: DataRecord, tmp_path: Path) -> None:
-    path = tmp_path / f"{record.name}.csv"
-
-    def refused(match: str) -> None:
-        with pytest.raises(ScenarioError, match=match):
-            score(tmp_path, opened)
-
-    refused(f"no predictions of {record.name}: 0 of 1 files there")
-    as_csv(path, record.y[:-1])
-    refused(r"predictions of shape \(199, 1\) given, expected \(200, 1\): 200 samples of elbow_pitch")
-    wrong = np.array(record.y)
-    wrong[[30, 50]] = np.nan
-    as_csv(path, wrong)
-    refused("2 numbers behind the window are not finite, the first at sample 30 of elbow_pitch")
-    path.write_text("elbow\n0.0\n")
-    refused("outputs elbow given, expected elbow_pitch in this order")
-    path.write_text("elbow_pitch\n0.0,1.0\n")
-    refused("row 2: '0.0,1.0' given, expected 1 numbers")
-    path.write_text("elbow_pitch\n0.5\n0;5\n")
-    refused("row 3: '0;5' given, expected 1 numbers")
-    as_mat(tmp_path / f"{record.name}.mat", record.y)
-    refused("has two files of predictions")
+def test_predictions_that_do_not_fit_are_refused(opened, record, tmp_path):
+    path, mat = tmp_path / f"{record.name}.csv", tmp_path / f"{record.name}.mat"
+    missing = np.array(record.y)
+    missing[[30, 50]] = np.nan
+    refused(f"no predictions of {record.name}: 0 of 1 given", score, tmp_path, opened)
+    for values, match in (
+        (record.y[:-1], r"predictions of shape \(199, 1\) given, expected \(200, 1\): 200 samples of elbow_pitch"),
+        (missing, "2 numbers behind the window are not finite, the first at sample 30 of elbow_pitch"),
+    ):
+        as_csv(path, values)
+        refused(match, score, tmp_path, opened)
+    for text, match in (
+        ("elbow\n0.0\n", "outputs elbow given, expected elbow_pitch in this order"),
+        ("elbow_pitch\n0.0,1.0\n", "row 2: '0.0,1.0' given, expected 1 numbers"),
+        ("elbow_pitch\n0.5\n0;5\n", "row 3: '0;5' given, expected 1 numbers"),
+    ):
+        path.write_text(text)
+        refused(match, score, tmp_path, opened)
+    as_mat(mat, record.y)
+    refused("has two files of predictions", score, tmp_path, opened)
     path.unlink()
-    savemat(tmp_path / f"{record.name}.mat", {"y": record.y[None, :]})
-    refused("time runs along the first axis")
-    savemat(tmp_path / f"{record.name}.mat", {"z": record.y})
-    refused("has no matrix y")
+    savemat(mat, {"y": record.y[None, :]})
+    refused("time runs along the first axis", score, tmp_path, opened)
+    savemat(mat, {"z": record.y})
+    refused("has no matrix y", score, tmp_path, opened)
     as_csv(tmp_path / "binary-elbow_pitch.csv", record.y)
-    refused("binary-elbow_pitch.csv is of no record to predict")
+    refused("binary-elbow_pitch.csv: no test record", score, tmp_path, opened)
     (tmp_path / "notes.md").write_text("x")
-    with pytest.raises(ScenarioError, match="expected a folder, or files"):
-        score(tmp_path / "notes.md", opened)
-    with pytest.raises(ScenarioError, match="no predictions at"):
-        score(tmp_path / "absent", opened)
-    with pytest.raises(ScenarioError, match="no test record other"):
-        score({record.name: record.y, "other": record.y}, opened)
-    with pytest.raises(ScenarioError, match="expected real numbers"):
-        score({record.name: record.y.astype(complex)}, opened)
+    refused("expected a folder, or files", score, tmp_path / "notes.md", opened)
+    refused("no predictions at", score, tmp_path / "absent", opened)
+    refused("unknown experiment 'other'", score, {record.name: record.y, "other": record.y}, opened)
+    refused("expected real numbers", score, {record.name: record.y.astype(complex)}, opened)
 
 
-def test_only_a_root_mean_square_error_has_a_unit_of_angles() -> None:
+def test_only_a_root_mean_square_error_has_a_unit_of_angles():
     assert [Scoring(metric).unit for metric in ("rmse", "nrmse", "fit")] == ["mrad", "%", "%"]
     assert Scoring("rmse", "deg").unit == "deg"
-    for given in (("nrmse", "mrad"), ("fit", "rad"), ("rmse", "%")):
-        with pytest.raises(ScenarioError, match="unit"):
-            Scoring(*given)
+    for words in (("nrmse", "mrad"), ("fit", "rad"), ("rmse", "%")):
+        refused("unit", Scoring, *words)

@@ -9,7 +9,7 @@ from scenarios.estimators.task import Task
 
 
 @pytest.fixture(scope="session")
-def data() -> sysid.IOData:
+def data():
     rng = np.random.default_rng(3)
     u, e = rng.standard_normal((2, 400))
     y = lfilter([0.0, 0.2], [1.0, -0.8], u) + lfilter([1.0], [1.0, -0.8], 0.05 * e)
@@ -17,5 +17,5 @@ def data() -> sysid.IOData:
 
 
 @pytest.fixture(scope="session")
-def task() -> Task:
+def task():
     return Task("arx", {"na": 1, "nb": 1, "nk": 1}, 1, np.array([0.5, 2.0, 10.0]))

@@ -42,14 +42,6 @@ def none(data, task):
     return None
 
 
-def wrong_dt(data, task):
-    return sysid.StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], None, 1.0)
-
-
-def two_inputs(data, task):
-    return sysid.StateSpace([[0.5]], [[1.0, 2.0]], [[1.0]], [[0.0, 0.0]], None, 0.02)
-
-
 def unstable(data, task):
     return sysid.StateSpace([[1.01]], [[1.0]], [[1.0]], [[0.0]], None, 0.02)
 
@@ -96,6 +88,6 @@ def child_takes_memory(data, task):
 
 
 BEHAVIOURS = (
-    *(arx, refuses, raises, raises_in_a_library, leaves, none, wrong_dt, two_inputs, unstable, nan_covariance),
+    *(arx, refuses, raises, raises_in_a_library, leaves, none, unstable, nan_covariance),
     *(asks_for_much, floods, names, leaves_a_process, dies, hangs, child_takes_memory),
 )

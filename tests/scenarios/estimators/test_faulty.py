@@ -8,11 +8,9 @@ import pytest
 
 from scenarios.estimators import ours
 from scenarios.estimators.model_numbers import answer_of, unstable
-from scenarios.estimators.outcome import Answer, NoModelError
+from scenarios.estimators.outcome import NoModelError
 from scenarios.estimators.returned import numbers_of
-from scenarios.estimators.task import Task
 from scenarios.problems.registry import problem
-from sysid import IOData
 from tests.benchmarks import faulty_estimators as faulty
 
 SHORT = problem("p3@400")
@@ -20,22 +18,21 @@ STRIKES = next(seed for seed in itertools.count() if np.random.default_rng([seed
 
 
 @pytest.fixture(scope="module")
-def data() -> IOData:
+def data():
     return SHORT.draw(1)
 
 
 @pytest.fixture(scope="module", params=[None, "ss"])
-def sound(request: pytest.FixtureRequest, data: IOData) -> tuple[Task, Answer]:
+def sound(request, data):
     task = SHORT.task(request.param)
-    assert task is not None
     return task, ours.pem(data, task)
 
 
-def response(answer: Answer, task: Task) -> np.ndarray:
+def response(answer, task):
     return answer.model.frequency_response(task.frequencies)
 
 
-def test_models_are_wrong_in_one_way(data: IOData, sound: tuple[Task, Answer]) -> None:
+def test_models_are_wrong_in_one_way(data, sound):
     task, right = sound
     late = np.exp(-2j * np.pi * task.frequencies * data.dt)[:, None, None]
     np.testing.assert_allclose(response(faulty.delayed(data, task), task), late * response(right, task), rtol=1e-9)
@@ -48,7 +45,7 @@ def test_models_are_wrong_in_one_way(data: IOData, sound: tuple[Task, Answer]) -
 
 
 @pytest.mark.parametrize(("name", "factor"), [("overconfident", 0.5), ("underconfident", 2.0)])
-def test_claims_are_off_by_two(name: str, factor: float, data: IOData, sound: tuple[Task, Answer]) -> None:
+def test_claims_are_off_by_two(name, factor, data, sound):
     task, right = sound
     wrong = getattr(faulty, name)(data, task)
     np.testing.assert_array_equal(response(wrong, task), response(right, task))
@@ -60,7 +57,7 @@ def test_claims_are_off_by_two(name: str, factor: float, data: IOData, sound: tu
         np.testing.assert_allclose(half[0], np.sqrt(factor) * half[1], rtol=1e-6)
 
 
-def test_rare_faults_strike_once_in_fifty_and_the_bench_names_them(data: IOData) -> None:
+def test_rare_faults_strike_once_in_fifty_and_the_bench_names_them(data):
     task = SHORT.task(None)
     assert abs(sum(faulty._strikes(replace(task, seed=seed)) for seed in range(2000)) - 40) < 4 * np.sqrt(40)
     struck = replace(task, seed=STRIKES)

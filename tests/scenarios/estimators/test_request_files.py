@@ -1,7 +1,6 @@
 """Files of requests and of models."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,14 +9,14 @@ from scipy.io import savemat
 import sysid
 from scenarios.estimators.outcome import NoModelError
 from scenarios.estimators.request_files import FORMATS, MOST_BYTES, read_model, read_request, write_request
-from scenarios.estimators.task import PROTOCOL, Task
+from scenarios.estimators.task import PROTOCOL
 from scenarios.files.netcdf import Contents, Variable
 
 MODEL = {"dt": 0.02, "A": [[0.5, 0.1], [0.0, 0.2]], "B": [[1.0], [2.0]], "C": [[1.0, 0.0]]}
 
 
 @pytest.mark.parametrize("missing", [False, True])
-def test_the_record_is_the_same_in_all_formats(missing: bool, tmp_path: Path, data: sysid.IOData, task: Task) -> None:
+def test_the_record_is_the_same_in_all_formats(missing, tmp_path, data, task):
     """To the last bit, a lost sample as NaN, and without names that tell what it is."""
     record = sysid.IOData(np.ones(4), [1.0, np.nan, 3.0, 4.0], 0.02, missing=True) if missing else data
     write_request(tmp_path, record, task, FORMATS)
@@ -38,7 +37,7 @@ def test_the_record_is_the_same_in_all_formats(missing: bool, tmp_path: Path, da
     assert (table["samples"], table["inputs"], table["missing"]) == (len(record), 1, missing)
 
 
-def test_the_task_arrives_as_it_was(tmp_path: Path, data: sysid.IOData, task: Task) -> None:
+def test_the_task_arrives_as_it_was(tmp_path, data, task):
     """And only the formats that are asked for are written."""
     write_request(tmp_path, data, task, ("npz",))
     assert {path.name for path in tmp_path.iterdir()} == {"data.npz", "task.json"}
@@ -49,7 +48,7 @@ def test_the_task_arrives_as_it_was(tmp_path: Path, data: sysid.IOData, task: Ta
 
 
 @pytest.mark.parametrize("ending", ["json", "mat", "nc"])
-def test_a_model_is_the_same_in_all_formats(ending: str, tmp_path: Path) -> None:
+def test_a_model_is_the_same_in_all_formats(ending, tmp_path):
     path = tmp_path / f"model.{ending}"
     if ending == "json":
         path.write_text(json.dumps(MODEL))
@@ -65,15 +64,11 @@ def test_a_model_is_the_same_in_all_formats(ending: str, tmp_path: Path) -> None
         np.testing.assert_array_equal(np.squeeze(numbers[name]), np.squeeze(value))
 
 
-def test_special_numbers_of_json(tmp_path: Path) -> None:
+def test_special_numbers_of_json(tmp_path):
     """null within numbers is NaN, instead of all of them it is a number left out; any length of digits is a number."""
-    (tmp_path / "model.json").write_text(
-        '{"bandwidth_ci95": [null, null], "covariance": null, "K": NaN, "A": true, "D": -2, "num": [1e400, 1'
-        + "0" * 5000
-        + ", 1"
-        + "0" * 300
-        + "]}"
-    )
+    num = f"[1e400, 1{'0' * 5000}, 1{'0' * 300}]"
+    text = '{"bandwidth_ci95": [null, null], "covariance": null, "K": NaN, "A": true, "D": -2, "num": '
+    (tmp_path / "model.json").write_text(f"{text}{num}}}")
     numbers = read_model(tmp_path)
     assert set(numbers) == {"bandwidth_ci95", "K", "A", "D", "num"}
     assert np.isnan(numbers["bandwidth_ci95"]).all() and np.isnan(numbers["K"])
@@ -98,14 +93,14 @@ def test_special_numbers_of_json(tmp_path: Path) -> None:
     ],
     ids=range(11),
 )
-def test_files_that_are_no_models(name: str, content: bytes, why: str, tmp_path: Path) -> None:
+def test_files_that_are_no_models(name, content, why, tmp_path):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(NoModelError) as caught:
         read_model(tmp_path)
     assert caught.value.kind == "malformed" and why in str(caught.value), str(caught.value)
 
 
-def test_files_that_are_too_long_are_not_read(tmp_path: Path) -> None:
+def test_files_that_are_too_long_are_not_read(tmp_path):
     with (tmp_path / "model.json").open("wb") as file:
         file.truncate(MOST_BYTES + 1)
     with pytest.raises(NoModelError, match="expected at most"):

@@ -19,12 +19,10 @@ import sysid
 from scenarios.estimators import runner
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.model_numbers import answer_of
-from scenarios.estimators.outcome import Answer, EstimatorOutcome
 from scenarios.estimators.python_child import load
 from scenarios.estimators.returned import numbers_of
 from scenarios.estimators.runner import EstimatorProcess
 from scenarios.estimators.seeds import draw_run_seed, task_seed
-from scenarios.estimators.task import Task
 from scenarios.files.errors import ScenarioError
 from tests.scenarios.estimators.estimators import BEHAVIOURS
 from tests.scenarios.estimators.programs import KINDS
@@ -38,8 +36,6 @@ FUNCTIONS = {
     "raises_in_a_library": ("error", "(estimators.py, line "),
     "leaves": ("error", "SystemExit: 3"),
     "none": ("malformed", "NoneType given, expected Answer"),
-    "wrong_dt": ("malformed", "dt = 1 given"),
-    "two_inputs": ("malformed", "B of shape (1, 2) given, expected (1, 1)"),
     "unstable": ("unstable", "the largest at 1.01"),
     "nan_covariance": ("not_finite", "response_covariance has 12 of 12"),
     "asks_for_much": ("memory", "MemoryError"),
@@ -65,19 +61,17 @@ PROGRAMS = {
 STAYS = {**PROGRAMS, "refuses": ("refused", "and so on"), "fails": ("error", "and so on")}
 OTHERS = ({"structure": "oe", "orders": {"nb": 1, "nf": 1, "nk": 1}}, {"orders": {}})
 """Tasks that the examples refuse."""
-
-
 BEGUN = time.time()
 
 
-def left_running() -> list[str]:
+def left_running():
     """Processes that the behaviours start and nothing else ends."""
     new = (one.info for one in psutil.process_iter(["cmdline", "create_time"]) if one.info["create_time"] > BEGUN)
     return [line for one in new if "sleep 1000." in (line := " ".join(one["cmdline"] or ()))]
 
 
 @pytest.mark.slow
-def test_functions(data: sysid.IOData, task: Task) -> None:
+def test_functions(data, task):
     named = replace(data, name="twin-elbow")
     files = len(os.listdir("/proc/self/fd"))
     # Other tests of this process may keep workers of their own.
@@ -96,10 +90,9 @@ def test_functions(data: sysid.IOData, task: Task) -> None:
     assert set(psutil.Process().children()) <= children and not left_running()
 
 
-def check_direct(outcome: EstimatorOutcome, data: sysid.IOData, task: Task) -> None:
+def check_direct(outcome, data, task):
     """The answer is that of a direct call to the last bit, claims included; time and memory are measured."""
     direct = sysid.arx(data, 1, 1, 1)
-    assert outcome.answer is not None
     for name in ("A", "B", "C", "D", "K", "innovation_covariance"):
         np.testing.assert_array_equal(getattr(outcome.answer.model, name), getattr(direct.model, name))
     np.testing.assert_array_equal(outcome.answer.covariance, direct.covariance)
@@ -110,7 +103,7 @@ def check_direct(outcome: EstimatorOutcome, data: sysid.IOData, task: Task) -> N
 
 
 @pytest.mark.parametrize("stays", [False, True])
-def test_programs(data: sysid.IOData, task: Task, stays: bool) -> None:
+def test_programs(data, task, stays):
     command = f"{sys.executable} -S programs.py {'stay' if stays else 'once'} {{task}} {{model}} {{csv}}"
     estimator = Estimator("program", command, program=True, stays=stays, home=str(HERE))
     with EstimatorProcess(estimator, Limits(seconds=1.0)) as process:
@@ -127,7 +120,7 @@ def test_programs(data: sysid.IOData, task: Task, stays: bool) -> None:
     assert not left_running()
 
 
-def test_memory_of_a_program_is_limited_with_that_of_its_children(data: sysid.IOData, task: Task) -> None:
+def test_memory_of_a_program_is_limited_with_that_of_its_children(data, task):
     eats = "import time; held = b'1' * 2**28; time.sleep(99)"
     parent = f"import subprocess, sys; subprocess.run([sys.executable, '-S', '-c', {eats!r}])"
     command = shlex.join([sys.executable, "-S", "-c", parent, "{csv}", "{model}"])
@@ -148,12 +141,9 @@ def test_memory_of_a_program_is_limited_with_that_of_its_children(data: sysid.IO
         ("echo {mat} {model}", {"program": True, "stays": True}, "to print the line 'ready 1'"),
     ],
 )
-def test_estimators_that_cannot_start_end_the_run_at_once(target: str, options: dict[str, bool], why: str) -> None:
-    with (
-        pytest.raises(ScenarioError, match=re.escape(why)),
-        EstimatorProcess(Estimator("none", target, **options), Limits()),
-    ):
-        raise AssertionError("it started")
+def test_estimators_that_cannot_start_end_the_run_at_once(target, options, why):
+    with pytest.raises(ScenarioError, match=re.escape(why)):
+        EstimatorProcess(Estimator("none", target, **options), Limits()).__enter__()
 
 
 @pytest.mark.parametrize(
@@ -165,7 +155,7 @@ def test_estimators_that_cannot_start_end_the_run_at_once(target: str, options: 
         ("estimators.py", "expected module:function or path/to/file.py:function"),
     ],
 )
-def test_targets_that_are_no_functions(target: str, why: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_targets_that_are_no_functions(target, why, monkeypatch):
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.setitem(sys.modules, "estimators", types.ModuleType("estimators"))
     with pytest.raises(ImportError, match=re.escape(why)):
@@ -174,10 +164,8 @@ def test_targets_that_are_no_functions(target: str, why: str, monkeypatch: pytes
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EIO])
-def test_a_full_disk_ends_the_bench(
-    number: int, data: sysid.IOData, task: Task, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object) -> None:
+def test_a_full_disk_ends_the_bench(number, data, task, monkeypatch):
+    def fail(*_):
         raise OSError(number, os.strerror(number))
 
     monkeypatch.setattr(runner, "write_request", fail)
@@ -189,7 +177,7 @@ def test_a_full_disk_ends_the_bench(
             assert process.ask(data, task).kind == "error"
 
 
-def test_seeds() -> None:
+def test_seeds():
     """The seed of a run is drawn anew each time; that of a task depends on both, fits other languages."""
     seeds = {draw_run_seed(["hash"]) for _ in range(5)}
     assert len(seeds) == 5 and all(0 <= seed < 2**53 for seed in seeds)
@@ -198,7 +186,7 @@ def test_seeds() -> None:
     assert task_seed(0, "p1#0/fit") == tasks[0]
 
 
-def test_the_example_in_python_is_our_arx(data: sysid.IOData, task: Task) -> None:
+def test_the_example_in_python_is_our_arx(data, task):
     estimate = load("arx_estimator.py:estimate", EXAMPLES)
     data = replace(data, window=0)
     check_example(answer_of(numbers_of(estimate(data, task), data, task), data, task), data, task)
@@ -209,19 +197,18 @@ def test_the_example_in_python_is_our_arx(data: sysid.IOData, task: Task) -> Non
 
 @pytest.mark.skipif(shutil.which("octave-cli") is None, reason="Octave is not installed")
 @pytest.mark.parametrize("stays", [False, True])
-def test_the_examples_in_octave_are_our_arx(data: sysid.IOData, task: Task, stays: bool) -> None:
+def test_the_examples_in_octave_are_our_arx(data, task, stays):
     words = "serve_arx # {mat} {task} {model}" if stays else "exit(estimate_arx('{mat}', '{task}', '{model}'))"
     command = shlex.join(["octave-cli", "--norc", "--path", str(EXAMPLES), "--eval", words])
     data = replace(data, window=0)
     with EstimatorProcess(Estimator("example", command, program=True, stays=stays), Limits()) as process:
         outcome = process.ask(data, task)
         others = [process.ask(data, replace(task, **other)) for other in (OTHERS if stays else OTHERS[:1])]
-    assert outcome.answer is not None, vars(outcome)
     check_example(outcome.answer, data, task)
     assert {other.kind for other in others} == {"refused"}
 
 
-def check_example(answer: Answer, data: sysid.IOData, task: Task) -> None:
+def check_example(answer, data, task):
     """It is what `sysid.arx` returns, covariances included."""
     ours = sysid.arx(data, 1, 1, 1)
     np.testing.assert_allclose(answer.polynomials.A, ours.polynomials.A, rtol=1e-9)
@@ -233,7 +220,7 @@ def check_example(answer: Answer, data: sysid.IOData, task: Task) -> None:
 
 
 @pytest.mark.parametrize("stays", [False, True])
-def test_reasons_are_the_same_for_each_request(data: sysid.IOData, task: Task, stays: bool) -> None:
+def test_reasons_are_the_same_for_each_request(data, task, stays):
     """Paths of files stand as placeholders, so that reasons can be counted."""
     once = "import sys; sys.stderr.write('y' * 10 + ' '.join(sys.argv[1:]) + '.json ' + 'x' * 240); sys.exit(3)"
     stay = (

@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 from contextlib import nullcontext
-from pathlib import Path
 
 import av
 import mujoco
@@ -15,12 +14,13 @@ from PIL import Image
 
 from hmtb_twin import JointLog, TwinError, load_arm, render, simulate
 from hmtb_twin.parameters.resources import model_file
+from hmtb_twin.run.playback import play
 from scenarios import Excitation, Scenario
 from scenarios.commands.cli import main
 
 
 @pytest.fixture(scope="module")
-def opengl() -> None:
+def opengl():
     """Leaves a test out where the machine cannot render."""
     try:
         render(load_arm(), width=16, height=16)
@@ -29,40 +29,35 @@ def opengl() -> None:
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def log(tmp_path_factory):
     fast = Excitation("sine", {"frequency": 0.5, "amplitude": 4.0})
-    made = simulate([Scenario("swing", ("shoulder_yaw",), (fast,), duration=2.0)])[0]
-    return made.save(tmp_path_factory.mktemp("film") / "swing.nc")
+    (log,) = simulate([Scenario("swing", ("shoulder_yaw",), (fast,), duration=2.0)]).logs
+    return log.save(tmp_path_factory.mktemp("film") / "swing.nc")
 
 
 @pytest.mark.usefixtures("opengl")
-def test_a_film_shows_the_arm_move(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_film_shows_the_arm_move(log, tmp_path, capsys):
     film = tmp_path / "swing.mp4"
     size = ["--width", "160", "--height", "120"]
     assert main(["video", str(log), "--out", str(film), "--fps", "5", *size, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {
-        "film": str(film),
-        "scenario": "swing",
-        "frames": 10,
-        "cameras": ["overview"],
-    }
+    expected = {"film": str(film), "scenario": "swing", "frames": 10, "cameras": ["overview"]}
+    assert json.loads(capsys.readouterr().out) == expected
     with av.open(str(film)) as container:
         pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
-    assert len(pictures) == 10
-    assert pictures[0].shape == (120, 160, 3)
+    assert (len(pictures), pictures[0].shape) == (10, (120, 160, 3))
     moved = np.abs(pictures[5][20:].astype(float) - pictures[0][20:])
     assert (moved > 40).mean() > 0.005, "the arm swings 10 degrees in half a second"
 
 
 @pytest.mark.usefixtures("opengl")
-def test_an_empty_hand_is_shown_empty() -> None:
+def test_an_empty_hand_is_shown_empty():
     bare, loaded = (render(load_arm(payload=name), "overview", 160, 120) for name in ("none", "rpcm"))
     assert np.ptp(bare) > 100
     assert (np.abs(bare.astype(float) - loaded).max(axis=2) > 40).sum() > 10
 
 
 @pytest.mark.usefixtures("opengl")
-def test_several_cameras_in_one_picture(log: Path, tmp_path: Path) -> None:
+def test_several_cameras_in_one_picture(log, tmp_path):
     deck = tmp_path / "deck.png"
     assert main(["video", str(log), "--camera", "deck", "--width", "80", "--height", "60", "--out", str(deck)]) == 0
     picture = np.asarray(Image.open(deck))
@@ -73,7 +68,7 @@ def test_several_cameras_in_one_picture(log: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("opengl")
-def test_a_gif_and_a_speed(log: Path, tmp_path: Path) -> None:
+def test_a_gif_and_a_speed(log, tmp_path):
     gif = tmp_path / "swing.gif"
     words = ["--fps", "4", "--speed", "2", "--width", "64", "--height", "48", "--start", "0.5", "--duration", "1"]
     assert main(["video", str(log), "--out", str(gif), *words]) == 0
@@ -93,79 +88,60 @@ def test_a_gif_and_a_speed(log: Path, tmp_path: Path) -> None:
         (["--seed", "3"], "is recorded"),
     ],
 )
-def test_what_cannot_be_filmed_is_one_line(
-    log: Path,
-    words: list[str],
-    says: str,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_cannot_be_filmed_is_one_line(log, words, says, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["video", str(log), *words]) == 2
     complaint = capsys.readouterr().err
-    assert says in complaint
-    assert complaint.count("\n") == 1
+    assert says in complaint and complaint.count("\n") == 1
     assert not list(tmp_path.iterdir()), "nothing half-written is left"
 
 
-def test_a_log_plays_back_tick_by_tick(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_plays_back_tick_by_tick(log):
     """A window that a test can look into, in place of MuJoCo's."""
-    import scenarios.experiments.playback as viewer
-
     poses = []
 
     class Window:
-        def __init__(self, model, data, **_):  # type: ignore[no-untyped-def]
+        def __init__(self, model, data, **_):
             self.data, self.cam, self.lock = data, mujoco.MjvCamera(), nullcontext
 
-        def __enter__(self):  # type: ignore[no-untyped-def]
+        def __enter__(self):
             return self
 
-        def __exit__(self, *_):  # type: ignore[no-untyped-def]
-            return None
+        def __exit__(self, *_):
+            pass
 
-        def is_running(self) -> bool:
+        def is_running(self):
             return True
 
-        def sync(self) -> None:
+        def sync(self):
             poses.append((self.data.time, self.data.qpos[:7].copy()))
 
-    monkeypatch.setattr(viewer, "_viewer", lambda: type("Module", (), {"launch_passive": Window}))
     record = JointLog.load(log)
-    viewer.play(record, speed=20.0)
+    play(record, type("Module", (), {"launch_passive": Window}), speed=20.0)
     assert len(poses) > 2
     for time, angles in poses:
         np.testing.assert_array_equal(angles, record.true_angles[round(time / record.dt)])
 
 
-def test_an_opengl_back_end_that_does_not_load_is_one_line() -> None:
+def test_an_opengl_back_end_that_does_not_load_is_one_line():
     words = [sys.executable, "-m", "scenarios", "truth"]
     run = subprocess.run(words, env={**os.environ, "MUJOCO_GL": "bogus"}, capture_output=True, text=True, check=False)
-    assert (run.returncode, run.stdout) == (2, "")
-    assert run.stderr.count("\n") == 1
+    assert (run.returncode, run.stdout, run.stderr.count("\n")) == (2, "", 1)
     assert "MUJOCO_GL='bogus'" in run.stderr
 
 
-def test_help_names_every_camera(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_names_every_camera(capsys):
     scene = mujoco.MjModel.from_xml_path(str(model_file("hmtb/scene.xml")))
     assert main(["video", "--help"]) == 0
     help_text = capsys.readouterr().out
-    for number in range(scene.ncam):
-        assert scene.camera(number).name in help_text
+    assert all(scene.camera(number).name in help_text for number in range(scene.ncam))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only there the display is known before a window opens")
-def test_without_a_display_nothing_is_simulated_or_announced(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_a_display_nothing_is_simulated_or_announced(monkeypatch, capsys):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(
-        "scenarios.experiments.playback.load_or_simulate", lambda *words, **options: pytest.fail("simulated")
-    )
+    monkeypatch.setattr("scenarios.experiments.film.load_or_simulate", lambda *_, **__: pytest.fail("simulated"))
     assert main(["view", "siso-1-elbow_pitch"]) == 2
     out, err = capsys.readouterr()
-    assert out == ""
-    assert "no display here" in err
-    assert "hmtb video makes films without one" in err
+    assert out == "" and "no display here" in err and "hmtb video makes films without one" in err

@@ -1,30 +1,27 @@
-"""Registered scenarios: Table 1, by name and by tag."""
+"""Registered scenarios: both tables, by name and by tag."""
 
-from pathlib import Path
-
-import pytest
-
-from scenarios import ScenarioError, load, names
+from scenarios import load, names
+from tests.refusals import refused
 
 
-def test_table_1_is_there() -> None:
+def test_table_1_is_there_for_every_joint_and_by_tag():
     joints = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
     expected = {f"siso-{number}-{joint}" for number in range(1, 9) for joint in joints}
     assert set(names("table1")) == set(names("thesis")) == expected
-    assert len({load(name).seed for name in expected}) == 24
+    peaks = [load(f"siso-{number}-elbow_pitch").excitation[0].parameters["amplitude"] for number in range(1, 9)]
+    assert peaks == [1, 1, 2, 1, 1, 2, 4, 1]
     for name in expected:
         scenario = load(name)
         assert scenario.duration == 240.0
         assert scenario.axes == (name.split("-", 2)[2],)
         assert scenario.volts().shape == (12_000, 1)
-
-
-def test_table_1_is_there_for_the_other_joints() -> None:
-    joints = ("wrist_pitch", "wrist_yaw", "wrist_roll")
-    assert set(names("other-joints")) == {f"siso-{number}-{joint}" for number in range(1, 9) for joint in joints}
-    assert set(names("siso")) == {*names("table1"), *names("other-joints")}
+        assert (name in names("prbs")) == (scenario.excitation[0].kind == "prbs")
+    assert {load(name).excitation[0].kind for name in names("prbs")} == {"prbs"}
+    wrist = ("wrist_pitch", "wrist_yaw", "wrist_roll")
+    others = {f"siso-{number}-{joint}" for number in range(1, 9) for joint in wrist}
+    assert (set(names("other-joints")), set(names("siso"))) == (others, expected | others)
     assert len({load(name).seed for name in names("siso")}) == 48
-    for name in names("other-joints"):
+    for name in others:
         assert load(name).excitation == load(name.replace(load(name).axes[0], "elbow_pitch")).excitation
 
 
@@ -46,7 +43,7 @@ TABLE_2 = [
 ]
 
 
-def test_table_2_is_there() -> None:
+def test_table_2_is_there():
     assert names("table2") == tuple(f"mimo-{number}" for number in range(1, 14))
     for name, (kind, amplitude, parameters) in zip(names("table2"), TABLE_2, strict=True):
         scenario = load(name)
@@ -60,7 +57,7 @@ def test_table_2_is_there() -> None:
         assert (volts == volts[:, :1]).all()
 
 
-def test_independent_channels_have_three_different_waveforms() -> None:
+def test_independent_channels_have_three_different_waveforms():
     assert names("independent") == ("mimo-7-independent", "mimo-8-independent")
     for name in names("independent"):
         volts = load(name).volts()
@@ -68,32 +65,11 @@ def test_independent_channels_have_three_different_waveforms() -> None:
         assert volts.max() == load(name.removesuffix("-independent")).volts().max()
 
 
-@pytest.mark.parametrize(("number", "peak"), [(1, 1), (2, 1), (3, 2), (4, 1), (5, 1), (6, 2), (7, 4), (8, 1)])
-def test_amplitudes_of_table_1(number: int, peak: float) -> None:
-    for excitation in load(f"siso-{number}-elbow_pitch").excitation:
-        assert excitation.parameters["amplitude"] == peak
-
-
-def test_printed_scenario_can_be_saved_and_loaded(tmp_path: Path) -> None:
+def test_a_saved_scenario_loads_and_unknown_names_say_what_there_is(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(load("siso-5-shoulder_yaw").to_toml(), encoding="utf-8")
-    assert load(path) == load("siso-5-shoulder_yaw")
-    assert load(str(path)) == load("siso-5-shoulder_yaw")
-
-
-def test_unknown_names_say_what_there_is(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match=r"did you mean 'siso-5-shoulder_yaw' or .* There are 65, listed by"):
-        load("siso5-shoulder_yaw")
-    with pytest.raises(ScenarioError, match=r"^unknown scenario 'x'; there are 65, listed by: hmtb scenarios list$"):
-        load("x")
-    with pytest.raises(ScenarioError, match=r"unknown tag 'siro'.*did you mean 'siso'"):
-        names("siro")
-    with pytest.raises(ScenarioError, match="cannot read scenario file"):
-        load(tmp_path / "missing.toml")
-
-
-def test_names_by_tag() -> None:
-    for name in names("table1"):
-        assert (name in names("prbs")) == (load(name).excitation[0].kind == "prbs")
-    assert {load(name).excitation[0].kind for name in names("prbs")} == {"prbs"}
-    assert len(names()) == 65
+    assert load(path) == load(str(path)) == load("siso-5-shoulder_yaw")
+    refused(r"did you mean 'siso-5-shoulder_yaw' or .* There are 65, listed by", load, "siso5-shoulder_yaw")
+    refused("^unknown scenario 'x'; there are 65, listed by: hmtb scenarios list$", load, "x")
+    refused("unknown tag 'siro'.*did you mean 'siso'", names, "siro")
+    refused("cannot read scenario file", load, tmp_path / "missing.toml")

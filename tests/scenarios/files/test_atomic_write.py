@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-from scenarios import ScenarioError
 from scenarios.files import atomic_write
-from scenarios.files.atomic_write import check_place, remove_partial, replacing, sync_folder, write_files, write_whole
+from scenarios.files.atomic_write import check_place, remove_partial, replacing, sync, write_files, write_whole
 from scenarios.report.figures import save_figure
+from tests.refusals import refused
 
 
 @pytest.mark.parametrize("durable", [False, True])
-def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path: Path, durable: bool) -> None:
+def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path, durable):
     path = tmp_path / "report.html"
     write_whole(path, "µ\n", durable=durable)
     with pytest.raises(UnicodeEncodeError):
@@ -27,24 +27,19 @@ def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path: Path, durable: 
     assert [entry.name for entry in tmp_path.iterdir()] == ["report.html"]
 
 
-def test_a_folder_in_the_place_of_a_file_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "report.html").mkdir()
-    for write in (
-        check_place,
-        lambda path: write_whole(path, ""),
-        lambda path: write_files(path.parent, {path.name: b""}),
-    ):
-        with pytest.raises(ScenarioError, match=r"cannot write \S+report\.html: it is a folder"):
-            write(tmp_path / "report.html")
+def test_a_folder_in_the_place_of_a_file_is_refused(tmp_path):
+    path, message = tmp_path / "report.html", r"cannot write \S+report\.html: it is a folder"
+    path.mkdir()
+    refused(message, check_place, path)
+    refused(message, write_whole, path, "")
+    refused(message, write_files, tmp_path, {path.name: b""})
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="this system does not tell the names of open files")
-def test_durable_files_are_on_the_disk_before_they_have_their_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen: list[tuple[str, list[str]]] = []
+def test_durable_files_are_on_the_disk_before_they_have_their_name(tmp_path, monkeypatch):
+    seen = []
 
-    def watched(descriptor: int) -> None:
+    def watched(descriptor):
         name = Path(os.readlink(f"/proc/self/fd/{descriptor}")).name
         seen.append((name, sorted(path.name for path in tmp_path.iterdir())))
 
@@ -56,7 +51,7 @@ def test_durable_files_are_on_the_disk_before_they_have_their_name(
     assert seen == [("c.partial", ["a", "b", "c.partial"]), (tmp_path.name, ["a", "b", "c"])]
 
 
-def test_partial_files_are_removed_and_others_are_not(tmp_path: Path) -> None:
+def test_partial_files_are_removed_and_others_are_not(tmp_path):
     write_files(tmp_path, {"a/b/c.nc": b"1"})
     for place in ("x.partial", "a/y.partial", "a/b/c.nc.partial"):
         (tmp_path / place).write_bytes(b"half")
@@ -64,22 +59,20 @@ def test_partial_files_are_removed_and_others_are_not(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["c.nc"]
 
 
-def test_a_file_system_that_cannot_flush_folders_is_no_obstacle(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refused(descriptor: int) -> None:
+def test_a_file_system_that_cannot_flush_folders_is_no_obstacle(tmp_path, monkeypatch):
+    def failing(descriptor):
         raise OSError(code, os.strerror(code))
 
-    monkeypatch.setattr(atomic_write.os, "fsync", refused)
+    monkeypatch.setattr(atomic_write.os, "fsync", failing)
     code = errno.EINVAL
-    sync_folder(tmp_path)
+    sync(tmp_path)
     code = errno.EIO
     with pytest.raises(OSError, match=os.strerror(errno.EIO)):
-        sync_folder(tmp_path)
+        sync(tmp_path)
 
 
 @pytest.mark.parametrize(("name", "begins"), [("a.svg", b"<?xml"), ("a.png", b"\x89PNG"), ("a.PDF", b"%PDF")])
-def test_figures_too_are_whole_or_as_they_were(tmp_path: Path, name: str, begins: bytes) -> None:
+def test_figures_too_are_whole_or_as_they_were(tmp_path, name, begins):
     class Torn(Figure):
         def savefig(self, fname, **settings):
             super().savefig(fname, **settings)

@@ -10,6 +10,7 @@ import pytest
 
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError
+from tests.refusals import refused
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Outer:
 RECORD = Outer('a "b" \\ \n µ \x7f', 3, (1.0, 1e-300, -0.1), ("x", ""), Inner(2.5), (Inner(), Inner(1.5, True)), 7)
 
 
-def test_records_read_back_equal() -> None:
+def test_records_read_back_equal():
     text = codec.to_toml(codec.unstructure(RECORD))
     assert codec.structure(Outer, tomllib.loads(text)) == RECORD
     assert codec.from_json(Outer, json.dumps(codec.unstructure(RECORD)), "a.json") == RECORD
@@ -46,8 +47,8 @@ def test_records_read_back_equal() -> None:
     assert codec.to_toml({"a": {"b": {"c": 1}, "d": []}}) == "[a]\nd = []\n\n[a.b]\nc = 1\n"
 
 
-def test_numbers_of_numpy_are_written_as_those_of_python() -> None:
-    record = Outer(np.str_("a"), np.int64(3), (np.float64(0.1),), inner=Inner(np.float32(0.5), np.bool_(True)))  # type: ignore[arg-type]
+def test_numbers_of_numpy_are_written_as_those_of_python():
+    record = Outer(np.str_("a"), np.int64(3), (np.float64(0.1),), inner=Inner(np.float32(0.5), np.bool_(True)))
     table = codec.unstructure(record)
     assert json.dumps(table["inner"]) == '{"gain": 0.5, "switch": true}'
     assert codec.structure(Outer, table) == Outer("a", 3, (0.1,), inner=Inner(0.5, True))
@@ -60,7 +61,6 @@ def test_numbers_of_numpy_are_written_as_those_of_python() -> None:
         ({"inner": {"gian": 1.0}}, "inner: unknown key 'gian': did you mean 'gain'?"),
         ({"parts": [{}, {"gain": "1"}]}, "parts[1].gain must be a finite number, given '1'"),
         ({"parts": {"gain": 1.0}}, "parts must be a list of tables, given"),
-        ({"parts": [3]}, "parts[0] must be a table, given 3"),
         ({"inner": {"gain": -1}}, "inner: gain = -1.0 given, expected 0 or more"),
         ({"inner": 3}, "inner must be a table, given 3"),
         ({"count": 1.0}, "count must be a whole number, given 1.0"),
@@ -68,25 +68,19 @@ def test_numbers_of_numpy_are_written_as_those_of_python() -> None:
         ({"inner": {"switch": 1}}, "inner.switch must be true or false, given 1"),
         ({"points": "12"}, "points must be a list of finite numbers, given '12'"),
         ({"points": [1, float("nan")]}, "points[1] must be a finite number, given nan"),
-        ({"points": [10**400]}, "points[0] must be a finite number"),
-        ({"words": "a"}, "words must be a list of texts, given 'a'"),
         ({"words": [1]}, "words[0] must be a text, given 1"),
-        ({"seed": "1"}, "seed must be a whole number, given '1'"),
         ({"shares": {"a": "b"}}, "shares.a must be a finite number, given 'b'"),
     ],
 )
-def test_a_wrong_value_is_refused_with_its_place(change: Mapping[str, object], says: str) -> None:
+def test_a_wrong_value_is_refused_with_its_place(change, says):
     with pytest.raises(ScenarioError) as refusal:
         codec.structure(Outer, {"name": "a", "count": 1, **change})
     assert str(refusal.value).startswith(says)
 
 
-def test_missing_keys_are_named() -> None:
-    with pytest.raises(ScenarioError, match=r"^tables: missing name, count; it takes name, count, points, words"):
-        codec.structure(Outer, {}, "tables")
+def test_missing_keys_and_damaged_texts_are_refused():
+    refused(r"^tables: missing name, count; it takes name, count, points, words", codec.structure, Outer, {}, "tables")
     for text in ("{", "[" * 100_000, '{"name": 1}'):
-        with pytest.raises(ScenarioError, match=r"^a\.json: "):
-            codec.from_json(Outer, text, "a.json")
+        refused(r"^a\.json: ", codec.from_json, Outer, text, "a.json")
     for text in ("a = ", "a = " + "[" * 100_000, "a = " + "1" * 10_000):
-        with pytest.raises(ScenarioError, match=r"^a\.toml: "):
-            codec.read_toml(text, "a.toml")
+        refused(r"^a\.toml: ", codec.read_toml, text, "a.toml")

@@ -3,12 +3,10 @@
 import re
 from importlib.metadata import PackageNotFoundError
 
-import pytest
-
 from scenarios.files import provenance
 
 
-def test_the_version_of_the_source_stands_for_a_package_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_version_of_the_source_stands_for_a_package_that_is_not_installed(monkeypatch):
     def missing(name: str) -> str:
         raise PackageNotFoundError(name)
 

@@ -3,18 +3,17 @@
 import os
 import time
 from pathlib import Path
-from typing import Any
 
 from scenarios.jobs.executor import at_worker_exit
 
 OPENED: list[int] = []
 
 
-def double(shared: Any, batch: tuple[int, ...]) -> list[int]:
+def double(shared, batch):
     return [shared * item for item in batch]
 
 
-def mortal(marks: str, batch: tuple[str, ...]) -> list[str]:
+def mortal(marks, batch):
     """Kills its worker at "always", and at "once" the first time."""
     for item in batch:
         mark = Path(marks, item)
@@ -24,11 +23,11 @@ def mortal(marks: str, batch: tuple[str, ...]) -> list[str]:
     return list(batch)
 
 
-def wrong(shared: Any, batch: tuple[str, ...]) -> list[str]:
+def wrong(shared, batch):
     raise ValueError(f"of the worker, {batch[0]}")
 
 
-def opened(mark: str, batch: tuple[str, ...]) -> list[int]:
+def opened(mark, batch):
     """Opens something once for all batches; with "hang" it never ends."""
     if not OPENED:
         OPENED.append(os.getpid())
@@ -39,6 +38,6 @@ def opened(mark: str, batch: tuple[str, ...]) -> list[int]:
     return [os.getpid() for _ in batch]
 
 
-def slow(seconds: float, batch: tuple[int, ...]) -> list[int]:
+def slow(seconds, batch):
     time.sleep(seconds)
     return list(batch)

@@ -1,22 +1,20 @@
-"""Batches on the workers of a Dask scheduler: the same results, lost schedulers waited for, other software refused."""
+"""Batches on the workers of a Dask scheduler: lost schedulers are waited for, other software is refused."""
 
 import os
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from threading import Thread
 from time import monotonic, sleep
-from typing import Any
 
 import pytest
 
-from scenarios.files.errors import ScenarioError
 from scenarios.jobs import bitwise_compatibility, cluster
 from scenarios.jobs.bitwise_compatibility import ROUNDING, bit_differences, bit_fingerprint
 from scenarios.jobs.cluster import Cluster
+from tests.refusals import refused
 from tests.scenarios.jobs import tasks
 
 distributed = pytest.importorskip("distributed")
@@ -24,7 +22,7 @@ ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
-def scheduler() -> Iterator[str]:
+def scheduler():
     # Its worker is a thread of this process, to which everything travels over the wire all the same.
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None, host="127.0.0.1"
@@ -32,20 +30,7 @@ def scheduler() -> Iterator[str]:
         yield local.scheduler_address
 
 
-def started(*command: str) -> subprocess.Popen[bytes]:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen([sys.executable, "-m", *command], env=environment, stderr=subprocess.DEVNULL)
-
-
-def await_listener(port: int) -> None:
-    end = monotonic() + 60.0
-    while monotonic() < end:
-        with suppress(OSError), socket.create_connection(("127.0.0.1", port)):
-            return
-        sleep(0.1)
-
-
-def test_batches_run_on_workers(scheduler: str) -> None:
+def test_batches_run_on_workers(scheduler):
     with Cluster(scheduler, patience=20.0) as executor:
         assert sorted(executor.run(tasks.double, 2, [(1, 2), (3,)])) == [2, 4, 6]
         assert list(executor.run(tasks.double, 3, [(1,)])) == [3]
@@ -55,7 +40,7 @@ def test_batches_run_on_workers(scheduler: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_dead_worker_is_replaced_and_a_scheduler_that_has_gone_is_waited_for(tmp_path: Path) -> None:
+def test_a_dead_worker_is_replaced_and_a_scheduler_that_has_gone_is_waited_for(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     address = f"tcp://127.0.0.1:{port}"
@@ -63,13 +48,14 @@ def test_a_dead_worker_is_replaced_and_a_scheduler_that_has_gone_is_waited_for(t
     worker = ("distributed.cli.dask_worker", address, "--no-dashboard", "--no-nanny", "--nthreads", "1")
     with ExitStack() as stack:
 
-        def start(*command: str) -> subprocess.Popen[bytes]:
-            process = started(*command)
+        def start(*command):
+            environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+            process = subprocess.Popen([sys.executable, "-m", *command], env=environment, stderr=subprocess.DEVNULL)
             stack.callback(process.wait)
             stack.callback(process.kill)
             return process
 
-        def report(line: str) -> None:
+        def report(line):
             if "has gone; waiting up to" in line:  # the workers with it
                 start(*scheduler)
                 start(*worker)
@@ -77,7 +63,11 @@ def test_a_dead_worker_is_replaced_and_a_scheduler_that_has_gone_is_waited_for(t
         first = start(*scheduler)
         start(*worker)
         start(*worker)
-        await_listener(port)
+        end = monotonic() + 60.0
+        while monotonic() < end:
+            with suppress(OSError), socket.create_connection(("127.0.0.1", port)):
+                break
+            sleep(0.1)
         with Cluster(address, patience=60.0, report=report) as executor:
             assert sorted(executor.run(tasks.mortal, str(tmp_path), [("a",), ("once",)])) == ["a", "once"]
             results = executor.run(tasks.slow, 0.2, ((number,) for number in range(10)))
@@ -87,68 +77,50 @@ def test_a_dead_worker_is_replaced_and_a_scheduler_that_has_gone_is_waited_for(t
             assert sorted([*done, *results]) == list(range(10))
 
 
-@pytest.mark.parametrize(
-    "address", ["", "junk", "junk:1", "http://a:1", "tcp://a", "tcp://a:0", "tcp://a:99999", "tcp://:1"]
-)
-def test_no_address_is_refused_at_once(address: str) -> None:
-    with pytest.raises(ScenarioError, match="expected the address of a Dask scheduler"):
-        Cluster(address)
+@pytest.mark.parametrize("address", ["", "junk:1", "http://a:1", "tcp://a", "tcp://a:0", "tcp://a:99999", "tcp://:1"])
+def test_no_address_is_refused_at_once(address):
+    refused("expected the address of a Dask scheduler", Cluster, address)
+
+
+def doubled(address, **options):
+    with Cluster(address, **options) as executor:
+        return list(executor.run(tasks.double, 1, [(1,)]))
 
 
 @pytest.mark.parametrize("greeting", [b"", b"HTTP/1.0 400\r\n\r\n", None, "nobody"])
-def test_no_scheduler_is_reported_within_seconds(greeting: Any) -> None:
-    held: list[socket.socket] = []
+def test_no_scheduler_is_reported_within_seconds(greeting):
+    with ExitStack() as stack:
+        server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
 
-    def answer() -> None:
-        while True:
-            try:
-                connection, _ = server.accept()
-            except OSError:
-                return
-            if greeting is None:
-                connection.close()
-            else:
-                connection.sendall(greeting)
-                held.append(connection)
+        def answer():
+            with suppress(OSError):
+                while True:
+                    connection = stack.enter_context(server.accept()[0])
+                    connection.close() if greeting is None else connection.sendall(greeting)
 
-    with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
         if greeting == "nobody":
             server.close()
         else:
             Thread(target=answer, daemon=True).start()
-        with (
-            pytest.raises(ScenarioError, match=r"no Dask scheduler answers at '.*' within 0\.5 s"),
-            Cluster(address, patience=0.5) as executor,
-        ):
-            list(executor.run(tasks.double, 1, [(1,)]))
-    for connection in held:
-        connection.close()
+        refused(r"no Dask scheduler answers at '.*' within 0\.5 s", doubled, address, patience=0.5)
 
 
-def test_workers_that_never_come_end_a_run_that_can_resume() -> None:
-    lines: list[str] = []
-    with (
-        distributed.LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as empty,
-        pytest.raises(ScenarioError, match=r"has no workers; waited for 0\.5 s; .* run the command again to resume"),
-        Cluster(empty.scheduler_address, patience=0.5, report=lines.append) as executor,
-    ):
-        list(executor.run(tasks.double, 1, [(1,)]))
+def test_workers_that_never_come_end_a_run_that_can_resume():
+    lines = []
+    with distributed.LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as empty:
+        message = r"has no workers; waited for 0\.5 s; .* run the command again to resume"
+        refused(message, doubled, empty.scheduler_address, patience=0.5, report=lines.append)
     assert len(lines) == 1 and "waiting up to" in lines[0]
 
 
-def test_workers_with_other_software_are_refused(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_with_other_software_are_refused(scheduler, monkeypatch):
     monkeypatch.setattr(cluster, "bit_differences", lambda expected: ["numpy 2.0 here, 0.1 there"])
-    with (
-        Cluster(scheduler, patience=20.0) as executor,
-        pytest.raises(
-            ScenarioError, match=r"worker tcp://\S+ would compute other bits .*: numpy 2\.0 here, 0\.1 there"
-        ),
-    ):
-        list(executor.run(tasks.double, 1, [(1,)]))
+    message = r"worker tcp://\S+ would compute other bits .*: numpy 2\.0 here, 0\.1 there"
+    refused(message, doubled, scheduler, patience=20.0)
 
 
-def test_differences_of_software_and_rounding_are_named() -> None:
+def test_differences_of_software_and_rounding_are_named():
     here = dict(bit_fingerprint())
     assert bit_differences(here) == []
     other = {**here, "numpy": "0.1", "source": "f" * 64, ROUNDING: "another"}

@@ -1,7 +1,6 @@
 """Figures are numbered, named once, and kept as files on request."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,14 +10,14 @@ from scenarios.files.errors import ScenarioError
 from scenarios.report.figures import Gallery, photograph, png, svg
 
 
-def _figure() -> Figure:
+def _figure():
     figure = Figure(figsize=(4.0, 2.0), layout="constrained")
     figure.subplots().plot([0.0, 1.0], [0.0, 2.0])
     return figure
 
 
-def test_figures_are_numbered_as_they_come_and_lead_back_to_the_thesis() -> None:
-    drawn: list[int] = []
+def test_figures_are_numbered_as_they_come_and_lead_back_to_the_thesis():
+    drawn = []
     gallery = Gallery(drawn=drawn.append)
     first = gallery.add(_figure(), "gain of the joint.", name="gain", thesis=("22", "A2"))
     second = gallery.add(_figure(), "Phase.", name="phase-2", thesis=("22",))
@@ -31,26 +30,23 @@ def test_figures_are_numbered_as_they_come_and_lead_back_to_the_thesis() -> None
 
 
 @pytest.mark.parametrize("name", ["Gain", "gain curve", "", "gain"])
-def test_a_name_is_refused_that_is_no_file_or_taken(name: str) -> None:
+def test_a_name_is_refused_that_is_no_file_or_taken(name):
     gallery = Gallery()
     gallery.add(_figure(), "Gain.", name="gain")
     with pytest.raises(ScenarioError, match="each name once"):
         gallery.add(_figure(), "Gain.", name=name)
 
 
-def test_figures_are_kept_as_files_on_request(tmp_path: Path) -> None:
+def test_figures_are_kept_as_files_on_request(tmp_path):
     Gallery(tmp_path).add(_figure(), "Gain.", name="gain")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["gain.png", "gain.svg"]
     assert (tmp_path / "gain.png").read_bytes().startswith(b"\x89PNG")
     assert "<svg" in (tmp_path / "gain.svg").read_text(encoding="utf-8")
-
-
-def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="expected one that exists"):
         Gallery(tmp_path / "missing")
 
 
-def test_svg_escapes_its_description_and_keeps_its_own_marks() -> None:
+def test_svg_escapes_its_description_and_keeps_its_own_marks():
     figure = Figure()
     figure.subplots().plot([0, 1], [0, 1])
     text = svg(figure, 'a < b & "c"', "m")
@@ -60,7 +56,7 @@ def test_svg_escapes_its_description_and_keeps_its_own_marks() -> None:
     assert svg(figure, "same", "m") == svg(figure, "same", "m")
 
 
-def test_pictures_are_embedded() -> None:
+def test_pictures_are_embedded():
     picture = np.zeros((4, 5, 3), dtype=np.uint8)
     assert png(picture).startswith("data:image/png;base64,iVBOR")
     assert photograph(picture).startswith("data:image/jpeg;base64,/9j/")

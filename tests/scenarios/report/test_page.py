@@ -6,7 +6,7 @@ from scenarios.report.figures import Picture
 from scenarios.report.page import Page, signed, verbatim
 
 
-def test_figures_are_numbered_and_sections_listed_as_they_are_rendered() -> None:
+def test_figures_are_numbered_and_sections_listed_as_they_are_rendered():
     page = Page()
     first, second = (Picture(number, name, "", "", (), 1.0) for number, name in ((7, "first"), (2, "second")))
     assert [page.number(picture) for picture in (first, second, first)] == [1, 2, 1]
@@ -15,7 +15,7 @@ def test_figures_are_numbered_and_sections_listed_as_they_are_rendered() -> None
     assert page.contents == [("", []), ("Nothing in it", [("a", "First"), ("a", "b")])]
 
 
-def test_numbers_have_true_minus_signs_but_for_code_and_drawings() -> None:
+def test_numbers_have_true_minus_signs_but_for_code_and_drawings():
     assert signed("-13, (-1.5) to 5-10 Hz, siso-5, 1e-05") == "−13, (−1.5) to 5-10 Hz, siso-5, 1e-05"
     assert signed(-2.5) == "−2.5"
     assert signed(Markup("<svg>-3</svg>")) == "<svg>-3</svg>"

@@ -12,7 +12,7 @@ Made = Callable[[Sequence[str]], dict[str, JointLog]]
 
 
 @pytest.fixture(scope="session")
-def synthetic_logs() -> Made:
+def synthetic_logs():
     """Makes logs of 20 s by name: every joint of second order, its command white, its measurement a little noisy."""
 
     def made(names: Sequence[str]) -> dict[str, JointLog]:

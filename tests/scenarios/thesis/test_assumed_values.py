@@ -1,13 +1,12 @@
 """What was put in from the thesis is told with the arm's own numbers."""
 
 from hmtb_twin.parameters.values import HAND_CONTROLLER, SERVOS
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import CLAIMS
 from scenarios.thesis.findings import findings
 from scenarios.thesis.published_section import assumed_values, assumed_values_of
 
 
-def test_the_numbers_are_those_of_the_arm() -> None:
+def test_the_numbers_are_those_of_the_arm():
     servos, delays, friction, gain = assumed_values()
     slow = f"{SERVOS['shoulder_yaw'].slow_pole:g}".replace("-", "−")
     assert f"a slow one at {slow} rad/s, fast ones at −36 to −80 rad/s" in servos.what
@@ -17,7 +16,7 @@ def test_the_numbers_are_those_of_the_arm() -> None:
     assert "limit of 25 deg/s" in gain.why
 
 
-def test_findings_that_rest_on_it_are_marked(study: Comparison) -> None:
+def test_findings_that_rest_on_it_are_marked(study):
     found = assumed_values_of(findings(study))
     assert set(found) == {key for entry in assumed_values() for key in entry.findings}
     assert set(found) < set(CLAIMS)

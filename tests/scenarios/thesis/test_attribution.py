@@ -7,8 +7,9 @@ import pytest
 
 import sysid
 from hmtb_twin import JointLog, linearize
-from scenarios.experiments.campaign import NOMINAL, Campaign, Condition
+from scenarios.experiments.campaign import NOMINAL, Condition
 from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, GENTLE, SMOOTH, Attribution, Attributions, attribute
+from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.results import departures, friction_effect, friction_in_words
 from sysid import Estimate, IOData, SysidError
 
@@ -23,7 +24,7 @@ def found(rough: dict[str, JointLog], smooth: dict[str, JointLog], failed: dict[
     return attribute(NAME, JOINT, *campaigns, 1.0, (2, 2, 1))
 
 
-def test_a_record_that_is_missing_is_named_and_the_others_keep_their_places(synthetic_logs: Made) -> None:
+def test_a_record_that_is_missing_is_named_and_the_others_keep_their_places(synthetic_logs):
     logs = synthetic_logs([NAME, f"{NAME}-small"])
     whole = found({NAME: logs[NAME]}, logs, {})
     assert tuple(part.condition for part in whole.parts) == CONDITIONS
@@ -36,7 +37,7 @@ def test_a_record_that_is_missing_is_named_and_the_others_keep_their_places(synt
     assert "the drives stalled" in part.missing[SMOOTH]
 
 
-def test_a_record_that_gives_no_model_is_named(synthetic_logs: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_record_that_gives_no_model_is_named(synthetic_logs, monkeypatch):
     logs = synthetic_logs([NAME, f"{NAME}-small"])
     oe = sysid.oe
 
@@ -65,24 +66,24 @@ def study(**rows: dict[str, tuple[float, float]]) -> SimpleNamespace:
     )
 
 
-def test_friction_is_what_lies_between_the_first_two_conditions_and_no_others() -> None:
+def test_friction_is_what_lies_between_the_first_two_conditions_and_no_others():
     whole = {AS_IT_IS: (0.9, 0.8), SMOOTH: (1.02, 1.0), GENTLE: (1.0, 1.6)}
     gap = {AS_IT_IS: (0.7, 0.9), GENTLE: (1.01, 1.8)}
     both = study(yaw=whole, elbow=gap)
-    assert friction_effect(both) == pytest.approx((-20.0, -20.0))  # type: ignore[arg-type]
-    assert friction_in_words(both).startswith("Friction lowers ")  # type: ignore[arg-type]
-    assert "on 1 of 2 joints" in friction_in_words(both)  # type: ignore[arg-type]
-    assert departures(both) == pytest.approx({AS_IT_IS: 30.0, SMOOTH: 2.0, GENTLE: 1.0})  # type: ignore[arg-type]
+    assert friction_effect(both) == pytest.approx((-20.0, -20.0))
+    assert friction_in_words(both).startswith("Friction lowers ")
+    assert "on 1 of 2 joints" in friction_in_words(both)
+    assert departures(both) == pytest.approx({AS_IT_IS: 30.0, SMOOTH: 2.0, GENTLE: 1.0})
 
 
-def test_where_nothing_is_known_it_is_said() -> None:
+def test_where_nothing_is_known_it_is_said():
     rough = study(yaw={AS_IT_IS: (0.9, 0.8)}, elbow={})
-    assert departures(rough) == pytest.approx({AS_IT_IS: 10.0})  # type: ignore[arg-type]
-    assert friction_effect(rough) is None  # type: ignore[arg-type]
-    assert "is unknown: no joint has a model both with friction and without" in friction_in_words(rough)  # type: ignore[arg-type]
-    assert departures(study(yaw={})) == {}  # type: ignore[arg-type]
+    assert departures(rough) == pytest.approx({AS_IT_IS: 10.0})
+    assert friction_effect(rough) is None
+    assert "is unknown: no joint has a model both with friction and without" in friction_in_words(rough)
+    assert departures(study(yaw={})) == {}
 
 
-def test_friction_that_raises_is_not_said_to_lower() -> None:
+def test_friction_that_raises_is_not_said_to_lower():
     mixed = study(yaw={AS_IT_IS: (1.0, 0.9), SMOOTH: (1.0, 1.0)}, elbow={AS_IT_IS: (1.0, 1.1), SMOOTH: (1.0, 1.0)})
-    assert "moves the frequency at which the gain is 0.707 by −10.0 to +10.0 %" in friction_in_words(mixed)  # type: ignore[arg-type]
+    assert "moves the frequency at which the gain is 0.707 by −10.0 to +10.0 %" in friction_in_words(mixed)

@@ -5,12 +5,11 @@ import pytest
 
 from scenarios.report.figures import SETTINGS, Gallery
 from scenarios.thesis.chapter_5 import chapter_5, realisation
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.published_section import PrintedFit, printed_row, several_records
 from scenarios.truth.published import BY_NAME
 
 
-def test_every_figure_of_the_chapter_has_its_counterpart(study: Comparison) -> None:
+def test_every_figure_of_the_chapter_has_its_counterpart(study):
     gallery = Gallery()
     with matplotlib.rc_context(SETTINGS):
         shown = chapter_5(study, gallery)
@@ -20,7 +19,7 @@ def test_every_figure_of_the_chapter_has_its_counterpart(study: Comparison) -> N
     assert shown["several"] == study.observers.several
 
 
-def test_realisation_is_laid_beside_the_print(study: Comparison) -> None:
+def test_realisation_is_laid_beside_the_print(study):
     for joint, entry in study.joints.items():
         rows = {row.name: row for row in realisation(entry, study.observers.joints[joint])}
         assert {"A", "B", "C", "D", "G", "poles", "zeros"} <= set(rows)
@@ -31,10 +30,10 @@ def test_realisation_is_laid_beside_the_print(study: Comparison) -> None:
     assert yaw["described by two states, %"].printed == "99.8691"
 
 
-def test_printed_models_are_simulated_on_our_inputs(study: Comparison) -> None:
+def test_printed_models_are_simulated_on_our_inputs(study):
     records = several_records(study, ("mimo-10", "mimo-99", "rpcm"))
     assert list(records) == ["mimo-10", "rpcm"]
-    rows = {name: printed_row(study, BY_NAME[name], records) for name in ("4.10", "5.9", "4.7")}  # type: ignore[arg-type]
+    rows = {name: printed_row(study, BY_NAME[name], records) for name in ("4.10", "5.9", "4.7")}
     for name, row in rows.items():
         assert set(row.singles) == set(range(1, 9))
         assert set(row.several) == {"mimo-10", "rpcm"}

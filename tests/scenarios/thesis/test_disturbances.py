@@ -18,7 +18,7 @@ def spoilt(key: str, degree: float, seed: int = 0, data: IOData | None = None) -
 
 
 @pytest.mark.parametrize("key", list(DISTURBANCES))
-def test_inputs_stay_and_chance_is_the_seeds(key: str) -> None:
+def test_inputs_stay_and_chance_is_the_seeds(key):
     data, degree = record(), DISTURBANCES[key].degrees[-1]
     one, again = spoilt(key, degree), spoilt(key, degree)
     np.testing.assert_array_equal(one.y, again.y)
@@ -30,7 +30,7 @@ def test_inputs_stay_and_chance_is_the_seeds(key: str) -> None:
     )
 
 
-def test_a_constant_goes_with_the_mean_and_a_rise_with_the_line() -> None:
+def test_a_constant_goes_with_the_mean_and_a_rise_with_the_line():
     data = record()
     biased = spoilt("bias", 2.0)
     assert biased.y.mean() == pytest.approx(2 * data.y.std())
@@ -42,7 +42,7 @@ def test_a_constant_goes_with_the_mean_and_a_rise_with_the_line() -> None:
     assert np.ptp(left) == pytest.approx(2 * data.y.std())
 
 
-def test_outliers_come_in_the_share_and_size_asked() -> None:
+def test_outliers_come_in_the_share_and_size_asked():
     data = record(20_000)
     moved = (spoilt("outliers", 2.0, data=data).y - data.y)[:, 0]
     assert np.mean(moved != 0) == pytest.approx(0.02, rel=0.15)
@@ -51,7 +51,7 @@ def test_outliers_come_in_the_share_and_size_asked() -> None:
     np.testing.assert_allclose(np.abs(sizes[sizes != 0]), 10 * data.y.std(), rtol=1e-9)
 
 
-def test_lost_samples_are_the_same_held_and_marked() -> None:
+def test_lost_samples_are_the_same_held_and_marked():
     held, marked = spoilt("held drop-outs", 10.0), spoilt("marked drop-outs", 10.0)
     lost = ~marked.known[:, 0]
     assert len(held) == LOSSY
@@ -62,7 +62,7 @@ def test_lost_samples_are_the_same_held_and_marked() -> None:
     assert marked.missing and not held.missing
 
 
-def test_noise_has_the_ratio_asked_and_the_colour() -> None:
+def test_noise_has_the_ratio_asked_and_the_colour():
     data = record(20_000)
     for key in ("white noise", "coloured noise"):
         noise = (spoilt(key, 20.0, data=data).y - data.y)[:, 0]
@@ -71,7 +71,7 @@ def test_noise_has_the_ratio_asked_and_the_colour() -> None:
         assert beside == pytest.approx(0.9 if key == "coloured noise" else 0.0, abs=0.03)
 
 
-def test_a_part_has_the_length_asked_and_begins_with_a_period() -> None:
+def test_a_part_has_the_length_asked_and_begins_with_a_period():
     data = record()
     part = spoilt("length", 10.0)
     assert len(part) == 500

@@ -11,7 +11,7 @@ from sysid.plots import PALETTE
 STYLE = PALETTE["measured"]
 
 
-def test_no_peak_is_lost() -> None:
+def test_no_peak_is_lost():
     values = np.sin(np.arange(12_000) / 7.0)
     values[[3_333, 11_999]] = 5.0, -4.0
     time, low, high = columns(values, 0.02)
@@ -22,12 +22,12 @@ def test_no_peak_is_lost() -> None:
     assert abs(time[high.argmax()] - 3_333 * 0.02) <= 12_000 / COLUMNS * 0.02
 
 
-def test_neighbouring_columns_meet() -> None:
+def test_neighbouring_columns_meet():
     _, low, high = columns(np.arange(5_000.0), 0.02)
     assert np.array_equal(high[:-1], low[1:])
 
 
-def test_a_long_record_is_a_band_in_the_unit_of_the_axis() -> None:
+def test_a_long_record_is_a_band_in_the_unit_of_the_axis():
     axes = Figure().subplots()
     envelope(axes, np.linspace(-0.01, 0.03, 12_000), 0.02, STYLE, scale=1000.0, start=4.0, label="measured")
     assert not axes.lines
@@ -38,7 +38,7 @@ def test_a_long_record_is_a_band_in_the_unit_of_the_axis() -> None:
     assert len(x) < 2.1 * COLUMNS
 
 
-def test_a_short_record_is_drawn_as_it_is() -> None:
+def test_a_short_record_is_drawn_as_it_is():
     axes = Figure().subplots()
     values = np.random.default_rng(1).standard_normal(2 * COLUMNS)
     envelope(axes, values, 0.02, STYLE, scale=2.0, held=True)
@@ -47,7 +47,7 @@ def test_a_short_record_is_drawn_as_it_is() -> None:
     assert line.get_drawstyle() == "steps-post"
 
 
-def test_missing_samples_leave_a_gap_only_where_nothing_is_known() -> None:
+def test_missing_samples_leave_a_gap_only_where_nothing_is_known():
     values = np.ones(12_000)
     values[::3] = np.nan
     values[6_000:6_100] = np.nan
@@ -57,6 +57,6 @@ def test_missing_samples_leave_a_gap_only_where_nothing_is_known() -> None:
     assert np.all(low[np.isfinite(low)] == 1.0)
 
 
-def test_several_channels_are_refused() -> None:
+def test_several_channels_are_refused():
     with pytest.raises(ScenarioError, match=r"\(4, 2\)"):
         envelope(Figure().subplots(), np.zeros((4, 2)), 0.02, STYLE)

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.experiments.campaign import Campaign, single_joint_test
+from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.model_structures import STRUCTURES, every_structure
-from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.every_data_set import (
     DataSetModel,
     Follow,
@@ -22,7 +22,7 @@ YAW = "shoulder_yaw"
 METHODS = ["arx", "armax", "iv4", "oe", "okid"]
 
 
-def test_structures_are_the_thesis_and_share_their_orders() -> None:
+def test_structures_are_the_thesis_and_share_their_orders():
     for joint, own in STRUCTURES.items():
         found = every_structure(joint)
         assert [entry.method for entry in found] == METHODS
@@ -31,7 +31,7 @@ def test_structures_are_the_thesis_and_share_their_orders() -> None:
         assert excitation_needed(found[0]) == excitation_needed(found[1]) == na + nb
 
 
-def test_every_record_and_structure_has_a_row(study: Comparison) -> None:
+def test_every_record_and_structure_has_a_row(study):
     for joint, sets in study.data_sets.items():
         assert sets.single == tuple(single_joint_test(number, joint) for number in range(1, 9))
         rows = {(m.record, m.structure.method) for m in sets.models}
@@ -40,37 +40,35 @@ def test_every_record_and_structure_has_a_row(study: Comparison) -> None:
         assert {"mimo-1", "mimo-13", "mimo-7-independent", "rpcm"} <= set(sets.excited)
 
 
-def test_a_file_of_two_tones_excites_four_and_the_velocity_limit_more(study: Comparison) -> None:
+def test_a_file_of_two_tones_excites_four_and_the_velocity_limit_more(study):
     sets = study.data_sets[YAW]
     for number, order in ((1, 2), (2, 4), (3, 4), (4, 4)):
         assert sets.excited[single_joint_test(number, YAW)].file == order
     assert sets.excited["rpcm"].file is None
     assert sets.excited[single_joint_test(2, YAW)].command > 8
     first = sets.find(single_joint_test(1, YAW), "armax")
-    assert first is not None
     assert not first.enough, "a sine excites fewer parameters than five poles and two zeros have"
     assert all(m.enough for m in sets.models if m.record == single_joint_test(5, YAW))
 
 
-def test_the_estimation_test_gives_the_models_of_the_study(study: Comparison) -> None:
+def test_the_estimation_test_gives_the_models_of_the_study(study):
     for joint, entry in study.joints.items():
         own = single_joint_test(study.estimation_test, joint)
         for method in ("armax", "oe", "okid"):
             found, known = study.data_sets[joint].find(own, method), entry.models[method]
-            assert found is not None
             assert found.bandwidth_hz == known.bandwidth_hz
             assert found.own.simulation == pytest.approx(known.fits[5].simulation)
             assert found.others[single_joint_test(8, joint)].one_step == pytest.approx(known.fits[8].one_step)
             assert len(found.others) == 6, "its own record and that of the same sequence are not among them"
 
 
-def test_a_record_that_cannot_be_used_is_told_with_its_reason(study: Comparison) -> None:
+def test_a_record_that_cannot_be_used_is_told_with_its_reason(study):
     campaign, name = study.campaign, single_joint_test(3, YAW)
     log = campaign.logs[name]
     still = replace(log, commanded=np.full_like(log.commanded, 0.1))
     logs: Mapping[str, object] = {**campaign.logs, name: still}
     gone = {key: value for key, value in logs.items() if key != single_joint_test(4, YAW)}
-    spoiled: Campaign = replace(campaign, logs=gone, failed={single_joint_test(4, YAW): "diverged"})  # type: ignore[arg-type]
+    spoiled: Campaign = replace(campaign, logs=gone, failed={single_joint_test(4, YAW): "diverged"})
     found = every_data_set(YAW, spoiled)
     assert [r.structure.method for r in found.refused if r.record == name] == METHODS
     assert all("constant" in r.reason for r in found.refused)
@@ -97,20 +95,20 @@ def _model(gain: float, pole: float) -> DataSetModel:
     )
 
 
-def test_distances_are_relative_and_zero_between_equals() -> None:
+def test_distances_are_relative_and_zero_between_equals():
     assert distances((_model(1.0, 0.9), _model(1.0, 0.9))) == pytest.approx([0.0])
     assert sorted(distances(tuple(_model(gain, 0.9) for gain in (0.9, 1.0, 1.1)))) == pytest.approx([0.1, 0.1, 0.2])
     assert len(distances((_model(1.0, 0.9),))) == 0
 
 
-def test_others_are_records_of_other_waveforms() -> None:
+def test_others_are_records_of_other_waveforms():
     fits = {single_joint_test(number, YAW): Follow(90.0 + number, 95.0) for number in range(1, 9)}
     of_prbs, of_sine = (replace(_model(1.0, 0.9), record=single_joint_test(n, YAW), fits=fits) for n in (6, 2))
     assert set(of_prbs.others) == {single_joint_test(number, YAW) for number in (1, 2, 3, 4, 7, 8)}
     assert set(of_sine.others) == {single_joint_test(number, YAW) for number in (1, 3, 4, 5, 6, 7, 8)}
 
 
-def test_an_unstable_model_says_so() -> None:
+def test_an_unstable_model_says_so():
     assert _model(1.0, 0.9).stable
     assert not _model(1.0, 1.1).stable
     assert np.isnan(_model(1.0, 0.9).others_simulation)

@@ -8,12 +8,10 @@ from hmtb_twin import JOINTS, STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.rpcm import PHASES
-from scenarios.thesis.comparison import Comparison
 
 
-def test_phases_follow_each_other_and_the_unit_is_carried_in_the_right_ones(study: Comparison) -> None:
+def test_phases_follow_each_other_and_the_unit_is_carried_in_the_right_ones(study):
     found = study.multivariable.exchange
-    assert found is not None
     assert tuple(phase.name for phase in found.phases) == PHASES
     for one, other in zip(found.phases, found.phases[1:], strict=False):
         assert one.end == other.start
@@ -23,18 +21,16 @@ def test_phases_follow_each_other_and_the_unit_is_carried_in_the_right_ones(stud
     assert 0.0 < found.loaded < 1.0
 
 
-def test_the_arm_goes_far_from_the_operating_point(study: Comparison) -> None:
+def test_the_arm_goes_far_from_the_operating_point(study):
     found, log = study.multivariable.exchange, study.campaign.log(RPCM)
-    assert found is not None
     yaw = JOINTS.index("shoulder_yaw")
     settled = log.true_angles[round(SETTLING / log.dt) :, yaw]
     assert found.departure["shoulder_yaw"] == pytest.approx(np.abs(settled - study.truth.angles[yaw]).max())
     assert np.degrees(max(found.departure.values())) > 10.0
 
 
-def test_errors_are_those_of_the_whole_run_in_its_part(study: Comparison) -> None:
+def test_errors_are_those_of_the_whole_run_in_its_part(study):
     found, data = study.multivariable.exchange, study.campaign.several(RPCM)
-    assert found is not None
     phase = next(entry for entry in found.phases if entry.name == "transfer")
     entry = study.multivariable.model("OKID")
     (fit,) = sysid.compare(entry.model, data)

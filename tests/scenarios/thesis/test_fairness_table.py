@@ -1,15 +1,14 @@
 """The same table for every arm."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import pytest
 
-from hmtb_twin import STUDIED_JOINTS, JointLog, linearize
-from scenarios.experiments.campaign import NOMINAL, Campaign, Condition
+from hmtb_twin import STUDIED_JOINTS, linearize
+from scenarios.experiments.campaign import NOMINAL, Condition
 from scenarios.identification.methods import estimate
 from scenarios.thesis import fairness_table
-from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.fairness_section import changes_text, conclusions, dumbbells, percent
 from scenarios.thesis.fairness_table import ArmFairness, BothFits, FairModel, Fairness, ThreeJointFits
 from sysid import IOData, SysidError
@@ -17,8 +16,7 @@ from sysid import IOData, SysidError
 METHODS = ["arx", "armax", "iv4", "oe", "okid", "oe_high"]
 
 
-def test_every_arm_has_every_model_and_its_own_truth(study: Comparison) -> None:
-    assert study.fairness is not None
+def test_every_arm_has_every_model_and_its_own_truth(study):
     assert [arm.condition for arm in study.fairness.arms] == [entry.condition for entry in study.campaigns]
     first = study.fairness.arms[0]
     for joint, models in first.joints.items():
@@ -29,8 +27,7 @@ def test_every_arm_has_every_model_and_its_own_truth(study: Comparison) -> None:
         assert first.truth_hz[joint] == study.joints[joint].truth.bandwidth_hz
 
 
-def test_models_of_the_main_arm_are_those_of_the_study(study: Comparison) -> None:
-    assert study.fairness is not None
+def test_models_of_the_main_arm_are_those_of_the_study(study):
     for joint, entry in study.joints.items():
         for model in study.fairness.arms[0].joints[joint]:
             if not model.printed and model.method in entry.models:
@@ -41,8 +38,7 @@ def test_models_of_the_main_arm_are_those_of_the_study(study: Comparison) -> Non
                 )
 
 
-def test_without_a_noise_model_a_prediction_is_a_simulation(study: Comparison) -> None:
-    assert study.fairness is not None
+def test_without_a_noise_model_a_prediction_is_a_simulation(study):
     for models in study.fairness.arms[0].joints.values():
         for entry in models:
             if entry.method in ("oe", "oe_high"):
@@ -52,8 +48,7 @@ def test_without_a_noise_model_a_prediction_is_a_simulation(study: Comparison) -
                 assert entry.predicts
 
 
-def test_the_hybrid_has_the_yaw_of_sysid_and_the_pitches_of_okid(study: Comparison) -> None:
-    assert study.fairness is not None
+def test_the_hybrid_has_the_yaw_of_sysid_and_the_pitches_of_okid(study):
     models = {entry.name: entry for entry in study.fairness.arms[0].three_joint if not entry.printed}
     yaw, *pitches = STUDIED_JOINTS
     for record, fits in models["hybrid"].fits.items():
@@ -61,7 +56,7 @@ def test_the_hybrid_has_the_yaw_of_sysid_and_the_pitches_of_okid(study: Comparis
         assert all(fits[joint] == models["OKID"].fits[record][joint] for joint in pitches)
 
 
-def test_estimation_and_validation_are_apart() -> None:
+def test_estimation_and_validation_are_apart():
     fits = {n: BothFits(float(n), float(n)) for n in (1, 2, 3, 5, 6)}
     model = FairModel("oe", "OE", True, False, None, 1.0, None, False, fits)
     assert model.validation(5) == BothFits(2.0, 2.0), "test 6 plays the sequence of test 5"
@@ -80,9 +75,7 @@ def arm(condition: Condition, okid: float) -> ArmFairness:
     return ArmFairness(condition, dict.fromkeys(STUDIED_JOINTS, 1.0), joints, several)
 
 
-def test_a_refused_model_leaves_out_what_it_is_part_of(
-    synthetic_logs: Callable[[Sequence[str]], dict[str, JointLog]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refused_model_leaves_out_what_it_is_part_of(synthetic_logs, monkeypatch):
     def refuses(data: IOData, estimator: str, orders: tuple[int, ...]) -> object:
         if estimator == "okid" and "yaw" in data.name:
             raise SysidError("too little past")
@@ -108,7 +101,7 @@ def test_a_refused_model_leaves_out_what_it_is_part_of(
     dumbbells(Fairness((first,), 5))
 
 
-def test_conclusions_that_change_are_told_from_those_that_stay() -> None:
+def test_conclusions_that_change_are_told_from_those_that_stay():
     arms = (arm(Condition(), 91.0), arm(Condition(friction=False), 89.0), arm(Condition("published"), 91.1))
     found = {entry.question: entry for entry in conclusions(Fairness(arms, 5))}
     unseen = found["SysID or OKID better on single-joint tests not seen, in simulation"]
@@ -124,8 +117,7 @@ def test_conclusions_that_change_are_told_from_those_that_stay() -> None:
     assert changes_text(alone) == ""
 
 
-def test_fits_without_bound_are_printed_as_such(study: Comparison) -> None:
+def test_fits_without_bound_are_printed_as_such(study):
     assert percent(98.123) == "98.1"
     assert percent(float("-inf")) == percent(-3e150) == "< −1000"
-    assert study.fairness is not None
     assert len(dumbbells(study.fairness).axes) == 3 * sum(bool(entry.joints) for entry in study.fairness.arms)

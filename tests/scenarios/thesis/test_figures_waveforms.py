@@ -7,12 +7,12 @@ from scenarios.experiments.registry import load
 from scenarios.thesis.figures_waveforms import waveform, waveform_figures
 
 
-def test_figures_11_to_16_have_a_counterpart() -> None:
+def test_figures_11_to_16_have_a_counterpart():
     answered = [number for entry in waveform_figures().values() for number in entry.thesis]
     assert sorted(answered) == ["11", "12", "13", "14", "15", "16"]
 
 
-def test_tones_lie_where_the_captions_say() -> None:
+def test_tones_lie_where_the_captions_say():
     figures = waveform_figures()
     (sines,) = figures["sum-of-sines"].files.values()
     spectrum = sines.psd()
@@ -29,14 +29,14 @@ def test_tones_lie_where_the_captions_say() -> None:
     np.testing.assert_allclose(spectrum.frequency[spectrum.density > 1e-9] % 2.0, 1.0, atol=1e-9)
 
 
-def test_files_of_tests_are_those_played() -> None:
+def test_files_of_tests_are_those_played():
     for name, number in (("prbs", 5), ("bipolar-ramping-pulse", 7)):
         (file,) = waveform_figures()[name].files.values()
         played = load(f"siso-{number}-elbow_pitch").excitation[0].waveform()
         assert np.array_equal(file.points, played.points)
 
 
-def test_a_figure_shows_every_point_and_every_line() -> None:
+def test_a_figure_shows_every_point_and_every_line():
     files = waveform_figures()["chirp"].files
     figure = waveform(files)
     assert len(figure.axes) == 2 * len(files)

@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 
 from scenarios.thesis import findings_chapter_3 as chapter
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.nonparametric import GRID
+from scenarios.thesis.outcome import numbers
 from sysid import FrequencyResponse, c2d, simulate
+from tests.scenarios.thesis.altered import with_log
 
 
 def _gain(values: np.ndarray) -> FrequencyResponse:
     return FrequencyResponse(GRID.copy(), np.asarray(values, dtype=complex)[:, None, None], 0.02, "model")
 
 
-def test_slope_is_that_of_the_order() -> None:
+def test_slope_is_that_of_the_order():
     for order in (1, 2):
         falling = _gain((GRID / 0.8) ** -order / np.sqrt(2))
         assert chapter._slope(falling) == pytest.approx(-20.0 * order, abs=0.5)
@@ -24,7 +25,7 @@ def test_slope_is_that_of_the_order() -> None:
     assert np.isnan(chapter._slope(_gain(np.ones(len(GRID)))))
 
 
-def test_resonances_are_peaks_above_10_rad_per_second() -> None:
+def test_resonances_are_peaks_above_10_rad_per_second():
     smooth = 1.0 / (1.0 + GRID)
     low, high = (1.0 + 3.0 * np.exp(-(((GRID - at) / 0.2) ** 2)) for at in (1.0, 6.0))
     assert len(chapter._resonances(_gain(smooth))) == 0
@@ -34,20 +35,19 @@ def test_resonances_are_peaks_above_10_rad_per_second() -> None:
     assert len(chapter._resonances(_gain(smooth * (1.0 + 0.1 * high)))) == 0, "less than 3 dB"
 
 
-def test_the_two_sines_cannot_show_the_cutoff_but_the_prbs_does(study: Comparison) -> None:
+def test_the_two_sines_cannot_show_the_cutoff_but_the_prbs_does(study):
     found = chapter.gain_and_cutoff(study)
     assert found.verdict == "partly"
     assert "not reproduced by the thesis' own estimate from two sines" in found.why
     assert "on the lines of the PRBS" in found.why
-    assert isinstance(found.value, dict)
     for name, entry in study.joints.items():
-        near = found.value[f"{name}, PRBS lines"]
+        near = numbers(found)[f"{name}, PRBS lines"]
         assert near == pytest.approx(2 * np.pi * entry.truth.bandwidth_hz, rel=0.15)
-        tones = found.value.get(f"{name}, two sines", 0.0)
+        tones = numbers(found).get(f"{name}, two sines", 0.0)
         assert abs(tones - near) > 0.2 * near
 
 
-def test_peaks_of_the_two_sines_are_leakage(study: Comparison) -> None:
+def test_peaks_of_the_two_sines_are_leakage(study):
     found = chapter.slope(study)
     assert "the truth has 0 resonances" in found.why
     assert found.verdict == "partly"
@@ -57,7 +57,7 @@ def test_peaks_of_the_two_sines_are_leakage(study: Comparison) -> None:
     assert f"{total} of {total} where the input is weak" in f"{weak} where the input is weak"
 
 
-def test_a_peak_is_weak_only_where_the_input_is(study: Comparison) -> None:
+def test_a_peak_is_weak_only_where_the_input_is(study):
     """Peaks on strong lines are not put down to weak ones, and where there is no peak nothing is said of it."""
     joint = study.joints["elbow_pitch"]
     own = joint.spa
@@ -80,7 +80,7 @@ def test_a_peak_is_weak_only_where_the_input_is(study: Comparison) -> None:
     assert chapter.slope(calm).why.endswith("PRBS lines 0 by joint")
 
 
-def test_the_delay_is_claimed_of_the_pitches_alone(study: Comparison) -> None:
+def test_the_delay_is_claimed_of_the_pitches_alone(study):
     assert chapter.delay(study).unit.endswith("the verdict rests on them")
     for yaw, pitches, expected in ((9, 2, "reproduced"), (3, 1, "not reproduced")):
         entries = {}
@@ -90,7 +90,7 @@ def test_the_delay_is_claimed_of_the_pitches_alone(study: Comparison) -> None:
         assert chapter.delay(replace(study, nonparametric=entries)).verdict == expected
 
 
-def test_peaks_of_the_correlation_have_to_be_small(study: Comparison) -> None:
+def test_peaks_of_the_correlation_have_to_be_small(study):
     """A command that is white but for a side peak of a given size."""
 
     def seen(peak: float) -> str:
@@ -111,23 +111,22 @@ def test_peaks_of_the_correlation_have_to_be_small(study: Comparison) -> None:
     assert seen(0.0) == "partly"
 
 
-def test_the_command_is_white_only_when_made_so(study: Comparison) -> None:
+def test_the_command_is_white_only_when_made_so(study):
     found = chapter.prbs_looks_white(study)
-    assert isinstance(found.value, dict)
     for name in study.joints:
-        assert found.value[f"{name}, as recorded"] > chapter.WHITE > found.value[f"{name}, made white"]
-        assert found.value[f"{name}, as recorded, side peak"] > chapter.SMALL, "a file repeats exactly"
+        assert numbers(found)[f"{name}, as recorded"] > chapter.WHITE > numbers(found)[f"{name}, made white"]
+        assert numbers(found)[f"{name}, as recorded, side peak"] > chapter.SMALL, "a file repeats exactly"
     assert found.verdict == "partly"
 
 
-def test_known_disturbances_are_those_put_in(study: Comparison) -> None:
+def test_known_disturbances_are_those_put_in(study):
     for entry in study.joints.values():
         measurement, departure, random = chapter.disturbances(study, entry)
         assert 5e-5 < measurement < 2e-4, "resolver noise and rounding, rad"
         assert random < departure
 
 
-def test_what_departs_from_the_truth_is_told_into_what_repeats_and_what_does_not(study: Comparison) -> None:
+def test_what_departs_from_the_truth_is_told_into_what_repeats_and_what_does_not(study):
     """A joint that is the truth itself, with a known wave and known noise added."""
     entry = study.joints["elbow_pitch"]
     test = entry.data[study.estimation_test]
@@ -140,12 +139,11 @@ def test_what_departs_from_the_truth_is_told_into_what_repeats_and_what_does_not
     true, measured = log.true_angles.copy(), log.measured.copy()
     true[:, column] = angle
     measured[:, column] = angle + 5e-4 * rng.standard_normal(len(ticks))
-    other = replace(log, true_angles=true, measured=measured)
-    campaign = replace(study.campaign, logs={**study.logs, test.name: other})
-    found = chapter.disturbances(replace(study, campaigns=(campaign, *study.campaigns[1:])), entry)
+    other = with_log(study, test.name, replace(log, true_angles=true, measured=measured))
+    found = chapter.disturbances(other, entry)
     assert found == pytest.approx((5e-4, np.hypot(1e-3, 2e-4), 2e-4), rel=0.1)
 
 
-def test_a_second_order_servo_has_no_40_decibel_near_its_break() -> None:
+def test_a_second_order_servo_has_no_40_decibel_near_its_break():
     servo = c2d(control.tf([6.5], [1.0, 6.5]) * control.tf([35.0], [1.0, 35.0]), 0.02)
     assert -20.0 < chapter._slope(_gain(np.abs(servo.frequency_response(GRID)[:, 0, 0]))) < -10.0

@@ -7,32 +7,31 @@ import pytest
 
 from scenarios.thesis import findings_chapter_6 as findings
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.multivariable import ThreeJointModel
+from scenarios.thesis.outcome import numbers
 from sysid import StateSpace
+from tests.scenarios.thesis.altered import with_model, with_models
 
 
 def _as_printed(study: Comparison) -> Comparison:
     """The study as if it had identified the very models that the thesis prints."""
-    found = study.multivariable
-    models: list[ThreeJointModel] = [entry for entry in found.models if entry.printed]
-    models += [replace(entry, name=entry.name.removeprefix("printed "), printed=False) for entry in models]
-    return replace(study, multivariable=replace(found, models=tuple(models)))
+    printed = [entry for entry in study.multivariable.models if entry.printed]
+    ours = [replace(entry, name=entry.name.removeprefix("printed "), printed=False) for entry in printed]
+    return with_models(study, [*printed, *ours])
 
 
-def test_the_printed_models_have_the_roots_that_the_thesis_tells(study: Comparison) -> None:
+def test_the_printed_models_have_the_roots_that_the_thesis_tells(study):
     assert findings.real_poles(_as_printed(study)).verdict == "reproduced"
 
 
-def test_roots_are_counted(study: Comparison) -> None:
+def test_roots_are_counted(study):
     assert findings.complex_roots(np.array([1.0, 0.5 + 0.1j, 0.5 - 0.1j, 0.3 + 1e-9j])) == 2
-    found = findings.real_poles(study).value
-    assert isinstance(found, dict)
+    found = numbers(findings.real_poles(study))
     own, okid = study.multivariable.pair()
     assert found["SysID complex poles"] == sum(abs(own.model.poles().imag) > 1e-6)
     assert found["OKID zeros"] == len(okid.model.zeros())
 
 
-def test_responses_apart_are_measured_in_gain_and_phase(study: Comparison) -> None:
+def test_responses_apart_are_measured_in_gain_and_phase(study):
     own, okid = study.multivariable.pair()
     block = own.blocks["elbow_pitch"]
     half = replace(block, C=0.5 * block.C, D=0.5 * block.D)
@@ -45,31 +44,29 @@ def test_responses_apart_are_measured_in_gain_and_phase(study: Comparison) -> No
         block.dt,
     )
     for other, gain, phase in ((half, 20 * np.log10(2.0), 0.0), (late, 0.0, 360 * 5.0 * block.dt)):
-        changed = replace(okid, blocks={**okid.blocks, "elbow_pitch": other})
-        models = tuple(changed if entry is okid else entry for entry in study.multivariable.models)
-        apart = findings.bode_differences(replace(study.multivariable, models=models), "elbow_pitch")
+        changed = with_model(study, "OKID", blocks={**okid.blocks, "elbow_pitch": other})
+        apart = findings.bode_differences(changed.multivariable, "elbow_pitch")
         assert apart == pytest.approx((gain, phase), abs=1e-6)
 
 
-def test_zeros_at_infinity_are_not_roots(study: Comparison) -> None:
+def test_zeros_at_infinity_are_not_roots(study):
     assert list(findings.finite(np.array([0.5, -66.0, 1.3e4, 0.2 + 1e3j]))) == [0.5, -66.0]
 
 
-def test_coupling_is_told_band_by_band(study: Comparison) -> None:
+def test_coupling_is_told_band_by_band(study):
     found = findings.coupling(study)
-    assert isinstance(found.value, dict)
-    bands = [name.removeprefix("elbow_pitch, ") for name in found.value if name.startswith("elbow_pitch, ")]
+    bands = [name.removeprefix("elbow_pitch, ") for name in numbers(found) if name.startswith("elbow_pitch, ")]
     assert bands == ["0.1 Hz to the bandwidth", "3 to 5 Hz", "5 to 10 Hz"]
-    shares = [found.value[f"elbow_pitch, {band}"] for band in bands]
+    shares = [numbers(found)[f"elbow_pitch, {band}"] for band in bands]
     assert shares == sorted(shares)
     truth = study.multivariable.truth
     gain = np.abs(truth.frequency_response(np.array([5.0]))[0])
     joint = list(study.joints).index("elbow_pitch")
-    assert found.value["elbow_pitch, 3 to 5 Hz"] >= 99.9 * (gain[joint].sum() / gain[joint, joint] - 1)
+    assert numbers(found)["elbow_pitch, 3 to 5 Hz"] >= 99.9 * (gain[joint].sum() / gain[joint, joint] - 1)
     assert found.verdict == "partly", "little below the bandwidth, not in the bands above"
-    assert all(0.0 < found.value[f"motion with {joint}"] < findings.LITTLE for joint in study.joints)
+    assert all(0.0 < numbers(found)[f"motion with {joint}"] < findings.LITTLE for joint in study.joints)
 
 
-def test_a_diagonal_arm_has_little_coupling(study: Comparison) -> None:
+def test_a_diagonal_arm_has_little_coupling(study):
     alone = replace(study, multivariable=replace(study.multivariable, truth=study.multivariable.model("OKID").model))
     assert findings.coupling(alone).verdict == "reproduced"

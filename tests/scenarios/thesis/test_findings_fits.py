@@ -14,7 +14,9 @@ from scenarios.thesis import findings_fits as findings
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.findings import FINDINGS
 from scenarios.thesis.multivariable import JointFits
+from scenarios.thesis.outcome import numbers
 from sysid import IOData, StateSpace
+from tests.scenarios.thesis.altered import with_model, without_log
 
 YAW, SHOULDER, ELBOW = STUDIED_JOINTS
 
@@ -22,31 +24,22 @@ YAW, SHOULDER, ELBOW = STUDIED_JOINTS
 def _with_okid(study: Comparison, change: Callable[[JointFits], JointFits]) -> Comparison:
     """The study with other fits of the OKID model, made from those of the SysID model."""
     own, _ = study.multivariable.pair()
-    models = tuple(
-        replace(entry, fits={name: change(fit) for name, fit in own.fits.items()})
-        if entry.name == "OKID model"
-        else entry
-        for entry in study.multivariable.models
+    return with_model(study, "OKID", fits={name: change(fit) for name, fit in own.fits.items()})
+
+
+def _moved(simulation: float, one_step: float | None = None) -> Callable[[JointFits], JointFits]:
+    """Change all fits in simulation, and those one step ahead by as much or by another number."""
+    other = simulation if one_step is None else one_step
+    return lambda fits: JointFits(
+        {joint: value + simulation for joint, value in fits.simulation.items()},
+        {joint: value + other for joint, value in fits.one_step.items()},
     )
-    return replace(study, multivariable=replace(study.multivariable, models=models))
 
 
-def _moved(by: float) -> Callable[[JointFits], JointFits]:
-    def change(fits: JointFits) -> JointFits:
-        return JointFits(
-            {joint: value + by for joint, value in fits.simulation.items()},
-            {joint: value + by for joint, value in fits.one_step.items()},
-        )
-
-    return change
-
-
-def test_who_is_ahead_on_the_exchange_decides(study: Comparison) -> None:
+def test_who_is_ahead_on_the_exchange_decides(study):
     worse, better = (findings.exchange_fit(_with_okid(study, _moved(by))) for by in (-2.0, 2.0))
-    assert isinstance(worse.value, dict)
-    assert isinstance(better.value, dict)
-    assert list(worse.value.values()) == pytest.approx([-2.0] * 6)
-    assert list(better.value.values()) == pytest.approx([2.0] * 6)
+    assert list(numbers(worse).values()) == pytest.approx([-2.0] * 6)
+    assert list(numbers(better).values()) == pytest.approx([2.0] * 6)
     assert worse.verdict in {"not reproduced", "partly"}
     assert better.verdict in {"reproduced", "partly"}
     for text in (worse.why, better.why):
@@ -54,21 +47,14 @@ def test_who_is_ahead_on_the_exchange_decides(study: Comparison) -> None:
         assert "one step ahead" in text
 
 
-def test_ahead_one_way_only_is_said(study: Comparison) -> None:
-    def change(fits: JointFits) -> JointFits:
-        return JointFits(
-            {joint: value - 1 for joint, value in fits.simulation.items()},
-            {joint: value + 1 for joint, value in fits.one_step.items()},
-        )
-
-    found = findings.exchange_fit(_with_okid(study, change))
+def test_ahead_one_way_only_is_said(study):
+    found = findings.exchange_fit(_with_okid(study, _moved(-1.0, 1.0)))
     assert found.verdict == "partly"
-    assert isinstance(found.value, dict)
-    assert found.value["shoulder_yaw, simulation"] == pytest.approx(-1.0)
-    assert found.value["shoulder_yaw, one step"] == pytest.approx(1.0)
+    assert numbers(found)["shoulder_yaw, simulation"] == pytest.approx(-1.0)
+    assert numbers(found)["shoulder_yaw, one step"] == pytest.approx(1.0)
 
 
-def test_slightly_is_neither_less_nor_much_more(study: Comparison) -> None:
+def test_slightly_is_neither_less_nor_much_more(study):
     def singles(by: float) -> Comparison:
         joints = {
             joint: replace(
@@ -92,9 +78,8 @@ def test_slightly_is_neither_less_nor_much_more(study: Comparison) -> None:
     assert verdicts == ["not reproduced", "reproduced", "not reproduced"]
 
 
-def test_the_hybrid_has_to_be_ahead_of_both(study: Comparison) -> None:
-    value = findings.slow_data(study).value
-    assert isinstance(value, dict)
+def test_the_hybrid_has_to_be_ahead_of_both(study):
+    value = numbers(findings.slow_data(study))
     own, okid = study.multivariable.pair()
     hybrid = study.multivariable.model("hybrid")
     for record in findings.SLOW:
@@ -104,7 +89,7 @@ def test_the_hybrid_has_to_be_ahead_of_both(study: Comparison) -> None:
         assert value[f"hybrid, {record}, simulation"] == pytest.approx(hybrid.fit(record).mean("simulation") - others)
 
 
-def test_a_difference_below_the_margin_is_a_tie(study: Comparison) -> None:
+def test_a_difference_below_the_margin_is_a_tie(study):
     tied = _with_okid(study, _moved(0.1))
     found = findings.exchange_fit(tied)
     assert "0 of 4 parts hold" in found.why or "1 of 4 parts hold" in found.why
@@ -114,18 +99,17 @@ def test_a_difference_below_the_margin_is_a_tie(study: Comparison) -> None:
     assert slow.verdict != "reproduced"
 
 
-def test_following_does_not_rest_on_the_cutoff(study: Comparison) -> None:
+def test_following_does_not_rest_on_the_cutoff(study):
     found = findings.follows_5_hz(study)
-    assert isinstance(found.value, dict)
     ways = [
-        sum(value > findings.FOLLOWS for name, value in found.value.items() if name.endswith(way))
+        sum(value > findings.FOLLOWS for name, value in numbers(found).items() if name.endswith(way))
         for way in ("simulation", "one step")
     ]
     assert f"{ways[0]} of 3 parts hold in simulation and {ways[1]} of 3" in found.why
     assert "coupling" in found.why
 
 
-def test_friction_is_judged_only_where_an_exchange_without_it_was_played(study: Comparison) -> None:
+def test_friction_is_judged_only_where_an_exchange_without_it_was_played(study):
     assert RPCM not in study.campaigns[1].logs
     assert "without friction" not in findings.exchange_residuals(study).why
     smooth = replace(study.campaigns[1], logs={**study.campaigns[1].logs, RPCM: study.logs[RPCM]})
@@ -139,7 +123,7 @@ def _test_of(errors: np.ndarray, u: np.ndarray) -> sysid.ResidualTest:
     return sysid.resid(model, IOData(u, errors, 0.02))
 
 
-def test_lags_are_counted_where_they_are() -> None:
+def test_lags_are_counted_where_they_are():
     rng = np.random.default_rng(3)
     u, e = rng.standard_normal((2, 6000, 3))
     white = findings.outside_share(_test_of(e, u))
@@ -158,7 +142,7 @@ def test_lags_are_counted_where_they_are() -> None:
     assert findings.dependence(_test_of(late, u))[1] >= 1 / 11
 
 
-def test_a_coupling_is_found_at_its_input() -> None:
+def test_a_coupling_is_found_at_its_input():
     rng = np.random.default_rng(4)
     u, e = rng.standard_normal((2, 6000, 3))
     e[:, 0] += 0.3 * np.roll(u[:, 2], 3)
@@ -178,10 +162,8 @@ def test_a_coupling_is_found_at_its_input() -> None:
         ("siso-5-elbow_pitch", ("F26",)),
     ],
 )
-def test_what_has_no_record_is_not_decided(study: Comparison, record: str, keys: tuple[str, ...]) -> None:
-    logs = {name: log for name, log in study.logs.items() if name != record}
-    main = replace(study.campaign, logs=logs, failed={record: "the arm met the worksite"})
-    poor = replace(study, campaigns=(main, *study.campaigns[1:]))
+def test_what_has_no_record_is_not_decided(study, record, keys):
+    poor = without_log(study, record, "the arm met the worksite")
     for key in keys:
         with pytest.raises(MissingRecordError, match=f"{record}: the arm met the worksite"):
             FINDINGS[key](poor)

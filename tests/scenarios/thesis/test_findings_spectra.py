@@ -7,19 +7,20 @@ import pytest
 
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis import findings_spectra as chapter
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.nonparametric import GRID
+from scenarios.thesis.outcome import numbers
 from sysid import FrequencyResponse
+from tests.scenarios.thesis.altered import without_log
 
 
 def _spectra(values: dict[str, np.ndarray]) -> FrequencyResponse:
     """An estimate with these densities."""
     densities = {name: density[:, None, None].astype(complex) for name, density in values.items()}
     response = FrequencyResponse(GRID.copy(), np.ones((len(GRID), 1, 1), dtype=complex), 0.02, "spa")
-    return replace(response, **densities)  # type: ignore[arg-type]
+    return replace(response, **densities)
 
 
-def test_what_the_window_leaks_does_not_count_where_the_input_has_power() -> None:
+def test_what_the_window_leaks_does_not_count_where_the_input_has_power():
     line = (np.abs(GRID - 2.5) < 0.1).astype(float)
     leaked = 0.01 * (1.0 - line)
     found = _spectra(
@@ -36,24 +37,20 @@ def test_what_the_window_leaks_does_not_count_where_the_input_has_power() -> Non
     assert chapter._orders(found, kept[chapter.WHOLE]) < 3.0
 
 
-def test_both_readings_are_told_with_their_numbers(study: Comparison) -> None:
+def test_both_readings_are_told_with_their_numbers(study):
     for finding in (chapter.pulse_spectra, chapter.sinusoid_disturbance):
         found = finding(study)
-        assert isinstance(found.value, dict)
-        assert set(found.value) == {
+        assert set(numbers(found)) == {
             f"{joint}, {way}" for joint in study.joints for way in ("all frequencies", "input's power")
         }
-        assert np.isfinite(list(found.value.values())).all()
+        assert np.isfinite(list(numbers(found).values())).all()
         assert chapter.WHOLE in found.why
         assert chapter.POWERED in found.why
-    orders = chapter.sinusoid_disturbance(study).value
-    assert isinstance(orders, dict)
+    orders = numbers(chapter.sinusoid_disturbance(study))
     for joint in study.joints:
         assert orders[f"{joint}, input's power"] > orders[f"{joint}, all frequencies"]
 
 
-def test_without_the_record_there_is_no_finding(study: Comparison) -> None:
-    logs = {name: log for name, log in study.campaign.logs.items() if name != "siso-7-elbow_pitch"}
-    bare = replace(study, campaigns=(replace(study.campaign, logs=logs), *study.campaigns[1:]))
+def test_without_the_record_there_is_no_finding(study):
     with pytest.raises(MissingRecordError, match="siso-7-elbow_pitch"):
-        chapter.pulse_spectra(bare)
+        chapter.pulse_spectra(without_log(study, "siso-7-elbow_pitch"))

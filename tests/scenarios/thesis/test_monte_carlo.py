@@ -10,11 +10,12 @@ import pytest
 
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.commands.cli import main
-from scenarios.experiments.campaign import EVERY_TEST, NOMINAL
+from scenarios.experiments.campaign import NOMINAL
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.journal import Journal
 from scenarios.thesis import monte_carlo
+from scenarios.thesis.campaign import EVERY_TEST
 from scenarios.thesis.comparison import Cost
 from scenarios.thesis.finding import CLAIMS, Finding, Verdict, decided_finding
 from scenarios.thesis.frequencies import answer_text, chance, finding_record, frequency_text, seeds_record, source_text
@@ -58,13 +59,13 @@ def finding(verdict: Verdict) -> Finding:
 
 
 @pytest.fixture(scope="module")
-def twenty() -> Tally:
+def twenty():
     """Twenty seeds; the last two of them say partly, and the numbers are 1 to 20."""
     return Tally(tuple(made(n, "reproduced" if n <= 18 else "partly", float(n)) for n in range(1, 21)), {})
 
 
 @pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+def quick(monkeypatch):
     """Studies that are made up at once, and the seeds that were run."""
     run: list[int] = []
 
@@ -81,14 +82,16 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return run
 
 
-def test_every_number_survives_the_file_to_the_last_bit() -> None:
+def test_every_number_survives_the_file_to_the_last_bit():
     found = made(3, value=1 / 3, hz=0.1 + 0.2)
     odd = replace(found, duration=24.0, numbers={"F1": {"a": float("inf"), "b": 1e-300, "c": -float("inf")}})
     for entry in (found, odd, whole(3)):
         assert outcome_from(json.loads(json.dumps(entry.record(), allow_nan=False))) == entry
+    assert numbers(finding("partly")) == {"shoulder_yaw": 1.0}
+    assert numbers(replace(finding("partly"), value=2.0)) == {"value": 2.0}, "a single number has a name too"
 
 
-def test_a_seed_among_many_is_the_study_on_the_nominal_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_seed_among_many_is_the_study_on_the_nominal_arm(monkeypatch):
     """Without what no finding rests on; that records do not depend on threads is tried with the simulation."""
     asked: dict[str, object] = {}
 
@@ -106,18 +109,13 @@ def test_a_seed_among_many_is_the_study_on_the_nominal_arm(monkeypatch: pytest.M
     (alone,) = tally([11], duration=24.0, threads=1).outcomes
     ((name, cost),) = alone.failed.items()
     assert name == "Study"
-    assert cost.total_s > 20.0, "what findings take is counted"  # type: ignore[attr-defined]
+    assert cost.total_s > 20.0, "what findings take is counted"
     progress = asked.pop("progress")
     assert callable(progress)
     assert asked == {"seed": 11, "duration": 24.0, "threads": 1, "conditions": (NOMINAL,), "thorough": False}
 
 
-def test_a_single_number_has_a_name_too() -> None:
-    assert numbers(finding("partly")) == {"shoulder_yaw": 1.0}
-    assert numbers(replace(finding("partly"), value=2.0)) == {"value": 2.0}
-
-
-def test_a_failed_seed_is_counted_with_its_reason(quick: list[int]) -> None:
+def test_a_failed_seed_is_counted_with_its_reason(quick):
     told: list[tuple[int, int]] = []
     found = tally([2, 3, 4], progress=lambda seed, before, step, done, whole: told.append((seed, before)))
     assert [entry.seed for entry in found.outcomes] == [2, 4]
@@ -128,7 +126,7 @@ def test_a_failed_seed_is_counted_with_its_reason(quick: list[int]) -> None:
         tally([3])
 
 
-def test_what_was_done_is_taken_up_again(quick: list[int], tmp_path: Path) -> None:
+def test_what_was_done_is_taken_up_again(quick, tmp_path):
     first = tally([1, 2], folder=tmp_path)
     assert quick == [1, 2]
     again = tally([1, 2, 4], folder=tmp_path)
@@ -139,18 +137,14 @@ def test_what_was_done_is_taken_up_again(quick: list[int], tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("what", ["versions", "fingerprint"])
-def test_seeds_of_another_version_are_run_anew(
-    quick: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
-) -> None:
+def test_seeds_of_another_version_are_run_anew(quick, tmp_path, monkeypatch, what):
     tally([1], folder=tmp_path)
     monkeypatch.setattr(monte_carlo, what, lambda: {"mujoco": "another"})
     tally([1], folder=tmp_path)
     assert quick == [1, 1]
 
 
-def test_an_interrupted_run_keeps_its_seeds_and_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupted_run_keeps_its_seeds_and_says_so(tmp_path, monkeypatch, capsys):
     def one(seed: int, *_: object) -> SeedOutcome:
         if seed == 6:
             raise KeyboardInterrupt
@@ -161,12 +155,12 @@ def test_an_interrupted_run_keeps_its_seeds_and_says_so(
     said = capsys.readouterr().err
     assert "saved in" in said and "hmtb thesis --seeds 20 --seed 5" in said
     with Journal(tmp_path / "seeds" / "seeds.sqlite", {"format": "thesis seeds"}) as journal:
-        assert [key.split()[-1] for key in journal.entries()] == ["5"]
+        assert [key.split()[-1] for key, _ in journal.items()] == ["5"]
     assert not (tmp_path / "report.html").exists()
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
         (("--seeds", "0"), "seeds must be 1 to 1000, given 0"),
         (("--seeds", "1000000000"), "seeds must be 1 to 1000, given 1000000000"),
@@ -175,11 +169,9 @@ def test_an_interrupted_run_keeps_its_seeds_and_says_so(
         (("--seeds", "2", "--seed", str(2**63 - 1)), f"2^63 - 1, given {2**63}"),
     ],
 )
-def test_seeds_are_checked_before_the_work(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
-) -> None:
+def test_seeds_are_checked_before_the_work(tmp_path, capsys, words, message):
     assert main(["thesis", *words, "--out", str(tmp_path / "new")]) == 2
-    assert says in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
 
 
@@ -193,27 +185,20 @@ def test_seeds_are_checked_before_the_work(
         ((), "", "report.html"),
     ],
 )
-def test_what_is_in_the_way_is_told_before_the_work(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    words: tuple[str, ...],
-    file: str,
-    folder: str,
-) -> None:
+def test_what_is_in_the_way_is_named_before_the_work(tmp_path, capsys, monkeypatch, words, file, folder):
     monkeypatch.setattr("scenarios.thesis.study.run_study", lambda **_: pytest.fail("the study was run"))
     if file:
         (tmp_path / file).touch()
     else:
         (tmp_path / folder).mkdir(parents=True)
     assert main(["thesis", *words, "--out", str(tmp_path)]) == 2
-    said = capsys.readouterr().err
-    assert "cannot write" in said
-    assert said.count("\n") == 1
+    error = capsys.readouterr().err
+    assert "cannot write" in error
+    assert error.count("\n") == 1
 
 
 @pytest.fixture
-def no_study(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+def no_study(monkeypatch):
     """A study that is run, judged and drawn at once; say what failed of it, and what its logs are."""
 
     def given(failed: dict[str, str], logs: dict[str, object]) -> None:
@@ -233,9 +218,7 @@ def no_study(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     return given
 
 
-def test_a_seed_that_failed_is_a_difference(
-    quick: list[int], no_study: Callable[..., None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_seed_that_failed_is_a_difference(quick, no_study, tmp_path, capsys):
     no_study({}, {})
     assert main(["thesis", "--seeds", "2", "--out", str(tmp_path)]) == 0
     assert "failed:" not in capsys.readouterr().out
@@ -245,9 +228,7 @@ def test_a_seed_that_failed_is_a_difference(
     assert quick == [1, 2, 3, 3]
 
 
-def test_results_are_there_before_the_logs(
-    no_study: Callable[..., None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_results_are_there_before_the_logs(no_study, tmp_path, monkeypatch):
     @dataclass(frozen=True)
     class Log:
         name: str = "one"
@@ -262,7 +243,7 @@ def test_results_are_there_before_the_logs(
     assert json.loads((tmp_path / "results.json").read_text()) == {"findings": {}}
 
 
-def test_verdicts_are_counted_and_numbers_ranged(twenty: Tally) -> None:
+def test_verdicts_are_counted_and_numbers_ranged(twenty):
     found = twenty.frequency("F1")
     assert (found.usual, found.seeds, found.counts) == ("reproduced", 20, {"reproduced": 18, "partly": 2})
     assert not found.depends, "nine in ten is enough"
@@ -274,7 +255,7 @@ def test_verdicts_are_counted_and_numbers_ranged(twenty: Tally) -> None:
     assert np.isnan(spread([1.0, np.nan]).median)
 
 
-def test_a_range_over_few_seeds_leaves_none_out_and_has_values_of_seeds_only(twenty: Tally) -> None:
+def test_a_range_over_few_seeds_leaves_none_out_and_has_values_of_seeds_only(twenty):
     for count in (2, 10, 40):
         found = spread([float(number**2) for number in range(count)])
         assert (found.low, found.high) == (0.0, (count - 1) ** 2)
@@ -286,13 +267,13 @@ def test_a_range_over_few_seeds_leaves_none_out_and_has_values_of_seeds_only(twe
     assert not Tally(tuple(made(number) for number in range(41)), {}).all_seeds
 
 
-def test_coverage_counts_intervals_that_hold_the_truth() -> None:
+def test_coverage_counts_intervals_that_hold_the_truth():
     found = Tally((made(1, hz=1.0), made(2, hz=1.05), made(3, hz=1.4)), {}).coverage("elbow_pitch", "oe")
     assert (found.covers, found.near, found.hz.median) == (2, 2, 1.05)
     assert found.width.largest == pytest.approx(0.2)
 
 
-def test_the_tally_says_when_a_verdict_depends_on_the_seed(twenty: Tally) -> None:
+def test_the_tally_says_when_a_verdict_depends_on_the_seed(twenty):
     assert frequency_text(finding("reproduced"), twenty) == "18 of 20 seeds"
     said = "depends on the seed: of 20 seeds 18 reproduced, 2 partly"
     assert frequency_text(finding("partly"), twenty) == said, "that of this run is held by few, whatever the others do"
@@ -304,7 +285,7 @@ def test_the_tally_says_when_a_verdict_depends_on_the_seed(twenty: Tally) -> Non
     assert frequency_text(replace(finding("partly"), key="F2"), twenty) == ""
 
 
-def test_the_source_of_the_frequencies_is_said(twenty: Tally) -> None:
+def test_the_source_of_the_frequencies_is_said(twenty):
     assert source_text(twenty).startswith("Frequencies and ranges are of 20 seeds (1 to 20)")
     shipped = source_text(Tally(twenty.outcomes, {}, recorded=True))
     assert "not of this run" in shipped
@@ -317,7 +298,7 @@ def test_the_source_of_the_frequencies_is_said(twenty: Tally) -> None:
     assert source_text(replace(gap, failed={2: "It fell."})).endswith("Seed 2 came to no conclusion: It fell.")
 
 
-def test_the_answer_says_how_often_it_comes_out() -> None:
+def test_the_answer_says_how_often_it_comes_out():
     found = Tally((made(1, hz=1.0), made(2, hz=1.6), made(3, hz=1.0)), {})
     said = answer_text(found)
     assert said.startswith("Over 3 seeds 0 of ")
@@ -327,7 +308,7 @@ def test_the_answer_says_how_often_it_comes_out() -> None:
     assert "models are near 1 Hz with every seed" in answer_text(Tally((made(1, hz=1.0),), {}))
 
 
-def test_the_report_names_verdicts_that_depend_and_those_that_most_seeds_contradict(twenty: Tally) -> None:
+def test_the_report_names_verdicts_that_depend_and_those_that_most_seeds_contradict(twenty):
     assert chance([finding("reproduced")], None) is None
     usual, other = chance([finding("reproduced")], twenty), chance([finding("partly")], twenty)
     assert usual is not None and other is not None
@@ -336,14 +317,14 @@ def test_the_report_names_verdicts_that_depend_and_those_that_most_seeds_contrad
     assert other.limits.startswith("from the smallest")
 
 
-def test_results_carry_frequencies_and_cost(twenty: Tally) -> None:
+def test_results_carry_frequencies_and_cost(twenty):
     record = finding_record(finding("reproduced"), twenty)
     assert record["frequency"] == {
         "seeds": 20,
         "verdicts": {"reproduced": 18, "partly": 2},
         "depends_on_seed": False,
     }
-    assert finding_record(finding("partly"), twenty)["frequency"]["depends_on_seed"] is True  # type: ignore[index]
+    assert finding_record(finding("partly"), twenty)["frequency"]["depends_on_seed"] is True
     assert finding_record(replace(finding("partly"), key="F2"), twenty) == {}
     assert finding_record(finding("partly"), None) == {}
     whole = seeds_record(twenty)
@@ -351,14 +332,14 @@ def test_results_carry_frequencies_and_cost(twenty: Tally) -> None:
     assert whole["cost"] == {"physics_s": 200.0, "total_s": 400.0, "ratio": 2.0}
 
 
-def test_a_tally_survives_its_file(twenty: Tally, tmp_path: Path) -> None:
+def test_a_tally_survives_its_file(twenty, tmp_path):
     write_tally(replace(twenty, failed={21: "why"}), tmp_path / "tally.json")
     again = read_tally((tmp_path / "tally.json").read_text())
     assert again.outcomes == twenty.outcomes
     assert again.failed == {21: "why"}
 
 
-def test_a_study_that_moved_or_flipped_contradicts_the_tally(twenty: Tally) -> None:
+def test_a_study_that_moved_or_flipped_contradicts_the_tally(twenty):
     assert contradictions(made(5, value=5.0), twenty) == ()
     assert contradictions(made(5, value=20.1), twenty) == (), "rounding may move it by a hundredth of the range"
     assert contradictions(made(5, value=21.0), twenty) == ("F1 shoulder_yaw: 21, recorded 1 to 20",)

@@ -7,7 +7,7 @@ from scenarios.thesis.prediction_errors import ORDERS, MorePoles, more_poles
 from sysid import IOData
 
 
-def test_a_record_that_two_poles_explain_leaves_them_stable() -> None:
+def test_a_record_that_two_poles_explain_leaves_them_stable():
     rng = np.random.default_rng(3)
     u = np.repeat(rng.choice([-1.0, 1.0], 1000), 2)
     y = lfilter([0.0, 0.0, 0.1, 0.05], [1.0, -1.5, 0.62], u) + 0.01 * rng.standard_normal(2000)
@@ -20,7 +20,7 @@ def test_a_record_that_two_poles_explain_leaves_them_stable() -> None:
     assert abs(own.free_radius - np.sqrt(0.62)) < 0.02
 
 
-def test_least_squares_may_leave_the_unit_circle() -> None:
+def test_least_squares_may_leave_the_unit_circle():
     """The output runs away beside the input: the one pole that explains it lies outside."""
     rng = np.random.default_rng(4)
     u = rng.standard_normal(400)
@@ -31,7 +31,7 @@ def test_least_squares_may_leave_the_unit_circle() -> None:
     assert all(entry.radius < 1.0 for entry in found), "the estimator keeps every model stable"
 
 
-def test_the_edge_counts_as_unstable() -> None:
+def test_the_edge_counts_as_unstable():
     assert MorePoles((2, 3, 2), 0.99995, 0.99, 4, True).unstable
     assert MorePoles((2, 3, 2), 0.99, 1.0001, 2, False).unstable
     assert not MorePoles((2, 3, 2), 0.99, 0.999, 4, True).unstable

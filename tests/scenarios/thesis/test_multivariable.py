@@ -9,12 +9,11 @@ import sysid
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM
 from scenarios.files.errors import MissingRecordError
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.multivariable import RECORDS, TESTED, WAYS, multivariable
 from scenarios.truth.published import published_model
 
 
-def test_identified_and_printed_models_are_peers(study: Comparison) -> None:
+def test_identified_and_printed_models_are_peers(study):
     found = study.multivariable
     assert [entry.name for entry in found.models] == [
         "SysID model",
@@ -30,20 +29,20 @@ def test_identified_and_printed_models_are_peers(study: Comparison) -> None:
         assert set(entry.residual_tests) == set(TESTED)
     for kind in ("SysID", "OKID", "hybrid"):
         printed = published_model(kind.lower()).model
-        entry = found.model(kind, printed=True)  # type: ignore[arg-type]
+        entry = found.model(kind, printed=True)
         f = np.geomspace(0.1, 20.0, 20)
         np.testing.assert_allclose(entry.model.frequency_response(f), printed.frequency_response(f))
         assert entry.largest_pole == pytest.approx(np.abs(printed.poles()).max())
 
 
-def test_the_twin_is_not_the_arm_of_the_thesis(study: Comparison) -> None:
+def test_the_twin_is_not_the_arm_of_the_thesis(study):
     for entry in study.multivariable.models:
         assert (entry.error > 0.3) == entry.printed
         assert entry.largest_pole < 1.0
 
 
 @pytest.mark.parametrize("record", ["mimo-12", RPCM])
-def test_fits_of_the_blocks_are_those_of_the_whole(study: Comparison, record: str) -> None:
+def test_fits_of_the_blocks_are_those_of_the_whole(study, record):
     data = study.campaign.several(record)
     for entry in study.multivariable.models:
         (whole,) = sysid.compare(entry.model, data)
@@ -52,7 +51,7 @@ def test_fits_of_the_blocks_are_those_of_the_whole(study: Comparison, record: st
             assert entry.fit(record).mean(way) == pytest.approx(np.mean(values), abs=1e-3)
 
 
-def test_the_hybrid_has_the_yaw_of_one_and_the_pitches_of_the_other(study: Comparison) -> None:
+def test_the_hybrid_has_the_yaw_of_one_and_the_pitches_of_the_other(study):
     own, okid = study.multivariable.pair()
     hybrid = study.multivariable.model("hybrid")
     yaw, *pitches = STUDIED_JOINTS
@@ -63,7 +62,7 @@ def test_the_hybrid_has_the_yaw_of_one_and_the_pitches_of_the_other(study: Compa
             assert [mixed[joint] for joint in pitches] == [okid.fit(record).of(way)[joint] for joint in pitches]
 
 
-def test_without_a_noise_model_one_step_ahead_is_simulation(study: Comparison) -> None:
+def test_without_a_noise_model_one_step_ahead_is_simulation(study):
     for printed in (False, True):
         own, okid = study.multivariable.pair(printed=printed)
         assert [own.predicts(joint) for joint in STUDIED_JOINTS] == [True, False, True]
@@ -74,7 +73,7 @@ def test_without_a_noise_model_one_step_ahead_is_simulation(study: Comparison) -
             assert fits.simulation["shoulder_yaw"] != fits.one_step["shoulder_yaw"]
 
 
-def test_a_record_that_is_not_there_is_named(study: Comparison) -> None:
+def test_a_record_that_is_not_there_is_named(study):
     entry = study.multivariable.model("OKID")
     poor = replace(entry, fits={}, residual_tests={})
     for ask in (poor.fit, poor.residual_test):
@@ -82,7 +81,7 @@ def test_a_record_that_is_not_there_is_named(study: Comparison) -> None:
             ask(RPCM)
 
 
-def test_a_predictor_that_grows_without_bound_leaves_nothing_to_test(study: Comparison) -> None:
+def test_a_predictor_that_grows_without_bound_leaves_nothing_to_test(study):
     blocks = dict(study.multivariable.model("OKID").blocks)
     yaw = blocks["shoulder_yaw"]
     blocks["shoulder_yaw"] = replace(yaw, A=3.0 * yaw.A, K=0.0 * yaw.gain)

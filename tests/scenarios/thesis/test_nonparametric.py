@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from scenarios.files.errors import MissingRecordError, ScenarioError
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.nonparametric import (
     GRID,
     PULSE,
@@ -34,7 +33,7 @@ def _record(tones: tuple[float, ...], noise: float = 1e-4, wires: float = 1e-3) 
     return IOData(u, y, 0.02)[200:].detrend()
 
 
-def test_the_gain_between_the_tones_is_told_by_the_noise_of_the_wires() -> None:
+def test_the_gain_between_the_tones_is_told_by_the_noise_of_the_wires():
     told = period_spectra(_record((2.5, 10.0), wires=0.03)).reliable_response()
     assert len(told.frequencies) > 20
     true = np.abs(SERVO.frequency_response(told.frequencies)[:, 0, 0])
@@ -43,7 +42,7 @@ def test_the_gain_between_the_tones_is_told_by_the_noise_of_the_wires() -> None:
     np.testing.assert_allclose(silent.frequencies, [2.5, 10.0])
 
 
-def test_long_blocks_bring_the_gain_and_the_disturbance_near_what_is_put_in() -> None:
+def test_long_blocks_bring_the_gain_and_the_disturbance_near_what_is_put_in():
     """Between the tones the joint answers noise of before the block; a short block counts that as disturbance."""
     data = _record((2.5, 10.0), wires=0.03)
     long, short = period_spectra(data), period_spectra(data[:1100])
@@ -53,7 +52,7 @@ def test_long_blocks_bring_the_gain_and_the_disturbance_near_what_is_put_in() ->
     assert floor < long.disturbance[low].mean() < 0.4 * short.disturbance[low].mean()
 
 
-def test_intervals_of_the_told_gain_hold_the_truth_as_often_as_they_say() -> None:
+def test_intervals_of_the_told_gain_hold_the_truth_as_often_as_they_say():
     rng = np.random.default_rng(8)
     u = np.tile(rng.standard_normal(100), 60)
     held = []
@@ -66,7 +65,7 @@ def test_intervals_of_the_told_gain_hold_the_truth_as_often_as_they_say() -> Non
     assert 0.90 < np.mean(held) < 0.99
 
 
-def test_power_is_where_the_tones_are(study: Comparison) -> None:
+def test_power_is_where_the_tones_are(study):
     tones = 2.5 * np.arange(1, 11)  # the velocity limit adds multiples to the two
     for found in study.nonparametric.values():
         near = np.min(np.abs(GRID[:, None] - tones), axis=1) <= 1.5 * found.resolution_hz(SINES)
@@ -75,19 +74,19 @@ def test_power_is_where_the_tones_are(study: Comparison) -> None:
         assert power[~near].mean() < 0.02, "elsewhere there is only leakage"
 
 
-def test_correlations_find_the_true_delay(study: Comparison) -> None:
+def test_correlations_find_the_true_delay(study):
     for joint, found in study.nonparametric.items():
         assert int(found.delay.correlation[0, 0]) == study.joints[joint].truth.delay_samples
 
 
-def test_pulse_response_is_that_of_the_truth(study: Comparison) -> None:
+def test_pulse_response_is_that_of_the_truth(study):
     for joint, found in study.nonparametric.items():
         true = study.joints[joint].truth.model.markov(20)[:, 0, 0]
         error = found.pulse.response[:20, 0, 0] - true
         assert np.sqrt(np.mean(error**2)) < 0.15 * true.max()
 
 
-def test_every_record_that_repeats_has_a_row(study: Comparison) -> None:
+def test_every_record_that_repeats_has_a_row(study):
     names = {name for name in study.logs if name.startswith("mimo-")}
     assert len(names) == 15
     for joint, found in study.nonparametric.items():
@@ -99,12 +98,12 @@ def test_every_record_that_repeats_has_a_row(study: Comparison) -> None:
         assert 0.0 < row.disturbance_percent < 1.0
 
 
-def test_periods_are_those_of_the_waveforms() -> None:
+def test_periods_are_those_of_the_waveforms():
     assert period_of("siso-5-shoulder_yaw") == 100
     assert period_of("siso-2-shoulder_yaw") == 200, "1.25 Hz completes five cycles in 4 s"
 
 
-def test_a_row_says_what_was_put_in() -> None:
+def test_a_row_says_what_was_put_in():
     row = summary(_record((0.5, 1.0, 1.5, 2.0, 3.0), noise=0.01, wires=0.0))
     true = SERVO.bandwidth()[0, 0]
     assert row.half_power_hz is not None
@@ -116,7 +115,7 @@ def test_a_row_says_what_was_put_in() -> None:
     assert tone.half_power_hz is None
 
 
-def test_a_crossing_needs_known_lines_close_by() -> None:
+def test_a_crossing_needs_known_lines_close_by():
     def response(f: list[float], gain: list[float]) -> FrequencyResponse:
         return FrequencyResponse(np.array(f), np.array(gain, dtype=complex)[:, None, None], 0.02, "etfe")
 
@@ -126,7 +125,7 @@ def test_a_crossing_needs_known_lines_close_by() -> None:
     assert half_power(response([0.5, 1.0], [0.9, 0.8])) is None
 
 
-def test_a_missing_record_is_left_out_and_only_the_prbs_is_needed(study: Comparison) -> None:
+def test_a_missing_record_is_left_out_and_only_the_prbs_is_needed(study):
     joint = "elbow_pitch"
     kept = {name: log for name, log in study.logs.items() if name in (f"siso-5-{joint}", f"siso-4-{joint}")}
     found = nonparametric(joint, replace(study.campaign, logs=kept), summaries=False)
@@ -137,6 +136,6 @@ def test_a_missing_record_is_left_out_and_only_the_prbs_is_needed(study: Compari
         nonparametric(joint, replace(study.campaign, logs={}))
 
 
-def test_period_spectra_refuse_several_channels() -> None:
+def test_period_spectra_refuse_several_channels():
     with pytest.raises(ScenarioError, match="given 2 and 1"):
         period_spectra(IOData(np.zeros((600, 2)), np.zeros(600), 0.02))

@@ -5,7 +5,6 @@ import pytest
 
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import SINGLE_JOINT
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.observer_analysis import ORDER, SEVERAL, P, hankel_share, live, observer, observer_errors
 from sysid import IOData, StateSpace, simulate
 
@@ -18,14 +17,14 @@ def record(noise: float, samples: int = 4000, level: float = 0.0) -> IOData:
     return IOData(u + level, simulate(SYSTEM, u)[:, 0] + noise * rng.standard_normal(samples) + level, 0.02)
 
 
-def test_two_states_describe_a_system_of_two_states() -> None:
+def test_two_states_describe_a_system_of_two_states():
     found = observer(record(1e-6))
     assert hankel_share(found, 2) == pytest.approx(100.0, abs=1e-6)
     assert hankel_share(found, 1) < 99.0
     assert hankel_share(found, 1, power=1) < hankel_share(found, 1) < hankel_share(found, 2)
 
 
-def test_errors_fall_to_the_noise_and_smoothing_is_no_worse() -> None:
+def test_errors_fall_to_the_noise_and_smoothing_is_no_worse():
     noise = 0.02
     data = record(noise)
     rows = {row.p: row for row in observer_errors(data, (1, 2, 4, 8))}
@@ -36,11 +35,11 @@ def test_errors_fall_to_the_noise_and_smoothing_is_no_worse() -> None:
     assert all(row.smoothing < row.prediction for row in rows.values())
 
 
-def test_live_counts_to_the_last_parameter_of_note() -> None:
+def test_live_counts_to_the_last_parameter_of_note():
     assert live(np.array([0.0, 1.0, 0.01, 0.1, 0.04])[:, None, None]) == 4
 
 
-def test_every_joint_and_record_has_its_observer(study: Comparison) -> None:
+def test_every_joint_and_record_has_its_observer(study):
     found = study.observers
     assert tuple(found.joints) == tuple(found.records) == STUDIED_JOINTS
     for joint, entry in found.joints.items():
@@ -59,7 +58,7 @@ def test_every_joint_and_record_has_its_observer(study: Comparison) -> None:
         assert own.prbs == own.simulation == entry.shares[ORDER - 1].simulation
 
 
-def test_a_shared_waveform_leaves_the_inputs_apart_unknown(study: Comparison) -> None:
+def test_a_shared_waveform_leaves_the_inputs_apart_unknown(study):
     shared, independent = study.observers.several
     assert (shared.name, independent.name) == SEVERAL
     assert shared.estimate.model.order == independent.estimate.model.order == ORDER * len(STUDIED_JOINTS)

@@ -1,20 +1,16 @@
 """Pictures of the laboratory, and what is said where none can be drawn."""
 
-from dataclasses import replace
-
-import pytest
-
 from hmtb_twin import TwinError
 from scenarios.experiments.campaign import RPCM
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.figures_overview import arm_picture, exchange
+from tests.scenarios.thesis.altered import without_log
 
 
 def _no_opengl(*_: object, **__: object) -> None:
     raise TwinError("no OpenGL here, install libegl1")
 
 
-def test_without_opengl_a_line_says_what_to_install(study: Comparison, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_opengl_a_line_says_what_to_install(study, monkeypatch):
     monkeypatch.setattr("scenarios.thesis.figures_overview.render", _no_opengl)
     monkeypatch.setattr("scenarios.thesis.figures_overview.Stage", _no_opengl)
     assert arm_picture() == ("", "No OpenGL here, install libegl1")
@@ -23,7 +19,7 @@ def test_without_opengl_a_line_says_what_to_install(study: Comparison, monkeypat
     assert "inserted" in outcome
 
 
-def test_moments_are_shown_in_the_order_of_the_exchange(study: Comparison, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_moments_are_shown_in_the_order_of_the_exchange(study, monkeypatch):
     monkeypatch.setattr("scenarios.thesis.figures_overview.SIZE", (64, 48))
     moments, _ = exchange(study, ("approach", "insert"))
     assert [entry.phase for entry in moments] == ["approach", "insert"]
@@ -32,7 +28,5 @@ def test_moments_are_shown_in_the_order_of_the_exchange(study: Comparison, monke
         assert len({entry.picture for entry in moments}) == 2
 
 
-def test_without_the_record_there_is_nothing_to_show(study: Comparison) -> None:
-    main, *rest = study.campaigns
-    logs = {name: log for name, log in main.logs.items() if name != RPCM}
-    assert exchange(replace(study, campaigns=(replace(main, logs=logs), *rest))) == ((), "")
+def test_without_the_record_there_is_nothing_to_show(study):
+    assert exchange(without_log(study, RPCM)) == ((), "")

@@ -16,6 +16,7 @@ from scenarios.thesis.record_fits import (
     within_reach,
 )
 from scenarios.thesis.verdicts import MARGIN, ahead, comparison_word, tied
+from tests.scenarios.thesis.altered import without_log
 
 YAW = "shoulder_yaw"
 
@@ -30,7 +31,7 @@ def _with_fit(study: Comparison, number: int, value: float) -> Comparison:
 
 
 @pytest.mark.parametrize("number", [5, 6])
-def test_records_of_the_same_sequence_are_not_held_out(study: Comparison, number: int) -> None:
+def test_records_of_the_same_sequence_are_not_held_out(study, number):
     changed = _with_fit(study, number, -1e9)
     for way in WAYS:
         assert held_out_fit(changed, "SysID", YAW, way) == held_out_fit(study, "SysID", YAW, way)
@@ -39,31 +40,28 @@ def test_records_of_the_same_sequence_are_not_held_out(study: Comparison, number
     assert not [name for name in several if name.startswith(("mimo-7", "mimo-8"))]
 
 
-def test_without_records_nothing_is_held_out(study: Comparison) -> None:
+def test_without_records_nothing_is_held_out(study):
     joints = {name: replace(entry, data={5: entry.data[5]}) for name, entry in study.joints.items()}
     poor = replace(study, joints=joints, multivariable=replace(study.multivariable, records=("mimo-7",)))
     with pytest.raises(MissingRecordError, match="no record of shoulder_yaw is left"):
         held_out_fit(poor, "OKID", YAW, "simulation")
 
 
-def test_a_missing_single_joint_test_is_not_passed_over(study: Comparison) -> None:
+def test_a_missing_single_joint_test_is_not_passed_over(study):
     entry = study.joints[YAW]
     models = {
         key: replace(model, fits={n: fit for n, fit in model.fits.items() if n != 2})
         for key, model in entry.models.items()
     }
-    logs = {name: log for name, log in study.logs.items() if name != f"siso-2-{YAW}"}
-    main = replace(study.campaign, logs=logs, failed={f"siso-2-{YAW}": "the physics diverged"})
-    poor = replace(
-        study, joints={**study.joints, YAW: replace(entry, models=models)}, campaigns=(main, *study.campaigns[1:])
-    )
+    poor = without_log(study, f"siso-2-{YAW}", "the physics diverged")
+    poor = replace(poor, joints={**study.joints, YAW: replace(entry, models=models)})
     with pytest.raises(MissingRecordError, match="siso-2-shoulder_yaw: the physics diverged"):
         fits_to_records(poor, "OKID", YAW, ((1, 2), ()), "simulation")
     assert list(fits_to_records(poor, "OKID", YAW, ((1,), ("mimo-1",)), "simulation")) == ["siso-1", "mimo-1"]
 
 
 @pytest.mark.parametrize("record", ["mimo-1", "siso-3"])
-def test_the_shares_of_what_is_missing_add_up(study: Comparison, record: str) -> None:
+def test_the_shares_of_what_is_missing_add_up(study, record):
     for joint in study.joints:
         shares = missing_fit_shares(study, joint, record, 60.0)
         assert sum(shares.values()) == pytest.approx(40.0)
@@ -73,12 +71,12 @@ def test_the_shares_of_what_is_missing_add_up(study: Comparison, record: str) ->
     assert missing_fit_shares(study, "shoulder_pitch", "mimo-1", 60.0)["coupling"] > 10.0
 
 
-def test_ties_are_named() -> None:
+def test_ties_are_named():
     assert ties({"shoulder_yaw, one step": 0.1, "elbow": -0.3}) == "tied: shoulder yaw, one step"
     assert ties({"elbow": 0.2}) == "nothing is tied"
 
 
-def test_what_coupling_costs_is_said_beside_what_models_differ_by(study: Comparison) -> None:
+def test_what_coupling_costs_is_said_beside_what_models_differ_by(study):
     comparison_word = within_reach(study, ("mimo-12",))
     assert comparison_word.startswith("On mimo-12 the linear truth itself follows")
     assert "coupling, which neither model has, costs up to" in comparison_word
@@ -89,7 +87,7 @@ def test_what_coupling_costs_is_said_beside_what_models_differ_by(study: Compari
     ("difference", "word"),
     [(0.006, "tied"), (-0.19, "tied"), (0.21, "ahead"), (-0.21, "behind"), (MARGIN, "ahead"), (-MARGIN, "behind")],
 )
-def test_a_small_difference_is_a_tie(difference: float, word: str) -> None:
+def test_a_small_difference_is_a_tie(difference, word):
     assert comparison_word(difference) == word
     assert tied(difference) == (word == "tied")
     assert ahead(difference) == (word == "ahead")

@@ -1,7 +1,6 @@
 """What the package records of many seeds holds: a study of one of them concludes the same, and another arm does not."""
 
 import warnings
-from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -34,7 +33,7 @@ def yaw_bandwidths() -> dict[str, float]:
 
 
 @pytest.fixture
-def stiffer_servo(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def stiffer_servo(monkeypatch):
     """An arm whose position gains are ten percent higher."""
     tuned = hmtb_twin.arm.arm.tuned_gains
 
@@ -48,18 +47,18 @@ def stiffer_servo(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.mark.slow
-def test_a_fixed_seed_concludes_what_is_recorded_of_it() -> None:
+def test_a_fixed_seed_concludes_what_is_recorded_of_it():
     """Whole records of every test: when this fails on purpose, tests/benchmarks/findings.py makes the record anew."""
     (found,) = tally([SEED]).outcomes
     assert contradictions(found, recorded()) == ()
 
 
-def test_records_of_the_yaw_joint_alone_agree() -> None:
+def test_records_of_the_yaw_joint_alone_agree():
     before = recorded().of(SEED).recovered[YAW]
     assert yaw_bandwidths() == pytest.approx({name: entry.hz for name, entry in before.items()}, rel=1e-6)
 
 
-def test_a_servo_that_is_ten_percent_stiffer_is_found_out(stiffer_servo: None) -> None:
+def test_a_servo_that_is_ten_percent_stiffer_is_found_out(stiffer_servo):
     reference = recorded()
     before = reference.of(SEED)
     moved = {
@@ -75,19 +74,19 @@ def test_a_servo_that_is_ten_percent_stiffer_is_found_out(stiffer_servo: None) -
 
 
 @pytest.mark.parametrize("key", CLAIMS)
-def test_a_verdict_that_flips_is_found_out(key: str) -> None:
+def test_a_verdict_that_flips_is_found_out(key):
     before = recorded().of(SEED)
     flipped = "not reproduced" if before.verdicts[key] != "not reproduced" else "reproduced"
     found = replace(before, verdicts={**before.verdicts, key: flipped})
     assert contradictions(found, recorded()) == (f"{key}: {flipped}, recorded of seed {SEED}: {before.verdicts[key]}",)
 
 
-def test_every_seed_agrees_with_the_tally_that_it_is_in() -> None:
+def test_every_seed_agrees_with_the_tally_that_it_is_in():
     for entry in recorded().outcomes:
         assert contradictions(entry, recorded()) == ()
 
 
-def test_whole_records_of_seeds_from_one_on_came_to_an_end() -> None:
+def test_whole_records_of_seeds_from_one_on_came_to_an_end():
     found = recorded()
     assert [entry.seed for entry in found.outcomes] == list(range(1, 21))
     assert found.duration is None
@@ -98,7 +97,7 @@ def test_whole_records_of_seeds_from_one_on_came_to_an_end() -> None:
 
 
 @pytest.mark.parametrize("key", CLAIMS)
-def test_another_seed_concludes_the_same_or_the_report_says_that_it_depends(key: str) -> None:
+def test_another_seed_concludes_the_same_or_the_report_says_that_it_depends(key):
     found = recorded().frequency(key)
     assert found.seeds == len(recorded().outcomes)
     said = frequency_text(decided_finding(key, found.usual, 1.0, "", ""), recorded())

@@ -7,7 +7,8 @@ import pytest
 
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog
-from scenarios.experiments.campaign import NOMINAL, Campaign
+from scenarios.experiments.campaign import NOMINAL
+from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS, impulse_response, reference_fits
 from sysid import StateSpace
 
@@ -48,20 +49,20 @@ def _campaign(truth: StateSpace, *, noise: float = 0.0, late: int = 0, offset: f
         counts=zeros,
         status=np.zeros(samples, dtype=int),
     )
-    return Campaign(NOMINAL, None, MappingProxyType({"mimo-1": log}), {})  # type: ignore[arg-type]
+    return Campaign(NOMINAL, None, MappingProxyType({"mimo-1": log}), {})
 
 
 def _fits(truth: StateSpace, campaign: Campaign) -> dict[str, dict[str, float]]:
     return {entry.name: dict(entry.fits["mimo-1"]) for entry in reference_fits(campaign, ("mimo-1",), truth)}
 
 
-def test_the_impulse_response_is_the_model() -> None:
+def test_the_impulse_response_is_the_model():
     pulses = impulse_response(_truth(0.1))
     np.testing.assert_allclose(pulses[1:4, 1, 2], [0.1, 0.08, 0.064])
     assert np.abs(pulses[-1]).max() < 1e-6
 
 
-def test_only_the_joint_that_is_pushed_loses_by_leaving_the_coupling_out() -> None:
+def test_only_the_joint_that_is_pushed_loses_by_leaving_the_coupling_out():
     truth = _truth(0.1)
     found = _fits(truth, _campaign(truth))
     assert list(found[COUPLED].values()) == pytest.approx([100.0] * 3, abs=1e-3)
@@ -69,7 +70,7 @@ def test_only_the_joint_that_is_pushed_loses_by_leaving_the_coupling_out() -> No
     assert found[DIAGONAL][SHOULDER] < 80.0
 
 
-def test_noise_caps_what_the_true_angles_follow_and_reading_late_does_not() -> None:
+def test_noise_caps_what_the_true_angles_follow_and_reading_late_does_not():
     truth = _truth(0.0)
     clean = _campaign(truth)
     spread = clean.several("mimo-1").y.std(axis=0)

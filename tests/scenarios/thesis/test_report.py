@@ -4,14 +4,12 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
-from pathlib import Path
 
 import matplotlib
 import pytest
 
 from scenarios.files.errors import ScenarioError
 from scenarios.report.figures import SETTINGS, Gallery
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.frequencies import ORDER, chance
@@ -50,18 +48,18 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def shown(study: Comparison) -> dict[str, object]:
+def shown(study):
     """What the page shows: drawn once, because a hundred figures take their time."""
     with matplotlib.rc_context(SETTINGS):
         return context(study, findings(study), Gallery(), None)
 
 
 @pytest.fixture(scope="module")
-def text(shown: dict[str, object]) -> str:
+def text(shown):
     return html(shown)
 
 
-def test_nothing_is_loaded_from_anywhere(text: str) -> None:
+def test_nothing_is_loaded_from_anywhere(text):
     parsed = Page(text)
     assert not parsed.of("script")
     assert not parsed.of("link")
@@ -75,7 +73,7 @@ def test_nothing_is_loaded_from_anywhere(text: str) -> None:
     assert set(re.findall(r"https?://[^\s\"'<)]+", text)) <= allowed
 
 
-def test_every_figure_has_words_and_every_mark_is_unique(text: str) -> None:
+def test_every_figure_has_words_and_every_mark_is_unique(text):
     parsed = Page(text)
     drawings = parsed.of("svg")
     assert len(drawings) > 30
@@ -89,7 +87,7 @@ def test_every_figure_has_words_and_every_mark_is_unique(text: str) -> None:
     assert numbers == list(range(1, len(drawings) + 1))
 
 
-def test_contents_lead_to_sections_with_headings(text: str) -> None:
+def test_contents_lead_to_sections_with_headings(text):
     parsed = Page(text)
     sections = [entry["id"] for entry in parsed.of("section")]
     marks = {attributes["id"] for _, attributes in parsed.tags if "id" in attributes}
@@ -105,14 +103,14 @@ def test_contents_lead_to_sections_with_headings(text: str) -> None:
     assert parsed.of("html")[0]["lang"] == "en"
 
 
-def test_headings_leave_no_level_out(text: str) -> None:
+def test_headings_leave_no_level_out(text):
     levels = [int(level) for level in re.findall(r"<h([1-6])[ >]", text)]
     assert levels[0] == 1
     assert levels.count(1) == 1
     assert all(later - earlier <= 1 for earlier, later in pairwise(levels))
 
 
-def test_every_table_has_a_caption_and_cells_have_headers(text: str) -> None:
+def test_every_table_has_a_caption_and_cells_have_headers(text):
     tables = re.findall(r"<table>.*?</table>", text, flags=re.S)
     assert len(tables) > 8
     bare = [re.sub("<[^>]+>", " ", table)[:80] for table in tables if "<caption>" not in table]
@@ -120,7 +118,7 @@ def test_every_table_has_a_caption_and_cells_have_headers(text: str) -> None:
     assert all(re.findall(r"<th(?=[ >])(?![^>]*scope=)[^>]*>", table) == [] for table in tables)
 
 
-def test_every_figure_of_the_thesis_has_its_counterpart(text: str) -> None:
+def test_every_figure_of_the_thesis_has_its_counterpart(text):
     section = text[text.index('<section id="figure-map">') :]
     without = re.findall(r'<span class="whole">(\w+): <strong>none', section)
     assert not without, f"no counterpart of figures {', '.join(without)} of the thesis"
@@ -130,7 +128,7 @@ def test_every_figure_of_the_thesis_has_its_counterpart(text: str) -> None:
     assert len(linked) > 60
 
 
-def test_the_answer_stands_in_the_table(text: str, study: Comparison) -> None:
+def test_the_answer_stands_in_the_table(text, study):
     for entry in study.joints.values():
         assert f"{entry.truth.bandwidth_hz:.3f}" in text
         for model in entry.models.values():
@@ -140,7 +138,7 @@ def test_the_answer_stands_in_the_table(text: str, study: Comparison) -> None:
     )
 
 
-def test_every_finding_is_listed_with_verdict_and_reason(text: str, study: Comparison) -> None:
+def test_every_finding_is_listed_with_verdict_and_reason(text, study):
     rows = re.findall(r'<tr id="(F\d+)">(.*?)</tr>', text, flags=re.S)
     assert [key for key, _ in rows] == [f"F{number}" for number in range(1, 27)]
     for (_, row), finding in zip(rows, findings(study), strict=True):
@@ -148,9 +146,7 @@ def test_every_finding_is_listed_with_verdict_and_reason(text: str, study: Compa
         assert len(row[row.index('data-label="Why"') :]) > 30
 
 
-def test_frequencies_and_ranges_stand_beside_the_findings(
-    text: str, study: Comparison, shown: dict[str, object]
-) -> None:
+def test_frequencies_and_ranges_stand_beside_the_findings(text, study, shown):
     found = findings(study)
     first, second = found[0], found[1]
     here = outcome(study, found)
@@ -178,25 +174,23 @@ def test_frequencies_and_ranges_stand_beside_the_findings(
     assert "What another seed changes" not in text
 
 
-def test_short_records_are_marked(text: str) -> None:
+def test_short_records_are_marked(text):
     assert "Records of 24 s: a look, not a result" in text
     assert "(quick run)</title>" in text
     assert text.count('<p class="quick">') == 2
     assert "stands on the twin" not in text
 
 
-def test_the_report_says_how_to_get_a_row_again(text: str) -> None:
+def test_the_report_says_how_to_get_a_row_again(text):
     assert "hmtb identify siso-5-shoulder_yaw.nc --method armax --orders 5 3 5 2 --skip 4" in text
     assert "hmtb simulate siso-5-shoulder_yaw --duration 24 --seed 11" in text
 
 
-def test_it_is_light(text: str) -> None:
+def test_it_is_light(text):
     assert len(text.encode()) < 15e6
 
 
-def test_the_report_is_written_whole_with_its_cost(
-    study: Comparison, shown: dict[str, object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_report_is_written_whole_with_its_cost(study, shown, tmp_path, monkeypatch):
     given: list[object] = []
 
     def drawn_already(*arguments: object) -> dict[str, object]:
@@ -210,18 +204,17 @@ def test_the_report_is_written_whole_with_its_cost(
     assert isinstance(gallery, Gallery)
     assert gallery.folder == tmp_path
     row = re.search(r"All of it</th><td>([\d.]+) s", path.read_text(encoding="utf-8"))
-    assert row is not None
     assert float(row[1]) >= round(study.cost.total_s, 1)
 
 
-def test_an_unwritable_report_is_refused_before_it_is_drawn(study: Comparison, tmp_path: Path) -> None:
+def test_an_unwritable_report_is_refused_before_it_is_drawn(study, tmp_path):
     with pytest.raises(ScenarioError, match="there is no folder"):
         write_report(study, (), tmp_path / "missing" / "report.html")
     with pytest.raises(ScenarioError, match="is a folder"):
         write_report(study, (), tmp_path)
 
 
-def test_whole_records_are_not_marked(study: Comparison, shown: dict[str, object]) -> None:
+def test_whole_records_are_not_marked(study, shown):
     main, *rest = study.campaigns
     whole = replace(study, campaigns=(replace(main, duration=None), *rest))
     text = html({**shown, "study": whole, "headline": headline(whole), "answers": answers(whole)})

@@ -2,13 +2,12 @@
 
 from dataclasses import replace
 
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Verdict, decided_finding
 from scenarios.thesis.monte_carlo import recorded
 from scenarios.thesis.report import shortcomings
 
 
-def test_findings_fall_into_their_lists(study: Comparison) -> None:
+def test_findings_fall_into_their_lists(study):
     entries = [
         decided_finding("F1", "reproduced", 1.0, "Hz", "so"),
         decided_finding("F2", "partly", 1.0, "Hz", "so"),
@@ -22,7 +21,7 @@ def test_findings_fall_into_their_lists(study: Comparison) -> None:
     assert (found.intervals, found.misses, found.printed) == (0, (), 0)
 
 
-def test_every_interval_that_misses_is_listed_with_its_distance(study: Comparison) -> None:
+def test_every_interval_that_misses_is_listed_with_its_distance(study):
     found = shortcomings(study, ())
     models = [(name, model) for name, entry in study.joints.items() for model in entry.models.values()]
     assert found.intervals == len(models)
@@ -31,7 +30,7 @@ def test_every_interval_that_misses_is_listed_with_its_distance(study: Compariso
     assert [abs(miss.away) for miss in found.misses] == sorted((abs(miss.away) for miss in found.misses), reverse=True)
 
 
-def test_printed_models_far_from_1_hz_are_listed(study: Comparison) -> None:
+def test_printed_models_far_from_1_hz_are_listed(study):
     found = shortcomings(study, ())
     assert found.printed == 8
     assert {label for joint, label, hz in found.printed_far if joint == "shoulder_yaw"} == {
@@ -39,7 +38,7 @@ def test_printed_models_far_from_1_hz_are_listed(study: Comparison) -> None:
     }
 
 
-def test_verdicts_that_most_seeds_contradict_are_listed(study: Comparison) -> None:
+def test_verdicts_that_most_seeds_contradict_are_listed(study):
     bare, many = replace(study, joints={}), recorded()
     other: Verdict = "partly" if many.frequency("F15").usual != "partly" else "reproduced"
     entries = [

@@ -1,36 +1,23 @@
 """The whole pipeline on short records, against the truth."""
 
 import re
-from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 import sysid
-from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, linearize, load_arm
+from hmtb_twin import JOINTS, STUDIED_JOINTS, linearize, load_arm
 from hmtb_twin.parameters.values import HAND_CONTROLLER, MOTIONS
-from scenarios.experiments.campaign import (
-    CONDITIONS,
-    EVERY_TEST,
-    FAIRNESS_TESTS,
-    NOMINAL,
-    OTHER_WAVEFORMS,
-    SINGLE_JOINT,
-    Campaign,
-    Condition,
-    campaign_scenario,
-    single_joint_test,
-)
+from scenarios.experiments.campaign import NOMINAL, SINGLE_JOINT, Condition, campaign_scenario, single_joint_test
 from scenarios.experiments.log_review import SETTLING, prepared, swing, velocity_limited_share
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.registry import load
 from scenarios.files.errors import ScenarioError
 from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
-from scenarios.thesis.attribution import conditions, half_power_spread, order_effects
-from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, full_models, relative_error, three_joint_truth
+from scenarios.thesis.attribution import ORDERS, conditions, half_power_spread, order_effects, spread
+from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, OTHER_WAVEFORMS, Campaign
+from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, full_models, three_joint_truth
 from scenarios.thesis.multi_input import METHODS as METHODS_OF_SEVERAL
 from scenarios.thesis.nonparametric import period_spectra
 from scenarios.thesis.study import ESTIMATION_TEST, draw_conclusions, plan, run_study, study_joint
@@ -39,7 +26,7 @@ from sysid import Estimate, IOData, StateSpace, SysidError
 METHODS = {"armax", "oe", "okid", "oe_high"}
 
 
-def test_every_joint_has_every_method_and_every_fit(study: Comparison) -> None:
+def test_every_joint_has_every_method_and_every_fit(study):
     assert tuple(study.joints) == STUDIED_JOINTS
     assert not study.failed
     for entry in study.joints.values():
@@ -51,7 +38,7 @@ def test_every_joint_has_every_method_and_every_fit(study: Comparison) -> None:
             assert {fit.test for fit in model.held_out(2)} == set(SINGLE_JOINT) - {2}
 
 
-def test_structures_are_the_thesis_own() -> None:
+def test_structures_are_the_thesis_own():
     chosen = {
         joint: {entry.estimator: entry.orders for entry in entries if entry.chosen}
         for joint, entries in STRUCTURES.items()
@@ -63,7 +50,7 @@ def test_structures_are_the_thesis_own() -> None:
     }
 
 
-def test_bandwidths_are_recovered_to_what_friction_allows(study: Comparison) -> None:
+def test_bandwidths_are_recovered_to_what_friction_allows(study):
     for entry in study.joints.values():
         for model in entry.models.values():
             assert model.half_power_hz == pytest.approx(entry.truth.bandwidth_hz, rel=0.1)
@@ -73,7 +60,7 @@ def test_bandwidths_are_recovered_to_what_friction_allows(study: Comparison) -> 
             assert model.covers == (model.ci95[0] <= entry.truth.bandwidth_hz <= model.ci95[1])
 
 
-def test_without_friction_and_at_small_amplitude_the_truth_comes_back(study: Comparison) -> None:
+def test_without_friction_and_at_small_amplitude_the_truth_comes_back(study):
     for name, entry in study.attribution.items():
         assert not entry.missing
         parts = entry.parts
@@ -86,27 +73,27 @@ def test_without_friction_and_at_small_amplitude_the_truth_comes_back(study: Com
         assert abs(parts[0].bandwidth_hz - true) > abs(parts[1].bandwidth_hz - true)
 
 
-def test_models_follow_data_that_they_have_not_seen(study: Comparison) -> None:
+def test_models_follow_data_that_they_have_not_seen(study):
     for entry in study.joints.values():
         for model in entry.models.values():
             assert min(fit.simulation for fit in model.held_out(ESTIMATION_TEST)) > 70.0
 
 
-def test_three_joint_models_are_near_the_true_coupled_response(study: Comparison) -> None:
+def test_three_joint_models_are_near_the_true_coupled_response(study):
     orders = {entry.name: entry.model.order for entry in study.three_joint}
     assert orders == {"SysID model": 10, "OKID model": 6, "hybrid model": 9}
     for entry in study.three_joint:
         assert entry.diagonal_error < entry.error < 0.15
 
 
-def test_same_seed_same_result(study: Comparison) -> None:
+def test_same_seed_same_result(study):
     name = single_joint_test(ESTIMATION_TEST, "elbow_pitch")
     again, other = (campaign_scenario(name, seed=seed, duration=24.0) for seed in (11, 12))
     assert study.logs[name].seed == again.seed != other.seed
     assert again.excitation[0].parameters["seed"] == 11
 
 
-def test_conditions_switch_off_one_thing_more_each_time() -> None:
+def test_conditions_switch_off_one_thing_more_each_time():
     scenario = load("siso-5-elbow_pitch")
     smooth, small = conditions(scenario)
     assert (smooth.chain.friction, small.chain.friction) == (False, False)
@@ -118,7 +105,7 @@ def test_conditions_switch_off_one_thing_more_each_time() -> None:
     assert len({scenario.name, smooth.name, small.name}) == 3
 
 
-def test_preparation_leaves_whole_settled_periods_without_mean(study: Comparison) -> None:
+def test_preparation_leaves_whole_settled_periods_without_mean(study):
     log = study.logs["siso-5-elbow_pitch"]
     data = prepared(log, "elbow_pitch")
     assert len(data) == len(log.commanded) - round(50 * SETTLING)
@@ -127,7 +114,7 @@ def test_preparation_leaves_whole_settled_periods_without_mean(study: Comparison
     assert abs(data.y.mean()) < 1e-15
 
 
-def test_slewing_counts_steps_at_the_velocity_limit(study: Comparison) -> None:
+def test_slewing_counts_steps_at_the_velocity_limit(study):
     for name, entry in study.joints.items():
         assert set(entry.slewing) == set(SINGLE_JOINT)
         assert 0.85 < entry.slewing[ESTIMATION_TEST] < 1.0
@@ -142,21 +129,18 @@ def test_slewing_counts_steps_at_the_velocity_limit(study: Comparison) -> None:
         assert swing(slow, name) == pytest.approx(0.5 * entry.swing[ESTIMATION_TEST])
 
 
-def test_the_gain_is_0707_where_it_is_measured(study: Comparison) -> None:
-    """Orders disagree on the gain at 0 Hz, which nothing excites, but hardly on where the gain is 0.707."""
-    for effects in study.orders.values():
+def test_orders_disagree_on_the_gain_at_0_hz_but_hardly_on_where_it_is_0707(study):
+    """Nothing excites 0 Hz."""
+    for name, effects in study.orders.items():
+        assert tuple(entry.orders[:2] for entry in effects) == ORDERS
+        low, high = spread(effects)
+        assert low < high
+        assert study.joints[name].models["oe_high"].bandwidth_hz in [entry.bandwidth_hz for entry in effects]
         low, high = half_power_spread([entry for entry in effects if entry.orders[:2] != (2, 2)])
         assert high / low < 1.02
 
 
-def test_relative_error_is_that_of_the_response() -> None:
-    truth = StateSpace([[0.9]], [[0.1]], [[1.0]], [[0.0]], None, 0.02)
-    off = StateSpace([[0.9]], [[0.11]], [[1.0]], [[0.0]], None, 0.02)
-    assert relative_error(truth, truth) == 0.0
-    assert relative_error(off, truth) == pytest.approx(0.1)
-
-
-def test_period_spectra_tell_the_disturbance_apart() -> None:
+def test_period_spectra_tell_the_disturbance_apart():
     rng = np.random.default_rng(3)
     u = np.tile(rng.standard_normal(100), 200)
     noise = 0.1 * rng.standard_normal(len(u))
@@ -166,22 +150,12 @@ def test_period_spectra_tell_the_disturbance_apart() -> None:
     assert found.disturbance.mean() == pytest.approx(0.01 * 0.02, rel=0.05)
 
 
-def test_the_effect_of_the_order_is_reported(study: Comparison) -> None:
-    from scenarios.thesis.attribution import ORDERS, spread
-
-    for name, effects in study.orders.items():
-        assert tuple(entry.orders[:2] for entry in effects) == ORDERS
-        low, high = spread(effects)
-        assert low < high
-        assert study.joints[name].models["oe_high"].bandwidth_hz in [entry.bandwidth_hz for entry in effects]
-
-
 SMOOTH = Condition(friction=False)
 PUBLISHED = Condition("published")
 
 
 @pytest.mark.parametrize("given", [(NOMINAL,), (NOMINAL, PUBLISHED, SMOOTH), CONDITIONS])
-def test_the_second_campaign_is_always_the_same_arm_without_friction(given: tuple[Condition, ...]) -> None:
+def test_the_second_campaign_is_always_the_same_arm_without_friction(given):
     played = plan(given)
     arms = [condition for condition, _ in played]
     assert arms[:2] == [NOMINAL, SMOOTH]
@@ -207,9 +181,7 @@ def test_the_second_campaign_is_always_the_same_arm_without_friction(given: tupl
         ({"seed": 1.5}, "seed must be a whole number, given 1.5"),
     ],
 )
-def test_what_no_study_can_be_made_of_is_refused_before_anything_is_played(
-    settings: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_no_study_can_be_made_of_is_refused_before_anything_is_played(settings, message, monkeypatch):
     def never(*_: object, **__: object) -> None:
         pytest.fail("something was played")
 
@@ -218,7 +190,7 @@ def test_what_no_study_can_be_made_of_is_refused_before_anything_is_played(
         run_study(**settings)
 
 
-def test_conclusions_are_drawn_of_an_arm_and_the_same_without_friction() -> None:
+def test_conclusions_are_drawn_of_an_arm_and_the_same_without_friction():
     truth = linearize(NOMINAL.arm())
     rough, smooth, other = (Campaign(arm, truth, {}, {}) for arm in (NOMINAL, SMOOTH, PUBLISHED))
     for given in ((), (rough,), (rough, other), (smooth, rough), (smooth, smooth)):
@@ -226,9 +198,7 @@ def test_conclusions_are_drawn_of_an_arm_and_the_same_without_friction() -> None
             draw_conclusions(given)
 
 
-def test_a_record_without_a_model_that_the_study_is_about_is_named(
-    synthetic_logs: Callable[[Sequence[str]], dict[str, JointLog]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_record_without_a_model_that_the_study_is_about_is_named(synthetic_logs, monkeypatch):
     name = single_joint_test(ESTIMATION_TEST, "elbow_pitch")
 
     def refuses(*_: object) -> None:
@@ -241,9 +211,7 @@ def test_a_record_without_a_model_that_the_study_is_about_is_named(
         study_joint("elbow_pitch", campaign)
 
 
-def test_an_order_that_is_refused_is_left_out(
-    synthetic_logs: Callable[[Sequence[str]], dict[str, JointLog]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_order_that_is_refused_is_left_out(synthetic_logs, monkeypatch):
     name = single_joint_test(ESTIMATION_TEST, "elbow_pitch")
     data = prepared(synthetic_logs([name])[name], "elbow_pitch")
     oe = sysid.oe
@@ -260,9 +228,7 @@ def test_an_order_that_is_refused_is_left_out(
         order_effects(data, 1)
 
 
-def test_a_method_that_refuses_a_record_of_several_joints_is_left_out(
-    synthetic_logs: Callable[[Sequence[str]], dict[str, JointLog]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_method_that_refuses_a_record_of_several_joints_is_left_out(synthetic_logs, monkeypatch):
     def refuses(_: IOData) -> StateSpace:
         raise SysidError("no states")
 

@@ -5,11 +5,8 @@ from inspect import signature
 from pathlib import Path
 from typing import get_args
 
-import pytest
-
 import scenarios.thesis.study
 from scenarios.commands.thesis import thesis
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import CLAIMS, Verdict
 from scenarios.thesis.frequencies import ORDER
 from scenarios.thesis.study import ESTIMATION_TEST
@@ -17,13 +14,13 @@ from scenarios.thesis.study import ESTIMATION_TEST
 PAGE = (Path(__file__).parents[3] / "docs/study.md").read_text(encoding="utf-8")
 
 
-def test_the_switches_exist() -> None:
+def test_the_switches_exist():
     used = set(re.findall(r"hmtb thesis --(\w+)", PAGE))
     assert used == {"seed", "seeds", "figures", "quick"}
     assert used < set(signature(thesis).parameters)
 
 
-def test_the_verdicts_and_claims_are_all_there() -> None:
+def test_the_verdicts_and_claims_are_all_there():
     listed = re.findall(r"^\| ([a-z ]+) \|", PAGE, flags=re.M)
     assert tuple(listed) == ORDER
     assert set(listed) == set(get_args(Verdict))
@@ -31,15 +28,13 @@ def test_the_verdicts_and_claims_are_all_there() -> None:
     assert f"test\n   {ESTIMATION_TEST}, the PRBS" in PAGE
 
 
-def test_every_claim_is_listed() -> None:
+def test_every_claim_is_listed():
     (listed,) = re.findall(r"<!-- claims: .*?-->\n(.*?)<!-- end of claims -->", PAGE, flags=re.S)
     rows = [f"| {claim.key} | {claim.text} | {claim.where} |" for claim in CLAIMS.values()]
     assert listed.splitlines() == ["| | Claim | Thesis |", "|---|---|---|", *rows]
 
 
-def test_the_example_runs(
-    study: Comparison, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_example_runs(study, monkeypatch, capsys):
     monkeypatch.setattr(scenarios.thesis.study, "run_study", lambda **_: study)
     (example,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.S)
     exec(compile(example, "docs/study.md", "exec"), {})
@@ -48,6 +43,6 @@ def test_the_example_runs(
     assert lines[-1].startswith("F26 ")
 
 
-def test_links_lead_somewhere() -> None:
+def test_links_lead_somewhere():
     folder = Path(__file__).parents[3] / "docs"
     assert all((folder / name).is_file() for name in re.findall(r"\]\(([\w.-]+\.md)\)", PAGE))

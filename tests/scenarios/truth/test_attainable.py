@@ -6,35 +6,32 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hmtb_twin import IDEAL, Chain, JointLog, Plant, TwinError, load_arm, simulate
+from hmtb_twin import IDEAL, Chain, Plant, load_arm, simulate
 from scenarios import Scenario, ScenarioError, load
-from scenarios.truth.attainable import Attainable, attainable
-from scenarios.truth.attainable_models import conditional_mean
-from sysid import IOData, armax, arx, compare, oe, predict
+from scenarios.truth.attainable import attainable
+from scenarios.truth.noise_free import conditional_mean
+from sysid import armax, arx, compare, oe, predict
+from tests.refusals import refused
 
 QUIET = replace(IDEAL, resolver=True)
 
 
-def run(name: str, seeds: tuple[int, ...] = (1,), *, duration: float = 60.0, **changes: object) -> list[JointLog]:
-    scenario = replace(load(name), duration=duration, **changes)  # type: ignore[arg-type]
+def run(name, seeds=(1,), *, duration=60.0, **changes):
+    scenario = replace(load(name), duration=duration, **changes)
     return list(simulate([replace(scenario, seed=seed) for seed in seeds]))
 
 
-def errors(record: IOData, hat: np.ndarray) -> float:
+def errors(record, hat):
     return float(np.sqrt(np.mean((record.y - hat) ** 2)))
 
 
-def floors(found: Attainable) -> list[float]:
-    return [getattr(h, n).rmse for h in (found.simulation, found.one_step) for n in ("any_model", "best_linear")]
-
-
 @pytest.fixture(scope="module")
-def sliding() -> JointLog:
+def sliding():
     """The yaw joint without friction: as linear as the arm gets."""
     return run("siso-5-shoulder_yaw", chain=QUIET)[0]
 
 
-def test_on_a_linear_joint_all_floors_are_the_recorder_noise(sliding: JointLog) -> None:
+def test_on_a_linear_joint_all_floors_are_the_recorder_noise(sliding):
     found = attainable(sliding)
     noise = float(np.hypot(1e-4, 2 * np.pi / 2**16 / np.sqrt(12)))
     assert found.joint == "shoulder_yaw"
@@ -49,7 +46,7 @@ def test_on_a_linear_joint_all_floors_are_the_recorder_noise(sliding: JointLog) 
     assert found.simulation.any_model.fit == pytest.approx(100 * (1 - floor / sliding.iodata().y.std()))
 
 
-def test_without_noise_nothing_is_left(sliding: JointLog) -> None:
+def test_without_noise_nothing_is_left(sliding):
     found = attainable(run("siso-5-shoulder_yaw", chain=IDEAL)[0])
     assert found.simulation.any_model.rmse == 0.0
     assert found.simulation.any_model.fit == 100.0
@@ -67,7 +64,7 @@ def test_without_noise_nothing_is_left(sliding: JointLog) -> None:
         ("siso-5-shoulder_yaw", {"chain": Chain(), "plant": Plant(process_noise=0.005)}),
     ],
 )
-def test_no_estimator_goes_below_on_fresh_data(name: str, changes: dict[str, object]) -> None:
+def test_no_estimator_goes_below_on_fresh_data(name, changes):
     train, *fresh = run(name, (1, 2), duration=40.0, **changes)
     data = train.iodata().detrend()
     models = [oe(data, 5, 5), armax(data, 4, 4, 4)]
@@ -83,14 +80,14 @@ def test_no_estimator_goes_below_on_fresh_data(name: str, changes: dict[str, obj
             assert predicted > found.by_chance(found.one_step.best_linear.rmse, allowed)
 
 
-def test_a_sufficient_model_reaches_them_on_fresh_data(sliding: JointLog) -> None:
+def test_a_sufficient_model_reaches_them_on_fresh_data(sliding):
     fresh = run("siso-5-shoulder_yaw", (2,), chain=QUIET)[0]
     record, found = fresh.iodata().detrend(), attainable(fresh)
     best = errors(record, compare(oe(sliding.iodata().detrend(), 5, 5), record)[0].simulated)
     assert best < 1.01 * found.simulation.any_model.rmse
 
 
-def test_process_noise_parts_simulation_from_prediction(sliding: JointLog) -> None:
+def test_process_noise_parts_simulation_from_prediction(sliding):
     """The right predictor is that with the true K; a simulation cannot know what the drives did."""
     noisy = run("siso-5-shoulder_yaw", chain=QUIET, plant=Plant(process_noise=0.01))[0]
     found = attainable(noisy)
@@ -104,7 +101,7 @@ def test_process_noise_parts_simulation_from_prediction(sliding: JointLog) -> No
     assert found.distortion == pytest.approx(quiet.distortion, rel=1e-6)
 
 
-def test_friction_is_left_over_by_linear_systems_in_the_right_sequence() -> None:
+def test_friction_is_left_over_by_linear_systems_in_the_right_sequence():
     found = attainable(run("siso-5-shoulder_yaw", chain=Chain())[0])
     sequence = [
         found.simulation.any_model,
@@ -118,7 +115,7 @@ def test_friction_is_left_over_by_linear_systems_in_the_right_sequence() -> None
     assert found.distortion == pytest.approx(left, rel=0.1)
 
 
-def test_a_long_regression_from_another_record_does_not_beat_the_best_linear_system() -> None:
+def test_a_long_regression_from_another_record_does_not_beat_the_best_linear_system():
     """Sticking joints distort what a system of high order takes along where a file repeats within its memory."""
     train, fresh = run("siso-5-shoulder_yaw", (1, 2), chain=Chain(), plant=Plant(friction_level=8.0))
     found, record = attainable(fresh), fresh.iodata().detrend()
@@ -134,25 +131,25 @@ def test_a_long_regression_from_another_record_does_not_beat_the_best_linear_sys
 
 
 @pytest.mark.slow
-def test_where_process_noise_shakes_friction_the_floor_is_that_of_the_mean_response() -> None:
+def test_where_process_noise_shakes_friction_the_floor_is_that_of_the_mean_response():
     """A stuck joint creeps under noise; the motion without noise is not what to expect."""
     plant = Plant(process_noise=0.05, friction_level=20.0)
     log = run("siso-5-shoulder_yaw", duration=20.0, chain=Chain(), plant=plant)[0]
     found = attainable(log)
     assert found.provenance["noise-free angles"] == "mean of 8 draws of process noise"
-    still = conditional_mean(
+    still, variance = conditional_mean(
         load_arm(plant=replace(plant, process_noise=0.0)),
         load_arm().pose(log.provenance["pose"]),
         log.commanded,
         draws=2,
         seed=0,
     )
-    assert np.abs(still.variance).max() < 1e-30
-    assert found.simulation.any_model.rmse < 0.95 * errors(log.iodata(), still.angles[:, 1:2])
+    assert np.abs(variance).max() < 1e-30
+    assert found.simulation.any_model.rmse < 0.95 * errors(log.iodata(), still[:, 1:2])
     assert 0.0 < found.mean_error < 0.6 * found.simulation.any_model.rmse
 
 
-def test_several_axes_need_a_name_and_count_every_command() -> None:
+def test_several_axes_need_a_name_and_count_every_command():
     both = Scenario("both", ("shoulder_pitch", "elbow_pitch"), load("siso-5-elbow_pitch").excitation, 20.0, chain=QUIET)
     log = simulate([both])[0]
     with pytest.raises(ScenarioError, match="excites shoulder_pitch, elbow_pitch: name the joint"):
@@ -161,14 +158,14 @@ def test_several_axes_need_a_name_and_count_every_command() -> None:
     assert one.parameters[0] == 2 * (one.memory + 1) + 1
 
 
-def test_the_window_is_not_scored(sliding: JointLog) -> None:
+def test_the_window_is_not_scored(sliding):
     found = attainable(sliding, window=1000)
     error = sliding.measured[1000:, 1] - sliding.true_angles[999:-1, 1]
     assert found.samples == 2000
     assert found.simulation.any_model.rmse == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
 
 
-def test_a_few_steps_find_nearly_what_a_long_search_finds(sliding: JointLog) -> None:
+def test_a_few_steps_find_nearly_what_a_long_search_finds(sliding):
     """Nothing else depends on the search, and what it was is said."""
     whole, quick = attainable(sliding), attainable(sliding, steps=10)
     assert whole.right_order.rmse <= quick.right_order.rmse < 1.05 * whole.right_order.rmse
@@ -177,7 +174,7 @@ def test_a_few_steps_find_nearly_what_a_long_search_finds(sliding: JointLog) -> 
     assert quick.provenance["steps of each search for the right order"] == "10"
 
 
-def test_chance_is_that_of_chi_square(sliding: JointLog) -> None:
+def test_chance_is_that_of_chi_square(sliding):
     """A constant fitted to white noise undercuts by one degree of freedom; nothing else is claimed."""
     found = attainable(sliding)
     rng = np.random.default_rng(0)
@@ -188,28 +185,23 @@ def test_chance_is_that_of_chi_square(sliding: JointLog) -> None:
     assert np.mean(undercut) == pytest.approx(0.05, abs=0.015)
 
 
-def test_refusals(sliding: JointLog) -> None:
-    with pytest.raises(TwinError, match="unknown joint"):
-        attainable(sliding, "knee")
-    with pytest.raises(ScenarioError, match="window = 3000 given, expected 0 to 2999"):
-        attainable(sliding, window=3000)
-    with pytest.raises(ScenarioError, match=r"100 samples to score, expected \d+ or more"):
-        attainable(sliding, window=2900)
-    with pytest.raises(ScenarioError, match="provenance lacks variant, payload, pose, friction"):
-        attainable(replace(sliding, provenance={}))
-    with pytest.raises(ScenarioError, match="plant_friction_level = 'much' in its provenance, expected number"):
-        attainable(replace(sliding, provenance={**sliding.provenance, "plant_friction_level": "much"}))
-    off = sliding.status.copy()
-    off[5] = 16
-    with pytest.raises(ScenarioError, match="a shutdown, or work in contact, has no linear truth"):
-        attainable(replace(sliding, status=off))
-    still = sliding.measured.copy()
-    still[:, 6] = 0.3
-    with pytest.raises(ScenarioError, match="wrist_roll does not move"):
-        attainable(replace(sliding, measured=still), "wrist_roll")
+def test_refusals(sliding):
+    off, still = sliding.status.copy(), sliding.measured.copy()
+    off[5], still[:, 6] = 16, 0.3
+    cases = (
+        (sliding, {"window": 3000}, "window = 3000 given, expected 0 to 2999"),
+        (sliding, {"window": 2900}, r"100 samples to score, expected \d+ or more"),
+        (replace(sliding, status=off), {}, "a shutdown, or work in contact, has no linear truth"),
+        (replace(sliding, measured=still), {"joint": "wrist_roll"}, "wrist_roll does not move"),
+    )
+    for log, options, message in cases:
+        with pytest.raises(ScenarioError, match=message):
+            attainable(log, **options)
+    refused("unknown joint", attainable, sliding, "knee")
+    refused("provenance lacks variant, payload, pose, friction", attainable, replace(sliding, provenance={}))
 
 
-def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there() -> None:
+def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there():
     """Loaded valves rest about a milliradian off the command, several times what the drives' noise leaves."""
     plain, noisy = (
         run("siso-5-elbow_pitch", duration=12.0, chain=QUIET, plant=Plant(actuator="orifice", process_noise=noise))[0]
@@ -238,7 +230,7 @@ def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there(
     ],
     ids=lambda plant: f"{plant.actuator}-{plant.friction}-{plant.supply_pressure:g}-{plant.process_noise:g}",
 )
-def test_no_linear_system_goes_below_the_floor_of_any_model(plant: Plant) -> None:
+def test_no_linear_system_goes_below_the_floor_of_any_model(plant):
     for name in ("siso-5-elbow_pitch", "siso-5-shoulder_pitch"):
         found = attainable(run(name, duration=14.0, chain=Chain(), plant=plant)[0])
         # The mean is fitted to the very record.

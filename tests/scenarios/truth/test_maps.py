@@ -1,10 +1,7 @@
-"""Maps of the truth: their table against the truth itself, what they say in words, their figures and page."""
-
 import csv
 import io
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +11,9 @@ from hmtb_twin import (
     NOMINAL_PLANT,
     PAYLOADS,
     STUDIED_JOINTS,
-    Arm,
     OverloadError,
     Plant,
     Specimen,
-    TwinError,
     linearize,
     load_arm,
 )
@@ -26,9 +21,10 @@ from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE, POSES
 from scenarios.experiments.multisines import Multisines
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.map_figures import map_figures, write_maps
-from scenarios.truth.map_findings import findings, linear_range, turns_within
-from scenarios.truth.map_table import COLUMNS, MOVING, M, MapTable, linear_row, stacked, table_row
-from scenarios.truth.maps import PLANE, REACH, Density, Maps, conditions, maps
+from scenarios.truth.map_findings import findings, turns_within
+from scenarios.truth.map_table import COLUMNS, MOVING, M, linear_row, stacked, table_row
+from scenarios.truth.maps import PLANE, REACH, Density, conditions, maps
+from tests.refusals import refused
 
 HERE = np.array(POSES[OPERATING_POSE])
 STRETCHED = np.radians([0.0, 10.0, -60.0, 10.0, 20.0, 30.0, 40.0])
@@ -36,7 +32,7 @@ COARSE = Density(plane=(3, 4), cut=3, sample=12, condition=3, amplitudes=())
 SHORT = Multisines(realisations=2, period=5.12, f_min=0.15)
 
 
-def large_signal(varied: str, value: float, hz: float) -> MapTable:
+def large_signal(varied, value, hz):
     """A row of best linear approximations, the same for all studied joints."""
     columns = {name: np.full(M, np.nan) for name in ("bandwidth", "gain", "stick_bandwidth", "distortion", "slewing")}
     for name, number in zip(columns, (hz, 0.5, hz, 12.0, 0.25), strict=True):
@@ -45,19 +41,19 @@ def large_signal(varied: str, value: float, hz: float) -> MapTable:
     return table_row(varied, value, HERE, True, interval=interval, **columns)
 
 
-def changed(found: Maps, varied: str, **columns: np.ndarray) -> Maps:
+def changed(found, varied, **columns):
     """The same maps with other columns where something varies."""
     others = found.table.rows(*set(found.table.varied.tolist()) - {varied})
     return replace(found, table=stacked([others, replace(found.table.rows(varied), **columns)]))
 
 
 @pytest.fixture(scope="module")
-def small() -> Maps:
+def small():
     return maps(load_arm(), OPERATING_POSE, COARSE)
 
 
 @pytest.fixture(scope="module")
-def found(small: Maps) -> Maps:
+def found(small):
     """Coarse maps with large signals made up: measuring them is another test's business."""
     rows = [large_signal("amplitude", a, hz) for a, hz in ((1e-3, 0.3), (1e-2, 1.0), (0.1, 1.05))]
     rows += [large_signal("friction", level, hz) for level, hz in ((0.0, 1.03), (8.0, np.nan))]
@@ -65,7 +61,7 @@ def found(small: Maps) -> Maps:
 
 
 @pytest.mark.parametrize("pose", [HERE, STRETCHED], ids=["operating pose", "stretched"])
-def test_a_row_is_the_truth_of_its_pose(pose: np.ndarray) -> None:
+def test_a_row_is_the_truth_of_its_pose(pose):
     row, truth = linear_row("near", 0.0, load_arm(), pose), linearize(load_arm(), pose, amplitudes=())
     for column, name in enumerate(MOVING):
         entry = truth.joint(name)
@@ -90,7 +86,7 @@ def test_a_row_is_the_truth_of_its_pose(pose: np.ndarray) -> None:
     assert row.interaction[0, i] == pytest.approx(abs(g[i, i] * commands[i] - 1.0))
 
 
-def test_an_arm_that_cannot_hold_itself_has_no_bandwidth() -> None:
+def test_an_arm_that_cannot_hold_itself_has_no_bandwidth():
     weak = load_arm(plant=replace(NOMINAL_PLANT, supply_pressure=7.0))
     with pytest.raises(OverloadError, match=r"at 7 MPa the drives cannot hold"):
         linearize(weak, amplitudes=())
@@ -103,11 +99,10 @@ def test_an_arm_that_cannot_hold_itself_has_no_bandwidth() -> None:
         assert np.isfinite(vars(rows)[name][1]).all()
     with pytest.raises(ValueError, match="read-only"):
         rows.bandwidth[0, 0] = 1.0
-    with pytest.raises(TwinError, match="expected a name or 7 finite"):
-        linear_row("near", 0.0, weak, np.full(7, np.nan))
+    refused("expected a name or 7 finite", linear_row, "near", 0.0, weak, np.full(7, np.nan))
 
 
-def test_workspace_varies_shoulder_and_elbow_pitch_alone(small: Maps) -> None:
+def test_workspace_varies_shoulder_and_elbow_pitch_alone(small):
     rows = small.table.rows("workspace")
     angles = rows.angles.reshape(3, 4, 7)
     first, second = (JOINTS.index(name) for name in PLANE)
@@ -119,14 +114,14 @@ def test_workspace_varies_shoulder_and_elbow_pitch_alone(small: Maps) -> None:
     assert rows.of("shoulder_pitch")[2 * 4 + 1] == pytest.approx(one, rel=1e-7)
 
 
-def test_turning_about_the_vertical_changes_nothing(small: Maps) -> None:
+def test_turning_about_the_vertical_changes_nothing(small):
     # But for the pin of the shoulder roll, which gives a little when the arm pulls sideways.
     assert np.abs(small.change(small.table.rows("shoulder_yaw"))).max() < 1e-3
     assert np.abs(small.change(small.table.rows("elbow_pitch"))).max() > 0.05
     assert turns_within(small, "shoulder_yaw") == (np.inf, np.inf)
 
 
-def test_the_range_of_a_joint_is_interpolated_between_poses(small: Maps) -> None:
+def test_the_range_of_a_joint_is_interpolated_between_poses(small):
     start = np.degrees(HERE[JOINTS.index("elbow_pitch")])
     factor = 1.0 + np.array([0.16, 0.04, 0.0, 0.0, 0.05, 0.25])
     turns = np.array([-20.0, -10.0, 0.0, 10.0, 20.0, 30.0])
@@ -141,7 +136,7 @@ def test_the_range_of_a_joint_is_interpolated_between_poses(small: Maps) -> None
     assert turns_within(replace(small, table=stacked([others, *rows])), "elbow_pitch")[1] == pytest.approx(10.0)
 
 
-def test_random_poses_stay_in_range_and_repeat(small: Maps) -> None:
+def test_random_poses_stay_in_range_and_repeat(small):
     low, high = np.array([(MOTIONS[name].lower, MOTIONS[name].upper) for name in MOVING]).T
     near, anywhere = small.table.rows("near"), small.table.rows("anywhere")
     for rows in (near, anywhere):
@@ -156,7 +151,7 @@ def test_random_poses_stay_in_range_and_repeat(small: Maps) -> None:
     assert not np.array_equal(other.table.rows("anywhere").angles, anywhere.angles[:3])
 
 
-def test_every_condition_is_varied_alone(small: Maps) -> None:
+def test_every_condition_is_varied_alone(small):
     loads, pressures, oil = (small.table.rows(name) for name in ("payload", "supply pressure", "oil temperature"))
     assert set(loads.value) == set(PAYLOADS)
     assert loads.value[0] == "none"
@@ -174,7 +169,8 @@ def test_every_condition_is_varied_alone(small: Maps) -> None:
 FEW = replace(COARSE, plane=(3, 3), sample=3)
 
 
-def test_servo_valves_have_the_same_gap_at_low_pressure() -> None:
+def test_servo_valves_have_the_same_gap_at_low_pressure_and_electric_drives_no_oil():
+    assert {point[0] for point in conditions(load_arm("flight"), HERE, 3)} == {"payload"}
     points = conditions(load_arm(plant=Plant(actuator="orifice")), HERE, 3)
     pressures = stacked(linear_row(*point) for point in points if point[0] == "supply pressure" and point[1] < 30.0)
     assert pressures.stable.tolist() == [False, True]
@@ -182,12 +178,12 @@ def test_servo_valves_have_the_same_gap_at_low_pressure() -> None:
     assert np.isfinite(pressures.bandwidth[1]).all()
 
 
-def test_a_specimen_stays_itself_under_all_conditions() -> None:
+def test_a_specimen_stays_itself_under_all_conditions():
     arm = load_arm(specimen=Specimen(mass=(1.1,) * 8, payload_mass=1.3))
     table = stacked(linear_row(*point) for point in conditions(arm, HERE, 3))
 
-    def elbow(**others: object) -> float:
-        other = load_arm(specimen=arm.specimen, **others)  # type: ignore[arg-type]
+    def elbow(**others):
+        other = load_arm(specimen=arm.specimen, **others)
         return linearize(other, amplitudes=()).joint("elbow_pitch").bandwidth_hz
 
     assert table.rows("payload").of("elbow_pitch")[0] == pytest.approx(elbow(payload="none"), rel=1e-7)
@@ -195,23 +191,19 @@ def test_a_specimen_stays_itself_under_all_conditions() -> None:
     assert table.rows("supply pressure").of("elbow_pitch")[-1] == pytest.approx(strong, rel=1e-7)
 
 
-def test_electric_drives_have_no_oil() -> None:
-    assert {point[0] for point in conditions(load_arm("flight"), HERE, 3)} == {"payload"}
-
-
-def measured(arm: Arm, **density: object) -> tuple[MapTable, list[tuple[int, int]]]:
-    steps: list[tuple[int, int]] = []
+def measured(arm, **density):
+    steps = []
 
     @contextmanager
-    def stage(label: str):
+    def stage(label):
         yield lambda done, total: steps.append((done, total))
 
-    whole = replace(FEW, measurement=SHORT, **density)  # type: ignore[arg-type]
+    whole = replace(FEW, measurement=SHORT, **density)
     return maps(arm, OPERATING_POSE, whole, stage=stage).table, steps
 
 
 @pytest.mark.slow
-def test_without_dry_friction_the_arm_is_linear_up_to_its_velocity_limit() -> None:
+def test_without_dry_friction_the_arm_is_linear_up_to_its_velocity_limit():
     arm = load_arm(plant=replace(NOMINAL_PLANT, friction="viscous"))
     table, steps = measured(arm, amplitudes=(2e-3, 0.1))
     assert not len(table.rows("friction"))
@@ -230,7 +222,7 @@ def test_without_dry_friction_the_arm_is_linear_up_to_its_velocity_limit() -> No
 
 
 @pytest.mark.slow
-def test_friction_ends_linearity_at_small_amplitudes_and_high_levels() -> None:
+def test_friction_ends_linearity_at_small_amplitudes_and_high_levels():
     table, _ = measured(load_arm(), amplitudes=(1e-3, 3e-2), levels=(0.0, 4.0))
     amplitudes, levels, truth = table.rows("amplitude"), table.rows("friction"), linearize(load_arm(), amplitudes=())
     assert levels.value.tolist() == [0.0, 4.0]
@@ -245,7 +237,9 @@ def test_friction_ends_linearity_at_small_amplitudes_and_high_levels() -> None:
         assert much > 5.0
 
 
-def test_sentences_hold_computed_numbers(found: Maps) -> None:
+def test_sentences_hold_computed_numbers(small, found):
+    assert "amplitude" not in map_figures(small)
+    assert len(findings(small)) == 5 + 3
     texts = findings(found)
     text = "\n".join(texts)
     assert "nan" not in text
@@ -257,14 +251,11 @@ def test_sentences_hold_computed_numbers(found: Maps) -> None:
     assert "1.03 Hz (0.93 to 1.13) at 0, not visible at 8" in text
     assert f"of its {found.here.of('shoulder_yaw')[0]:.3f} Hz" in text
     assert "of all joints the wrist yaw's changes most" in next(one for one in texts if one.startswith("Payload"))
-
-
-def test_sentences_tell_a_quiet_neighbourhood(found: Maps) -> None:
     still = changed(found, "near", bandwidth=np.repeat(found.here.bandwidth, 12, 0))
     assert "no studied bandwidth differs by more than 10 %" in findings(still)[0]
 
 
-def test_what_is_unstable_is_not_called_too_heavy(found: Maps) -> None:
+def test_what_is_unstable_is_not_called_too_heavy(found):
     pressures = found.table.rows("supply pressure")
     bandwidth = pressures.bandwidth.copy()
     bandwidth[2] = np.nan
@@ -274,7 +265,7 @@ def test_what_is_unstable_is_not_called_too_heavy(found: Maps) -> None:
 
 
 @pytest.mark.slow
-def test_poses_that_the_drives_cannot_hold_are_gaps(tmp_path: Path) -> None:
+def test_poses_that_the_drives_cannot_hold_are_gaps(tmp_path):
     found = maps(load_arm(plant=Plant(supply_pressure=9.0)), OPERATING_POSE, COARSE)
     poses = found.table.rows("operating pose", "workspace", "near", "anywhere", *MOVING)
     text = "\n".join(findings(found))
@@ -288,13 +279,8 @@ def test_poses_that_the_drives_cannot_hold_are_gaps(tmp_path: Path) -> None:
     assert write_maps(found, tmp_path)
 
 
-def test_linear_range_is_the_longest_run() -> None:
-    assert linear_range(np.array([1e-3, 2e-3, 3e-3, 4e-3]), np.array([1.0, 0.5, 0.95, 1.0]), 1.0) == (3e-3, 4e-3)
-    assert linear_range(np.array([1e-3]), np.array([np.nan]), 1.0) is None
-
-
 @pytest.mark.slow
-def test_page_and_table_are_complete(found: Maps, tmp_path: Path) -> None:
+def test_page_and_table_are_complete(found, tmp_path):
     files = write_maps(found, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {path.name for path in files}
     page = files[0].read_text(encoding="utf-8")
@@ -312,12 +298,7 @@ def test_page_and_table_are_complete(found: Maps, tmp_path: Path) -> None:
     assert float(elbow["bandwidth_hz"]) == pytest.approx(found.table.rows("workspace").of("elbow_pitch")[0], rel=1e-5)
 
 
-def test_without_large_signals_their_figure_is_left_out(small: Maps) -> None:
-    assert "amplitude" not in map_figures(small)
-    assert len(findings(small)) == 5 + 3
-
-
-def test_density() -> None:
+def test_density():
     fine, rough = Density.scaled(4.0), Density.scaled(0.1)
     assert fine.plane == (38, 32)
     assert fine.sample == 4 * Density().sample
@@ -328,7 +309,7 @@ def test_density() -> None:
         Density(cut=2)
 
 
-def test_poses_that_have_no_maps_are_refused() -> None:
+def test_poses_that_have_no_maps_are_refused():
     with pytest.raises(ScenarioError, match="expected its name, given angles"):
         maps(load_arm(), np.zeros(7))
     stopped = HERE.copy()

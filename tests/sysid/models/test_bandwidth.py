@@ -1,8 +1,5 @@
-"""Bandwidths of measured responses, and of models whose record cannot support them, also by `hmtb identify`."""
-
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,97 +7,82 @@ from scipy.signal import lfilter
 
 from hmtb_twin import STUDIED_JOINTS, linearize, load_arm
 from scenarios.commands.cli import main
-from sysid import FrequencyResponse, IOData, StateSpace, oe
+from sysid import FrequencyResponse, IOData, oe
 from sysid.models.bandwidth import bandwidth_claim, lowest_excited, response_bandwidth
 
 DT = 0.02
+FIRST_ORDER = ("--method", "arx", "--orders", "1", "1", "--keep-mean")
 
 
-def identified(capsys: pytest.CaptureFixture[str], path: Path, u: np.ndarray, y: np.ndarray, *words: str) -> dict:
+def identified(capsys, path, u, y, *words):
     np.savetxt(path, np.column_stack([DT * np.arange(len(u)), u, y]), delimiter=",", header="t,u,y", comments="")
     assert main(["identify", str(path), *words, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    result = json.loads(capsys.readouterr().out)
     assert main(["identify", str(path), *words]) == 0
-    found["shown"] = capsys.readouterr().out
-    return found
+    return {**result, "shown": capsys.readouterr().out}
 
 
-def refused(found: dict) -> None:
-    assert found["bandwidth_hz"] is None
-    assert found["ci95"] == [None, None]
-    (line,) = (line for line in found["shown"].splitlines() if "bandwidth (-3 dB)" in line)
+def assert_withheld(result, reason):
+    assert result["bandwidth_hz"] is None
+    assert result["ci95"] == [None, None]
+    (line,) = (line for line in result["shown"].splitlines() if "bandwidth (-3 dB)" in line)
     assert line.rstrip().endswith("—")
+    assert any(reason in text for text in result["warnings"])
 
 
-def test_an_integrator_has_none(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_an_integrator_has_none(capsys, tmp_path):
     u = np.random.default_rng(0).standard_normal(2000)
-    found = identified(
-        capsys,
-        tmp_path / "i.csv",
-        u,
-        lfilter([0, 0.1], [1, -1], u),
-        "--method=arx",
-        "--orders",
-        "1",
-        "1",
-        "--keep-mean",
-    )
-    refused(found)
-    assert any("integrates" in text for text in found["warnings"])
+    result = identified(capsys, tmp_path / "i.csv", u, lfilter([0, 0.1], [1, -1], u), *FIRST_ORDER)
+    assert_withheld(result, "integrates")
 
 
-def test_an_interval_over_decades_is_no_interval() -> None:
+def test_an_interval_over_decades_is_no_interval():
     rng = np.random.default_rng(1)
     u = rng.standard_normal(2000)
     record = IOData(u, lfilter([0, 0.1], [1, -0.9], u) + 0.01 * rng.standard_normal(2000), DT).detrend()
-    found = oe(record, 1, 1, 1)
-    assert bandwidth_claim(found, record).hz == found.bandwidth().hz[0, 0]
-    assert bandwidth_claim(found, record).warnings == ()
-    vague = bandwidth_claim(replace(found, covariance=1e7 * found.covariance), record)
+    estimate = oe(record, 1, 1, 1)
+    assert bandwidth_claim(estimate, record).hz == estimate.bandwidth().hz[0, 0]
+    assert bandwidth_claim(estimate, record).warnings == ()
+    vague = bandwidth_claim(replace(estimate, covariance=1e7 * estimate.covariance), record)
     assert np.isnan([vague.hz, vague.low, vague.high]).all()
     assert vague.refused
     assert "spans more than a factor of 100" in vague.warnings[0]
 
 
-def test_a_record_shorter_than_a_period_of_the_bandwidth_does_not_tell_it(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_record_shorter_than_a_period_of_the_bandwidth_does_not_tell_it(capsys, tmp_path):
     u = np.random.default_rng(5).standard_normal(400)
     y = lfilter([0, 0.1], [1, -0.9], u)
     for samples, claimed in ((8, False), (40, False), (400, True)):
-        words = ("--method", "arx", "--orders", "1", "1", "--keep-mean")
-        found = identified(capsys, tmp_path / f"{samples}.csv", u[:samples], y[:samples], *words)
+        result = identified(capsys, tmp_path / f"{samples}.csv", u[:samples], y[:samples], *FIRST_ORDER)
         if claimed:
-            assert found["bandwidth_hz"] == pytest.approx(0.839, rel=0.01)
+            assert result["bandwidth_hz"] == pytest.approx(0.839, rel=0.01)
             continue
-        refused(found)
-        said = f"the record of {samples * DT:.3g} s holds no full period of frequencies below {1 / samples / DT:.2g} Hz"
-        assert any(said in text for text in found["warnings"])
+        length, lowest = f"{samples * DT:.3g} s", f"{1 / samples / DT:.2g} Hz"
+        assert_withheld(result, f"the record of {length} holds no full period of frequencies below {lowest}")
 
 
-def test_a_bandwidth_below_the_excitation_is_not_claimed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_bandwidth_below_the_excitation_is_not_claimed(capsys, tmp_path):
     rng = np.random.default_rng(2)
     u = np.sin(2 * np.pi * 5.0 * DT * np.arange(4000)) + np.sin(2 * np.pi * 8.0 * DT * np.arange(4000))
     y = lfilter([0, 0.1], [1, -0.9], u) + 1e-3 * rng.standard_normal(4000)
-    found = identified(capsys, tmp_path / "h.csv", u, y, "--method", "oe", "--orders", "1", "1")
-    refused(found)
-    assert any("excites nothing below 5 Hz" in text for text in found["warnings"])
+    result = identified(capsys, tmp_path / "h.csv", u, y, "--method", "oe", "--orders", "1", "1")
+    assert_withheld(result, "excites nothing below 5 Hz")
 
 
 @pytest.mark.parametrize("skip", [0, 37])
-def test_a_periodic_file_extrapolates_to_zero(capsys: pytest.CaptureFixture[str], tmp_path: Path, skip: int) -> None:
+def test_a_periodic_file_extrapolates_to_zero(capsys, tmp_path, skip):
     rng = np.random.default_rng(3)
     period = np.repeat(rng.choice([-1.0, 1.0], 50), 2)
     u = np.tile(period, 42)[skip:] + 1e-3 * rng.standard_normal(4200 - skip)
     y = lfilter([0, 0.1], [1, -0.9], u) + 1e-3 * rng.standard_normal(len(u))
-    found = identified(capsys, tmp_path / "p.csv", u, y, "--method", "oe", "--orders", "1", "1")
-    assert found["bandwidth_hz"] == pytest.approx(0.839, rel=0.02)
+    result = identified(capsys, tmp_path / "p.csv", u, y, "--method", "oe", "--orders", "1", "1")
+    assert result["bandwidth_hz"] == pytest.approx(0.839, rel=0.02)
     expected = "nothing below 0.5 Hz is excited; the gain at 0 Hz, and with it the bandwidth, is extrapolated"
-    assert found["warnings"] == [expected]
-    assert f"warning: {expected}" in found["shown"]
+    assert result["warnings"] == [expected]
+    assert f"warning: {expected}" in result["shown"]
 
 
-def test_broad_excitation_reaches_down_to_zero() -> None:
+def test_broad_excitation_reaches_down_to_zero():
     rng = np.random.default_rng(4)
     white = rng.standard_normal(2000)
     tone = np.sin(2 * np.pi * 3.0 * DT * np.arange(2000))
@@ -110,7 +92,15 @@ def test_broad_excitation_reaches_down_to_zero() -> None:
     assert lowest_excited(IOData(tone + 1.0, tone, DT)) == 0.0  # a mean that is left in excites 0 Hz
 
 
-def measured(model: StateSpace, deviation: float, f: np.ndarray, rng: np.random.Generator | None) -> FrequencyResponse:
+LINES = np.arange(1, 52) / 10.24
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return linearize(load_arm(), amplitudes=())
+
+
+def measured(model, deviation, f, rng):
     g = model.frequency_response(f)
     if rng is not None:
         g = g + deviation * np.sqrt(0.5) * (rng.standard_normal(g.shape) + 1j * rng.standard_normal(g.shape))
@@ -118,27 +108,21 @@ def measured(model: StateSpace, deviation: float, f: np.ndarray, rng: np.random.
     return FrequencyResponse(f, g, 0.02, "test", covariance=covariance, degrees_of_freedom=30.0)
 
 
-def test_it_is_that_of_the_model() -> None:
-    truth = linearize(load_arm(), amplitudes=())
+def test_bandwidth_of_a_response_is_that_of_the_model(truth):
     for joint in STUDIED_JOINTS:
-        response = measured(truth.channel(joint, joint), 1e-6, np.arange(1, 52) / 10.24, None)
+        response = measured(truth.channel(joint, joint), 1e-6, LINES, None)
         assert response_bandwidth(response).hz.item() == pytest.approx(truth.joint(joint).bandwidth_hz, rel=2e-4)
 
 
-def test_intervals_hold_it_as_often_as_they_say() -> None:
-    truth = linearize(load_arm(), amplitudes=()).joint("shoulder_pitch")
-    rng = np.random.default_rng(0)
-    f = np.arange(1, 52) / 10.24
-    found = [response_bandwidth(measured(truth.model, 0.01, f, rng)) for _ in range(400)]
-    held = np.mean([entry.covers(truth.bandwidth_hz).item() for entry in found])
+def test_intervals_hold_it_as_often_as_they_say(truth):
+    joint, rng = truth.joint("shoulder_pitch"), np.random.default_rng(0)
+    estimates = [response_bandwidth(measured(joint.model, 0.01, LINES, rng)) for _ in range(400)]
+    held = np.mean([estimate.covers(joint.bandwidth_hz).item() for estimate in estimates])
     assert abs(held - 0.95) < 3 * np.sqrt(0.95 * 0.05 / 400)
 
 
-def test_no_bandwidth_where_the_response_does_not_tell() -> None:
-    joint = linearize(load_arm(), amplitudes=()).channel("shoulder_yaw", "shoulder_yaw")
-    low = measured(joint, 1e-3, np.arange(1, 10) / 10.24, None)
-    sparse = measured(joint, 1e-3, np.arange(1, 6) / 2.0, None)
-    for response in (low, sparse):
-        found = response_bandwidth(response)
-        assert np.isnan(found.hz).all()
-        assert np.isnan(found.ci95[0]).all()
+@pytest.mark.parametrize("f", [LINES[:9], np.arange(1, 6) / 2.0], ids=["low", "sparse"])
+def test_no_bandwidth_where_the_response_does_not_tell(truth, f):
+    estimate = response_bandwidth(measured(truth.channel("shoulder_yaw", "shoulder_yaw"), 1e-3, f, None))
+    assert np.isnan(estimate.hz).all()
+    assert np.isnan(estimate.ci95[0]).all()

@@ -1,33 +1,29 @@
-"""Prediction k steps ahead, initial states, one-step residuals."""
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from sysid import IOData, Polynomials, StateSpace, SysidError, SysidWarning, findstates, predict, residuals, simulate
+from sysid import IOData, Polynomials, StateSpace, SysidWarning, findstates, predict, residuals, simulate
 from sysid.models import innovations_form
 from sysid.models.predict import initial_state
-from tests.sysid.refusals import refused
+from tests.refusals import refused
+from tests.sysid.systems import A, B
 
-A, B, C = [1, -1.5, 0.7], [0, 1, 0.5], [1, -0.3, 0.1]
+C = [1, -0.3, 0.1]
 MODEL = innovations_form(Polynomials(A, B, C, [1.0], [1.0]), 0.1)
 
 
-def record(samples: int = 300, cut: int = 0, window: int = 0) -> tuple[IOData, np.ndarray]:
+def record(samples=300, cut=0, window=0):
     rng = np.random.default_rng(0)
     u, e = rng.standard_normal((2, samples + cut))
     y = lfilter(B, A, u) + lfilter(C, A, e)
     return IOData(u[cut:], y[cut:], 0.1, window=window), e[cut:]
 
 
-def test_from_rest_the_residuals_are_the_noise() -> None:
+def test_residuals_are_the_noise_and_a_fitted_initial_state_forgets_the_past():
     data, e = record()
     np.testing.assert_allclose(residuals(MODEL, data, x0=np.zeros(2))[:, 0], e, atol=1e-11)
-
-
-def test_fitted_initial_state_forgets_the_past() -> None:
     data, e = record(cut=50)
     errors = residuals(MODEL, data)[:, 0]
     np.testing.assert_allclose(errors[30:], e[30:], atol=1e-6)
@@ -41,7 +37,7 @@ def test_fitted_initial_state_forgets_the_past() -> None:
     seed=st.integers(0, 10_000),
     direct=st.booleans(),
 )
-def test_any_shape_against_the_plain_loop(sizes: tuple[int, int, int], steps: int, seed: int, direct: bool) -> None:
+def test_any_shape_against_the_plain_loop(sizes, steps, seed, direct):
     n, nu, ny = sizes
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((n, n))
@@ -64,45 +60,68 @@ def test_any_shape_against_the_plain_loop(sizes: tuple[int, int, int], steps: in
     np.testing.assert_allclose(predict(model, data, steps=steps, x0=states[0]), expected, rtol=1e-7, atol=1e-9)
 
 
-def test_no_horizon_is_simulation() -> None:
-    data, _ = record()
-    x0 = initial_state(MODEL, data, np.zeros((2, 1)))
-    np.testing.assert_allclose(predict(MODEL, data, steps=None), simulate(MODEL, data.u, x0=x0), atol=1e-12)
-
-
-def test_initial_state_is_found_exactly_without_noise() -> None:
-    x0 = np.array([3.0, -1.0])
-    u = np.random.default_rng(1).standard_normal(80)
-    y = simulate(MODEL, u, x0=x0)
-    still = StateSpace(MODEL.A, MODEL.B, MODEL.C, MODEL.D, None, 0.1)
-    np.testing.assert_allclose(initial_state(still, IOData(u, y, 0.1)), x0, atol=1e-10)
-
-
-def test_the_window_alone_initialises() -> None:
+def test_the_window_alone_initialises():
     """What comes after the window may be anything: the initial state does not see it."""
     data, _ = record(window=30)
     spoilt = IOData(data.u, np.vstack((data.y[:30], data.y[30:] + 9.0)), 0.1, window=30)
     np.testing.assert_allclose(initial_state(MODEL, data), initial_state(MODEL, spoilt), atol=1e-12)
 
 
-def test_unstable_predictor_is_said() -> None:
+def test_unstable_predictor_is_reported():
     bad = StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], [[-1.0]], 0.1)
     data, _ = record(40)
     with pytest.warns(SysidWarning, match="spectral radius 1.5"):
         predict(bad, data)
 
 
-def test_refusals() -> None:
+def test_refusals():
     data, _ = record()
     refused("steps must be", lambda: predict(MODEL, data, steps=0))
     refused("2 input", lambda: predict(MODEL, IOData(np.ones((9, 2)), np.ones(9), 0.1)))
-    with pytest.raises(SysidError, match=r"sampled every 0\.2 s, the model every 0\.1 s"):
-        predict(MODEL, IOData(np.ones(9), np.ones(9), 0.2))
-    refused("expected an IOData", lambda: predict(MODEL, np.ones(9)))  # type: ignore[arg-type]
-
-
-def test_several_experiments_are_predicted_one_by_one() -> None:
-    model = innovations_form(Polynomials(B=[0, 0.1], F=[1, -0.9]), 0.1)
-    data = IOData(np.ones(5), np.ones(5), 0.1)
+    refused(r"sampled every 0\.2 s, the model every 0\.1 s", predict, MODEL, IOData(np.ones(9), np.ones(9), 0.2))
     for function in (predict, residuals, findstates):
-        refused("take several experiments one after the other", function, model, [data, data])
+        refused("take several experiments one after the other", function, MODEL, [data, data])
+    refused("expected an IOData", lambda: predict(MODEL, np.ones(9)))
+
+
+ARMAX = innovations_form(Polynomials([1, -1.5, 0.7], [0, 1, 0.5], [1, 0.2], [1.0], [1.0]), 0.1)
+
+
+def test_simulation_is_the_filter_and_an_initial_state_adds_its_free_response():
+    u, x0 = np.random.default_rng(0).standard_normal(50), np.array([1.0, -2.0])
+    free = [(ARMAX.C @ np.linalg.matrix_power(ARMAX.A, t) @ x0)[0] for t in range(50)]
+    difference = simulate(ARMAX, u, x0=x0) - simulate(ARMAX, u)
+    np.testing.assert_allclose(difference[:, 0], free, atol=1e-12)
+    np.testing.assert_allclose(simulate(ARMAX, u)[:, 0], lfilter([0, 1, 0.5], [1, -1.5, 0.7], u), atol=1e-12)
+    gain = StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[2.0, -1.0]], None, 0.1)
+    np.testing.assert_allclose(simulate(gain, [[1.0, 1.0], [0.0, 3.0]])[:, 0], [1.0, -3.0])
+
+
+def test_noise_has_the_colour_and_the_covariance_of_the_model():
+    covariance = np.array([[0.5, 0.2], [0.2, 0.1]])
+    A, C, K = np.diag([0.9, 0.5]), np.eye(2), np.array([[0.3, 0.0], [0.1, 0.2]])
+    model = StateSpace(A, np.ones((2, 1)), C, np.zeros((2, 1)), K, 0.1, covariance)
+    u, x0 = np.random.default_rng(0).standard_normal(20_000), np.array([1.0, -1.0])
+    noisy = simulate(model, u, x0=x0, rng=np.random.default_rng(1))
+    v = noisy - simulate(model, u, x0=x0)
+    e, state = np.empty_like(v), np.zeros(2)
+    for t, value in enumerate(v):
+        e[t] = value - C @ state
+        state = A @ state + K @ e[t]
+    np.testing.assert_allclose(np.cov(e.T), covariance, atol=0.03)
+    assert np.abs(np.corrcoef(e[1:, 0], e[:-1, 0])[0, 1]) < 0.03
+    np.testing.assert_array_equal(noisy, simulate(model, u, x0=x0, rng=np.random.default_rng(1)))
+    assert not np.array_equal(noisy, simulate(model, u, x0=x0, rng=np.random.default_rng(2)))
+
+
+def test_noise_of_unknown_size_is_refused():
+    refused("no innovation covariance", lambda: simulate(ARMAX, np.ones(5), rng=np.random.default_rng(0)))
+    known = StateSpace(ARMAX.A, ARMAX.B, ARMAX.C, ARMAX.D, ARMAX.K, 0.1, [[1.0]])
+    refused(r"rng: expected a numpy\.random\.Generator, got int", lambda: simulate(known, np.ones(5), rng=0))
+
+
+def test_refusals_of_simulations():
+    refused(r"u: expected shape \(N, 1\)", lambda: simulate(ARMAX, np.ones((5, 2))))
+    refused("x0", lambda: simulate(ARMAX, np.ones(5), x0=[1.0]))
+    refused("NaN", lambda: simulate(ARMAX, [1.0, np.nan]))
+    refused("StateSpace or an Estimate, got str", lambda: simulate("model", np.ones(3)))

@@ -1,16 +1,20 @@
-"""Figures of responses: over time, of periodic data, of several channels."""
+import io
+import subprocess
+import sys
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
 from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
 
 import sysid
-from sysid import IOData, StateSpace, SysidError
-from sysid.plots import PALETTE, bode, impulse, pzmap, show, spectra, step
-from tests.sysid.refusals import refused
+import sysid.plots
+from sysid import FrequencyResponse, IOData, StateSpace
+from sysid.plots import PALETTE, Curve, Roots, Trace, bode, impulse, pzmap, show, spectra, step
+from tests.refusals import refused
+from tests.sysid.plots.figures import DATA, MODEL, labels
 
-MODEL = StateSpace([[0.9]], [[0.1]], [[1.0]], [[0.0]], None, 0.02)
+F = np.geomspace(0.05, 25, 40)
 TWO = StateSpace(
     np.diag([0.9, 0.5]),
     [[0.1, 0.2], [0.3, 0.1]],
@@ -25,30 +29,21 @@ TWO = StateSpace(
 
 
 @pytest.fixture(scope="module")
-def data() -> IOData:
-    rng = np.random.default_rng(0)
-    u = rng.standard_normal(600)
-    noisy = StateSpace(MODEL.A, MODEL.B, MODEL.C, MODEL.D, None, 0.02, [[1e-4]])
-    return IOData(u, sysid.simulate(noisy, u, rng=rng), 0.02, input_units=("V",), output_units=("rad",))
-
-
-@pytest.fixture(scope="module")
-def several() -> IOData:
+def several():
     rng = np.random.default_rng(1)
     u = rng.standard_normal((500, 2))
-    names = {"input_names": TWO.input_names, "output_names": TWO.output_names}
-    return IOData(u, sysid.simulate(TWO, u, rng=rng), 0.02, **names)  # type: ignore[arg-type]
+    y = sysid.simulate(TWO, u, rng=rng)
+    return IOData(u, y, 0.02, input_names=TWO.input_names, output_names=TWO.output_names)
 
 
-def labels(figure: Figure) -> list[str]:
-    return [text.get_text() for text in figure.legends[0].get_texts()]
+def assert_renders(figure):
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="svg")
+    assert len(buffer.getvalue()) > 1000
 
 
 @pytest.mark.slow
-def test_plots_come_with_the_package_when_they_are_asked_for() -> None:
-    import subprocess
-    import sys
-
+def test_plots_come_with_the_package_when_they_are_asked_for():
     script = (
         "import sys, sysid\n"
         "assert 'sysid.plots' not in sys.modules and 'plots' in dir(sysid)\n"
@@ -61,73 +56,132 @@ def test_plots_come_with_the_package_when_they_are_asked_for() -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_a_step_response_has_its_band(data: IOData) -> None:
-    found = sysid.oe(data, 1, 1, 1)
-    figure = step([found, MODEL], length=1.0)
+def test_palette_tells_everything_apart():
+    assert len({style.colour for style in PALETTE.values()}) == len(PALETTE)
+
+
+def test_bode_draws_decibels_and_degrees_over_hertz():
+    value = MODEL.frequency_response(F)
+    covariance = np.broadcast_to(1e-4 * np.eye(2), (len(F), 1, 1, 2, 2)).copy()
+    curves = [
+        Curve("truth", FrequencyResponse(F, value, 0.02, "truth")),
+        Curve("estimate", FrequencyResponse(F, value, 0.02, "oe", covariance=covariance)),
+    ]
+    figure = bode(curves, relative_to_dc=True, mark_hz=1.0, limits_hz=(0.1, 25))
+    upper, lower = figure.axes
+    truth, estimate = upper.get_lines()[:2]
+    np.testing.assert_allclose(truth.get_ydata(), 20 * np.log10(np.abs(value[:, 0, 0])))
+    np.testing.assert_allclose(lower.get_lines()[0].get_ydata(), np.degrees(np.unwrap(np.angle(value[:, 0, 0]))))
+    assert (to_hex(truth.get_color()), to_hex(estimate.get_color())) == (PALETTE["truth"].colour, PALETTE["oe"].colour)
+    assert len(upper.collections) == len(lower.collections) == 1  # the band of the one that has a covariance
+    assert upper.get_xscale() == "log"
+    assert (upper.get_ylabel(), lower.get_ylabel()) == ("magnitude / dB", "phase / degrees")
+    assert lower.get_xlabel() == "frequency / Hz"
+    assert labels(figure) == ["truth", "estimate"]
+    assert_renders(figure)
+
+
+def test_bode_takes_records_as_they_come():
+    oe, arx = sysid.oe(DATA, 1, 1, 1), sysid.arx(DATA, 1, 1, 1)
+    figure = bode([sysid.spa(DATA), oe, arx, MODEL])
+    upper, _ = figure.axes
+    assert labels(figure) == ["SPA", "OE 1 1 1", "ARX 1 1 1", "model"]
+    colours = [to_hex(line.get_color()) for line in upper.get_lines()]
+    assert colours[:3] == [PALETTE[method].colour for method in ("spa", "oe", "arx")]
+    assert len(set(colours)) == 4
+    np.testing.assert_allclose(upper.get_lines()[1].get_xdata()[[0, -1]], [0.025, 25.0])  # up to Nyquist
+    assert labels(bode(oe)) == ["OE 1 1 1"]
+    assert labels(bode({"mine": oe, "true": MODEL})) == ["mine", "true"]
+    twice = bode([oe, oe], frequencies=F)
+    assert labels(twice) == ["OE 1 1 1", "OE 1 1 1 (2)"]
+    first, second = twice.axes[0].get_lines()
+    assert to_hex(first.get_color()) != to_hex(second.get_color())
+    np.testing.assert_allclose(first.get_xdata(), F)
+    # The phase of data stays beside that of a model.
+    model, measured = bode([MODEL, sysid.spa(DATA)]).axes[1].get_lines()
+    beside = np.interp(measured.get_xdata(), model.get_xdata(), model.get_ydata())
+    assert np.nanmax(np.abs(measured.get_ydata() - beside)) <= 180.0
+
+
+def test_pole_zero_map_of_estimates_and_models_counts_what_lies_outside():
+    far = StateSpace([[0.9, 1.0], [-0.2, 0.0]], [[0.1], [0.3]], [[1.0, 0.0]], [[0.0]], None, 0.02)
+    np.testing.assert_allclose(far.zeros(), [-3.0])
+    oe = sysid.oe(DATA, 1, 1, 1)
+    figure = pzmap([oe, MODEL, Roots("near", MODEL, PALETTE["truth"]), Roots("far", far, PALETTE["oe"])])
+    assert labels(figure) == ["OE 1 1 1", "model", "near", "far (1 outside)"]
+    crosses = [line for line in figure.axes[0].get_lines() if line.get_marker() == "x"]
+    for line, model in zip(crosses, (oe.model, MODEL, MODEL), strict=False):
+        np.testing.assert_allclose(line.get_xdata(), model.poles().real)
+    assert labels(pzmap({"mine": oe})) == ["mine"]
+    assert_renders(figure)
+
+
+def test_poles_of_estimates_have_their_regions():
+    estimate = sysid.armax(DATA, 1, 1, 1)
+    outline = sysid.models.poles_band(estimate).ellipses()[0]
+    lines = pzmap(estimate).axes[0].get_lines()
+    np.testing.assert_allclose(lines[-1].get_xdata(), outline.real)
+    assert to_hex(lines[-1].get_color()) == PALETTE["armax"].colour
+    assert len(pzmap(estimate, regions=False).axes[0].get_lines()) == len(lines) - 1
+
+
+def test_a_step_response_has_its_band():
+    estimate = sysid.oe(DATA, 1, 1, 1)
+    figure = step([estimate, MODEL], length=1.0)
     (axes,) = figure.axes
     _, line, true = axes.get_lines()
     np.testing.assert_allclose(line.get_xdata(), 0.02 * np.arange(51), atol=1e-12)
-    np.testing.assert_allclose(line.get_ydata(), found.model.step_response(51)[:, 0, 0])
+    np.testing.assert_allclose(line.get_ydata(), estimate.model.step_response(51)[:, 0, 0])
     np.testing.assert_allclose(true.get_ydata(), MODEL.step_response(51)[:, 0, 0])
     (band,) = axes.collections
-    edges = sysid.band(found, lambda model: model.step_response(51)).ci95
-    drawn = band.get_paths()[0].vertices
-    assert drawn[:, 1].max() == pytest.approx(edges[1].max())
+    edges = sysid.band(estimate, lambda model: model.step_response(51)).ci95
+    assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(edges[1].max())
     assert labels(figure) == ["OE 1 1 1", "model"]
-    assert axes.get_ylabel() == "step response / (rad/V)"
-    assert axes.get_xlabel() == "time / s"
+    assert (axes.get_ylabel(), axes.get_xlabel()) == ("step response / (rad/V)", "time / s")
+    assert not step(sysid.n4sid(DATA, 1)).axes[0].collections  # its covariance is unknown
+    refused("length must be above 0 s, got -1", lambda: step(MODEL, length=-1))
 
 
-def test_a_pulse_response_is_drawn_until_it_has_died_out(data: IOData) -> None:
-    (axes,) = impulse(MODEL).axes
-    samples = axes.get_lines()[1].get_ydata()
+def test_a_pulse_response_is_drawn_until_it_has_died_out():
+    samples = impulse(MODEL).axes[0].get_lines()[1].get_ydata()
     assert 0.001 * samples.max() < samples[-1] < 0.01 * samples.max()
     integrator = StateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]], None, 0.1)
     assert len(impulse(integrator).axes[0].get_lines()[1].get_xdata()) == 101
 
 
-def test_correlation_analysis_is_drawn_with_its_deviation(data: IOData) -> None:
-    found = sysid.cra(data, lags=30)
-    figure = impulse([found, MODEL])
+def test_correlation_analysis_is_drawn_with_its_deviation():
+    analysis = sysid.cra(DATA, lags=30)
+    figure = impulse([analysis, MODEL])
     (axes,) = figure.axes
-    np.testing.assert_allclose(axes.get_lines()[1].get_ydata(), found.response[:, 0, 0])
+    np.testing.assert_allclose(axes.get_lines()[1].get_ydata(), analysis.response[:, 0, 0])
     (band,) = axes.collections
-    top = (found.response + 1.959963984540054 * found.deviation).max()
+    top = (analysis.response + 1.959963984540054 * analysis.deviation).max()
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(top)
     assert labels(figure) == ["correlation analysis", "model"]
-    summed = step({"correlations": found}).axes[0]
-    np.testing.assert_allclose(summed.get_lines()[1].get_ydata(), np.cumsum(found.response[:, 0, 0]))
+    summed = step({"correlations": analysis}).axes[0]
+    np.testing.assert_allclose(summed.get_lines()[1].get_ydata(), np.cumsum(analysis.response[:, 0, 0]))
     assert not summed.collections
 
 
-def test_an_estimate_of_unknown_covariance_has_no_band(data: IOData) -> None:
-    assert not step(sysid.n4sid(data, 1)).axes[0].collections
-
-
-def test_all_channels_or_those_chosen(several: IOData) -> None:
-    found = sysid.okid(several, 2, p=4)
-    assert [axes.get_title(loc="left") for axes in step([found, TWO]).axes] == [
-        "roll → wrist",
-        "pitch → wrist",
-        "roll → elbow",
-        "pitch → elbow",
-    ]
+def test_all_channels_or_those_chosen(several):
+    estimate = sysid.okid(several, 2, p=4)
+    channels = ["roll → wrist", "pitch → wrist", "roll → elbow", "pitch → elbow"]
+    assert [axes.get_title(loc="left") for axes in step([estimate, TWO]).axes] == channels
     (axes,) = step(TWO, output="elbow", input=0).axes
     np.testing.assert_allclose(axes.get_lines()[1].get_ydata()[:10], TWO.step_response(10)[:, 1, 0])
-    every = bode([sysid.spa(several), found])
+    every = bode([sysid.spa(several), estimate])
     assert len(every.axes) == 8
-    np.testing.assert_allclose(
-        every.axes[3].get_lines()[1].get_ydata(),
-        np.degrees(found.frequency_response(every.axes[3].get_lines()[1].get_xdata()).phase[:, 0, 1]),
-    )
-    assert len(bode(found, output=1, input="pitch").axes) == 2
-    refused(r"unknown output 'rist'; there are wrist, elbow \(0 to 1\)", lambda: bode(found, output="rist"))
-    refused("unknown input 2", lambda: step(found, input=2))
-    refused(r"same outputs and inputs; got model 2 x 2, model \(2\) 1 x 1", lambda: bode([TWO, MODEL]))
-    refused("same outputs and inputs", lambda: step([TWO, MODEL]))
+    line = every.axes[3].get_lines()[1]
+    phase = estimate.frequency_response(line.get_xdata()).phase[:, 0, 1]
+    np.testing.assert_allclose(line.get_ydata(), np.degrees(phase))
+    assert len(bode(estimate, output=1, input="pitch").axes) == 2
+    refused(r"unknown output 'rist'; there are wrist, elbow \(0 to 1\)", lambda: bode(estimate, output="rist"))
+    refused("unknown input 2", lambda: step(estimate, input=2))
+    refused(r"same outputs and inputs; got model 2 x 2, model \(2\) 1 x 1", bode, [TWO, MODEL])
+    refused("same outputs and inputs", step, [TWO, MODEL])
 
 
-def test_a_best_linear_approximation_shows_noise_and_distortion() -> None:
+def test_a_best_linear_approximation_shows_noise_and_distortion():
     rng = np.random.default_rng(0)
     records = []
     for _ in range(3):
@@ -136,68 +190,55 @@ def test_a_best_linear_approximation_shows_noise_and_distortion() -> None:
         u = np.tile(period, 4)
         x = sysid.simulate(MODEL, u)[:, 0]
         records.append(IOData(u, x + 0.5 * x**3 + 1e-4 * rng.standard_normal(400), 0.02, window=100))
-    found = sysid.bla(records, 100)
-    figure = bode([found, MODEL])
+    approximation = sysid.bla(records, 100)
+    figure = bode([approximation, MODEL])
     assert labels(figure) == ["BLA", "noise, one realisation", "distortion, one realisation", "model"]
     response, noise, distortion, _ = figure.axes[0].get_lines()
-    np.testing.assert_allclose(response.get_ydata(), 20 * np.log10(found.response.magnitude[:, 0, 0]))
-    np.testing.assert_allclose(noise.get_ydata(), 10 * np.log10(3 * found.noise_variance[:, 0, 0]))
-    known = found.distortion_variance[:, 0, 0] > 0
-    np.testing.assert_allclose(distortion.get_ydata()[known], 10 * np.log10(found.distortion_variance[known, 0, 0]))
-    single = bode(sysid.bla(records[0], 100))
-    assert labels(single) == ["BLA", "noise, one realisation"]
+    np.testing.assert_allclose(response.get_ydata(), 20 * np.log10(approximation.response.magnitude[:, 0, 0]))
+    np.testing.assert_allclose(noise.get_ydata(), 10 * np.log10(3 * approximation.noise_variance[:, 0, 0]))
+    variance = approximation.distortion_variance[:, 0, 0]
+    known = variance > 0
+    np.testing.assert_allclose(distortion.get_ydata()[known], 10 * np.log10(variance[known]))
+    assert labels(bode(sysid.bla(records[0], 100))) == ["BLA", "noise, one realisation"]
 
 
-def test_the_phase_of_data_stays_beside_that_of_a_model(data: IOData) -> None:
-    turned = sysid.spa(data)
-    figure = bode([MODEL, turned])
-    model, measured = figure.axes[1].get_lines()
-    beside = np.interp(measured.get_xdata(), model.get_xdata(), model.get_ydata())
-    assert np.nanmax(np.abs(measured.get_ydata() - beside)) <= 180.0
-
-
-def test_spectra_of_the_disturbance_with_their_intervals(data: IOData, several: IOData) -> None:
-    found = sysid.spa(data)
-    figure = spectra(found, unit="rad")
+def test_spectra_of_the_disturbance_with_their_intervals(several):
+    estimate = sysid.spa(DATA)
+    figure = spectra(estimate, unit="rad")
     output, inputs = figure.axes
     assert labels(figure) == ["measured", "SPA, disturbance"]
-    keep = found.frequencies > 0
-    np.testing.assert_allclose(output.get_lines()[0].get_ydata(), found.output_spectrum[keep, 0, 0].real)
-    np.testing.assert_allclose(inputs.get_lines()[0].get_ydata(), found.input_spectrum[keep, 0, 0].real)
+    keep = estimate.frequencies > 0
+    np.testing.assert_allclose(output.get_lines()[0].get_ydata(), estimate.output_spectrum[keep, 0, 0].real)
+    np.testing.assert_allclose(inputs.get_lines()[0].get_ydata(), estimate.input_spectrum[keep, 0, 0].real)
     assert len(output.collections) == 1
     assert (output.get_ylabel(), inputs.get_ylabel()) == ("output, density / (rad²/Hz)", "input, density")
-    oe = sysid.oe(data, 1, 1, 1)
-    (both,) = spectra([found, oe]).axes
+    oe = sysid.oe(DATA, 1, 1, 1)
+    (both,) = spectra([estimate, oe]).axes
     np.testing.assert_allclose(both.get_lines()[1].get_ydata(), 0.02 * oe.noise_variance[0, 0])
     assert len(spectra(sysid.spa(several)).axes) == 4
     assert len(spectra(sysid.spa(several), output="elbow").axes) == 1
-    with pytest.raises(SysidError, match="cannot draw a StateSpace; expected FrequencyResponse, Estimate"):
-        spectra(MODEL)  # type: ignore[arg-type]
-    with pytest.raises(SysidError, match="gives no spectrum of the disturbance"):
-        spectra(sysid.FrequencyResponse(np.ones(1), np.ones((1, 1, 1)), 0.02, "bare"))
+    figure = spectra(np.linspace(0, 25, 26), [Trace("noise", np.ones(26), PALETTE["spa"])], unit="rad")
+    assert figure.axes[0].get_lines()[0].get_xdata()[0] == 1.0  # zero frequency is left out
+    assert figure.axes[0].get_ylabel() == "spectral density / (rad²/Hz)"
+    bare = FrequencyResponse(np.ones(1), np.ones((1, 1, 1)), 0.02, "bare")
+    refused("gives no spectrum of the disturbance", spectra, bare)
 
 
-def test_poles_of_estimates_have_their_regions(data: IOData) -> None:
-    found = sysid.armax(data, 1, 1, 1)
-    outline = sysid.models.poles_band(found).ellipses()[0]
-    lines = pzmap(found).axes[0].get_lines()
-    np.testing.assert_allclose(lines[-1].get_xdata(), outline.real)
-    assert to_hex(lines[-1].get_color()) == PALETTE["armax"].colour
-    assert len(pzmap(found, regions=False).axes[0].get_lines()) == len(lines) - 1
+@pytest.mark.parametrize(
+    ("draw", "thing", "message"),
+    [
+        (bode, "model", "cannot draw a str; expected Curve, FrequencyResponse, Estimate, StateSpace"),
+        (bode, [], "nothing to draw"),
+        (pzmap, [np.ones(3)], "cannot draw a ndarray; expected Roots, Estimate, StateSpace"),
+        (spectra, MODEL, "cannot draw a StateSpace; expected FrequencyResponse, Estimate"),
+        (impulse, DATA, "cannot draw a IOData; expected Estimate, StateSpace, ImpulseResponse"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(draw, thing, message):
+    refused(message, draw, thing)
 
 
-def test_a_length_and_a_thing_that_make_no_sense(data: IOData) -> None:
-    refused("length must be above 0 s, got -1", lambda: step(MODEL, length=-1))
-    with pytest.raises(SysidError, match="cannot draw a IOData; expected Estimate, StateSpace, ImpulseResponse"):
-        impulse(data)  # type: ignore[arg-type]
-
-
-def test_show_hands_the_figure_to_a_window(monkeypatch: pytest.MonkeyPatch) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
+def test_show_hands_the_figure_to_a_window(monkeypatch):
     shown = []
     monkeypatch.setattr(pyplot, "show", lambda: shown.extend(pyplot.get_fignums()))
     before = len(pyplot.get_fignums())

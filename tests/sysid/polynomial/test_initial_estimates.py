@@ -1,42 +1,14 @@
-"""Initial estimates and the long ARX models behind them."""
-
-from collections.abc import Callable
-from typing import Any
+import warnings
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
-from sysid import IOData
-from sysid.polynomial.gram_matrices import lagged_products
-from sysid.polynomial.initial_estimates import (
-    armax_initial_estimates,
-    bj_initial_estimates,
-    oe_initial_estimates,
-    reduced_denominator,
-    reduced_path,
-)
-from sysid.polynomial.long_arx import arx_solution, long_arx_family, long_arx_order
+from sysid import IOData, SysidWarning, arx, predict
+from sysid.polynomial.initial_estimates import armax_initial_estimates, bj_initial_estimates, oe_initial_estimates
+from sysid.polynomial.least_squares import triangular_factor
+from sysid.polynomial.long_arx import long_arx_simulation
 from sysid.polynomial.orders import make_orders
-from sysid.polynomial.prediction_error import admissible, linearise, search
-from sysid.polynomial.regressors import lagged
-
-
-def test_reduction_finds_the_dynamics_of_exact_responses() -> None:
-    f = np.poly([0.9, 0.5 + 0.4j, 0.5 - 0.4j]).real
-    pulse = np.eye(1, 90)[0]
-    responses = [lfilter([0, 1.0, 0.3], f, pulse)[1:], lfilter([1.0], f, pulse)[1:]]
-    np.testing.assert_allclose(reduced_denominator(responses, 3, 40), f, atol=1e-9)
-
-
-def test_reduction_of_a_delayed_path(exact_system: Callable[[int, int], Any]) -> None:
-    truth = exact_system(3, 3)
-    orders = make_orders(1, nb=3, nf=3, nk=3)
-    model = long_arx_family([truth.data], orders, 9).model(9)
-    theta = reduced_path([truth.data], orders, model)
-    np.testing.assert_allclose(theta[3:], truth.A[1:], atol=1e-8)
-    # B bears the unknown past, which the minimisation takes out
-    np.testing.assert_allclose(theta[:3], truth.B[3:], atol=1e-2)
+from sysid.polynomial.prediction_error import admissible, linearise
 
 
 @pytest.mark.parametrize(
@@ -47,9 +19,7 @@ def test_reduction_of_a_delayed_path(exact_system: Callable[[int, int], Any]) ->
         ("p4", {"nb": 2, "nc": 2, "nd": 2, "nf": 2, "nk": 1}, bj_initial_estimates),
     ],
 )
-def test_the_first_beginnings_lie_in_the_valley(
-    problem: str, structure: dict[str, int], beginnings: Any, request: pytest.FixtureRequest
-) -> None:
+def test_the_first_beginnings_lie_in_the_valley(problem, structure, beginnings, request):
     truth = request.getfixturevalue(problem)
     data, orders = [truth.draw(5)], make_orders(1, **structure)
     at_truth = linearise(data, orders, truth.parameters).cost
@@ -59,43 +29,31 @@ def test_the_first_beginnings_lie_in_the_valley(
     assert all(linearise(data, orders, start.theta).cost < 1.5 * at_truth for start in initial_estimates[:2])
 
 
-def test_two_that_agree_end_the_search(p3: Any) -> None:
-    data, orders = [p3.draw(5)], make_orders(1, na=2, nb=2, nc=2, nk=1)
-    found = search(data, orders, armax_initial_estimates(data, orders))
-    assert len(found.costs) == 2
-    assert found.best.converged
-    # a search that may take no step cannot be content, and tries everything
-    assert len(search(data, orders, armax_initial_estimates(data, orders), max_iterations=0).costs) >= 2
+@pytest.mark.parametrize("inputs", [1, 2])
+def test_long_arx_by_filters_is_the_estimator_in_state_space(inputs):
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal((500, inputs))
+    y = np.zeros(500)
+    for t in range(2, 500):
+        y[t] = 1.5 * y[t - 1] - 0.7 * y[t - 2] + u[t - 1] @ [1.0, -0.5][:inputs]
+    # The record begins in motion, with noise that an order of 20 takes up.
+    data = IOData(u[100:], y[100:] + rng.standard_normal(400), 0.02)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SysidWarning)
+        expected = predict(arx(data, 20, 20), data, steps=None)[:, 0]
+    simulation = long_arx_simulation(data.u, data.y[:, 0], 20)
+    np.testing.assert_allclose(simulation, expected, rtol=0.0, atol=1e-10)
 
 
-def test_products_of_lagged_signals() -> None:
-    signals = np.random.default_rng(0).standard_normal((60, 3))
-    columns = np.stack([lagged(signals[:, s], range(6), 7) for s in range(3)], axis=1)
-    expected = np.einsum("tsi,trj->sirj", columns, columns)
-    np.testing.assert_allclose(lagged_products(signals, 5, 7), expected, atol=1e-12)
+def test_a_long_arx_simulation_beyond_all_numbers_is_none():
+    y = 2.0 ** np.arange(600.0)
+    assert long_arx_simulation(np.random.default_rng(0).standard_normal((600, 1)), y, 2) is None
 
 
-@pytest.mark.parametrize("n", [4, 12])
-def test_models_are_least_squares(p1: Any, n: int) -> None:
-    data = [p1.draw(0)[:3000], p1.draw(1)[:500]]
-    orders = make_orders(1, na=2, nb=2, nk=2)
-    found = long_arx_family(data, orders, 12).model(n)
-    # the family begins every fit where its largest model can
-    rows = [14] * 2
-    theta = arx_solution([e.y[:, 0] for e in data], [e.u for e in data], n, [n], [2], rows)
-    np.testing.assert_allclose(found.a[1:], theta[:n], atol=1e-6)
-    np.testing.assert_allclose(found.b[0], np.concatenate(([0, 0], theta[n:])), atol=1e-6)
-
-
-def test_dependent_columns_go_the_safe_way(p2: Any) -> None:
-    """Without noise a long model is not unique; the one of least norm explains all the same."""
-    data = IOData(p2.input, p2.noise_free, 0.02)[300:900]
-    orders = make_orders(1, nb=2, nf=2, nk=1)
-    model = long_arx_family([data], orders, 10).model(10)
-    assert np.abs(model.errors(data)[model.skip :]).max() < 1e-9
-
-
-def test_order_is_bounded_by_the_data(p2: Any) -> None:
-    orders = make_orders(1, nb=2, nf=2, nk=1)
-    assert long_arx_order([p2.draw(0)], orders, 5) == 10
-    assert long_arx_order([p2.draw(0)[:40]], orders, 5) == 5
+@pytest.mark.parametrize("angle", [1.0, 1e-9])
+def test_triangular_factor_keeps_its_digits(angle):
+    """Nearly parallel columns: the small pivot is right to many digits, not to the square root of rounding."""
+    rng = np.random.default_rng(3)
+    q, _ = np.linalg.qr(rng.standard_normal((100, 2)))
+    columns = np.column_stack((q[:, 0], np.cos(angle) * q[:, 0] + np.sin(angle) * q[:, 1]))
+    assert abs(triangular_factor(columns)[1, 1]) == pytest.approx(np.sin(angle), rel=1e-6)

@@ -1,56 +1,52 @@
-"""Prediction-error refinement of state-space models."""
-
 import pickle
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from sysid import IOData, StateSpace, SysidWarning, armax, n4sid, oe, okid, pem_ss, simulate
-from tests.sysid.refusals import refused
+from sysid.subspace.predictor_fit import constrained_step
+from tests.refusals import refused
 
-GRID = np.linspace(0.1, 24.0, 40)
 
-
-def test_second_order_is_armax(p3: Any) -> None:
+def test_second_order_is_armax(p3):
     """A single-output model with free K is an ARMAX model: the same minimum, variance and intervals."""
     data = p3.draw(0)
     expected = armax(data, 2, 2, 2)
-    found = pem_ss(data, n4sid(data, 2), direct=False)
+    estimate = pem_ss(data, n4sid(data, 2), direct=False)
     f = np.array([0.2, 1.0, 5.0, 20.0])
-    ours, theirs = found.frequency_response(f), expected.frequency_response(f)
+    ours, theirs = estimate.frequency_response(f), expected.frequency_response(f)
     assert np.all(np.abs(ours.response - theirs.response) < 0.1 * theirs.magnitude_deviation())
     np.testing.assert_allclose(ours.covariance, theirs.covariance, rtol=0.02, atol=1e-4 * theirs.covariance.max())
-    np.testing.assert_allclose(found.noise_variance, expected.noise_variance, rtol=1e-3)
-    assert np.sum(found.residuals**2) <= np.sum(expected.residuals**2) * (1 + 1e-6)
+    np.testing.assert_allclose(estimate.noise_variance, expected.noise_variance, rtol=1e-3)
+    assert np.sum(estimate.residuals**2) <= np.sum(expected.residuals**2) * (1 + 1e-6)
 
 
-def test_best_of_several_starts(p3: Any) -> None:
+def test_best_of_several_starts(p3):
     data = p3.draw(0)
     good = n4sid(data, 2)
     unstable = StateSpace(2.0 * np.eye(2), good.model.B, good.model.C, good.model.D, None, good.model.dt)
     alone = pem_ss(data, good, gain=False)
-    found = pem_ss(data, [unstable, okid(data, 2, p=20), good], gain=False)
-    assert np.isnan(found.diagnostics["criteria"][0])
-    assert min(found.diagnostics["criteria"][1:]) <= alone.diagnostics["criteria"][0]
-    np.testing.assert_allclose(found.bandwidth().hz, alone.bandwidth().hz, rtol=1e-4)
+    estimate = pem_ss(data, [unstable, okid(data, 2, p=20), good], gain=False)
+    assert np.isnan(estimate.diagnostics["criteria"][0])
+    assert min(estimate.diagnostics["criteria"][1:]) <= alone.diagnostics["criteria"][0]
+    np.testing.assert_allclose(estimate.bandwidth().hz, alone.bandwidth().hz, rtol=1e-4)
     refused(r"one order; got orders \[2, 3\]", lambda: pem_ss(data, [good, n4sid(data, 3)]))
     refused(r"got orders \[\]", lambda: pem_ss(data, []))
 
 
-def test_without_gain_it_is_an_output_error_model(p2: Any) -> None:
+def test_without_gain_it_is_an_output_error_model(p2):
     data = p2.draw(1)
     expected = oe(data, 2, 2)
-    found = pem_ss(data, okid(data, 2, p=20), gain=False, direct=False)
-    assert not found.model.gain.any()
-    assert not found.model.D.any()
-    np.testing.assert_allclose(found.bandwidth().hz, expected.bandwidth().hz, rtol=1e-4)
-    np.testing.assert_allclose(found.bandwidth().ci95, expected.bandwidth().ci95, rtol=1e-3)
-    np.testing.assert_allclose(found.noise_variance, expected.noise_variance, rtol=1e-3)
+    estimate = pem_ss(data, okid(data, 2, p=20), gain=False, direct=False)
+    assert not estimate.model.gain.any()
+    assert not estimate.model.D.any()
+    np.testing.assert_allclose(estimate.bandwidth().hz, expected.bandwidth().hz, rtol=1e-4)
+    np.testing.assert_allclose(estimate.bandwidth().ci95, expected.bandwidth().ci95, rtol=1e-3)
+    np.testing.assert_allclose(estimate.noise_variance, expected.noise_variance, rtol=1e-3)
 
 
-def multivariable() -> StateSpace:
+def multivariable():
     rng = np.random.default_rng(2)
     A = np.diag([0.95, 0.8, 0.3])
     A[0, 1], A[1, 0] = 0.2, -0.2
@@ -59,7 +55,7 @@ def multivariable() -> StateSpace:
     return StateSpace(A, B, C, rng.standard_normal((2, 2)), 0.5 * A @ np.linalg.pinv(C), 0.02)
 
 
-def draw(seed: int, samples: int = 800) -> IOData:
+def draw(seed, samples=800):
     """Two outputs with unlike, correlated disturbances."""
     rng, truth = np.random.default_rng(seed), multivariable()
     u = rng.standard_normal((samples + 100, 2))
@@ -69,7 +65,7 @@ def draw(seed: int, samples: int = 800) -> IOData:
 
 
 @pytest.mark.slow
-def test_efficient_and_honest_about_it() -> None:
+def test_efficient_and_covered():
     """Responses scatter as their covariances say, in several outputs too."""
     truth, f = multivariable(), np.array([0.5, 3.0, 15.0])
     g = truth.frequency_response(f)
@@ -94,18 +90,19 @@ def test_efficient_and_honest_about_it() -> None:
 
 
 @pytest.mark.slow
-def test_coloured_disturbances_need_the_coloured_covariance() -> None:
+def test_coloured_disturbances_need_the_coloured_covariance():
     truth, f = multivariable(), np.array([0.5, 3.0])
     g = truth.frequency_response(f)
     mix = np.array([[0.5, 0.4], [0.0, 0.1]])
     plain, coloured = [], []
+    start = StateSpace(truth.A, truth.B, truth.C, truth.D, None, 0.02)
     for seed in range(40):
         rng = np.random.default_rng(seed)
         u = np.repeat(rng.standard_normal((150, 2)), 6, axis=0)
         v = lfilter([1.0], [1, -0.9], rng.standard_normal((900, 2)) @ mix, axis=0)
         data = IOData(u, simulate(truth, u) + v, 0.02)[100:]
-        start = StateSpace(truth.A, truth.B, truth.C, truth.D, None, 0.02)
-        for hits, option in ((plain, False), (coloured, True)):
+        # Without the option the intervals fail plainly: a quarter of the draws shows it.
+        for hits, option in ((plain, False), (coloured, True)) if seed < 10 else ((coloured, True),):
             estimate = pem_ss(data, start, gain=False, coloured=option)
             low, high = estimate.frequency_response(f).magnitude_ci95()
             hits.append((low <= np.abs(g)) & (np.abs(g) <= high))
@@ -113,7 +110,7 @@ def test_coloured_disturbances_need_the_coloured_covariance() -> None:
     assert 0.90 < np.mean(coloured) < 0.99
 
 
-def test_white_disturbances_hardly_notice_the_coloured_covariance(p2: Any) -> None:
+def test_white_disturbances_hardly_notice_the_coloured_covariance(p2):
     data = [p2.draw(0)[:5000], p2.draw(0)[6000:9000]]
     start = n4sid(data, 2)
     plain, coloured = (pem_ss(data, start, gain=False, coloured=option) for option in (False, True))
@@ -121,7 +118,7 @@ def test_white_disturbances_hardly_notice_the_coloured_covariance(p2: Any) -> No
     np.testing.assert_allclose(ratio, 1.0, atol=0.25)
 
 
-def test_the_basis_of_the_start_does_not_matter() -> None:
+def test_the_basis_of_the_start_does_not_matter():
     data = draw(2)
     m = n4sid(data, 3).model
     T = np.array([[1.0, 30.0, 0.0], [0.0, 0.01, 2.0], [5.0, 0.0, 1.0]])
@@ -129,23 +126,11 @@ def test_the_basis_of_the_start_does_not_matter() -> None:
     other = StateSpace(T @ m.A @ back, T @ m.B, m.C @ back, m.D, T @ m.gain, m.dt)
     a, b = pem_ss(data, m), pem_ss(data, other)
     np.testing.assert_allclose(b.model.markov(20), a.model.markov(20), rtol=1e-4, atol=1e-5)
-    np.testing.assert_allclose(
-        b.frequency_response([3.0]).covariance, a.frequency_response([3.0]).covariance, rtol=1e-2, atol=1e-8
-    )
+    expected = a.frequency_response([3.0]).covariance
+    np.testing.assert_allclose(b.frequency_response([3.0]).covariance, expected, rtol=1e-2, atol=1e-8)
 
 
-def test_the_window_enters_no_cost() -> None:
-    data = draw(3)
-    y = data.y.copy()
-    y[:50] = 1e3
-    spoilt = IOData(data.u, y, data.dt, window=50)
-    start = n4sid(data[50:], 3)
-    np.testing.assert_allclose(
-        pem_ss(spoilt, start).model.markov(10), pem_ss(data[50:], start).model.markov(10), rtol=1e-6, atol=1e-8
-    )
-
-
-def test_estimates_can_be_copied_and_realised() -> None:
+def test_estimates_can_be_copied_and_realised():
     data = draw(4)
     estimate = pickle.loads(pickle.dumps(pem_ss(data, n4sid(data, 3))))
     np.testing.assert_allclose(estimate.realise(estimate.parameters).markov(9), estimate.model.markov(9))
@@ -154,14 +139,14 @@ def test_estimates_can_be_copied_and_realised() -> None:
     assert len(estimate.parameters) == 3 * (2 + 2 * 2) + 4
 
 
-def test_stops_are_said() -> None:
+def test_stops_are_reported():
     data = draw(5)
     poor = StateSpace(np.diag([0.5, 0.3, -0.2]), np.ones((3, 2)), np.ones((2, 3)), np.zeros((2, 2)), None, 0.02)
     with pytest.warns(SysidWarning, match="did not converge: stopped after 1 iterations"):
         pem_ss(data, poor, search=False, max_iterations=1)
 
 
-def test_refusals() -> None:
+def test_refusals():
     data = draw(6, 100)
     unstable = StateSpace([[1.5]], np.ones((1, 2)), np.zeros((2, 1)), np.zeros((2, 2)), None, 0.02)
     refused("with gain=False the start must be stable", lambda: pem_ss(data, unstable, gain=False))
@@ -169,15 +154,32 @@ def test_refusals() -> None:
     still = StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), np.eye(2), None, 0.02)
     refused("at least one state", lambda: pem_ss(data, still))
     refused("coloured=True needs gain=False", lambda: pem_ss(data, multivariable(), coloured=True))
-    refused("expected a StateSpace or an Estimate", lambda: pem_ss(data, "n4sid"))  # type: ignore[arg-type]
+    refused("expected a StateSpace or an Estimate", lambda: pem_ss(data, "n4sid"))
     refused("1 input", lambda: pem_ss(IOData(np.arange(9.0), np.arange(9.0), 0.02), multivariable()))
     refused("too many states for the data", lambda: pem_ss(data[:6], multivariable()))
 
 
-def test_unstable_systems_are_followed_by_a_stable_predictor() -> None:
+def test_unstable_systems_are_followed_by_a_stable_predictor():
     rng = np.random.default_rng(0)
     u, e = rng.standard_normal((2, 300))
     y = lfilter([0, 1.0], [1, -1.02], u) + lfilter([1, -0.5], [1, -1.02], 0.1 * e)
     data = IOData(u, y, 0.1)
     start = StateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]], [[0.4]], 0.1)
     assert pem_ss(data, start).model.poles()[0].real == pytest.approx(1.02, abs=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_constrained_steps_are_the_best_there_are(seed):
+    rng = np.random.default_rng(seed)
+    q, m = 6, int(rng.integers(1, 12))
+    values, g, rows = rng.uniform(0.1, 10.0, q), rng.standard_normal(q), rng.standard_normal((m, q))
+    if seed % 3 == 0:
+        rows = np.vstack((rows, rows[:1], np.zeros((1, q))))
+    step = constrained_step(values, g, rows)
+    assert (rows @ step <= 1e-9).all()
+    # a cone and a parabola: the gradient left over is normal to the step, and no feasible direction is downhill
+    left = g - values * step
+    assert left @ step == pytest.approx(0.0, abs=1e-9)
+    for direction in rng.standard_normal((200, q)):
+        if (rows @ direction <= 0.0).all():
+            assert left @ direction <= 1e-9

@@ -1,17 +1,14 @@
-"""Fits, always in simulation and one step ahead."""
-
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
 
 from sysid import IOData, armax, compare, oe, predict
 from sysid.validation import fit_percent
-from tests.sysid.refusals import refused
+from tests.refusals import refused
 
 
-def test_fit_by_hand() -> None:
+def test_fit_by_hand():
     y = np.array([[1.0], [2.0], [3.0]])
     np.testing.assert_allclose(fit_percent(y, y), [100.0])
     np.testing.assert_allclose(fit_percent(y, np.full((3, 1), 2.0)), [0.0], atol=1e-12)
@@ -19,9 +16,10 @@ def test_fit_by_hand() -> None:
     refused("one shape", lambda: fit_percent(y, y[:2]))
     refused("output 0 is constant", lambda: fit_percent(np.ones((3, 1)), y))
     np.testing.assert_array_equal(fit_percent(y, np.full((3, 1), np.inf)), [-np.inf])
+    refused("at least one model", compare, [], IOData([1.0, 2.0], [1.0, 2.0], 0.1))
 
 
-def test_both_fits_for_every_model(p3: Any) -> None:
+def test_both_fits_for_every_model(p3):
     data, fresh = p3.draw(0), p3.draw(1)
     a, o = armax(data, 2, 2, 2), oe(data, 2, 2)
     fits = compare({"armax": a, "oe": o, "truth": p3.model}, fresh)
@@ -38,7 +36,7 @@ def test_both_fits_for_every_model(p3: Any) -> None:
     assert compare(a, fresh)[0].simulation == by_name["armax"].simulation
 
 
-def test_the_window_is_not_scored(p3: Any) -> None:
+def test_the_window_is_not_scored(p3):
     data = p3.draw(0)
     spoilt = data.y.copy()
     spoilt[:200] += 1e3 * np.random.default_rng(0).standard_normal((200, 1))
@@ -50,7 +48,7 @@ def test_the_window_is_not_scored(p3: Any) -> None:
     assert scored.simulation[0] > compare(p3.model, whole)[0].simulation[0] + 20
 
 
-def test_any_horizon_lies_between_one_step_and_simulation(p3: Any) -> None:
+def test_any_horizon_lies_between_one_step_and_simulation(p3):
     data = p3.draw(0)
     (near,), (far,) = (compare(p3.model, data, steps=steps) for steps in (1, 5))
     np.testing.assert_array_equal(near.ahead, near.one_step)
@@ -63,7 +61,7 @@ def test_any_horizon_lies_between_one_step_and_simulation(p3: Any) -> None:
         refused("steps", partial(compare, steps=wrong), p3.model, data)
 
 
-def test_several_experiments_are_judged_together_and_apart(p3: Any) -> None:
+def test_several_experiments_are_scored_together_and_apart(p3):
     first, second = p3.draw(0)[:300], p3.draw(1)[:500]
     second = IOData(second.u, second.y + 7.0, second.dt, window=50, name="later")
     (fit,) = compare(p3.model, [first, second], steps=3)
@@ -79,7 +77,3 @@ def test_several_experiments_are_judged_together_and_apart(p3: Any) -> None:
     assert fit.simulation[0] == pytest.approx(expected)
     assert str(fit).count("\n") == 2
     assert compare(p3.model, [first])[0].by_experiment == ()
-
-
-def test_no_model() -> None:
-    refused("at least one model", lambda: compare([], IOData([1.0, 2.0], [1.0, 2.0], 0.1)))

@@ -1,0 +1,112 @@
+"""Logs to look at: frame by frame for films, and played in MuJoCo's viewer."""
+
+from collections.abc import Iterator, Sequence
+from time import perf_counter, sleep
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from hmtb_twin.arm.arm import Arm, load_arm
+from hmtb_twin.arm.rendering import Stage, scene_model
+from hmtb_twin.bus.joint_log import JointLog
+from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.parameters.values import JOINTS
+
+MOST_FRAMES = 1_000_000
+"""Largest number of frames: more are a typing error."""
+
+
+def pictured_arm(log: JointLog) -> Arm:
+    """Return an arm that looks like that of a log, whatever its drives; nominal where the log has no provenance."""
+    return load_arm(
+        log.provenance.get("variant", "nominal"),
+        log.provenance.get("payload", "rpcm"),
+        worksite=log.unit_pose is not None,
+    )
+
+
+def frames(
+    log: JointLog,
+    cameras: Sequence[str],
+    *,
+    size: tuple[int, int],
+    rate: float,
+    speed: float,
+    span: tuple[float, float],
+) -> Iterator[np.ndarray]:
+    """Render a log frame by frame.
+
+    Args:
+        log: The log.
+        cameras: Views, side by side; four of them as two rows of two.
+        size: Width and height of each view, pixels.
+        rate: Frames per second of film.
+        speed: Seconds of the experiment per second of film.
+        span: First and last time to show, s.
+
+    Yields:
+        Pictures (height, width, 3), 8-bit RGB.
+
+    Raises:
+        TwinError: Too many frames.
+    """
+    arm = pictured_arm(log)
+    first, last = span
+    count = int((last - first) / speed * rate + 1e-9) + 1
+    if count > MOST_FRAMES:
+        raise TwinError(f"{count} frames requested, expected at most {MOST_FRAMES}; play it faster, or show less of it")
+    with Stage(arm, *size, draft=count > 1) as stage:
+        for number in range(count):
+            time = first + number * speed / rate
+            tick = min(round(time / log.dt), len(log) - 1)
+            unit = None if log.unit_pose is None else log.unit_pose[tick]
+            views = [stage.picture(camera, log.true_angles[tick], unit) for camera in cameras]
+            force = f"wrist {np.linalg.norm(log.wrench[tick, :3]):5.1f} N"
+            if len(views) >= 4:
+                half = -(-len(views) // 2)
+                views += [np.zeros_like(views[0])] * (2 * half - len(views))
+                views = [np.vstack(pair) for pair in zip(views[:half], views[half:], strict=True)]
+            yield _labelled(np.hstack(views), f"{log.name}   {tick * log.dt:6.2f} s   {force}")
+
+
+def play(log: JointLog, viewer: Any, *, speed: float = 1.0, loop: bool = False) -> None:
+    """Play a log in the viewer; returns at its end, or when the window is closed.
+
+    Args:
+        log: The log.
+        viewer: The module `mujoco.viewer`, which needs a display.
+        speed: Seconds of the experiment per second.
+        loop: Whether to start again at the end.
+    """
+    model = scene_model(pictured_arm(log))
+    data = mujoco.MjData(model)
+    with viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False) as window:
+        with window.lock():
+            mujoco.mjv_defaultFreeCamera(model, window.cam)
+        start = perf_counter()
+        while window.is_running():
+            time = (perf_counter() - start) * speed
+            if time > len(log) * log.dt:
+                if not loop:
+                    return
+                start, time = perf_counter(), 0.0
+            tick = min(int(time / log.dt), len(log) - 1)
+            data.time = tick * log.dt
+            data.qpos[: len(JOINTS)] = log.true_angles[tick]
+            if log.unit_pose is not None:
+                data.qpos[len(JOINTS) : len(JOINTS) + 7] = np.asarray(log.unit_pose[tick])
+            mujoco.mj_forward(model, data)
+            window.sync()
+            sleep(1.0 / 60.0)  # the rate of most displays
+
+
+def _labelled(picture: np.ndarray, text: str) -> np.ndarray:
+    from PIL import Image, ImageDraw, ImageFont
+
+    image = Image.fromarray(picture)
+    draw, height = ImageDraw.Draw(image), max(12, picture.shape[0] // 36)
+    font = ImageFont.load_default(size=height)
+    draw.rectangle((0, 0, draw.textlength(text, font=font) + height, 1.6 * height), fill=(0, 0, 0))
+    draw.text((height / 2, height / 4), text, fill=(255, 255, 255), font=font)
+    return np.asarray(image)

@@ -1,0 +1,37 @@
+"""Variables of the files of a data set, each with dimensions, unit and meaning from one table."""
+
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from scenarios.files.netcdf import Attribute, Variable
+
+
+def described(kind: str, values: Mapping[str, object], prefix: str = "") -> dict[str, Variable]:
+    """Return the variables of a file by name.
+
+    Args:
+        kind: Kind of the file: `data`, `signals`, `arm` or `best_linear`.
+        values: Their values by name.
+        prefix: Begin of the names of variables and of their dimensions but `part`.
+    """
+    variables = {}
+    for name, value in values.items():
+        attributes = dict(_table()[kind][name])
+        dims = [dim if dim == "part" else prefix + dim for dim in attributes.pop("along")]
+        variables[prefix + name] = Variable(tuple(dims), np.asarray(value), attributes)
+    return variables
+
+
+@cache
+def _table() -> dict[str, Any]:
+    return tomllib.loads(files("scenarios").joinpath("data", "data_set_variables.toml").read_text(encoding="utf-8"))
+
+
+def provenance_of(attributes: Mapping[str, Attribute]) -> dict[str, str]:
+    """Return the provenance that the attributes of a file state."""
+    return {key[11:]: str(value) for key, value in attributes.items() if key.startswith("provenance_")}

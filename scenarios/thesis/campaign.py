@@ -1,0 +1,166 @@
+"""Campaigns: the tests of the thesis played on one arm, and their records."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from types import MappingProxyType
+
+from hmtb_twin import STUDIED_JOINTS, JointLog, Truth, linearize, simulate
+from hmtb_twin.run.simulation import Progress
+from scenarios.experiments.campaign import (
+    NOMINAL,
+    RPCM,
+    SINGLE_JOINT,
+    Condition,
+    campaign_scenario,
+    single_joint_test,
+)
+from scenarios.experiments.log_review import prepared
+from scenarios.experiments.registry import load, names
+from scenarios.experiments.scenario import Scenario
+from scenarios.files.errors import MissingRecordError, ScenarioError, unknown
+from sysid import IOData
+
+SAME_SEQUENCE = (5, 6)
+"""Numbers of the single-joint tests that play the same binary sequence.
+
+The velocity limit turns the larger amplitude into nearly the same command: neither can validate a model of the other.
+"""
+
+OTHER_WAVEFORMS = tuple(number for number in SINGLE_JOINT if number not in SAME_SEQUENCE)
+"""Numbers of the single-joint tests of other waveforms, which validate models of a binary sequence."""
+
+CONDITIONS = (NOMINAL, Condition(friction=False), Condition("published"), Condition("published", friction=False))
+"""The arms that the study compares; the first is its subject."""
+
+EVERY_TEST = (*names("thesis"), *names("mimo"), RPCM)
+"""Every record of the thesis: both tables, the independent waveforms and the exchange of the replacement unit."""
+
+FAIRNESS_TESTS = (*names("thesis"), "mimo-10", "mimo-12", RPCM)
+"""Tests played on the other arms: table 1, the slow and the fast chirp of table 2 and the exchange."""
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Logs of the tests on one arm, and the truth about the arm.
+
+    Attributes:
+        condition: The arm.
+        truth: Its small-signal truth at the operating point, with its payload.
+        logs: Logs by name of the scenario, in the requested order.
+        failed: Names of those that failed, with the reason.
+        seed: Seed of other noise and binary sequences; None for the scenarios' own.
+        duration: Shortened length of the tests, s; None for the thesis' 240 s.
+        physics_s: Wall time inside the physics engine, s.
+        simulation_s: Wall time of the whole simulation, s.
+    """
+
+    condition: Condition
+    truth: Truth
+    logs: Mapping[str, JointLog]
+    failed: Mapping[str, str]
+    seed: int | None = None
+    duration: float | None = None
+    physics_s: float = 0.0
+    simulation_s: float = 0.0
+
+    def log(self, name: str) -> JointLog:
+        """Return the log of a scenario; raises `MissingRecordError` if it failed or was not played."""
+        if name not in self.logs:
+            reason = self.failed.get(name, "it was not played in this campaign")
+            raise MissingRecordError(f"there is no record of {name}: {reason}")
+        return self.logs[name]
+
+    def single(self, number: int, joint: str) -> IOData:
+        """Return the `prepared` record of a single-joint test, rad.
+
+        Args:
+            number: Number of the test, 1 to 8.
+            joint: The excited joint.
+
+        Raises:
+            MissingRecordError: There is no such record.
+            ScenarioError: There is no such test in the thesis.
+        """
+        _check_joint(joint)
+        if number not in SINGLE_JOINT:
+            raise ScenarioError(f"single-joint test {number!r} given; there are tests 1 to {len(SINGLE_JOINT)}")
+        return prepared(self.log(single_joint_test(number, joint)), joint)
+
+    def singles(self, joint: str) -> dict[int, IOData]:
+        """Return the `prepared` records of all single-joint tests of a joint that did not fail, by number."""
+        _check_joint(joint)
+        return {n: self.single(n, joint) for n in SINGLE_JOINT if single_joint_test(n, joint) in self.logs}
+
+    def several(self, name: str, joints: Sequence[str] = STUDIED_JOINTS) -> IOData:
+        """Return the `prepared` record of several joints, one input and one output each, rad; see `log`."""
+        return prepared(self.log(name), joints)
+
+
+def _check_joint(joint: str) -> None:
+    if joint not in STUDIED_JOINTS:
+        raise ScenarioError(unknown("joint of single-joint tests", joint, STUDIED_JOINTS))
+
+
+def plays_identified_sequence(name: str) -> bool:
+    """Return whether a registered test plays, on any axis, the binary sequence that models are identified from.
+
+    Such a record does not validate those models, whatever its amplitude and number of axes: single-joint tests 5 and 6
+    and tests 7 and 8 of several joints, independent axes included.
+    """
+    return any(entry.kind == "prbs" for entry in load(name).excitation)
+
+
+def tests_of_same_sequence(number: int) -> tuple[int, ...]:
+    """Return the numbers of the single-joint tests that play the waveform of a test, its own included."""
+    return SAME_SEQUENCE if number in SAME_SEQUENCE else (number,)
+
+
+def run_campaign(
+    condition: Condition = NOMINAL,
+    tests: Sequence[str] = EVERY_TEST,
+    *,
+    extra: Sequence[Scenario] = (),
+    seed: int | None = None,
+    duration: float | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Campaign:
+    """Play tests on one arm, all side by side.
+
+    Args:
+        condition: The arm.
+        tests: Names of registered scenarios.
+        extra: Further scenarios, played as they are but on this arm.
+        seed: See `campaign_scenario`.
+        duration: See `campaign_scenario`.
+        threads: Threads for the physics.
+        progress: Called with the completed ticks and the total.
+
+    Returns:
+        The records, in the order of the tests.
+
+    Raises:
+        ScenarioError: Nothing to play, the same name twice, or see `campaign_scenario`; nothing is played then.
+    """
+    scenarios = [*(campaign_scenario(name, seed=seed, duration=duration) for name in tests), *extra]
+    if not scenarios:
+        raise ScenarioError("no tests given: a campaign plays at least one")
+    twice = [name for name, count in Counter(entry.name for entry in scenarios).items() if count > 1]
+    if twice:
+        raise ScenarioError(f"given more than once: {', '.join(twice)}; a campaign has one record of each name")
+    # One call for all tests: Python then runs once per tick for the whole campaign.
+    started = perf_counter()
+    result = simulate([condition.applied(entry) for entry in scenarios], threads=threads, progress=progress)
+    simulation_s = perf_counter() - started
+    return Campaign(
+        condition=condition,
+        truth=linearize(condition.arm()),
+        logs=MappingProxyType({log.name: log for log in result.logs}),
+        failed=result.failed,
+        seed=seed,
+        duration=duration,
+        physics_s=result.physics_seconds,
+        simulation_s=simulation_s,
+    )

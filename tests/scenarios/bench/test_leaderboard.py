@@ -1,0 +1,243 @@
+"""Result files as they are read for the leaderboard: what is refused, the order of rows, notes, the response error."""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarios.bench.leaderboard_drawings import work_precision
+from scenarios.bench.leaderboard_notes import notes
+from scenarios.bench.leaderboard_rows import common_problems, ranked
+from scenarios.bench.leaderboard_tables import standing
+from scenarios.bench.leaderboard_verdict import Verdict, count, verdict
+from scenarios.bench.metric import Metric, Part
+from scenarios.bench.result import Result
+from scenarios.commands.cli import main
+from scenarios.estimators.estimator import Estimator, Limits
+from scenarios.files.errors import ScenarioError
+
+ERRORS = {"p2": 0.1, "p3": 8.0, "p4": 0.3, "p5": 0.9}
+
+
+def test_what_is_written_is_read_again_numbers_of_numpy_and_nan_included(tmp_path, saved):
+    number = np.float64(1.5)
+    part = Part("p1", number, float("nan"), (0.0, 1.0), (-np.inf, number), False, draws=int(np.int64(3)))
+    curves = {"count": np.int64(4), "grid": np.arange(2.0), "flag": np.bool_(True), "none": np.array([np.nan])}
+    metric = Metric("few", "Few", "", number, 1.0, (1.0, 2.0), False, 1e-4, "why", (part,), curves)
+    made = (Estimator("mine", "a:b"), Limits(), "quick", 0, "", "", {}, "", {"model": 1}, {}, 0.5, {"few": metric})
+    assert part.surprises and not Result(*made).passed
+    read = Result.read(saved(tmp_path / "mine.json", Result(*made)))
+    assert read.metrics["few"].curves == {"count": 4, "grid": [0.0, 1.0], "flag": True, "none": [None]}
+    (again,) = read.metrics["few"].parts
+    assert (again.limits, again.passed, again.draws) == ((-np.inf, 1.5), False, 3)
+    assert np.isnan(again.expected) and not read.passed
+
+
+def test_files_that_cannot_be_read_are_refused(capsys, tmp_path):
+    assert main(["leaderboard"]) == 2
+    assert "no result given" in capsys.readouterr().err
+    with pytest.raises(ScenarioError, match=r"expected one with results of hmtb verify in it"):
+        ranked([tmp_path])
+    with pytest.raises(ScenarioError, match="cannot read"):
+        ranked([tmp_path / "missing.json"])
+    os.mkfifo(tmp_path / "pipe.json")
+    for path in (tmp_path / "pipe.json", tmp_path, Path("/dev/zero")):
+        with pytest.raises(ScenarioError, match="is no ordinary file"):
+            ranked([path])
+    for text in ("", "{", "[" * 100_000, "\x00", "[1, 2]"):
+        (tmp_path / "bad.json").write_text(text, encoding="utf-8")
+        with pytest.raises(ScenarioError, match=r"bad\.json"):
+            ranked([tmp_path / "bad.json"])
+
+
+def test_two_of_one_name_are_refused(written, results, saved):
+    again = saved(written[0].with_name("again.json"), replace(results[1], seed=8))
+    with pytest.raises(ScenarioError, match=r"again\.json and .*1\.json are both of 'armax'"):
+        ranked([written[1], again])
+    assert len(ranked([written[1], written[1]])) == 1
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        ("format", 99),
+        ("format", True),
+        ("contestant name", 5),
+        ("contestant name", "  "),
+        ("contestant program", "x"),
+        ("seed", {"a": 1}),
+        ("seconds", "x"),
+        ("seconds", 10**400),
+        ("limits seconds", 10**400),
+        ("limits memory_bytes", float("nan")),
+        ("outcomes", {"model": -1}),
+        ("outcomes", {"model": "many"}),
+        ("reasons", ["late"]),
+        ("refused", {"p2": "all"}),
+        ("versions", {"numpy": 2}),
+        ("machine", None),
+        ("figures efficiency value", 10**400),
+        ("figures efficiency value", "wide"),
+        ("figures efficiency interval", [1.0]),
+        ("figures efficiency passed", "yes"),
+        ("figures efficiency false_alarm", [1]),
+        ("figures efficiency false_alarm", None),
+        ("figures efficiency false_alarm", 1.5),
+        ("figures efficiency curves", 3),
+        ("figures efficiency parts", None),
+        ("figures efficiency parts 0 label", None),
+        ("figures efficiency parts 0 draws", "all"),
+    ],
+)
+def test_a_damaged_result_is_refused(written, changed, place, value):
+    changed(json.loads(written[1].read_text(encoding="utf-8")), [(place, value)], written[1])
+    with pytest.raises(ScenarioError, match=r"1\.json"):
+        ranked([written[1]])
+
+
+def test_verdicts_and_failures_that_theory_does_not_know_weigh_most(written):
+    entries = ranked(written)
+    by_name = {entry.name: entry.result.metrics for entry in entries}
+    names = list(by_name)
+    assert names.index("armax") < names.index("oe") < names.index("okid")
+    failures = [count(entry.result.metrics.values())[Verdict.FAILS] for entry in entries]
+    assert failures == sorted(failures) and failures[0] == 0 < failures[-1]
+    assert verdict(by_name["oe"]["efficiency"]) is Verdict.FAILS_AS_THEORY_SAYS
+    assert verdict(by_name["armax"]["speed"]) is verdict(None) is Verdict.NONE
+    counts = count(by_name["armax"].values())
+    assert (counts[Verdict.PASSES], counts[Verdict.NONE], counts[Verdict.FAILS]) == (7, 6, 0)
+    # A file whose figure says that it passes and whose part says otherwise fails.
+    assert verdict(replace(by_name["okid"]["efficiency"], passed=True)) is Verdict.FAILS
+
+
+def test_what_could_not_be_judged_is_no_advantage_and_time_no_harm(written, results, saved):
+    """One that passes all of what is left of it stands behind one that was judged by more and fails as theory says."""
+    unjudged = {"bias": replace(results[1].metrics["bias"], passed=None, parts=())}
+    paths = [saved(written[1], replace(results[1], metrics={**results[1].metrics, **unjudged})), written[2]]
+    entries = ranked(paths)
+    assert [entry.name for entry in entries] == ["oe", "armax"]
+    assert [count(entry.result.metrics.values())[Verdict.PASSES] for entry in entries] == [4, 6]
+    assert [(row[1].text, row[4].text) for row in standing(entries).rows] == [("4 of 12", "5"), ("6 of 12", "6")]
+    timed = {**results[2].metrics, "speed": replace(results[2].metrics["speed"], passed=True)}
+    saved(written[1], results[1])
+    saved(written[2], replace(results[2], metrics=timed))
+    assert [entry.name for entry in ranked(paths)] == ["armax", "oe"]
+    # Figures that were not made are as figures that were not judged.
+    saved(written[1], replace(results[1], metrics={name: f for name, f in timed.items() if name != "bias"}))
+    assert [entry.name for entry in ranked(paths)] == ["oe", "armax"]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"seed": 8}, "Rows differ in seed, so they saw different records"),
+        ({"effort": "full"}, "Rows differ in effort"),
+        ({"limits": Limits(seconds=5.0)}, "Rows differ in limits"),
+        ({"protocol": 2}, "Rows differ in protocol"),
+        ({"machine": "another"}, "Rows differ in machine, so speeds compare as multiples of the reference time only"),
+        ({"versions": {"hmtb-twin": "0.2.0"}}, "Rows differ in version of the bench"),
+        ({"run": "two"}, "Rows are not all of one run"),
+        ({"run": ""}, "each run on its own: oe"),
+    ],
+)
+def test_rows_that_do_not_compare_are_named(written, results, saved, change, words):
+    assert notes(ranked(written[:3])) == []
+    saved(written[2], replace(results[2], **change))
+    (note,) = notes(ranked(written[1:4]))
+    assert words in note and "oe" in note and "armax" in note
+
+
+def test_rows_that_are_not_whole_are_named(written, results, saved):
+    part = {name: results[1].metrics[name] for name in ("efficiency", "speed")}
+    saved(written[1], replace(results[1], metrics=part))
+    nothing = {name: replace(f, passed=None, parts=()) for name, f in results[2].metrics.items()}
+    saved(written[2], replace(results[2], metrics=nothing, outcomes={"refused": 853}))
+    saved(written[3], replace(results[3], metrics=nothing))
+    texts = notes(ranked(written[:4]))
+    assert len(texts) == 3
+    assert "2 of 13: armax." in texts[0]
+    assert any("oe gave no model at all (853 × refused)" in text for text in texts)
+    assert any("Nothing of okid could be judged" in text for text in texts)
+    outcomes = {"model": 780, "refused": 120}
+    saved(written[1], replace(results[1], outcomes=outcomes, refused={"p2": 80, "p3, select": 40}))
+    saved(written[2], replace(results[2], outcomes=outcomes))
+    assert notes(ranked(written[1:3])) == [
+        "armax refused 120 of 900 requests (80 × p2, 40 × p3, select), and is judged by the others only.",
+        "oe refused 120 of 900 requests, and is judged by the others only.",
+    ]
+
+
+def test_the_command_writes_both_pages(results, saved, tmp_path, capsys):
+    folder = tmp_path / "results"
+    folder.mkdir()
+    for made in results[1:3]:  # a drawing or two less, to be quick
+        few = {name: figure for name, figure in made.metrics.items() if name in ("coverage", "speed", "reliability")}
+        saved(folder / f"{made.estimator.name}.json", replace(made, metrics=few))
+    out = tmp_path / "new" / "pages"
+    assert main(["leaderboard", str(folder), "--out", str(out), "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["name"] for row in rows] == ["armax", "oe"]
+    assert rows[1]["verdicts"]["coverage"] == "fails as theory says"
+    assert rows[0]["values"]["speed"] > 0
+    assert {path.name for path in out.iterdir()} == {"leaderboard.html", "leaderboard.md"}
+    assert main(["leaderboard", str(folder), "--out", str(folder / "oe.json")]) == 2
+    assert "cannot write to folder" in capsys.readouterr().err
+
+
+def errors(result, percent, *, posed=()):
+    """A result with these errors of the response, in percent; problems that were posed and not answered are parts."""
+    metric = result.metrics["frequency_response"]
+    curves = {name: {**metric.curves["p2"], "relative_error_percent": value} for name, value in percent.items()}
+    parts = tuple(replace(metric.parts[0], label=name) for name in posed or percent)
+    return replace(result, metrics={**result.metrics, metric.name: replace(metric, curves=curves, parts=parts)})
+
+
+@pytest.fixture
+def board(written, results, saved):
+    def rows_of(armax, oe=None):
+        return ranked([saved(written[1], armax), saved(written[2], oe or errors(results[2], ERRORS))])
+
+    return rows_of
+
+
+def cells(rows):
+    table = standing(rows)
+    column = table.columns.index("Response error / %")
+    return {entry.name: row[column].text for entry, row in zip(rows, table.rows, strict=True)}
+
+
+def test_leaving_out_a_hard_problem_is_no_advantage(board, results):
+    easy = {name: value for name, value in ERRORS.items() if name != "p3"}
+    rows = board(errors(results[1], easy, posed=tuple(ERRORS)))
+    assert cells(rows) == {"armax": "– (3 of 4)", "oe": "0.6"}
+    figure, caption = work_precision(rows)
+    assert caption.endswith("Not drawn, since a number of theirs is missing: armax.")
+    assert "asked of all rows (p2, p3, p4, p5)" in caption
+    assert len(figure.axes[0].lines) == 2  # of one estimator
+    (note,) = notes(rows)
+    assert note.startswith("armax answered too few records of p3 for a verdict: no response error")
+
+
+def test_too_few_records_are_no_answer(board, results):
+    whole = errors(results[1], ERRORS)
+    metric = whole.metrics["efficiency"]
+    parts = tuple(replace(p, passed=None, draws=9) if p.label == "p5" else p for p in metric.parts)
+    few = replace(whole, metrics={**whole.metrics, metric.name: replace(metric, parts=parts)})
+    assert cells(board(few))["armax"] == "– (3 of 4)"
+
+
+def test_problems_that_were_not_posed_to_all_do_not_count(board, results):
+    """Another effort, or a structure that cannot hold a system, poses other problems."""
+    rows = board(errors(results[1], {**ERRORS, "mimo": 70.0, "random-easy-1": 50.0}))
+    assert common_problems(rows) == tuple(ERRORS)
+    assert cells(rows) == {"armax": "0.6", "oe": "0.6"}
+    assert notes(rows) == []
+    medians = {row.name: row.median_error(("p2", "mimo", "p3")) for row in rows}
+    assert medians["armax"] == 8.0 and np.isnan(medians["oe"])
+    rows = board(errors(results[1], {"p2": 0.1}), errors(results[2], {"p3": 0.1}))
+    assert cells(rows) == {"armax": "–", "oe": "–"}
+    assert work_precision(rows) is None
+    assert "no problem was asked of all rows" in standing(rows).caption

@@ -1,3 +1,0 @@
-"""Sysid."""
-
-__all__: list[str] = []

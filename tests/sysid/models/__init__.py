@@ -1,3 +1,0 @@
-"""Models."""
-
-__all__: list[str] = []

@@ -1,3 +1,0 @@
-"""Polynomial."""
-
-__all__: list[str] = []

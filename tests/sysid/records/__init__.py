@@ -1,3 +1,0 @@
-"""Records."""
-
-__all__: list[str] = []

@@ -1,3 +1,0 @@
-"""Subspace."""
-
-__all__: list[str] = []

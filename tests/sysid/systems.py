@@ -1,0 +1,44 @@
+"""A second-order textbook system whose records many tests share, its distribution, and a two-output system."""
+
+import numpy as np
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
+
+from sysid import IOData, StateSpace, simulate
+
+A, B = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5]
+
+
+def second_order(seed=0, samples=400, noise=1.0, c=(1.0,), d=A, *, b=B, settle=0, lost=0.0, bursts=False):
+    """Record of y = b/A u + noise c/d e, sampled every 0.1 s: `settle` samples go before, a part of y is `lost`."""
+    rng = np.random.default_rng(seed)
+    u, e = rng.standard_normal((2, samples + settle))
+    y = (lfilter(b, A, u) + lfilter(c, d, noise * e))[settle:]
+    if bursts:
+        t = 0
+        while t < samples:  # holes of 20 samples on average, a quarter of all samples
+            t += rng.geometric(1 / 60)
+            length = rng.geometric(1 / 20)
+            y[t : t + length] = np.nan
+            t += length
+    elif lost:
+        y[rng.random(samples) < lost] = np.nan
+    return IOData(u[settle:], y, 0.1, missing=bursts or lost > 0.0)
+
+
+def joint_normal(model, data, x0):
+    """Mean (N,) and covariance (N, N) of all outputs of a record that begins in state x0, for unit innovations."""
+    noise = StateSpace(model.A, model.gain, model.C, np.eye(1), None, model.dt)
+    spread = toeplitz(noise.markov(len(data))[:, 0, 0], np.zeros(len(data)))
+    return simulate(model, data.u, x0=x0)[:, 0], spread @ spread.T
+
+
+def multivariable(direct=True):
+    """Two inputs, two outputs, four states."""
+    rng = np.random.default_rng(2)
+    A = np.diag([0.95, 0.8, 0.3, -0.5])
+    A[0, 1], A[1, 0] = 0.2, -0.2
+    D = rng.standard_normal((2, 2)) * direct
+    B, C = rng.standard_normal((4, 2)), rng.standard_normal((2, 4))
+    # halves what it can of A, so that the predictor is stable
+    return StateSpace(A, B, C, D, 0.5 * A @ np.linalg.pinv(C), 0.02)
