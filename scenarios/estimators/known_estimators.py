@@ -1,7 +1,6 @@
 """Estimators that the test bench knows by name, those of `known_estimators.toml`: ours and other packages."""
 
 import shlex
-import shutil
 import subprocess
 import tomllib
 from contextlib import suppress
@@ -62,7 +61,7 @@ def octave_version(program: str, package: str) -> str:
     code = (
         f"p = pkg ('list', '{package}'); printf ('%s', version ()); if numel (p), printf (' %s', p{{1}}.version); end"
     )
-    command = [shutil.which(program) or program, "--quiet", "--norc", "--eval", code]
+    command = [program, "--quiet", "--norc", "--eval", code]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=OCTAVE_SECONDS, check=False)
     except (OSError, subprocess.TimeoutExpired):

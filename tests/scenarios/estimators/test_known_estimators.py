@@ -97,9 +97,9 @@ def test_an_unknown_name_is_answered_with_a_similar_one():
         estimator("our-arma")
 
 
-def test_missing_packages_come_with_the_command_that_installs_them(monkeypatch):
+def test_missing_packages_come_with_the_command_that_installs_them(monkeypatch, tmp_path):
     monkeypatch.setattr(known_estimators, "find_spec", lambda name: None)
-    monkeypatch.setattr(known_estimators.shutil, "which", lambda name: None)
+    monkeypatch.setenv("PATH", str(tmp_path))
     known_estimators.octave_version.cache_clear()
     with pytest.raises(ScenarioError, match=r"pysib-oe needs the package pysib: pip install 'hmtb-twin\[peers\]'"):
         estimator("pysib-oe")
