@@ -1,22 +1,28 @@
-"""Metadata of a data set: table of experiments, datasheet, licence, citation (CFF) and catalogue entry (Croissant)."""
+"""Metadata of a data set: table of experiments, datasheet [Gebru2021], licence, citation (CFF), entry for catalogues."""
 
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.resources import files
+from itertools import groupby
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from hmtb_twin import Status
 from hmtb_twin.control.data_acquisition import BOARD
-from hmtb_twin.parameters.values import SAMPLE_RATE
-from scenarios.datasets.datasheet import ENVIRONMENT, datasheet
-from scenarios.datasets.plan import JOURNAL, LICENSE, SUMS, DataSetPlan
+from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_RATE
+from hmtb_twin.parameters.variants import variant_named
+from scenarios.datasets.plan import ATTAINABLE, BASELINES, BUILD, JOURNAL, LICENSE, SUMS, TRUTH, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.tables import table_text
+from scenarios.datasets.spec_tables import PARTS, PAYLOAD, UNITS
+from scenarios.datasets.tables import read_table, table_text
 from scenarios.experiments.scenario import Scenario
+from scenarios.experiments.waveform import POINTS
 from scenarios.files.hashes import bytes_hash, file_hash
 from scenarios.files.netcdf import read_netcdf
 
@@ -29,6 +35,24 @@ MOST_LISTED = 1000
 FEW = 20
 """Files of one kind in one folder that are listed one by one in any data set."""
 
+MOST_ROWS = 30
+"""Rows of a table that the datasheet repeats; of more, the first ones."""
+
+ENVIRONMENT = Environment(
+    loader=PackageLoader("scenarios"),
+    autoescape=False,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
+ENVIRONMENT.filters["cell"] = lambda value: " ".join(str(value).split()).replace("|", "\\|") or "-"
+ENVIRONMENT.filters["digits"] = lambda text: f"{float(text):.4g}" if text else "-"
+ENVIRONMENT.filters["short"] = lambda value: f"{value:.6g}"
+ENVIRONMENT.filters["json"] = lambda value: json.dumps(value, ensure_ascii=False)
+ENVIRONMENT.filters["fields"] = vars
+ENVIRONMENT.globals |= {"pose": OPERATING_POSE, "payload": PAYLOAD, "points": POINTS, "changed": replace}
+
 
 def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) -> dict[str, bytes]:
     """Write the metadata of a data set whose records, truth and baselines are in its folder.
@@ -39,7 +63,7 @@ def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) ->
         index: Its index of experiments.
 
     Returns:
-        Contents by path in the folder. The same folder gives the same bytes.
+        Contents by path in the folder. They depend on what is in the folder alone, never on when they are written.
     """
     plan = DataSetPlan(spec)
     rows = _experiment_rows(folder, plan, index["experiments"])
@@ -59,10 +83,10 @@ def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) ->
     def render(template: str) -> str:
         return ENVIRONMENT.get_template(template).render(context)
 
-    context["bibtex"] = render("citation.bib.j2")
+    context |= {"bibtex": render("citation.bib.j2"), **_datasheet_facts(folder, plan, rows, paths)}
     texts = {
         "experiments.csv": table_text(rows[0], rows),
-        "README.md": datasheet(folder, plan, rows, paths, context),
+        "README.md": render("datasheet.md.j2"),
         "LICENSE": render("LICENSE.j2"),
         "CITATION.cff": render("CITATION.cff.j2"),
     }
@@ -112,3 +136,92 @@ def _pattern(path: str) -> str:
     """Pattern of the files of one kind in one folder."""
     folder, _, name = path.rpartition("/")
     return f"{folder}/*{Path(name).suffix}" if folder else name
+
+
+def _datasheet_facts(
+    folder: Path, plan: DataSetPlan, rows: Sequence[Mapping[str, Any]], paths: Sequence[str]
+) -> dict[str, Any]:
+    """What the datasheet states of the plan, the rows of the table of experiments, and the files."""
+    spec = plan.spec
+    recorded = [row for row in rows if row["status"] == "ok"]
+    by_part = {part: [row for row in recorded if row["part"] == part] for part in PARTS}
+    by_block = {block: [row for row in recorded if row["block"] == block.name] for block in spec.records}
+    build = json.loads((folder / BUILD).read_text(encoding="utf-8"))
+    return {
+        "rate": SAMPLE_RATE,
+        "parts": [(part, some, _limits(plan, some)) for part, some in by_part.items()],
+        "blocks": [(block, some, _limits(plan, some)) for block, some in by_block.items()],
+        "status": Status,
+        "rows_shown": MOST_ROWS,
+        "late": _late(plan),
+        "arms": _arms(plan),
+        "arms_in_all": len({row["arm"] for row in rows}),
+        "failed": [row for row in rows if row["status"] != "ok"],
+        "recorded": recorded,
+        "channels": _channels(folder / recorded[0]["file"]),
+        "truths": _truths(folder, paths),
+        "versions": {**build["versions"], "source": build["source"]},
+        "attainable": read_table(folder / ATTAINABLE)[:MOST_ROWS],
+        "baselines": read_table(folder / BASELINES)[:MOST_ROWS],
+        "floor": UNITS.get(spec.scoring.unit, 1.0) * sqrt(RECORDER.noise**2 + RECORDER.resolver_step**2 / 12),
+        "floor_unit": spec.scoring.unit if spec.scoring.unit in UNITS else "rad",
+        "recorder": RECORDER,
+    }
+
+
+def _limits(plan: DataSetPlan, rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """How much of some records was limited: percent of the published samples, and records with clipped converters."""
+    published = sum(
+        min(row["samples"], plan.spec.window) if plan.spec.withheld and row["part"] == "test" else row["samples"]
+        for row in rows
+    )
+    share = 100.0 / max(published, 1)
+    return {
+        "velocity": share * sum(row["velocity_limited"] for row in rows),
+        "clipped": share * sum(row["clipped"] for row in rows),
+        "clipped_records": sum(row["clipped"] > 0 for row in rows),
+    }
+
+
+def _late(plan: DataSetPlan) -> list[tuple[str, int]]:
+    """Joints whose angle reaches the record late on an arm of the data set, with the delay in samples."""
+    buses = [variant_named(name).bus for name in {name for block in plan.spec.records for name in block.variants}]
+    delays = {joint: max(bus[joint].delay for bus in buses) for joint in JOINTS}
+    return [(joint, delay) for joint, delay in delays.items() if delay]
+
+
+def _arms(plan: DataSetPlan) -> list[tuple[str, ...]]:
+    """The first arms with their conditions."""
+    arms: dict[str, tuple[str, ...]] = {}
+    for entry in plan:
+        one, plant = entry.experiment, entry.experiment.plant
+        arms[entry.arm] = (entry.arm, one.variant, one.payload, one.pose, plant.actuator, plant.friction)
+        if len(arms) == MOST_ROWS:
+            break
+    return list(arms.values())
+
+
+def _channels(path: Path) -> list[dict[str, str]]:
+    """The variables of a file; of those that every joint has, one line for all."""
+    lines: dict[str, dict[str, str]] = {}
+    for name, variable in read_netcdf(path).variables.items():
+        line = {key: str(variable.attributes.get(key, "")) for key in ("units", "role", "long_name")}
+        line |= {"name": _of_any_joint(name), "dims": ", ".join(map(_of_any_joint, variable.dims))}
+        lines.setdefault(line["name"], line)
+    return list(lines.values())
+
+
+def _of_any_joint(name: str) -> str:
+    return next((name.replace(joint, "JOINT", 1) for joint in JOINTS if name.startswith(f"{joint}_")), name)
+
+
+def _truths(folder: Path, paths: Sequence[str]) -> list[tuple[str, int, list[dict[str, str]]]]:
+    """Folders of the truth: name, number of files, and the channels of the first file if it is one of arrays."""
+    truths = []
+    for name, group in groupby(
+        (path for path in paths if path.startswith(f"{TRUTH}/")), lambda path: path.split("/")[1]
+    ):
+        first, *others = group
+        place = f"{TRUTH}/{name}" + ("/" if first.count("/") > 1 else "")
+        truths.append((place, 1 + len(others), _channels(folder / first) if first.endswith(".nc") else []))
+    return truths

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from scenarios.datasets.datasheet import ENVIRONMENT, excitation
+from scenarios.datasets.metadata import ENVIRONMENT
 from scenarios.datasets.spec import shipped
 from scenarios.datasets.spec_tables import RecordBlock
 from scenarios.experiments.excitation_computer import Excitation
@@ -33,7 +33,7 @@ PRBS = Excitation("prbs", {"amplitude": 0.5, "clock": 2}, repeat_frequency=0.1)
     ],
 )
 def test_an_excitation_is_described_as_it_is_played(one, text):
-    assert text.format("100 points") in excitation(one, drawn=False)
+    assert text.format("100 points") in WORDS.excitation(one, drawn=False)
 
 
 BLOCK = RecordBlock("b", "train", axes=JOINTS, each_axis=True, excitation=(PRBS,), duration=20.0, draw_waveforms=True)
