@@ -1,4 +1,4 @@
-"""Metadata of a data set: table of experiments, datasheet [Gebru2021], licence, citation (CFF), entry for catalogues."""
+"""Metadata of a data set: table of experiments, datasheet [Gebru2021], licence, citation (CFF), Croissant."""
 
 import json
 from collections import Counter
@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
 from itertools import groupby
-from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +31,11 @@ METADATA = ("experiments.csv", "README.md", "LICENSE", "CITATION.cff", "croissan
 MOST_LISTED = 1000
 """Files that the catalogue entry lists one by one; in larger data sets those of one kind in one folder become a set."""
 
+CONDITIONS = ("arm", "variant", "payload", "pose", "actuator", "friction")
+"""Facts of the index on an arm."""
+
 FEW = 20
 """Files of one kind in one folder that are listed one by one in any data set."""
-
-MOST_ROWS = 30
-"""Rows of a table that the datasheet repeats; of more, the first ones."""
 
 ENVIRONMENT = Environment(
     loader=PackageLoader("scenarios"),
@@ -52,6 +51,7 @@ ENVIRONMENT.filters["short"] = lambda value: f"{value:.6g}"
 ENVIRONMENT.filters["json"] = lambda value: json.dumps(value, ensure_ascii=False)
 ENVIRONMENT.filters["fields"] = vars
 ENVIRONMENT.globals |= {"pose": OPERATING_POSE, "payload": PAYLOAD, "points": POINTS, "changed": replace}
+ENVIRONMENT.globals |= {"rate": SAMPLE_RATE, "recorder": RECORDER, "parts": PARTS, "units": UNITS, "status": Status}
 
 
 def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) -> dict[str, bytes]:
@@ -69,11 +69,21 @@ def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) ->
     rows = _experiment_rows(folder, plan, index["experiments"])
     there = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     paths = sorted(path for path in there if path not in {SUMS, *METADATA} and not path.startswith(JOURNAL))
+    build = json.loads((folder / BUILD).read_text(encoding="utf-8"))
     # A person is written "Family, Given"; anything else is a group.
     names = [(name, *name.partition(", ")[::2]) for name in spec.creators]
     context: dict[str, Any] = {
         "spec": spec,
         "whole": index["hash"],
+        "recorded": [row for row in rows if row["status"] == "ok"],
+        "failed": [row for row in rows if row["status"] != "ok"],
+        "arms": list({entry["arm"]: [entry[key] for key in CONDITIONS] for entry in index["experiments"]}.values()),
+        "late": _late(spec),
+        "channels": _channels(folder / next(entry["file"] for entry in index["experiments"] if not entry["failed"])),
+        "truths": _truths(folder, paths),
+        "versions": {**build["versions"], "source": build["source"]},
+        "attainable": read_table(folder / ATTAINABLE),
+        "baselines": read_table(folder / BASELINES),
         "license": LICENSE,
         "license_url": "https://creativecommons.org/licenses/by/4.0/",
         "license_text": files("scenarios").joinpath("data", "licenses", "CC-BY-4.0.txt").read_text(encoding="utf-8"),
@@ -83,7 +93,7 @@ def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) ->
     def render(template: str) -> str:
         return ENVIRONMENT.get_template(template).render(context)
 
-    context |= {"bibtex": render("citation.bib.j2"), **_datasheet_facts(folder, plan, rows, paths)}
+    context["bibtex"] = render("citation.bib.j2")
     texts = {
         "experiments.csv": table_text(rows[0], rows),
         "README.md": render("datasheet.md.j2"),
@@ -138,67 +148,11 @@ def _pattern(path: str) -> str:
     return f"{folder}/*{Path(name).suffix}" if folder else name
 
 
-def _datasheet_facts(
-    folder: Path, plan: DataSetPlan, rows: Sequence[Mapping[str, Any]], paths: Sequence[str]
-) -> dict[str, Any]:
-    """What the datasheet states of the plan, the rows of the table of experiments, and the files."""
-    spec = plan.spec
-    recorded = [row for row in rows if row["status"] == "ok"]
-    by_part = {part: [row for row in recorded if row["part"] == part] for part in PARTS}
-    by_block = {block: [row for row in recorded if row["block"] == block.name] for block in spec.records}
-    build = json.loads((folder / BUILD).read_text(encoding="utf-8"))
-    return {
-        "rate": SAMPLE_RATE,
-        "parts": [(part, some, _limits(plan, some)) for part, some in by_part.items()],
-        "blocks": [(block, some, _limits(plan, some)) for block, some in by_block.items()],
-        "status": Status,
-        "rows_shown": MOST_ROWS,
-        "late": _late(plan),
-        "arms": _arms(plan),
-        "arms_in_all": len({row["arm"] for row in rows}),
-        "failed": [row for row in rows if row["status"] != "ok"],
-        "recorded": recorded,
-        "channels": _channels(folder / recorded[0]["file"]),
-        "truths": _truths(folder, paths),
-        "versions": {**build["versions"], "source": build["source"]},
-        "attainable": read_table(folder / ATTAINABLE)[:MOST_ROWS],
-        "baselines": read_table(folder / BASELINES)[:MOST_ROWS],
-        "floor": UNITS.get(spec.scoring.unit, 1.0) * sqrt(RECORDER.noise**2 + RECORDER.resolver_step**2 / 12),
-        "floor_unit": spec.scoring.unit if spec.scoring.unit in UNITS else "rad",
-        "recorder": RECORDER,
-    }
-
-
-def _limits(plan: DataSetPlan, rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """How much of some records was limited: percent of the published samples, and records with clipped converters."""
-    published = sum(
-        min(row["samples"], plan.spec.window) if plan.spec.withheld and row["part"] == "test" else row["samples"]
-        for row in rows
-    )
-    share = 100.0 / max(published, 1)
-    return {
-        "velocity": share * sum(row["velocity_limited"] for row in rows),
-        "clipped": share * sum(row["clipped"] for row in rows),
-        "clipped_records": sum(row["clipped"] > 0 for row in rows),
-    }
-
-
-def _late(plan: DataSetPlan) -> list[tuple[str, int]]:
+def _late(spec: DataSetSpec) -> list[tuple[str, int]]:
     """Joints whose angle reaches the record late on an arm of the data set, with the delay in samples."""
-    buses = [variant_named(name).bus for name in {name for block in plan.spec.records for name in block.variants}]
+    buses = [variant_named(name).bus for name in {name for block in spec.records for name in block.variants}]
     delays = {joint: max(bus[joint].delay for bus in buses) for joint in JOINTS}
     return [(joint, delay) for joint, delay in delays.items() if delay]
-
-
-def _arms(plan: DataSetPlan) -> list[tuple[str, ...]]:
-    """The first arms with their conditions."""
-    arms: dict[str, tuple[str, ...]] = {}
-    for entry in plan:
-        one, plant = entry.experiment, entry.experiment.plant
-        arms[entry.arm] = (entry.arm, one.variant, one.payload, one.pose, plant.actuator, plant.friction)
-        if len(arms) == MOST_ROWS:
-            break
-    return list(arms.values())
 
 
 def _channels(path: Path) -> list[dict[str, str]]:
