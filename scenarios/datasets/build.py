@@ -17,11 +17,11 @@ from scenarios.datasets.attainable_scores import attainable_files, attainable_pi
 from scenarios.datasets.baselines import baseline_files, baseline_pieces
 from scenarios.datasets.best_linear_truth import best_linear_files, best_linear_pieces
 from scenarios.datasets.chunk import MOST_ROWS, BuiltExperiment, chunks, run_chunk, run_chunk_elsewhere
-from scenarios.datasets.index import read_index, write_index
+from scenarios.datasets.index import paths_of_files, read_index, write_checksums, write_index
 from scenarios.datasets.metadata import metadata_files
 from scenarios.datasets.plan import BUILD, INDEX, JOURNAL, SPEC, SUMS, UNFINISHED, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.files.atomic_write import make_folder, remove_partial, sync, write_files, write_whole
+from scenarios.files.atomic_write import make_folder, remove_partial, sync, write_files
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import bytes_hash, file_hash
 from scenarios.files.netcdf import Contents
@@ -299,16 +299,15 @@ def _run_stage(stage: Stage, plan: DataSetPlan, folder: Path, journal: Journal, 
 
 
 def _write_checksums(folder: Path, journal: Journal, metadata: Iterable[str]) -> None:
-    """Write the checksums of all files, as `sha256sum --check` reads them; refuse files that the build did not make."""
+    """Write the checksums of all files; refuse files that the build did not make."""
     sums = {path: value for _, entry in journal.items() for path, value in entry["files"].items()}
     sums |= {path: file_hash(folder / path) for path in metadata}
-    files = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink() or path.is_file())
     # SQLite keeps files of its own beside the journal.
-    strays = sorted(path for path in files if path not in sums and not path.startswith(JOURNAL))
+    strays = [path for path in paths_of_files(folder) if path not in sums and not path.startswith(JOURNAL)]
     if strays:
         more = f" and {len(strays) - SHOWN} more" if len(strays) > SHOWN else ""
         raise ScenarioError(
             f"{folder} holds {', '.join(map(ascii, strays[:SHOWN]))}{more}, which no part of the build made: move away "
             "what does not belong to the data set, and run the command again to resume"
         )
-    write_whole(folder / SUMS, "".join(f"{sums[path]}  {path}\n" for path in sorted(sums)), durable=True)
+    write_checksums(folder, sums)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scenarios.datasets.data_set import WINDOW, open_data_set, sampling_time
-from scenarios.datasets.plan import SUMS
+from scenarios.datasets.index import paths_of_files, write_checksums
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.hashes import file_hash
 from scenarios.files.netcdf import Contents, read_netcdf
@@ -257,7 +257,7 @@ def export(
             for file in ("LICENSE", "CITATION.cff"):
                 if (data_set.folder / file).is_file():
                     shutil.copyfile(data_set.folder / file, place / name / file)
-            write_checksums(place / name)
+            seal(place / name)
             (place / name).rename(final)
     return tuple(finals.values())
 
@@ -281,8 +281,6 @@ def working_folder(out: Path) -> Iterator[Path]:
         raise
 
 
-def write_checksums(folder: Path) -> None:
-    """Write the checksums of all files in a folder, as `sha256sum --check` reads them."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    sums = "".join(f"{file_hash(path)}  {path.relative_to(folder).as_posix()}\n" for path in files)
-    (folder / SUMS).write_text(sums, encoding="utf-8")
+def seal(folder: Path) -> None:
+    """Write the checksums of all files in a folder."""
+    write_checksums(folder, {path: file_hash(folder / path) for path in paths_of_files(folder)})

@@ -144,8 +144,7 @@ def _read_index(folder: Path, checked: CheckedFolder) -> str:
                     raise ValueError(f"{file}:{name} has the hash {value!r}, expected 64 digits")
             if checked.arrays.setdefault(file, hashes) is not hashes:
                 raise ValueError(f"{file} belongs to two experiments")
-        for line in array_lines(entry["arrays"]):
-            digest.update(line)
+        digest.update(array_lines(entry["arrays"]))
         if not isinstance(entry["name"], str) or not isinstance(entry["file"], str):
             raise ValueError(f"an experiment has the name {entry['name']!r} and the file {entry['file']!r}")
         if not (entry["failed"] is None or isinstance(entry["failed"], str)):

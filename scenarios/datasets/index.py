@@ -1,13 +1,13 @@
-"""Index of a data set: experiments and pieces of stages with the hashes of their arrays, and one hash of all."""
+"""Index of a data set, with the hashes of arrays and one hash of all; and the checksums of its files."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from scenarios.datasets.plan import INDEX
-from scenarios.files.atomic_write import replacing
+from scenarios.datasets.plan import INDEX, SUMS
+from scenarios.files.atomic_write import replacing, write_whole
 
 
 def write_index(
@@ -29,8 +29,7 @@ def write_index(
         stream.write(f'{{\n "data_set": {json.dumps(label)},\n "experiments": [')
         for number, entry in enumerate(experiments):
             arrays = entry.get("arrays", {})
-            for line in array_lines(arrays):
-                digest.update(line)
+            digest.update(array_lines(arrays))
             facts = {**entry["about"], "arrays": arrays, "failed": entry.get("failed")}
             facts |= {"missing": entry["missing"]} if entry.get("missing") else {}
             stream.write(f"{',' if number else ''}\n  {json.dumps(facts, allow_nan=False)}")
@@ -41,13 +40,23 @@ def write_index(
         stream.write(f'\n ],\n "hash": "{digest.hexdigest()}"\n}}\n')
 
 
-def array_lines(arrays: Mapping[str, Mapping[str, str]]) -> Iterator[bytes]:
+def array_lines(arrays: Mapping[str, Mapping[str, str]]) -> bytes:
     """Lines of an experiment's arrays in the hash of all, by file and name; experiments in the order of the plan."""
-    for file in sorted(arrays):
-        for name in sorted(arrays[file]):
-            yield f"{arrays[file][name]}  {file}:{name}\n".encode()
+    lines = (f"{arrays[file][name]}  {file}:{name}\n" for file in sorted(arrays) for name in sorted(arrays[file]))
+    return "".join(lines).encode()
 
 
 def read_index(folder: Path) -> Any:
     """The index of a data set, as `json` has it."""
     return json.loads((folder / INDEX).read_text(encoding="utf-8"))
+
+
+def paths_of_files(folder: Path) -> list[str]:
+    """Paths of all files in a folder, sorted; links count as files."""
+    paths = (path for path in folder.rglob("*") if path.is_symlink() or path.is_file())
+    return sorted(path.relative_to(folder).as_posix() for path in paths)
+
+
+def write_checksums(folder: Path, sums: Mapping[str, str]) -> None:
+    """Write checksums by path, as `sha256sum --check` reads them."""
+    write_whole(folder / SUMS, "".join(f"{sums[path]}  {path}\n" for path in sorted(sums)), durable=True)

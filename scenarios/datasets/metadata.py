@@ -16,6 +16,7 @@ from hmtb_twin import Status
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_RATE
 from hmtb_twin.parameters.variants import variant_named
+from scenarios.datasets.index import paths_of_files
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, BUILD, JOURNAL, LICENSE, SUMS, TRUTH, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import PARTS, PAYLOAD, UNITS
@@ -67,8 +68,8 @@ def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) ->
     """
     plan = DataSetPlan(spec)
     rows = _experiment_rows(folder, plan, index["experiments"])
-    there = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    paths = sorted(path for path in there if path not in {SUMS, *METADATA} and not path.startswith(JOURNAL))
+    there = [path for path in paths_of_files(folder) if (folder / path).is_file() and not path.startswith(JOURNAL)]
+    paths = [path for path in there if path not in {SUMS, *METADATA}]
     build = json.loads((folder / BUILD).read_text(encoding="utf-8"))
     # A person is written "Family, Given"; anything else is a group.
     names = [(name, *name.partition(", ")[::2]) for name in spec.creators]

@@ -119,7 +119,7 @@ class DataSetPlan:
                 "name the blocks differently"
             )
         arms: dict[Hashable, int] = {}
-        self._arms, first = [], []  # number of the arm of each template, and whether it is the first on it
+        self._arms: list[int] = []  # number of the arm of each template
         for template in self._templates:
             one, samples = template.experiment, round(template.experiment.duration * SAMPLE_RATE)
             if samples < 1 or abs(samples - one.duration * SAMPLE_RATE) > 1e-9 * samples:
@@ -132,10 +132,7 @@ class DataSetPlan:
                     f"{template.name} has {samples} samples, its window {spec.window}: expected 10 or more behind it "
                     "to score"
                 )
-            condition = one.variant, one.payload, one.pose, one.plant
-            first.append(condition not in arms)
-            self._arms.append(arms.setdefault(condition, len(arms)))
-        self._first = tuple(first)
+            self._arms.append(arms.setdefault((one.variant, one.payload, one.pose, one.plant), len(arms)))
 
     def __len__(self) -> int:
         return len(self._templates) * self.twins
@@ -169,8 +166,9 @@ class DataSetPlan:
         return self._templates[index % len(self._templates)].experiment.duration
 
     def brings_arm(self, index: int) -> bool:
-        """Return whether an experiment is the first on its arm, whose truth is made with it."""
-        return self._first[index % len(self._templates)]
+        """Return whether the truth of the arm is computed with this experiment: the first one on the arm."""
+        number = index % len(self._templates)
+        return self._arms.index(self._arms[number]) == number
 
     @property
     def seconds(self) -> float:

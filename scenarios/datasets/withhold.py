@@ -13,7 +13,7 @@ import numpy as np
 
 from scenarios.datasets.build import build as build_data_set
 from scenarios.datasets.data_set import GIVEN, WINDOW, open_data_set
-from scenarios.datasets.export import working_folder, write_checksums
+from scenarios.datasets.export import seal, working_folder
 from scenarios.datasets.index import array_lines, read_index
 from scenarios.datasets.metadata import metadata_files
 from scenarios.datasets.plan import BASELINES, BUILD, INDEX, SPEC, SUMS, DataSetPlan
@@ -208,8 +208,7 @@ def _publish(complete: Path, public: DataSetSpec, out: Path) -> Path:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(contents.to_bytes())
                 facts["arrays"] = {entry["file"]: contents.array_hashes()}
-                for line in array_lines(facts["arrays"]):
-                    digest.update(line)
+                digest.update(array_lines(facts["arrays"]))
             entries.append(facts)
         index = {"data_set": public.label, "experiments": entries, "hash": digest.hexdigest()}
         (folder / SPEC).write_text(public.to_toml(), encoding="utf-8")
@@ -222,7 +221,7 @@ def _publish(complete: Path, public: DataSetSpec, out: Path) -> Path:
             (folder / BASELINES).write_text(table_text(columns, known), encoding="utf-8")
         for name, content in metadata_files(folder, public, index).items():
             (folder / name).write_bytes(content)
-        write_checksums(folder)
+        seal(folder)
         if not final.exists():
             folder.rename(final)
         elif not (final / SUMS).is_file() or (final / SUMS).read_bytes() != (folder / SUMS).read_bytes():

@@ -17,9 +17,9 @@ import xarray as xr
 from scenarios.commands.cli import main
 from scenarios.datasets import regeneration
 from scenarios.datasets.check import examine, record_problems
+from scenarios.datasets.export import seal
 from scenarios.datasets.folder_check import list_files
 from scenarios.datasets.index import array_lines, read_index
-from scenarios.files.hashes import file_hash
 from scenarios.files.netcdf import read_netcdf
 from scenarios.jobs.netcdf_reader import NetcdfReader, describe
 from tests.refusals import refused
@@ -34,9 +34,8 @@ def copy(tiny, tmp_path):
 
 def reseal(folder):
     """Write checksums anew, as somebody does who wants no change to be seen."""
-    places = sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
-    text = "".join(f"{file_hash(folder / place)}  {place}\n" for place in places if place != "SHA256SUMS")
-    (folder / "SHA256SUMS").write_text(text, encoding="utf-8")
+    (folder / "SHA256SUMS").unlink(missing_ok=True)
+    seal(folder)
 
 
 def change(folder, place, edit):
@@ -56,8 +55,7 @@ def forge(folder, by):
     for entry in index["experiments"]:
         change(folder, entry["file"], lambda file: file["y"].write_direct(file["y"][...] + by))
         entry["arrays"][entry["file"]] = read_netcdf(folder / entry["file"]).array_hashes()
-        for line in array_lines(entry["arrays"]):
-            digest.update(line)
+        digest.update(array_lines(entry["arrays"]))
     write_index(folder, index | {"hash": digest.hexdigest()})
 
 
