@@ -1,24 +1,34 @@
 """Check a data set: its files, hashes and metadata, and some of its experiments by simulating them again."""
 
+import io
+import json
 import os
-from collections.abc import Iterator, Mapping
+import random
+from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, NamedTuple
 
-from hmtb_twin.parameters.values import SAMPLE_RATE
+import numpy as np
+
+from hmtb_twin.parameters.values import RECORDER, SAMPLE_RATE
+from scenarios.datasets.chunk import BuiltExperiment, chunks, run_chunk
 from scenarios.datasets.data_set import GIVEN, WINDOW
-from scenarios.datasets.experiment_file import FORMAT
+from scenarios.datasets.experiment_file import record_attributes
 from scenarios.datasets.folder_check import CheckedFolder, check_folder
-from scenarios.datasets.plan import DATA, LICENSE, SUMS, TRUTH, UNFINISHED
-from scenarios.datasets.regeneration import regenerate_some
+from scenarios.datasets.plan import BUILD, DATA, SUMS, TRUTH, UNFINISHED
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import file_hash
+from scenarios.files.netcdf import read_netcdf
+from scenarios.files.provenance import fingerprint, versions
 from scenarios.jobs.netcdf_reader import NetcdfReader
 from scenarios.jobs.progress import Progress, Report
+
+RELATIVE = 1e-9
+"""With other versions, arrays may differ by this part of their largest magnitude."""
 
 
 class DataSetCheck(NamedTuple):
@@ -85,9 +95,8 @@ def examine(
         raise ScenarioError(f"cannot read {error.filename or folder}: {error.strerror or error}") from error
     problems += [f"{path}: {problem}" for path, texts in wrong.items() for problem in texts]
     sound = {path for path, texts in wrong.items() if not texts}
-    differences, note = regenerate_some(folder, checked, regenerate, seed, sound, workers=workers)
-    plain = [tuple(map(_plain, lines)) for lines in (problems + differences, notes + ([note] if note else []))]
-    return DataSetCheck(*plain)
+    _regenerate(folder, checked, regenerate, seed, sound, workers)
+    return DataSetCheck(tuple(map(_plain, problems)), tuple(map(_plain, notes)))
 
 
 def _plain(text: str) -> str:
@@ -165,21 +174,8 @@ def record_problems(
         One line for each problem.
     """
     variables = content["variables"]
-    expected = {
-        "format": FORMAT,
-        "experiment": entry["name"],
-        "part": entry.get("part"),
-        "arm": entry.get("arm"),
-        "sampling_time_numerator": 1,
-        "sampling_time_denominator": SAMPLE_RATE,
-        "sampling_time_unit": "s",
-        "intersample": "zoh",
-        "license": LICENSE,
-        **({} if entry.get("seed") is None else {"seed": entry["seed"]}),
-        **({} if spec is None else {"data_set": spec.label, "initialisation_window": spec.window}),
-    }
-    for key, value in expected.items():
-        if content["attributes"].get(key) != value:
+    for key, value in record_attributes(spec, entry).items():
+        if value is not None and content["attributes"].get(key) != value:
             yield f"attribute {key} is {content['attributes'].get(key)!r}, expected {value!r}"
     sample = variables.get("sample", {"counts": False, "shape": [0], "dtype": "none"})
     if not sample["counts"] or sample["dtype"] != "int64":
@@ -204,3 +200,88 @@ def record_problems(
             yield f"{name} is truth, which belongs into files of its own"
         if one["dtype"] != "text" and not one["attributes"].get("units"):
             yield f"{name} has no unit"
+
+
+def same_software(folder: Path) -> bool:
+    """Whether a data set was built with the software that runs here."""
+    try:
+        record = json.loads((folder / BUILD).read_text(encoding="utf-8"))
+        built, now = record["versions"], versions()
+        matter = ("hmtb-twin", "machine", "mujoco", "numpy", "pin", "scipy")  # what the numbers depend on
+        return record["source"] == fingerprint() and all(built.get(name) == now[name] for name in matter)
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        return False
+
+
+def _regenerate(
+    folder: Path, checked: CheckedFolder, count: int, seed: int, sound: Collection[str], workers: int | None
+) -> None:
+    """Simulate some experiments again; note the problems, or the agreement, or why nothing was simulated."""
+    known = [number for number, entry in enumerate(checked.entries) if entry["failed"] is None]
+    drawn = sorted(random.Random(seed).sample(known, min(count, len(known))))
+    drawn = [number for number in drawn if checked.entries[number]["file"] in sound]
+    plan, why = checked.plan, ""
+    if count < 1:
+        why = "none was asked for"
+    elif plan is not None and plan.spec.withheld:
+        why = "seed, truth and scored outputs behind the window are withheld; the complete data set can be checked"
+    elif plan is None or len(plan) != len(checked.entries):
+        why = "there is no spec to do it from"
+    elif not drawn:
+        why = "none of those drawn has its file"
+    if why or plan is None:
+        checked.notes.append(f"no experiment was simulated again: {why}")
+        return
+    same = same_software(folder)
+    differences: list[str] = []
+    try:
+        for chunk in chunks(plan, drawn):
+            for experiment in run_chunk(plan, chunk, threads=workers):
+                if experiment.failed:
+                    differences.append(f"{experiment.about['name']} cannot be simulated again: {experiment.failed}")
+                differences += _differences(folder, experiment, checked, sound, same=same)
+    except (ScenarioError, ValueError, OverflowError, MemoryError) as error:
+        checked.problems.append(f"experiments cannot be simulated again: {error}")
+        return
+    if wrong := [text for text in differences if text]:
+        checked.problems += wrong
+        return
+    software = "the same software" if same else "other software than the data set was built with"
+    agreement = f"within {RELATIVE:g} of the largest magnitude, measured angles within one count"
+    note = f"{len(drawn)} experiment{'s' * (len(drawn) > 1)} simulated again with {software}: "
+    checked.notes.append(note + (agreement if differences else "the same bits"))
+
+
+def _differences(
+    folder: Path, experiment: BuiltExperiment, checked: CheckedFolder, sound: Collection[str], *, same: bool
+) -> Iterator[str]:
+    """Yield for each array that differs the problem; an empty one if it is within the tolerance."""
+    for file, content in experiment.files.items():
+        # The truth about an arm is computed, not simulated: with other versions its digits may differ.
+        simulated = file.endswith(f"/{experiment.about['name']}.nc")
+        if file not in checked.arrays or file not in sound or not (same or simulated):
+            continue
+        before, after = checked.arrays[file], experiment.arrays[file]
+        if sorted(before) != sorted(after):
+            yield f"{file}: arrays {sorted(before)}, simulated again {sorted(after)}"
+        elif before != after:
+            stored, again = read_netcdf(folder / file).variables, read_netcdf(io.BytesIO(content)).variables
+            for name in (name for name in after if before[name] != after[name]):
+                yield _compare(f"{file}: {name}", name, stored[name].values, again[name].values, same=same)
+
+
+def _compare(what: str, name: str, before: np.ndarray, after: np.ndarray, *, same: bool) -> str:
+    """The problem of an array that differs; empty if it is within the tolerance."""
+    if before.shape != after.shape:
+        return f"{what} has shape {before.shape}, simulated again {after.shape}"
+    difference = float(np.max(np.abs(before.astype(float) - after.astype(float)), initial=0.0))
+    if same:
+        return f"{what} differs by up to {difference:.3g} from what the same software simulates"
+    limit = RELATIVE * float(np.max(np.abs(after), initial=0.0))
+    # Rounding turns any difference of measured angles into a count of the resolver; a thousandth of one is for the
+    # rounding of the numbers themselves.
+    limit += 1.001 * RECORDER.resolver_step if name in ("y", "joint_measured") else 0.0
+    # NaN is not within the limit.
+    if difference <= limit:
+        return ""
+    return f"{what} differs by up to {difference:.3g} from what is simulated now, expected at most {limit:.3g}"

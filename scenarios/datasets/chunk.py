@@ -11,7 +11,7 @@ from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.run.simulation import Progress
 from scenarios.datasets.arm_truth import arm_files
 from scenarios.datasets.experiment_file import data_contents, signal_contents
-from scenarios.datasets.plan import DataSetPlan, PlannedExperiment, arm_file
+from scenarios.datasets.plan import DataSetPlan, arm_file
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import bytes_hash
@@ -109,7 +109,7 @@ def run_chunk(
                 missing[arm_file(entry.arm)] = str(error)
         yield BuiltExperiment(
             number,
-            about(entry),
+            entry.facts,
             files={path: one.to_bytes() for path, one in contents.items()},
             arrays={path: one.array_hashes() for path, one in contents.items()},
             failed=failed.get(entry.name, ""),
@@ -132,15 +132,3 @@ def run_chunk_elsewhere(spec: str, numbers: tuple[int, ...]) -> list[BuiltExperi
     # The threads of a worker share the arms that are loaded.
     with _ALONE:
         return list(run_chunk(_plan(spec), numbers, threads=worker_threads()))
-
-
-def about(entry: PlannedExperiment) -> dict[str, Any]:
-    """Facts about an experiment for the index, beside its hashes."""
-    experiment = entry.experiment
-    return {
-        **{key: getattr(entry, key) for key in ("name", "part", "block", "arm", "twin")},
-        "joints": list(entry.joints),
-        "file": entry.data,
-        **{key: getattr(experiment, key) for key in ("seed", "variant", "payload", "pose")},
-        **{key: getattr(experiment.plant, key) for key in ("actuator", "friction", "process_noise")},
-    }

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -114,19 +115,31 @@ def _attributes(spec: DataSetSpec, entry: PlannedExperiment, log: JointLog) -> M
     return {
         "Conventions": "CF-1.11",
         "title": f"{spec.title}: {entry.name}",
+        **record_attributes(spec, entry.facts),
+        **{f"provenance_{key}": value for key, value in log.provenance.items()},
+    }
+
+
+def record_attributes(spec: DataSetSpec | None, facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the attributes of a record state of the data set and of the experiment.
+
+    Args:
+        spec: The data set; None: what it says is None.
+        facts: The experiment, as the index has it; without its seed, that is None.
+    """
+    return {
         "format": FORMAT,
-        "data_set": spec.label,
-        "experiment": entry.name,
-        "part": entry.part,
-        "arm": entry.arm,
-        "initialisation_window": spec.window,
+        "data_set": spec and spec.label,
+        "experiment": facts["name"],
+        "part": facts["part"],
+        "arm": facts["arm"],
+        "initialisation_window": spec and spec.window,
         "sampling_time_numerator": 1,
         "sampling_time_denominator": SAMPLE_RATE,
         "sampling_time_unit": "s",
         "intersample": "zoh",
-        "seed": log.seed,
+        "seed": facts.get("seed"),
         "license": LICENSE,
-        **{f"provenance_{key}": value for key, value in log.provenance.items()},
     }
 
 

@@ -11,7 +11,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from scenarios.datasets.chunk import about
 from scenarios.datasets.index import array_lines
 from scenarios.datasets.plan import INDEX, SPEC, SUMS, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
@@ -145,8 +144,8 @@ def _read_index(folder: Path, checked: CheckedFolder) -> str:
             if checked.arrays.setdefault(file, hashes) is not hashes:
                 raise ValueError(f"{file} belongs to two experiments")
         digest.update(array_lines(entry["arrays"]))
-        if not isinstance(entry["name"], str) or not isinstance(entry["file"], str):
-            raise ValueError(f"an experiment has the name {entry['name']!r} and the file {entry['file']!r}")
+        if wrong := [key for key in ("name", "file", "part", "arm") if not isinstance(entry[key], str)]:
+            raise ValueError(f"an experiment has {wrong[0]} = {entry[wrong[0]]!r}, expected a text")
         if not (entry["failed"] is None or isinstance(entry["failed"], str)):
             raise ValueError(f"{entry['name']} has failed = {entry['failed']!r}, expected null or a text")
         if entry["failed"] is None and entry["file"] not in entry["arrays"]:
@@ -194,7 +193,7 @@ def _differences(plan: DataSetPlan, entries: list[dict[str, Any]]) -> Iterator[s
         return
     private = PRIVATE if plan.spec.withheld else ()
     for planned, entry in zip(plan, entries, strict=True):
-        facts = {key: value for key, value in about(planned).items() if key not in private}
+        facts = {key: value for key, value in planned.facts.items() if key not in private}
         # JSON has lists in place of tuples.
         for key, value in json.loads(json.dumps(facts)).items():
             if entry.get(key) != value:

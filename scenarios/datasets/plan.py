@@ -5,7 +5,7 @@ from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,6 +56,18 @@ class PlannedExperiment:
     twin: int | None
     joints: tuple[str, ...]
     experiment: Experiment
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What the index states of the experiment, beside its hashes."""
+        plant = ("actuator", "friction", "process_noise")
+        return {
+            **{key: getattr(self, key) for key in ("name", "part", "block", "arm", "twin")},
+            "joints": list(self.joints),
+            "file": self.data,
+            **{key: getattr(self.experiment, key) for key in ("seed", "variant", "payload", "pose")},
+            **{key: getattr(self.experiment.plant, key) for key in plant},
+        }
 
     @property
     def data(self) -> str:
@@ -278,11 +290,9 @@ def _amplified(
     """The excitation at every amplitude of a block, with the mark of its name and the volts of its key."""
     for amplitude in block.amplitudes or (None,):
         mark = f"-{amplitude:g}V" if len(block.amplitudes) > 1 else ""
-        entries = (
-            excitation
-            if amplitude is None
-            else tuple(_with_parameter(one, "amplitude", amplitude) for one in excitation)
-        )
+        entries = excitation
+        if amplitude is not None:
+            entries = tuple(_with_parameter(one, "amplitude", amplitude) for one in excitation)
         yield mark, " ".join(repr(one.parameters.get("amplitude")) for one in entries), entries
 
 

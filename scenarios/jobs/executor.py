@@ -3,12 +3,12 @@
 import atexit
 import os
 import signal
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from multiprocessing import connection, get_context, parent_process
 from threading import Thread
 from time import sleep
@@ -36,7 +36,7 @@ class DeadWorkerError(Exception):
     """A worker died while it ran a batch."""
 
 
-class Executor(ABC, Generic[Handle]):
+class Executor(AbstractContextManager["Executor[Handle]"], Generic[Handle]):
     """Runs batches of items on workers; a context manager that keeps workers from one `run` to the next.
 
     A batch whose worker dies is split into its items, so that the others are done. An item whose worker dies runs once
@@ -52,9 +52,6 @@ class Executor(ABC, Generic[Handle]):
 
     def __init__(self, report: Callable[[str], None] = lambda _: None) -> None:
         self._report = report
-
-    def __enter__(self) -> "Executor[Handle]":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._close()

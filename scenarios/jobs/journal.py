@@ -3,7 +3,7 @@
 import json
 import sqlite3
 from collections.abc import Iterator, Mapping
-from contextlib import closing, suppress
+from contextlib import AbstractContextManager, closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ CREATE TABLE IF NOT EXISTS entries (number INTEGER PRIMARY KEY, key TEXT UNIQUE 
 """
 
 
-class Journal:
+class Journal(AbstractContextManager["Journal"]):
     """Payloads by key, each on file as soon as it is added; one process at a time has the journal open.
 
     A process that is killed leaves whole entries only, and its lock goes with it. A power cut may take the last entries
@@ -45,9 +45,6 @@ class Journal:
         except BaseException:
             self._database.close()
             raise
-
-    def __enter__(self) -> "Journal":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

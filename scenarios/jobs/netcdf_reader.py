@@ -5,6 +5,7 @@ One flipped byte can make the HDF5 library crash or loop without end.
 
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ MOST_NAMES = 1000
 """Texts of an array that are returned."""
 
 
-class NetcdfReader:
+class NetcdfReader(AbstractContextManager["NetcdfReader"]):
     """Reads what is in files; a reading process that hangs or crashes is replaced.
 
     Args:
@@ -28,9 +29,6 @@ class NetcdfReader:
     def __init__(self, patience: float = 60.0) -> None:
         self._patience = patience
         self._pool: ProcessPoolExecutor | None = None
-
-    def __enter__(self) -> "NetcdfReader":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._end()

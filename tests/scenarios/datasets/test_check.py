@@ -15,8 +15,8 @@ import pytest
 import xarray as xr
 
 from scenarios.commands.cli import main
-from scenarios.datasets import regeneration
-from scenarios.datasets.check import examine, record_problems
+from scenarios.datasets import check as check_module
+from scenarios.datasets.check import examine, record_problems, same_software
 from scenarios.datasets.export import seal
 from scenarios.datasets.folder_check import list_files
 from scenarios.datasets.index import array_lines, read_index
@@ -171,18 +171,18 @@ def test_a_forgery_with_right_hashes_is_found_by_simulation_alone(copy):
 @pytest.mark.parametrize(("by", "passes"), [(1e-12, True), (1e-3, False)])
 def test_other_versions_may_differ_within_the_tolerance(copy, monkeypatch, by, passes):
     forge(copy, by)
-    monkeypatch.setattr(regeneration, "same_software", lambda folder: False)
+    monkeypatch.setattr(check_module, "same_software", lambda folder: False)
     result = examine(copy, regenerate=1, workers=1)
     assert result.passed is passes
     assert [("within 1e-09 of the largest magnitude" in note) for note in result.notes][1:] == [True] * passes
 
 
 def test_software_is_the_same_only_with_the_same_source_and_versions(copy):
-    assert regeneration.same_software(copy)
+    assert same_software(copy)
     record = json.loads((copy / "build.json").read_text(encoding="utf-8"))
     for wrong in ({"source": "0"}, {"versions": {**record["versions"], "mujoco": "1.0"}}, {"versions": None}):
         (copy / "build.json").write_text(json.dumps({**record, **wrong}), encoding="utf-8")
-        assert not regeneration.same_software(copy)
+        assert not same_software(copy)
 
 
 def test_truth_and_spec_kept_apart_are_no_fault_but_are_noted(copy):
