@@ -58,7 +58,7 @@ def main() -> None:
     FOLDER.mkdir(exist_ok=True)
     for label, spec in shipped().items():
         with TemporaryDirectory() as folder:
-            draw(build(pictured(spec), Path(folder)).path, FOLDER / f"{label}.png", drawn_from(spec))
+            draw(build(pictured(spec), Path(folder)).folder, FOLDER / f"{label}.png", drawn_from(spec))
 
 
 def pictured(spec: DataSetSpec) -> DataSetSpec:

@@ -15,7 +15,7 @@ MOST_REASONS = 20
 
 
 if TYPE_CHECKING:
-    from scenarios.datasets.build import BuiltDataSet
+    from scenarios.datasets.data_set import DataSet
     from scenarios.datasets.spec import DataSetSpec
 
 
@@ -81,7 +81,7 @@ def build(
 
         work: dict[str, Any] = {"workers": workers, "rows": usual if rows is None else rows, "executor": executor}
 
-        def build_one(spec: "DataSetSpec", out: Path) -> "BuiltDataSet":
+        def build_one(spec: "DataSetSpec", out: Path) -> "DataSet":
             return build_data_set(spec, out, **work, progress=update)
 
         if withhold is not None:
@@ -102,12 +102,13 @@ def build(
             built = build_one(read, out)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(_kept(latest, unfinished) if unfinished.is_dir() else "") from None
+    experiments = len(built.records())
     if json:
-        print_json({"path": built.path, "experiments": built.experiments, "failed": built.failed, "hash": built.hash})
+        print_json({"path": built.folder, "experiments": experiments, "failed": built.incomplete, "hash": built.hash})
     else:
-        _say_failed(built.failed)
-        say(f"{built.path}: {built.experiments} experiments, {len(built.failed)} failed, hash {built.hash[:12]}")
-    return 1 if built.failed else 0
+        _say_failed(built.incomplete)
+        say(f"{built.folder}: {experiments} experiments, {len(built.incomplete)} failed, hash {built.hash[:12]}")
+    return 1 if built.incomplete else 0
 
 
 def _say_failed(failed: Mapping[str, str]) -> None:

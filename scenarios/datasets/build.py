@@ -17,6 +17,7 @@ from scenarios.datasets.attainable_scores import attainable_files, attainable_pi
 from scenarios.datasets.baselines import baseline_files, baseline_pieces
 from scenarios.datasets.best_linear_truth import best_linear_files, best_linear_pieces
 from scenarios.datasets.chunk import MOST_ROWS, BuiltExperiment, chunks, run_chunk, run_chunk_elsewhere
+from scenarios.datasets.data_set import DataSet, open_data_set
 from scenarios.datasets.index import paths_of_files, read_index, write_checksums, write_index
 from scenarios.datasets.metadata import metadata_files
 from scenarios.datasets.plan import BUILD, INDEX, JOURNAL, SPEC, SUMS, UNFINISHED, DataSetPlan
@@ -63,22 +64,6 @@ STAGES = (
 """Run one after the other when all experiments and the index are there."""
 
 
-class BuiltDataSet(NamedTuple):
-    """A data set on disk.
-
-    Attributes:
-        path: Its folder.
-        experiments: Number of experiments that have a record.
-        failed: Why others have none, and what else could not be made, by name.
-        hash: Hash of all arrays.
-    """
-
-    path: Path
-    experiments: int
-    failed: Mapping[str, str]
-    hash: str
-
-
 def build(
     spec: DataSetSpec,
     out: Path,
@@ -87,7 +72,7 @@ def build(
     rows: int = MOST_ROWS,
     executor: Executor[Any] | None = None,
     progress: Report | None = None,
-) -> BuiltDataSet:
+) -> DataSet:
     """Build a data set; an interrupted build resumes.
 
     Args:
@@ -134,13 +119,7 @@ def build(
         if os.path.exists(folder / JOURNAL):
             why += f"; progress is saved in {folder}: run the command again to resume"
         raise ScenarioError(f"cannot write or read {error.filename or folder}: {why}") from error
-    index = read_index(final)
-    failed: dict[str, str] = {}
-    for entry in index["experiments"]:
-        failed |= {entry["name"]: entry["failed"]} if entry["failed"] else {}
-        failed |= entry.get("missing", {})
-    failed |= {f"{one['stage']}: {one['piece']}": one["failed"] for one in index["stages"] if one["failed"]}
-    return BuiltDataSet(final, sum(not entry["failed"] for entry in index["experiments"]), failed, index["hash"])
+    return open_data_set(final)
 
 
 def _build_folder(

@@ -1,6 +1,5 @@
 """A built data set on disk: its index, its parts, and its records as inputs and outputs, read on demand."""
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,6 +10,7 @@ from typing import Any, NamedTuple, overload
 
 import numpy as np
 
+from scenarios.datasets.index import read_index
 from scenarios.datasets.plan import INDEX, SPEC, TRUTH, UNFINISHED
 from scenarios.datasets.spec import DataSetSpec, load_spec
 from scenarios.datasets.spec_tables import PARTS
@@ -167,12 +167,14 @@ class DataSet:
         label: Name with version.
         hash: Hash of all its arrays, as its index says.
         index: Its experiments in order, failed ones too.
+        incomplete: Why experiments have no record, and what else could not be made, by name, in the order of the index.
     """
 
     folder: Path
     label: str
     hash: str
     index: tuple[DataRecord, ...] = field(repr=False)
+    incomplete: Mapping[str, str] = field(repr=False)
 
     @property
     def train(self) -> tuple[DataRecord, ...]:
@@ -281,9 +283,16 @@ def open_data_set(folder: str | Path) -> DataSet:
         what = f"no {INDEX} in it" if folder.is_dir() else "no such folder"
         raise ScenarioError(f"{str(folder)!r} is no data set: {what}; expected a folder that hmtb dataset build made")
     try:
-        index = json.loads((folder / INDEX).read_text(encoding="utf-8"))
+        index = read_index(folder)
         entries = tuple(_data_record(folder, entry) for entry in index["experiments"])
-        return DataSet(folder, str(index["data_set"]), str(index["hash"]), entries)
+        incomplete: dict[str, str] = {}
+        for entry in index["experiments"]:
+            incomplete |= {entry["name"]: entry["failed"]} if entry["failed"] else {}
+            incomplete |= entry.get("missing", {})
+        incomplete |= {
+            f"{one['stage']}: {one['piece']}": one["failed"] for one in index.get("stages", ()) if one["failed"]
+        }
+        return DataSet(folder, str(index["data_set"]), str(index["hash"]), entries, incomplete)
     except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise ScenarioError(f"{folder / INDEX} is damaged, or of another version: {error}") from error
 

@@ -66,9 +66,9 @@ def one(label, twins, seconds, rows, models):
         begin = since = process_time()
         built = build(spec, Path(out), workers=1, rows=rows, progress=note)
         total = process_time() - begin
-        size = sum(path.stat().st_size for path in built.path.rglob("*") if path.is_file())
-    if built.failed:
-        raise RuntimeError(f"{len(built.failed)} failed: {next(iter(built.failed.items()))}")
+        size = sum(path.stat().st_size for path in built.folder.rglob("*") if path.is_file())
+    if built.incomplete:
+        raise RuntimeError(f"{len(built.incomplete)} failed: {next(iter(built.incomplete.items()))}")
     # Of this very program: what the one that started it had is not in it.
     peak = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
     ratios = {name: seconds / physics for name, seconds in steps.items()}

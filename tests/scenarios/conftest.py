@@ -65,7 +65,7 @@ def tiny_spec():
 @pytest.fixture(scope="session")
 def tiny(tiny_spec, tmp_path_factory):
     """Folder of the built data set; tests that change it take a copy."""
-    return build(tiny_spec, tmp_path_factory.mktemp("data-sets"), workers=1).path
+    return build(tiny_spec, tmp_path_factory.mktemp("data-sets"), workers=1).folder
 
 
 CLASS = """

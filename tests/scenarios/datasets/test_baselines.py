@@ -16,7 +16,6 @@ from scenarios.commands.cli import main
 from scenarios.datasets.attainable_scores import attainable_files
 from scenarios.datasets.baselines import BaselineData, baseline, differences, report
 from scenarios.datasets.build import build
-from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, DataSetPlan
 from scenarios.datasets.score import score, score_model
 from scenarios.datasets.spec import DataSetSpec
@@ -58,7 +57,7 @@ excitation = { kind = "white_noise", amplitude = 2.0 }
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
-    return open_data_set(build(DataSetSpec.from_toml(SMALL), tmp_path_factory.mktemp("small"), workers=1).path)
+    return build(DataSetSpec.from_toml(SMALL), tmp_path_factory.mktemp("small"), workers=1)
 
 
 @pytest.fixture(scope="module")

@@ -161,7 +161,7 @@ OWN = DataSetSpec.from_toml(OWN + "".join(BLOCK.format(*block) for block in BLOC
 @pytest.mark.filterwarnings("ignore:.* is not periodic")
 def test_recorded_realisations_of_a_class_are_the_measurement(tmp_path, monkeypatch):
     """Records of one class count whatever their part, others do not; only what is missing is simulated."""
-    folder = build(OWN, tmp_path, workers=1).path
+    folder = build(OWN, tmp_path, workers=1).folder
     plan = DataSetPlan(OWN)
     entry = next(entry for entry in plan if entry.name == "new-01")
     own = recorded_realisations(plan, folder, entry)

@@ -14,7 +14,7 @@ from hmtb_twin import Plant
 from hmtb_twin.hydraulics import valve_equations
 from scenarios.datasets import build as build_module
 from scenarios.datasets import chunk
-from scenarios.datasets.build import BuiltDataSet, build
+from scenarios.datasets.build import build
 from scenarios.datasets.chunk import BuiltExperiment, run_chunk
 from scenarios.datasets.index import read_index
 from scenarios.datasets.plan import DataSetPlan
@@ -107,7 +107,7 @@ class Case:
     def resume(self, out):
         """Experiments that a build runs which ends with all files as they should be."""
         executor = Recorded(self.records)
-        assert files(self.build(out, executor=executor).path) == self.files
+        assert files(self.build(out, executor=executor).folder) == self.files
         return executor.asked
 
 
@@ -116,7 +116,7 @@ def case(stage, tiny_spec, tmp_path_factory):
     plan = DataSetPlan(tiny_spec)
     records = {one.number: one for one in run_chunk(plan, range(len(plan)), threads=1)}
     out = tmp_path_factory.mktemp("undisturbed")
-    return Case(tiny_spec, records, files(build(tiny_spec, out, executor=Recorded(records)).path))
+    return Case(tiny_spec, records, files(build(tiny_spec, out, executor=Recorded(records)).folder))
 
 
 def files(folder):
@@ -126,8 +126,8 @@ def files(folder):
 def test_the_bytes_do_not_depend_on_threads_and_chunks(case, tmp_path):
     seen = []
     built = case.build(tmp_path, workers=2, rows=1, progress=seen.append)
-    assert (built.experiments, built.failed) == (3, {})
-    assert files(built.path) == case.files
+    assert (len(built.records()), built.incomplete) == (3, {})
+    assert files(built.folder) == case.files
     assert "journal.sqlite" not in case.files
     of_records = [one for one in seen if one.step == "records"]
     assert of_records[0].done == 0 and of_records[-1].done == of_records[-1].total == 3
@@ -138,7 +138,7 @@ def test_the_bytes_do_not_depend_on_threads_and_chunks(case, tmp_path):
 
 def test_experiments_come_in_any_order_and_are_kept_when_a_build_ends_early(case, tmp_path):
     backwards = Recorded(case.records, backwards=True)
-    assert files(case.build(tmp_path / "a", executor=backwards).path) == case.files
+    assert files(case.build(tmp_path / "a", executor=backwards).folder) == case.files
     case.begin(tmp_path / "b")
     assert case.resume(tmp_path / "b") == [2]
     assert os.listdir(tmp_path / "b") == ["tiny-v1"]
@@ -191,12 +191,12 @@ def test_an_end_that_is_cut_short_is_gone_through_again(case, tmp_path, monkeypa
     rest = Recorded(case.records)
     built = case.build(tmp_path, executor=rest)
     assert rest.asked == []
-    assert built == BuiltDataSet(tmp_path / "tiny-v1", 3, {}, read_index(built.path)["hash"])
-    assert files(built.path) == case.files
+    assert (built.folder, built.hash) == (tmp_path / "tiny-v1", read_index(built.folder)["hash"])
+    assert files(built.folder) == case.files
     # Killed between the last two steps: renaming the folder and removing the journal.
-    (built.path / "journal.sqlite").touch()
-    assert case.build(tmp_path) == built
-    assert files(built.path) == case.files
+    (built.folder / "journal.sqlite").touch()
+    assert case.build(tmp_path).hash == built.hash
+    assert files(built.folder) == case.files
 
 
 def test_a_piece_of_a_stage_is_made_once(case, tmp_path, words, monkeypatch):
@@ -219,11 +219,11 @@ def test_what_fails_is_noted_and_does_not_stop_the_rest(case, tmp_path, words, m
     built = case.build(tmp_path, executor=rest)
     assert rest.asked == [2]
     name = DataSetPlan(case.spec)[1].name
-    assert built.failed == {name: "the drives are too weak", "words: two": "two is no word"}
-    assert built.experiments == 2
-    entry = read_index(built.path)["experiments"][1]
+    assert built.incomplete == {name: "the drives are too weak", "words: two": "two is no word"}
+    assert len(built.records()) == 2
+    entry = read_index(built.folder)["experiments"][1]
     assert (entry["name"], entry["failed"], entry["arrays"]) == (name, "the drives are too weak", {})
-    assert not (built.path / entry["file"]).exists()
+    assert not (built.folder / entry["file"]).exists()
 
 
 def test_an_experiment_or_a_truth_that_cannot_be_computed_is_noted(case, monkeypatch):

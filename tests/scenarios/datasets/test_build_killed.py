@@ -31,4 +31,4 @@ def test_a_killed_build_ends_in_the_bytes_of_one_that_nobody_disturbed(bench, ti
         assert bench.run(spec, out, wait=wait, rows=1).killed
         assert there in bench.state(out)
         assert not (out / tiny.name).exists()
-    assert bench.contents(build(tiny_spec, out).path) == bench.contents(tiny)
+    assert bench.contents(build(tiny_spec, out).folder) == bench.contents(tiny)

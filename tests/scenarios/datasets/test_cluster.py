@@ -20,4 +20,4 @@ def test_one_thread_two_threads_and_two_workers_make_the_same_bytes(tiny, tiny_s
     expected = open_data_set(tiny).hash
     assert (two_threads.hash, on_workers.hash) == (expected, expected)
     for path in sorted(tiny.rglob("*.nc")):
-        assert (on_workers.path / path.relative_to(tiny)).read_bytes() == path.read_bytes()
+        assert (on_workers.folder / path.relative_to(tiny)).read_bytes() == path.read_bytes()
