@@ -7,10 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from hmtb_twin import JointLog, simulate
-from hmtb_twin.control.control_station import ControlStation
-from hmtb_twin.control.modes import joint_index
-from hmtb_twin.parameters.values import SAMPLE_TIME
-from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets.experiment_file import stored_log
 from scenarios.datasets.plan import LICENSE, DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
@@ -19,8 +15,7 @@ from scenarios.experiments.multisines import MultisineExperiment, Multisines, mu
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Attribute, Contents
 from scenarios.truth.best_linear import approximated
-from scenarios.truth.bla_of_record import multisine_like
-from sysid import IOData
+from scenarios.truth.bla_of_record import joint_command, multisine_like
 
 
 def excitation_class(entry: PlannedExperiment) -> Hashable:
@@ -185,11 +180,7 @@ def matching_multisines(
             f"{entry.name} excites {', '.join(experiment.axes)} at once; expected a joint alone, or multisines, for a "
             "best linear approximation"
         )
-    arm = experiment_arm(experiment)
-    # The command does not depend on the physics.
-    station = ControlStation(experiment, arm, np.random.default_rng(experiment.seed).spawn(2)[0])
-    command = station.commands[:, joint_index(experiment.axes[0])]
+    command = joint_command(experiment)
     command = command - command.mean()
-    record = IOData(command, command, SAMPLE_TIME)
-    setting, multisines, _ = multisine_like(experiment, arm, [record], seed=seed, realisations=realisations)
+    setting, multisines, _ = multisine_like(experiment, [command], seed=seed, realisations=realisations)
     return setting, multisines

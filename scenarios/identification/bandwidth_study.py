@@ -290,7 +290,7 @@ def _study(
                 step(len(approximations), len(groups))
                 records = [one.data for one in group]
                 approximations[joint, test] = best_linear_of_test(
-                    group[0].setting, arm, records, test=test, seed=seed, threads=threads
+                    group[0].setting, records, test=test, seed=seed, threads=threads
                 )
     chosen = list(dict.fromkeys(methods))
     with stage("identify") as step:

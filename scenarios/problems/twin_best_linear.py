@@ -15,17 +15,14 @@ import mujoco
 import numpy as np
 from scipy.linalg import block_diag
 
-from hmtb_twin.control.control_station import ControlStation
-from hmtb_twin.control.modes import joint_index
-from hmtb_twin.parameters.values import SAMPLE_TIME
 from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.experiments.multisines import MultisineExperiment
 from scenarios.files.atomic_write import write_whole
 from scenarios.problems.twin_name import TwinName, twin_name
 from scenarios.problems.twin_records import arm_hash, records_folder
 from scenarios.truth.best_linear import best_linear
-from scenarios.truth.bla_of_record import multisine_like
-from sysid import IOData, StateSpace
+from scenarios.truth.bla_of_record import joint_command, multisine_like
+from sysid import StateSpace
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 
 TABLE = Path(__file__).with_name("twin_best_linear.json")
@@ -155,13 +152,9 @@ def measured_best_linear(name: TwinName, *, realisations: int = REALISATIONS, th
     if name.excitation == "multisine":
         excitation = name.multisines(SEED, realisations=realisations)
     else:
-        experiment = name.experiment(SEED)
-        arm = experiment_arm(experiment)
-        # The command follows without simulating the physics.
-        station = ControlStation(experiment, arm, np.random.default_rng(SEED).spawn(2)[0])
-        command = station.commands[:, joint_index(name.joint)]
-        record = IOData(command - command.mean(), command - command.mean(), SAMPLE_TIME)
-        setting, excitation, _ = multisine_like(setting, arm, [record], seed=SEED, realisations=realisations)
+        command = joint_command(name.experiment(SEED))
+        command = command - command.mean()
+        setting, excitation, _ = multisine_like(setting, [command], seed=SEED, realisations=realisations)
     truth = best_linear(setting, excitation, threads=threads)
     servo, (low, high) = truth.servo, truth.bandwidth.ci95
     return BestLinear(

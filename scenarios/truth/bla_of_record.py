@@ -5,14 +5,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hmtb_twin import Arm, Experiment, linearize
+from hmtb_twin import Experiment, linearize
 from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import joint_index
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.truth.best_linear import REALISATIONS, best_linear, cautions
 from sysid import IOData
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
+from sysid.records.arrays import FloatArray
 
 SHARE = 0.95
 """Share of the command's power that the multisine's band holds."""
@@ -74,7 +77,7 @@ class BestLinearOfTest:
 
 
 def best_linear_of_test(
-    setting: Experiment, arm: Arm, records: Sequence[IOData], *, test: str, seed: int = 0, threads: int | None = None
+    setting: Experiment, records: Sequence[IOData], *, test: str, seed: int = 0, threads: int | None = None
 ) -> BestLinearOfTest:
     """Measure the best linear approximation under a multisine like a test's command, friction and noise included.
 
@@ -85,7 +88,6 @@ def best_linear_of_test(
 
     Args:
         setting: Any experiment of the joint on the arm, for its conditions.
-        arm: The arm of the experiment.
         records: Settled records of the test without means, of one seed or more, rad.
         test: Name of the test.
         seed: Of phases and noise.
@@ -94,7 +96,8 @@ def best_linear_of_test(
     Raises:
         ScenarioError: See `scenarios.truth.best_linear.best_linear`.
     """
-    base, multisines, wanted = multisine_like(setting, arm, records, seed=seed, realisations=REALISATIONS)
+    commands = [part.u[:, 0] for part in records]
+    base, multisines, wanted = multisine_like(setting, commands, seed=seed, realisations=REALISATIONS)
     approximation = best_linear(base, multisines, threads=threads)
     response, (hz, *ci95) = approximation.servo.response, approximation.bandwidth.path()
     return BestLinearOfTest(
@@ -111,12 +114,12 @@ def best_linear_of_test(
         slewing=approximation.slewing,
         distortion_percent=float(approximation.distortion_percent[0]),
         physics_s=approximation.physics_seconds,
-        cautions=cautions(approximation, linearize(arm, setting.pose, amplitudes=())),
+        cautions=cautions(approximation, linearize(experiment_arm(base), setting.pose, amplitudes=())),
     )
 
 
 def multisine_like(
-    setting: Experiment, arm: Arm, records: Sequence[IOData], *, seed: int, realisations: int
+    setting: Experiment, commands: Sequence[FloatArray], *, seed: int, realisations: int
 ) -> tuple[MultisineExperiment, Multisines, float]:
     """Choose the multisine like a test's command; see `best_linear_of_test`.
 
@@ -125,8 +128,7 @@ def multisine_like(
 
     Args:
         setting: Any experiment of the joint on the arm, for its conditions.
-        arm: The arm of the experiment.
-        records: Records of the test without means, of one seed or more, rad.
+        commands: Commands of the test without means, of one seed or more (N,), rad.
         seed: Of phases and noise.
         realisations: Of the multisine.
 
@@ -136,12 +138,12 @@ def multisine_like(
     Raises:
         ScenarioError: The multisine cannot be played.
     """
-    wanted = float(np.sqrt(np.mean([np.var(part.u) for part in records])))
+    wanted = float(np.sqrt(np.mean([np.var(command) for command in commands])))
     ends = []
-    for part in records:
-        power = np.abs(np.fft.rfft(part.u[:, 0])) ** 2
+    for command in commands:
+        power = np.abs(np.fft.rfft(command)) ** 2
         line = int(np.searchsorted(np.cumsum(power), SHARE * power.sum()))
-        ends.append(line / (len(part) * part.dt))
+        ends.append(line / (len(command) * SAMPLE_TIME))
     (joint,) = setting.axes
     shared = ("variant", "payload", "plant", "specimen", "pose", "chain", "hand_controller")
     base = MultisineExperiment(joint, (joint,), seed=seed, **{name: getattr(setting, name) for name in shared})
@@ -154,7 +156,11 @@ def multisine_like(
         largest = ROOM * rms * BOARD.dac_range * base.hand_controller.gain / peak
         if rms > largest:
             rms, current = largest, replace(target, rms=largest)
-        command_rms = _command_rms(base, arm, current)
+        # Over the steady periods of all realisations.
+        steady = [
+            joint_command(one)[current.settling * current.samples :] for one in multisine_experiments(base, current)
+        ]
+        command_rms = float(np.sqrt(np.mean([np.var(part) for part in steady])))
         if abs(command_rms / wanted - 1.0) < CLOSE or (rms == largest and command_rms < wanted):
             break
         points.append((float(np.log(rms)), float(np.log(command_rms))))
@@ -164,12 +170,8 @@ def multisine_like(
     return base, current, wanted
 
 
-def _command_rms(base: MultisineExperiment, arm: Arm, multisines: Multisines) -> float:
-    """Root mean square of the commands of all realisations over their steady periods, without physics."""
-    steady = multisines.settling * multisines.samples
-    (joint,) = base.axes
-    spreads = []
-    for one in multisine_experiments(base, multisines):
-        station = ControlStation(one, arm, np.random.default_rng(one.seed).spawn(2)[0])
-        spreads.append(float(np.var(station.commands[steady:, joint_index(joint)])))
-    return float(np.sqrt(np.mean(spreads)))
+def joint_command(experiment: Experiment) -> FloatArray:
+    """Return the command of an experiment's only joint (N,), rad, which follows without simulating the physics."""
+    (joint,) = experiment.axes
+    station = ControlStation(experiment, experiment_arm(experiment), np.random.default_rng(experiment.seed).spawn(2)[0])
+    return station.commands[:, joint_index(joint)]

@@ -182,7 +182,7 @@ def test_without_friction_it_is_the_small_signal_truth():
     condition = Condition(friction=False)
     setting = condition.applied(campaign_scenario("siso-5-elbow_pitch", duration=24.0))
     record = commanded(setting)
-    found = best_linear_of_test(setting, condition.arm(), [record], test="5", seed=3)
+    found = best_linear_of_test(setting, [record], test="5", seed=3)
     truth = linearize(load_arm(), amplitudes=()).joint(JOINT).bandwidth_hz
     assert found.wanted_rms == pytest.approx(float(np.std(record.u)))
     assert found.command_rms == pytest.approx(found.wanted_rms, rel=2 * CLOSE)
