@@ -42,10 +42,11 @@ def true_bandwidths(excitation_class: str) -> tuple[float, dict[str, Any]]:
         the thesis prints, by name.
     """
     # imported late: it loads the physics
-    from scenarios.problems.twin_problem import twin_problem
+    from scenarios.problems.twin_name import twin_name
+    from scenarios.problems.twin_problem import TwinProblem
     from scenarios.truth.published import published
 
-    problem = twin_problem(excitation_class)
+    problem = TwinProblem(twin_name(excitation_class))
     best = problem.best_linear
     return float(problem.frequencies[0]), {
         "small_signal": problem.joint_truth.bandwidth_hz,

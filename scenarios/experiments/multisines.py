@@ -181,7 +181,7 @@ class MultisineExperiment:
         return BOARD.convert(volts, rounds=self.chain.dac)
 
     def operator(self) -> Operator | None:
-        """Return None: the excitation computer moves the stick."""
+        """No operator: the excitation computer moves the stick."""
         return None
 
 

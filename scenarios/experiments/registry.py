@@ -156,20 +156,13 @@ def load(name: str | Path, *, duration: float | None = None, seed: int | None = 
     Raises:
         ScenarioError: There is no such scenario or file, or the file is wrong.
     """
-    if str(name).endswith(".toml"):
-        from scenarios.experiments.scenario import Scenario
+    from scenarios.experiments.scenario import Scenario
 
+    if str(name).endswith(".toml"):
         scenario = Scenario.read(name)
     elif str(name) in registered():
-        scenario = _scenario(str(name))
+        scenario = Scenario.from_table(registered()[str(name)])
     else:
         raise ScenarioError(unknown("scenario", name, registered(), listing="hmtb scenarios list"))
     scenario = scenario if duration is None else replace(scenario, duration=duration)
     return scenario if seed is None else scenario.reseeded(seed)
-
-
-@cache
-def _scenario(name: str) -> "Scenario":
-    from scenarios.experiments.scenario import Scenario
-
-    return Scenario.from_table(registered()[name])

@@ -16,7 +16,7 @@ from scenarios.files.record_file import ENDINGS, is_record, netcdf_format, read_
 from sysid import IOData
 from sysid.records.importers import SAME_INTERVAL
 
-KINDS = ".nc, .csv, .mat, .asc, .ch10 or a table as text (.txt, .dat, ...)"
+KINDS = f"{', '.join(ENDINGS.values())} or a table as text (.txt, .dat, ...)"
 """Kinds of data files, for messages."""
 
 Names = str | Sequence[str]

@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.io import loadmat, savemat, whosmat
 
+from hmtb_twin.bus.record import CHANNELS, BusRecord
 from scenarios.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
-
-if TYPE_CHECKING:
-    from hmtb_twin.bus.record import BusRecord
 
 FORMAT = "hmtb mat record 1"
 """Marks the records of this version, in their variable `format`."""
@@ -30,8 +28,6 @@ def read_mat_numbers(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
     Raises:
         ScenarioError: It is no such file, or damaged, or has matrices of an absurd size.
     """
-    from scipy.io import loadmat, whosmat
-
     try:
         shapes = {name: shape for name, shape, _ in whosmat(path) if name in names}
         if large := [name for name, shape in shapes.items() if prod(shape) > MOST_NUMBERS]:
@@ -42,12 +38,8 @@ def read_mat_numbers(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
     return {name: np.asarray(matrices[name]) for name in names if name in matrices}
 
 
-def write_mat(record: "BusRecord", path: Path) -> Path:
+def write_mat(record: BusRecord, path: Path) -> Path:
     """Write a record: channels, `dt`, `time`, and names and units as structures; NaN is a lost sample."""
-    from scipy.io import savemat
-
-    from hmtb_twin.bus.record import CHANNELS
-
     variables: dict[str, object] = {
         "format": FORMAT,
         "name": record.name,
@@ -65,20 +57,14 @@ def write_mat(record: "BusRecord", path: Path) -> Path:
 
 def is_ours(path: Path) -> bool:
     """Whether a .mat file is a record of ours; false for files that cannot be read at all."""
-    from scipy.io import loadmat
-
     try:
         return _text(loadmat(path, variable_names=["format"], simplify_cells=True).get("format", "")) == FORMAT
     except Exception:  # whatever SciPy raises on a damaged or foreign file
         return False
 
 
-def read_mat(path: Path) -> "BusRecord":
+def read_mat(path: Path) -> BusRecord:
     """Read a file that `write_mat` wrote; `ScenarioError` on another, and on a damaged one."""
-    from scipy.io import loadmat
-
-    from hmtb_twin.bus.record import CHANNELS, BusRecord
-
     if not is_ours(path):
         raise ScenarioError(f"{path.name} is no MATLAB record of ours: it lacks a variable 'format' that says so")
     try:

@@ -39,9 +39,10 @@ def problem(name: str) -> Problem:
     """
     if name.startswith("twin-"):
         # It loads the physics, which takes a second.
-        from scenarios.problems.twin_problem import twin_problem
+        from scenarios.problems.twin_name import twin_name
+        from scenarios.problems.twin_problem import TwinProblem
 
-        return twin_problem(name)
+        return TwinProblem(twin_name(name))
     plain, at, length = name.partition("@")
     if at and not (re.fullmatch(r"[1-9]\d{0,6}", length) and int(length) >= FEWEST):
         raise ScenarioError(f"{name!r}: expected a whole number of samples from {FEWEST} on behind @, got {length!r}")

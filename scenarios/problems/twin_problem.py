@@ -11,7 +11,7 @@ from scenarios.datasets.arm_truth import arm_truth
 from scenarios.estimators.task import Task
 from scenarios.problems.problem import Problem
 from scenarios.problems.twin_best_linear import BestLinear, scattered_model, twin_best_linear
-from scenarios.problems.twin_name import TwinName, twin_name
+from scenarios.problems.twin_name import TwinName
 from scenarios.problems.twin_records import draw_record
 from sysid import IOData, StateSpace
 from sysid.polynomial.structures import STRUCTURES
@@ -113,15 +113,6 @@ class TwinProblem(Problem):
             seed: Of the draw.
         """
         return scattered_model(self.parsed, self.truth, self.best_linear, seed)
-
-
-def twin_problem(name: str) -> TwinProblem:
-    """The problem of a name; see `twin_name`.
-
-    Raises:
-        ScenarioError: It is none.
-    """
-    return TwinProblem(twin_name(name))
 
 
 @lru_cache(maxsize=32)

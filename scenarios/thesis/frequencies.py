@@ -115,7 +115,7 @@ def answer_text(tally: Tally) -> str:
 
 
 def source_text(tally: Tally, seed: int | None = None) -> str:
-    """Describe the source of the frequencies.
+    """Return which seeds the frequencies count, on which arm and with which software.
 
     Args:
         tally: Many seeds.

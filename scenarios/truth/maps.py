@@ -94,11 +94,9 @@ class Density:
         if not 0.05 <= factor <= 20.0:
             raise ScenarioError(f"density of the maps: {factor:g} given, expected 0.05 to 20 times the default grid")
         full, side = cls(), np.sqrt(factor)
-        plane, (cut, sample, condition) = (
-            [max(3, round(count * by)) for count in counts]
-            for counts, by in ((full.plane, side), ((full.cut, full.sample, full.condition), factor))
-        )
-        scaled = replace(full, plane=(plane[0], plane[1]), cut=cut, sample=sample, condition=condition)
+        counts = {name: max(3, round(getattr(full, name) * factor)) for name in ("cut", "sample", "condition")}
+        across, up = (max(3, round(count * side)) for count in full.plane)
+        scaled = replace(full, plane=(across, up), **counts)
         if factor >= PREVIEW:
             return scaled
         measurement = replace(full.measurement, realisations=2)

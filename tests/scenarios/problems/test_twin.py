@@ -22,7 +22,6 @@ from scenarios.problems.twin_best_linear import (
     twin_best_linear,
 )
 from scenarios.problems.twin_name import twin_name
-from scenarios.problems.twin_problem import twin_problem
 from scenarios.problems.twin_records import FOLDER, prepare, record_key
 from sysid import IOData
 from sysid.models.predict import simulate
@@ -77,7 +76,7 @@ def test_tasks_of_every_structure_have_the_delay_of_the_joint():
 
 
 def test_the_response_without_a_model_is_that_of_a_linear_system():
-    asked = twin_problem(f"{ELBOW}-w0")
+    asked = problem(f"{ELBOW}-w0")
     rng = np.random.default_rng(1)
     u = np.tile(rng.standard_normal(asked.parsed.period), 3)[:, None]
     y = simulate(asked.truth.input_path(), u)
@@ -87,7 +86,7 @@ def test_the_response_without_a_model_is_that_of_a_linear_system():
 
 
 def test_an_estimate_as_good_as_any_scatters_about_the_best_linear_truth():
-    asked = twin_problem(LARGE)
+    asked = problem(LARGE)
     best = asked.best_linear
     models = [asked.scattered(seed) for seed in range(80)]
     assert all(model.is_stable() for model in models)
@@ -96,7 +95,7 @@ def test_an_estimate_as_good_as_any_scatters_about_the_best_linear_truth():
     expected = np.sum(best.distortion_variance + best.noise_variance / 2)
     assert np.sum(scatter) == pytest.approx(expected, rel=0.35)
     assert np.sum(error) < 3e-5 * np.sum(np.abs(best.response) ** 2)
-    repeats = [twin_problem(f"{LARGE}-w1").scattered(seed) for seed in range(60)]
+    repeats = [problem(f"{LARGE}-w1").scattered(seed) for seed in range(60)]
     of_noise = np.array([model.frequency_response(asked.frequencies)[:, 0, 0] for model in repeats]).var(0, ddof=1)
     assert np.sum(of_noise) == pytest.approx(np.sum(best.noise_variance / 2), rel=0.4)
 
