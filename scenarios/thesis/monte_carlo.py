@@ -117,7 +117,7 @@ def contradictions(outcome: SeedOutcome, reference: Tally) -> tuple[str, ...]:
     """List the contradictions between a study of one of the seeds and the tally.
 
     Args:
-        outcome: What the study draw_conclusions.
+        outcome: Conclusions of the study.
         reference: The tally; it holds the same seed.
 
     Returns:

@@ -148,7 +148,7 @@ def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, ta
         study: The study.
         findings: Its findings, decided.
         gallery: Takes the figures.
-        tally: What many seeds draw_conclusions, if anything is to be said of chance.
+        tally: Conclusions of many seeds, if the page is to speak of chance.
 
     Returns:
         By name.
@@ -272,7 +272,7 @@ def write_report(
         study: The study.
         findings: The decided findings.
         path: The HTML file.
-        tally: What many seeds draw_conclusions; without it the report says nothing of chance.
+        tally: Conclusions of many seeds; without them the report does not speak of chance.
         figures: Folder for every figure as SVG and PNG too, which must exist; none are written if None.
         drawn: Called with the number of figures drawn after each.
 

@@ -73,7 +73,7 @@ def results(
         study: The study.
         findings: The decided findings.
         report: Where the report was written.
-        tally: What many seeds draw_conclusions.
+        tally: Conclusions of many seeds.
 
     Returns:
         Plain mappings, numbers and texts.
