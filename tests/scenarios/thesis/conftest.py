@@ -1,12 +1,17 @@
-"""Records that cost no simulation."""
+"""Records that cost no simulation, and the report of the study, drawn once."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
+import matplotlib
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from hmtb_twin import JOINTS, JointLog
+from scenarios.report.figures import SETTINGS, Gallery
+from scenarios.thesis.findings import findings
+from scenarios.thesis.report import context
 
 Made = Callable[[Sequence[str]], dict[str, JointLog]]
 
@@ -41,3 +46,19 @@ def _log(name: str, seed: int) -> JointLog:
         counts=silent,
         status=np.zeros(samples, dtype=np.int64),
     )
+
+
+@dataclass(frozen=True)
+class Report:
+    """Variables of the report's templates, and its figures."""
+
+    context: dict[str, object]
+    gallery: Gallery
+
+
+@pytest.fixture(scope="session")
+def report(study):
+    """The report of the study: drawn once, because a hundred figures take half a minute."""
+    gallery = Gallery()
+    with matplotlib.rc_context(SETTINGS):
+        return Report(context(study, findings(study), gallery, None), gallery)

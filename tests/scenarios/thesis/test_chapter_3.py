@@ -2,13 +2,11 @@
 
 import re
 
-import matplotlib
 import numpy as np
 import pytest
 
-from scenarios.report.figures import SETTINGS, Gallery
 from scenarios.thesis import figures_chapter_3 as draw
-from scenarios.thesis.chapter_3 import THESIS, chapter_3
+from scenarios.thesis.chapter_3 import THESIS
 from scenarios.thesis.figures_waveforms import waveform_figures
 from scenarios.thesis.nonparametric import PULSE, SINES
 
@@ -20,11 +18,9 @@ def test_every_figure_of_chapters_two_and_three_is_answered_once():
     assert set(numbers) == {*map(str, range(11, 17)), *map(str, range(20, 37)), *(f"A{n}" for n in range(1, 30))}
 
 
-def test_the_page_has_the_figures_and_a_row_for_every_test(study):
-    gallery = Gallery()
-    with matplotlib.rc_context(SETTINGS):
-        shown = chapter_3(study, gallery)
-    answered = set(gallery.counterparts())
+def test_the_page_has_the_figures_and_a_row_for_every_test(report):
+    shown = report.context["chapter_3"]
+    answered = set(report.gallery.counterparts())
     assert answered >= {number for figures in THESIS.values() for entry in figures.values() for number in entry}
     single, several = shown["single"], shown["several"]
     assert isinstance(single, list)
@@ -32,7 +28,7 @@ def test_the_page_has_the_figures_and_a_row_for_every_test(study):
     assert [row.name for row in single] == [str(n) for n in range(1, 9)]
     assert len(several) == 15
     assert all(cell is not None for row in (*single, *several) for cell in row.cells)
-    assert all("thesis" not in picture.name for picture in gallery.pictures)
+    assert all("thesis" not in picture.name for picture in report.gallery.pictures)
 
 
 def test_a_record_shows_the_steps_of_the_converters(study):

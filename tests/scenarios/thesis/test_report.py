@@ -5,16 +5,15 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
 
-import matplotlib
 import pytest
 
 from scenarios.files.errors import ScenarioError
-from scenarios.report.figures import SETTINGS, Gallery
+from scenarios.report.figures import Gallery
 from scenarios.thesis.finding import Verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.outcome import outcome
-from scenarios.thesis.report import context, html, write_report
+from scenarios.thesis.report import html, write_report
 from scenarios.thesis.results import answers, headline
 from scenarios.thesis.tally import Tally, limits
 
@@ -48,22 +47,19 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def shown(study):
-    """What the page shows: drawn once, because a hundred figures take their time."""
-    with matplotlib.rc_context(SETTINGS):
-        return context(study, findings(study), Gallery(), None)
+def text(report):
+    return html(report.context)
 
 
 @pytest.fixture(scope="module")
-def text(shown):
-    return html(shown)
+def page(text):
+    return Page(text)
 
 
-def test_nothing_is_loaded_from_anywhere(text):
-    parsed = Page(text)
-    assert not parsed.of("script")
-    assert not parsed.of("link")
-    for _, attributes in parsed.tags:
+def test_nothing_is_loaded_from_anywhere(page, text):
+    assert not page.of("script")
+    assert not page.of("link")
+    for _, attributes in page.tags:
         for name in ("src", "href", "xlink:href", "srcset", "action"):
             target = attributes.get(name)
             assert target is None or target.startswith(("#", "data:image/jpeg;base64,")), target
@@ -73,13 +69,12 @@ def test_nothing_is_loaded_from_anywhere(text):
     assert set(re.findall(r"https?://[^\s\"'<)]+", text)) <= allowed
 
 
-def test_every_figure_has_words_and_every_mark_is_unique(text):
-    parsed = Page(text)
-    drawings = parsed.of("svg")
+def test_every_figure_has_words_and_every_mark_is_unique(page, text):
+    drawings = page.of("svg")
     assert len(drawings) > 30
     assert all(entry.get("role") == "img" and len(str(entry.get("aria-label"))) > 20 for entry in drawings)
-    assert all(len(str(entry.get("alt"))) > 20 for entry in parsed.of("img"))
-    marks = [attributes["id"] for _, attributes in parsed.tags if "id" in attributes]
+    assert all(len(str(entry.get("alt"))) > 20 for entry in page.of("img"))
+    marks = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
     assert len(marks) == len(set(marks))
     used = set(re.findall(r"url\(#([^)]+)\)", text)) | set(re.findall(r'xlink:href="#([^"]+)"', text))
     assert used <= set(marks)
@@ -87,20 +82,19 @@ def test_every_figure_has_words_and_every_mark_is_unique(text):
     assert numbers == list(range(1, len(drawings) + 1))
 
 
-def test_contents_lead_to_sections_with_headings(text):
-    parsed = Page(text)
-    sections = [entry["id"] for entry in parsed.of("section")]
-    marks = {attributes["id"] for _, attributes in parsed.tags if "id" in attributes}
-    links = [str(entry["href"]) for entry in parsed.of("a")]
+def test_contents_lead_to_sections_with_headings(page, text):
+    sections = [entry["id"] for entry in page.of("section")]
+    marks = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
+    links = [str(entry["href"]) for entry in page.of("a")]
     assert {link.removeprefix("#") for link in links} <= marks
     for menu in re.findall(r"<nav.*?</nav>", text, flags=re.S):
         assert re.findall(r'href="#([^"]+)"', menu) == sections
     assert text.count("<nav") == 3
     assert text.index('id="answer"') < text.index('<nav class="contents printed"') < text.index('id="findings"')
-    assert len(parsed.of("h2")) == len(sections)
+    assert len(page.of("h2")) == len(sections)
     assert sections[:2] == ["answer", "findings"]
     assert sections[-2:] == ["provenance", "reproduce"]
-    assert parsed.of("html")[0]["lang"] == "en"
+    assert page.of("html")[0]["lang"] == "en"
 
 
 def test_headings_leave_no_level_out(text):
@@ -146,7 +140,7 @@ def test_every_finding_is_listed_with_verdict_and_reason(text, study):
         assert len(row[row.index('data-label="Why"') :]) > 30
 
 
-def test_frequencies_and_ranges_stand_beside_the_findings(text, study, shown):
+def test_frequencies_and_ranges_stand_beside_the_findings(text, study, report):
     found = findings(study)
     first, second = found[0], found[1]
     here = outcome(study, found)
@@ -159,7 +153,7 @@ def test_frequencies_and_ranges_stand_beside_the_findings(text, study, shown):
         numbers={**here.numbers, first.key: moved},
     )
     both = Tally((here, other), {})
-    many = html({**shown, "chance": chance(found, both, study.seed)})
+    many = html({**report.context, "chance": chance(found, both, study.seed)})
     Page(many)
     rows = dict(re.findall(r'<tr id="(F\d+)">(.*?)</tr>', many, flags=re.S))
     assert '<span class="note">2 of 2 seeds</span>' in rows[first.key]
@@ -190,12 +184,12 @@ def test_it_is_light(text):
     assert len(text.encode()) < 15e6
 
 
-def test_the_report_is_written_whole_with_its_cost(study, shown, tmp_path, monkeypatch):
+def test_the_report_is_written_whole_with_its_cost(study, report, tmp_path, monkeypatch):
     given: list[object] = []
 
     def drawn_already(*arguments: object) -> dict[str, object]:
         given.extend(arguments)
-        return dict(shown)
+        return dict(report.context)
 
     monkeypatch.setattr("scenarios.thesis.report.context", drawn_already)
     path = write_report(study, (), tmp_path / "report.html", figures=tmp_path)
@@ -214,10 +208,10 @@ def test_an_unwritable_report_is_refused_before_it_is_drawn(study, tmp_path):
         write_report(study, (), tmp_path)
 
 
-def test_whole_records_are_not_marked(study, shown):
+def test_whole_records_are_not_marked(study, report):
     main, *rest = study.campaigns
     whole = replace(study, campaigns=(replace(main, duration=None), *rest))
-    text = html({**shown, "study": whole, "headline": headline(whole), "answers": answers(whole)})
+    text = html({**report.context, "study": whole, "headline": headline(whole), "answers": answers(whole)})
     Page(text)
     assert "quick run" not in text.lower()
     assert "Interval holds the truth:" in text
