@@ -1,12 +1,11 @@
 """NetCDF4 files of logs and bus records: written whole or not at all, read strictly."""
 
-import os
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.parameters.errors import TwinError, system_reason
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,9 +44,7 @@ def write_netcdf(
         partial.replace(path)
     except (OSError, ValueError, TypeError) as error:
         partial.unlink(missing_ok=True)
-        # HDF5 puts its own trace into the text of its errors: the system's reason is enough.
-        number = error.errno if isinstance(error, OSError) else None
-        reason = os.strerror(number) if number else "the file system refuses" if isinstance(error, OSError) else error
+        reason = system_reason(error) if isinstance(error, OSError) else error
         raise TwinError(f"cannot write the {kind} {path}: {reason}") from error
     return path
 

@@ -1,6 +1,5 @@
 """The command line `hmtb`: it finds the command, reads its options, runs it, and turns errors into exit codes."""
 
-import functools
 import os
 import shlex
 import sys
@@ -11,7 +10,6 @@ from pathlib import Path
 
 from scenarios.commands.dataset import DATA_SET_COMMANDS
 from scenarios.commands.dataset import DESCRIPTION as DATA_SETS
-from scenarios.commands.output import reason
 from scenarios.commands.usage import listing, read_options
 from scenarios.files.errors import ScenarioError, unknown
 
@@ -70,7 +68,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"hmtb {_version()}")
         return 0
     try:
-        code = parse(words)()
+        call = parse(words)
+        if isinstance(call, str):
+            sys.stdout.write(call)
+        code = 0 if isinstance(call, str) else call()
         sys.stdout.flush()
         return code
     except KeyboardInterrupt as interruption:
@@ -96,8 +97,8 @@ def _open_streams() -> None:
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - open to the end
 
 
-def parse(words: list[str]) -> Callable[[], int]:
-    """The command that the words name, with its options, ready to run; or help, ready to be printed.
+def parse(words: list[str]) -> Callable[[], int] | str:
+    """The command that the words name, with its options, ready to run; or the help that they ask for.
 
     Raises:
         ScenarioError: The words name no command, or the command does not take them.
@@ -107,23 +108,16 @@ def parse(words: list[str]) -> Callable[[], int]:
         program, description, places, words = "hmtb dataset", DATA_SETS, DATA_SET_COMMANDS, words[1:] or ["--help"]
     name, *options = words
     if name in ("-h", "--help"):
-        text = listing(program, description, {name: _command(place) for name, place in places.items()})
-        return functools.partial(_write, text)
+        return listing(program, description, {name: _command(place) for name, place in places.items()})
     if name not in places:
         raise ScenarioError(unknown("command", name, places))
-    call = read_options(_command(places[name]), f"{program} {name}", options)
-    return functools.partial(_write, call) if isinstance(call, str) else call
+    return read_options(_command(places[name]), f"{program} {name}", options)
 
 
 def _command(place: str) -> Callable[..., int]:
     module, _, function = place.partition(":")
     command: Callable[..., int] = getattr(import_module(f"scenarios.commands.{module}"), function)
     return command
-
-
-def _write(text: str) -> int:
-    sys.stdout.write(text)
-    return 0
 
 
 def _version() -> str:
@@ -142,6 +136,8 @@ def _bad_input(error: Exception) -> str | None:
     if back_end and any("gl_context" in frame.filename for frame in traceback.extract_tb(error.__traceback__)):
         return f"MUJOCO_GL={back_end!r} names no OpenGL back end that loads here; unset it, or set it to egl"
     if isinstance(error, OSError):
+        from hmtb_twin.parameters.errors import system_reason
+
         where = f" {error.filename!r}" if error.filename else ""
-        return f"cannot read or write{where}: {reason(error)}"
+        return f"cannot read or write{where}: {system_reason(error)}"
     return None

@@ -21,7 +21,6 @@ DRAWN = 5.0
 
 def compare(
     data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")],
-    /,
     *,
     models: Annotated[tuple[str, ...], tyro.conf.arg(metavar="MODEL...")] = ("truth", "published"),
     estimation: Annotated[Path | None, tyro.conf.arg(metavar="DATA")] = None,

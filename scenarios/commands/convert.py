@@ -12,7 +12,6 @@ from scenarios.files.errors import ScenarioError, unknown
 
 def convert(
     paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="IN ... OUT")],
-    /,
     *,
     format: str | None = None,
     test: str | None = None,

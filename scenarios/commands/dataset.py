@@ -69,7 +69,7 @@ def list_(*, json: bool = False) -> int:
     return 0
 
 
-def show(spec: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC")], /, *, json: bool = False) -> int:
+def show(spec: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC")], *, json: bool = False) -> int:
     """Show the spec of a data set as TOML, with all defaults, from which to write your own.
 
     hmtb dataset show hmtb-siso-v1 > mine.toml, edit it and change its name, then hmtb dataset build mine.toml.
@@ -90,7 +90,6 @@ def show(spec: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC"
 
 def check(
     folder: Folder,
-    /,
     *,
     regenerate: int = 3,
     seed: int = 0,
@@ -127,7 +126,6 @@ def check(
 
 def export(
     folder: Folder,
-    /,
     *,
     format: str = "mat",
     out: Path = Path("."),
@@ -159,7 +157,6 @@ def export(
 
 def score(
     predictions: Annotated[tuple[Path, ...], tyro.conf.Positional],
-    /,
     *,
     data: Path,
     json: bool = False,
@@ -210,7 +207,6 @@ def score(
 
 def baselines(
     data: Annotated[Path, tyro.conf.Positional],
-    /,
     *,
     method: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
     orders: tuple[int, ...] = (),

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 def build(
     spec: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC")],
-    /,
     *,
     out: Path = Path("."),
     withhold: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None,

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 def grade(
     withheld: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="WITHHELD")],
     submissions: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SUBMISSIONS")],
-    /,
     *,
     json: bool = False,
 ) -> int:

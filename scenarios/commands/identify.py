@@ -18,7 +18,6 @@ LISTED = 24
 
 def identify(
     data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")],
-    /,
     *,
     method: Annotated[str, tyro.conf.arg(metavar="arx|armax|oe|bj|iv4|okid|n4sid|pem_ss")],
     orders: tuple[int, ...],

@@ -10,7 +10,6 @@ from scenarios.commands.output import output_folder, print_json, print_table, sa
 
 def leaderboard(
     results: Annotated[tuple[Path, ...], tyro.conf.Positional],
-    /,
     *,
     out: Path = Path("."),
     json: bool = False,

@@ -2,12 +2,11 @@
 
 import json
 import math
-import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from scenarios.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError
@@ -19,13 +18,6 @@ if TYPE_CHECKING:
 
 FIGURES = (".svg", ".png", ".pdf")
 """Endings of figures."""
-
-
-class Bar(Protocol):
-    """Reports progress."""
-
-    def __call__(self, done: int, total: int | None, step: str = "") -> None:
-        """Report items that are done, items in all if that is known, and the step that they belong to."""
 
 
 def plain(value: object) -> object:
@@ -156,7 +148,7 @@ def draw(make: "Callable[[], Figure]", *paths: Path) -> list[Path]:
 
 
 @contextmanager
-def progress(label: str, *, lines: bool = False) -> Iterator[Bar]:
+def progress(label: str, *, lines: bool = False) -> Iterator[Callable[..., None]]:
     """Show the progress of long work on stderr.
 
     Args:
@@ -164,8 +156,8 @@ def progress(label: str, *, lines: bool = False) -> Iterator[Bar]:
         lines: Whether to write a line now and then where stderr is no terminal; else nothing is written there.
 
     Yields:
-        A function to call with (done, total), and with the name of the step where there are several; a total of None
-        where none is known.
+        A function to call with items that are done, items in all (None where that is not known), and the name of the
+        step where there are several.
     """
     from scenarios.jobs.progress import Progress, show_progress
 
@@ -174,41 +166,36 @@ def progress(label: str, *, lines: bool = False) -> Iterator[Bar]:
 
 
 @contextmanager
-def output_folder(path: Path) -> Iterator[Path]:
+def output_folder(path: Path, *files: str) -> Iterator[Path]:
     """Create a folder for results and make sure that it can be written; remove it if the work fails.
+
+    Args:
+        path: The folder.
+        files: Names of files that the work writes there.
 
     Yields:
         The path. If the work inside fails or is interrupted, folders made for it that are still empty are removed.
 
     Raises:
-        ScenarioError: It cannot be created or written.
+        ScenarioError: It cannot be created or written, or there is a folder of a file's name.
     """
     new = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
-        path.mkdir(parents=True, exist_ok=True)
-        probe = path / ".hmtb-write-test"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        _remove_empty(new)
-        raise ScenarioError(
-            f"cannot write to folder {str(path)!r}: {reason(error)}; expected a folder that can be created and written"
-        ) from error
-    try:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            probe = path / ".hmtb-write-test"
+            probe.touch()
+            probe.unlink()
+        except OSError as error:
+            from hmtb_twin.parameters.errors import system_reason
+
+            why = f"{system_reason(error)}; expected a folder that can be created and written"
+            raise ScenarioError(f"cannot write to folder {str(path)!r}: {why}") from error
+        for name in files:
+            check_place(path / name)
         yield path
     except BaseException:
-        _remove_empty(new)
+        with suppress(OSError):
+            for folder in new:  # innermost first
+                folder.rmdir()
         raise
-
-
-def _remove_empty(folders: Sequence[Path]) -> None:
-    for folder in folders:  # innermost first
-        try:
-            folder.rmdir()
-        except OSError:
-            return
-
-
-def reason(error: OSError) -> str:
-    """The system's reason in its own words; libraries put theirs into the error's text."""
-    return os.strerror(error.errno) if error.errno else "the file system refuses"

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 def preview(
     names: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="NAME ...")],
-    /,
     *,
     out: Path = Path("."),
     duration: float | None = None,

@@ -13,7 +13,6 @@ from scenarios.files.errors import ScenarioError
 def scenarios(
     action: Annotated[Literal["list", "show"], tyro.conf.Positional] = "list",
     name: Annotated[str | None, tyro.conf.Positional] = None,
-    /,
     *,
     tag: str | None = None,
     json: bool = False,

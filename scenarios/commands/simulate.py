@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 def simulate(
     names: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="NAME ...")],
-    /,
     *,
     out: Path = Path("."),
     format: str = "nc",

@@ -27,7 +27,6 @@ MOST_GIB = 2.0**20
 
 def verify(
     estimators: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="ESTIMATOR")] = (),
-    /,
     *,
     command: str | None = None,
     stays: bool = False,

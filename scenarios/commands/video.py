@@ -18,7 +18,6 @@ DECK = ("window", "port", "starboard", "wrist_camera")
 
 def video(
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENARIO|LOG")],
-    /,
     *,
     out: Path | None = None,
     camera: str = "overview",

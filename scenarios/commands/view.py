@@ -9,7 +9,6 @@ from scenarios.commands.output import say
 
 def view(
     name: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SCENARIO|LOG]")] = None,
-    /,
     *,
     payload: str = "rpcm",
     speed: float = 1.0,

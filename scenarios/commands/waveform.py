@@ -18,7 +18,6 @@ NOT_OPTIONS = ("kind", "path", "out", "json")
 
 def waveform(
     kind: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="KIND")],
-    /,
     *,
     amplitude: float | None = None,
     frequency: float | None = None,
