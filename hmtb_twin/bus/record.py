@@ -109,37 +109,38 @@ class BusRecord:
         values = np.column_stack([self.commanded, self.measured, self.wrench])
         return np.asarray(np.isnan(values).any(axis=1))
 
-    def parts(self, joint: str | None = None) -> tuple[IOData, ...]:
-        """Return one joint's command and measurement, split where commands were lost.
+    def parts(self, joints: str | Sequence[str] | None = None) -> tuple[IOData, ...]:
+        """Return commands and measurements of one joint, or of several, split where commands were lost.
 
         Inputs must be complete and are never interpolated. Lost measurements stay in the parts, declared as missing.
 
         Args:
-            joint: The joint; the excited one by default.
+            joints: The joint, or several; the excited one by default.
 
         Returns:
-            Commanded angle as input, measured angle as output, rad; as many records as there are stretches of commands
-            with any measurement beside them.
+            Commanded angles as inputs, measured angles as outputs, rad, in the order of the joints; as many records as
+            there are stretches of commands with any measurement beside them.
 
         Raises:
             TwinError: Unknown joint, none named where the record does not excite just one, or nothing left.
         """
-        column = joint_index(self._joint(joint))
-        u, y = self.commanded[:, column], self.measured[:, column]
-        known = np.concatenate(([False], np.isfinite(u), [False]))
+        chosen = (self._excited(),) if joints is None else (joints,) if isinstance(joints, str) else tuple(joints)
+        columns = [joint_index(joint) for joint in chosen]
+        u, y = self.commanded[:, columns], self.measured[:, columns]
+        known = np.concatenate(([False], np.isfinite(u).all(axis=1), [False]))
         starts, stops = (np.flatnonzero(np.diff(known.astype(int)) == step) for step in (1, -1))
         stretches = [(a, b) for a, b in zip(starts, stops, strict=True) if np.isfinite(y[a:b]).any()]
         if not stretches:
-            raise TwinError(f"{self.name}: no sample of {JOINTS[column]} is left of {len(self)}")
+            raise TwinError(f"{self.name}: no sample of {', '.join(chosen)} is left of {len(self)}")
         return tuple(
             IOData(
                 u[a:b],
                 y[a:b],
                 self.dt,
-                input_names=(f"{JOINTS[column]} commanded",),
-                output_names=(f"{JOINTS[column]} measured",),
-                input_units=("rad",),
-                output_units=("rad",),
+                input_names=tuple(f"{joint} commanded" for joint in chosen),
+                output_names=tuple(f"{joint} measured" for joint in chosen),
+                input_units=("rad",) * len(chosen),
+                output_units=("rad",) * len(chosen),
                 missing=bool(np.isnan(y[a:b]).any()),
             )
             for a, b in stretches
@@ -166,9 +167,7 @@ class BusRecord:
             )
         return parts[0]
 
-    def _joint(self, joint: str | None) -> str:
-        if joint is not None:
-            return joint
+    def _excited(self) -> str:
         if len(self.axes) == 1 and self.axes[0] in JOINTS:
             return self.axes[0]
         excited = f"excites {', '.join(self.axes)}" if self.axes else "does not say what it excites"

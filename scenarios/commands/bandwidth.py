@@ -1,8 +1,9 @@
 """`hmtb bandwidth`: does the 1 Hz finding hold? Recovered against true and published bandwidths."""
 
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -17,10 +18,9 @@ from scenarios.commands.output import (
     say,
     say_each,
 )
+from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from hmtb_twin import JointLog
     from scenarios.identification.bandwidth_study import BandwidthStudy
     from scenarios.identification.recovered_bandwidth import RecoveredBandwidth
@@ -31,6 +31,9 @@ METHODS = ("arx", "armax", "iv4", "oe", "okid", "oe_high", "spa", "etfe")
 
 FILES = ("bandwidth.csv", "bandwidth.png", "bandwidth.svg")
 """Files of --out."""
+
+OF_ARM = ("joints", "tests", "seeds", "variant", "no_friction", "duration")
+"""Options that logs decide."""
 
 
 def bandwidth(
@@ -87,31 +90,21 @@ def bandwidth(
         out: Folder for bandwidth.csv and the figure, bandwidth.png and .svg.
         json: Print JSON.
     """
+    # Before any other local variable: the options that were given.
+    options = {name for name, value in locals().items() if value is not None and value is not False}
+
     from scenarios.experiments.campaign import Condition
     from scenarios.experiments.waveform import check_seed, seed_range
-    from scenarios.files.atomic_write import check_place
-    from scenarios.files.errors import ScenarioError
     from scenarios.identification.bandwidth_study import from_logs, from_simulation
 
     check_seed(0 if seed is None else seed)
     at_least_one("--threads", threads)
-    of_arm = {
-        "--joints": joints,
-        "--tests": tests,
-        "--seeds": seeds,
-        "--variant": variant,
-        "--no-friction": no_friction or None,
-        "--duration": duration,
-    }
-    contradicting = [name for name, value in of_arm.items() if value is not None]
+    contradicting = [f"--{name.replace('_', '-')}" for name in OF_ARM if name in options]
     if data is not None and contradicting:
         raise ScenarioError(f"--data takes arm and tests from the logs; leave out {', '.join(contradicting)}")
     if data is not None and not data:
         raise ScenarioError("--data given without a log, expected one or more")
-    with nullcontext() if out is None else output_folder(out) as folder:
-        if folder is not None:
-            for name in FILES:
-                check_place(folder / name)
+    with nullcontext() if out is None else output_folder(out, *FILES) as folder:
         if data is not None:
             logs = _read(data)
             study = from_logs(logs, methods, best_linear=not no_bla, seed=seed or 0, threads=threads, stage=progress)
@@ -138,10 +131,9 @@ def bandwidth(
     return 1 if study.failed else 0
 
 
-def _read(paths: "Sequence[Path]") -> "list[JointLog]":
+def _read(paths: Sequence[Path]) -> "list[JointLog]":
     from hmtb_twin import JointLog
     from scenarios.files.data_file import check_complete
-    from scenarios.files.errors import ScenarioError
 
     for path in paths:
         if path.suffix != ".nc":
@@ -153,27 +145,19 @@ def _read(paths: "Sequence[Path]") -> "list[JointLog]":
 
 
 def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
-    import csv
-    import io
-
+    from scenarios.datasets.tables import table_text
     from scenarios.files.atomic_write import write_whole
     from scenarios.identification.bandwidth_figure import bandwidth_figure
 
     table, picture, drawing = (folder / name for name in FILES)
     records = []
     for row in study.rows:
-        record = row.record()
+        record: dict[str, Any] = {key: plain(value) for key, value in row.record().items()}
         record["orders"] = " ".join(f"{name}={value}" for name, value in row.orders.items())
-        bla = row.best_linear[1:] if row.best_linear else (None, None)
-        for key, ends in (("ci95", row.ci95), ("bla_ci95", bla), ("model_ci95", row.model_ci95)):
-            del record[key]
-            record |= {f"{key}_low": ends[0], f"{key}_high": ends[1]}
-        records.append({key: plain(value) for key, value in record.items()})
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(records[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(records)
-    write_whole(table, text.getvalue())
+        for key in ("ci95", "bla_ci95", "model_ci95"):
+            record[f"{key}_low"], record[f"{key}_high"] = record.pop(key)
+        records.append(record)
+    write_whole(table, table_text(records[0], records))
     return [table, *draw(lambda: bandwidth_figure(study), picture, drawing)]
 
 
@@ -217,7 +201,7 @@ def _print(study: "BandwidthStudy") -> None:
     say_each("failed: ", (f"{name}: {why}" for name, why in study.failed.items()))
 
 
-def _line(group: "Sequence[RecoveredBandwidth]", *, best_linear: bool) -> list[str]:
+def _line(group: Sequence["RecoveredBandwidth"], *, best_linear: bool) -> list[str]:
     """The line of one method and test; for several seeds it shows the middle bandwidth."""
     import numpy as np
 
@@ -225,13 +209,13 @@ def _line(group: "Sequence[RecoveredBandwidth]", *, best_linear: bool) -> list[s
 
     several = len(group) > 1
 
-    def count(values: "Iterable[bool | None]") -> str:
+    def count(values: Iterable[bool | None]) -> str:
         known = [value for value in values if value is not None]
         if not known:
             return "—"
         return f"{sum(known)} of {len(known)}" if several else ("yes" if known[0] else "no")
 
-    def median(values: "Iterable[float]") -> str:
+    def median(values: Iterable[float]) -> str:
         known = [value for value in values if np.isfinite(value)]
         return f"{np.median(known):.3f}" if known else "—"
 

@@ -79,7 +79,7 @@ def compare(
     import warnings
 
     from scenarios.files.data_file import joints_of, read_parts
-    from scenarios.identification.model_comparison import compare_models, parsed, read_joints
+    from scenarios.identification.model_comparison import compare_models, parsed
     from sysid.validation.cross_validation import same_samples
 
     names = [parsed(text) for text in dict.fromkeys(models)]
@@ -93,13 +93,13 @@ def compare(
     if estimation is not None and not identified:
         raise ScenarioError("--estimation given, but no model that is identified; name one, as oe:2/2/1")
 
+    if len(set(joint)) < len(joint):
+        raise ScenarioError(f"--joint {' '.join(joint)} given, expected each joint once")
+
     def read(path: Path, joints: tuple[str, ...], test: str | None) -> "tuple[IOData, ...]":
-        if len(joints) < 2:
-            one = joints[0] if joints else None
-            return read_parts(path, joint=one, input=input, output=output, dt=dt, test=test, missing=missing)
-        if (input, output) != (("u",), ("y",)):
+        if len(joints) > 1 and (input, output) != (("u",), ("y",)):
             raise ScenarioError("--joint names joints of our own records; --input and --output are for tables")
-        return read_joints(path, joints, dt=dt, test=test, missing=missing)
+        return read_parts(path, joint=joints, input=input, output=output, dt=dt, test=test, missing=missing)
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)

@@ -1,5 +1,6 @@
 """`hmtb truth`: the true poles, zeros, bandwidths, gains and delays of the joints."""
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,10 +18,9 @@ from scenarios.commands.output import (
     say,
     say_each,
 )
+from scenarios.files.errors import ScenarioError, unknown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
     import numpy as np
 
     from hmtb_twin import Arm, JointLog
@@ -90,13 +90,15 @@ def truth(
         out: One figure (.svg, .png or .pdf); with --maps the folder, "maps" when not given.
         json: Print JSON.
     """
+    # Before any other local variable: the options that were given.
+    options = {name: value for name, value in locals().items() if value is not None}
+
     from dataclasses import replace
 
     from hmtb_twin import NOMINAL_PLANT, linearize, load_arm
     from hmtb_twin.parameters.values import OPERATING_POSE
     from scenarios.experiments.multisines import Multisines
     from scenarios.experiments.waveform import check_seed
-    from scenarios.files.errors import ScenarioError
     from scenarios.truth.best_linear import REALISATIONS, measured_best_linear
     from scenarios.truth.maps import Density
     from scenarios.truth.truth_figure import truth_figure
@@ -113,21 +115,13 @@ def truth(
         raise ScenarioError(f"--out {out} given with --maps, expected a folder for figures, tables and a page")
     if out is not None and not maps:
         check_figure(out)
-    conditions: dict[str, object] = {
-        "actuator": actuator,
-        "friction": friction,
-        "friction_level": friction_level,
-        "supply_pressure": supply_pressure,
-        "oil_temperature": oil_temperature,
-        "process_noise": process_noise,
-    }
-    conditions = {name: value for name, value in conditions.items() if value is not None}
-    plant = replace(NOMINAL_PLANT, **conditions)  # type: ignore[arg-type]
+    conditions = {name: options[name] for name in vars(NOMINAL_PLANT) if name in options}
+    plant = replace(NOMINAL_PLANT, **conditions)
     point, log = _point(pose or OPERATING_POSE), None
     if data is None:
         arm = load_arm(variant or "nominal", payload or "rpcm", plant=plant)
     else:
-        arm, point, log = _logged(data, {"variant": variant, "payload": payload, "pose": pose, **conditions})
+        arm, point, log = _logged(data, options)
     if (bla is not None or maps) and not isinstance(point, str):
         raise ScenarioError("--bla and --maps start from a pose of the model; give --pose a name, not angles")
     summary = truth_summary(arm, linearize(arm, point))
@@ -165,7 +159,6 @@ def _point(pose: str) -> "str | np.ndarray":
     import numpy as np
 
     from hmtb_twin import JOINTS, POSES
-    from scenarios.files.errors import ScenarioError, unknown
 
     expected = f"{len(JOINTS)} angles in degrees, separated by commas: {', '.join(JOINTS)}"
     if "," not in pose:
@@ -181,18 +174,17 @@ def _point(pose: str) -> "str | np.ndarray":
     return angles
 
 
-def _logged(data: Path, options: "Mapping[str, object]") -> "tuple[Arm, str, JointLog]":
+def _logged(data: Path, options: Mapping[str, object]) -> "tuple[Arm, str, JointLog]":
     """The arm and pose of a log, which the other options must not contradict."""
     from hmtb_twin import JointLog
     from hmtb_twin.truth.logged_arm import logged_arm
-    from scenarios.files.errors import ScenarioError
 
     if data.suffix != ".nc":
         raise ScenarioError(f"--data {data} given, expected a log of hmtb simulate (.nc), with its noise-free angles")
     log = JointLog.load(data)
     arm, pose = logged_arm(log), log.provenance["pose"]
     of_log = {"variant": arm.variant, "payload": arm.payload, "pose": pose, **vars(arm.plant)}
-    others = [name for name, value in options.items() if value is not None and value != of_log[name]]
+    others = [name for name, value in of_log.items() if options.get(name, value) != value]
     if others:
         contradicting = ", ".join(f"--{name.replace('_', '-')} {options[name]}" for name in others)
         has = ", ".join(f"{name} = {of_log[name]}" for name in others)
@@ -285,7 +277,7 @@ def _print_attainable(summary: "TruthSummary") -> None:
         say(f"Noise-free angles are means over draws of process noise; standard error / mrad: {', '.join(averaged)}")
 
 
-def _roots(roots: "Iterable[complex]", digits: int, count: int, *, damping: bool = False) -> str:
+def _roots(roots: Iterable[complex], digits: int, count: int, *, damping: bool = False) -> str:
     """The first few poles or zeros, each conjugate pair once."""
     from scenarios.truth.truth_summary import damping_ratio
 

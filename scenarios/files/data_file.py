@@ -48,7 +48,7 @@ def write_log(log: JointLog, path: Path) -> Path:
 def read_parts(
     path: str | Path,
     *,
-    joint: str | None = None,
+    joint: Names | None = None,
     input: Names = "u",
     output: Names = "y",
     dt: float | None = None,
@@ -60,7 +60,7 @@ def read_parts(
     Args:
         path: `.nc` (a joint log, a bus record, or any variables over time), `.mat` (version 7.2 or older), `.ch10` (a
             1553 record), `.asc` (our ASCII records), or any table as text, with a header or bare columns.
-        joint: Joint of a log or record, or of a CSV written from one.
+        joint: Joint of a log or record, or of a CSV written from one; or several.
         input: Names of the input columns or variables.
         output: Names of the output columns or variables.
         dt: Sampling interval, s. Needed if the file has none; must agree with it otherwise.
@@ -77,13 +77,15 @@ def read_parts(
         TwinError: Likewise, of our own logs and records.
     """
     path = Path(path)
-    inputs, outputs = ((names,) if isinstance(names, str) else tuple(names) for names in (input, output))
+    inputs, outputs, joints = (
+        (names,) if isinstance(names, str) else tuple(names) for names in (input, output, joint or ())
+    )
     if not path.is_file():
         raise ScenarioError(f"no data file {str(path)!r}; expected {KINDS}")
     if dt is not None and not 0 < dt < np.inf:
         raise ScenarioError(f"dt must be above 0 s, given {dt}")
     # A table may be read by its columns or by joint; a .csv does not say what it excites.
-    ours = (path.suffix != ".csv" or joint is not None) and is_record(path)
+    ours = (path.suffix != ".csv" or bool(joints)) and is_record(path)
     if test is not None and not (ours and path.suffix != ".csv"):
         raise ScenarioError(f"{path.name} holds one test; --test is for 1553 records")
     log = log_of(path)
@@ -96,10 +98,10 @@ def read_parts(
         contents = read_records(path)
         if contents.message:
             warnings.warn(contents.message, TwinWarning, stacklevel=2)
-        parts = contents.choose(test, path).parts(joint)
+        parts = contents.choose(test, path).parts(joints or None)
     elif log is not None:
-        check_complete(log, log.axes if joint is None else (joint,), path.name)
-        parts = (log.iodata(joint),)
+        check_complete(log, joints or log.axes, path.name)
+        parts = (log.iodata(joints or None),)
     if parts and dt is not None and abs(dt - parts[0].dt) > SAME_INTERVAL * parts[0].dt:
         raise ScenarioError(
             f"{path.name}: --dt says a sampling interval of {dt:.6g} s, the log of {parts[0].dt:.6g} s; "
@@ -107,10 +109,11 @@ def read_parts(
         )
     if parts:
         return parts
-    if joint is not None:
-        if joint not in JOINTS:
-            raise ScenarioError(unknown("joint", joint, JOINTS))
-        inputs, outputs = (f"{joint}_commanded",), (f"{joint}_measured",)
+    if joints:
+        for name in joints:
+            if name not in JOINTS:
+                raise ScenarioError(unknown("joint", name, JOINTS))
+        inputs, outputs = (tuple(f"{name}_{what}" for name in joints) for what in ("commanded", "measured"))
     read = {".mat": sysid.read_mat, ".nc": sysid.read_netcdf}.get(path.suffix, sysid.read_csv)
     try:
         return (read(path, inputs=inputs, outputs=outputs, dt=dt, missing=missing),)

@@ -1,18 +1,17 @@
 """Comparison of models of any origin on one record: printed ones, the truth, and estimates."""
 
 import re
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 import sysid
 from hmtb_twin.parameters.values import SAMPLE_TIME
-from scenarios.files.data_file import joints_of, log_of, read_parts
+from scenarios.files.data_file import joints_of, log_of
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.identification import identify, usable
 from scenarios.identification.methods import ESTIMATORS
@@ -210,38 +209,3 @@ def _known_models(name: ModelName, record: IOData, path: Path) -> list[tuple[str
         model = sysid.models.block_diagonal([part.model for part in chosen])
         models.append((f"published {label}", model, tuple(f"{part.label}: {part.doubts}" for part in chosen)))
     return models
-
-
-def read_joints(
-    path: Path, joints: Sequence[str], *, dt: float | None = None, test: str | None = None, missing: bool = False
-) -> tuple[IOData, ...]:
-    """Read several joints of one of our logs or records together.
-
-    Args:
-        path: The file.
-        joints: The joints, in the order of inputs and outputs.
-        dt: Sampling interval that the caller expects, s.
-        test: Which test of a 1553 record.
-        missing: Whether outputs of a table may be missing.
-
-    Returns:
-        One record with an input and an output for each joint.
-
-    Raises:
-        ScenarioError: A joint is named twice, or commands were lost in between.
-    """
-    if len(set(joints)) < len(joints):
-        raise ScenarioError(f"--joint {' '.join(joints)} given, expected each joint once")
-    each = [read_parts(path, joint=joint, dt=dt, test=test, missing=missing) for joint in joints]
-    if any(len(one) > 1 for one in each):
-        raise ScenarioError(f"{path.name}: commands were lost in between; read one joint at a time")
-    records = [one[0] for one in each]
-    labels: dict[str, Any] = {
-        what: tuple(label for record in records for label in getattr(record, what) or ())
-        for what in ("input_names", "output_names", "input_units", "output_units")
-    }
-    u, y = (np.hstack([getattr(record, name) for record in records]) for name in "uy")
-    complete = all(record.complete for record in records)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return (IOData(u, y, records[0].dt, missing=not complete, name=records[0].name, **labels),)

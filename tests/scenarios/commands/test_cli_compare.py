@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from hmtb_twin import JointLog, linearize, load_arm, simulate
 from scenarios.commands.cli import main
 from scenarios.experiments.registry import load
+from scenarios.files.data_file import read_parts
 from scenarios.identification.model_comparison import parsed
 from scenarios.truth.published import published_model
 
@@ -186,9 +187,7 @@ def test_names_are_understood():
 
 def test_a_log_is_read_as_it_was_written(logs):
     log = JointLog.load(logs["mimo-7-independent"])
-    from scenarios.identification.model_comparison import read_joints
-
-    (record,) = read_joints(logs["mimo-7-independent"], ("elbow_pitch", "shoulder_yaw"))
+    (record,) = read_parts(logs["mimo-7-independent"], joint=("elbow_pitch", "shoulder_yaw"))
     same = log.iodata(("elbow_pitch", "shoulder_yaw"))
     np.testing.assert_array_equal(record.u, same.u)
     np.testing.assert_array_equal(record.y, same.y)
