@@ -26,7 +26,7 @@ squares no longer changes in its 12th digit knows its minimum to half as many. F
 rounding: a delay, a transient that is not allowed for, a term that is left out."""
 
 MOST_DIGITS = 16.0
-"""Digits that are shown at most."""
+"""Most digits of agreement that are counted: errors of double precision mean no more."""
 
 FAULT = "the response is "
 """Beginning of the description of a recognised fault."""

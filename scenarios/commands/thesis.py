@@ -53,7 +53,7 @@ def thesis(
         json: Print the results as JSON.
     """
     from scenarios.experiments.waveform import seed_range
-    from scenarios.files.atomic_write import check_place, write_whole
+    from scenarios.files.atomic_write import write_whole
     from scenarios.files.data_file import write_log
     from scenarios.thesis.campaign import EVERY_TEST
     from scenarios.thesis.findings import findings
@@ -67,11 +67,12 @@ def thesis(
     repeated = seed_range(seeds, 1 if seed is None else seed)
     duration = 40.0 if quick else None
     with ExitStack() as stack:
-        folder = stack.enter_context(output_folder(out))
-        pictures = stack.enter_context(output_folder(folder / "figures")) if figures else None
         names = ("report.html", "results.json", *(f"{test}.nc" for test in EVERY_TEST if logs))
-        for path in (*(folder / name for name in names), *(pictures.glob("*.*g") if pictures else ())):
-            check_place(path)
+        folder = stack.enter_context(output_folder(out, *names))
+        pictures = folder / "figures" if figures else None
+        if pictures is not None:
+            earlier = [path.name for ending in ("svg", "png") for path in pictures.glob(f"*.{ending}")]
+            stack.enter_context(output_folder(pictures, *earlier))
         if seeds > 1:
             # First, because each seed is saved as it ends: an interruption later costs none of them.
             many: Tally | None = _run(repeated, duration, threads, stack.enter_context(output_folder(folder / "seeds")))

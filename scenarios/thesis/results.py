@@ -67,7 +67,7 @@ def multivariable_record(study: Comparison) -> dict[str, object]:
 def results(
     study: Comparison, findings: Sequence[Finding], report: Path, tally: Tally | None = None
 ) -> dict[str, object]:
-    """Return what `hmtb thesis --json` prints.
+    """Conclusions of the study: bandwidths, findings, fits and models, which `results.json` and `--json` hold.
 
     Args:
         study: The study.

@@ -1,22 +1,34 @@
 """`hmtb bandwidth`: rows, answer, table and figure, and what it refuses."""
 
 import csv
-import json
 from dataclasses import fields, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, JointLog, simulate
-from scenarios.commands.cli import main
 from scenarios.experiments.registry import load
 
 FAST = ("--duration", "16", "--joints", "elbow_pitch", "--no-bla")
+REFUSED = ("bandwidth", "--no-bla", "--methods", "arx", "--data")
+
+
+@pytest.fixture(scope="module")
+def log():
+    """Sixteen seconds of the elbow's PRBS test."""
+    return simulate([replace(load("siso-5-elbow_pitch"), duration=16.0)])[0]
+
+
+def shortened(log: JointLog, duration: float) -> JointLog:
+    count = round(duration / log.dt)
+    channels = {
+        entry.name: value[:count] for entry in fields(log) if isinstance(value := getattr(log, entry.name), np.ndarray)
+    }
+    return replace(log, **channels)
 
 
 def test_rows_of_every_method_and_seed(result, tmp_path):
-    found = result("bandwidth", *FAST, "--methods", "oe", "spa", "--seeds", "2", "--out", str(tmp_path / "made"))
+    found = result("bandwidth", *FAST, "--methods", "oe", "spa", "--seeds", 2, "--out", tmp_path / "made")
     rows = found["rows"]
     assert [(row["seed"], row["method"]) for row in rows] == [(1, "oe"), (1, "spa"), (2, "oe"), (2, "spa")]
     assert {"joint", "method", "scenario", "seed", "hz", "ci95", "true_hz", "bla_hz", "published_hz"} <= set(rows[0])
@@ -39,20 +51,17 @@ def test_rows_of_every_method_and_seed(result, tmp_path):
     assert "<svg" in (tmp_path / "made" / "bandwidth.svg").read_text()
 
 
-def test_records_that_are_there_give_the_same(result, capsys, tmp_path):
+def test_records_that_are_there_give_the_same(result, tmp_path, log):
     ours = result("bandwidth", *FAST, "--methods", "armax")
-    assert main(["simulate", "siso-5-elbow_pitch", "--duration", "16", "--out", str(tmp_path)]) == 0
-    capsys.readouterr()
-    theirs = result("bandwidth", "--data", str(tmp_path / "siso-5-elbow_pitch.nc"), "--methods", "armax", "--no-bla")
+    theirs = result("bandwidth", "--data", log.save(tmp_path / "a.nc"), "--methods", "armax", "--no-bla")
     assert theirs["rows"][0]["hz"] == ours["rows"][0]["hz"]
     assert theirs["rows"][0]["test"] == "5"
     assert theirs["condition"] == ours["condition"] == "nominal, with friction"
 
 
-def test_the_table_says_what_is_not_claimed(capsys):
+def test_the_table_says_what_is_not_claimed(printed):
     words = ("--duration", "16", "--joints", "shoulder_yaw", "--variant", "published", "--no-friction", "--no-bla")
-    assert main(["bandwidth", *words, "--methods", "oe"]) == 0
-    said = capsys.readouterr().out
+    said = printed("bandwidth", *words, "--methods", "oe")
     assert "shoulder_yaw, published, without friction" in said
     assert "not claimed (model: 0.1" in said
     assert "excites nothing below 0.5 Hz" in said
@@ -81,39 +90,17 @@ def test_the_table_says_what_is_not_claimed(capsys):
         (("--data", "missing.nc"), "no file missing.nc"),
     ],
 )
-def test_bad_input_is_one_line(capsys, words, says):
-    assert main(["bandwidth", *words]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert says in err
-    assert len(err.splitlines()) == 1
+def test_bad_input_is_one_line(complaint, words, says):
+    assert says in complaint("bandwidth", *words)
 
 
-def test_a_log_of_several_axes_or_of_two_arms_is_refused(capsys, tmp_path):
-    for name, words in {"several": ("mimo-1",), "one": ("siso-5-elbow_pitch",)}.items():
-        assert main(["simulate", *words, "--duration", "10", "--out", str(tmp_path / name)]) == 0
-    text = Path(tmp_path / "two.toml")
-    capsys.readouterr()
-    assert main(["scenarios", "show", "siso-5-elbow_pitch"]) == 0
-    shown = capsys.readouterr().out.replace('variant = "nominal"', 'variant = "published"')
-    text.write_text(shown)
-    assert main(["simulate", str(text), "--duration", "10", "--out", str(tmp_path / "two")]) == 0
-    capsys.readouterr()
-    one, two = (str(next((tmp_path / name).glob("*.nc"))) for name in ("one", "two"))
-    assert main(["bandwidth", "--data", str(next((tmp_path / "several").glob("*.nc"))), "--no-bla"]) == 2
-    assert "mimo-1 excites x, y, z; expected a log that excites one joint" in capsys.readouterr().err
-    assert main(["bandwidth", "--data", one, two, "--no-bla"]) == 2
-    assert "the logs are of 2 arms" in capsys.readouterr().err
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    """Sixteen seconds of the elbow's PRBS test."""
-    (found,) = simulate([replace(load("siso-5-elbow_pitch"), duration=16.0)]).logs
-    return found
-
-
-REFUSED = ("bandwidth", "--no-bla", "--methods", "arx", "--data")
+def test_a_log_of_several_axes_or_of_two_arms_is_refused(complaint, tmp_path, log):
+    changes = {"mimo-1": {}, "siso-5-elbow_pitch": {"variant": "published"}}
+    others = simulate([replace(load(name), duration=10.0, **change) for name, change in changes.items()])
+    several, published = (one.save(tmp_path / f"{one.name}.nc") for one in others)
+    said = "mimo-1 excites x, y, z; expected a log that excites one joint"
+    assert said in complaint(*REFUSED, several)
+    assert "the logs are of 2 arms" in complaint(*REFUSED, log.save(tmp_path / "a.nc"), published)
 
 
 def test_a_record_counts_once(complaint, tmp_path, log):
@@ -126,15 +113,12 @@ def test_a_record_counts_once(complaint, tmp_path, log):
     assert "is given twice, also as siso-5-elbow_pitch" in complaint(*REFUSED, path, named)
 
 
-def test_identify_finds_the_same_where_it_leaves_out_the_same(result, capsys, tmp_path, log):
-    path = str(log.save(tmp_path / "a.nc"))
+def test_identify_finds_the_same_where_it_leaves_out_the_same(result, tmp_path, log):
+    path = log.save(tmp_path / "a.nc")
     ours = result("bandwidth", "--data", path, "--methods", "okid", "--no-bla")["rows"][0]["hz"]
-    found = []
-    for words in ((), ("--skip", "4")):
-        assert main(["identify", path, "--method", "okid", "--orders", "2", "5", *words, "--json"]) == 0
-        found.append(json.loads(capsys.readouterr().out)["bandwidth_hz"])
-    assert found[1] == pytest.approx(ours, rel=1e-5)
-    assert found[0] != pytest.approx(ours, rel=1e-4)
+    identify = ("identify", path, "--method", "okid", "--orders", "2", "5")
+    assert result(*identify, "--skip", "4")["bandwidth_hz"] == pytest.approx(ours, rel=1e-5)
+    assert result(*identify)["bandwidth_hz"] != pytest.approx(ours, rel=1e-4)
 
 
 def test_a_log_that_is_too_short_to_settle_is_refused(complaint, tmp_path, log):
@@ -142,23 +126,14 @@ def test_a_log_that_is_too_short_to_settle_is_refused(complaint, tmp_path, log):
     assert "a log of 0.4 s given, expected 10 s or more: the arm settles for 4 s" in complaint(*REFUSED, path)
 
 
-def test_a_log_with_something_missing_is_told_by_its_file(complaint, capsys, tmp_path, log):
+def test_a_log_with_something_missing_is_told_by_its_file(complaint, run, tmp_path, log):
     measured = log.measured.copy()
     measured[500:510, JOINTS.index("elbow_pitch")] = np.nan
     path = replace(log, measured=measured).save(tmp_path / "nanlog.nc")
     said = "nanlog.nc: 10 measured angles are no numbers, the first that of elbow_pitch at sample 500; expected a log"
     assert said in complaint(*REFUSED, path)
-    for words in ((), ("--missing",)):
-        assert main(["identify", str(path), "--method", "arx", "--orders", "2", "2", *words]) == 2
-        assert said in capsys.readouterr().err
+    identify = ("identify", path, "--method", "arx", "--orders", "2", "2")
+    assert said in complaint(*identify)
+    assert said in complaint(*identify, "--missing")
     # What is missing of another joint is no matter here.
-    assert main(["identify", str(path), "--joint", "shoulder_yaw", "--method", "arx", "--orders", "2", "2"]) in (0, 2)
-    assert "no numbers" not in capsys.readouterr().err
-
-
-def shortened(log: JointLog, duration: float) -> JointLog:
-    count = round(duration / log.dt)
-    channels = {
-        entry.name: value[:count] for entry in fields(log) if isinstance(value := getattr(log, entry.name), np.ndarray)
-    }
-    return replace(log, **channels)
+    assert "no numbers" not in run(*identify, "--joint", "shoulder_yaw")[2]
