@@ -68,32 +68,6 @@ def test_the_table_says_what_is_not_claimed(printed):
     assert "does not stand for the arm itself: 0.16 Hz (shoulder yaw)" in said
 
 
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (("--joints", "elbow"), "did you mean 'elbow_pitch'"),
-        (("--joints", "wrist_roll"), "unknown joint 'wrist_roll'"),
-        (("--methods", "okd"), "did you mean 'okid'"),
-        (("--tests", "9"), "unknown test 9"),
-        (("--tests", "five"), "given five"),
-        (("--seeds", "0"), "seeds must be 1 to 1000, given 0"),
-        (("--seeds", "1000000000"), "seeds must be 1 to 1000, given 1000000000"),
-        (("--seed", "-1"), "a seed is a whole number from 0 to 2^63 - 1, given -1"),
-        (("--seed", str(2**63)), f"2^63 - 1, given {2**63}"),
-        (("--data", "x.nc", "--seed", "-1", "--no-bla"), "2^63 - 1, given -1"),
-        (("--duration", "6"), "a duration of 6 s given, expected 10 s or more"),
-        (("--variant", "nominl"), "nominl"),
-        (("--threads", "0"), "--threads 0 given, expected 1 or more"),
-        (("--methods",), "no methods given"),
-        (("--data", "x.csv"), "expected a log of hmtb simulate"),
-        (("--data", "x.nc", "--tests", "5", "--no-friction"), "leave out --tests, --no-friction"),
-        (("--data", "missing.nc"), "no file missing.nc"),
-    ],
-)
-def test_bad_input_is_one_line(complaint, words, says):
-    assert says in complaint("bandwidth", *words)
-
-
 def test_a_log_of_several_axes_or_of_two_arms_is_refused(complaint, tmp_path, log):
     changes = {"mimo-1": {}, "siso-5-elbow_pitch": {"variant": "published"}}
     others = simulate([replace(load(name), duration=10.0, **change) for name, change in changes.items()])

@@ -40,14 +40,6 @@ def test_every_waveform_has_flags_for_everything_it_takes(run, result, tmp_path)
     assert "update rate / Hz" in out
 
 
-def test_waveform_complains_in_the_flags_as_typed(complaint, tmp_path):
-    waveform = ("waveform", "--out", tmp_path / "none")
-    said = complaint(*waveform, "chirp_as_printed", "--f-low", "1", "--f-high", "2")
-    assert "chirp_as_printed needs --f-center; it takes --f-low, --f-high, --f-center, --amplitude" in said
-    assert "multisine has no --f-start" in complaint(*waveform, "multisine", "--f-start", "1")
-    assert not (tmp_path / "none").exists()
-
-
 def test_waveform_writes_the_file_and_the_plot(result, tmp_path):
     found = result("waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
     assert found["order_of_excitation"] == 4
@@ -112,16 +104,8 @@ def test_the_estimators_warn_by_the_same_rule():
             assert all(f"of order {order} only, the model needs {needed}" in text for text in said)
 
 
-def test_a_path_belongs_to_a_file_and_nothing_else(complaint, tmp_path):
-    out = ("--out", tmp_path)
-    assert "hmtb waveform file --path FILE" in complaint("waveform", "file", *out)
-    assert "hmtb waveform file --path FILE" in complaint("waveform", "points", *out)
-    assert "prbs has no --path" in complaint("waveform", "prbs", "--path", "x.txt", *out)
-    assert "No such file" in complaint("waveform", "file", "--path", tmp_path / "none.txt", *out)
-    assert "did you mean 'file'" in complaint("waveform", "fil", *out)
-    assert "points" not in complaint("waveform", "square", *out)
-    said = complaint("waveform", "file", "mine.txt", *out)
-    assert "unexpected argument 'mine.txt'; did you mean --path mine.txt?" in said
+def test_points_are_no_kind_of_their_own(complaint):
+    assert "points" not in complaint("waveform", "square")
 
 
 @pytest.mark.parametrize("word", ["nan", "inf", "two"])

@@ -164,18 +164,6 @@ def test_mistakes_are_one_line(complaint, tmp_path, monkeypatch, bus_record, wor
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        ("--format nc --dropped 0.1", "--dropped is a fault of the bus; expected --format 1553"),
-        ("--format 1553 --invalid 2", "invalid is a probability, 0 to 1, given 2.0"),
-        ("--format 1554", "unknown format '1554': did you mean '1553'"),
-    ],
-)
-def test_mistakes_of_simulate_are_one_line(complaint, words, says):
-    assert says in complaint("simulate", "siso-5-elbow_pitch", *words.split())
-
-
 def test_without_the_library_nothing_is_simulated(complaint, tmp_path, monkeypatch, bus_record):
     record_run([bus_record("a", 5)], tmp_path / "a.ch10")
     monkeypatch.setitem(sys.modules, "chapter10", None)
