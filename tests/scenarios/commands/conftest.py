@@ -2,9 +2,18 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from scenarios.commands.cli import main
+from tests.scenarios.commands.lag import DT, signals, table
+
+
+@pytest.fixture
+def csv(tmp_path):
+    """A table of a lag."""
+    u, y = signals()
+    return table(tmp_path / "robot.csv", {"t": DT * np.arange(len(u)), "u": u, "y": y})
 
 
 @pytest.fixture

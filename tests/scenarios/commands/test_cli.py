@@ -11,29 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.io import savemat
-from scipy.signal import lfilter
 
 from scenarios import names
 from scenarios.commands.cli import main
-
-
-@pytest.fixture
-def record():
-    """A known first-order lag with a bandwidth of 0.807 Hz, with a little noise."""
-    rng = np.random.default_rng(1)
-    u = np.repeat(rng.choice([-1.0, 1.0], 500), 4)
-    y = lfilter([0.0, 0.1], [1.0, -0.9], u) + 1e-3 * rng.standard_normal(len(u))
-    return u, y
-
-
-@pytest.fixture
-def csv(tmp_path, record):
-    path = tmp_path / "robot.csv"
-    u, y = record
-    table = np.column_stack([0.02 * np.arange(len(u)), u, y])
-    np.savetxt(path, table, delimiter=",", header="time,u,y", comments="", fmt="%.12g")
-    return path
-
+from tests.scenarios.commands.lag import signals, table
 
 OE = ("--method", "oe", "--orders", "1", "1", "1")
 
@@ -108,11 +89,11 @@ def test_seed_changes_the_noise_and_nothing_else_does(result, tmp_path):
     assert not np.array_equal(measured[0], measured[2])
 
 
-def test_identify_reads_any_robots_data(run, result, tmp_path, csv, record):
-    u, y = record
-    mat, bare = tmp_path / "robot.mat", tmp_path / "bare.csv"
+def test_identify_reads_any_robots_data(run, result, tmp_path):
+    u, y = signals(1e-3, 2000)
+    csv = table(tmp_path / "robot.csv", {"time": 0.02 * np.arange(len(u)), "u": u, "y": y})
+    mat, bare = tmp_path / "robot.mat", table(tmp_path / "bare.csv", {"u": u, "y": y}, header=False)
     savemat(mat, {"u": u, "y": y[:, None], "dt": 0.02})
-    np.savetxt(bare, np.column_stack([u, y]), delimiter=",")
     true_hz = np.arccos((1 + 0.81 - 2 * 0.01) / (2 * 0.9)) / (2 * np.pi * 0.02)
     for path, words in ((csv, ()), (mat, ()), (bare, ("--dt", "0.02"))):
         found = result("identify", path, *OE, *words)
@@ -127,12 +108,11 @@ def test_identify_reads_any_robots_data(run, result, tmp_path, csv, record):
 
 
 @pytest.mark.parametrize("header", ["t", "Time", "TIME (s)", "time_s", "Time [ms]", "t / ms", "Ts", "dt"])
-def test_every_usual_name_of_time_is_read(result, complaint, tmp_path, record, header):
-    u, y = record
+def test_every_usual_name_of_time_is_read(result, complaint, tmp_path, header):
+    u, y = signals()
     scale = 1000.0 if "ms" in header else 1.0
     times = scale * 0.05 * (np.ones(len(u)) if header in ("Ts", "dt") else np.arange(len(u)))
-    path = tmp_path / "robot.csv"
-    np.savetxt(path, np.column_stack([times, u, y]), delimiter=",", header=f"{header},u,y", comments="", fmt="%.12g")
+    path = table(tmp_path / "robot.csv", {header: times, "u": u, "y": y})
     assert result("identify", path, *OE)["dt"] == pytest.approx(0.05)
     said = complaint("identify", path, *OE, "--dt", "0.02")
     assert f"sampling interval 0.02 s by --dt, 0.05 s by {header!r}" in said

@@ -1,18 +1,16 @@
 """`hmtb compare`: printed models, the truth and estimates on logs and on anyone's tables."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from hmtb_twin import JointLog, linearize, load_arm, simulate
-from scenarios.commands.cli import main
 from scenarios.experiments.registry import load
 from scenarios.files.data_file import read_parts
 from scenarios.identification.model_comparison import parsed
 from scenarios.truth.published import published_model
+from tests.scenarios.commands.lag import table
 
 
 @pytest.fixture(scope="module")
@@ -22,16 +20,6 @@ def logs(tmp_path_factory):
     names = ("siso-5-elbow_pitch", "siso-8-elbow_pitch", "mimo-7-independent")
     found = simulate([replace(load(name), duration=12.0) for name in names])
     return {log.name: log.save(folder / f"{log.name}.nc") for log in found.logs}
-
-
-@pytest.fixture
-def csv(tmp_path):
-    rng = np.random.default_rng(0)
-    u = np.repeat(rng.choice([-1.0, 1.0], 600), 2)
-    y = lfilter([0, 0.1], [1, -0.9], u) + 0.01 * rng.standard_normal(1200)
-    path = tmp_path / "robot.csv"
-    np.savetxt(path, np.column_stack((0.02 * np.arange(1200), u, y)), delimiter=",", header="t,u,y", comments="")
-    return path
 
 
 @pytest.mark.slow
@@ -85,12 +73,10 @@ def test_the_same_record_under_another_name_is_no_validation(result, logs, csv, 
     assert result("compare", held_out, "--models", "arx:1/1", "--estimation", end)["warnings"] == []
 
 
-def test_the_fits_are_those_of_identify(result, capsys, csv):
+def test_the_fits_are_those_of_identify(result, csv):
     (entry,) = result("compare", csv, "--models", "arx:1/1", "--steps", "3")["models"]
-    assert main(["identify", str(csv), "--method", "arx", "--orders", "1", "1", "--steps", "3", "--json"]) == 0
-    same = json.loads(capsys.readouterr().out)
-    for name in ("simulation", "one_step", "ahead"):
-        assert entry["fit"][name] == pytest.approx(same["fit"][name])
+    same = result("identify", csv, "--method", "arx", "--orders", "1", "1", "--steps", "3")
+    assert entry["fit"] == same["fit"]
     assert entry["bandwidth_hz"] == pytest.approx(same["bandwidth_hz"])
     assert entry["poles"] == [pytest.approx(pole) for pole in same["poles"]]
 
@@ -116,27 +102,17 @@ def test_each_model_is_judged_about_its_own_operating_point(result, tmp_path):
     from sysid import simulate as simulated
 
     y = simulated(model, u)[:, 0] + 0.4
-    path = tmp_path / "offset.csv"
-    np.savetxt(path, np.column_stack((u, y)), delimiter=",", header="u,y", comments="")
-    words = (path, "--dt", 0.02, "--models", "published:4.10")
+    words = (table(tmp_path / "offset.csv", {"u": u, "y": y}), "--dt", 0.02, "--models", "published:4.10")
     assert result("compare", *words)["models"][0]["fit"]["simulation"][0] == pytest.approx(100.0, abs=1e-6)
     assert result("compare", *words, "--keep-mean")["models"][0]["fit"]["simulation"][0] < 0.0
 
 
-def test_the_table_and_the_figure(capsys, logs, tmp_path):
+def test_the_table_and_the_figure(printed, logs, tmp_path):
     out = tmp_path / "outputs.svg"
-    words = [logs["siso-5-elbow_pitch"], "--models", "truth", "published", "arx:2/2/2", "armax:2/2/2/2", "--out", out]
-    assert main(["compare", *map(str, words), "--piece", "4", "2"]) == 0
-    shown = capsys.readouterr().out
-    for text in (
-        "truth",
-        "published OKID (5.10)",
-        "ARMAX 2/2/2/2",
-        "simulation %",
-        "note: OKID (5.10)",
-        "no validation",
-    ):
-        assert text in shown
+    words = (logs["siso-5-elbow_pitch"], "--models", "truth", "published", "arx:2/2/2", "armax:2/2/2/2", "--out", out)
+    shown = printed("compare", *words, "--piece", "4", "2")
+    texts = ("truth", "published OKID (5.10)", "ARMAX 2/2/2/2", "simulation %", "note: OKID (5.10)", "no validation")
+    assert all(text in shown for text in texts)
     assert out.read_text(encoding="utf-8").startswith("<?xml")
 
 

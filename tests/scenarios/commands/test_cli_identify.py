@@ -1,7 +1,6 @@
 """`hmtb identify` for anyone's data: every estimator, several channels, gaps, any table, its operating point."""
 
 import re
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +9,11 @@ import xarray as xr
 from scipy.io import savemat
 from scipy.signal import lfilter
 
-from scenarios.commands.cli import main
 from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, SysidError, arx, compare, oe
 from sysid.polynomial.fit_with_offset import fit_with_offset, unexplained_offset
+from tests.scenarios.commands.lag import DT, signals, table
 
-DT = 0.02
 ORDERS = {
     "arx": "1 1",
     "armax": "1 1 1",
@@ -26,26 +24,6 @@ ORDERS = {
     "n4sid": "1",
     "pem_ss": "1",
 }
-
-
-def signals(noise: float = 0.01, samples: int = 1200, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(seed)
-    u = np.repeat(rng.choice([-1.0, 1.0], samples // 2), 2)
-    return u, lfilter([0, 0.1], [1, -0.9], u) + noise * rng.standard_normal(samples)
-
-
-def table(path: Path, columns: Mapping[str, np.ndarray], *, header: bool = True, delimiter: str = ",") -> Path:
-    head = delimiter.join(columns) if header else ""
-    np.savetxt(
-        path, np.column_stack(list(columns.values())), delimiter=delimiter, header=head, comments="", fmt="%.17g"
-    )
-    return path
-
-
-@pytest.fixture
-def csv(tmp_path):
-    u, y = signals()
-    return table(tmp_path / "robot.csv", {"t": DT * np.arange(len(u)), "u": u, "y": y})
 
 
 @pytest.mark.parametrize("method", ESTIMATORS)
@@ -65,7 +43,7 @@ def test_the_poles_are_those_from_input_to_output(result, csv):
     assert len(found["poles"]) == 1  # that of the noise model is not among them
 
 
-@pytest.mark.parametrize("method", ["arx", "armax", "oe", "bj", "iv4", "okid", "n4sid", "pem_ss"])
+@pytest.mark.parametrize("method", ESTIMATORS)
 def test_a_noise_free_start_from_rest_is_explained_whole(result, tmp_path, method):
     """From rest to another level: the mean of the output is not its level at the mean of the input."""
     # Without any noise the offset and the mode are canonical variates of equal rank: rounding would choose.
@@ -159,14 +137,13 @@ def test_several_inputs(result, two):
 
 
 @pytest.mark.parametrize(("method", "orders"), [("okid", "2 6"), ("n4sid", "2"), ("pem_ss", "2")])
-def test_several_outputs(result, capsys, two, method, orders):
+def test_several_outputs(result, printed, two, method, orders):
     channels = ("--input", "left", "right", "--output", "elbow", "wrist")
     words = (two, *channels, "--method", method, "--orders", *orders.split())
     found = result("identify", *words)
     np.testing.assert_allclose(found["dc_gain"], [[1.0, 0.75], [0.0, 0.5]], atol=0.06)
     assert len(found["fit"]["simulation"]) == 2
-    assert main(["identify", *map(str, words)]) == 0
-    shown = capsys.readouterr().out
+    shown = printed("identify", *words)
     assert "bandwidth (-3 dB), right → wrist" in shown
     assert "elbow" in next(line for line in shown.splitlines() if "fit in simulation" in line)
 
@@ -238,10 +215,9 @@ def test_plain_netcdf_is_read_by_its_variables(result, complaint, tmp_path):
     assert "choose by --input" in said
 
 
-def test_what_is_printed(result, capsys, csv):
+def test_what_is_printed(result, printed, csv):
     words = (csv, "--method", "armax", "--orders", "1", "1", "1", "--steps", "5")
-    assert main(["identify", *map(str, words)]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = printed("identify", *words).splitlines()
     found = result("identify", *words)
     shown = {re.split(r"\s{2,}", line.strip())[0]: line for line in lines}
     assert f"{found['fit']['ahead'][0]:.2f} %" in shown["fit 5 steps ahead"]
