@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.commands.cli import COMMANDS
 from scenarios.commands.dataset import DATA_SET_COMMANDS
 from scenarios.datasets.chunk import BuiltExperiment, run_chunk
 from scenarios.datasets.plan import DataSetPlan
@@ -15,28 +14,23 @@ from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
 
 
 @pytest.mark.parametrize("words", [["dataset"], ["dataset", "--help"], ["dataset", "-h"]])
-def test_help_names_every_command(run, words):
-    code, out, err = run(*words)
-    assert (code, err) == (0, "")
+def test_help_names_every_command(printed, words):
+    out = printed(*words)
     assert all(f"  {name} " in out for name in DATA_SET_COMMANDS)
-    assert "dataset" in COMMANDS
-    assert "  dataset " in run("--help")[1]
+    assert "  dataset " in printed("--help")
 
 
 @pytest.mark.parametrize("name", DATA_SET_COMMANDS)
-def test_every_command_has_help(run, name):
-    code, out, err = run("dataset", name, "--help")
-    assert (code, err) == (0, "")
-    assert out.startswith(f"usage: hmtb dataset {name} ")
+def test_every_command_has_help(printed, name):
+    assert printed("dataset", name, "--help").startswith(f"usage: hmtb dataset {name} ")
 
 
-def test_data_sets_are_listed_and_shown(run):
-    listed = json.loads(run("dataset", "list", "--json")[1])["data_sets"]
+def test_data_sets_are_listed_and_shown(printed, result):
+    listed = result("dataset", "list")["data_sets"]
     assert [entry["label"] for entry in listed] == list(shipped())
     spec = load_spec("hmtb-siso-v1")
-    out = run("dataset", "show", "hmtb-siso-v1")[1]
-    assert DataSetSpec.from_toml(out) == spec
-    assert json.loads(run("dataset", "show", "hmtb-siso-v1", "--json")[1]) == tomllib.loads(spec.to_toml())
+    assert DataSetSpec.from_toml(printed("dataset", "show", "hmtb-siso-v1")) == spec
+    assert result("dataset", "show", "hmtb-siso-v1") == tomllib.loads(spec.to_toml())
 
 
 TINY = """
@@ -76,23 +70,19 @@ def least(tmp_path, monkeypatch):
     return path
 
 
-def test_build_says_what_was_built_and_never_builds_it_again(run, least, tmp_path):
+def test_build_says_what_was_built_and_never_builds_it_again(result, complaint, least, tmp_path):
     words = ("dataset", "build", least, "--out", tmp_path / "deep" / "out", "--workers", "1")
-    code, out, err = run(*words, "--json")
-    assert (code, err) == (0, "")
-    said = json.loads(out)
+    said = result(*words)
     assert said == {
         "path": str(tmp_path / "deep" / "out" / "least-v1"),
         "experiments": 2,
         "failed": {},
         "hash": json.loads((Path(said["path"]) / "experiments.json").read_text())["hash"],
     }
-    code, out, err = run(*words)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "already there: a version is never overwritten" in err
+    assert "already there: a version is never overwritten" in complaint(*words)
 
 
-def test_an_interrupted_build_says_how_to_go_on_and_goes_on(run, least, tmp_path, monkeypatch):
+def test_an_interrupted_build_says_how_to_go_on_and_goes_on(run, printed, least, tmp_path, monkeypatch):
     words = ("dataset", "build", str(least), "--out", str(tmp_path), "--rows", "1")
     with monkeypatch.context() as patch:
         calls = iter((run_chunk,))
@@ -107,23 +97,18 @@ def test_an_interrupted_build_says_how_to_go_on_and_goes_on(run, least, tmp_path
     assert (code, out) == (130, "")
     kept = f"1 of 2 experiments kept in {tmp_path / 'least-v1.unfinished'}"
     assert err == f"hmtb: interrupted; {kept}; run the command again to resume: hmtb {' '.join(words)}\n"
-    code, out, err = run(*words)
-    assert (code, err) == (0, "")
-    assert out.startswith(f"{tmp_path / 'least-v1'}: 2 experiments, 0 failed, hash ")
+    assert printed(*words).startswith(f"{tmp_path / 'least-v1'}: 2 experiments, 0 failed, hash ")
 
 
-def test_failures_are_told_and_the_exit_code_is_one(run, least, tmp_path):
+def test_failures_are_told_and_the_exit_code_is_one(result, printed, least, tmp_path):
     least.write_text(TINY + "\n[twins]\ncount = 3\n" + WEAK)
     words = ("dataset", "build", least, "--out", tmp_path)
-    code, out, err = run(*words, "--json")
-    assert (code, err) == (1, "")
-    said = json.loads(out)
+    said = result(*words, code=1)
     assert said["experiments"] == 2
     assert list(said["failed"]) == ["twin-0-one", "twin-0-two", "twin-1-one", "twin-1-two"]
     assert all("the drives cannot hold the arm" in why for why in said["failed"].values())
     (tmp_path / "least-v1").rename(tmp_path / "elsewhere")
-    code, out, err = run(*words)
-    assert (code, err) == (1, "")
+    out = printed(*words, code=1)
     # A reason that many share is said once.
     assert out.startswith("failed: twin-0-one and 1 more: ") and out.count("failed: ") == 2
     assert "2 experiments, 4 failed" in out

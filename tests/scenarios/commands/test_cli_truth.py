@@ -11,7 +11,6 @@ import pytest
 from hmtb_twin import NOMINAL_PLANT, STUDIED_JOINTS, Plant, linearize, load_arm, simulate
 from hmtb_twin.parameters.drives import Actuator
 from scenarios import load
-from scenarios.commands.cli import main
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.truth import truth_summary
 from scenarios.truth.best_linear import best_linear, cautions, measured_best_linear
@@ -195,10 +194,8 @@ def test_best_linear_columns(printed, result, monkeypatch, tmp_path):
 
 
 @pytest.mark.slow
-def test_attainable_on_a_log(printed, result, complaint, capsys, tmp_path):
-    assert main(["simulate", "siso-5-elbow_pitch", "--duration", "30", "--out", str(tmp_path)]) == 0
-    capsys.readouterr()
-    log = tmp_path / "siso-5-elbow_pitch.nc"
+def test_attainable_on_a_log(printed, result, complaint, tmp_path):
+    (log,) = result("simulate", "siso-5-elbow_pitch", "--duration", "30", "--out", tmp_path)["logs"]
     found = result("truth", "--data", log)["attainable"]["elbow_pitch"]
     floors = found["simulation"]
     assert floors["any_model"]["fit"] >= floors["best_linear"]["fit"] >= floors["small_signal"]["fit"] > 50.0
@@ -234,11 +231,10 @@ def test_the_nominal_default_does_not_pass_for_an_option(result, complaint, tmp_
 
 
 @pytest.mark.slow
-def test_maps_by_one_command(printed, capsys, monkeypatch, tmp_path):
+def test_maps_by_one_command(printed, complaint, monkeypatch, tmp_path):
     coarse = Density(plane=(3, 3), cut=3, sample=5, condition=3, amplitudes=())
     monkeypatch.setattr(Density, "scaled", classmethod(lambda cls, factor: coarse))
-    assert main(["truth", "--maps", "--out", str(tmp_path / "here.svg")]) == 2
-    assert "expected a folder" in capsys.readouterr().err
+    assert "expected a folder" in complaint("truth", "--maps", "--out", tmp_path / "here.svg")
     out = printed("truth", "--maps", "--out", tmp_path / "here")
     assert f"maps: {tmp_path / 'here' / 'maps.html'}" in out
     files = {path.name for path in (tmp_path / "here").iterdir()}

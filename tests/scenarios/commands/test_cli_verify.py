@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from scenarios.bench.result import Result
-from scenarios.commands.cli import main
 from tests.scenarios.bench.few import Few, Here
 
 MODULE = """
@@ -27,32 +26,32 @@ def executor(monkeypatch, tmp_path):
     return here
 
 
-def test_figures_are_printed_written_and_told(executor, tmp_path, capsys):
-    assert main(["verify", "perfect", "--quick", "--seed", "3"]) == 0
-    out, err = capsys.readouterr()
+def test_figures_are_printed_written_and_told(executor, tmp_path, run):
+    words = ("verify", "perfect", "--quick", "--seed", "3")
+    code, out, err = run(*words)
+    assert code == 0
     assert "Parameters within their intervals" in out and "✓ passes" in out
     assert "4 requests, 4 answered by a stable model" in out
     assert "fails no figure that it should pass" in out
     # those of the first record of each problem come before
     assert "still to do, of 4 requests: 2 requests, " in err
-    result = Result.read(tmp_path / "results" / "perfect.json")
-    assert (result.effort, result.seed, result.outcomes) == ("quick", 3, {"model": 4})
-    assert result.command == "hmtb verify perfect --quick --seed 3"
-    assert main(["verify", "perfect", "--quick", "--seed", "3", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    written = Result.read(tmp_path / "results" / "perfect.json")
+    assert (written.effort, written.seed, written.outcomes) == ("quick", 3, {"model": 4})
+    assert written.command == "hmtb verify perfect --quick --seed 3"
+    told = json.loads(run(*words, "--json")[1])
     assert executor.asked == 4  # nothing is done again
     assert told["passed"] is True
     figure = told["figures"]["few"]
     assert (figure["passed"], figure["expected"], figure["interval"]) == (True, 2.0, [1.0, 3.0])
-    assert figure["value"] == result.metrics["few"].value
+    assert figure["value"] == written.metrics["few"].value
 
 
 @pytest.mark.slow
-def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(executor, tmp_path, capsys):
+def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(executor, tmp_path, run):
     (tmp_path / "mine.py").write_text(MODULE)
-    words = ["verify", "perfect", "mine.py:my_estimator", "--structure", "oe", "--quick", "--figures", "few"]
-    assert main(words) == 1
-    out = capsys.readouterr().out
+    words = ("verify", "perfect", "mine.py:my_estimator", "--structure", "oe", "--quick", "--figures", "few")
+    code, out, _ = run(*words)
+    assert code == 1
     assert "Side by side" in out and "✗ fails" in out
     assert "4 x error: RuntimeError: of no use (mine.py, line 5)" in out
     assert "my_estimator: fails 1 figure: Parameters within their intervals" in out
@@ -61,49 +60,41 @@ def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(
         f"hmtb verify mine.py:my_estimator --structure oe --quick --figures few --seed {result.seed}"
     )
     assert (result.estimator.target, result.estimator.home) == ("mine.py:my_estimator", "")
-    assert main([*words, "--json"]) == 1
-    told = json.loads(capsys.readouterr().out)
-    assert {name: entry["passed"] for name, entry in told["estimators"].items()} == {
-        "perfect": True,
-        "my_estimator": False,
-    }
+    told = json.loads(run(*words, "--json")[1])
+    verdicts = {name: entry["passed"] for name, entry in told["estimators"].items()}
+    assert verdicts == {"perfect": True, "my_estimator": False}
     assert told["passed"] is False and told["estimators"]["my_estimator"]["outcomes"] == {"error": 4}
 
 
-def test_an_interrupted_run_says_how_to_go_on(executor, tmp_path, capsys):
+def test_an_interrupted_run_says_how_to_go_on(executor, run):
     executor.after = 3
-    assert main(["verify", "perfect", "--quick"]) == 130
-    err = capsys.readouterr().err
-    kept = Path("results") / "journals"
-    assert (
-        f"interrupted; 3 of 4 trials kept in {kept}; run the command again to resume: hmtb verify perfect --quick"
-        in err
-    )
+    code, _, err = run("verify", "perfect", "--quick")
+    assert code == 130
+    kept = f"3 of 4 trials kept in {Path('results') / 'journals'}"
+    assert f"interrupted; {kept}; run the command again to resume: hmtb verify perfect --quick" in err
     executor.after = 10
-    assert main(["verify", "perfect", "--quick"]) == 0
+    assert run("verify", "perfect", "--quick")[0] == 0
     assert executor.asked == 4
 
 
-def test_a_lesser_run_is_refused_beside_a_fuller_result_and_a_fuller_one_is_not(complaint, executor, tmp_path, capsys):
-    assert main(["verify", "perfect", "--quick", "--records", "1"]) == 1  # too few for its figure
-    assert main(["verify", "perfect", "--quick"]) == 0
-    capsys.readouterr()
-    says = complaint("verify", "perfect", "--quick", "--records", "1")
+def test_a_lesser_run_is_refused_beside_a_fuller_result_and_a_fuller_one_is_not(complaint, executor, tmp_path, run):
+    fewer = ("verify", "perfect", "--quick", "--records", "1")
+    assert run(*fewer)[0] == 1  # too few for its figure
+    assert run("verify", "perfect", "--quick")[0] == 0
+    says = complaint(*fewer)
     assert "perfect.json has the result of a more complete run, with records that this run does not ask" in says
     assert "give another --out, or move that file away" in says
     assert executor.asked == 4
-    assert main(["verify", "perfect", "--quick", "--records", "1", "--out", "less"]) == 1
-    assert main(["verify", "perfect"]) == 0
+    assert run(*fewer, "--out", "less")[0] == 1
+    assert run("verify", "perfect")[0] == 0
     assert Result.read(tmp_path / "results" / "perfect.json").effort == "full"
 
 
-def test_the_list_says_what_can_run_here(executor, capsys):
-    assert main(["verify", "--list", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)["estimators"]
+def test_the_list_says_what_can_run_here(executor, result, printed):
+    told = result("verify", "--list")["estimators"]
     assert told["our-oe"]["available"] and told["our-oe"]["structure"] == "oe"
     assert all(entry["available"] or entry["why"] for entry in told.values())
-    assert main(["verify", "--list"]) == 0
-    out = capsys.readouterr().out
+    out = printed("verify", "--list")
     assert all(name[:12] in out for name in told)
 
 
