@@ -3,13 +3,17 @@
 from collections.abc import Sequence
 from math import prod
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.io import loadmat, savemat, whosmat
 
-from hmtb_twin.bus.record import CHANNELS, BusRecord
 from scenarios.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
+
+if TYPE_CHECKING:
+    # Imported late otherwise: processes of estimators read matrices here, and load no physics.
+    from hmtb_twin.bus.record import BusRecord
 
 FORMAT = "hmtb mat record 1"
 """Marks the records of this version, in their variable `format`."""
@@ -38,8 +42,10 @@ def read_mat_numbers(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
     return {name: np.asarray(matrices[name]) for name in names if name in matrices}
 
 
-def write_mat(record: BusRecord, path: Path) -> Path:
+def write_mat(record: "BusRecord", path: Path) -> Path:
     """Write a record: channels, `dt`, `time`, and names and units as structures; NaN is a lost sample."""
+    from hmtb_twin.bus.record import CHANNELS
+
     variables: dict[str, object] = {
         "format": FORMAT,
         "name": record.name,
@@ -63,8 +69,10 @@ def is_ours(path: Path) -> bool:
         return False
 
 
-def read_mat(path: Path) -> BusRecord:
+def read_mat(path: Path) -> "BusRecord":
     """Read a file that `write_mat` wrote; `ScenarioError` on another, and on a damaged one."""
+    from hmtb_twin.bus.record import CHANNELS, BusRecord
+
     if not is_ours(path):
         raise ScenarioError(f"{path.name} is no MATLAB record of ours: it lacks a variable 'format' that says so")
     try:
