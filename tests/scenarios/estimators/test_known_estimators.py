@@ -12,8 +12,8 @@ from scenarios.estimators.known_estimators import KNOWN, OCTAVE, estimator
 from scenarios.estimators.outcome import MODEL, REFUSED
 from scenarios.estimators.python_child import load
 from scenarios.estimators.runner import EstimatorProcess
-from scenarios.files.errors import ScenarioError
 from scenarios.problems.registry import problem
+from tests.refusals import refused
 
 QUIET, NOISY = "quiet-2-2@800", "p3@800"
 INSTALLED = [known.estimator for known in KNOWN.values() if known.available()[0]]
@@ -93,16 +93,14 @@ def test_octave_answers(octave):
 
 
 def test_an_unknown_name_is_answered_with_a_similar_one():
-    with pytest.raises(ScenarioError, match=r"unknown estimator 'our-arma': did you mean 'our-arma?x?'"):
-        estimator("our-arma")
+    refused(r"unknown estimator 'our-arma': did you mean 'our-arma?x?'", estimator, "our-arma")
 
 
 def test_missing_packages_come_with_the_command_that_installs_them(monkeypatch, tmp_path):
     monkeypatch.setattr(known_estimators, "find_spec", lambda name: None)
     monkeypatch.setenv("PATH", str(tmp_path))
     known_estimators.octave_version.cache_clear()
-    with pytest.raises(ScenarioError, match=r"pysib-oe needs the package pysib: pip install 'hmtb-twin\[peers\]'"):
-        estimator("pysib-oe")
+    refused(r"pysib-oe needs the package pysib: pip install 'hmtb-twin\[peers\]'", estimator, "pysib-oe")
     octave = "octave-arx needs the program octave-cli with its package control: apt-get install octave octave-control"
     assert KNOWN["octave-arx"].available() == (False, octave)
     assert KNOWN["our-oe"].available() == (True, "")

@@ -11,6 +11,7 @@ from scenarios.estimators.outcome import NoModelError
 from scenarios.estimators.request_files import FORMATS, MOST_BYTES, read_model, read_request, write_request
 from scenarios.estimators.task import PROTOCOL
 from scenarios.files.netcdf import Contents, Variable
+from tests.refusals import refused
 
 MODEL = {"dt": 0.02, "A": [[0.5, 0.1], [0.0, 0.2]], "B": [[1.0], [2.0]], "C": [[1.0, 0.0]]}
 
@@ -103,5 +104,4 @@ def test_files_that_are_no_models(name, content, why, tmp_path):
 def test_files_that_are_too_long_are_not_read(tmp_path):
     with (tmp_path / "model.json").open("wb") as file:
         file.truncate(MOST_BYTES + 1)
-    with pytest.raises(NoModelError, match="expected at most"):
-        read_model(tmp_path)
+    refused("expected at most", read_model, tmp_path)

@@ -23,7 +23,7 @@ from scenarios.estimators.python_child import load
 from scenarios.estimators.returned import numbers_of
 from scenarios.estimators.runner import EstimatorProcess
 from scenarios.estimators.seeds import draw_run_seed, task_seed
-from scenarios.files.errors import ScenarioError
+from tests.refusals import refused
 from tests.scenarios.estimators.estimators import BEHAVIOURS
 from tests.scenarios.estimators.programs import KINDS
 
@@ -142,8 +142,7 @@ def test_memory_of_a_program_is_limited_with_that_of_its_children(data, task):
     ],
 )
 def test_estimators_that_cannot_start_end_the_run_at_once(target, options, why):
-    with pytest.raises(ScenarioError, match=re.escape(why)):
-        EstimatorProcess(Estimator("none", target, **options), Limits()).__enter__()
+    refused(re.escape(why), EstimatorProcess(Estimator("none", target, **options), Limits()).__enter__)
 
 
 @pytest.mark.parametrize(
@@ -171,8 +170,7 @@ def test_a_full_disk_ends_the_bench(number, data, task, monkeypatch):
     monkeypatch.setattr(runner, "write_request", fail)
     with EstimatorProcess(Estimator("any", "true {csv} {model}", program=True), Limits()) as process:
         if number == errno.ENOSPC:
-            with pytest.raises(ScenarioError, match=r"No space left on device; expected space in"):
-                process.ask(data, task)
+            refused(r"No space left on device; expected space in", process.ask, data, task)
         else:
             assert process.ask(data, task).kind == "error"
 

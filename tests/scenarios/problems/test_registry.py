@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.files.errors import ScenarioError
 from scenarios.problems.registry import names, problem
+from tests.refusals import refused
 
 CONFTEST = Path(__file__).parents[2] / "sysid" / "conftest.py"
 FEW = ("p2", "quiet-3-2", "published-4.8", "random-hard-2", "feedback", "shared", "shared-alone", "mimo@1000")
@@ -74,8 +74,7 @@ def test_another_length():
 )
 def test_unknown_names(name, message):
     """Say what was probably meant."""
-    with pytest.raises(ScenarioError, match=message):
-        problem(name)
+    refused(message, problem, name)
 
 
 def test_equal_to_those_of_the_analyst():

@@ -9,7 +9,6 @@ from scipy.stats import f
 
 from scenarios.bench.amplitude_split import AMPLITUDES, JOINTS, multisine_class
 from scenarios.bench.bandwidth import sequence_class
-from scenarios.files.errors import ScenarioError
 from scenarios.problems import twin_best_linear as module
 from scenarios.problems import twin_records
 from scenarios.problems.registry import problem
@@ -26,6 +25,7 @@ from scenarios.problems.twin_records import FOLDER, prepare, record_key
 from sysid import IOData
 from sysid.models.predict import simulate
 from sysid.polynomial.structures import STRUCTURES
+from tests.refusals import refused
 
 ELBOW = "twin-nominal-elbow_pitch-multisine-10mrad"
 LARGE = "twin-nominal-elbow_pitch-multisine-40mrad"
@@ -52,8 +52,7 @@ def test_a_name_says_all_of_a_problem(text):
     ],
 )
 def test_what_is_no_name_is_refused(text, message):
-    with pytest.raises(ScenarioError, match=message):
-        problem(text)
+    refused(message, problem, text)
 
 
 def test_waveforms_belong_to_class_and_number_whatever_the_length():
