@@ -14,7 +14,7 @@ GOOD = sysid.StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], None, 0.02)
 
 def by_seed(data, task):
     """Does what the seed of the task names."""
-    return BEHAVIOURS[task.seed](data, task)
+    return list(BEHAVIOURS)[task.seed](data, task)
 
 
 def arx(data, task):
@@ -87,7 +87,21 @@ def child_takes_memory(data, task):
     subprocess.run([sys.executable, "-S", "-c", eats])
 
 
-BEHAVIOURS = (
-    *(arx, refuses, raises, raises_in_a_library, leaves, none, unstable, nan_covariance),
-    *(asks_for_much, floods, names, leaves_a_process, dies, hangs, child_takes_memory),
-)
+BEHAVIOURS = {
+    arx: ("model", ""),
+    refuses: ("refused", "only on Sundays (estimators.py, line"),
+    raises: ("error", "ValueError: two lines\N{REPLACEMENT CHARACTER}[31m (estimators.py, "),
+    raises_in_a_library: ("error", "(estimators.py, line "),
+    leaves: ("error", "SystemExit: 3"),
+    none: ("malformed", "NoneType given, expected Answer"),
+    unstable: ("unstable", "the largest at 1.01"),
+    nan_covariance: ("not_finite", "response_covariance has 12 of 12"),
+    asks_for_much: ("memory", "MemoryError"),
+    floods: ("model", ""),
+    names: ("model", ""),
+    leaves_a_process: ("model", ""),
+    dies: ("crash", "exit code 5; it printed 'last words'"),
+    hangs: ("hang", "no answer within 1 s"),
+    child_takes_memory: ("memory", "more than 128 MiB beyond"),
+}
+"""Kind of the outcome of each, and its reason."""

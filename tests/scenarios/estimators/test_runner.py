@@ -29,23 +29,6 @@ from tests.scenarios.estimators.programs import KINDS
 
 HERE = Path(__file__).parent
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"
-FUNCTIONS = {
-    "arx": ("model", ""),
-    "refuses": ("refused", "only on Sundays (estimators.py, line"),
-    "raises": ("error", "ValueError: two lines\N{REPLACEMENT CHARACTER}[31m (estimators.py, "),
-    "raises_in_a_library": ("error", "(estimators.py, line "),
-    "leaves": ("error", "SystemExit: 3"),
-    "none": ("malformed", "NoneType given, expected Answer"),
-    "unstable": ("unstable", "the largest at 1.01"),
-    "nan_covariance": ("not_finite", "response_covariance has 12 of 12"),
-    "asks_for_much": ("memory", "MemoryError"),
-    "floods": ("model", ""),
-    "names": ("model", ""),
-    "leaves_a_process": ("model", ""),
-    "dies": ("crash", "exit code 5; it printed 'last words'"),
-    "hangs": ("hang", "no answer within 1 s"),
-    "child_takes_memory": ("memory", "more than 128 MiB beyond"),
-}
 PROGRAMS = {
     "good": ("model", ""),
     "refuses": ("refused", "no such structure"),
@@ -78,8 +61,7 @@ def test_functions(data, task):
     children = set(psutil.Process().children())
     limits = Limits(seconds=1.0, memory_bytes=2**27)
     with EstimatorProcess(Estimator("any", "estimators.py:by_seed", home=str(HERE)), limits) as process:
-        for number, behaviour in enumerate(BEHAVIOURS):
-            kind, why = FUNCTIONS[behaviour.__name__]
+        for number, (behaviour, (kind, why)) in enumerate(BEHAVIOURS.items()):
             outcome = process.ask(named, replace(task, seed=number))
             assert (outcome.kind, why in outcome.why) == (kind, True), f"{behaviour.__name__}: {vars(outcome)}"
             assert outcome.why.isprintable() and outcome.wall < 10.0
@@ -149,7 +131,7 @@ def test_estimators_that_cannot_start_end_the_run_at_once(target, options, why):
     ("target", "why"),
     [
         ("estimators.py:arxx", "has no 'arxx'; it has arx, "),
-        ("estimators.py:BEHAVIOURS", "is of type tuple, expected a function"),
+        ("estimators.py:BEHAVIOURS", "is of type dict, expected a function"),
         ("estimator.py:arx", "no file "),
         ("estimators.py", "expected module:function or path/to/file.py:function"),
     ],

@@ -1,6 +1,5 @@
 """Films and pictures of an experiment."""
 
-import json
 import os
 import subprocess
 import sys
@@ -16,7 +15,6 @@ from hmtb_twin import JointLog, TwinError, load_arm, render, simulate
 from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.run.playback import play
 from scenarios import Excitation, Scenario
-from scenarios.commands.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -36,12 +34,10 @@ def log(tmp_path_factory):
 
 
 @pytest.mark.usefixtures("opengl")
-def test_a_film_shows_the_arm_move(log, tmp_path, capsys):
+def test_a_film_shows_the_arm_move(log, tmp_path, result):
     film = tmp_path / "swing.mp4"
-    size = ["--width", "160", "--height", "120"]
-    assert main(["video", str(log), "--out", str(film), "--fps", "5", *size, "--json"]) == 0
-    expected = {"film": str(film), "scenario": "swing", "frames": 10, "cameras": ["overview"]}
-    assert json.loads(capsys.readouterr().out) == expected
+    shown = result("video", log, "--out", film, "--fps", 5, "--width", 160, "--height", 120)
+    assert shown == {"film": str(film), "scenario": "swing", "frames": 10, "cameras": ["overview"]}
     with av.open(str(film)) as container:
         pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
     assert (len(pictures), pictures[0].shape) == (10, (120, 160, 3))
@@ -57,9 +53,9 @@ def test_an_empty_hand_is_shown_empty():
 
 
 @pytest.mark.usefixtures("opengl")
-def test_several_cameras_in_one_picture(log, tmp_path):
+def test_several_cameras_in_one_picture(log, tmp_path, printed):
     deck = tmp_path / "deck.png"
-    assert main(["video", str(log), "--camera", "deck", "--width", "80", "--height", "60", "--out", str(deck)]) == 0
+    printed("video", log, "--camera", "deck", "--width", 80, "--height", 60, "--out", deck)
     picture = np.asarray(Image.open(deck))
     assert picture.shape == (120, 160, 3)
     quarters = [picture[a : a + 60, b : b + 80] for a in (0, 60) for b in (0, 80)]
@@ -68,10 +64,10 @@ def test_several_cameras_in_one_picture(log, tmp_path):
 
 
 @pytest.mark.usefixtures("opengl")
-def test_a_gif_and_a_speed(log, tmp_path):
+def test_a_gif_and_a_speed(log, tmp_path, printed):
     gif = tmp_path / "swing.gif"
-    words = ["--fps", "4", "--speed", "2", "--width", "64", "--height", "48", "--start", "0.5", "--duration", "1"]
-    assert main(["video", str(log), "--out", str(gif), *words]) == 0
+    words = ("--fps", 4, "--speed", 2, "--width", 64, "--height", 48, "--start", 0.5, "--duration", 1)
+    printed("video", log, "--out", gif, *words)
     with Image.open(gif) as animation:
         assert animation.n_frames == 3
 
@@ -88,11 +84,9 @@ def test_a_gif_and_a_speed(log, tmp_path):
         (["--seed", "3"], "is recorded"),
     ],
 )
-def test_what_cannot_be_filmed_is_one_line(log, words, says, capsys, tmp_path, monkeypatch):
+def test_what_cannot_be_filmed_is_one_line(log, words, says, complaint, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert main(["video", str(log), *words]) == 2
-    complaint = capsys.readouterr().err
-    assert says in complaint and complaint.count("\n") == 1
+    assert says in complaint("video", log, *words)
     assert not list(tmp_path.iterdir()), "nothing half-written is left"
 
 
@@ -130,18 +124,16 @@ def test_an_opengl_back_end_that_does_not_load_is_one_line():
     assert "MUJOCO_GL='bogus'" in run.stderr
 
 
-def test_help_names_every_camera(capsys):
+def test_help_names_every_camera(printed):
     scene = mujoco.MjModel.from_xml_path(str(model_file("hmtb/scene.xml")))
-    assert main(["video", "--help"]) == 0
-    help_text = capsys.readouterr().out
+    help_text = printed("video", "--help")
     assert all(scene.camera(number).name in help_text for number in range(scene.ncam))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only there the display is known before a window opens")
-def test_without_a_display_nothing_is_simulated_or_announced(monkeypatch, capsys):
+def test_without_a_display_nothing_is_simulated_or_announced(monkeypatch, complaint):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr("scenarios.experiments.film.load_or_simulate", lambda *_, **__: pytest.fail("simulated"))
-    assert main(["view", "siso-1-elbow_pitch"]) == 2
-    out, err = capsys.readouterr()
-    assert out == "" and "no display here" in err and "hmtb video makes films without one" in err
+    text = complaint("view", "siso-1-elbow_pitch")
+    assert "no display here" in text and "hmtb video makes films without one" in text

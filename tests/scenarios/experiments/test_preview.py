@@ -1,6 +1,5 @@
 """The preview shows what a simulation then commands, and warns of traps."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import pytest
 from hmtb_twin import JOINTS, Chain, HandController, JointLog, Status, simulate
 from hmtb_twin.bus.shutdown_intervals import shutdown_intervals
 from scenarios import Excitation, Scenario, load, names
-from scenarios.commands.cli import main
 from scenarios.experiments.preview import preview
 from tests.refusals import refused
 
@@ -109,14 +107,12 @@ def test_an_excitation_too_small_to_pass_is_warned_of(amplitude, deadband, says)
     assert says in "".join(warnings)
 
 
-def test_simulate_says_how_far_the_arm_sank(capsys, tmp_path):
+def test_simulate_says_how_far_the_arm_sank(printed, tmp_path):
     planned = Scenario("stop", ("elbow_pitch",), (QUIET,), duration=3.0, shutdown=(1.0, 2.0, 2.5))
     file = tmp_path / "stop.toml"
     file.write_text(planned.to_toml(), encoding="utf-8")
-    assert main(["preview", str(file), "--out", str(tmp_path)]) == 0
-    assert "stop: 1 s of 3 s, single joint mode" in capsys.readouterr().out
-    assert main(["simulate", str(file), "--out", str(tmp_path)]) == 0
-    out = capsys.readouterr().out
+    assert "stop: 1 s of 3 s, single joint mode" in printed("preview", file, "--out", tmp_path)
+    out = printed("simulate", file, "--out", tmp_path)
     log = JointLog.load(tmp_path / "stop.nc")
     first, second = shutdown_intervals(log)
     way = np.abs(log.true_angles[50:101] - log.true_angles[50]).max(axis=0)
@@ -133,35 +129,31 @@ def test_a_good_test_is_not_warned_of_and_an_operator_is_refused():
     refused("an operator who looks at the arm moves the stick", preview, load("rpcm"))
 
 
-def test_the_command_prints_what_is_seen(capsys, tmp_path):
-    words = ["preview", "mimo-9", "--duration", "8", "--seed", "3", "--out", str(tmp_path)]
-    assert main([*words, "--json"]) == 0
-    (printed,) = json.loads(capsys.readouterr().out)["previews"].values()
+def test_the_command_prints_what_is_seen(printed, result, tmp_path):
+    words = ("preview", "mimo-9", "--duration", 8, "--seed", 3, "--out", tmp_path)
+    (record,) = result(*words)["previews"].values()
     seen = preview(replace(load("mimo-9"), duration=8.0).reseeded(3))
-    assert printed["tool_deflection_m"] == seen.deflection
-    assert printed["joints"]["elbow_pitch"]["peak_rate_rad_s"] == seen.peak_rate("elbow_pitch")
-    assert set(printed["joints"]) == set(seen.moving) < set(JOINTS)
-    assert (printed["clipped"], printed["order_of_excitation"]) == ({"dac": 0.0, "adc": 0.0}, [25])
-    assert printed["inputs"]["full_model"] is False
-    assert printed["warnings"] == list(seen.warnings())
-    assert Path(printed["plot"]).read_bytes().startswith(b"\x89PNG")
-    assert main(words) == 0
-    out = capsys.readouterr().out
+    assert record["tool_deflection_m"] == seen.deflection
+    assert record["joints"]["elbow_pitch"]["peak_rate_rad_s"] == seen.peak_rate("elbow_pitch")
+    assert set(record["joints"]) == set(seen.moving) < set(JOINTS)
+    assert (record["clipped"], record["order_of_excitation"]) == ({"dac": 0.0, "adc": 0.0}, [25])
+    assert record["inputs"]["full_model"] is False
+    assert record["warnings"] == list(seen.warnings())
+    assert Path(record["plot"]).read_bytes().startswith(b"\x89PNG")
+    out = printed(*words)
     for word in ("mimo-9: 8 s, cartesian mode, axes x, y, z", "warning:", "25.0 deg/s", "order of excitation: 25"):
         assert word in out
 
 
-def test_simulate_says_the_same_of_several_joints(capsys, tmp_path):
+def test_simulate_says_the_same_of_several_joints(result, tmp_path):
     fast = tmp_path / "fast.toml"
     quick = Scenario("fast", ("elbow_pitch",), (replace(QUIET, repeat_frequency=1.0),))
     fast.write_text(quick.to_toml(), encoding="utf-8")
-    words = ["simulate", "mimo-7", "mimo-7-independent", fast, "--duration", "8", "--out", tmp_path, "--json"]
-    assert main(list(map(str, words))) == 0
-    printed = json.loads(capsys.readouterr().out)
-    shared = printed["inputs"]["mimo-7"]
+    record = result("simulate", "mimo-7", "mimo-7-independent", fast, "--duration", 8, "--out", tmp_path)
+    shared = record["inputs"]["mimo-7"]
     assert (shared["full_model"], shared["block_diagonal_model"]) == (False, True)
-    assert printed["inputs"]["mimo-7-independent"]["full_model"] is True
-    warning, missed = printed["warnings"]
+    assert record["inputs"]["mimo-7-independent"]["full_model"] is True
+    warning, missed = record["warnings"]
     assert missed.startswith("fast: a file is played faster than 50 points per second")
     assert warning.startswith("mimo-7: the commands of shoulder_yaw, shoulder_pitch, elbow_pitch move together")
     assert preview(replace(load("mimo-7"), duration=8.0)).inputs.condition == shared["condition"]
