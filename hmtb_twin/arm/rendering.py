@@ -19,7 +19,7 @@ from hmtb_twin.parameters.variants import variant_named
 NO_OPENGL = (
     "no OpenGL here, so no picture of the arm; on Debian or Ubuntu install libegl1 and libgl1-mesa-dri or a display"
 )
-"""What to do where MuJoCo cannot render."""
+"""Advice where MuJoCo cannot render."""
 
 LARGEST = 4096
 """Largest width or height of a picture, pixels."""

@@ -30,7 +30,7 @@ Rotation = list[list[float]]
 
 
 class WristAngles(NamedTuple):
-    """What holds an orientation at a yaw angle, rad."""
+    """Wrist angles that hold the orientation of the tool at a yaw angle of the arm, rad."""
 
     tilt: float
     yaw: float

@@ -106,7 +106,7 @@ class Specimen:
 
     @property
     def deviations(self) -> Mapping[str, float | tuple[float, ...]]:
-        """What deviates, by the name of the field."""
+        """Deviating parameters by the name of their field."""
         return {name: value for name, value in vars(self).items() if value != getattr(NOMINAL_SPECIMEN, name)}
 
     @property

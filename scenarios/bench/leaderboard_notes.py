@@ -29,7 +29,7 @@ CONDITIONS: dict[str, tuple[Callable[[LeaderboardRow], str], str]] = {
         "speeds compare as multiples of the reference time only, and limits of time are not the same",
     ),
 }
-"""What must be equal for two rows to compare: how to read it from a row, and what follows if it differs."""
+"""Settings that two rows must share to compare: how to read each from a row, and what follows if it differs."""
 
 
 def notes(rows: Sequence[LeaderboardRow]) -> list[str]:
@@ -55,7 +55,7 @@ def notes(rows: Sequence[LeaderboardRow]) -> list[str]:
 
 
 def _incomplete(rows: Sequence[LeaderboardRow]) -> list[str]:
-    """What cannot be compared: metrics that were not computed, problems that were not answered or not judged."""
+    """Gaps of the table: metrics that were not computed, problems that were not answered or not judged."""
     sentences = []
     computed = _grouped((f"{len(GUIDE.keys() & row.result.metrics)} of {len(GUIDE)}", row) for row in rows)
     computed.pop(f"{len(GUIDE)} of {len(GUIDE)}", None)

@@ -42,7 +42,7 @@ PERFECT = "bench:perfect"
 
 @dataclass(frozen=True)
 class BenchSetup:
-    """What all jobs of a run share.
+    """Settings that all jobs of a run share.
 
     Attributes:
         estimators: In the order by which jobs number them.

@@ -1,4 +1,4 @@
-"""What theory expects of an estimator on the test bench: which metrics it passes, which not, and why.
+"""Expectations of theory for an estimator on the test bench: which metrics it passes, which not, and why.
 
 The classical results: a prediction-error estimate in a structure that holds the truth, its disturbance included, is
 consistent, reaches the Cramér-Rao bound and knows its own covariance, in open loop and under feedback [Ljung1999,

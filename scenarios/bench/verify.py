@@ -73,7 +73,7 @@ REMOTE_BATCH = 8
 
 @dataclass(frozen=True)
 class BenchPlan:
-    """What to run.
+    """Settings of a run.
 
     Attributes:
         estimators: Estimators whose results are wanted.

@@ -59,7 +59,7 @@ class PlannedExperiment:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What the index states of the experiment, beside its hashes."""
+        """Entry of the experiment in the index, without its hashes."""
         plant = ("actuator", "friction", "process_noise")
         return {
             **{key: getattr(self, key) for key in ("name", "part", "block", "arm", "twin")},
@@ -253,7 +253,7 @@ def _templates(block: RecordBlock) -> Iterator[_Template]:
 
 
 def _played(block: RecordBlock) -> Iterator[tuple[str, str, Scenario | MultisineExperiment]]:
-    """What is played on the nominal arm, with its name and its key; records of one measurement share the latter."""
+    """Experiments on the nominal arm, each with its name and the key of its measurement, shared by its records."""
     if block.scenarios:
         for scenario in (load(one) for name in block.scenarios for one in (names(name) if name in tags() else (name,))):
             duration = scenario.duration if block.duration is None else block.duration

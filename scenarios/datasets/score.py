@@ -22,7 +22,7 @@ ENDINGS = (".nc", ".csv", ".mat")
 EXPECTED = "a folder, or files EXPERIMENT.csv, .nc or .mat, one for each record of the test part"
 
 Model = Predictor | StateSpace | Estimate
-"""What can be scored besides predictions."""
+"""Submissions that can be scored besides predictions."""
 
 
 class Score(NamedTuple):

@@ -28,7 +28,7 @@ PERSONS = "persons.json"
 """In the withheld folder: label and seed of the data set of each person."""
 
 PRIVATE = ("seed", "process_noise")
-"""What the index says of an experiment and a public one does not: drawn values."""
+"""Drawn values of an experiment, in the withheld index and not in the public one."""
 
 
 def build_withheld(

@@ -14,7 +14,7 @@ PROTOCOL = 1
 
 @dataclass(frozen=True, eq=False)
 class Task(Locked):
-    """What an estimator is asked for one record.
+    """Request to an estimator for one record.
 
     Attributes:
         structure: One of `STRUCTURES`: the one that the estimator declares, or else that of the system.

@@ -17,7 +17,7 @@ ROUNDING = "rounding"
 
 @cache
 def bit_fingerprint() -> Mapping[str, str]:
-    """What the bits of results depend on beside their settings, by name: versions, our source, rounding.
+    """Causes of different bits at equal settings, by name: versions, our source, rounding.
 
     Numerical libraries choose their instructions by processor, and sums then round differently. Elementary functions,
     products, factorisations and transforms of fixed numbers are hashed to find out.

@@ -31,7 +31,7 @@ LOOK = 2.0
 """Time between looks at scheduler and workers, s."""
 
 GONE = (OSError, TimeoutError, CancelledError, AsyncCancelledError)
-"""What Dask raises where scheduler or worker have gone."""
+"""Errors that Dask raises when the scheduler or a worker is lost."""
 
 
 class Cluster(Executor["Future"]):

@@ -204,7 +204,7 @@ def at_worker_exit(close: Callable[[], object]) -> None:
 
 
 _CLOSERS = ExitStack()
-"""What SIGTERM closes: Python's own functions at exit do not run then."""
+"""Closed at SIGTERM, which skips Python's own functions at exit."""
 
 
 def _run_task(task: Callable[..., Any], shared: Any, batch: tuple[Any, ...]) -> list[Any]:

@@ -1,4 +1,4 @@
-"""What the test bench knows of a problem: its records, the truth behind them, and the accuracy that one allows."""
+"""Problem of the test bench: its records, the truth behind them, and the best accuracy that one record allows."""
 
 from functools import cached_property
 from typing import TYPE_CHECKING

@@ -44,7 +44,7 @@ PREVIEW = 0.5
 """Density below which the best linear approximations are a preview."""
 
 Point = tuple[str, float | str, Arm, np.ndarray]
-"""What varies, its value, the arm and its pose (7,), rad."""
+"""One point of a map: the parameter that varies, its value, the arm and its pose (7,), rad."""
 
 Progress = Callable[[int, int], None]
 """Called with the work done and the total."""
