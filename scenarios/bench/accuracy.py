@@ -97,7 +97,7 @@ class RecordStatistic:
         label: Of the part.
         values: One for each record that has a value (n,).
         run: Records that were run.
-        null: Values for single records of a perfect estimator (M,); None: there is no bound, and so no verdict.
+        null: Values for single records of a perfect estimator (M,).
         theory: What theory expects.
         missing: Why there are no values, where there are none.
         models: Records with a model, which should have a value if any has; 0 where none need have.
@@ -106,7 +106,7 @@ class RecordStatistic:
     label: str
     values: FloatArray
     run: int
-    null: FloatArray | None
+    null: FloatArray
     theory: Expectation
     missing: str = ""
     models: int = 0
@@ -118,15 +118,13 @@ class RecordStatistic:
         judged by.
         """
         count, limits, why = len(self.values), None, ""
-        if self.null is not None and 0 < count < CLAIMED * self.models and self.models >= needed(self.run):
+        if 0 < count < CLAIMED * self.models and self.models >= needed(self.run):
             why = f"claimed of {count} of {self.models} records with a model, expected of all of a problem or of none"
             return replace(acceptance.mean(self.label, self.values, Expectation(True, why), None), passed=False)
         if count == 0 and self.missing:
             why = self.missing
         elif count < needed(self.run):
             why = f"no verdict: {count} of {self.run} records have a value, at least {needed(self.run)} are needed"
-        elif self.null is None:
-            why = "no verdict: the problem has no Cramér-Rao bound"
         else:
             limits = acceptance.limits([self.null], [count], false_alarm)
         return acceptance.mean(self.label, self.values, replace(self.theory, why=why or self.theory.why), limits)
@@ -140,11 +138,10 @@ def pooled_part(
     Returns:
         The part; none where there are fewer than two such problems.
     """
-    chosen = [s for s in statistics if s.theory.passes and s.null is not None and len(s.values) >= needed(s.run)]
+    chosen = [s for s in statistics if s.theory.passes and len(s.values) >= needed(s.run)]
     if len(chosen) < 2:
         return []
-    nulls = [s.null for s in chosen if s.null is not None]
-    limits = acceptance.limits(nulls, [len(s.values) for s in chosen], false_alarm)
+    limits = acceptance.limits([s.null for s in chosen], [len(s.values) for s in chosen], false_alarm)
     theory = Expectation(True, f"all records of {', '.join(s.label.split()[0] for s in chosen)}")
     return [acceptance.mean(label, np.concatenate([s.values for s in chosen]), theory, limits)]
 
@@ -243,8 +240,6 @@ def _agreement_on(name: str, evidence: Evidence, second: Mapping[Trial, ComplexA
     """The part of a problem, and the median number of digits that agree."""
     truth, bound = (bound_for(name, structure) for structure in (None, evidence.estimator.structure))
     null = null_distribution(name, evidence.estimator.structure, variance_ratio, 1.0)
-    if truth is None or bound is None or null is None:
-        return unjudged(name, "there is no Cramér-Rao bound to measure differences by"), NAN
     plausible = _plausible(name, truth, second)
     common = [m for m in evidence.on(name) if m.trial in plausible]
     if not common:
@@ -273,9 +268,9 @@ def _agreement_on(name: str, evidence: Evidence, second: Mapping[Trial, ComplexA
 def _plausible(name: str, truth: CramerRaoBound, second: Mapping[Trial, ComplexArray]) -> dict[Trial, ComplexArray]:
     """Responses of the second implementation that are not implausibly far from the truth."""
     fitting = {t: r for t, r in second.items() if t.problem == name and r.shape == truth.response.shape}
-    null = null_distribution(name, None, variance_ratio, 1.0)
-    if not fitting or null is None:
+    if not fitting:
         return {}
+    null = null_distribution(name, None, variance_ratio, 1.0)
     _, most = limits_of_mean([null], [1], IMPLAUSIBLE, low=False)
     values = in_variances(np.array(list(fitting.values())) - truth.response, truth)
     return {trial: fitting[trial] for trial, value in zip(fitting, values, strict=True) if value <= most}

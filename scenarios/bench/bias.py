@@ -74,8 +74,6 @@ def _bias_on(name: str, evidence: Evidence) -> tuple[Part, dict[str, Any]]:
     """The part of a problem, and its curves for drawing."""
     own = evidence.on(name)
     bound = bound_for(name, evidence.estimator.structure)
-    if bound is None:
-        return unjudged(name, "there is no Cramér-Rao bound, which gives the directions of the test"), {}
     axes, errors, too_few = _errors(own, bound, needed(len(own)))
     if too_few:
         return unjudged(name, too_few, len(errors)), {}

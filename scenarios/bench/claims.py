@@ -65,8 +65,6 @@ def claimed_values(good: Measurements, name: str, structure: str | None, statist
         ScenarioError: A covariance has another shape than the response.
     """
     bound = bound_for(name, structure)
-    if bound is None:
-        return np.empty(0)
     expected = (*bound.response.shape, 2, 2)
     free = free_parts(bound.response_covariance)
     values = []
@@ -117,7 +115,7 @@ class Coverage(AccuracyMetric):
         )
 
 
-Covered = tuple[FloatArray, FloatArray | None, str, int]
+Covered = tuple[FloatArray, FloatArray, str, int]
 """Shares by record, those of perfect records, why there are none, and number of records that should have some."""
 
 
@@ -138,7 +136,7 @@ def _covered_bandwidths(good: Measurements, name: str, structure: str | None) ->
     bound = bound_for(name, structure)
     shares = []
     for m in good:
-        if bound is None or m.bandwidth_ci95 is None:
+        if m.bandwidth_ci95 is None:
             continue
         low, high = m.bandwidth_ci95
         known = np.isfinite(bound.bandwidth_hz) & ~np.isnan(low) & ~np.isnan(high)
@@ -175,7 +173,6 @@ class NormalisedError(AccuracyMetric):
         for name, (good, run) in evidence.by_problem().items():
             known = [m for m in good if m.parameters > 0 and not np.isnan(m.normalised_error)]
             freedom, p_value = 0, None  # 0: of the response
-            null: FloatArray | None
             if len(known) >= needed(len(good)) and len({m.parameters for m in known}) == 1:
                 freedom = known[0].parameters
                 values, null = np.array([m.normalised_error / freedom for m in known]), null_chi_square(freedom)
@@ -188,7 +185,7 @@ class NormalisedError(AccuracyMetric):
                 continue
             if freedom:
                 p_value = float(kstest(values * freedom, chi2(freedom).cdf).pvalue)
-            elif null is not None:
+            else:
                 p_value = float(ks_2samp(values, null).pvalue)
             curves[name] = {
                 "of": "parameters" if freedom else "response",
@@ -261,11 +258,8 @@ def _worst_frequency(
 def limits_by_frequency(
     name: str, structure: str | None, draws: int, false_alarm: float
 ) -> tuple[FloatArray, FloatArray]:
-    """`limits_of_response_squares` of a perfect estimator of a structure on a problem with a bound."""
-    bound = bound_for(name, structure)
-    if bound is None:
-        raise AssertionError(f"{name}: limits without a bound")
-    return limits_of_response_squares(bound.response_covariance, draws, false_alarm)
+    """`limits_of_response_squares` of a perfect estimator of a structure on a problem."""
+    return limits_of_response_squares(bound_for(name, structure).response_covariance, draws, false_alarm)
 
 
 def _root(part: Part) -> Part:
@@ -288,6 +282,6 @@ def _response_curves(good: Measurements, name: str, structure: str | None) -> Ma
         "truth": np.abs(true).tolist(),
         "error": np.sqrt(square).tolist(),
         "claimed": np.sqrt(np.mean(claimed, axis=0)).tolist() if claimed else None,
-        "bound": None if bound is None else np.sqrt(np.sum(bound.response_directions**2, axis=(0, -1))).tolist(),
+        "bound": np.sqrt(np.sum(bound.response_directions**2, axis=(0, -1))).tolist(),
         "relative_error_percent": 100.0 * float(np.sqrt(np.mean(square) / np.mean(np.abs(true) ** 2))),
     }

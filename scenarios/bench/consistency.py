@@ -9,7 +9,7 @@ import numpy as np
 from scenarios.bench.accuracy import needed
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import DRAWS, Evidence, Metric, MetricDefinition, Part, unjudged
-from scenarios.bench.statistics import SEED, bound_for, statistic_of_perfect
+from scenarios.bench.statistics import SEED, bound_for, responses, statistic_of_perfect
 from scenarios.bench.theory import Expectation, expectation
 from scenarios.estimators.estimator import Estimator
 from scenarios.problems.noise_free import DELAYS, ORDERS
@@ -88,22 +88,22 @@ def _digits(name: str, good: Sequence[Measurement], run: int) -> Part:
     truth, frequencies = problem(name).truth, problem(name).frequencies
     true = truth.frequency_response(frequencies)
     size = np.sqrt(np.mean(np.abs(true) ** 2))
-    responses = [m.response for m in good if m.response is not None]
-    errors = [np.sqrt(np.mean(np.abs(response - true) ** 2)) / size for response in responses]
+    estimates = responses(good)
+    errors = [np.sqrt(np.mean(np.abs(response - true) ** 2)) / size for response in estimates]
     digits = float(np.min(-np.log10(np.maximum(errors, 10.0**-MOST_DIGITS)))) + 0.0  # no -0
-    fault = "" if digits >= DEMANDED else recognised_fault(responses, true, frequencies, truth.dt, 10.0**-DEMANDED)
+    fault = "" if digits >= DEMANDED else recognised_fault(estimates, true, frequencies, truth.dt, 10.0**-DEMANDED)
     theory = Expectation(True, fault and f"{FAULT}{fault}")
     return Part.judged(name, digits, DEMANDED, (digits, digits), (DEMANDED, np.inf), theory, len(good))
 
 
 def recognised_fault(
-    responses: Sequence[ComplexArray], true: ComplexArray, frequencies: FloatArray, dt: float, tolerance: float
+    estimates: ComplexArray, true: ComplexArray, frequencies: FloatArray, dt: float, tolerance: float
 ) -> str:
     """A delay, sign or gain that explains the error of all responses, in words; empty where none does.
 
     Args:
-        responses: As estimated (nf, ny, nu), each.
-        true: The true one, of the same shape.
+        estimates: Estimated responses (n, nf, ny, nu).
+        true: The true one (nf, ny, nu).
         frequencies: (nf,), Hz.
         dt: Sampling interval, s.
         tolerance: Relative root mean square error up to which responses count as equal.
@@ -113,11 +113,11 @@ def recognised_fault(
         f"{abs(n)} sample{'s' * (abs(n) > 1)} {'late' if n > 0 else 'early'}": true * turn**n for n in (1, 2, -1, -2)
     }
     faults["of the wrong sign"] = -true
-    gain = float(np.mean([np.vdot(true, response).real for response in responses]) / np.vdot(true, true).real)
+    gain = float(np.mean([np.vdot(true, response).real for response in estimates]) / np.vdot(true, true).real)
     faults[f"{gain:.8g} times the truth"] = gain * true
     for fault, expected in faults.items():
         size = np.linalg.norm(expected)
-        if all(np.linalg.norm(response - expected) <= tolerance * size for response in responses):
+        if all(np.linalg.norm(response - expected) <= tolerance * size for response in estimates):
             return fault
     return ""
 
@@ -176,16 +176,15 @@ def _slope_part(
     ]
     if too_few:
         return unjudged(name, f"no verdict: records with a model: {', '.join(too_few)}"), {}
+    if len(lengths) < 2:
+        return unjudged(name, "no verdict: there is only one length"), {}
     longest = bound_for(f"{name}@{lengths[-1]}", estimator.structure)
-    if longest is None or len(lengths) < 2:
-        return unjudged(name, "no verdict: there is no Cramér-Rao bound or only one length"), {}
     # the weight of the longest records for all lengths, so that the slope is that of the errors alone
     weight = longest.response_covariance
     free = free_parts(weight)
     squares = []
     for good, _ in records.values():
-        errors = np.stack([m.response - longest.response for m in good if m.response is not None])
-        squares.append(variance_ratio(real_and_imaginary(errors), weight, free))
+        squares.append(variance_ratio(real_and_imaginary(responses(good) - longest.response), weight, free))
     counts = tuple(len(values) for values in squares)
     means = [np.mean(values) for values in squares]
     slope = float(_slopes(lengths, np.array([means]))[0])
@@ -220,7 +219,7 @@ def perfect_slopes(
 @lru_cache(maxsize=64)
 def _null_squares(name: str, structure: str | None, lengths: tuple[int, ...]) -> tuple[FloatArray, ...]:
     """Squared errors of a perfect estimator at each length, in variances of the longest (M,) each."""
-    bounds = [bound for samples in lengths if (bound := bound_for(f"{name}@{samples}", structure)) is not None]
+    bounds = [bound_for(f"{name}@{samples}", structure) for samples in lengths]
     weight = bounds[-1].response_covariance
     return tuple(
         statistic_of_perfect(bound, variance_ratio, covariance=weight, seed=(SEED, place))

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from scenarios.bench.measurement import Measurements
+from scenarios.files.errors import ScenarioError
 from scenarios.problems.registry import problem
 from sysid.models.delta_method import standard_directions
 from sysid.models.frequency_response import NORMAL_95
@@ -29,10 +30,21 @@ SLACK = 1.05
 
 
 @lru_cache(maxsize=256)
-def bound_for(name: str, structure: str | None) -> CramerRaoBound | None:
-    """The bound of a structure on a problem, or else that of the truth's own structure; None where there is none."""
-    bound = problem(name).bound(structure)
-    return problem(name).bound(None) if bound is None else bound
+def bound_for(name: str, structure: str | None) -> CramerRaoBound:
+    """The bound of a structure on a problem, or else that of the truth's own structure.
+
+    Raises:
+        ScenarioError: The problem has no bound.
+    """
+    bound = problem(name).bound(structure) or problem(name).bound(None)
+    if bound is None:
+        raise ScenarioError(f"problem {name} given, expected one with a Cramér-Rao bound")
+    return bound
+
+
+def responses(good: Measurements) -> ComplexArray:
+    """Responses of records with a model (n, nf, ny, nu)."""
+    return np.stack([m.response for m in good if m.response is not None])
 
 
 def in_variances(difference: ComplexArray, bound: CramerRaoBound) -> FloatArray:
@@ -44,13 +56,11 @@ def in_variances(difference: ComplexArray, bound: CramerRaoBound) -> FloatArray:
 def error_against_bound(good: Measurements, name: str, structure: str | None) -> FloatArray:
     """Mean over frequencies of |error|^2 over the variance of the bound, record by record (n,)."""
     bound = bound_for(name, structure)
-    if bound is None or not good:
-        return np.empty(0)
-    return in_variances(np.stack([m.response - bound.response for m in good if m.response is not None]), bound)
+    return in_variances(responses(good) - bound.response, bound) if good else np.empty(0)
 
 
 @lru_cache(maxsize=1024)
-def null_distribution(name: str, structure: str | None, statistic: Statistic, mean: float) -> FloatArray | None:
+def null_distribution(name: str, structure: str | None, statistic: Statistic, mean: float) -> FloatArray:
     """Values of a statistic for single records of the perfect estimator (M,).
 
     Args:
@@ -59,14 +69,8 @@ def null_distribution(name: str, structure: str | None, statistic: Statistic, me
         statistic: The statistic.
         mean: Its exact mean, to which the values are shifted: the sampling error of their own mean would show in a mean
             over thousands of records.
-
-    Returns:
-        The values; None where the problem has no bound.
     """
-    bound = bound_for(name, structure)
-    if bound is None:
-        return None
-    values = statistic_of_perfect(bound, statistic)
+    values = statistic_of_perfect(bound_for(name, structure), statistic)
     values += mean - np.mean(values)
     values.setflags(write=False)
     return values
@@ -100,12 +104,9 @@ def statistic_of_perfect(
 
 
 @lru_cache(maxsize=256)
-def null_parameter_coverage(name: str, structure: str | None) -> FloatArray | None:
+def null_parameter_coverage(name: str, structure: str | None) -> FloatArray:
     """Share of true parameters within their 95 % intervals, for records of the perfect estimator (M,)."""
-    bound = bound_for(name, structure)
-    if bound is None:
-        return None
-    directions = standard_directions(bound.covariance)
+    directions = standard_directions(bound_for(name, structure).covariance)
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     steps = np.random.default_rng(SEED).standard_normal((NULL_RECORDS, directions.shape[1]))
     shares = np.mean(np.abs(steps @ directions.T) <= NORMAL_95, axis=1)

@@ -78,8 +78,7 @@ Result = Callable[[Measurement], bool | None]
 def _parts(name: str, evidence: Evidence) -> list[Part]:
     """Share of models of right orders that each test rejects, of too low ones that any does, and of right choices."""
     estimator = evidence.estimator
-    bound = bound_for(name, estimator.structure)
-    size = size_of_independent_estimate(0 if bound is None else len(bound.parameters))
+    size = size_of_independent_estimate(len(bound_for(name, estimator.structure).parameters))
     right, low = (problem(name).task(estimator.structure, ask) for ask in ("fit", "underfit"))
     theory, efficient = (expectation(estimator, name, metric) for metric in ("tests_and_orders", "efficiency"))
     if theory.passes and not efficient.passes:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarios.bench.measurement import Measurements
-from scenarios.bench.statistics import SLACK, bound_for, error_against_bound, null_distribution
+from scenarios.bench.statistics import SLACK, bound_for, error_against_bound, null_distribution, responses
 from scenarios.estimators.estimator import Estimator
 from scenarios.files.codec import read_toml, structure
 from scenarios.problems.registry import problem
@@ -133,7 +133,7 @@ def expected_of_claims(estimator: Estimator, name: str, good: Measurements, metr
         values = error_against_bound(good, name, estimator.structure)
         null = null_distribution(name, estimator.structure, variance_ratio, 1.0)
         # with a probability of 1e-3 the mean square error of a perfect estimator is taken as larger than the bound
-        if null is None or np.mean(values) > SLACK * limits_of_mean([null], [len(values)], 1e-3, low=False)[1]:
+        if np.mean(values) > SLACK * limits_of_mean([null], [len(values)], 1e-3, low=False)[1]:
             return expected
     return Expectation(
         True,
@@ -145,19 +145,18 @@ def expected_of_claims(estimator: Estimator, name: str, good: Measurements, metr
 def greatest_bias(good: Measurements, name: str, structure: str | None) -> float:
     """Square of the mean error of the response over the mean square error, at the frequency where it is largest.
 
-    Free of what scatter leaves in a mean. NaN where there is no bound or fewer than two records.
+    Free of what scatter leaves in a mean. NaN for fewer than two records.
 
     Args:
         good: Records of the problem that have a model.
         name: Of the problem.
         structure: Of the estimator.
     """
-    bound = bound_for(name, structure)
-    responses = [m.response for m in good if m.response is not None]
-    if bound is None or len(responses) < 2:
+    if len(good) < 2:
         return float("nan")
+    bound = bound_for(name, structure)
     free = free_parts(bound.response_covariance).any(axis=-1)
-    errors = real_and_imaginary(np.stack(responses) - bound.response)[:, free]
+    errors = real_and_imaginary(responses(good) - bound.response)[:, free]
     squares: FloatArray = np.mean(np.sum(errors**2, axis=-1), axis=0)
     of_mean = np.sum(np.mean(errors, axis=0) ** 2, axis=-1)
     scatter = (squares - of_mean) / (len(errors) - 1)
