@@ -4,7 +4,7 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
@@ -71,6 +71,7 @@ class TrialJournal:
         name: Of the estimator.
         path: The file.
         run: Mark of the run that began it.
+        source: Hash of the estimator's files, as in the fingerprint.
         done: Keys of its trials.
         hangs: Number of trials that hung at its end, one after the other, without those that were not asked.
 
@@ -83,7 +84,7 @@ class TrialJournal:
     ) -> None:
         values = {entry: json.dumps(value, sort_keys=True) for entry, value in fingerprint.items()}
         stem, mark = file_name(name), sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
-        self.name, self.path = name, folder / f"{stem}-{mark}.sqlite"
+        self.name, self.path, self.source = name, folder / f"{stem}-{mark}.sqlite", fingerprint["source"]
         for why in _remove_outdated(folder, stem, self.path, values):
             notify(f"{name}: {why}")
         self._journal = Journal(self.path, values)
@@ -129,41 +130,22 @@ def _remove_outdated(folder: Path, stem: str, path: Path, values: Mapping[str, s
             yield f"{' and '.join(changed)} changed since the last run: its trials start again"
 
 
-@dataclass(frozen=True)
-class RemainingCost:
-    """Cost of the trials that are left.
+def remaining_cost(finished: Iterable[TrialResult], jobs: Iterable[RecordJob], workers: int) -> str:
+    """Number and expected time of the requests that are left, in words.
 
-    Attributes:
-        requests: Requests to estimators.
-        core_seconds: Time of one core, s.
-        wall: Time with all workers, s.
+    Args:
+        finished: Trials from whose mean time, by kind of problem, request and estimator, that of others is expected.
+        jobs: Jobs that are left; kinds of which no trial is finished count as 0.
+        workers: How many run at a time.
     """
-
-    requests: int
-    core_seconds: float
-    wall: float
-
-    def __str__(self) -> str:
-        core, wall = duration_text(self.core_seconds), duration_text(self.wall)
-        return f"{self.requests} requests, {core} of one core, about {wall} with all workers"
-
-
-class CostModel:
-    """Predicts the time of trials from those that are done: the mean by kind of problem, request and estimator."""
-
-    def __init__(self) -> None:
-        self._walls: dict[tuple[str, str, int], list[float]] = defaultdict(list)
-
-    def learn(self, result: TrialResult) -> None:
-        """Take a finished trial into account."""
+    walls: dict[tuple[str, str, int], list[float]] = defaultdict(list)
+    for result in finished:
         trial = result.measurement.trial
-        self._walls[problem_kind(trial.problem), trial.ask, result.estimator].append(result.wall)
-
-    def remaining(self, jobs: Iterable[RecordJob], workers: int) -> RemainingCost:
-        """Expected cost of jobs, of which so many run at a time; kinds of which nothing is known count as 0."""
-        kinds = [(problem_kind(job.problem), *request) for job in jobs for request in job.requests]
-        seconds = float(sum(np.mean(self._walls[kind]) for kind in kinds if kind in self._walls))
-        return RemainingCost(len(kinds), seconds, seconds / workers)
+        walls[problem_kind(trial.problem), trial.ask, result.estimator].append(result.wall)
+    kinds = [(problem_kind(job.problem), *request) for job in jobs for request in job.requests]
+    seconds = float(sum(np.mean(walls[kind]) for kind in kinds if kind in walls))
+    core, wall = duration_text(seconds), duration_text(seconds / workers)
+    return f"{len(kinds)} requests, {core} of one core, about {wall} with all workers"
 
 
 def pilot_jobs(jobs: Iterable[RecordJob]) -> tuple[tuple[RecordJob, ...], tuple[RecordJob, ...]]:

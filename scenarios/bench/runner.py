@@ -26,15 +26,12 @@ from scenarios.problems.linear_problem import LinearProblem
 from scenarios.problems.mimo import MimoProblem
 from scenarios.problems.problem import Problem
 from scenarios.problems.registry import problem as find_problem
-from scenarios.problems.trial import ASKS, Trial
+from scenarios.problems.trial import ASKS, TWIN, Trial
 from sysid import IOData, SysidWarning
 from sysid.models.frequency_response import NORMAL_95
 
 FAMILY = re.compile("[-@]")
 """Ends the first word of a problem's name, its family."""
-
-TWIN = "twin-"
-"""Names of problems whose records come from the physics begin so."""
 
 PERFECT = "bench:perfect"
 """Target of the perfect estimator; it runs in the bench's own process, since no other process sees the truth."""
@@ -122,6 +119,11 @@ def interleaved(jobs: Iterable[RecordJob]) -> tuple[RecordJob, ...]:
         for place, job in enumerate(family)
     }
     return tuple(sorted(places, key=places.__getitem__))
+
+
+def twin_trials(jobs: Iterable[RecordJob]) -> list[Trial]:
+    """Trials of those records of jobs that come from the physics."""
+    return [Trial(job.problem, job.draw) for job in jobs if job.problem.startswith(TWIN)]
 
 
 def perfect(problem: Problem, task: Task, seed: int) -> EstimatorOutcome:
@@ -261,7 +263,7 @@ def run_jobs(setup: BenchSetup, jobs: Sequence[RecordJob]) -> Iterator[TrialResu
             files.unpacked(estimator, Path(folder) / str(number))
             for number, (estimator, files) in enumerate(zip(setup.estimators, setup.files, strict=True))
         )
-        if twins := [Trial(job.problem, job.draw) for job in jobs if job.problem.startswith(TWIN)]:
+        if twins := twin_trials(jobs):
             from scenarios.problems.twin_records import prepare  # it loads the physics
 
             prepare(twins, setup.seed, threads=1)

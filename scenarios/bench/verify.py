@@ -20,24 +20,23 @@ from scenarios.bench.metric import DRAWS, Evidence, MetricDefinition
 from scenarios.bench.metrics import ALL_METRICS, false_alarm_of_each
 from scenarios.bench.progress import (
     IDENTITY,
-    CostModel,
-    RemainingCost,
     RunProgress,
     TrialJournal,
     file_name,
     fingerprint_of,
     pilot_jobs,
+    remaining_cost,
 )
 from scenarios.bench.result import Result, machine
 from scenarios.bench.runner import (
     FAMILY,
     PERFECT,
-    TWIN,
     BenchSetup,
     RecordJob,
     interleaved,
     remaining_jobs,
     run_jobs,
+    twin_trials,
 )
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.outcome import MODEL, REFUSED
@@ -119,6 +118,14 @@ class BenchPlan:
         some = f", at most {self.records} record{'s' * (self.records > 1)} of a problem" if self.records else ""
         return self.effort + some
 
+    @property
+    def requests_text(self) -> str:
+        """Number of requests in words: to the estimators, and to the referee beside them."""
+        counts = {estimator.name: len(self.trials(estimator)) for estimator in self.all_estimators()}
+        own = sum(counts.pop(estimator.name) for estimator in self.estimators)
+        beside = "".join(f" and {count} to {name} for the figure of agreement" for name, count in counts.items())
+        return f"{own} requests{beside}"
+
     def all_estimators(self) -> tuple[Estimator, ...]:
         """Estimators whose results are wanted, and the referee where a metric needs it and it is none of them."""
         needed = any(metric.name == AGREEMENT for metric in self.metrics)
@@ -150,7 +157,6 @@ def verify(
     *,
     report: Report = lambda progress: None,
     notify: Callable[[str], None] = lambda line: None,
-    announce: Callable[[RemainingCost], None] = lambda cost: None,
 ) -> list[Result]:
     """Run the trials that are missing, and write a result for each estimator to a file of its name.
 
@@ -159,8 +165,8 @@ def verify(
         folder: For results and journals; made where it is missing.
         executor: Runs the trials.
         report: Called with the progress.
-        notify: Called with lines of information.
-        announce: Called with the cost of the run, once the first trials of each kind of problem are finished.
+        notify: Called with lines of information, among them the cost of the run, once the first trials of each kind of
+            problem are finished.
 
     Returns:
         The results.
@@ -181,39 +187,33 @@ def verify(
     wanted = [plan.trials(estimator) for estimator in estimators]
     with ExitStack() as stack:
         run = secrets.token_hex(6)
-        fingerprints = [fingerprint_of(estimator, plan.limits, seed) for estimator in estimators]
-        journals = [
-            stack.enter_context(
-                closing(TrialJournal(folder / JOURNALS, estimator.name, fingerprint, run=run, notify=notify))
-            )
-            for estimator, fingerprint in zip(estimators, fingerprints, strict=True)
-        ]
+        opened = (
+            TrialJournal(folder / JOURNALS, one.name, fingerprint_of(one, plan.limits, seed), run=run, notify=notify)
+            for one in estimators
+        )
+        journals = [stack.enter_context(closing(journal)) for journal in opened]
         jobs = remaining_jobs(wanted, [journal.done for journal in journals])
         total = sum(map(len, wanted))
         if kept := total - sum(len(job.requests) for job in jobs):
             notify(f"{kept} of {total} trials are done already; remove {folder / JOURNALS} to run them again")
-        if records is not None and any(job.problem.startswith(TWIN) for job in jobs):
+        if records is not None and (twins := twin_trials(jobs)):
             # Started once before the long simulation, so that an error in the command line shows at once.
             for number in sorted({number for job in jobs for _, number in job.requests}):
                 if estimators[number].target != PERFECT:
                     with EstimatorProcess(estimators[number], plan.limits):
                         pass
-            _simulate(jobs, seed, records, notify)
-        _run(setup, jobs, executor, RunProgress(wanted, journals, report, notify), announce)
-        measurements = {
-            estimator: journal.measurements() for estimator, journal in zip(estimators, journals, strict=True)
-        }
-        referee = {} if plan.referee is None else measurements.get(plan.referee, {})
+            _simulate(twins, seed, records, notify)
+        _run(plan, setup, jobs, executor, RunProgress(wanted, journals, report, notify), notify)
+        measurements = [journal.measurements() for journal in journals]
+        referee = measurements[estimators.index(plan.referee)] if plan.referee in estimators else {}
         place = machine() if executor.local else f"{executor.workers} workers of a cluster"
         results = []
-        for estimator, trials, journal, fingerprint in zip(estimators, wanted, journals, fingerprints, strict=True):
-            source = fingerprint["source"]
-            if source_hash(estimator) != source:
+        for estimator, trials, journal, done in zip(estimators, wanted, journals, measurements, strict=True):
+            if source_hash(estimator) != journal.source:
                 notify(f"{estimator.name}: its file changed during the run: some answers may be those of the new one")
             if estimator in plan.estimators:
-                done = measurements[estimator]
                 own = {trial: done[trial] for trial in trials if trial in done}
-                origin = {"run": journal.run, "machine": place, "source": source, "seed": seed}
+                origin = {"run": journal.run, "machine": place, "source": journal.source, "seed": seed}
                 results.append(_result(plan, estimator, own, referee, origin))
                 write_whole(folder / f"{file_name(estimator.name)}.json", results[-1].to_json(), durable=True)
         return results
@@ -267,11 +267,10 @@ def _drawn_seed(path: Path, estimators: Sequence[Estimator]) -> int:
     return seeds[key]
 
 
-def _simulate(jobs: Sequence[RecordJob], seed: int, folder: Path, notify: Callable[[str], None]) -> None:
+def _simulate(trials: Sequence[Trial], seed: int, folder: Path, notify: Callable[[str], None]) -> None:
     """Simulate the arm's records side by side before the estimators are asked."""
     from scenarios.problems.twin_records import prepare  # it loads the physics
 
-    trials = [Trial(job.problem, job.draw) for job in jobs if job.problem.startswith(TWIN)]
     begun = monotonic()
     simulated = 0
     for first in range(0, len(trials), TOGETHER):
@@ -282,23 +281,26 @@ def _simulate(jobs: Sequence[RecordJob], seed: int, folder: Path, notify: Callab
 
 
 def _run(
+    plan: BenchPlan,
     setup: BenchSetup,
     jobs: Sequence[RecordJob],
     executor: Executor,
     progress: RunProgress,
-    announce: Callable[[RemainingCost], None],
+    notify: Callable[[str], None],
 ) -> None:
     """Run the jobs: first a record of each kind of problem, from which the cost of the others is learnt."""
-    costs, (first, others) = CostModel(), pilot_jobs(jobs)
+    first, others = pilot_jobs(jobs)
     size = 1 if executor.local else REMOTE_BATCH
     if not jobs:
         return
+    finished = []
     with executor:
         for result in executor.run(run_jobs, setup, progress.batches(interleaved(first), size), items="records"):
             progress.add(result)
-            costs.learn(result)
+            finished.append(result)
         if rest := tuple(chain.from_iterable(progress.batches(others, 1))):
-            announce(costs.remaining(rest, executor.workers))
+            cost = remaining_cost(finished, rest, executor.workers)
+            notify(f"hmtb verify: still to do, of {plan.requests_text}: {cost}")
             progress.note = ""
             for result in executor.run(run_jobs, setup, progress.batches(interleaved(rest), size), items="records"):
                 progress.add(result)

@@ -16,7 +16,6 @@ from scenarios.commands.output import (
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from scenarios.bench.progress import RemainingCost
     from scenarios.bench.result import Result
     from scenarios.bench.verify import BenchPlan
     from scenarios.jobs.executor import Executor
@@ -143,13 +142,6 @@ def _run(plan: "BenchPlan", folder: Path, executor: "Executor[Any]") -> "list[Re
 
     latest = Progress("", 0, 0)
 
-    def announce(cost: "RemainingCost") -> None:
-        if cost.requests:
-            counts = {estimator.name: len(plan.trials(estimator)) for estimator in plan.all_estimators()}
-            own = sum(counts.pop(estimator.name) for estimator in plan.estimators)
-            beside = "".join(f" and {count} to {name} for the figure of agreement" for name, count in counts.items())
-            say_beside_bar(f"hmtb verify: still to do, of {own} requests{beside}: {cost}")
-
     with show_progress("hmtb verify") as report:
 
         def keep_and_report(progress: Progress) -> None:
@@ -158,7 +150,7 @@ def _run(plan: "BenchPlan", folder: Path, executor: "Executor[Any]") -> "list[Re
             report(progress)
 
         try:
-            return verify(plan, folder, executor, report=keep_and_report, notify=say_beside_bar, announce=announce)
+            return verify(plan, folder, executor, report=keep_and_report, notify=say_beside_bar)
         except KeyboardInterrupt:
             kept = f"{latest.done} of {latest.total} trials kept in {folder / JOURNALS}"
             raise KeyboardInterrupt(kept) from None

@@ -11,6 +11,7 @@ from scenarios.problems.noise_free import DELAYS, ORDERS, noise_free
 from scenarios.problems.problem import Problem
 from scenarios.problems.random_problems import DIFFICULTIES, random_problem
 from scenarios.problems.textbook import FEEDBACK, PUBLISHED, SYSTEMS, textbook
+from scenarios.problems.trial import TWIN
 
 FEWEST = 200
 """Samples that a record has at least."""
@@ -37,7 +38,7 @@ def problem(name: str) -> Problem:
     Raises:
         ScenarioError: There is none of that name.
     """
-    if name.startswith("twin-"):
+    if name.startswith(TWIN):
         # It loads the physics, which takes a second.
         from scenarios.problems.twin_name import twin_name
         from scenarios.problems.twin_problem import TwinProblem

@@ -6,6 +6,9 @@ from scenarios.estimators.seeds import seed_of
 
 ASKS = ("fit", "underfit", "select")
 
+TWIN = "twin-"
+"""Beginning of the names of the arm's problems, whose records come from the physics."""
+
 
 @dataclass(frozen=True, order=True)
 class Trial:

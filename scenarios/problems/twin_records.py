@@ -19,12 +19,9 @@ from scenarios.datasets.arm_truth import model_sha256
 from scenarios.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import fingerprint
-from scenarios.problems.trial import Trial
+from scenarios.problems.trial import TWIN, Trial
 from scenarios.problems.twin_name import SETTLING, TwinName, twin_name
 from sysid import IOData
-
-MARK = "twin-"
-"""Beginning of the names of the arm's problems."""
 
 MOST = 20_000
 """Records that are kept in memory: some hundred megabytes."""
@@ -70,7 +67,7 @@ def prepare(trials: Sequence[Trial], run_seed: int, *, folder: Path | None = Non
     """
     if folder is not None:
         use_folder(folder)
-    draws = [(twin_name(trial.problem), trial.seed(run_seed)) for trial in trials if trial.problem.startswith(MARK)]
+    draws = [(twin_name(trial.problem), trial.seed(run_seed)) for trial in trials if trial.problem.startswith(TWIN)]
     return _simulate(draws, threads)
 
 

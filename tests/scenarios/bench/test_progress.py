@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenarios.bench.measurement import Measurement
-from scenarios.bench.progress import CostModel, TrialJournal, file_name, pilot_jobs, problem_kind
+from scenarios.bench.progress import TrialJournal, file_name, pilot_jobs, problem_kind, remaining_cost
 from scenarios.bench.runner import RecordJob, TrialResult
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.trial import Trial
@@ -80,9 +80,5 @@ def test_the_first_job_of_each_kind_of_problem_predicts_the_cost():
     names = ("twin-a-w0", "twin-a-w1", "p1@300", "twin-a-w2", "p1", "twin-a-w3", "p1")
     first, others = pilot_jobs([RecordJob(name, draw, (("fit", 0),)) for draw, name in enumerate(names)])
     assert [problem_kind(job.problem) for job in first] == ["twin-a", "p1@300", "p1"]
-    costs = CostModel()
-    for job in first:
-        costs.learn(TrialResult(0, Measurement(Trial(job.problem, job.draw), "crash"), 1.0 + job.draw))
-    cost = costs.remaining(others, 2)
-    assert (cost.requests, cost.core_seconds, cost.wall) == (4, 8.0, 4.0)
-    assert str(cost) == "4 requests, 8 s of one core, about 4 s with all workers"
+    finished = [TrialResult(0, Measurement(Trial(job.problem, job.draw), "crash"), 1.0 + job.draw) for job in first]
+    assert remaining_cost(finished, others, 2) == "4 requests, 8 s of one core, about 4 s with all workers"
