@@ -80,8 +80,6 @@ class Acceptance:
         with np.errstate(over="ignore"):
             mean = float(np.mean(values)) if len(values) else NAN
         interval = interval_of_mean_share(values) if self.shares else interval_of_positive_mean(values)
-        if limits is None:
-            return unjudged(label, theory.why, len(values), mean, self.expected, interval, theory=theory.passes)
         return Part.judged(label, mean, self.expected, interval, limits, theory, len(values))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import Evidence, Metric, MetricDefinition, Part, unjudged
-from scenarios.bench.theory import Expectation
+from scenarios.bench.theory import Expectation, expectation
 from scenarios.problems.trial import Trial
 from sysid.records.arrays import ComplexArray
 from sysid.validation.systematic_error import FEWEST_REALISATIONS, scatter_of, systematic_of
@@ -38,13 +38,6 @@ WHY = (
     "where friction dominates, 2 % from 40 mrad on. Noise and nonlinear distortion are shown beside it, not judged; "
     "expected is what the response without a model has"
 )
-
-NOT_CONSISTENT = {
-    "least_squares": "least squares are biased unless the disturbance is white equation error; that of the arm is "
-    "resolver noise and residual friction [Ljung1999, sec. 7.3]",
-    "observer": "an observer with few Markov parameters is biased at low order [Juang1993]",
-}
-"""Methods for which theory expects a systematic error on the arm."""
 
 
 def multisine_class(joint: str, mrad: int) -> str:
@@ -77,8 +70,7 @@ class AmplitudeSplit(MetricDefinition):
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """A part for each joint, amplitude and kind of error; a verdict on the systematic one."""
-        why = NOT_CONSISTENT.get(evidence.estimator.method or "", "")
-        theory = Expectation(not why, why)
+        theory = expectation(evidence.estimator, "twin", self.name)
         classes: dict[str, list[Measurement]] = {}
         for m in evidence.measurements:
             classes.setdefault(m.trial.problem.rpartition("-w")[0], []).append(m)

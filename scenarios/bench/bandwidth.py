@@ -1,6 +1,5 @@
 """Bandwidth: the value recovered for each joint of the arm, beside the truth and the 1 Hz of the thesis."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -69,17 +68,11 @@ class BandwidthMetric(MetricDefinition):
 
     A bandwidth is claimed where the model has one, not below the lowest frequency that is excited, and not with an
     interval that spans more than a factor of a hundred. Models without one count all the same, as not near 1 Hz.
-
-    Args:
-        truths: See `true_bandwidths`.
     """
 
     name = "bandwidth"
     title = "Recovered bandwidth"
     unit = "Hz"
-
-    def __init__(self, truths: Callable[[str], tuple[float, dict[str, Any]]] = true_bandwidths) -> None:
-        self._truths = truths
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """The multisines of the split over amplitude, and binary sequences like the thesis' test 5."""
@@ -93,7 +86,7 @@ class BandwidthMetric(MetricDefinition):
             if m.kind == MODEL:
                 # without the number of the waveform and the length of the record
                 groups.setdefault("-".join(m.trial.problem.partition("@")[0].split("-")[:5]), []).append(m)
-        rows = [self._row(name, group) for name, group in groups.items()]
+        rows = [_row(name, group) for name, group in groups.items()]
         parts = [_part(row) for row in rows] or [unjudged("all joints", "no record has a model")]
         # the furthest from its truth, as a ratio, of those with the largest amplitude
         largest = max((row["mrad"] for row in rows if row["hz"]), default=NAN)
@@ -106,22 +99,23 @@ class BandwidthMetric(MetricDefinition):
         curves = {"about_1_hz": list(ABOUT_1_HZ), "classes": rows, "near": near, "models": models}
         return replace(self.of_parts(parts, 0.0, why, curves, shown=shown), why=why)
 
-    def _row(self, name: str, group: Measurements) -> dict[str, Any]:
-        lowest, truths = self._truths(name)
-        _, variant, joint, excitation, amplitude = name.split("-")
-        claimed = [hz for m in group if np.isfinite(hz := _claimed(m, lowest))]
-        mrad = float(amplitude.removesuffix("mrad"))
-        return {
-            "label": f"{joint} {excitation} {mrad:g} mrad",
-            "variant": variant,
-            "joint": joint,
-            "excitation": excitation,
-            "mrad": mrad,
-            "hz": claimed,
-            "models": len(group),
-            "near": sum(map(near_1_hz, claimed)),
-            **truths,
-        }
+
+def _row(name: str, group: Measurements) -> dict[str, Any]:
+    lowest, truths = true_bandwidths(name)
+    _, variant, joint, excitation, amplitude = name.split("-")
+    claimed = [hz for m in group if np.isfinite(hz := _claimed(m, lowest))]
+    mrad = float(amplitude.removesuffix("mrad"))
+    return {
+        "label": f"{joint} {excitation} {mrad:g} mrad",
+        "variant": variant,
+        "joint": joint,
+        "excitation": excitation,
+        "mrad": mrad,
+        "hz": claimed,
+        "models": len(group),
+        "near": sum(map(near_1_hz, claimed)),
+        **truths,
+    }
 
 
 def _claimed(m: Measurement, lowest: float) -> float:

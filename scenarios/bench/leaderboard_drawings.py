@@ -1,8 +1,10 @@
-"""Drawings of the leaderboard: metrics problem by problem, recovered bandwidths, accuracy against time."""
+"""Drawings of the leaderboard: metrics by problem, accuracy against time, errors over frequency and amplitude."""
 
+import textwrap
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import isfinite
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,26 +13,41 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from scenarios.bench.leaderboard_curves import MOST, Drawing, label, literal, responses, splits
-from scenarios.bench.leaderboard_rows import LeaderboardRow, common_problems, listed
+from scenarios.bench.leaderboard_rows import Curve, LeaderboardRow, common_problems, listed
 from scenarios.bench.leaderboard_tables import UNKNOWN, number, title, unit
-from scenarios.bench.leaderboard_verdict import Verdict, part_verdict
+from scenarios.bench.leaderboard_verdict import WORDS, Verdict, part_verdict
 from scenarios.bench.metric import Part
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
 from scenarios.report.figure_style import WIDTH, dress, plain_marks
 from scenarios.report.figures import Gallery, Picture
-from sysid.plots.palette import BOUND, GRID, INK, PALETTE, Style
+from sysid.plots.palette import BOUND, DISTORTION, GRID, INK, NOISE, PALETTE, Style
+
+MOST = 4
+"""Problems or joints that are drawn, side by side: the first ones."""
+
+DECADES = 1e-5
+"""Lowest value on an axis over the largest: errors without noise would take all room."""
+
+LINES: Mapping[str, Mapping[str, Any]] = {
+    "truth": {"color": PALETTE["truth"].colour, "lw": 0.7, "label": "gain of the truth"},
+    "bound": {"color": BOUND.colour, "lw": 0.9, "ls": ":", "label": "bound"},
+    "error": {"color": PALETTE["armax"].colour, "lw": 1.5, "label": "rms error"},
+    "claimed": {"color": INK, "lw": 0.9, "ls": "--", "label": "claimed"},
+}
+"""Looks of the curves over frequency."""
+
+SHARES: Mapping[str, tuple[str, Style]] = {
+    "systematic": ("systematic error", PALETTE["armax"]),
+    "noise": ("noise", NOISE),
+    "distortion": ("nonlinear distortion", DISTORTION),
+}
+"""Shares of an error on the arm, with their words and styles."""
+
+Drawing = tuple[Figure, str] | None
+"""A figure and its caption; None where no row has the numbers for it."""
 
 NOT_METHODS = ("truth", "measured", "bla", "published", "welch", "etfe", "cra", "spa")
 """Styles of the palette that are of no method."""
-
-MARKERS = {
-    Verdict.PASSES: "o",
-    Verdict.FAILS: "X",
-    Verdict.FAILS_AS_THEORY_SAYS: "^",
-    Verdict.NONE: "o",
-}
-"""Shapes of verdicts; without a verdict the circle is open."""
 
 MOST_PANELS = 8
 """Parts of a metric that are drawn; the table has the others."""
@@ -103,12 +120,9 @@ def parts_drawn(rows: Sequence[LeaderboardRow], name: str, *, scale: str = "line
             axes.set_xlim(low, high)
             plain_marks(axes.xaxis, (low, high))
     figure.supxlabel(literal(unit(rows, name).removeprefix(" / ")), fontsize=8)
-    _legend(figure, (_dot(INK, word.word, MARKERS[word], filled=word is not Verdict.NONE) for word in Verdict))
+    _legend(figure, (_dot(INK, word.word, word.marker, filled=word is not Verdict.NONE) for word in Verdict))
     rest = f" Drawn are {MOST_PANELS} of {len(known)} parts." if len(known) > MOST_PANELS else ""
-    return figure, (
-        f"{title(rows, name)}, problem by problem. Bars: 95 % Monte-Carlo interval; brackets: limits within which a "
-        "value passes, for each estimator by its own number of records; black line: what is expected." + rest
-    )
+    return figure, f"{title(rows, name)}, {WORDS['captions']['parts']}{rest}"
 
 
 def _part(axes: Axes, line: int, part: Part, colour: str) -> None:
@@ -117,7 +131,7 @@ def _part(axes: Axes, line: int, part: Part, colour: str) -> None:
         axes.plot(limit, line, marker=sign, color=BOUND.colour, ms=7, mew=0.3)
     axes.plot(part.interval, (line, line), color=colour, lw=1.6)
     judged = part_verdict(part)
-    (mark,) = axes.plot(part.value, line, MARKERS[judged], color=colour, zorder=3)
+    (mark,) = axes.plot(part.value, line, judged.marker, color=colour, zorder=3)
     mark.set(mfc="white" if judged is Verdict.NONE else colour, ms=4 if judged is Verdict.PASSES else 5.5)
     if not isfinite(part.value) or (axes.get_xscale() == "log" and part.value <= 0.0):
         word, place = number(part.value).replace(UNKNOWN, "no value"), axes.get_yaxis_transform()
@@ -162,11 +176,7 @@ def bandwidths(rows: Sequence[LeaderboardRow]) -> Drawing:
         Patch(color=ONE_HZ, label="near 1 Hz"),
     ]
     _legend(figure, signs)
-    return figure, (
-        "Bandwidths that each estimator finds, a point for each record, by excitation from top to bottom. Ticks: the "
-        "best linear truth of that excitation, which friction and limits lower; black line: truth of small signals; "
-        "shaded: near 1 Hz. Records whose model claims no bandwidth have no point; × at the left where none has."
-    )
+    return figure, WORDS["captions"]["bandwidth"]
 
 
 def work_precision(rows: Sequence[LeaderboardRow]) -> Drawing:
@@ -193,14 +203,9 @@ def work_precision(rows: Sequence[LeaderboardRow]) -> Drawing:
     plain_marks(axes.yaxis, axes.get_ylim())
     figure.legend(loc="outside right upper", frameon=False, fontsize=7.5, labelspacing=0.8)
     absent = [row.name for row in rows if row.number not in clouds]
-    caption = (
-        "Accuracy against time, both better to the lower left. Large marks: median over the problems that were asked "
-        f"of all rows ({listed(problems)}); small ones: each of them. The error is relative to the true response; the "
-        "reference is the time of a fixed least-squares problem on the same record in the same run."
-    ) + ("" if few else " Numbers are those of the tables.")
-    return figure, caption + (
-        f" Not drawn, since a number of theirs is missing: {', '.join(absent)}." if absent else ""
-    )
+    caption = WORDS["captions"]["accuracy_and_time"] % listed(problems)
+    caption += "" if few else " Numbers are those of the tables."
+    return figure, caption + (f" Not drawn, since a number of theirs is missing: {', '.join(absent)}." * bool(absent))
 
 
 def _points(row: LeaderboardRow, problems: Sequence[str]) -> np.ndarray:
@@ -237,6 +242,105 @@ def _legend(figure: Figure, signs: Iterable[Line2D | Patch]) -> None:
 
 def _dot(colour: str, text: str, marker: str, *, size: float = 5, filled: bool = True) -> Line2D:
     return Line2D([], [], color=colour, ls="", marker=marker, ms=size, label=text, mfc=colour if filled else "white")
+
+
+def label(row: LeaderboardRow, width: int = 18) -> str:
+    """Number and name on at most two lines of a drawing; the number tells names apart that are cut."""
+    return literal("\n".join(textwrap.wrap(row.title, width, max_lines=2, placeholder="…")))
+
+
+def literal(text: str) -> str:
+    """Text that matplotlib does not read as a formula."""
+    return text.replace("\\", "\N{REVERSE SOLIDUS OPERATOR}").replace("$", r"\$")
+
+
+def responses(rows: Sequence[LeaderboardRow]) -> Drawing:
+    """A panel for each estimator and problem: rms error, claimed band, bound and truth over frequency."""
+    problems = _columns(rows, "frequency_response")
+    if not problems:
+        return None
+    figure, panels = _grid(rows, problems[:MOST], sharey="col")
+    for axes, curve in _filled(rows, "frequency_response", problems, panels):
+        axes.set(xscale="log", yscale="log")
+        for key, look in LINES.items():
+            if key in curve:
+                axes.plot(curve["frequencies_hz"], np.sqrt(np.mean(curve[key] ** 2, axis=(1, 2))), **look)
+    for axes in panels[0]:
+        low, high = axes.get_ylim()
+        axes.set_ylim(bottom=max(low, DECADES * high))
+        plain_marks(axes.xaxis, axes.get_xlim())
+        plain_marks(axes.yaxis, axes.get_ylim())
+    figure.supxlabel("frequency / Hz", fontsize=8)
+    signs = [Line2D([], [], **look) for look in LINES.values()]
+    figure.legend(handles=signs, loc="outside upper left", ncols=4, frameon=False, fontsize=7)
+    rest = f" Drawn are the first {MOST} of {len(problems)} problems." if len(problems) > MOST else ""
+    return figure, f"{WORDS['captions']['frequency_response']}{rest}"
+
+
+def splits(rows: Sequence[LeaderboardRow]) -> Drawing:
+    """A panel for each estimator and joint of the arm: systematic error, noise and distortion over amplitude."""
+    joints = _columns(rows, "amplitude_split")[:MOST]
+    if not joints:
+        return None
+    figure, panels = _grid(rows, joints, sharey=True)
+    filled = list(_filled(rows, "amplitude_split", joints, panels))
+    marks = np.concatenate([values for _, curve in filled for key, values in curve.items() if values.ndim == 1])
+    marks = marks[np.isfinite(marks) & (marks > 0.0)]
+    top, low = 2.0 * marks.max(), max(marks.min(), 2.0 * DECADES * marks.max())
+    for axes, curve in filled:
+        axes.set_xscale("log")
+        # An estimator without an error of some kind has the value 0, which a logarithmic axis cannot show.
+        axes.set_yscale("symlog", linthresh=low, linscale=0.3)
+        for place, (key, (_, style)) in enumerate(SHARES.items()):
+            at = curve["mrad"] * 1.06 ** (place - 1)  # beside each other, so that bars do not hide one another
+            axes.plot(at, curve[key], color=style.colour, marker=style.marker, ms=3.5, lw=1.0, clip_on=False)
+            axes.vlines(at, *np.clip(curve[f"{key}_interval"].T, 0.0, top), color=style.colour, lw=1.0)
+            if f"expected_{key}" in curve:
+                axes.plot(at, curve[f"expected_{key}"], color=style.colour, lw=0.9, ls=":")
+        axes.plot(curve["mrad"], curve["systematic_limit"], "_", color=BOUND.colour, ms=8)
+    for axes in panels[0]:
+        axes.set_xlim(axes.get_xlim()[0] / 1.2, axes.get_xlim()[1] * 1.2)
+        plain_marks(axes.xaxis, axes.get_xlim())
+    panels[0, 0].set_ylim(0.0, top)
+    panels[0, 0].yaxis.set_major_formatter(lambda value, _: f"{value:g}" if value >= low or value == 0.0 else "")
+    figure.supxlabel("amplitude of the command / mrad", fontsize=8)
+    figure.supylabel("% of the linear part", fontsize=8)
+    signs = [Line2D([], [], color=s.colour, marker=s.marker, ms=4, lw=1.2, label=text) for text, s in SHARES.values()]
+    signs.append(Line2D([], [], color=BOUND.colour, ls="", marker="_", ms=8, label="limit of the systematic error"))
+    figure.legend(handles=signs, loc="outside upper left", ncols=2, frameon=False, fontsize=7)
+    return figure, WORDS["captions"]["amplitude_split"]
+
+
+def _columns(rows: Sequence[LeaderboardRow], metric: str) -> list[str]:
+    return list(dict.fromkeys(name for row in rows for name in row.curves[metric]))
+
+
+def _grid(
+    rows: Sequence[LeaderboardRow], columns: Sequence[str], *, sharey: Literal["col"] | bool
+) -> tuple[Figure, np.ndarray]:
+    """Panels (estimator, column), dressed."""
+    figure = Figure(figsize=(WIDTH, 1.0 + 0.95 * len(rows)), layout="constrained")
+    panels = figure.subplots(len(rows), len(columns), squeeze=False, sharex="col", sharey=sharey)
+    dress(panels.flat)
+    for axes in panels.flat:
+        axes.tick_params(labelsize=6.5, pad=1.5)
+    for axes, name in zip(panels[0], columns, strict=True):
+        axes.set_title(literal(name).replace("_", " "), fontsize=8)
+    for axes, row in zip(panels[:, 0], rows, strict=True):
+        axes.set_ylabel(label(row, 14), fontsize=7, rotation=0, ha="right", va="center")
+    return figure, panels
+
+
+def _filled(
+    rows: Sequence[LeaderboardRow], metric: str, columns: Sequence[str], panels: np.ndarray
+) -> Iterator[tuple[Axes, Curve]]:
+    """Panels that have a curve, and the curve; the others say that they have none."""
+    for line, row in zip(panels, rows, strict=True):
+        for axes, name in zip(line, columns, strict=False):
+            if name in row.curves[metric]:
+                yield axes, row.curves[metric][name]
+            else:
+                axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", fontsize=7, color=BOUND.colour)
 
 
 DRAWINGS: Mapping[str, Callable[[Sequence[LeaderboardRow]], Drawing]] = {

@@ -1,42 +1,18 @@
 """Notes of the leaderboard: where its rows are not comparable, or not complete."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 from scenarios.bench.leaderboard_rows import LeaderboardRow, common_problems
-from scenarios.bench.leaderboard_verdict import GUIDE, Verdict, verdict
+from scenarios.bench.leaderboard_verdict import GUIDE, WORDS, Verdict, verdict
+from scenarios.bench.result import Result
 from scenarios.estimators.outcome import MODEL, REFUSED
-
-CONDITIONS: dict[str, tuple[Callable[[LeaderboardRow], str], str]] = {
-    "seed": (
-        lambda row: str(row.result.seed),
-        "they saw different records, and differences within their intervals may be chance",
-    ),
-    "effort": (
-        lambda row: row.result.effort,
-        "their intervals and limits are of different numbers of records, and problems may differ",
-    ),
-    "limits": (
-        lambda row: f"{row.result.limits.seconds:g} s and {row.result.limits.memory_bytes / 2**20:.0f} MiB",
-        "failures by time and memory do not compare",
-    ),
-    "protocol": (lambda row: str(row.result.protocol), "they were run in different ways"),
-    "version of the bench": (
-        lambda row: row.result.versions.get("hmtb-twin", "not stated"),
-        "problems, records and limits may differ",
-    ),
-    "machine": (
-        lambda row: row.result.machine or "not stated",
-        "speeds compare as multiples of the reference time only, and limits of time are not the same",
-    ),
-}
-"""Settings that two rows must share to compare: how to read each from a row, and what follows if it differs."""
 
 
 def notes(rows: Sequence[LeaderboardRow]) -> list[str]:
     """Sentences for a reader who compares rows; none where all rows are alike, complete and of one run."""
     sentences = []
-    for condition, (read, consequence) in CONDITIONS.items():
-        groups = _grouped((read(row), row) for row in rows)
+    for condition, consequence in WORDS["conditions"].items():
+        groups = _grouped((_conditions(row.result)[condition], row) for row in rows)
         if len(groups) > 1:
             values = "; ".join(f"{value}: {_names(group)}" for value, group in groups.items())
             sentences.append(f"Rows differ in {condition}, so {consequence}. {values}.")
@@ -52,6 +28,18 @@ def notes(rows: Sequence[LeaderboardRow]) -> list[str]:
             f"{text[:1].upper()}{text[1:]}."
         )
     return sentences + _incomplete(rows)
+
+
+def _conditions(result: Result) -> dict[str, str]:
+    """Settings that two results must share to compare."""
+    return {
+        "seed": str(result.seed),
+        "effort": result.effort,
+        "limits": f"{result.limits.seconds:g} s and {result.limits.memory_bytes / 2**20:.0f} MiB",
+        "protocol": str(result.protocol),
+        "version of the bench": result.versions.get("hmtb-twin", "not stated"),
+        "machine": result.machine or "not stated",
+    }
 
 
 def _incomplete(rows: Sequence[LeaderboardRow]) -> list[str]:

@@ -8,23 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.bench.leaderboard_verdict import Verdict, count, judged_metrics
+from scenarios.bench.leaderboard_verdict import WORDS, Verdict, count, judged_metrics
 from scenarios.bench.metric import Metric
 from scenarios.bench.result import Result
 from scenarios.files.errors import ScenarioError
 
-RULE = (
-    "Rows are ordered by the number of figures that fail where theory expects them to pass, the fewest first; then by "
-    "the number of figures of the models without a verdict (all but time), the fewest first, so that nobody gains by "
-    "what could not be judged: to fail as theory says is a verdict; then by the number of figures passed; then by the "
-    "number that stands for efficiency, the smallest first; then by name. No score is made of several figures: which "
-    "of them matters depends on what the model is for."
-)
-
-ORDERS_GIVEN = (
-    "Errors are those of the estimation alone: tasks that ask for a fit hand over the true orders and the true delay. "
-    "Only “Tests and orders” asks estimators to choose them."
-)
+RULE, ORDERS_GIVEN = WORDS["rules"]["order"], WORDS["rules"]["orders_given"]
 
 MOST_BYTES = 2**26
 """Result files are far smaller; an endless or foreign file is not read."""

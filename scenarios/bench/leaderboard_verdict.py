@@ -1,10 +1,10 @@
-"""Verdicts of the test bench in four words, and a guide to each metric: what it measures, and what it cannot see."""
+"""Verdicts of the test bench in four words, and the words of the leaderboard: guides to metrics, rules, captions."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from types import MappingProxyType
+from typing import Any
 
 from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
@@ -12,15 +12,15 @@ from scenarios.files.codec import read_toml, structure
 
 
 class Verdict(Enum):
-    """A verdict: its word, and the sign that tells it apart without colour; from good to bad."""
+    """A verdict: its word, the sign that tells it apart without colour, its marker in drawings; from good to bad."""
 
-    PASSES = ("passes", "✓")
-    FAILS_AS_THEORY_SAYS = ("fails as theory says", "△")
-    NONE = ("no verdict", "–")
-    FAILS = ("fails", "✗")
+    PASSES = ("passes", "✓", "o")
+    FAILS_AS_THEORY_SAYS = ("fails as theory says", "△", "^")
+    NONE = ("no verdict", "–", "o")
+    FAILS = ("fails", "✗", "X")
 
-    def __init__(self, word: str, sign: str) -> None:
-        self.word, self.sign = word, sign
+    def __init__(self, word: str, sign: str, marker: str) -> None:
+        self.word, self.sign, self.marker = word, sign, marker
 
 
 def verdict(metric: Metric | None) -> Verdict:
@@ -70,13 +70,15 @@ class MetricGuide:
     blind: str
 
 
-GUIDE: Mapping[str, MetricGuide] = MappingProxyType(
-    structure(
-        dict[str, MetricGuide],
-        read_toml(Path(__file__).with_name("metric_guide.toml").read_text(encoding="utf-8"), "metric_guide.toml"),
-    )
-)
+def _read(name: str) -> dict[str, Any]:
+    return read_toml(Path(__file__).with_name(name).read_text(encoding="utf-8"), name)
+
+
+GUIDE: Mapping[str, MetricGuide] = structure(dict[str, MetricGuide], _read("metric_guide.toml"))
 """Guides by name of the metric, in the order of the page."""
+
+WORDS: Mapping[str, Mapping[str, str]] = _read("leaderboard.toml")
+"""Rules, captions and conditions of the leaderboard."""
 
 INFORMATIVE = ("bandwidth",)
 """Metrics that never give a verdict."""

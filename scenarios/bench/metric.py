@@ -61,13 +61,14 @@ class Part:
         value: float,
         expected: float,
         interval: tuple[float, float],
-        limits: tuple[float, float],
+        limits: tuple[float, float] | None,
         theory: Expectation,
         draws: int,
     ) -> "Part":
-        """A part that passes if its value lies within the limits."""
-        passed = bool(limits[0] <= value <= limits[1])  # JSON does not take NumPy's truth values
-        return cls(label, value, expected, interval, limits, passed, theory.passes, theory.why, draws)
+        """A part that passes if its value lies within the limits; without limits it has no verdict."""
+        low, high = limits or UNLIMITED
+        passed = None if limits is None else bool(low <= value <= high)  # JSON does not take NumPy's truth values
+        return cls(label, value, expected, interval, (low, high), passed, theory.passes, theory.why, draws)
 
     @property
     def surprises(self) -> bool:
@@ -262,9 +263,6 @@ def all_pass(metrics: Mapping[str, Metric]) -> bool:
 
     An estimator that refuses everything, or has too few models for any verdict, has not passed. Where only metrics were
     chosen that say nothing about whether a model is right, one of them must have a value.
-
-    Args:
-        metrics: By name.
     """
     if any(metric.passed is False for metric in metrics.values()):
         return False

@@ -14,7 +14,7 @@ from scenarios.bench.claims import Coverage, NormalisedError, ResponseError
 from scenarios.bench.consistency import Consistency, NoiseFreeRecovery
 from scenarios.bench.metric import FALSE_ALARM, NAN, Evidence, Metric, MetricDefinition, Part, unjudged
 from scenarios.bench.tests_and_orders import ResidualTestsAndOrders
-from scenarios.bench.theory import UNSTABLE_MODELS, Expectation
+from scenarios.bench.theory import LIMITATIONS, Expectation
 from scenarios.estimators.outcome import KINDS, MODEL, REFUSED
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.problems.trial import Trial
@@ -69,10 +69,10 @@ class Reliability(OverAllTrials):
         counted = [m for m, request in requests if request in answered]
         failed = [m for m in counted if m.kind != MODEL]
         kinds, total, refused = Counter(m.kind for m in counted), len(counted), len(requests) - len(counted)
-        no_guarantee = UNSTABLE_MODELS.get(evidence.estimator.method or "", "")
+        no_guarantee = LIMITATIONS.get(f"{UNSTABLE}_{evidence.estimator.method}")
         whys = {**KINDS, REFUSED: "refused on some records of a problem and answered on others"}
-        if excused := bool(no_guarantee) and 2 * kinds[MODEL] >= total:
-            whys[UNSTABLE] = no_guarantee
+        if excused := no_guarantee is not None and 2 * kinds[MODEL] >= total:
+            whys[UNSTABLE] = no_guarantee.why
         parts = [
             Part.judged(
                 kind,

@@ -132,12 +132,7 @@ def perfect(problem: Problem, task: Task, seed: int) -> EstimatorOutcome:
     The truth with an error of exactly the Cramér-Rao covariance, claiming exactly that; the truth itself where there is
     no noise or no bound. Where the orders are to be chosen, those of the truth; where they are too low, the
     prediction-error fit to the record. An error that makes the model unstable counts as such and is not drawn again:
-    the rest of a distribution after redrawing has another covariance.
-
-    Args:
-        problem: With its truth.
-        task: The task.
-        seed: Of the record; the error belongs to it.
+    the rest of a distribution after redrawing has another covariance. The error belongs to the record, by its seed.
     """
     fit = problem.task(task.structure)
     if not task.chooses and (fit is None or dict(task.orders) != dict(fit.orders)):
@@ -162,11 +157,7 @@ def perfect(problem: Problem, task: Task, seed: int) -> EstimatorOutcome:
 
 
 class Runner:
-    """Runs jobs in this process; estimators stay open from one job to the next.
-
-    Args:
-        setup: What the jobs share.
-    """
+    """Runs jobs in this process; estimators stay open from one job to the next."""
 
     def __init__(self, setup: BenchSetup) -> None:
         self._setup = setup

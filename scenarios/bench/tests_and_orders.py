@@ -133,14 +133,11 @@ def _parts(name: str, evidence: Evidence) -> list[Part]:
 
 @lru_cache(maxsize=64)
 def size_of_independent_estimate(count: int) -> float:
-    """How often a test at the nominal level rejects an efficient estimate whose error is independent of the record.
+    """How often a nominal test rejects an efficient estimate of so many parameters that is independent of the record.
 
     Correlations of the residuals at h lags are normal with unit covariance in the true model. An efficient estimate's
     error adds at most as much again in each of the directions that its parameters open, since the part of the record's
     information on them that the h lags hold is at most all of it; a fit to the same record takes as much away.
-
-    Args:
-        count: Number of parameters.
     """
     rng = np.random.default_rng(20_009)
     draws = 100_000

@@ -63,21 +63,13 @@ NEGLIGIBLE_BIAS = 0.1
 """Greatest share of a bias in the mean square error that explains no failure: it would make errors in claimed
 deviations a ninth larger in the square, which is within the limits. Ten records cannot show it, a hundred can."""
 
-UNSTABLE_MODELS = {
-    "subspace": "a subspace estimate of A may have poles outside the unit circle, also where the truth is stable "
-    "[Maciejowski1995]",
-    "instrumental": "instrumental variables minimise no error of the model; nothing keeps its poles within the unit "
-    "circle where noise and distortion are large [Soderstrom1989, ch. 8]",
-}
-"""Methods that may give unstable models, and why."""
-
 
 def expectation(estimator: Estimator, name: str, metric: str) -> Expectation:
     """Theory's expectation of an estimator on a problem.
 
     Args:
         estimator: The estimator; without a stated method it is expected to pass.
-        name: Name of the problem.
+        name: Name of the problem, or its family.
         metric: Key of the metric, or `INDEPENDENCE`.
     """
     limit = limitation(estimator.method, estimator.structure, name)
@@ -95,8 +87,10 @@ def limitation(method: str | None, structure: str | None, name: str) -> Limitati
     """
     family = name.split("@")[0].split("-")[0]
     feedback = family == "feedback"
-    if method is None or family in ("quiet", "twin"):
+    if method is None or family == "quiet":
         return None
+    if family == "twin":
+        return LIMITATIONS.get(f"arm_{method}")
     if method in ("observer", "subspace"):
         return LIMITATIONS["feedback_input" if feedback else method]
     held = structure is None or problem(name).bound(structure) is not None
@@ -115,12 +109,6 @@ def expected_of_claims(estimator: Estimator, name: str, good: Measurements, metr
     A method with a known bias may claim too little, since its claims do not include the bias. Where the mean error is
     no more than `NEGLIGIBLE_BIAS` of the mean square error at any frequency, it may not. Where a wrong model of the
     disturbance would spoil the claims too, the mean square error must also be that of the bound.
-
-    Args:
-        estimator: The estimator.
-        name: Name of the problem.
-        good: Records of the problem that have a model.
-        metric: Key of the metric.
     """
     expected = expectation(estimator, name, metric)
     limit = limitation(estimator.method, estimator.structure, name)
@@ -145,12 +133,7 @@ def expected_of_claims(estimator: Estimator, name: str, good: Measurements, metr
 def greatest_bias(good: Measurements, name: str, structure: str | None) -> float:
     """Square of the mean error of the response over the mean square error, at the frequency where it is largest.
 
-    Free of what scatter leaves in a mean. NaN for fewer than two records.
-
-    Args:
-        good: Records of the problem that have a model.
-        name: Of the problem.
-        structure: Of the estimator.
+    Free of what scatter leaves in a mean. NaN for fewer than two records with a model.
     """
     if len(good) < 2:
         return float("nan")

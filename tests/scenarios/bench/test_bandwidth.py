@@ -20,8 +20,13 @@ def outcome(problem, hz, interval=None, kind="model", draw=0):
     return Measurement(Trial(problem, draw), kind, bandwidth_hz=band, bandwidth_ci95=ends)
 
 
+@pytest.fixture(autouse=True)
+def truth(monkeypatch):
+    monkeypatch.setattr("scenarios.bench.bandwidth.true_bandwidths", lambda name: (0.2, TRUTH))
+
+
 def metric(outcomes):
-    return evaluated(BandwidthMetric(lambda name: (0.2, TRUTH)), outcomes)
+    return evaluated(BandwidthMetric(), outcomes)
 
 
 def on_pitch(values):
