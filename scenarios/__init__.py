@@ -13,4 +13,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Excitation", "Scenario", "ScenarioError", "Waveform", "load", "names"]
 
-__getattr__ = lazy_names(__name__, experiments="Excitation Scenario Waveform load names", files="ScenarioError")
+__getattr__ = lazy_names(__name__, __file__)

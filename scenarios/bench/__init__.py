@@ -13,11 +13,4 @@ if TYPE_CHECKING:
 
 __all__ = ["ALL_METRICS", "BenchPlan", "Measurement", "Metric", "MetricDefinition", "Result"]
 
-__getattr__ = lazy_names(
-    __name__,
-    measurement="Measurement",
-    metric="Metric MetricDefinition",
-    metrics="ALL_METRICS",
-    result="Result",
-    verify="BenchPlan",
-)
+__getattr__ = lazy_names(__name__, __file__)

@@ -10,4 +10,4 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS", "main", "parse", "print_json", "print_table"]
 
-__getattr__ = lazy_names(__name__, cli="COMMANDS main parse", output="print_json print_table")
+__getattr__ = lazy_names(__name__, __file__)

@@ -9,4 +9,4 @@ if TYPE_CHECKING:
 
 __all__ = ["DataRecord", "DataSet", "load", "open_data_set"]
 
-__getattr__ = lazy_names(__name__, data_set="DataRecord DataSet load open_data_set")
+__getattr__ = lazy_names(__name__, __file__)

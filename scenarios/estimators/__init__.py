@@ -12,6 +12,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Answer", "Estimator", "EstimatorOutcome", "EstimatorProcess", "Limits", "Task"]
 
-__getattr__ = lazy_names(
-    __name__, estimator="Estimator Limits", outcome="Answer EstimatorOutcome", runner="EstimatorProcess", task="Task"
-)
+__getattr__ = lazy_names(__name__, __file__)

@@ -12,6 +12,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Excitation", "Scenario", "Waveform", "load", "names"]
 
-__getattr__ = lazy_names(
-    __name__, excitation_computer="Excitation", registry="load names", scenario="Scenario", waveform="Waveform"
-)
+__getattr__ = lazy_names(__name__, __file__)

@@ -1,21 +1,24 @@
 """Public names of a room, imported when they are first used: the command line's help does not load the laboratory."""
 
+import ast
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 
 
-def lazy_names(package: str, **modules: str) -> Callable[[str], object]:
+def lazy_names(package: str, file: str) -> Callable[[str], object]:
     """Function `__getattr__` of a package: it imports a public name when it is first used.
 
     Args:
         package: Name of the package.
-        **modules: Names that each module of the package holds, separated by spaces.
+        file: Its source, which imports the names for type checkers alone.
     """
-    places = {name: module for module, names in modules.items() for name in names.split()}
+    imports = (node for node in ast.walk(ast.parse(Path(file).read_bytes())) if isinstance(node, ast.ImportFrom))
+    places = {alias.name: node.module or "" for node in imports for alias in node.names}
 
     def get(name: str) -> object:
         if name not in places:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(f"{package}.{places[name]}"), name)
+        return getattr(import_module(places[name]), name)
 
     return get

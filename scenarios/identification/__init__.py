@@ -22,11 +22,4 @@ __all__ = [
     "recover",
 ]
 
-__getattr__ = lazy_names(
-    __name__,
-    bandwidth_study="BandwidthStudy",
-    identification="Identification fit_model identify",
-    methods="ESTIMATORS",
-    model_comparison="compare_models",
-    recovered_bandwidth="RecoveredBandwidth recover",
-)
+__getattr__ = lazy_names(__name__, __file__)

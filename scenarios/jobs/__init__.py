@@ -11,4 +11,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Cluster", "Executor", "Journal", "LocalProcesses"]
 
-__getattr__ = lazy_names(__name__, cluster="Cluster", executor="Executor LocalProcesses", journal="Journal")
+__getattr__ = lazy_names(__name__, __file__)

@@ -11,4 +11,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Problem", "Trial", "names"]
 
-__getattr__ = lazy_names(__name__, problem="Problem", registry="names", trial="Trial")
+__getattr__ = lazy_names(__name__, __file__)

@@ -10,4 +10,4 @@ if TYPE_CHECKING:
 
 __all__ = ["SETTINGS", "Gallery", "Page", "Picture", "save_figure"]
 
-__getattr__ = lazy_names(__name__, figures="SETTINGS Gallery Picture save_figure", page="Page")
+__getattr__ = lazy_names(__name__, __file__)

@@ -13,6 +13,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Comparison", "Finding", "SeedOutcome", "Tally", "run_study"]
 
-__getattr__ = lazy_names(
-    __name__, comparison="Comparison", finding="Finding", outcome="SeedOutcome", study="run_study", tally="Tally"
-)
+__getattr__ = lazy_names(__name__, __file__)

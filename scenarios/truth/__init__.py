@@ -23,12 +23,4 @@ __all__ = [
     "published_model",
 ]
 
-__getattr__ = lazy_names(
-    __name__,
-    attainable="Attainable",
-    best_linear="BestLinearTruth",
-    bla_of_record="BestLinearOfTest",
-    maps="Density Maps",
-    published="PublishedModel published_model",
-    truth_summary="TruthSummary",
-)
+__getattr__ = lazy_names(__name__, __file__)
