@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions
 from scenarios.commands.cli import main
 from scenarios.datasets.build import build
 from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.spec_tables import BaselineSpec, TruthSpec, Twins
 from scenarios.datasets.withhold import build_withheld
 from scenarios.experiments.campaign import NOMINAL
 from scenarios.thesis.disturbances import DISTURBANCES
@@ -114,43 +116,6 @@ def tiny(tiny_spec, tmp_path_factory):
     return build(tiny_spec, tmp_path_factory.mktemp("data-sets"), workers=1).folder
 
 
-CLASS = """
-name = "class"
-version = 1
-title = "An arm of one's own"
-seed = 7
-window = 20
-
-[truth]
-floors = 0
-
-[baselines]
-models = ["hold", "oe:2/2/1", "truth"]
-
-[twins]
-count = 1
-kp = { kind = "lognormal", spread = 0.1 }
-mass = { kind = "lognormal", spread = 0.05 }
-supply_pressure = { kind = "normal", spread = 0.2 }
-process_noise = { kind = "uniform", centre = 0.0002, spread = 0.0001 }
-
-[[records]]
-name = "binary"
-part = "train"
-axes = ["shoulder_yaw", "elbow_pitch"]
-each_axis = true
-duration = 4.0
-excitation = { kind = "prbs", amplitude = 1.0, clock = 2, register = 7 }
-
-[[records]]
-name = "noise"
-part = "test"
-axes = ["elbow_pitch"]
-duration = 4.0
-excitation = { kind = "white_noise", amplitude = 0.5, seed = 5 }
-"""
-
-
 @dataclass(frozen=True)
 class Class:
     """Public data sets of two students, and the withheld folder."""
@@ -162,9 +127,22 @@ class Class:
 
 
 @pytest.fixture(scope="session")
-def school(tmp_path_factory):
+def school(tiny_spec, tmp_path_factory):
     """Data sets with withheld truth; tests that change them take a copy."""
     place = tmp_path_factory.mktemp("school")
-    spec = DataSetSpec.from_toml(CLASS)
+    drawn = {
+        "kp": Distribution("lognormal", 0.1),
+        "mass": Distribution("lognormal", 0.05),
+        "supply_pressure": Distribution("normal", 0.2),
+        "process_noise": Distribution("uniform", 0.0001, 0.0002),
+    }
+    spec = replace(
+        tiny_spec,
+        name="class",
+        twins=Twins(1, TwinDistributions(**drawn)),
+        truth=TruthSpec(floors=0),
+        baselines=BaselineSpec(("hold", "oe:2/2/1", "truth")),
+        records=tuple(replace(block, draw_waveforms=False) for block in tiny_spec.records),
+    )
     (ann, bob), _ = build_withheld(spec, place / "out", place / "withheld", persons=("ann", "bob"), seed=3)
     return Class(spec, place / "withheld", ann, bob)

@@ -5,6 +5,7 @@ import io
 import json
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,46 +19,32 @@ from scenarios.datasets.baselines import BaselineData, baseline, differences, re
 from scenarios.datasets.build import build
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, DataSetPlan
 from scenarios.datasets.score import score, score_model
-from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import BaselineSpec, Method, Scoring
 from scenarios.datasets.tables import read_table, table_text
+from scenarios.experiments.excitation_computer import Excitation
 from tests.refusals import refused
-
-SMALL = """
-name = "small"
-version = 1
-title = "With friction and without"
-seed = 11
-
-[truth]
-floors = 1
-
-[baselines]
-models = ["hold", "gain", "arx:4/4", "armax:3/3/3", "iv4:2/2", "oe:2/2", "okid:2/5", "n4sid:3", "truth"]
-
-[[records]]
-name = "prbs"
-part = "train"
-axes = ["elbow_pitch"]
-duration = 40.0
-frictions = ["viscous", "lugre"]
-draw_waveforms = true
-excitation = { kind = "prbs", amplitude = 1.0, clock = 2, register = 15 }
-
-[[records]]
-name = "noise"
-part = "test"
-axes = ["elbow_pitch"]
-duration = 30.0
-frictions = ["viscous", "lugre"]
-draw_waveforms = true
-excitation = { kind = "white_noise", amplitude = 2.0 }
-"""
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory):
-    return build(DataSetSpec.from_toml(SMALL), tmp_path_factory.mktemp("small"), workers=1)
+def small(tiny_spec, tmp_path_factory):
+    """With friction and without."""
+    common = {"axes": ("elbow_pitch",), "each_axis": False, "frictions": ("viscous", "lugre")}
+    prbs = Excitation("prbs", {"amplitude": 1.0, "clock": 2, "register": 15})
+    noise = Excitation("white_noise", {"amplitude": 2.0})
+    train, test = tiny_spec.records
+    methods = ("hold", "gain", "arx:4/4", "armax:3/3/3", "iv4:2/2", "oe:2/2", "okid:2/5", "n4sid:3", "truth")
+    spec = replace(
+        tiny_spec,
+        name="small",
+        seed=11,
+        window=100,
+        baselines=BaselineSpec(methods),
+        records=(
+            replace(train, name="prbs", duration=40.0, excitation=(prbs,), **common),
+            replace(test, duration=30.0, excitation=(noise,), **common),
+        ),
+    )
+    return build(spec, tmp_path_factory.mktemp("small"), workers=1)
 
 
 @pytest.fixture(scope="module")
@@ -127,8 +114,7 @@ def test_every_row_is_made_again_by_its_command(small, monkeypatch):
 
 
 def test_a_row_that_differs_is_reported(small, tmp_path, capsys):
-    copy = tmp_path / "small-v1"
-    shutil.copytree(small.folder, copy)
+    copy = Path(shutil.copytree(small.folder, tmp_path / "small-v1"))
     rows = [dict(one) for one in read_table(copy / BASELINES)]
     rows[0]["test"] = f"{float(rows[0]['test']) * (1 + 1e-8):.11g}"
     (copy / BASELINES).write_text(table_text(rows[0], rows))

@@ -21,48 +21,26 @@ from scenarios.datasets.build import build
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.spec_tables import TruthSpec
-from scenarios.experiments.multisines import multisine_experiments
+from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, TruthSpec
+from scenarios.experiments.excitation_computer import Excitation
+from scenarios.experiments.multisines import Multisines, multisine_experiments
 from scenarios.files.netcdf import read_netcdf
 from scenarios.truth.best_linear import best_linear
 from sysid import bla
 from tests.refusals import refused
 
-SPEC = DataSetSpec.from_toml("""
-name = "approximated"
-version = 1
-title = "Classes of excitation"
-seed = 3
-
-[truth]
-best_linear = ["multisine", "prbs", "both"]
-
-[[records]]
-name = "multisine"
-part = "train"
-axes = ["elbow_pitch"]
-amplitudes = [0.01, 0.03]
-frictions = ["none"]
-draw_waveforms = true
-multisines = { f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 3, periods = 2, settling = 1 }
-
-[[records]]
-name = "prbs"
-part = "train"
-axes = ["shoulder_yaw", "elbow_pitch"]
-each_axis = true
-repeats = 2
-duration = 20.0
-draw_waveforms = true
-excitation = { kind = "prbs", amplitude = 1.0, clock = 2, register = 9 }
-
-[[records]]
-name = "both"
-part = "test"
-axes = ["shoulder_yaw", "elbow_pitch"]
-duration = 20.0
-excitation = { kind = "white_noise", amplitude = 1.0 }
-""")
+MULTISINES = Multisines(f_min=0.4, f_max=4.0, period=2.56, realisations=3, periods=2, settling=1)
+MULTISINE = RecordBlock("m", "train", axes=("elbow_pitch",), frictions=("none",), multisines=MULTISINES)
+PRBS = Excitation("prbs", {"amplitude": 1.0, "clock": 2, "register": 9})
+NOISE = Excitation("white_noise", {"amplitude": 1.0})
+BOTH = RecordBlock("both", "test", axes=("shoulder_yaw", "elbow_pitch"), excitation=(NOISE,), duration=20.0)
+BLOCKS = (
+    replace(MULTISINE, name="multisine", amplitudes=(0.01, 0.03), draw_waveforms=True),
+    replace(BOTH, name="prbs", part="train", each_axis=True, repeats=2, excitation=(PRBS,), draw_waveforms=True),
+    BOTH,
+)
+TRUTH = TruthSpec(best_linear=tuple(block.name for block in BLOCKS))
+SPEC = DataSetSpec("approximated", 1, "Classes of excitation", 3, BLOCKS, truth=TRUTH)
 
 
 def test_there_is_a_piece_for_each_class():
@@ -136,25 +114,16 @@ def test_a_wrong_truth_table_is_refused(table, match):
     refused(match, lambda: replace(SPEC, truth=TruthSpec(**table)))
 
 
-BLOCK = """
-[[records]]
-name = "{}"
-part = "{}"
-axes = ["elbow_pitch"]
-frictions = ["none"]
-draw_waveforms = true
-multisines = {{ rms = {}, f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, periods = 2, settling = 1 }}
-"""
-OWN = """
-name = "own"
-version = 1
-title = "Multisines that are a measurement"
-seed = 5
-truth = { best_linear = ["new"], realisations = 4, floors = 0 }
-baselines = { models = [] }
-"""
-BLOCKS = (("known", "train", 0.03), ("stronger", "train", 0.02), ("new", "test", 0.03))
-OWN = DataSetSpec.from_toml(OWN + "".join(BLOCK.format(*block) for block in BLOCKS))
+MEASURED = tuple(
+    replace(
+        MULTISINE, name=name, part=part, draw_waveforms=True, multisines=replace(MULTISINES, rms=rms, realisations=2)
+    )
+    for name, part, rms in (("known", "train", 0.03), ("stronger", "train", 0.02), ("new", "test", 0.03))
+)
+OWN = replace(
+    DataSetSpec("own", 1, "Multisines that are a measurement", 5, MEASURED, baselines=BaselineSpec(models=())),
+    truth=TruthSpec(best_linear=("new",), realisations=4, floors=0),
+)
 
 
 @pytest.mark.slow

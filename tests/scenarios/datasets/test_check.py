@@ -7,7 +7,6 @@ import re
 import shutil
 import signal
 from hashlib import sha256
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -25,11 +24,6 @@ from scenarios.jobs.netcdf_reader import NetcdfReader, describe
 from tests.refusals import refused
 
 RECORD = "data/test/noise.nc"
-
-
-@pytest.fixture
-def copy(tiny, tmp_path):
-    return Path(shutil.copytree(tiny, tmp_path / tiny.name))
 
 
 def reseal(folder):
