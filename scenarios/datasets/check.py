@@ -4,7 +4,7 @@ import io
 import json
 import os
 import random
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,11 +15,10 @@ import numpy as np
 
 from hmtb_twin.parameters.values import RECORDER, SAMPLE_RATE
 from scenarios.datasets.chunk import BuiltExperiment, chunks, run_chunk
-from scenarios.datasets.data_set import GIVEN, WINDOW
 from scenarios.datasets.experiment_file import record_attributes
 from scenarios.datasets.folder_check import CheckedFolder, check_folder
 from scenarios.datasets.plan import BUILD, DATA, SUMS, TRUTH, UNFINISHED
-from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.record_check import file_problems
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import file_hash
 from scenarios.files.netcdf import read_netcdf
@@ -119,10 +118,23 @@ def _file_problems(folder: Path, checked: CheckedFolder, report: Report, workers
         if path in checked.arrays:
             reader = idle.get()
             try:
-                wrong += _array_problems(reader, folder / path, path, numbers.get(path), checked, changed=changed)
+                wrong += reader.apply(file_problems, folder / path, checked.arrays[path], changed, expected(path))
+            except ScenarioError as error:
+                wrong.append(f"cannot be read: {str(error).removeprefix(str(folder / path)).lstrip(': ')}")
             finally:
                 idle.put(reader)
         return wrong
+
+    def expected(path: str) -> tuple[Any, ...] | None:
+        """What index and spec say of a record; None for other files."""
+        if path not in numbers:
+            return None
+        entry, plan = checked.entries[numbers[path]], checked.plan
+        if plan is None:
+            return record_attributes(None, entry), entry.get("joints"), None, None
+        samples = round(SAMPLE_RATE * plan.duration(numbers[path]))
+        withheld = plan.spec.window if plan.spec.withheld and entry["part"] == "test" else None
+        return record_attributes(plan.spec, entry), entry.get("joints"), samples, withheld
 
     problems: dict[str, list[str]] = {}
     with ExitStack() as stack:
@@ -135,71 +147,6 @@ def _file_problems(folder: Path, checked: CheckedFolder, report: Report, workers
             problems[path] = wrong
             report(Progress("check", len(problems), len(paths), "files"))
     return problems
-
-
-def _array_problems(
-    reader: NetcdfReader, path: Path, place: str, number: int | None, checked: CheckedFolder, *, changed: bool
-) -> Iterator[str]:
-    """Compare a file with the index, and the record of an experiment (its number in the plan) with the spec."""
-    try:
-        content = reader.describe(path)
-    except ScenarioError as error:
-        yield f"cannot be read: {str(error).removeprefix(str(path)).lstrip(': ')}"
-        return
-    expected, arrays = checked.arrays[place], content["arrays"]
-    differ = [name for name in sorted({*expected, *arrays}) if expected.get(name) != arrays.get(name)]
-    if differ:
-        several = len(differ) > 1
-        yield f"array{'s' * several} {', '.join(differ)} differ{'' if several else 's'} from the index"
-    elif changed:
-        yield "its arrays are those of the index: the file was written anew, or only its description changed"
-    if number is not None:
-        plan = checked.plan
-        samples = None if plan is None else round(SAMPLE_RATE * plan.duration(number))
-        yield from record_problems(content, checked.entries[number], plan.spec if plan else None, samples)
-
-
-def record_problems(
-    content: Mapping[str, Any], entry: Mapping[str, Any], spec: DataSetSpec | None, samples: int | None
-) -> Iterator[str]:
-    """Check the metadata of a record against index and spec.
-
-    Args:
-        content: Description of its file; see `scenarios.jobs.netcdf_reader.describe`.
-        entry: Its entry in the index.
-        spec: The spec; None if it is not in this copy.
-        samples: Its length by the spec; None likewise.
-
-    Yields:
-        One line for each problem.
-    """
-    variables = content["variables"]
-    for key, value in record_attributes(spec, entry).items():
-        if value is not None and content["attributes"].get(key) != value:
-            yield f"attribute {key} is {content['attributes'].get(key)!r}, expected {value!r}"
-    sample = variables.get("sample", {"counts": False, "shape": [0], "dtype": "none"})
-    if not sample["counts"] or sample["dtype"] != "int64":
-        yield "sample does not count 0, 1, 2, ... in whole numbers"
-    if samples is not None and sample["shape"] != [samples]:
-        yield f"sample has shape {sample['shape']}, expected {samples} samples"
-    window = spec.window if spec is not None and spec.withheld and entry.get("part") == "test" else None
-    for name, role in (("u", "input"), ("y", "output")):
-        along = WINDOW if window is not None and name == "y" else "sample"
-        wanted = {"dims": [along, role], "dtype": "float64", "units": "rad", "role": role, "names": entry.get("joints")}
-        one, names = variables.get(name, {"attributes": {}}), variables.get(role, {}).get("names")
-        facts = {**one["attributes"], **one, "names": names}
-        if wrong := [key for key in wanted if facts.get(key) != wanted[key]]:
-            key = wrong[0]
-            yield f"{name} has the {key} {facts.get(key, 'none')}, expected {wanted[key]}"
-    for name, one in variables.items():
-        if window is not None and "sample" in one["dims"] and name not in GIVEN:
-            yield f"{name} is given for all samples, and should be withheld behind the window"
-        if window is not None and WINDOW in one["dims"] and one["shape"][0] != window:
-            yield f"{name} has {one['shape'][0]} samples of the window, expected {window}"
-        if one["attributes"].get("role") == "truth":
-            yield f"{name} is truth, which belongs into files of its own"
-        if one["dtype"] != "text" and not one["attributes"].get("units"):
-            yield f"{name} has no unit"
 
 
 def same_software(folder: Path) -> bool:

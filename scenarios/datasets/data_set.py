@@ -18,12 +18,6 @@ from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.netcdf import Contents, read_netcdf
 from sysid import IOData
 
-GIVEN = ("sample", "u", "joint_commanded")
-"""Variables of a scored record that are published for all samples even where the truth is withheld."""
-
-WINDOW = "window_sample"
-"""Dimension of what is published for the initialisation window alone."""
-
 Joints = str | Sequence[str]
 """One joint, or the joints of a record with several inputs."""
 

@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarios.datasets.data_set import WINDOW, open_data_set, sampling_time
+from scenarios.datasets.data_set import open_data_set, sampling_time
 from scenarios.datasets.index import paths_of_files, write_checksums
+from scenarios.datasets.variables import WINDOW
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.hashes import file_hash
 from scenarios.files.netcdf import Contents, read_netcdf

@@ -10,6 +10,12 @@ import numpy as np
 
 from scenarios.files.netcdf import Attribute, Variable
 
+GIVEN = ("sample", "u", "joint_commanded")
+"""Variables of a scored record that are published for all samples even where the truth is withheld."""
+
+WINDOW = "window_sample"
+"""Dimension of what is published for the initialisation window alone."""
+
 
 def described(kind: str, values: Mapping[str, object], prefix: str = "") -> dict[str, Variable]:
     """Return the variables of a file by name.

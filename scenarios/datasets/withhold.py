@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from scenarios.datasets.build import build as build_data_set
-from scenarios.datasets.data_set import GIVEN, WINDOW, open_data_set
+from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.export import seal, working_folder
 from scenarios.datasets.index import array_lines, read_index
 from scenarios.datasets.metadata import metadata_files
 from scenarios.datasets.plan import BASELINES, BUILD, INDEX, SPEC, SUMS, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.tables import read_table, read_text, table_text
+from scenarios.datasets.variables import GIVEN, WINDOW
 from scenarios.experiments.scenario import NAME
 from scenarios.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError

@@ -3,20 +3,18 @@
 One flipped byte can make the HDF5 library crash or loop without end.
 """
 
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import Any, TypeVar
 
 from scenarios.files.errors import ScenarioError
-from scenarios.files.netcdf import Variable, read_netcdf
+from scenarios.files.netcdf import read_netcdf
 from scenarios.jobs.executor import one_process
 
-MOST_NAMES = 1000
-"""Texts of an array that are returned."""
+Result = TypeVar("Result")
 
 
 class NetcdfReader(AbstractContextManager["NetcdfReader"]):
@@ -33,16 +31,21 @@ class NetcdfReader(AbstractContextManager["NetcdfReader"]):
     def __exit__(self, *_: object) -> None:
         self._end()
 
-    def describe(self, path: Path) -> dict[str, Any]:
-        """Describe a file; see the function `describe`.
+    def apply(self, function: Callable[..., Result], path: Path, *arguments: Any) -> Result:
+        """Call a function of a module with the contents of a file.
+
+        Args:
+            function: Called with the contents and the further arguments, in the reading process.
+            path: The file.
+            *arguments: Further arguments of the function.
 
         Raises:
-            ScenarioError: It cannot be read, or reading it does not end.
+            ScenarioError: The file cannot be read, or reading it does not end.
         """
         if self._pool is None:
             self._pool = one_process()
         try:
-            return self._pool.submit(describe, path).result(self._patience)
+            return self._pool.submit(_apply, function, path, arguments).result(self._patience)
         except ScenarioError:
             raise
         except BrokenProcessPool:
@@ -62,39 +65,5 @@ class NetcdfReader(AbstractContextManager["NetcdfReader"]):
         self._pool = None
 
 
-def describe(path: Path) -> dict[str, Any]:
-    """Describe a file.
-
-    Args:
-        path: The file.
-
-    Returns:
-        `arrays`: hash of each array of numbers by name; `attributes`; `variables`: by name `dims`, `shape`, `dtype`,
-        `attributes`, `names` if it holds texts, and `counts`, whether it counts up from 0.
-
-    Raises:
-        ScenarioError: It cannot be read.
-    """
-    contents = read_netcdf(path)
-    return {
-        "arrays": contents.array_hashes(),
-        "attributes": {key: _plain(value) for key, value in contents.attributes.items()},
-        "variables": {name: _variable(variable) for name, variable in contents.variables.items()},
-    }
-
-
-def _variable(variable: Variable) -> dict[str, Any]:
-    values = variable.values
-    texts = values.dtype.kind == "U"
-    return {
-        "dims": list(variable.dims),
-        "shape": list(values.shape),
-        "dtype": "text" if texts else str(values.dtype),
-        "attributes": {key: _plain(value) for key, value in variable.attributes.items()},
-        "names": values.ravel()[:MOST_NAMES].tolist() if texts else [],
-        "counts": values.ndim == 1 and values.dtype.kind in "iu" and bool((values == np.arange(len(values))).all()),
-    }
-
-
-def _plain(value: object) -> object:
-    return value.tolist() if isinstance(value, np.ndarray) else value
+def _apply(function: Callable[..., Result], path: Path, arguments: tuple[Any, ...]) -> Result:
+    return function(read_netcdf(path), *arguments)

@@ -15,12 +15,14 @@ import xarray as xr
 
 from scenarios.commands.cli import main
 from scenarios.datasets import check as check_module
-from scenarios.datasets.check import examine, record_problems, same_software
+from scenarios.datasets.check import examine, same_software
+from scenarios.datasets.experiment_file import record_attributes
 from scenarios.datasets.export import seal
 from scenarios.datasets.folder_check import list_files
 from scenarios.datasets.index import array_lines, read_index
-from scenarios.files.netcdf import read_netcdf
-from scenarios.jobs.netcdf_reader import NetcdfReader, describe
+from scenarios.datasets.record_check import record_problems
+from scenarios.files.netcdf import Contents, read_netcdf
+from scenarios.jobs.netcdf_reader import NetcdfReader
 from tests.refusals import refused
 
 RECORD = "data/test/noise.nc"
@@ -128,11 +130,12 @@ METADATA = [
 
 @pytest.mark.parametrize(("edit", "message"), METADATA)
 def test_wrong_metadata_is_found(copy, tiny_spec, edit, message):
-    entry = read_index(copy)["experiments"][2]
-    assert list(record_problems(describe(copy / RECORD), entry, tiny_spec, 200)) == []
-    assert list(record_problems(describe(copy / RECORD), entry, tiny_spec, 199)) != []
+    attributes = record_attributes(tiny_spec, read_index(copy)["experiments"][2])
+    for samples, count in ((200, 0), (199, 1)):
+        problems = record_problems(read_netcdf(copy / RECORD), attributes, ["elbow_pitch"], samples, None)
+        assert len(list(problems)) == count
     change(copy, RECORD, edit)
-    (problem,) = record_problems(describe(copy / RECORD), entry, tiny_spec, 200)
+    (problem,) = record_problems(read_netcdf(copy / RECORD), attributes, ["elbow_pitch"], 200, None)
     assert problem.startswith(message)
 
 
@@ -265,14 +268,14 @@ def test_a_data_set_without_any_record_does_not_pass(copy):
 
 def test_a_reader_that_hangs_or_crashes_is_replaced(tiny):
     with NetcdfReader(patience=10.0) as reader:
-        assert "y" in reader.describe(tiny / RECORD)["arrays"]
+        assert "y" in reader.apply(Contents.array_hashes, tiny / RECORD)
         for number, says in ((signal.SIGSTOP, "did not end within 0.2 s"), (signal.SIGKILL, "crashed")):
             (pid,) = reader._pool._processes
             os.kill(pid, number)
             reader._patience = 0.2
-            refused(says, reader.describe, tiny / RECORD)
+            refused(says, reader.apply, Contents.array_hashes, tiny / RECORD)
             reader._patience = 10.0
-            assert "y" in reader.describe(tiny / RECORD)["arrays"]
+            assert "y" in reader.apply(Contents.array_hashes, tiny / RECORD)
 
 
 def test_the_command_prints_the_problems(copy, capsys):
