@@ -1,8 +1,9 @@
 """`hmtb dataset build`: a data set from its spec."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import tyro
 
@@ -12,11 +13,6 @@ from scenarios.jobs.progress import How, Progress, show_progress
 
 MOST_REASONS = 20
 """Reasons of failures that are printed."""
-
-
-if TYPE_CHECKING:
-    from scenarios.datasets.data_set import DataSet
-    from scenarios.datasets.spec import DataSetSpec
 
 
 def build(
@@ -78,36 +74,30 @@ def build(
             latest = now
             show(now)
 
-        work: dict[str, Any] = {"workers": workers, "rows": usual if rows is None else rows, "executor": executor}
-
-        def build_one(spec: "DataSetSpec", out: Path) -> "DataSet":
-            return build_data_set(spec, out, **work, progress=update)
-
-        if withhold is not None:
-            persons = () if students is None else read_roster(students)
-            try:
-                paths, failed = build_withheld(read, out, withhold, persons=persons, seed=seed, build=build_one)
-            except KeyboardInterrupt:
-                raise KeyboardInterrupt(f"finished experiments kept in {withhold}") from None
-            if json:
-                print_json({"paths": paths, "withheld": withhold, "failed": failed})
-            else:
-                _say_failed(failed)
-                say_each("", paths)
-                say(f"{withhold}: keep it secret: it holds the truth and the seeds, and grades submissions")
-            return 1 if failed else 0
-        unfinished = out / (read.label + UNFINISHED)
+        rows = usual if rows is None else rows
+        make = partial(build_data_set, workers=workers, rows=rows, executor=executor, progress=update)
+        record: dict[str, object]
         try:
-            built = build_one(read, out)
+            if withhold is None:
+                built = make(read, out)
+                count, failed = len(built.records()), built.incomplete
+                record = {"path": built.folder, "experiments": count, "failed": failed, "hash": built.hash}
+                lines = [f"{built.folder}: {count} experiments, {len(failed)} failed, hash {built.hash[:12]}"]
+            else:
+                persons = () if students is None else read_roster(students)
+                paths, failed = build_withheld(read, out, withhold, persons=persons, seed=seed, build=make)
+                record = {"paths": paths, "withheld": withhold, "failed": failed}
+                secret = f"{withhold}: keep it secret: it holds the truth and the seeds, and grades submissions"
+                lines = [*map(str, paths), secret]
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(_kept(latest, unfinished) if unfinished.is_dir() else "") from None
-    experiments = len(built.records())
+            kept = _kept(latest, out / (read.label + UNFINISHED))
+            raise KeyboardInterrupt(f"finished experiments kept in {withhold}" if withhold else kept) from None
     if json:
-        print_json({"path": built.folder, "experiments": experiments, "failed": built.incomplete, "hash": built.hash})
+        print_json(record)
     else:
-        _say_failed(built.incomplete)
-        say(f"{built.folder}: {experiments} experiments, {len(built.incomplete)} failed, hash {built.hash[:12]}")
-    return 1 if built.incomplete else 0
+        _say_failed(failed)
+        say_each("", lines)
+    return 1 if failed else 0
 
 
 def _say_failed(failed: Mapping[str, str]) -> None:
@@ -124,7 +114,7 @@ def _say_failed(failed: Mapping[str, str]) -> None:
 
 def _kept(latest: Progress | None, folder: Path) -> str:
     """Message on the saved work of an interrupted build; empty if there is none."""
-    if latest is None:
+    if latest is None or not folder.is_dir():
         return ""
     if latest.step == "check":
         return f"all that was done kept in {folder}"

@@ -192,11 +192,8 @@ def show_reasons(metrics: Iterable[Metric], *, verbose: bool) -> None:
 
 def _wrapped(text: str, indent: str = "") -> str:
     """Indented text in lines as wide as the terminal, 120 columns at most."""
-    width = max(40, shutil.get_terminal_size((120, 24)).columns)
-    fill = textwrap.TextWrapper(
-        min(width, 120), initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
-    )
-    return fill.fill(text)
+    width = min(max(40, shutil.get_terminal_size((120, 24)).columns), 120)
+    return textwrap.fill(text, width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
 
 
 def bandwidth_rows(metrics: Mapping[str, Metric]) -> list[dict[str, Any]]:

@@ -16,20 +16,14 @@ def verdict(rows: Rows) -> str:
     truths = {row.joint: row.true_hz for row in rows}
     outside = {joint: hz for joint, hz in truths.items() if not near_1_hz(hz)}
     arm = f"does not stand for the arm itself: {_of_joints(outside)}" if outside else "stands for the arm itself"
-    kept, partly, none = list[str](), list[str](), list[str]()
-    for method, group in grouped(rows, "method").items():
-        near = sum(row.near for row in group)
-        if near == len(group):
-            kept.append(METHODS[method])
-        elif all(row.refused for row in group):
-            none.append(METHODS[method])
-        else:
-            partly.append(f"{METHODS[method]} ({near} of {len(group)})")
+    groups = {METHODS[method]: group for method, group in grouped(rows, "method").items()}
+    kept = [name for name, group in groups.items() if all(row.near for row in group)]
+    none = [name for name, group in groups.items() if all(row.refused for row in group)]
+    partly = [f"{name} ({_near(group)})" for name, group in groups.items() if name not in (*kept, *none)]
     counts = [
-        f"{sum(near_1_hz(one.bandwidth_hz) for one in published(joint))} of {len(published(joint))} "
-        f"({joint.replace('_', ' ')})"
+        f"{sum(near_1_hz(one.bandwidth_hz) for one in printed)} of {len(printed)} ({joint.replace('_', ' ')})"
         for joint in truths
-        if published(joint)
+        if (printed := published(joint))
     ]
     clauses = [f"The 1 Hz finding, read as {ABOUT_1_HZ[0]:g} to {ABOUT_1_HZ[1]:g} Hz, {arm}"]
     clauses += [f"every bandwidth recovered by {joined(kept)} keeps to it"] if kept else []

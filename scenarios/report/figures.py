@@ -60,13 +60,10 @@ def svg(figure: Figure, description: str, mark: str) -> str:
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
     # A hundredth of a point is less than any eye sees, and the digits after it are a third of the page.
     text = re.sub(r'(\s(?:d|x|y)=")([^"]*)"', lambda m: m[1] + re.sub(r"(\.\d\d)\d+", r"\1", m[2]) + '"', text)
     # Identifiers of several figures would meet on one page.
-    text = re.sub(r'\bid="([^"]+)"', rf'id="{mark}-\1"', text)
-    text = re.sub(r'(xlink:href|href)="#([^"]+)"', rf'\1="#{mark}-\2"', text)
-    text = re.sub(r"url\(#([^)]+)\)", rf"url(#{mark}-\1)", text)
+    text = re.sub(r'\bid="|\bhref="#|\burl\(#', rf"\g<0>{mark}-", text)
     head, rest = text.split(">", 1)
     head = re.sub(r'\s(?:width|height|version)="[^"]*"', "", head)
     label = escape(description, quote=True)
@@ -161,11 +158,8 @@ class Gallery:
 
     def counterparts(self) -> Mapping[str, tuple[Picture, ...]]:
         """Pictures by figure of the thesis."""
-        pictures: dict[str, tuple[Picture, ...]] = {}
-        for picture in self.pictures:
-            for entry in picture.thesis:
-                pictures[entry] = (*pictures.get(entry, ()), picture)
-        return pictures
+        entries = dict.fromkeys(entry for picture in self.pictures for entry in picture.thesis)
+        return {entry: tuple(one for one in self.pictures if entry in one.thesis) for entry in entries}
 
 
 def _lay_out(figure: Figure) -> None:
