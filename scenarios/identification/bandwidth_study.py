@@ -4,6 +4,7 @@ import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from types import MappingProxyType
 
 import numpy as np
@@ -20,6 +21,7 @@ from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.one_hertz import (
     best_linear_in_words,
     coverage_in_words,
+    grouped,
     look,
     published_in_words,
     recovered_in_words,
@@ -72,19 +74,17 @@ class BandwidthStudy:
 
     def groups(self, joint: str) -> list[list[RecoveredBandwidth]]:
         """Return the rows of a joint by method and test, the seeds of each together."""
-        groups: dict[tuple[str, str], list[RecoveredBandwidth]] = {}
-        for row in self.rows:
-            if row.joint == joint:
-                groups.setdefault((row.method, row.test), []).append(row)
-        return list(groups.values())
+        rows = (row for row in self.rows if row.joint == joint)
+        return list(grouped(rows, attrgetter("method", "test")).values())
 
     def refusals(self) -> tuple[str, ...]:
         """Say why bandwidths are not claimed: each reason once, with the methods and how often."""
-        by_reason: dict[str, list[RecoveredBandwidth]] = {}
-        for row in self.rows:
-            if row.refused:
-                # The numbers in a reason differ from row to row.
-                by_reason.setdefault(re.sub(r"\d+(\.\d+)?(e[+-]?\d+)?", "#", row.reasons[0]), []).append(row)
+
+        def reason(row: RecoveredBandwidth) -> str:
+            """The numbers in a reason differ from row to row."""
+            return re.sub(r"\d+(\.\d+)?(e[+-]?\d+)?", "#", row.reasons[0])
+
+        by_reason = grouped((row for row in self.rows if row.refused), reason)
         return tuple(
             f"{len(rows)} of {len(self.rows)} ({', '.join(dict.fromkeys(METHODS[row.method] for row in rows))}), "
             f"{'e.g. ' if len(rows) > 1 else ''}{rows[0].scenario}: {rows[0].reasons[0]}"
@@ -280,9 +280,8 @@ def _study(
     """
     condition, arm, pose = known
     truth = linearize(arm, pose, amplitudes=())
-    groups: dict[tuple[str, str], list[Recording]] = {}
-    for one in sorted(recordings, key=lambda one: list(STRUCTURES).index(one.joint)):
-        groups.setdefault((one.joint, one.test), []).append(one)
+    in_order = sorted(recordings, key=lambda one: list(STRUCTURES).index(one.joint))
+    groups = grouped(in_order, attrgetter("joint", "test"))
     approximations, rows = dict[tuple[str, str], BestLinearOfTest](), list[RecoveredBandwidth]()
     if seed is not None:
         with stage("best linear approximation") as step:

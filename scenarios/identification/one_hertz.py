@@ -1,6 +1,8 @@
 """Does the 1 Hz finding hold? The answer in words for the arm, for recovered models and for the printed ones."""
 
-from collections.abc import Iterable, Mapping, Sequence, Sized
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence, Sized
+from operator import attrgetter
+from typing import TypeVar
 
 import numpy as np
 
@@ -9,6 +11,8 @@ from scenarios.truth.published import published
 from sysid.models.bandwidth import half_power_hz
 
 Rows = Sequence[RecoveredBandwidth]
+Item = TypeVar("Item")
+Key = TypeVar("Key", bound=Hashable)
 
 
 def verdict(rows: Rows) -> str:
@@ -16,7 +20,7 @@ def verdict(rows: Rows) -> str:
     truths = {row.joint: row.true_hz for row in rows}
     outside = {joint: hz for joint, hz in truths.items() if not near_1_hz(hz)}
     arm = f"does not stand for the arm itself: {_of_joints(outside)}" if outside else "stands for the arm itself"
-    groups = {METHODS[method]: group for method, group in grouped(rows, "method").items()}
+    groups = {METHODS[method]: group for method, group in grouped(rows, attrgetter("method")).items()}
     kept = [name for name, group in groups.items() if all(row.near for row in group)]
     none = [name for name, group in groups.items() if all(row.refused for row in group)]
     partly = [f"{name} ({_near(group)})" for name, group in groups.items() if name not in (*kept, *none)]
@@ -63,16 +67,16 @@ def best_linear_in_words(rows: Rows) -> str:
 def recovered_in_words(rows: Rows) -> str:
     """Count the recovered bandwidths that are about 1 Hz, by method, test, joint and seed."""
     parts = []
-    for method, group in grouped(rows, "method").items():
+    for method, group in grouped(rows, attrgetter("method")).items():
         values = [row.hz for row in group if not row.refused]
         notes = [f"{between(values)} Hz" if values else "none claimed"]
         if values and not all(row.near for row in group):
             for name, prefix in (("test", "test "), ("joint", "")):
-                if len(several := grouped(group, name)) > 1:
+                if len(several := grouped(group, attrgetter(name))) > 1:
                     notes.append(
                         ", ".join(f"{prefix}{key.replace('_', ' ')} {_near(of)}" for key, of in several.items())
                     )
-            together = grouped(group, "seed").values()
+            together = grouped(group, attrgetter("seed")).values()
             if len(together) > 1 and max(map(len, together)) > 1:
                 every = sum(all(row.near for row in of) for of in together)
                 notes.append(f"all of a seed in {every} of {len(together)} seeds")
@@ -101,7 +105,7 @@ def coverage_in_words(rows: Rows) -> str:
         f"{METHODS[method]} {sum(row.covers for row in group)}"
         + (f" and {sum(bool(row.covers_best_linear) for row in group)}" if measured else "")
         + f" of {len(group)}"
-        for method, group in grouped(rows, "method").items()
+        for method, group in grouped(rows, attrgetter("method")).items()
     ]
     text += f" ({', '.join(by)})."
     wrong = sum(row.near and not row.covers for row in rows)
@@ -145,11 +149,11 @@ def look(duration: float) -> str:
     return f"This is a look, not a result: the records are {duration:g} s long instead of 240 s"
 
 
-def grouped(rows: Rows, name: str) -> dict[str, list[RecoveredBandwidth]]:
-    """Group rows by an attribute, its values in the order in which they come first."""
-    groups: dict[str, list[RecoveredBandwidth]] = {}
+def grouped(rows: Iterable[Item], key: Callable[[Item], Key]) -> dict[Key, list[Item]]:
+    """Group rows by a key, its values in the order in which they come first."""
+    groups: dict[Key, list[Item]] = {}
     for row in rows:
-        groups.setdefault(getattr(row, name), []).append(row)
+        groups.setdefault(key(row), []).append(row)
     return groups
 
 

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,32 +60,6 @@ def test_scenarios_are_listed_by_tag_and_shown(run, result, tmp_path):
     done = result("simulate", mine, "--out", tmp_path)
     assert done["logs"] == [str(tmp_path / "mine.nc")]
     assert done["failed"] == {}
-
-
-def test_simulate_writes_what_identify_reads(result, tmp_path):
-    words = ("simulate", "siso-5-elbow_pitch", "--duration", "20", "--format", "nc,csv", "--out", tmp_path)
-    logs = result(*words)["logs"]
-    assert [Path(path).suffix for path in logs] == [".nc", ".csv"]
-    by_nc = result("identify", logs[0], "--method", "oe", "--orders", "2", "2", "1", "--skip", "4")
-    by_csv = result(
-        "identify", logs[1], "--joint", "elbow_pitch", "--method", "oe", "--orders", "2", "2", "--skip", "4"
-    )
-    assert by_nc["bandwidth_hz"] == pytest.approx(by_csv["bandwidth_hz"], rel=1e-6)
-    assert 0.9 < by_nc["bandwidth_hz"] < 1.2
-    assert by_nc["fit"]["simulation"][0] > 95
-
-
-def test_seed_changes_the_noise_and_nothing_else_does(result, tmp_path):
-    from hmtb_twin import JointLog
-
-    measured = []
-    for number, seed in enumerate(("1", "1", "2")):
-        folder = tmp_path / str(number)
-        words = ("simulate", "siso-5-elbow_pitch", "--duration", "2", "--seed", seed, "--out", folder)
-        (path,) = result(*words)["logs"]
-        measured.append(JointLog.load(path).measured)
-    np.testing.assert_array_equal(measured[0], measured[1])
-    assert not np.array_equal(measured[0], measured[2])
 
 
 def test_identify_reads_any_robots_data(run, result, tmp_path):

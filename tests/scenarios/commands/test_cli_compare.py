@@ -7,7 +7,7 @@ import pytest
 
 from hmtb_twin import JointLog, linearize, load_arm, simulate
 from scenarios.experiments.registry import load
-from scenarios.files.data_file import read_parts
+from scenarios.files.data_file import read_parts, write_log
 from scenarios.identification.model_comparison import parsed
 from scenarios.truth.published import published_model
 from tests.scenarios.commands.lag import table
@@ -161,10 +161,10 @@ def test_names_are_understood():
     assert parsed("truth").kind == "truth"
 
 
-def test_a_log_is_read_as_it_was_written(logs):
-    log = JointLog.load(logs["mimo-7-independent"])
-    (record,) = read_parts(logs["mimo-7-independent"], joint=("elbow_pitch", "shoulder_yaw"))
-    same = log.iodata(("elbow_pitch", "shoulder_yaw"))
-    np.testing.assert_array_equal(record.u, same.u)
-    np.testing.assert_array_equal(record.y, same.y)
-    assert (record.input_names, record.output_names, record.dt) == (same.input_names, same.output_names, same.dt)
+def test_joints_of_logs_and_records_are_read_together(logs, tmp_path):
+    log, joints = JointLog.load(logs["mimo-7-independent"]), ("elbow_pitch", "shoulder_yaw")
+    same = log.iodata(joints)
+    for path in (logs["mimo-7-independent"], write_log(log, tmp_path / "bus.mat")):
+        (record,) = read_parts(path, joint=joints)
+        np.testing.assert_array_equal(record.y, same.y)
+        assert (record.input_names, record.output_names, record.dt) == (same.input_names, same.output_names, same.dt)

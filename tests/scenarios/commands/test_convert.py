@@ -36,14 +36,16 @@ def test_simulate_writes_every_format(result, made):
     assert (record.name, record.axes, len(record)) == ("siso-5-elbow_pitch", ("elbow_pitch",), 100)
 
 
-def test_faults_of_the_bus_follow_the_seed(result, tmp_path):
+def test_noise_and_faults_of_the_bus_follow_the_seed(result, tmp_path):
     files = []
     for number, seed in enumerate((3, 3, 4)):
         words = ("simulate", "siso-5-elbow_pitch", "--duration", "4", "--format", "1553", "--dropped", "0.1")
         (path,) = result(*words, "--seed", seed, "--out", tmp_path / str(number))["logs"]
-        files.append(np.isnan(read_run(path).tests[0].measured))
+        files.append(read_run(path).tests[0].measured)
     np.testing.assert_array_equal(files[0], files[1])
-    assert (files[0] != files[2]).any()
+    lost = np.isnan(files)
+    assert (lost[0] != lost[2]).any()
+    assert not np.array_equal(files[0][~lost[0] & ~lost[2]], files[2][~lost[0] & ~lost[2]])
 
 
 @pytest.mark.slow
@@ -101,6 +103,8 @@ def test_memory_is_full_with_one_line(result, complaint, tmp_path, monkeypatch, 
 @pytest.mark.slow
 def test_identify_reads_all_of_them(result, complaint, made, tmp_path):
     reference = result("identify", made / "siso-5-elbow_pitch.nc", *OE, "--skip", "4")
+    assert 0.9 < reference["bandwidth_hz"] < 1.2
+    assert reference["fit"]["simulation"][0] > 95
     for ending, words in ((".asc", ()), (".mat", ()), (".csv", ("--joint", "elbow_pitch"))):
         found = result("identify", made / f"siso-5-elbow_pitch{ending}", *OE, *words, "--skip", "4")
         assert found == reference
