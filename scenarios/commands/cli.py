@@ -3,54 +3,23 @@
 import os
 import shlex
 import sys
+import tomllib
 import traceback
 from collections.abc import Callable, Sequence
 from importlib import import_module, metadata
 from pathlib import Path
+from typing import Any
 
-from scenarios.commands.dataset import DATA_SET_COMMANDS
-from scenarios.commands.dataset import DESCRIPTION as DATA_SETS
 from scenarios.commands.usage import listing, read_options
 from scenarios.files.errors import ScenarioError, unknown
 
-DESCRIPTION = """A twin of NASA's Hydraulic Manipulator Test Bed, and the identification study on it.
-
-Start with:
-
-  hmtb thesis                                     the whole study, ending in report.html
-  hmtb scenarios                                  the experiments that exist
-  hmtb preview siso-5-elbow_pitch                 the commands of an experiment, before anything moves
-  hmtb simulate siso-5-elbow_pitch                run it and write its log
-  hmtb identify siso-5-elbow_pitch.nc --method oe --orders 2 2 1
-  hmtb compare siso-8-elbow_pitch.nc --estimation siso-5-elbow_pitch.nc --models truth published oe:2/2/1
-  hmtb truth                                      the true poles, zeros, bandwidths, gains and delays
-  hmtb bandwidth                                  is every joint's bandwidth about 1 Hz?
-  hmtb dataset list                               benchmark data sets, to build, check and score
-  hmtb verify my_module:my_estimator --quick      your own estimator on the test bench
-  hmtb leaderboard results/*.json                 estimators of the test bench side by side
-
-Every command has its own --help; hmtb --version prints the release.
-Exit codes: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted.
-"""
-
-COMMANDS = (
-    "thesis",
-    "simulate",
-    "scenarios",
-    "waveform",
-    "preview",
-    "truth",
-    "bandwidth",
-    "identify",
-    "compare",
-    "convert",
-    "dataset",
-    "verify",
-    "leaderboard",
-    "view",
-    "video",
+PROGRAMS: dict[str, dict[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("programs.toml").read_text(encoding="utf-8")
 )
-"""Each is a function of its name in a module of its name, imported when it is needed."""
+"""Help and commands of `hmtb` and `hmtb dataset`; the function of a command is imported when it is needed."""
+
+COMMANDS = tuple(PROGRAMS["hmtb"]["commands"])
+"""Words after `hmtb`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -103,12 +72,16 @@ def parse(words: list[str]) -> Callable[[], int] | str:
     Raises:
         ScenarioError: The words name no command, or the command does not take them.
     """
-    program, description, places = "hmtb", DESCRIPTION, {name: f"{name}:{name}" for name in COMMANDS}
-    if words[0] == "dataset":
-        program, description, places, words = "hmtb dataset", DATA_SETS, DATA_SET_COMMANDS, words[1:] or ["--help"]
-    name, *options = words
+    program, name, *options = ("hmtb", *words)
+    if f"hmtb {name}" in PROGRAMS:
+        program, name, *options = (f"hmtb {name}", *(options or ["--help"]))
+    places = PROGRAMS[program]["commands"]
     if name in ("-h", "--help"):
-        return listing(program, description, {name: _command(place) for name, place in places.items()})
+        texts = {
+            one: _command(place).__doc__ or "" if place else PROGRAMS[f"{program} {one}"]["summary"]
+            for one, place in places.items()
+        }
+        return listing(program, PROGRAMS[program]["description"], texts)
     if name not in places:
         raise ScenarioError(unknown("command", name, places))
     return read_options(_command(places[name]), f"{program} {name}", options)

@@ -10,41 +10,7 @@ from scenarios.commands.output import counted, print_json, print_table, progress
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.progress import show_progress
 
-DESCRIPTION = """Benchmark data sets with exact truth: built from a spec, checked, exported and scored.
-
-Start with:
-
-  hmtb dataset list                               the data sets that come with the package
-  hmtb dataset show hmtb-siso-v1                  the spec of one as TOML, from which to write your own
-  hmtb dataset build hmtb-siso-v1                 build it; an interrupted build resumes with the same command
-  hmtb dataset check hmtb-siso-v1                 check that a copy is complete and unchanged
-  hmtb dataset export hmtb-siso-v1 --format csv   write its records for other programs
-  hmtb dataset score PREDICTIONS --data hmtb-siso-v1      score your predictions of the test part
-  hmtb dataset baselines hmtb-siso-v1 --method oe --orders 2 2 1      the score of a known method
-  hmtb dataset grade WITHHELD SUBMISSIONS         grade a class whose data sets withhold the truth
-
-Every command has its own --help.
-"""
-"""The help of `hmtb dataset`."""
-
-DATA_SET_COMMANDS = {
-    "list": "dataset:list_",
-    "show": "dataset:show",
-    "build": "dataset_build:build",
-    "check": "dataset:check",
-    "export": "dataset:export",
-    "score": "dataset:score",
-    "baselines": "dataset:baselines",
-    "grade": "dataset_grade:grade",
-}
-"""Module of this room and function of each command, by the word after `hmtb dataset`."""
-
 Folder = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
-
-
-def dataset() -> int:
-    """List, build, check, export or score benchmark data sets; see hmtb dataset --help."""
-    raise NotImplementedError  # only its text is used: the next word names a command of DATA_SET_COMMANDS
 
 
 def list_(*, json: bool = False) -> int:

@@ -34,19 +34,19 @@ STRAY = {
 Options = ParamSpec("Options")
 
 
-def listing(program: str, description: str, commands: Mapping[str, Callable[..., int]]) -> str:
+def listing(program: str, description: str, commands: Mapping[str, str]) -> str:
     """The help of a program that has commands: its description, and each command with the first line of its help.
 
     Args:
         program: Its name, e.g. ``"hmtb"``.
         description: Its text.
-        commands: Functions by the names of the commands.
+        commands: Texts of the help of the commands by their names.
     """
     width = max(map(len, commands)) + 4
     columns = max(shutil.get_terminal_size().columns, 2 * width)
     lines = [f"usage: {program} COMMAND [OPTIONS]", "", description.rstrip(), "", "Commands:", ""]
-    for name, command in commands.items():
-        summary = inspect.cleandoc(command.__doc__ or "").partition("\n")[0]
+    for name, text in commands.items():
+        summary = text.partition("\n")[0]
         first, others = f"  {name}".ljust(width), " " * width
         lines += textwrap.wrap(summary, columns, initial_indent=first, subsequent_indent=others)
     return "\n".join(lines) + "\n"
@@ -135,6 +135,7 @@ def _objection(text: str, command: str) -> str:
         close = [row.split()[0] for row in rows if row.startswith("--") and row != message]
         return f"unknown option {words.split()[0]!r}" + (f": did you mean {close[0]}?" if close else "")
     if match := re.match(r"[Ii]nvalid choice '([^']*)' for argument '([^']*)'. Expected one of \((.*)\)", message):
-        choices = match[3].replace("'", "").removesuffix(", None").rstrip(",")
-        return f"unknown {match[2]} {match[1]!r}; there are: {choices}"
+        # The parser names the choices of some options in no fixed order.
+        choices = sorted(match[3].replace("'", "").removesuffix(", None").rstrip(",").split(", "))
+        return f"unknown {match[2]} {match[1]!r}; there are: {', '.join(choices)}"
     return message or "cannot read the command"

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.commands.dataset import DATA_SET_COMMANDS
+from scenarios.commands.cli import PROGRAMS
 from scenarios.datasets.chunk import BuiltExperiment, run_chunk
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
+
+DATA_SET_COMMANDS = PROGRAMS["hmtb dataset"]["commands"]
 
 
 @pytest.mark.parametrize("words", [["dataset"], ["dataset", "--help"], ["dataset", "-h"]])
