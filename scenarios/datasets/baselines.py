@@ -142,7 +142,7 @@ def identified(method: Method, parts: Sequence[IOData]) -> Predictor:
         return StackedPredictor(tuple(identified(method, [p.select(outputs=[i]) for p in parts]) for i in rows))
 
     def run(records: Sequence[IOData]) -> Estimate:
-        return estimate(records[0] if len(records) == 1 else records, method.name, method.orders)[0]
+        return estimate(records[0] if len(records) == 1 else records, method.name, method.orders)
 
     with warnings.catch_warnings():
         # A poor model shows in its score.

@@ -78,15 +78,13 @@ def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[int], *, ke
         ScenarioError: Unknown method, wrong orders, several outputs for a method that takes one.
         SysidError: The estimator refuses the records.
     """
-    first, complete = parts[0], dict[str, int]()
+    first = parts[0]
     if method in ESTIMATORS and first.ny > 1 and not ESTIMATORS[method].outputs:
         several = ", ".join(name for name, entry in ESTIMATORS.items() if entry.outputs)
         raise ScenarioError(f"{method} takes one output, given {first.ny}; for several there are: {several}")
 
     def run(records: Sequence[IOData]) -> Estimate:
-        model, named = estimate(records[0] if len(records) == 1 else records, method, orders)
-        complete.update(named)
-        return model
+        return estimate(records[0] if len(records) == 1 else records, method, orders)
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
@@ -100,7 +98,7 @@ def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[int], *, ke
             tuple(bandwidth_claim(model, longest, output=i, input=j, band=band) for j in range(first.nu))
             for i in range(first.ny)
         )
-    return FittedModel(model, complete, used, level, band, claims)
+    return FittedModel(model, ESTIMATORS[method].complete(method, orders), used, level, band, claims)
 
 
 def identify(

@@ -91,7 +91,7 @@ def complete_parts(parts: Sequence[IOData], shortest: int = SHORTEST) -> list[IO
     return kept
 
 
-def estimate(data: Records, method: str, orders: Sequence[int]) -> tuple[Estimate, dict[str, int]]:
+def estimate(data: Records, method: str, orders: Sequence[int]) -> Estimate:
     """Run an estimator by name.
 
     Args:
@@ -99,13 +99,9 @@ def estimate(data: Records, method: str, orders: Sequence[int]) -> tuple[Estimat
         method: One of `ESTIMATORS`.
         orders: Its orders in their usual sequence; optional ones may be left out.
 
-    Returns:
-        The estimate and all orders by name.
-
     Raises:
         ScenarioError: Unknown method, or orders that do not fit it.
     """
     if method not in ESTIMATORS:
         raise ScenarioError(unknown("method", method, ESTIMATORS))
-    complete = ESTIMATORS[method].complete(method, orders)
-    return ESTIMATORS[method].run(data, list(complete.values())), complete
+    return ESTIMATORS[method].run(data, list(ESTIMATORS[method].complete(method, orders).values()))

@@ -244,7 +244,7 @@ def _identified(
     with warnings.catch_warnings():
         # They stand in the record.
         warnings.simplefilter("ignore", SysidWarning)
-        model = known or estimate(record, structure.estimator, structure.orders)[0]
+        model = known or estimate(record, structure.estimator, structure.orders)
         band = model.bandwidth()
         test = sysid.resid(model, record)
         fits = {other: _follow(model, data) for other, data in judges.items()}

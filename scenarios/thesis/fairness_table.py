@@ -177,7 +177,7 @@ def _joint(joint: str, data: Mapping[int, IOData], own: int, campaign: Campaign)
     for structure in (*every_structure(joint), sufficient):
         heading = (structure.method, structure.label, structure.chosen, False)
         try:
-            model, _ = estimate(data[own], structure.estimator, structure.orders)
+            model = estimate(data[own], structure.estimator, structure.orders)
             band = model.bandwidth()
         except SysidError as error:
             models.append(FairModel(*heading, None, float("nan"), None, False, {}, str(error)))

@@ -186,7 +186,7 @@ def search(method: str, data: IOData, others: Sequence[IOData], thesis: tuple[in
 def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, others: Sequence[IOData]) -> Iteration:
     orders = (poles, zeros + 1, poles, delay) if method == "armax" else (zeros + 1, poles, delay)
     try:
-        model, _ = estimate(data, method, orders)
+        model = estimate(data, method, orders)
         test = sysid.resid(model, data)
     except SysidError as error:
         return Iteration(orders, poles, zeros, delay, reason=str(error))

@@ -143,7 +143,7 @@ class _Trial:
         failure: Failure = ""
         covers = False
         try:
-            model, _ = estimate(disturbed, structure.estimator, structure.orders)
+            model = estimate(disturbed, structure.estimator, structure.orders)
         except SysidError:
             failure = "refused"
         else:

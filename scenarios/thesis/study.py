@@ -272,7 +272,7 @@ def _identify(structure: Structure, data: Mapping[int, IOData], truth: JointTrut
         # They stand in the estimate's diagnostics, from where the report takes them.
         warnings.simplefilter("ignore", SysidWarning)
         try:
-            model, _ = estimate(own, structure.estimator, structure.orders)
+            model = estimate(own, structure.estimator, structure.orders)
             band = model.bandwidth()
             test = sysid.resid(model, own)
         except SysidError as error:

@@ -28,7 +28,7 @@ def yaw_bandwidths() -> dict[str, float]:
     data = prepared(log, YAW)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
-        found = {entry.method: estimate(data, entry.estimator, entry.orders)[0] for entry in STRUCTURES[YAW]}
+        found = {entry.method: estimate(data, entry.estimator, entry.orders) for entry in STRUCTURES[YAW]}
     return {method: float(entry.bandwidth().hz[0, 0]) for method, entry in found.items()}
 
 
