@@ -11,15 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.waveform import POINTS
 from sysid import FrequencyResponse, StateSpace
-from sysid.plots import (
-    BOUND,
-    GRID,
-    INK,
-    PALETTE,
-    Curve,
-    Style,
-    bode,
-)
+from sysid.plots import BOUND, GRID, INK, PALETTE, Curve, Style, bode
 
 WIDTH = 5.2
 """Width of a figure, inch: narrow enough to be read on a phone."""
@@ -94,6 +86,12 @@ def dress(panels: Iterable[Axes]) -> None:
         axes.tick_params(labelsize=8, colors=INK)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
+
+
+def line_mark(axes: Axes, text: str, place: tuple[float, float], gap: float) -> None:
+    """Write a word beside a vertical line, at a height in parts of the axes and so many points to the right."""
+    coordinates = ("data", "axes fraction")
+    axes.annotate(text, place, (gap, 0), coordinates, "offset points", fontsize=8, color=BOUND.colour)
 
 
 def plain_marks(axis: Axis, ends: tuple[float, float]) -> None:

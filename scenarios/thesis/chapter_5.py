@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
-from scenarios.report.figure_style import FREQUENCIES, MRAD, WIDTH, dc_bode, dress, model_response, short
+from scenarios.report.figure_style import FREQUENCIES, MRAD, WIDTH, dc_bode, dress, line_mark, model_response, short
 from scenarios.report.figures import Gallery
 from scenarios.thesis import chapter_5 as draw
 from scenarios.thesis.comparison import Comparison, JointResult
@@ -75,15 +75,7 @@ def errors(entry: JointObserver) -> Figure:
     axes.yaxis.set_major_formatter(ScalarFormatter())
     axes.set_xticks(numbers)
     axes.axvline(5.0, color=BOUND.colour, ls=BOUND.line, lw=BOUND.width)
-    axes.annotate(
-        "p of the thesis",
-        (5.0, 0.5),
-        xycoords=("data", "axes fraction"),
-        xytext=(4, 0),
-        textcoords="offset points",
-        fontsize=8,
-        color=BOUND.colour,
-    )
+    line_mark(axes, "p of the thesis", (5.0, 0.5), gap=4)
     axes.set_xlabel("observer Markov parameters p")
     axes.set_ylabel("error / % of the output")
     axes.legend(fontsize=8, frameon=False, loc="upper right")

@@ -14,15 +14,11 @@ from hmtb_twin.run.playback import pictured_arm
 from scenarios.experiments.campaign import RPCM
 from scenarios.experiments.rpcm import rpcm_outcome
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
-from scenarios.report.figure_style import FREQUENCIES, NOT_EXCITED, WIDTH, dress, method_style, short
+from scenarios.report.figure_style import FREQUENCIES, NOT_EXCITED, WIDTH, dress, line_mark, method_style, short
 from scenarios.report.figures import photograph
 from scenarios.thesis.comparison import Comparison
 from sysid.models.bandwidth import half_power_hz
-from sysid.plots import (
-    BOUND,
-    INK,
-    PALETTE,
-)
+from sysid.plots import BOUND, INK, PALETTE
 
 ANY = "#555555"
 """Colour of marks in the legend that stand for every colour."""
@@ -90,15 +86,7 @@ def true_responses(study: Comparison) -> Figure:
         at_dc = 20.0 * np.log10(abs(entry.truth.dc_gain))
         gain.plot(entry.truth.bandwidth_hz, at_dc + 20.0 * np.log10(np.sqrt(0.5)), "o", color=INK, ms=4)
     gain.axvline(1.0, color=BOUND.colour, ls=":", lw=1.2)
-    gain.annotate(
-        "1 Hz",
-        (1.0, 0.03),
-        xycoords=("data", "axes fraction"),
-        xytext=(3, 0),
-        textcoords="offset points",
-        fontsize=8,
-        color=BOUND.colour,
-    )
+    line_mark(gain, "1 Hz", (1.0, 0.03), gap=3)
     gain.legend(title="bandwidth (dots)", fontsize=8, title_fontsize=8, loc="lower left", frameon=False)
     gain.set_ylabel("gain / dB")
     phase.set_ylabel("phase / degrees")

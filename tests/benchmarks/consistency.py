@@ -6,9 +6,7 @@ frequency response.
 
 import sys
 import warnings
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -38,15 +36,13 @@ def main():
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     warnings.simplefilter("ignore", sysid.SysidWarning)
     p3, p4, p5 = problems.make_p3(), problems.make_p4(), problems.make_p5()
-    arx_of_p5 = (len(p5.A) - 1, len(p5.B) - p5.nk, p5.nk)
-    bj_of_p4 = (len(p4.B) - p4.nk, len(p4.C) - 1, len(p4.D) - 1, len(p4.F) - 1, p4.nk)
-    cases: dict[str, tuple[Any, Callable[[sysid.IOData], sysid.Estimate]]] = {
-        "arx, in its class": (p5, lambda d: sysid.arx(d, *arx_of_p5)),
+    cases = {
+        "arx, in its class": (p5, lambda d: sysid.arx(d, 3, 3, 2)),
         "arx, coloured noise (biased)": (p3, lambda d: sysid.arx(d, 2, 2, 1)),
         "iv4, coloured noise": (p3, lambda d: sysid.iv4(d, 2, 2, 1)),
         "armax": (p3, lambda d: sysid.armax(d, 2, 2, 2, 1)),
         "oe, coloured noise": (p3, lambda d: sysid.oe(d, 2, 2, 1)),
-        "bj": (p4, lambda d: sysid.bj(d, *bj_of_p4)),
+        "bj": (p4, lambda d: sysid.bj(d, 2, 2, 2, 2, 1)),
         "okid, p = 20": (p3, lambda d: sysid.okid(d, 2, p=20)),
         "n4sid": (p3, lambda d: sysid.n4sid(d, 2)),
         "pem_ss": (p3, lambda d: sysid.pem_ss(d, sysid.n4sid(d, 2))),

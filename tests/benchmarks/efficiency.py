@@ -6,7 +6,6 @@ not converge, and the processor time. J is the information at the true parameter
 error leaves the region where it describes the criterion, the more so the nearer the structure is to being redundant.
 """
 
-import time
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import sysid
-from tests.benchmarks.tables import options
+from tests.benchmarks.tables import options, timed
 from tests.sysid import conftest as problems
 
 BURN_IN = 500
@@ -60,9 +59,7 @@ def measure(problem, estimator, orders, draws, first):
     magnitude = np.abs(problem.model.frequency_response(f))
     for seed in range(first, first + draws):
         data = problem.draw(seed)
-        begin = time.process_time()
-        estimate = estimator(data, *orders)
-        seconds = time.process_time() - begin
+        estimate, seconds = timed(estimator, data, *orders)
         error, m = estimate.parameters - problem.parameters, estimate.model
         low, high = estimate.frequency_response(f).magnitude_ci95()
         cost = estimate.diagnostics.get("sum_of_squares", float(np.sum(estimate.residuals**2)))

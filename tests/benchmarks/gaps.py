@@ -11,21 +11,20 @@ of |H|, over a quarter as many draws.
 """
 
 import sys
-import time
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular, toeplitz
 from scipy.signal import lfilter
 
 import sysid
 from sysid.models.delta_method import spread
 from tests.benchmarks.efficiency import STRUCTURES
-from tests.benchmarks.tables import heading, row
+from tests.benchmarks.tables import heading, row, timed
 from tests.sysid import conftest as problems
+from tests.sysid.systems import CORRELATED_OUTPUTS
 
-Array = NDArray[np.float64]
 SAMPLES = 2500
 STEP = 1e-5
 FREQUENCIES = np.array([0.02, 0.1, 0.3, 0.6]) * 0.5
@@ -85,21 +84,14 @@ def information(problem, known):
     return by_mean + 0.5 * by_spread - 0.5 * np.outer(traces, traces) / known.sum()
 
 
-def seconds(run, *arguments):
-    """What it returns, and how long it takes."""
-    begin = time.perf_counter()
-    out = run(*arguments)
-    return out, time.perf_counter() - begin
-
-
 def polynomial_draws(problem, estimator, orders, draws, bursts):
     """Figures of a polynomial model in each noise realisation; the same samples are lost in all."""
     lost = holes(0, (problem.samples,), bursts)
     bound = information(problem, ~lost)
     for seed in range(draws):
         data = problem.draw(seed)
-        _, whole = seconds(estimator, data, *orders)
-        estimate, gapped = seconds(estimator, lose(data, lost), *orders)
+        _, whole = timed(estimator, data, *orders, clock=perf_counter)
+        estimate, gapped = timed(estimator, lose(data, lost), *orders, clock=perf_counter)
         error = estimate.parameters - problem.parameters
         covered = np.mean(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance)))
         variance = estimate.noise_variance[0, 0] / problem.variance
@@ -122,9 +114,10 @@ def state_space_draws(model, draws, bursts):
         e = rng.multivariate_normal(np.zeros(ny), model.innovation_covariance, SAMPLES)
         u = rng.standard_normal((SAMPLES, model.nu))
         data = sysid.IOData(u, sysid.simulate(joint, np.hstack((u, e))), model.dt)
-        _, whole = seconds(sysid.pem_ss, data, model)
+        _, whole = timed(sysid.pem_ss, data, model, clock=perf_counter)
         lost = holes(seed, (SAMPLES,), True)[:, None] if bursts else holes(seed, (SAMPLES, ny), False)
-        estimate, gapped = seconds(sysid.pem_ss, lose(data, np.broadcast_to(lost, data.y.shape)), model)
+        gapped_data = lose(data, np.broadcast_to(lost, data.y.shape))
+        estimate, gapped = timed(sysid.pem_ss, gapped_data, model, clock=perf_counter)
         moves = spread(lambda theta: size(estimate.realise(theta)), estimate.parameters, estimate.covariance)  # noqa: B023
         relative = (size(estimate.model) - truth) / np.sqrt(np.sum(moves**2, axis=0))
         variance = np.mean(np.diag(estimate.noise_variance) / np.diag(model.innovation_covariance))
@@ -141,16 +134,7 @@ def print_row(name, lost, draws):
 
 def main():
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 400
-    two = sysid.StateSpace(
-        np.array([[0.9, 0.2], [-0.2, 0.7]]),
-        np.array([[1.0], [0.3]]),
-        np.array([[1.0, 0.0], [0.3, 1.0]]),
-        np.array([[0.0], [0.2]]),
-        np.array([[0.6, 0.1], [-0.2, 0.3]]),
-        0.1,
-        np.array([[1.0, 0.5], [0.5, 1.0]]),
-    )
-    models = {"ss1": problems.make_p3().model, "ss2": two}
+    models = {"ss1": problems.make_p3().model, "ss2": CORRELATED_OUTPUTS}
     errors = ("squared error", "its standard error", "coverage", "variance")
     heading("problem", "lost", *errors, "not converged", "time")
     lost = {"at random": False, "bursts": True}

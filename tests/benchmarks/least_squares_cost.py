@@ -6,7 +6,6 @@ and columns as the fit has errors and parameters, regressors ready.
 
 import os
 import warnings
-from time import process_time
 
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
@@ -17,7 +16,7 @@ from scipy.signal import lfilter  # noqa: E402
 import sysid  # noqa: E402
 from sysid.polynomial.orders import make_orders  # noqa: E402
 from sysid.polynomial.prediction_error import linearise  # noqa: E402
-from tests.benchmarks.tables import heading, row  # noqa: E402
+from tests.benchmarks.tables import heading, row, timed  # noqa: E402
 from tests.sysid import conftest as problems  # noqa: E402
 
 ROUNDS = 40
@@ -29,9 +28,7 @@ def medians(runs):
     times: list[list[float]] = [[] for _ in runs]
     for _ in range(ROUNDS):
         for run, taken in zip(runs, times, strict=True):
-            begin = process_time()
-            run()
-            taken.append(process_time() - begin)
+            taken.append(timed(run)[1])
     return [1e3 * float(np.median(taken)) for taken in times]
 
 

@@ -11,7 +11,6 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 from statistics import median
-from time import process_time
 
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
@@ -25,7 +24,7 @@ from scipy.signal import lfilter  # noqa: E402
 import sysid  # noqa: E402
 from scenarios.estimators.task import Task  # noqa: E402
 from sysid.polynomial.structures import STRUCTURES  # noqa: E402
-from tests.benchmarks.tables import heading, row  # noqa: E402
+from tests.benchmarks.tables import heading, row, timed  # noqa: E402
 from tests.sysid import conftest as problems  # noqa: E402
 
 SKIP = 500
@@ -123,10 +122,8 @@ def main():
             for name, fit in fits.items():
                 if seed < 0 and name in ("pysib", "sippy-unipi"):
                     continue  # nothing in them warms up
-                started = process_time()
                 with silence():
-                    polynomials = fit(u, y)
-                elapsed = process_time() - started
+                    polynomials, elapsed = timed(fit, u, y)
                 if seed >= 0:
                     seconds[name].append(elapsed)
                     losses[name].append(loss(polynomials, u, y))

@@ -5,18 +5,16 @@ p (the number of parameters) where half of the information is. P1 has condition 
 """
 
 import sys
-import time
 import warnings
-from collections.abc import Callable
-from typing import Any
+from time import perf_counter
 
 import numpy as np
 
 import sysid
-from tests.benchmarks.tables import heading, row
-from tests.sysid.conftest import Problem, make_p1, make_p2, make_p3
+from tests.benchmarks.tables import heading, row, timed
+from tests.sysid.conftest import make_p1, make_p2, make_p3
 
-CASES: list[tuple[str, Callable[[], Problem], Any, Any, tuple[int, ...]]] = [
+CASES = [
     ("P1 rarmax", make_p1, sysid.rarmax, sysid.armax, (5, 3, 5, 2)),
     ("P3 rarmax", make_p3, sysid.rarmax, sysid.armax, (2, 2, 2, 1)),
     ("P2 roe", make_p2, sysid.roe, sysid.oe, (2, 2, 1)),
@@ -44,9 +42,8 @@ def main():
                     warnings.simplefilter("always")
                     start = batch(data[:first], *orders) if first else None
                     caught.clear()
-                    begin = time.perf_counter()
-                    estimate = recursive(data[first:], *orders, start=start)
-                    seconds += time.perf_counter() - begin
+                    estimate, taken = timed(recursive, data[first:], *orders, start=start, clock=perf_counter)
+                    seconds += taken
                     warned += any("still far from the minimum" in str(w.message) for w in caught)
                 distances.append(distance(estimate.final.model, whole.model, data))
                 ratios.append(np.median(np.sqrt(np.diag(estimate.final.covariance) / np.diag(whole.covariance))))

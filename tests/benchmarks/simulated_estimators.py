@@ -31,42 +31,26 @@ class Fault:
     claimed_share: float = 1.0
 
 
-FAULTS = {
-    "perfect": Fault(),
-    "claimed covariance twice too large": Fault(claimed=2.0),
-    "claimed covariance half as large": Fault(claimed=0.5),
-    "gain 2 % too high": Fault(gain=1.02),
-    "one sample too late": Fault(delay=1),
-    "variance 1.5 times the bound": Fault(variance=1.5),
-    "variance 1.05 times the bound": Fault(variance=1.05),
-    "no model for 1 of 50": Fault(failing=0.02),
-    "claims nothing": Fault(claimed_share=0.0),
-    "claims 70 of 100": Fault(claimed_share=0.7),
-    "claims 99 of 100": Fault(claimed_share=0.99),
-    "claimed covariance 1e12 times too large": Fault(claimed=1e12),
-    "claimed covariance infinite": Fault(claimed=np.inf),
-}
-"""Faults by name."""
-
 ACCURATE = frozenset({"noise_free_recovery", "consistency", "efficiency"})
 HONEST = frozenset({"coverage", "normalised_error", "frequency_response"})
+NONE = frozenset[str]()
 
-FOUND_BY = {
-    "perfect": frozenset[str](),
-    "claimed covariance twice too large": HONEST,
-    "claimed covariance half as large": HONEST,
-    "gain 2 % too high": ACCURATE | HONEST,
-    "one sample too late": ACCURATE | HONEST,
-    "variance 1.5 times the bound": frozenset({"efficiency"}),
-    "variance 1.05 times the bound": frozenset[str](),
-    "no model for 1 of 50": frozenset[str](),
-    "claims nothing": frozenset[str](),
-    "claims 70 of 100": HONEST,
-    "claims 99 of 100": frozenset[str](),
-    "claimed covariance 1e12 times too large": HONEST,
-    "claimed covariance infinite": HONEST,
+FAULTS = {
+    "perfect": (Fault(), NONE),
+    "claimed covariance twice too large": (Fault(claimed=2.0), HONEST),
+    "claimed covariance half as large": (Fault(claimed=0.5), HONEST),
+    "gain 2 % too high": (Fault(gain=1.02), ACCURATE | HONEST),
+    "one sample too late": (Fault(delay=1), ACCURATE | HONEST),
+    "variance 1.5 times the bound": (Fault(variance=1.5), frozenset({"efficiency"})),
+    "variance 1.05 times the bound": (Fault(variance=1.05), NONE),
+    "no model for 1 of 50": (Fault(failing=0.02), NONE),
+    "claims nothing": (Fault(claimed_share=0.0), NONE),
+    "claims 70 of 100": (Fault(claimed_share=0.7), HONEST),
+    "claims 99 of 100": (Fault(claimed_share=0.99), NONE),
+    "claimed covariance 1e12 times too large": (Fault(claimed=1e12), HONEST),
+    "claimed covariance infinite": (Fault(claimed=np.inf), HONEST),
 }
-"""Figures of accuracy that each fault fails, and no others: a test holds them to it."""
+"""Faults by name, and the figures of accuracy that each fails, and no others: a test holds them to it."""
 
 
 def simulated(trials, fault, rng):

@@ -5,20 +5,17 @@ counts as off where N (V - V*) / V* > 20, V* the lesser of its own minimum and t
 Per structure the script writes how many were off, not stable or not converged, the worst distance and the times taken.
 """
 
-import time
 import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter, max_len_seq
 
 import sysid
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import admissible, minimise
-from tests.benchmarks.tables import options
+from tests.benchmarks.tables import options, timed
 
-Array = NDArray[np.float64]
 BURN_IN = 500
 OFF = 20.0
 KINDS = ("armax", "oe", "bj")
@@ -30,7 +27,7 @@ class Case:
 
     data: sysid.IOData
     orders: Orders
-    theta: Array
+    theta: np.ndarray
 
 
 def random_roots(rng, degree, radius):
@@ -103,9 +100,8 @@ def measure(kind, first, systems, samples, snr_db):
     distances, seconds, converged, unstable, diverged = [], [], [], [], []
     for seed in range(first, first + systems):
         case = make_case(kind, seed, samples, snr_db)
-        begin = time.process_time()
-        estimate = fit(kind, case)
-        seconds.append(time.process_time() - begin)
+        estimate, taken = timed(fit, kind, case)
+        seconds.append(taken)
         cost = estimate.diagnostics["sum_of_squares"]
         reference = minimise([case.data], case.orders, case.theta, max_iterations=200).at.cost
         best = min(cost, reference)

@@ -7,19 +7,16 @@ reached from n4sid with other horizons, from OKID and from the truth. With `--co
 frequency response hold the truth.
 """
 
-import time
 import warnings
 from dataclasses import dataclass
+from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_discrete_are
 
 import sysid
 from tests.benchmarks.stress import BURN_IN, OFF, random_roots, summary
-from tests.benchmarks.tables import options
-
-Array = NDArray[np.float64]
+from tests.benchmarks.tables import options, timed
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +92,8 @@ def measure(systems, samples, gain):
         start = sysid.n4sid(case.data, case.truth.order)
         if not gain and not start.model.is_stable():
             start = sysid.n4sid(case.data, case.truth.order, stable=True)
-        begin = time.perf_counter()
-        estimate = sysid.pem_ss(case.data, start, gain=gain)
-        seconds.append(time.perf_counter() - begin)
+        estimate, taken = timed(sysid.pem_ss, case.data, start, gain=gain, clock=perf_counter)
+        seconds.append(taken)
         m = estimate.model
         others = [loss(other) for other in other_fits(case, gain) if other.model.order == m.order]
         refused.append(m.order < case.truth.order)

@@ -1,4 +1,4 @@
-"""Markdown tables on standard output, row by row, and the options and the environment that most benchmarks share.
+"""Markdown tables on standard output, row by row, and the options, clock and environment that most benchmarks share.
 
 A benchmark runs from the root of the repository with `PYTHONPATH=.`; `python tests/benchmarks/verification.py NAME`
 runs it and renews its tables in `docs`.
@@ -7,6 +7,7 @@ runs it and renews its tables in `docs`.
 import argparse
 import os
 from pathlib import Path
+from time import process_time
 
 ROOT = Path(__file__).parents[2]
 
@@ -14,6 +15,13 @@ ROOT = Path(__file__).parents[2]
 def options(doc):
     """A parser that shows the docstring of a benchmark as its help."""
     return argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
+def timed(function, *arguments, clock=process_time, **options):
+    """Result of a call and its time, s: processor time unless another clock is named."""
+    begin = clock()
+    result = function(*arguments, **options)
+    return result, clock() - begin
 
 
 def environment():

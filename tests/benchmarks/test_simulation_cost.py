@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from statistics import median
-from time import process_time
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ import pytest
 from hmtb_twin import load_arm, simulate
 from scenarios import load, names
 from tests.benchmarks.bare_steps import bare_seconds
+from tests.benchmarks.tables import timed
 
 SECONDS = 10.0
 ROUNDS = 7
@@ -30,9 +30,7 @@ def test_campaign_costs_little_more_than_bare_steps(campaign, most, request):
     simulate(experiments[:1])
     ratios = []
     for _ in range(ROUNDS):
-        started = process_time()
-        logs = simulate(experiments, threads=1)
-        ours = process_time() - started
+        logs, ours = timed(simulate, experiments, threads=1)
         bare = sum(bare_seconds(arm, log) for arm, log in zip(arms, logs, strict=True))
         ratios.append(ours / bare)
     print(f"\n{request.node.callspec.id}, {logs.steps} steps: simulate / bare mj_step {median(ratios):.3f}", end="")

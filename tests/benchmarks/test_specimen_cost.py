@@ -4,7 +4,6 @@ import gc
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
-from time import process_time
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from hmtb_twin.parameters.values import OPERATING_POSE
 from hmtb_twin.parameters.variants import variant_named
 from scenarios import load
 from tests.benchmarks.bare_steps import bare_seconds
+from tests.benchmarks.tables import timed
 
 POPULATION = TwinDistributions(
     mass=Distribution("normal", 0.05),
@@ -32,12 +32,7 @@ PAGE = 4096
 
 
 def _milliseconds(step):
-    taken = []
-    for i in range(ROUNDS):
-        started = process_time()
-        step(i)
-        taken.append(process_time() - started)
-    return 1e3 * median(taken)
+    return 1e3 * median(timed(step, i)[1] for i in range(ROUNDS))
 
 
 def test_a_specimen_costs_what_its_compilation_costs():
@@ -101,8 +96,6 @@ def _experiments(specimens, seconds=FLEET_SECONDS):
 
 def _cost(experiments, specimens):
     """Return processor seconds of `simulate` and of its bare steps."""
-    started = process_time()
-    logs = simulate(experiments, threads=1)
-    ours = process_time() - started
+    logs, ours = timed(simulate, experiments, threads=1)
     arms = [load_arm(specimen=specimen) for specimen in specimens]
     return ours, sum(bare_seconds(arms[i % len(arms)], log) for i, log in enumerate(logs))

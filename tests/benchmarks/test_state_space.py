@@ -6,7 +6,6 @@ in percent of its norm. SLICOT's N4SID comes from the wheel `ctrlsys` where that
 covariances or for the Kalman gain are left alone: they return another model, or corrupt the memory of the process.
 """
 
-import time
 from functools import cache
 
 import numpy as np
@@ -17,6 +16,7 @@ from scipy.signal import lfilter, max_len_seq
 import sysid
 from sysid.polynomial.least_squares import solve
 from sysid.subspace.okid import _regressors
+from tests.benchmarks.tables import timed
 
 SAMPLES, BURN_IN, ORDER, DT = 12_000, 500, 10, 0.02
 SEEDS = range(12)
@@ -64,12 +64,7 @@ def percent(model):
 
 def fastest(run, rounds=7):
     """Least processor time of several runs in ms."""
-    times = []
-    for _ in range(rounds):
-        begin = time.process_time()
-        run()
-        times.append(time.process_time() - begin)
-    return 1e3 * min(times)
+    return 1e3 * min(timed(run)[1] for _ in range(rounds))
 
 
 def slicot(data, block_rows):

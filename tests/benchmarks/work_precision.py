@@ -12,7 +12,6 @@ The reference is Richardson's extrapolation of two steps far below the default.
 """
 
 import sys
-import time
 from collections import namedtuple
 from dataclasses import replace
 from importlib.util import find_spec
@@ -22,7 +21,7 @@ import numpy as np
 
 from hmtb_twin import JOINTS, NOMINAL_PLANT, STUDIED_JOINTS, load_arm
 from hmtb_twin.parameters.values import OPERATING_POSE, SAMPLE_TIME
-from tests.benchmarks.tables import heading, options, row
+from tests.benchmarks.tables import heading, options, row, timed
 from tests.hmtb_twin.altered_arms import at_step, bandwidths
 
 INTEGRATORS = {
@@ -78,17 +77,10 @@ def reference(arm, form):
     )
 
 
-def seconds(run):
-    """Processor time of a run, s."""
-    begin = time.process_time()
-    run()
-    return time.process_time() - begin
-
-
 def cost(arm, other):
     """Processor time of the other arm over the arm's, the least of some turns."""
     command = commands()[1]
-    turns = [(seconds(lambda: logged(arm, command)), seconds(lambda: logged(other, command))) for _ in range(TURNS)]
+    turns = [[timed(logged, one, command)[1] for one in (arm, other)] for _ in range(TURNS)]
     return min(b for _, b in turns) / min(a for a, _ in turns)
 
 

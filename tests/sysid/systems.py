@@ -7,6 +7,16 @@ from scipy.signal import lfilter
 from sysid import IOData, StateSpace, simulate
 
 A, B = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5]
+CORRELATED_OUTPUTS = StateSpace(
+    [[0.9, 0.2], [-0.2, 0.7]],
+    [[1.0], [0.3]],
+    [[1.0, 0.0], [0.3, 1.0]],
+    [[0.0], [0.2]],
+    [[0.6, 0.1], [-0.2, 0.3]],
+    0.1,
+    [[1.0, 0.5], [0.5, 1.0]],
+)
+"""Two states, one input, and two outputs whose innovations correlate."""
 
 
 def second_order(seed=0, samples=400, noise=1.0, c=(1.0,), d=A, *, b=B, settle=0, lost=0.0, bursts=False):

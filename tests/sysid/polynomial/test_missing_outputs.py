@@ -2,7 +2,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 import sysid
@@ -11,9 +10,8 @@ from sysid.models import innovations_form
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.prediction_error import linearise
 from tests.refusals import refused
-from tests.sysid.systems import A, B, joint_normal, second_order
+from tests.sysid.systems import CORRELATED_OUTPUTS, A, B, joint_normal, second_order
 
-Array = NDArray[np.float64]
 C, D = [1.0, -0.6, 0.2], [1.0, -0.9]
 record = partial(second_order, samples=600, c=C, settle=100, lost=0.25)
 
@@ -127,16 +125,7 @@ def test_arx_of_a_long_gap_agrees_with_the_exact_likelihood():
 
 
 def multivariable(seed, samples=500):
-    model = StateSpace(
-        [[0.9, 0.2], [-0.2, 0.7]],
-        [[1.0], [0.3]],
-        [[1.0, 0.0], [0.3, 1.0]],
-        [[0.0], [0.2]],
-        [[0.6, 0.1], [-0.2, 0.3]],
-        0.1,
-        [[1.0, 0.5], [0.5, 1.0]],
-    )
-    rng = np.random.default_rng(seed)
+    model, rng = CORRELATED_OUTPUTS, np.random.default_rng(seed)
     e = rng.multivariate_normal([0.0, 0.0], model.innovation_covariance, samples)
     u = rng.standard_normal((samples, 1))
     disturbance = StateSpace(model.A, model.gain, model.C, np.eye(2), None, model.dt)
