@@ -1,25 +1,22 @@
 """What is not known of a condition is said, and never taken for another condition."""
 
-from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 
 import pytest
 
 import sysid
-from hmtb_twin import JointLog, linearize
+from hmtb_twin import linearize
 from scenarios.experiments.campaign import NOMINAL, Condition
 from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, GENTLE, SMOOTH, Attribution, Attributions, attribute
 from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.results import departures, friction_effect, friction_in_words
-from sysid import Estimate, IOData, SysidError
+from sysid import SysidError
 
 NAME, JOINT = "siso-5-elbow_pitch", "elbow_pitch"
 TRUTH = linearize(NOMINAL.arm())
 
-Made = Callable[[Sequence[str]], dict[str, JointLog]]
 
-
-def found(rough: dict[str, JointLog], smooth: dict[str, JointLog], failed: dict[str, str]) -> Attributions:
+def found(rough, smooth, failed):
     campaigns = Campaign(NOMINAL, TRUTH, rough, {}), Campaign(Condition(friction=False), TRUTH, smooth, failed)
     return attribute(NAME, JOINT, *campaigns, 1.0, (2, 2, 1))
 
@@ -41,7 +38,7 @@ def test_a_record_that_gives_no_model_is_named(synthetic_logs, monkeypatch):
     logs = synthetic_logs([NAME, f"{NAME}-small"])
     oe = sysid.oe
 
-    def refuses(data: IOData, *orders: int) -> Estimate:
+    def refuses(data, *orders):
         if data.name.endswith("-small"):
             raise SysidError("too little motion")
         return oe(data, *orders)
@@ -52,7 +49,7 @@ def test_a_record_that_gives_no_model_is_named(synthetic_logs, monkeypatch):
     assert dict(part.missing) == {GENTLE: "too little motion"}
 
 
-def study(**rows: dict[str, tuple[float, float]]) -> SimpleNamespace:
+def study(**rows):
     """Joints of a true bandwidth of 1 Hz; by condition the bandwidth and where the gain is 0.707."""
     truth = SimpleNamespace(truth=SimpleNamespace(bandwidth_hz=1.0))
     return SimpleNamespace(

@@ -16,7 +16,7 @@ YAW = "siso-5-shoulder_yaw"
 EMPTY = Campaign(NOMINAL, linearize(NOMINAL.arm()), {}, {})
 
 
-def played(name: str, seed: int | None) -> np.ndarray:
+def played(name, seed):
     """One period of the file, without its mean and of unit length, as a spectrum."""
     (entry,) = campaign_scenario(name, seed=seed).excitation
     points = prbs(**entry.parameters).points

@@ -7,13 +7,13 @@ from scenarios.thesis.disturbances import BURST, DISTURBANCES, LOSSY, TREATMENTS
 from sysid import IOData
 
 
-def record(n: int = 2000) -> IOData:
+def record(n=2000):
     rng = np.random.default_rng(1)
     u = np.repeat(rng.choice([-1.0, 1.0], n // 5), 5)
     return IOData(u, np.convolve(u, 0.1 * 0.9 ** np.arange(100))[:n], 0.02, output_names=("angle",)).detrend()
 
 
-def spoilt(key: str, degree: float, seed: int = 0, data: IOData | None = None) -> IOData:
+def spoilt(key, degree, seed=0, data=None):
     return DISTURBANCES[key].spoil(data or record(), degree, np.random.default_rng(seed))
 
 

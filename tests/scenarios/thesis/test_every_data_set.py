@@ -1,6 +1,5 @@
 """Models from every data set."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.model_structures import STRUCTURES, every_structure
-from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.every_data_set import (
     DataSetModel,
     Follow,
@@ -66,9 +64,9 @@ def test_a_record_that_cannot_be_used_is_told_with_its_reason(study):
     campaign, name = study.campaign, single_joint_test(3, YAW)
     log = campaign.logs[name]
     still = replace(log, commanded=np.full_like(log.commanded, 0.1))
-    logs: Mapping[str, object] = {**campaign.logs, name: still}
+    logs = {**campaign.logs, name: still}
     gone = {key: value for key, value in logs.items() if key != single_joint_test(4, YAW)}
-    spoiled: Campaign = replace(campaign, logs=gone, failed={single_joint_test(4, YAW): "diverged"})
+    spoiled = replace(campaign, logs=gone, failed={single_joint_test(4, YAW): "diverged"})
     found = every_data_set(YAW, spoiled)
     assert [r.structure.method for r in found.refused if r.record == name] == METHODS
     assert all("constant" in r.reason for r in found.refused)
@@ -76,7 +74,7 @@ def test_a_record_that_cannot_be_used_is_told_with_its_reason(study):
     assert len(found.models) == 6 * len(METHODS)
 
 
-def _model(gain: float, pole: float) -> DataSetModel:
+def _model(gain, pole):
     return DataSetModel(
         "siso-1-shoulder_yaw",
         every_structure(YAW)[0],

@@ -11,7 +11,7 @@ from scenarios.thesis import fairness_table
 from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.fairness_section import changes_text, conclusions, dumbbells, percent
 from scenarios.thesis.fairness_table import ArmFairness, BothFits, FairModel, Fairness, ThreeJointFits
-from sysid import IOData, SysidError
+from sysid import SysidError
 
 METHODS = ["arx", "armax", "iv4", "oe", "okid", "oe_high"]
 
@@ -63,8 +63,8 @@ def test_estimation_and_validation_are_apart():
     assert replace(model, fits={5: fits[5], 6: fits[6]}).validation(5) is None
 
 
-def arm(condition: Condition, okid: float) -> ArmFairness:
-    def model(method: str, fit: float) -> FairModel:
+def arm(condition, okid):
+    def model(method, fit):
         return FairModel(method, method, True, False, None, 1.0, (0.9, 1.1), True, {1: BothFits(fit, fit)})
 
     joints = {joint: (model("armax", 90.0), model("okid", okid)) for joint in STUDIED_JOINTS}
@@ -76,7 +76,7 @@ def arm(condition: Condition, okid: float) -> ArmFairness:
 
 
 def test_a_refused_model_leaves_out_what_it_is_part_of(synthetic_logs, monkeypatch):
-    def refuses(data: IOData, estimator: str, orders: tuple[int, ...]) -> object:
+    def refuses(data, estimator, orders):
         if estimator == "okid" and "yaw" in data.name:
             raise SysidError("too little past")
         return estimate(data, estimator, orders)

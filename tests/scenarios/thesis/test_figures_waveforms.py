@@ -7,11 +7,6 @@ from scenarios.experiments.registry import load
 from scenarios.thesis.figures_waveforms import waveform, waveform_figures
 
 
-def test_figures_11_to_16_have_a_counterpart():
-    answered = [number for entry in waveform_figures().values() for number in entry.thesis]
-    assert sorted(answered) == ["11", "12", "13", "14", "15", "16"]
-
-
 def test_tones_lie_where_the_captions_say():
     figures = waveform_figures()
     (sines,) = figures["sum-of-sines"].files.values()

@@ -13,7 +13,7 @@ from sysid import FrequencyResponse, c2d, simulate
 from tests.scenarios.thesis.altered import with_log
 
 
-def _gain(values: np.ndarray) -> FrequencyResponse:
+def _gain(values):
     return FrequencyResponse(GRID.copy(), np.asarray(values, dtype=complex)[:, None, None], 0.02, "model")
 
 
@@ -61,7 +61,6 @@ def test_a_peak_is_weak_only_where_the_input_is(study):
     """Peaks on strong lines are not put down to weak ones, and where there is no peak nothing is said of it."""
     joint = study.joints["elbow_pitch"]
     own = joint.spa
-    assert own.input_spectrum is not None
     f = own.frequencies
     rippled = 1.0 / (1.0 + f) * (1.0 + 3.0 * np.exp(-(((f - 5.0) / 0.4) ** 2)))
     for strong in (True, False):
@@ -93,7 +92,7 @@ def test_the_delay_is_claimed_of_the_pitches_alone(study):
 def test_peaks_of_the_correlation_have_to_be_small(study):
     """A command that is white but for a side peak of a given size."""
 
-    def seen(peak: float) -> str:
+    def seen(peak):
         entries = {}
         for joint, entry in study.nonparametric.items():
             functions = {}

@@ -6,8 +6,7 @@ import pytest
 
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis import findings_chapter_4 as chapter
-from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.every_data_set import DataSetModel, DataSets, Follow
+from scenarios.thesis.every_data_set import Follow
 from scenarios.thesis.findings_chapter_4 import Flexibility, flexibility
 from scenarios.thesis.outcome import numbers
 from scenarios.truth.published import EQUATIONS
@@ -15,19 +14,19 @@ from scenarios.truth.published import EQUATIONS
 JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
 
 
-def changed(study: Comparison, joint: str, **fields: object) -> Comparison:
+def changed(study, joint, **fields):
     entries = dict(study.prediction_errors)
     entries[joint] = replace(entries[joint], **fields)
     return replace(study, prediction_errors=entries)
 
 
-def with_sets(study: Comparison, change: "dict[str, tuple[DataSetModel, ...]]") -> Comparison:
+def with_sets(study, change):
     for joint, models in change.items():
         study = changed(study, joint, data_sets=replace(study.data_sets[joint], models=models))
     return study
 
 
-def tipped(sets: DataSets, *methods: str) -> tuple[DataSetModel, ...]:
+def tipped(sets, *methods):
     """Every model stable, but one of each of these methods, from a file that excites enough."""
     out, done = [], set()
     for model in sets.models:
@@ -96,7 +95,7 @@ def test_more_poles_that_stay_stable_are_no_reproduction(study):
     )
 
 
-def with_fits(study: Comparison, joint: str, method: str, percent: float) -> Comparison:
+def with_fits(study, joint, method, percent):
     """The study with one method's model from the estimation test following every test by so much."""
     own = f"siso-5-{joint}"
     models = tuple(

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.findings_chapter_5 import OFFSET, SLACK, percent_described, without_detrending
 from scenarios.thesis.outcome import numbers
 from scenarios.truth.published import PERCENT_DESCRIBED
@@ -14,7 +13,7 @@ from tests.scenarios.thesis.altered import with_log
 YAW = "siso-5-shoulder_yaw"
 
 
-def with_offset(study: Comparison, offset: float) -> Comparison:
+def with_offset(study, offset):
     """The same study with the measured yaw of the PRBS test off by a constant."""
     log = study.campaign.log(YAW)
     measured = log.measured.copy()

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from scenarios.thesis import findings_chapter_6 as findings
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.outcome import numbers
 from sysid import StateSpace
 from tests.scenarios.thesis.altered import with_model, with_models
 
 
-def _as_printed(study: Comparison) -> Comparison:
+def _as_printed(study):
     """The study as if it had identified the very models that the thesis prints."""
     printed = [entry for entry in study.multivariable.models if entry.printed]
     ours = [replace(entry, name=entry.name.removeprefix("printed "), printed=False) for entry in printed]

@@ -1,6 +1,5 @@
 """Findings on fits follow from the fits."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,6 @@ from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis import findings_fits as findings
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.findings import FINDINGS
 from scenarios.thesis.multivariable import JointFits
 from scenarios.thesis.outcome import numbers
@@ -21,13 +19,13 @@ from tests.scenarios.thesis.altered import with_model, without_log
 YAW, SHOULDER, ELBOW = STUDIED_JOINTS
 
 
-def _with_okid(study: Comparison, change: Callable[[JointFits], JointFits]) -> Comparison:
+def _with_okid(study, change):
     """The study with other fits of the OKID model, made from those of the SysID model."""
     own, _ = study.multivariable.pair()
     return with_model(study, "OKID", fits={name: change(fit) for name, fit in own.fits.items()})
 
 
-def _moved(simulation: float, one_step: float | None = None) -> Callable[[JointFits], JointFits]:
+def _moved(simulation, one_step=None):
     """Change all fits in simulation, and those one step ahead by as much or by another number."""
     other = simulation if one_step is None else one_step
     return lambda fits: JointFits(
@@ -55,7 +53,7 @@ def test_ahead_one_way_only_is_said(study):
 
 
 def test_slightly_is_neither_less_nor_much_more(study):
-    def singles(by: float) -> Comparison:
+    def singles(by):
         joints = {
             joint: replace(
                 entry,
@@ -117,7 +115,7 @@ def test_friction_is_judged_only_where_an_exchange_without_it_was_played(study):
     assert "Models of the arm without friction, on its own exchange, have" in found
 
 
-def _test_of(errors: np.ndarray, u: np.ndarray) -> sysid.ResidualTest:
+def _test_of(errors, u):
     """The test of residuals that are known: a model of zero leaves the output itself."""
     model = StateSpace(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((3, 0)), np.zeros((3, 3)), None, 0.02)
     return sysid.resid(model, IOData(u, errors, 0.02))
@@ -160,6 +158,7 @@ def test_a_coupling_is_found_at_its_input():
         ("mimo-12", ("F20",)),
         ("mimo-10", ("F21",)),
         ("siso-5-elbow_pitch", ("F26",)),
+        ("siso-7-elbow_pitch", ("F5",)),
     ],
 )
 def test_what_has_no_record_is_not_decided(study, record, keys):

@@ -5,15 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.files.errors import MissingRecordError
 from scenarios.thesis import findings_spectra as chapter
 from scenarios.thesis.nonparametric import GRID
 from scenarios.thesis.outcome import numbers
 from sysid import FrequencyResponse
-from tests.scenarios.thesis.altered import without_log
 
 
-def _spectra(values: dict[str, np.ndarray]) -> FrequencyResponse:
+def _spectra(values):
     """An estimate with these densities."""
     densities = {name: density[:, None, None].astype(complex) for name, density in values.items()}
     response = FrequencyResponse(GRID.copy(), np.ones((len(GRID), 1, 1), dtype=complex), 0.02, "spa")
@@ -49,8 +47,3 @@ def test_both_readings_are_told_with_their_numbers(study):
     orders = numbers(chapter.sinusoid_disturbance(study))
     for joint in study.joints:
         assert orders[f"{joint}, input's power"] > orders[f"{joint}, all frequencies"]
-
-
-def test_without_the_record_there_is_no_finding(study):
-    with pytest.raises(MissingRecordError, match="siso-7-elbow_pitch"):
-        chapter.pulse_spectra(without_log(study, "siso-7-elbow_pitch"))

@@ -1,9 +1,8 @@
 """Many seeds: what is kept of each, what is taken up again, and what the report says of them."""
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,14 +16,14 @@ from scenarios.jobs.journal import Journal
 from scenarios.thesis import monte_carlo
 from scenarios.thesis.campaign import EVERY_TEST
 from scenarios.thesis.comparison import Cost
-from scenarios.thesis.finding import CLAIMS, Finding, Verdict, decided_finding
+from scenarios.thesis.finding import CLAIMS, decided_finding
 from scenarios.thesis.frequencies import answer_text, chance, finding_record, frequency_text, seeds_record, source_text
 from scenarios.thesis.monte_carlo import contradictions, tally
 from scenarios.thesis.outcome import MethodBandwidth, SeedOutcome, numbers, outcome_from
 from scenarios.thesis.tally import Tally, read_tally, spread, write_tally
 
 
-def made(seed: int, verdict: Verdict = "reproduced", value: float = 1.0, *, hz: float = 1.0) -> SeedOutcome:
+def made(seed, verdict="reproduced", value=1.0, *, hz=1.0):
     """An outcome of one finding, with the same bandwidth everywhere."""
     found = MethodBandwidth(hz, (hz - 0.1, hz + 0.1), abs(hz - 1.0) <= 0.1, hz + 0.01)
     return SeedOutcome(
@@ -40,7 +39,7 @@ def made(seed: int, verdict: Verdict = "reproduced", value: float = 1.0, *, hz: 
     )
 
 
-def whole(seed: int) -> SeedOutcome:
+def whole(seed):
     """An outcome of every finding and method."""
     found = made(seed, value=1.0 / seed)
     return replace(
@@ -54,8 +53,18 @@ def whole(seed: int) -> SeedOutcome:
     )
 
 
-def finding(verdict: Verdict) -> Finding:
+def finding(verdict):
     return decided_finding("F1", verdict, {"shoulder_yaw": 1.0}, "Hz", "because")
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study that was run at once."""
+
+    logs: dict[str, object] = field(default_factory=dict)
+    joints: dict[str, object] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    cost: Cost = Cost(10.0, 12.0, 20.0)  # noqa: RUF009
 
 
 @pytest.fixture(scope="module")
@@ -67,11 +76,9 @@ def twenty():
 @pytest.fixture
 def quick(monkeypatch):
     """Studies that are made up at once, and the seeds that were run."""
-    run: list[int] = []
+    run = []
 
-    def one(
-        seed: int, duration: float | None, threads: int | None, told: Callable[[str, int, int], None]
-    ) -> SeedOutcome:
+    def one(seed, duration, threads, told):
         run.append(seed)
         told("simulate", 1, 1)
         if seed == 3:
@@ -93,13 +100,9 @@ def test_every_number_survives_the_file_to_the_last_bit():
 
 def test_a_seed_among_many_is_the_study_on_the_nominal_arm(monkeypatch):
     """Without what no finding rests on; that records do not depend on threads is tried with the simulation."""
-    asked: dict[str, object] = {}
+    asked = {}
 
-    @dataclass(frozen=True)
-    class Study:
-        cost: Cost = Cost(10.0, 12.0, 20.0)  # noqa: RUF009
-
-    def run_study(**settings: object) -> Study:
+    def run_study(**settings):
         asked.update(settings)
         return Study()
 
@@ -116,7 +119,7 @@ def test_a_seed_among_many_is_the_study_on_the_nominal_arm(monkeypatch):
 
 
 def test_a_failed_seed_is_counted_with_its_reason(quick):
-    told: list[tuple[int, int]] = []
+    told = []
     found = tally([2, 3, 4], progress=lambda seed, before, step, done, whole: told.append((seed, before)))
     assert [entry.seed for entry in found.outcomes] == [2, 4]
     assert found.failed == {3: "the physics diverged"}
@@ -145,7 +148,7 @@ def test_seeds_of_another_version_are_run_anew(quick, tmp_path, monkeypatch, wha
 
 
 def test_an_interrupted_run_keeps_its_seeds_and_says_so(tmp_path, monkeypatch, capsys):
-    def one(seed: int, *_: object) -> SeedOutcome:
+    def one(seed, *_):
         if seed == 6:
             raise KeyboardInterrupt
         return whole(seed)
@@ -199,27 +202,16 @@ def test_what_is_in_the_way_is_named_before_the_work(tmp_path, capsys, monkeypat
 
 @pytest.fixture
 def no_study(monkeypatch):
-    """A study that is run, judged and drawn at once; say what failed of it, and what its logs are."""
-
-    def given(failed: dict[str, str], logs: dict[str, object]) -> None:
-        @dataclass(frozen=True)
-        class Study:
-            failed: dict[str, str]
-            logs: dict[str, object]
-            joints: dict[str, object]
-            cost: Cost = Cost(10.0, 12.0, 20.0)  # noqa: RUF009
-
-        monkeypatch.setattr("scenarios.thesis.study.run_study", lambda **_: Study(failed, logs, {}))
-        monkeypatch.setattr("scenarios.thesis.findings.findings", lambda study: ())
-        monkeypatch.setattr("scenarios.thesis.report.write_report", lambda study, found, path, *_, **__: path)
-        monkeypatch.setattr("scenarios.thesis.results.results", lambda *_: {"findings": {}})
-        monkeypatch.setattr("scenarios.thesis.results.answer", lambda study: "the answer")
-
-    return given
+    """A study of one log that is run, judged and drawn at once."""
+    logs = {"one": SimpleNamespace(name="one")}
+    monkeypatch.setattr("scenarios.thesis.study.run_study", lambda **_: Study(logs))
+    monkeypatch.setattr("scenarios.thesis.findings.findings", lambda study: ())
+    monkeypatch.setattr("scenarios.thesis.report.write_report", lambda study, found, path, *_, **__: path)
+    monkeypatch.setattr("scenarios.thesis.results.results", lambda *_: {"findings": {}})
+    monkeypatch.setattr("scenarios.thesis.results.answer", lambda study: "the answer")
 
 
 def test_a_seed_that_failed_is_a_difference(quick, no_study, tmp_path, capsys):
-    no_study({}, {})
     assert main(["thesis", "--seeds", "2", "--out", str(tmp_path)]) == 0
     assert "failed:" not in capsys.readouterr().out
     assert main(["thesis", "--seeds", "3", "--out", str(tmp_path)]) == 1
@@ -229,15 +221,10 @@ def test_a_seed_that_failed_is_a_difference(quick, no_study, tmp_path, capsys):
 
 
 def test_results_are_there_before_the_logs(no_study, tmp_path, monkeypatch):
-    @dataclass(frozen=True)
-    class Log:
-        name: str = "one"
-
-    def full(log: Log, path: Path) -> None:
+    def full(log, path):
         assert (tmp_path / "results.json").is_file()
         raise ScenarioError(f"cannot write {path}: No space left on device")
 
-    no_study({}, {"one": Log()})
     monkeypatch.setattr("scenarios.files.data_file.write_log", full)
     assert main(["thesis", "--logs", "--out", str(tmp_path)]) == 2
     assert json.loads((tmp_path / "results.json").read_text()) == {"findings": {}}
@@ -311,7 +298,6 @@ def test_the_answer_says_how_often_it_comes_out():
 def test_the_report_names_verdicts_that_depend_and_those_that_most_seeds_contradict(twenty):
     assert chance([finding("reproduced")], None) is None
     usual, other = chance([finding("reproduced")], twenty), chance([finding("partly")], twenty)
-    assert usual is not None and other is not None
     assert (usual.depends, usual.against) == ((), ())
     assert (other.depends, other.against) == (("F1",), ("F1",))
     assert other.limits.startswith("from the smallest")

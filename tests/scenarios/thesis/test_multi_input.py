@@ -19,12 +19,12 @@ from scenarios.thesis.multi_input import (
 from sysid import StateSpace
 
 
-def _gains(D: list[list[float]]) -> StateSpace:
+def _gains(D):
     n = len(D)
     return StateSpace(np.zeros((0, 0)), np.zeros((0, n)), np.zeros((n, 0)), np.array(D), None, 0.02)
 
 
-def _one_pole(pole: float) -> StateSpace:
+def _one_pole(pole):
     return StateSpace(np.array([[pole]]), np.array([[1 - pole]]), np.ones((1, 1)), np.zeros((1, 1)), None, 0.02)
 
 

@@ -11,7 +11,7 @@ from sysid import IOData, StateSpace, simulate
 SYSTEM = StateSpace([[1.5, -0.7], [1.0, 0.0]], [[1.0], [0.0]], [[0.1, 0.05]], [[0.0]], None, 0.02)
 
 
-def record(noise: float, samples: int = 4000, level: float = 0.0) -> IOData:
+def record(noise, samples=4000, level=0.0):
     rng = np.random.default_rng(5)
     u = np.repeat(rng.choice([-1.0, 1.0], samples // 2), 2)
     return IOData(u + level, simulate(SYSTEM, u)[:, 0] + noise * rng.standard_normal(samples) + level, 0.02)

@@ -16,7 +16,7 @@ THESIS = {
 }
 
 
-def record(seed: int, *, coloured: bool, samples: int = 3000) -> IOData:
+def record(seed, *, coloured, samples=3000):
     """Two poles, one zero, a delay of two; noise that is white at the output, or the ARMAX kind's own."""
     rng = np.random.default_rng(seed)
     u = np.repeat(rng.choice([-1.0, 1.0], samples // 2), 2)
@@ -48,7 +48,7 @@ def test_coloured_residuals_are_accepted_of_output_error_alone():
 
 
 def test_where_nothing_passes_the_simplest_near_the_best_is_chosen():
-    def echoing(seed: int) -> IOData:
+    def echoing(seed):
         data = record(seed, coloured=False, samples=2000)
         return IOData(data.u, data.y + 0.3 * np.roll(data.u, 17, axis=0), 0.02)[20:]
 
@@ -78,7 +78,7 @@ def test_a_search_knows_of_the_thesis_choice(study):
 
 def test_the_test_of_the_same_sequence_judges_nothing(monkeypatch):
     data = {number: record(number, coloured=False, samples=200) for number in range(1, 9)}
-    judges: list[list[IOData]] = []
+    judges = []
     monkeypatch.setattr(sysid, "selstruc", lambda *_, validation: judges.append(validation))
     monkeypatch.setattr(order_search, "search", lambda _, __, others, ___: judges.append(others))
     order_search.search_orders("elbow_pitch", data, 5, {"armax": (2, 2, 2, 2), "oe": (2, 2, 2)})

@@ -6,7 +6,7 @@ from scenarios.thesis.figures_overview import arm_picture, exchange
 from tests.scenarios.thesis.altered import without_log
 
 
-def _no_opengl(*_: object, **__: object) -> None:
+def _no_opengl(*_, **__):
     raise TwinError("no OpenGL here, install libegl1")
 
 

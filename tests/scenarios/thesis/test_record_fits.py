@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 
 from scenarios.files.errors import MissingRecordError
-from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.multivariable import WAYS
 from scenarios.thesis.record_fits import (
     fits_to_records,
@@ -21,7 +20,7 @@ from tests.scenarios.thesis.altered import without_log
 YAW = "shoulder_yaw"
 
 
-def _with_fit(study: Comparison, number: int, value: float) -> Comparison:
+def _with_fit(study, number, value):
     """The study with another fit of the chosen model of yaw to one of its tests."""
     entry = study.joints[YAW]
     fits = {**entry.chosen.fits, number: replace(entry.chosen.fits[number], simulation=value, one_step=value)}

@@ -16,14 +16,14 @@ YAW, SHOULDER, ELBOW = STUDIED_JOINTS
 COLUMNS = [JOINTS.index(joint) for joint in STUDIED_JOINTS]
 
 
-def _truth(push: float) -> StateSpace:
+def _truth(push):
     """Lags of a tenth of a second; the elbow pushes the shoulder."""
     B = 0.2 * np.eye(3)
     B[1, 2] = push
     return StateSpace(0.8 * np.eye(3), B, np.eye(3), np.zeros((3, 3)), None, 0.02)
 
 
-def _campaign(truth: StateSpace, *, noise: float = 0.0, late: int = 0, offset: float = 0.3) -> Campaign:
+def _campaign(truth, *, noise=0.0, late=0, offset=0.3):
     """A record of independent commands around a pose, read as late as asked for."""
     rng = np.random.default_rng(5)
     samples = 3000
@@ -52,7 +52,7 @@ def _campaign(truth: StateSpace, *, noise: float = 0.0, late: int = 0, offset: f
     return Campaign(NOMINAL, None, MappingProxyType({"mimo-1": log}), {})
 
 
-def _fits(truth: StateSpace, campaign: Campaign) -> dict[str, dict[str, float]]:
+def _fits(truth, campaign):
     return {entry.name: dict(entry.fits["mimo-1"]) for entry in reference_fits(campaign, ("mimo-1",), truth)}
 
 

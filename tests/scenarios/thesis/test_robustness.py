@@ -24,9 +24,7 @@ from scenarios.thesis.robustness_outcome import (
 from scenarios.thesis.robustness_section import errors
 
 
-def outcome(
-    degree: float, *, hz: float = 1.0, fit: float = 99.0, failure: str = "", draw: int = 0
-) -> RobustnessOutcome:
+def outcome(degree, *, hz=1.0, fit=99.0, failure="", draw=0):
     return RobustnessOutcome(
         joint="elbow_pitch",
         method="oe",
@@ -112,7 +110,7 @@ def test_finding_25_is_the_count_of_its_statements(study):
 
 
 def test_finding_25_cannot_be_told_where_the_clean_record_gives_no_bandwidth(study):
-    def failed(entry: RobustnessOutcome) -> RobustnessOutcome:
+    def failed(entry):
         place = (entry.joint, entry.method, entry.disturbance, entry.treatment, entry.degree)
         if place != ("elbow_pitch", "okid", "bias", "nothing removed", 0.0):
             return entry

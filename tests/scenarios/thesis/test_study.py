@@ -21,7 +21,7 @@ from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, full_models, th
 from scenarios.thesis.multi_input import METHODS as METHODS_OF_SEVERAL
 from scenarios.thesis.nonparametric import period_spectra
 from scenarios.thesis.study import ESTIMATION_TEST, draw_conclusions, plan, run_study, study_joint
-from sysid import Estimate, IOData, StateSpace, SysidError
+from sysid import IOData, SysidError
 
 METHODS = {"armax", "oe", "okid", "oe_high"}
 
@@ -182,7 +182,7 @@ def test_the_second_campaign_is_always_the_same_arm_without_friction(given):
     ],
 )
 def test_what_no_study_can_be_made_of_is_refused_before_anything_is_played(settings, message, monkeypatch):
-    def never(*_: object, **__: object) -> None:
+    def never(*_, **__):
         pytest.fail("something was played")
 
     monkeypatch.setattr("scenarios.thesis.study.run_campaign", never)
@@ -201,7 +201,7 @@ def test_conclusions_are_drawn_of_an_arm_and_the_same_without_friction():
 def test_a_record_without_a_model_that_the_study_is_about_is_named(synthetic_logs, monkeypatch):
     name = single_joint_test(ESTIMATION_TEST, "elbow_pitch")
 
-    def refuses(*_: object) -> None:
+    def refuses(*_):
         raise SysidError("the regressors are dependent")
 
     monkeypatch.setattr("scenarios.thesis.study.estimate", refuses)
@@ -216,7 +216,7 @@ def test_an_order_that_is_refused_is_left_out(synthetic_logs, monkeypatch):
     data = prepared(synthetic_logs([name])[name], "elbow_pitch")
     oe = sysid.oe
 
-    def refuses(data: IOData, nb: int, nf: int, nk: int) -> Estimate:
+    def refuses(data, nb, nf, nk):
         if nf > 2:
             raise SysidError("no minimum")
         return oe(data, nb, nf, nk)
@@ -229,7 +229,7 @@ def test_an_order_that_is_refused_is_left_out(synthetic_logs, monkeypatch):
 
 
 def test_a_method_that_refuses_a_record_of_several_joints_is_left_out(synthetic_logs, monkeypatch):
-    def refuses(_: IOData) -> StateSpace:
+    def refuses(_):
         raise SysidError("no states")
 
     monkeypatch.setitem(METHODS_OF_SEVERAL, FULL_OKID, refuses)
