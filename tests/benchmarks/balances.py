@@ -2,23 +2,9 @@
 
 from dataclasses import asdict, replace
 
-import numpy as np
-
-from hmtb_twin import JOINTS, NOMINAL_PLANT, load_arm
-from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin import NOMINAL_PLANT, load_arm
 from tests.benchmarks.tables import heading, row
-from tests.hmtb_twin.balances import linear_balances
-
-AMPLITUDE = 0.067
-"""Of the command, rad."""
-
-
-def command(pose):
-    """Pseudo-random binary commands (N, 7) on the elbow for 5 s, then 2 s of rest, rad."""
-    made = np.tile(pose, (350, 1))
-    bits = np.random.default_rng(3).choice([-AMPLITUDE, AMPLITUDE], 50)
-    made[1:250, JOINTS.index("elbow_pitch")] += np.repeat(bits, 5)[1:]
-    return made
+from tests.hmtb_twin.balances import binary, linear_balances
 
 
 def main():
@@ -27,7 +13,7 @@ def main():
     for friction in ("none", "viscous", "coulomb", "lugre"):
         arm = load_arm(plant=replace(NOMINAL_PLANT, friction=friction))
         for refined in (1, 2, 4):
-            oil, energy = linear_balances(arm, command(arm.pose(OPERATING_POSE)), refined=refined)
+            oil, energy = linear_balances(arm, binary(arm, ("elbow_pitch",)), refined=refined)
             stored = energy.compressed + energy.kinetic + energy.potential
             residual = 2.0 * energy.supplied - sum(asdict(energy).values())
             losses = [f"{x:.2f}" for x in (energy.throttled, energy.leaked, energy.rubbed, energy.dragged, stored)]

@@ -9,10 +9,11 @@ import numpy as np
 
 from hmtb_twin import JOINTS, Status, load_arm, simulate
 from hmtb_twin.control.data_acquisition import BOARD
-from hmtb_twin.parameters.values import MOTIONS, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios import load, names
 from scenarios.experiments.joint_inputs import settled_inputs
 from tests.benchmarks.tables import heading, options, row
+from tests.hmtb_twin.altered_arms import LOWER, UPPER
 
 HEAD = (
     "test",
@@ -61,12 +62,11 @@ def _row(scenario, log):
     orders = ", ".join(str(entry.waveform().order_of_excitation()) for entry in scenario.excitation) or "-"
     inputs = settled_inputs(log.commanded, scenario)
     limits = arm.velocity_limits
-    lower, upper = (np.array([getattr(MOTIONS[name], end) for name in JOINTS]) for end in ("lower", "upper"))
     complaints = {
         "commands beyond their velocity limits": (asked > limits * (1 + 1e-9)).any(),
         "joints faster than their limits": (rates > limits).any(),
-        "commands beyond ranges": ((log.commanded < lower) | (log.commanded > upper)).any(),
-        "joints beyond ranges": ((log.true_angles < lower) | (log.true_angles > upper)).any(),
+        "commands beyond ranges": ((log.commanded < LOWER) | (log.commanded > UPPER)).any(),
+        "joints beyond ranges": ((log.true_angles < LOWER) | (log.true_angles > UPPER)).any(),
         "a joint at the end of its range": (log.status & Status.JOINT_LIMITED).any(),
         "near singular": (log.status & Status.SINGULAR).any(),
         "a converter clips": clipped > 0,

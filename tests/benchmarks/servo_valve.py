@@ -20,9 +20,8 @@ from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.parameters.payloads import PAYLOADS
 from hmtb_twin.parameters.servo_valve import SERVO_VALVE
 from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE
-from hmtb_twin.truth.linearization import sample_map
 from tests.benchmarks.tables import heading, row
-from tests.hmtb_twin.altered_arms import with_valve
+from tests.hmtb_twin.altered_arms import natural_poles, with_valve
 
 POSES = (OPERATING_POSE, "home")
 AMPLITUDES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
@@ -44,13 +43,6 @@ imported = time.perf_counter()
 install_valve_equations()
 print(imported - start, time.perf_counter() - imported)
 """
-
-
-def natural_poles(arm, pose):
-    """Poles of the arm at rest, rad/s, from the map of one physics step."""
-    period = arm.model.opt.timestep
-    step = sample_map(arm.model, arm.rest(arm.pose(pose)), period=period)[0]
-    return np.log(np.linalg.eigvals(step) + 0j) / period
 
 
 def oscillations(poles):

@@ -10,10 +10,11 @@ from hmtb_twin import JOINTS
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.orifice import valve_parameters
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
-from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE, SAMPLE_TIME
+from hmtb_twin.parameters.values import INDEXED_JOINTS, MOTIONS, OPERATING_POSE, SAMPLE_TIME
 from hmtb_twin.truth.linearization import sample_map, sliding
 from sysid import StateSpace
 
+LOWER, UPPER = (np.array([getattr(MOTIONS[name], end) for name in JOINTS]) for end in ("lower", "upper"))
 CHANNELS = (
     *("commanded", "measured", "wrench", "true_angles", "load_pressure", "volts", "counts", "status"),
     *("unit_pose", "contact_force", "spool", "supply_pressure"),
@@ -43,6 +44,13 @@ def at_step(arm, step, integrator=None):
     if integrator is not None:
         model.opt.integrator = integrator
     return replace(arm, model=model)
+
+
+def natural_poles(arm, pose):
+    """Return the poles of the arm at rest, rad/s, from the map of one physics step."""
+    period = arm.model.opt.timestep
+    step = sample_map(arm.model, arm.rest(arm.pose(pose)), period=period)[0]
+    return np.log(np.linalg.eigvals(step) + 0j) / period
 
 
 def bandwidths(arm):

@@ -9,7 +9,7 @@ import numpy as np
 from hmtb_twin import JOINTS
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.orifice import arm_parameters
-from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.parameters.values import OPERATING_POSE, SAMPLE_TIME
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,15 @@ class EnergyBalance:
         """Energy that came in and is nowhere, over the energy supplied."""
         spent = sum(getattr(self, item.name) for item in fields(self) if item.name != "supplied")
         return abs(self.supplied - spent) / self.supplied
+
+
+def binary(arm, joints, amplitude=0.067, rest=2.0):
+    """Return pseudo-random binary commands (N, 7) on some joints for 5 s, then the pose again, rad."""
+    command = np.tile(arm.pose(OPERATING_POSE), (round(50 * (5.0 + rest)), 1))
+    bits = np.random.default_rng(3).choice([-amplitude, amplitude], (50, len(joints)))
+    command[:250, [JOINTS.index(name) for name in joints]] += np.repeat(bits, 5, axis=0)
+    command[0] = arm.pose(OPERATING_POSE)
+    return command
 
 
 def link_energy(model, angles, velocities):

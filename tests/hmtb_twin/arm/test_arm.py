@@ -12,6 +12,7 @@ from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.payloads import PAYLOADS
 from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.parameters.values import LINKS, MOTIONS, SERVOS
+from tests.hmtb_twin.altered_arms import LOWER, UPPER
 from tests.refusals import refused
 
 
@@ -69,9 +70,8 @@ def test_keyframes_hold_the_arm_under_gravity(written):
 def test_noise_over_the_control_range_raises_no_engine_warning(arm):
     rng = np.random.default_rng(0)
     data = arm.rest(arm.pose("home"))
-    limits = np.array([[MOTIONS[name].lower, MOTIONS[name].upper] for name in JOINTS])
     for _ in range(200):
-        data.ctrl[0::2] = rng.uniform(limits[:, 0], limits[:, 1])
+        data.ctrl[0::2] = rng.uniform(LOWER, UPPER)
         data.ctrl[1::2] = rng.uniform(-1, 1, 7) * [ACTUATORS[name].maximum_torque for name in JOINTS]
         mujoco.mj_step(arm.model, data, nstep=50)
     assert not any(warning.number for warning in data.warning)

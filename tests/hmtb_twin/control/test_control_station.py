@@ -7,9 +7,9 @@ import pytest
 from hmtb_twin import IDEAL, JOINTS, Chain, Motion, Status, load_arm, simulate
 from hmtb_twin.control.hand_controller import HandControllerInterface, deflection, pickup
 from hmtb_twin.parameters.drives import ACTUATORS
-from hmtb_twin.parameters.values import HAND_CONTROLLER, MOTIONS, RECORDER
+from hmtb_twin.parameters.values import HAND_CONTROLLER, RECORDER
 from scenarios import Scenario
-from tests.hmtb_twin.altered_arms import equal
+from tests.hmtb_twin.altered_arms import LOWER, UPPER, equal
 from tests.refusals import refused
 
 
@@ -135,9 +135,8 @@ def test_a_restart_beyond_a_range_begins_at_its_end_with_a_flag(experiment):
 
     push = Push(axes=JOINTS[1:], pose="home", duration=7.0, shutdown=(3.0, 6.0))
     log = simulate([push])[0]
-    lower, upper = (np.array([getattr(MOTIONS[name], end) for name in JOINTS]) for end in ("lower", "upper"))
-    assert ((log.commanded >= lower) & (log.commanded <= upper)).all()
-    beyond = ((log.true_angles < lower - 1e-3) | (log.true_angles > upper + 1e-3)).any(axis=1)[150:301]
+    assert ((log.commanded >= LOWER) & (log.commanded <= UPPER)).all()
+    beyond = ((log.true_angles < LOWER - 1e-3) | (log.true_angles > UPPER + 1e-3)).any(axis=1)[150:301]
     assert beyond.any(), "an arm at its limit creeps beyond it"
     assert ((log.status[150:301] & Status.JOINT_LIMITED) != 0)[beyond].all()
 

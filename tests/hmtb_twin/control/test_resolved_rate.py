@@ -6,10 +6,9 @@ from hmtb_twin.control.bounded_step import bounded_step
 from hmtb_twin.control.resolved_rate import CLEARANCE, ResolvedRate
 from hmtb_twin.control.tool_kinematics import ToolKinematics
 from hmtb_twin.parameters.values import JOINTS, MOTIONS, POSES, SAMPLE_TIME
+from tests.hmtb_twin.altered_arms import LOWER, UPPER
 from tests.refusals import refused
 
-LOWER = np.array([MOTIONS[name].lower for name in JOINTS])
-UPPER = np.array([MOTIONS[name].upper for name in JOINTS])
 STEP = np.array([MOTIONS[name].velocity_limit for name in JOINTS]) * SAMPLE_TIME
 TURN = 1e-9
 """How exactly the tool's orientation is commanded, rad; the controller promises 1e-6."""

@@ -5,11 +5,9 @@ import pytest
 from hmtb_twin.arm.controller_model import ControllerModel
 from hmtb_twin.control.tool_kinematics import ToolKinematics, WristAngles
 from hmtb_twin.parameters.resources import model_file
-from hmtb_twin.parameters.values import JOINTS, MOTIONS
+from tests.hmtb_twin.altered_arms import LOWER, UPPER
 from tests.refusals import refused
 
-LOWER = np.array([MOTIONS[name].lower for name in JOINTS])
-UPPER = np.array([MOTIONS[name].upper for name in JOINTS])
 POSES = np.random.default_rng(0).uniform(LOWER + 0.1, UPPER - 0.1, (200, 7))
 
 

@@ -22,8 +22,7 @@ from hmtb_twin.hydraulics.orifice import (
 from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
 from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE
-from hmtb_twin.truth.linearization import sample_map
-from tests.hmtb_twin.altered_arms import with_valve
+from tests.hmtb_twin.altered_arms import natural_poles, with_valve
 from tests.hmtb_twin.balances import orifice_balances
 from tests.refusals import refused
 
@@ -235,12 +234,6 @@ def test_bandwidths_stay_near_one_hertz_and_the_arm_is_well_damped(valve_truth, 
         poles = np.concatenate([truth.joint(name).dominant_poles for name in STUDIED_JOINTS])
         assert (-poles.real / np.abs(poles)).min() > 0.35
         assert np.abs(truth.model.poles()).max() < 0.98
-
-
-def natural_poles(arm, pose):
-    period = arm.model.opt.timestep
-    step = sample_map(arm.model, arm.rest(arm.pose(pose)), period=period)[0]
-    return np.log(np.linalg.eigvals(step) + 0j) / period
 
 
 @pytest.mark.parametrize("supply", [10.0, 20.7, 24.0, 35.0])

@@ -7,18 +7,9 @@ import pytest
 
 from hmtb_twin import JOINTS, Plant, load_arm
 from hmtb_twin.parameters.values import OPERATING_POSE
-from tests.hmtb_twin.balances import linear_balances
+from tests.hmtb_twin.balances import binary, linear_balances
 
 OIL, ENERGY = 1e-6, 1e-4
-
-
-def binary(arm, joints, amplitude=0.067, rest=2.0):
-    """Pseudo-random binary commands (N, 7) on some joints for 5 s, then the pose again, rad."""
-    command = np.tile(arm.pose(OPERATING_POSE), (round(50 * (5.0 + rest)), 1))
-    bits = np.random.default_rng(3).choice([-amplitude, amplitude], (50, len(joints)))
-    command[:250, [JOINTS.index(name) for name in joints]] += np.repeat(bits, 5, axis=0)
-    command[0] = arm.pose(OPERATING_POSE)
-    return command
 
 
 @pytest.mark.parametrize("friction", ["none", "viscous", "coulomb", "lugre"])
