@@ -23,7 +23,7 @@ from sysid.models.delta_method import spread
 from tests.benchmarks.efficiency import STRUCTURES
 from tests.benchmarks.tables import heading, row, timed
 from tests.sysid import conftest as problems
-from tests.sysid.systems import CORRELATED_OUTPUTS
+from tests.sysid.systems import CORRELATED_OUTPUTS, bursts_of_loss
 
 SAMPLES = 2500
 STEP = 1e-5
@@ -32,15 +32,7 @@ FREQUENCIES = np.array([0.02, 0.1, 0.3, 0.6]) * 0.5
 
 def holes(seed, shape, bursts):
     rng = np.random.default_rng(70_000 + seed)
-    if not bursts:
-        return rng.random(shape) < 0.25
-    out, t = np.zeros(shape, dtype=bool), 0
-    while t < len(out):
-        t += rng.geometric(1 / 60)
-        length = rng.geometric(1 / 20)
-        out[t : t + length] = True
-        t += length
-    return out
+    return bursts_of_loss(rng, *shape) if bursts else rng.random(shape) < 0.25
 
 
 def lose(data, lost):

@@ -82,14 +82,15 @@ def fit(kind, case):
     return sysid.bj(case.data, o.nb, o.nc, o.nd, o.nf, o.nk)
 
 
-def summary(systems, distances, converged, seconds, **counts):
-    """Figures of many fits: how many were off, and the distances and times."""
+def summary(fits):
+    """Figures of many fits: how many were off, the distances and times, and how many the other marks apply to."""
+    distances, seconds, converged, *marks = ([fit[name] for fit in fits] for name in fits[0])
     return {
-        "systems": systems,
+        "systems": len(fits),
         "off": int(np.sum(np.array(distances) > OFF)),
         "worst distance": float(np.max(distances)),
-        "not converged": systems - int(np.sum(converged)),
-        **{name.replace("_", " "): int(np.sum(values)) for name, values in counts.items()},
+        "not converged": len(fits) - int(np.sum(converged)),
+        **{name: int(np.sum(values)) for name, values in zip(list(fits[0])[3:], marks, strict=True)},
         "median ms": 1e3 * float(np.median(seconds)),
         "longest ms": 1e3 * float(np.max(seconds)),
     }
@@ -97,24 +98,23 @@ def summary(systems, distances, converged, seconds, **counts):
 
 def measure(kind, first, systems, samples, snr_db):
     """Fit every system and compare with the minimum beside the truth."""
-    distances, seconds, converged, unstable, diverged = [], [], [], [], []
+    fits = []
     for seed in range(first, first + systems):
         case = make_case(kind, seed, samples, snr_db)
-        estimate, taken = timed(fit, kind, case)
-        seconds.append(taken)
+        estimate, seconds = timed(fit, kind, case)
         cost = estimate.diagnostics["sum_of_squares"]
         reference = minimise([case.data], case.orders, case.theta, max_iterations=200).at.cost
         best = min(cost, reference)
-        distances.append(estimate.diagnostics["rows"] * (cost - best) / best)
-        if distances[-1] > OFF:
+        distance = estimate.diagnostics["rows"] * (cost - best) / best
+        if distance > OFF:
             how = f"start {estimate.diagnostics['start']}, {estimate.diagnostics['reason']}"
             orders = f"order {max(case.orders.nb)}, nk {case.orders.nk[0]}"
-            print(f"{kind:6s} system {seed}: {orders}, distance {distances[-1]:.4g}, {how}")
+            print(f"{kind:6s} system {seed}: {orders}, distance {distance:.4g}, {how}")
+        fits.append({"distance": distance, "seconds": seconds, "converged": estimate.diagnostics["converged"]})
         # ARMAX constrains C alone; a stable predictor is what must never be lost
-        unstable.append(not admissible(case.orders, estimate.parameters))
-        converged.append(estimate.diagnostics["converged"])
-        diverged.append(not (np.isfinite(cost) and cost <= float(np.sum(case.data.y**2))))
-    return summary(systems, distances, converged, seconds, predictor_unstable=unstable, diverged=diverged)
+        fits[-1]["predictor unstable"] = not admissible(case.orders, estimate.parameters)
+        fits[-1]["diverged"] = not (np.isfinite(cost) and cost <= float(np.sum(case.data.y**2)))
+    return summary(fits)
 
 
 def main():

@@ -86,27 +86,24 @@ def other_fits(case, gain):
 
 def measure(systems, samples, gain):
     """Fit every system and compare with the best of the other fits."""
-    distances, seconds, steps, converged, edge, refused = [], [], [], [], [], []
+    fits, steps = [], []
     for seed in range(systems):
         case = make_case(seed, samples)
         start = sysid.n4sid(case.data, case.truth.order)
         if not gain and not start.model.is_stable():
             start = sysid.n4sid(case.data, case.truth.order, stable=True)
-        estimate, taken = timed(sysid.pem_ss, case.data, start, gain=gain, clock=perf_counter)
-        seconds.append(taken)
+        estimate, seconds = timed(sysid.pem_ss, case.data, start, gain=gain, clock=perf_counter)
         m = estimate.model
         others = [loss(other) for other in other_fits(case, gain) if other.model.order == m.order]
-        refused.append(m.order < case.truth.order)
-        distances.append(len(case.data) * (loss(estimate) - min([loss(estimate), *others])))
+        distance = len(case.data) * (loss(estimate) - min([loss(estimate), *others]))
+        fits.append({"distance": distance, "seconds": seconds, "converged": estimate.diagnostics["converged"]})
+        fits[-1]["lower order given"] = m.order < case.truth.order
+        fits[-1]["at the edge of stability"] = np.abs(np.linalg.eigvals(m.A - m.gain @ m.C)).max() > 1.0 - 1e-4
         steps.append(estimate.diagnostics["iterations"])
-        converged.append(estimate.diagnostics["converged"])
-        edge.append(np.abs(np.linalg.eigvals(m.A - m.gain @ m.C)).max() > 1.0 - 1e-4)
-        if distances[-1] > OFF or not converged[-1]:
+        if distance > OFF or not estimate.diagnostics["converged"]:
             sizes = f"order {m.order}, {m.nu} inputs, {m.ny} outputs, N = {len(case.data)}"
-            print(f"system {seed}: {sizes}, distance {distances[-1]:.4g}, {estimate.diagnostics['reason']}", flush=True)
-    counts = {"lower_order_given": refused, "at_the_edge_of_stability": edge}
-    figures = summary(systems, distances, converged, seconds, **counts)
-    return {**figures, "median iterations": float(np.median(steps))}
+            print(f"system {seed}: {sizes}, distance {distance:.4g}, {estimate.diagnostics['reason']}", flush=True)
+    return {**summary(fits), "median iterations": float(np.median(steps))}
 
 
 def coverage(draws, samples):

@@ -113,43 +113,36 @@ def wandering(step):
     return view
 
 
-def drifting(total):
-    """The measured angle drifts in a straight line, rad from start to end."""
-    return lambda data, seed: replace(data, y=data.y + total * np.linspace(0.0, 1.0, len(data))[:, None]).detrend()
+def drifting(data, seed):
+    """The measured angle drifts in a straight line, by 20 mrad from start to end."""
+    return replace(data, y=data.y + 0.02 * np.linspace(0.0, 1.0, len(data))[:, None]).detrend()
 
 
-def backlash(width):
-    """Backlash between joint and resolver, rad."""
-
-    def view(data, seed):
-        shown, last = np.empty_like(data.y), data.y[0]
-        for k, angle in enumerate(data.y):
-            last = shown[k] = np.clip(last, angle - width / 2, angle + width / 2)
-        return replace(data, y=shown).detrend()
-
-    return view
+def backlash(data, seed):
+    """Backlash of 30 mrad between joint and resolver."""
+    shown, last = np.empty_like(data.y), data.y[0]
+    for k, angle in enumerate(data.y):
+        last = shown[k] = np.clip(last, angle - 0.015, angle + 0.015)
+    return replace(data, y=shown).detrend()
 
 
-def integrating(time):
-    """A servo with integral action kp/time beside its kp and kd: what the same arm, linear, would have measured."""
+def integrating(data, seed):
+    """A servo with integral action kp/1 s beside its kp and kd: what the same arm, linear, would have measured."""
     A, B = coupled(YAW_PLANE.joints, SERVOS)
     yaw, n = YAW_PLANE.joints.index(JOINT), len(YAW_PLANE.joints)
-    push = A[2 * n + yaw, yaw] / time  # what the integral of q adds to the rate of the torque
+    push = A[2 * n + yaw, yaw]  # what the integral of q adds to the rate of the torque
     A = np.block([[A, np.zeros((3 * n, 1))], [np.zeros((1, 3 * n + 1))]])
     A[2 * n + yaw, -1], A[-1, yaw] = -push, -1.0
     B = np.append(B[:, yaw], 1.0)[:, None]
     Ad, Bd, *_ = cont2discrete((A, B, np.eye(1, 3 * n + 1, yaw), np.zeros((1, 1))), SAMPLE_TIME)
 
-    def view(data, seed):
-        u, state, shown = data.u - data.u.mean(axis=0), np.zeros(3 * n + 1), np.empty_like(data.y)
-        for k in range(len(u)):
-            shown[k] = state[yaw]
-            state = Ad @ state + Bd[:, 0] * u[k, 0]
-        late = np.vstack([np.zeros((BUS[JOINT].delay, 1)), shown])[: len(u)]
-        noise = RECORDER.noise * np.random.default_rng(seed).standard_normal(late.shape)
-        return replace(data, u=u, y=late + noise)[round(20.0 / SAMPLE_TIME) :].detrend()
-
-    return view
+    u, state, shown = data.u - data.u.mean(axis=0), np.zeros(3 * n + 1), np.empty_like(data.y)
+    for k in range(len(u)):
+        shown[k] = state[yaw]
+        state = Ad @ state + Bd[:, 0] * u[k, 0]
+    late = np.vstack([np.zeros((BUS[JOINT].delay, 1)), shown])[: len(u)]
+    noise = RECORDER.noise * np.random.default_rng(seed).standard_normal(late.shape)
+    return replace(data, u=u, y=late + noise)[round(20.0 / SAMPLE_TIME) :].detrend()
 
 
 NOMINAL, SLOW = Record(), Record("published")
@@ -172,7 +165,7 @@ ROWS = (
     Row("as it is (dry friction 1 %)", NOMINAL, group="The nominal arm, truly 1.0 Hz"),
     Row("means left in", NOMINAL, means_in),
     Row("zero of the resolver 5 mrad off, left in", NOMINAL, offset_left_in),
-    Row("output drifts by 20 mrad", NOMINAL, drifting(0.02)),
+    Row("output drifts by 20 mrad", NOMINAL, drifting),
     Row("output wanders, 0.3 mrad per sample", NOMINAL, wandering(3e-4)),
     Row("output wanders, 1 mrad per sample", NOMINAL, wandering(1e-3)),
     Row("valve noise, 3 % of maximum torque", replace(NOMINAL, plant=Plant(process_noise=0.03))),
@@ -180,11 +173,11 @@ ROWS = (
     Row("hand controller holds 5 samples", replace(NOMINAL, hand_controller=HandController(hold=5))),
     Row("supply at 9 MPa, which just holds the arm", replace(NOMINAL, plant=Plant(supply_pressure=9.0))),
     Row("servo gets 1.18 times the logged command", replace(NOMINAL, hidden=scaled)),
-    Row("integral action, reset time 1 s, without friction", NOMINAL, integrating(1.0)),
+    Row("integral action, reset time 1 s, without friction", NOMINAL, integrating),
     Row("velocity feedforward, 50 ms", replace(NOMINAL, hidden=led)),
     *(Row(f"velocity limit behind the log, {speed} deg/s", behind(1, speed)) for speed in (100, 50, 25, 5)),
     Row("command smoothed behind the log, 1 rad/s", replace(NOMINAL, hidden=smoothed)),
-    Row("backlash 30 mrad", NOMINAL, backlash(0.03)),
+    Row("backlash 30 mrad", NOMINAL, backlash),
     Row("delay taken as 1", NOMINAL, armax=(5, 3, 5, 1), oe=(2, 2, 1)),
     Row("delay taken as 4", NOMINAL, armax=(5, 3, 5, 4), oe=(2, 2, 4)),
     Row("orders too high: ARMAX 8/8/8, OE 5/5", NOMINAL, armax=(8, 8, 8, 2), oe=(5, 5, 2)),

@@ -19,18 +19,24 @@ CORRELATED_OUTPUTS = StateSpace(
 """Two states, one input, and two outputs whose innovations correlate."""
 
 
+def bursts_of_loss(rng, samples):
+    """Which of so many samples are lost (N,): holes of 20 samples on average, a quarter of all samples."""
+    lost, t = np.zeros(samples, dtype=bool), 0
+    while t < samples:
+        t += rng.geometric(1 / 60)
+        length = rng.geometric(1 / 20)
+        lost[t : t + length] = True
+        t += length
+    return lost
+
+
 def second_order(seed=0, samples=400, noise=1.0, c=(1.0,), d=A, *, b=B, settle=0, lost=0.0, bursts=False):
     """Record of y = b/A u + noise c/d e, sampled every 0.1 s: `settle` samples go before, a part of y is `lost`."""
     rng = np.random.default_rng(seed)
     u, e = rng.standard_normal((2, samples + settle))
     y = (lfilter(b, A, u) + lfilter(c, d, noise * e))[settle:]
     if bursts:
-        t = 0
-        while t < samples:  # holes of 20 samples on average, a quarter of all samples
-            t += rng.geometric(1 / 60)
-            length = rng.geometric(1 / 20)
-            y[t : t + length] = np.nan
-            t += length
+        y[bursts_of_loss(rng, samples)] = np.nan
     elif lost:
         y[rng.random(samples) < lost] = np.nan
     return IOData(u[settle:], y, 0.1, missing=bursts or lost > 0.0)
