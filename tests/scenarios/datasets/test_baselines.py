@@ -13,7 +13,6 @@ import pytest
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.run.experiment_row import experiment_arm
 from hmtb_twin.truth.linearization import simulated
-from scenarios.commands.cli import main
 from scenarios.datasets.attainable_scores import attainable_files
 from scenarios.datasets.baselines import BaselineData, baseline, differences, report
 from scenarios.datasets.build import build
@@ -103,25 +102,24 @@ def test_no_baseline_goes_below_a_floor(small, floors):
 
 
 @pytest.mark.slow
-def test_every_row_is_made_again_by_its_command(small, monkeypatch):
+def test_every_row_is_made_again_by_its_command(small, monkeypatch, result):
     rows = read_table(small.folder / BASELINES)
     assert [one["method"] for one in rows] == [method.name for method in small.spec.baselines.methods]
     monkeypatch.chdir(small.folder.parent)
     for one in rows:
         words = one["command"].split()
         assert words[:4] == ["hmtb", "dataset", "baselines", "small-v1"]
-        assert main([*words[1:], "--json"]) == 0
+        assert not any(result(*words[1:])["differences"].values())
 
 
-def test_a_row_that_differs_is_reported(small, tmp_path, capsys):
+def test_a_row_that_differs_is_reported(small, tmp_path, printed):
     copy = Path(shutil.copytree(small.folder, tmp_path / "small-v1"))
     rows = [dict(one) for one in read_table(copy / BASELINES)]
     rows[0]["test"] = f"{float(rows[0]['test']) * (1 + 1e-8):.11g}"
     (copy / BASELINES).write_text(table_text(rows[0], rows))
-    assert main(["dataset", "baselines", str(copy), "--method", "hold"]) == 1
-    assert "published" in capsys.readouterr().out
-    assert main(["dataset", "baselines", str(copy), "--method", "arx", "--orders", "1", "1"]) == 0
-    assert "no such row is published" in capsys.readouterr().out
+    assert "published" in printed("dataset", "baselines", copy, "--method", "hold", code=1)
+    other = printed("dataset", "baselines", copy, "--method", "arx", "--orders", "1", "1")
+    assert "no such row is published" in other
     (copy / BASELINES).write_text("a,b\n1\n")
     refused("a row has more or fewer columns", read_table, copy / BASELINES)
     assert differences({"test": "1", "test_x": "", "orders": "2"}, {"test": "1.0000000001", "test_x": "3"}) == (
@@ -155,17 +153,16 @@ def test_methods_are_understood_strictly():
     refused("each once", BaselineSpec, models=("oe:2/2", "oe:2/2/1"))
 
 
-def test_scores_of_the_command_are_those_of_the_function(small, tmp_path, capsys):
+def test_scores_of_the_command_are_those_of_the_function(small, tmp_path, printed, result, complaint):
     hats = {record.name: record.y + 0.001 for record in small.test}
     for name, hat in hats.items():
         (tmp_path / f"{name}.csv").write_text("elbow_pitch\n" + "\n".join(map(repr, hat.tolist())))
-    assert main(["dataset", "score", str(tmp_path), "--data", str(small.folder), "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert result["mean"] == score(hats, small).mean == pytest.approx(1.0)
-    assert (result["metric"], result["unit"], result["steps"]) == ("rmse", "mrad", 0)
-    assert main(["dataset", "score", str(tmp_path), "--data", str(small.folder)]) == 0
-    assert "score: 1 mrad (rmse in simulation, mean over all records and outputs)" in capsys.readouterr().out
-    assert main(["dataset", "score", str(tmp_path / "none"), "--data", str(small.folder)]) == 2
+    scored = result("dataset", "score", tmp_path, "--data", small.folder)
+    assert scored["mean"] == score(hats, small).mean == pytest.approx(1.0)
+    assert (scored["metric"], scored["unit"], scored["steps"]) == ("rmse", "mrad", 0)
+    text = printed("dataset", "score", tmp_path, "--data", small.folder)
+    assert "score: 1 mrad (rmse in simulation, mean over all records and outputs)" in text
+    complaint("dataset", "score", tmp_path / "none", "--data", small.folder)
 
 
 @pytest.mark.parametrize(("noise", "steps", "warns"), [(0.001, 1, True), (0.001, 0, False), (0.0, 1, False)])

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from scenarios.commands.cli import main
 from scenarios.datasets import check as check_module
 from scenarios.datasets.check import examine, same_software
 from scenarios.datasets.experiment_file import record_attributes
@@ -278,12 +277,9 @@ def test_a_reader_that_hangs_or_crashes_is_replaced(tiny):
             assert "y" in reader.apply(Contents.array_hashes, tiny / RECORD)
 
 
-def test_the_command_prints_the_problems(copy, capsys):
-    assert main(["dataset", "check", str(copy), "--regenerate", "0"]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == f"{copy}: passed"
+def test_the_command_prints_the_problems(copy, printed, result, complaint):
+    assert printed("dataset", "check", copy, "--regenerate", "0").splitlines()[-1] == f"{copy}: passed"
     (copy / "README.md").unlink()
-    assert main(["dataset", "check", str(copy), "--regenerate", "0", "--json"]) == 1
-    result = json.loads(capsys.readouterr().out)
-    assert (result["passed"], result["problems"]) == (False, ["README.md is missing"])
-    assert main(["dataset", "check", str(copy / "nothing")]) == 2
-    assert "expected that of a data set" in capsys.readouterr().err
+    checked = result("dataset", "check", copy, "--regenerate", "0", code=1)
+    assert (checked["passed"], checked["problems"]) == (False, ["README.md is missing"])
+    assert "expected that of a data set" in complaint("dataset", "check", copy / "nothing")

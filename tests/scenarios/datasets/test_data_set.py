@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from scenarios.datasets import DataRecord, load, open_data_set
+from scenarios.datasets.index import read_index
 from sysid import arx
 from tests.refusals import refused
 
@@ -53,13 +54,14 @@ def test_consecutive_samples_keep_what_is_left_of_the_window(data_set):
         refused("expected", record.__getitem__, wrong)
 
 
-def test_the_whole_data_set_is_reachable(tiny, data_set, tiny_spec, tmp_path):
+def test_the_whole_data_set_is_reachable(tiny, data_set, tiny_spec, copy):
     assert [len(data_set.train), len(data_set.validation), len(data_set.test), len(data_set.records())] == [2, 0, 1, 3]
     assert (data_set.label, data_set.failed, data_set.spec) == ("tiny-v1", {}, tiny_spec)
     assert (data_set.truth, data_set.arms) == (tiny / "truth", ("arm-0",))
     assert data_set.records("test")[0].name == "noise"
-    folder = shutil.copytree(tiny, tmp_path / "copy", ignore=shutil.ignore_patterns("truth", "spec.toml"))
-    assert open_data_set(folder).truth is None and len(load(folder, joint="elbow_pitch")[0]) == 200
+    shutil.rmtree(copy / "truth")
+    (copy / "spec.toml").unlink()
+    assert open_data_set(copy).truth is None and len(load(copy, joint="elbow_pitch")[0]) == 200
 
 
 def test_a_fleet_opens_without_reading_its_records(tmp_path):
@@ -110,27 +112,26 @@ def test_no_data_set_is_refused_with_the_reason(data_set, tmp_path):
     ],
 )
 def test_a_damaged_index_is_refused(tiny, tmp_path, damage):
-    index = json.loads((tiny / "experiments.json").read_text())
+    index = read_index(tiny)
     if damage is not None:
         damage(index)
     (tmp_path / "experiments.json").write_text(json.dumps(index) if damage else "[" * 200_000)
     refused(r"experiments\.json is damaged", open_data_set, tmp_path)
 
 
-def test_a_swapped_or_damaged_file_and_a_pipe_are_refused(tiny, tmp_path):
-    folder = shutil.copytree(tiny, tmp_path / "copy")
-    first, second = (folder / f"data/train/binary-{joint}.nc" for joint in ("shoulder_yaw", "elbow_pitch"))
+def test_a_swapped_or_damaged_file_and_a_pipe_are_refused(copy):
+    first, second = (copy / f"data/train/binary-{joint}.nc" for joint in ("shoulder_yaw", "elbow_pitch"))
     shutil.copy(second, first)
-    refused("'binary-elbow_pitch', expected 'binary-shoulder_yaw'", lambda: open_data_set(folder).train[0].u)
+    refused("'binary-elbow_pitch', expected 'binary-shoulder_yaw'", lambda: open_data_set(copy).train[0].u)
     first.write_bytes(second.read_bytes()[:1000])
-    refused("damaged", lambda: open_data_set(folder).train[0].u)
+    refused("damaged", lambda: open_data_set(copy).train[0].u)
     first.unlink()
     os.mkfifo(first)
-    refused(r"binary-shoulder_yaw\.nc is no ordinary file", lambda: open_data_set(folder).train[0].u)
+    refused(r"binary-shoulder_yaw\.nc is no ordinary file", lambda: open_data_set(copy).train[0].u)
 
 
 def test_a_failed_experiment_is_listed_and_left_out(tiny, tmp_path):
-    index = json.loads((tiny / "experiments.json").read_text())
+    index = read_index(tiny)
     index["experiments"][0]["failed"] = "it fell over"
     (tmp_path / "experiments.json").write_text(json.dumps(index))
     opened = open_data_set(tmp_path)

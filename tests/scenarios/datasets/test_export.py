@@ -11,9 +11,9 @@ import pytest
 from scipy.io import loadmat
 
 import sysid
-from scenarios.commands.cli import main
 from scenarios.datasets import open_data_set
 from scenarios.datasets.export import FORMATS, LARGEST, ascii_table, columns, csv, csv_metadata, export, mat
+from scenarios.datasets.index import read_index
 from scenarios.datasets.withhold import public_contents
 from scenarios.files.netcdf import Contents, Variable, read_netcdf
 from tests.refusals import refused
@@ -140,26 +140,24 @@ def test_a_variable_too_large_for_a_mat_file_is_refused(contents):
     refused(r"u has 2 GiB.*ncread", mat, Contents(variables, contents.attributes))
 
 
-def test_an_export_that_cannot_work_is_refused_before_the_work(tiny, tmp_path):
+def test_an_export_that_cannot_work_is_refused_before_the_work(copy, tmp_path):
     (tmp_path / "tiny-v1-mat").mkdir()
-    before = sorted(tiny.rglob("*"))
-    refused("already there", export, tiny, tmp_path, ("csv", "mat"))
-    refused("inside the data set", export, tiny, tiny / "mine", ("csv",))
-    refused("unknown format 'matlab'", export, tiny, tmp_path, ("csv", "matlab"))
-    refused("no format given", export, tiny, tmp_path, ())
-    assert os.listdir(tmp_path) == ["tiny-v1-mat"] and sorted(tiny.rglob("*")) == before
+    before = sorted(copy.rglob("*"))
+    refused("already there", export, copy, tmp_path, ("csv", "mat"))
+    refused("inside the data set", export, copy, copy / "mine", ("csv",))
+    refused("unknown format 'matlab'", export, copy, tmp_path, ("csv", "matlab"))
+    refused("no format given", export, copy, tmp_path, ())
+    assert sorted(copy.rglob("*")) == before
     # Nothing stays of an export that fails on the way.
-    folder = shutil.copytree(tiny, tmp_path / "set")
-    index = json.loads((folder / "experiments.json").read_text())
+    index = read_index(copy)
     index["experiments"][2]["arrays"]["data/test/noise.nc"]["y"] = "0" * 64
-    (folder / "experiments.json").write_text(json.dumps(index))
-    refused(r"noise\.nc: y differ", export, folder, tmp_path / "new/out", ("csv",))
-    assert sorted(os.listdir(tmp_path)) == ["set", "tiny-v1-mat"]
+    (copy / "experiments.json").write_text(json.dumps(index))
+    refused(r"noise\.nc: y differ", export, copy, tmp_path / "new/out", ("csv",))
+    assert sorted(os.listdir(tmp_path)) == ["tiny-v1", "tiny-v1-mat"]
 
 
-def test_the_command_exports(tiny, tmp_path, capsys):
-    words = ["dataset", "export", str(tiny), "--format", "ascii, csv", "--out", str(tmp_path), "--json"]
-    assert main(words) == 0
-    folders = [Path(path) for path in json.loads(capsys.readouterr().out)["folders"]]
+def test_the_command_exports(tiny, tmp_path, result):
+    exported = result("dataset", "export", tiny, "--format", "ascii, csv", "--out", tmp_path)
+    folders = [Path(path) for path in exported["folders"]]
     assert [folder.name for folder in folders] == ["tiny-v1-ascii", "tiny-v1-csv"]
     assert (folders[1] / "train/binary-shoulder_yaw.csv").is_file()

@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import re
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +38,7 @@ def table(files):
     return list(csv.DictReader(io.StringIO(files["experiments.csv"].decode())))
 
 
-def test_croissant_validates_and_its_records_are_those_of_the_index(tiny, tiny_spec, croissants, monkeypatch, tmp_path):
+def test_croissant_validates_and_its_records_are_those_of_the_index(tiny, tiny_spec, croissants, monkeypatch, copy):
     rows = read_croissant(croissants, tiny / "croissant.json")
     entries = read_index(tiny)["experiments"]
     assert [row["experiments/name"].decode() for row in rows] == [entry["name"] for entry in entries]
@@ -48,14 +47,13 @@ def test_croissant_validates_and_its_records_are_those_of_the_index(tiny, tiny_s
     # Of many files those of one kind become a set.
     monkeypatch.setattr(metadata, "MOST_LISTED", 3)
     monkeypatch.setattr(metadata, "FEW", 1)
-    shutil.copytree(tiny, tmp_path / "copy")
     for name, content in metadata_files(tiny, tiny_spec, read_index(tiny)).items():
-        (tmp_path / "copy" / name).write_bytes(content)
-    record = json.loads((tmp_path / "copy/croissant.json").read_text(encoding="utf-8"))
+        (copy / name).write_bytes(content)
+    record = json.loads((copy / "croissant.json").read_text(encoding="utf-8"))
     sets = {one["@id"]: one["includes"] for one in record["distribution"] if one["@type"] == "cr:FileSet"}
     assert (sets["data-train-nc"], sets["truth-signals-nc"]) == ("data/train/*.nc", "truth/signals/*.nc")
     assert "data/train/binary-elbow_pitch.nc" not in {one["@id"] for one in record["distribution"]}
-    assert len(read_croissant(croissants, tmp_path / "copy/croissant.json")) == 3
+    assert len(read_croissant(croissants, copy / "croissant.json")) == 3
 
 
 def test_the_citation_file_has_what_the_format_asks_for(tiny, tiny_spec):
@@ -130,11 +128,10 @@ def test_the_datasheet_says_how_much_was_limited_and_the_table_by_record(tiny, t
     assert "In 2 of the 2 records of `binary` a converter stood at an end of its range" in again["README.md"].decode()
 
 
-def test_baselines_say_of_how_many_records_they_are(tiny, tiny_spec, tmp_path):
+def test_baselines_say_of_how_many_records_they_are(tiny, tiny_spec, copy):
     text = (tiny / "README.md").read_text(encoding="utf-8")
     assert "| arx | 2 2 1 | " in text
     assert all(row.endswith("| mrad | 1 of 1 |") for row in re.findall(r"^\| (?:hold|arx|truth) \|.*$", text, re.M))
-    copy = shutil.copytree(tiny, tmp_path / "copy")
     rows = read_table(copy / "baselines.csv")
     (copy / "baselines.csv").write_text(table_text(rows[0], [{**row, "twins": "0 4"} for row in rows]))
     fleet = metadata_files(copy, replace(tiny_spec, twins=Twins(1)), read_index(tiny))["README.md"].decode()

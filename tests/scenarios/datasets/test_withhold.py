@@ -10,7 +10,6 @@ import h5py
 import numpy as np
 import pytest
 
-from scenarios.commands.cli import main
 from scenarios.datasets import open_data_set
 from scenarios.datasets import withhold as withhold_module
 from scenarios.datasets.arm_truth import read_arm
@@ -169,7 +168,7 @@ def test_a_roster_is_read_strictly(tmp_path, text, match):
     assert read_roster(path) == ("ann", "bob-2")
 
 
-def test_submissions_are_graded_as_hmtb_dataset_score_does(school, tmp_path, capsys):
+def test_submissions_are_graded_as_hmtb_dataset_score_does(school, tmp_path, printed, result):
     complete = open_data_set(school.withheld / school.ann.name)
     truth = truth_of(school)
     model = {name: getattr(truth.model, name).tolist() for name in "ABCD"} | {"dt": 0.02}
@@ -179,18 +178,16 @@ def test_submissions_are_graded_as_hmtb_dataset_score_does(school, tmp_path, cap
     (record,) = complete.test
     predictions = "\n".join(map(repr, (record.y + 0.001).tolist()))
     (tmp_path / "ann" / f"{record.name}.csv").write_text(f"elbow_pitch\n{predictions}")
-    assert main(["dataset", "grade", str(school.withheld), str(tmp_path), "--json"]) == 1
-    result = json.loads(capsys.readouterr().out)
-    ann, bob = (result["grades"][person] for person in ("ann", "bob"))
+    graded = result("dataset", "grade", school.withheld, tmp_path, code=1)
+    ann, bob = (graded["grades"][person] for person in ("ann", "bob"))
     assert (ann["score"], ann["unit"]) == (pytest.approx(1.0), "mrad")
     assert ann["best_baseline"]["method"].startswith("oe")
     assert ann["models"][0]["bandwidth_hz"] == pytest.approx(truth.bandwidth_hz) and ann["models"][0]["stable"]
     assert abs(ann["models"][0]["error_percent"]) < 1e-6 < abs(bob["models"][0]["error_percent"])
     # Without predictions the model is scored; the arm of ann is not that of bob.
     assert bob["score"] == pytest.approx(score_model(truth.model, school.withheld / "class-bob-v1").mean, rel=1e-9)
-    assert "unknown person 'eve'" in result["refused"]["eve"]
-    assert main(["dataset", "grade", str(school.withheld), str(tmp_path / "ann")]) == 0
-    assert "oe" in capsys.readouterr().out
+    assert "unknown person 'eve'" in graded["refused"]["eve"]
+    assert "oe" in printed("dataset", "grade", school.withheld, tmp_path / "ann")
 
 
 def test_broken_submissions_are_refused_one_by_one(school, tmp_path):
