@@ -162,11 +162,11 @@ def _listed(*, json: bool) -> int:
 
     entries, cells = {}, []
     for name, entry in KNOWN.items():
-        can_run, why = entry.available()
-        one = entry.versioned() if can_run else entry.estimator
+        why = entry.missing()
+        one = entry.estimator if why else entry.versioned()
         fields = {key: getattr(one, key) for key in ("structure", "method", "version", "settings")}
-        entries[name] = {**fields, "available": can_run, "why": why}
-        here = one.version or "yes" if can_run else "no"
+        entries[name] = {**fields, "available": not why, "why": why}
+        here = "no" if why else one.version or "yes"
         cells.append((name, one.structure or "any", one.method or "", here, one.settings))
     if json:
         print_json({"estimators": entries})

@@ -36,15 +36,15 @@ class KnownEstimator:
     module: str = ""
     octave: str = ""
 
-    def available(self) -> tuple[bool, str]:
-        """Whether it can be run here; where not, what is missing and how to get it."""
+    def missing(self) -> str:
+        """What it needs that is not installed here, and how to get it; empty where it can be run."""
         name, program = self.estimator.name, shlex.split(self.estimator.target)[0]
         if self.module and find_spec(self.module) is None:
-            return False, f"{name} needs the package {self.package}: pip install 'hmtb-twin[peers]'"
+            return f"{name} needs the package {self.package}: pip install 'hmtb-twin[peers]'"
         if self.octave and not octave_version(program, self.octave):
             command = f"apt-get install octave octave-{self.octave}"
-            return False, f"{name} needs the program {program} with its package {self.octave}: {command}"
-        return True, ""
+            return f"{name} needs the program {program} with its package {self.octave}: {command}"
+        return ""
 
     def versioned(self) -> Estimator:
         """The estimator with the version of the package that it comes from."""
@@ -81,9 +81,8 @@ def estimator(name: str) -> Estimator:
     """
     if name not in KNOWN:
         raise ScenarioError(unknown("estimator", name, KNOWN))
-    can_run, why = KNOWN[name].available()
-    if not can_run:
-        raise ScenarioError(why)
+    if missing := KNOWN[name].missing():
+        raise ScenarioError(missing)
     return KNOWN[name].versioned()
 
 

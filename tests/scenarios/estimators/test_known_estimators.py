@@ -16,7 +16,7 @@ from scenarios.problems.registry import problem
 from tests.refusals import refused
 
 QUIET, NOISY = "quiet-2-2@800", "p3@800"
-INSTALLED = [known.estimator for known in KNOWN.values() if known.available()[0]]
+INSTALLED = [known.estimator for known in KNOWN.values() if not known.missing()]
 PYTHON = [one for one in INSTALLED if not one.program and one.name != "perfect"]
 
 DIGITS = {f"pysib-{structure}": 3 for structure in ("armax", "oe", "bj")}
@@ -65,18 +65,16 @@ def test_other_structures_are_refused(one):
 
 @pytest.mark.parametrize("name", ["slicot-moen4", "sippy-n4sid"])
 def test_orders_are_found(name):
-    can_run, why = KNOWN[name].available()
-    if not can_run:
-        pytest.skip(why)
+    if missing := KNOWN[name].missing():
+        pytest.skip(missing)
     assert called(estimator(name), "p3", "select").model.order == 2
 
 
 @pytest.fixture(scope="module", params=["octave-arx", "octave-moen4"])
 def octave(request):
     """What a program that stays answers: a record without noise, one with, one whose structure it has not."""
-    can_run, why = KNOWN[request.param].available()
-    if not can_run:
-        pytest.skip(why)
+    if missing := KNOWN[request.param].missing():
+        pytest.skip(missing)
     one = estimator(request.param)
     with EstimatorProcess(one, Limits()) as process:
         outcomes = [process.ask(problem(name).draw(1), problem(name).task(one.structure)) for name in (QUIET, NOISY)]
@@ -102,8 +100,8 @@ def test_missing_packages_come_with_the_command_that_installs_them(monkeypatch, 
     known_estimators.octave_version.cache_clear()
     refused(r"pysib-oe needs the package pysib: pip install 'hmtb-twin\[peers\]'", estimator, "pysib-oe")
     octave = "octave-arx needs the program octave-cli with its package control: apt-get install octave octave-control"
-    assert KNOWN["octave-arx"].available() == (False, octave)
-    assert KNOWN["our-oe"].available() == (True, "")
+    assert KNOWN["octave-arx"].missing() == octave
+    assert KNOWN["our-oe"].missing() == ""
     known_estimators.octave_version.cache_clear()
 
 
