@@ -9,7 +9,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.signal import lfilter
 
 from scenarios.estimators.outcome import Answer
-from scenarios.estimators.task import Task
+from scenarios.estimators.task import Task, require
 from sysid import IOData
 from sysid.models import innovations_form
 from sysid.polynomial.orders import Orders, make_orders
@@ -45,10 +45,7 @@ def referee(data: IOData, task: Task) -> Answer:
         NotImplementedError: Several inputs or outputs, or open orders.
         ValueError: No search converged.
     """
-    if data.nu != 1 or data.ny != 1:
-        raise NotImplementedError(f"{data.nu} inputs and {data.ny} outputs given, this method takes one of each")
-    if task.chooses:
-        raise NotImplementedError("no orders given, this method does not choose them")
+    require(task, task.structure, data, inputs=1, no_choice="this method does not choose them")
     n = task.orders.get("order", 0)
     # A state space of n states is an ARMAX model of n.
     degrees = make_orders(1, **({"na": n, "nb": n, "nc": n, "nk": 1} if task.structure == "ss" else task.orders))

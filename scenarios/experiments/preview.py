@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hmtb_twin import JOINTS, Status, load_arm
-from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import MOTIONS, SAMPLE_TIME
+from hmtb_twin.run.experiment_row import prepare
 from scenarios.experiments.excitation_computer import MISSES_POINTS
 from scenarios.experiments.joint_inputs import STILL, JointInputs, settled_inputs
 from scenarios.experiments.model_structures import excitation_order_warning
@@ -150,18 +150,14 @@ def preview(scenario: Scenario) -> Preview:
             f"{scenario.name}: an operator who looks at the arm moves the stick; expected an excitation; to see what "
             f"the operator does: hmtb simulate {scenario.name}"
         )
-    arm = load_arm(scenario.variant, scenario.payload, worksite=scenario.worksite)
-
-    def control_station(experiment: Scenario) -> ControlStation:
-        # The generator of a simulation, so that bias and noise are those that it will have.
-        return ControlStation(experiment, arm, np.random.default_rng(scenario.seed).spawn(2)[0])
-
-    station = control_station(scenario)
+    # As a simulation prepares it, so that bias and noise are those that it will have.
+    row = prepare(scenario, load_arm)
+    arm, station = row.arm, row.station
     ticks, power_off = station.ticks, None
     if scenario.shutdown:
         # Before the first shutdown the commands are those without it; its times were checked above.
         ticks, power_off = max(1, int(station.powered.argmin())), scenario.shutdown[0]
-        station = control_station(replace(scenario, shutdown=()))
+        station = prepare(replace(scenario, shutdown=()), load_arm).station
     commands = station.commands[:ticks]
     positions, rotations = arm.controller.tool_path(commands)
     home, frame = arm.controller.tool_pose(arm.pose(scenario.pose))

@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hmtb_twin import Experiment, linearize
-from hmtb_twin.control.control_station import ControlStation
+from hmtb_twin import Experiment, linearize, load_arm
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.parameters.values import SAMPLE_TIME
-from hmtb_twin.run.experiment_row import experiment_arm
+from hmtb_twin.run.experiment_row import experiment_arm, prepare
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.truth.best_linear import REALISATIONS, best_linear, cautions
 from sysid import IOData
@@ -173,5 +172,4 @@ def multisine_like(
 def joint_command(experiment: Experiment) -> FloatArray:
     """Return the command of an experiment's only joint (N,), rad, which follows without simulating the physics."""
     (joint,) = experiment.axes
-    station = ControlStation(experiment, experiment_arm(experiment), np.random.default_rng(experiment.seed).spawn(2)[0])
-    return station.commands[:, joint_index(joint)]
+    return prepare(experiment, load_arm).station.commands[:, joint_index(joint)]
