@@ -26,20 +26,18 @@ class KnownEstimator:
 
     Attributes:
         estimator: The estimator, without the version of its package.
-        package: Python distribution that it comes from.
-        module: To import from it; empty for what comes with this package.
+        package: Python distribution that it comes from; its module has the same name, with underscores.
         octave: Package of Octave that it needs instead; empty for none.
     """
 
     estimator: Estimator
     package: str = "hmtb-twin"
-    module: str = ""
     octave: str = ""
 
     def missing(self) -> str:
         """What it needs that is not installed here, and how to get it; empty where it can be run."""
         name, program = self.estimator.name, shlex.split(self.estimator.target)[0]
-        if self.module and find_spec(self.module) is None:
+        if find_spec(self.package.replace("-", "_")) is None:
             return f"{name} needs the package {self.package}: pip install 'hmtb-twin[peers]'"
         if self.octave and not octave_version(program, self.octave):
             command = f"apt-get install octave octave-{self.octave}"
@@ -89,7 +87,7 @@ def estimator(name: str) -> Estimator:
 def _read() -> dict[str, KnownEstimator]:
     known = {}
     for name, table in tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")).items():
-        needs = {key: table.pop(key) for key in ("package", "module", "octave") if key in table}
+        needs = {key: table.pop(key) for key in ("package", "octave") if key in table}
         if "octave" in needs:
             table |= {"program": True, "stays": True, "home": str(OCTAVE)}
         known[name] = KnownEstimator(Estimator(name, **table), **needs)

@@ -95,7 +95,7 @@ def test_an_unknown_name_is_answered_with_a_similar_one():
 
 
 def test_missing_packages_come_with_the_command_that_installs_them(monkeypatch, tmp_path):
-    monkeypatch.setattr(known_estimators, "find_spec", lambda name: None)
+    monkeypatch.setattr(known_estimators, "find_spec", lambda name: name if name == "hmtb_twin" else None)
     monkeypatch.setenv("PATH", str(tmp_path))
     known_estimators.octave_version.cache_clear()
     refused(r"pysib-oe needs the package pysib: pip install 'hmtb-twin\[peers\]'", estimator, "pysib-oe")
