@@ -72,7 +72,7 @@ def identify(
     """
     import warnings
 
-    from scenarios.files.data_file import of_joint, read_parts
+    from scenarios.files.data_file import joints_of, read_parts
     from scenarios.identification.identification import figures, usable
     from scenarios.identification.identification import identify as identify_model
 
@@ -82,7 +82,7 @@ def identify(
         parts, check = usable(read, skip, method, data, test), None
         if validate is not None:
             # A log is validated on the joint that the model is of, whichever it excites.
-            same = of_joint(parts[0]) or joint
+            same = joints_of(parts[0]) or joint
             others = read_parts(
                 validate, joint=same, input=input, output=output, dt=dt, test=validate_test, missing=missing
             )
@@ -161,7 +161,7 @@ def _record(result: "Identification") -> dict[str, Any]:
 def _rows(result: "Identification") -> list[tuple[str, str]]:
     import numpy as np
 
-    from scenarios.files.data_file import of_joint
+    from scenarios.files.data_file import joints_of
 
     fitted, fit, test = result.fitted, result.fit, result.test
     model, first = fitted.estimate, fitted.parts[0]
@@ -179,7 +179,7 @@ def _rows(result: "Identification") -> list[tuple[str, str]]:
     if fitted.level is not None:
         levels = np.where(np.abs(level := np.concatenate(fitted.level)) < 1e-12, 0.0, level)
         # Records of joints are in rad; what other tables hold, only their owner knows.
-        unit = " rad" if of_joint(first) else ""
+        unit = " rad" if joints_of(first) else ""
         named = (f"{name} {value:.4g}{unit}" for name, value in zip((*ins, *outs), levels, strict=True))
         rows.append(("operating point", ", ".join(named)))
     rows += [("fit in simulation", percents(fit.simulation)), ("fit one step ahead", percents(fit.one_step))]

@@ -1,15 +1,16 @@
 """`hmtb simulate`: experiments on the twin, and the files of their logs."""
 
+from collections.abc import Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from scenarios.commands.output import at_least_one, counted, output_folder, print_json, print_table, progress, say_each
+from scenarios.files.errors import ScenarioError, unknown
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from hmtb_twin import JointLog
 
 
@@ -48,7 +49,6 @@ def simulate(
     from scenarios.experiments.registry import selected
     from scenarios.experiments.run_review import review
     from scenarios.files.data_file import write_log
-    from scenarios.files.errors import ScenarioError, unknown
     from scenarios.files.record_file import ENDINGS
 
     at_least_one("--threads", threads)
@@ -118,7 +118,7 @@ def simulate(
 
 
 def _record(
-    logs: "Sequence[JointLog]", folder: Path, faults: "Mapping[str, float]", remarks: list[str]
+    logs: Sequence["JointLog"], folder: Path, faults: Mapping[str, float], remarks: list[str]
 ) -> "dict[Path, list[JointLog]]":
     """Record logs on the bus, five to a run; return the logs by file, and add to the remarks what did not fit."""
     from hmtb_twin.bus.messages import BusFaults
@@ -126,10 +126,9 @@ def _record(
     from hmtb_twin.bus.recorder_run import record_run, runs
 
     files: dict[Path, list[JointLog]] = {}
-    first = 0
+    remaining = iter(logs)
     for number, run in enumerate(runs([BusRecord.of(log) for log in logs]), start=1):
-        recorded = list(logs[first : first + len(run)])
-        first += len(run)
+        recorded = list(islice(remaining, len(run)))
         name = run[0].name if len(logs) == 1 else f"run-{number}"
         # Every run has its own noise: that of its first test's seed.
         bus = record_run(run, folder / f"{name}.ch10", faults=BusFaults(**faults, seed=recorded[0].seed))

@@ -173,11 +173,6 @@ def excited(path: Path, test: str | None = None) -> tuple[str, ...]:
     return () if log is None else log.axes
 
 
-def of_joint(record: IOData) -> str | None:
-    """Joint of the first input of a record from our own files; None for records from elsewhere."""
-    return next(iter(joints_of(record)), None)
-
-
 def joints_of(record: IOData) -> tuple[str, ...]:
     """Joints of a record from our own files, input by input; none for records from elsewhere."""
     named = [name.partition(" commanded") for name in record.input_names or ()]
