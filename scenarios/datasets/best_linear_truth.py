@@ -22,19 +22,14 @@ def excitation_class(entry: PlannedExperiment) -> Hashable:
     """Return a key of what is played on which joints, how strongly, on which arm: equal for repeats and for twins."""
     arm = entry.arm if entry.twin is None else entry.arm.partition("arm-")[2]
     experiment, random = entry.experiment, ("seed", "realisations")
-    played: Hashable
+    played: list[Mapping[str, object]] = [
+        {"kind": one.kind, "repeat_frequency": one.repeat_frequency, **one.parameters}
+        for one in getattr(experiment, "excitation", ())
+    ]
     if isinstance(experiment, MultisineExperiment):
-        played = tuple((key, str(value)) for key, value in vars(experiment.multisines).items() if key not in random)
-    else:
-        played = tuple(
-            (
-                one.kind,
-                one.repeat_frequency,
-                tuple(sorted((key, str(value)) for key, value in one.parameters.items() if key not in random)),
-            )
-            for one in getattr(experiment, "excitation", ())
-        )
-    return arm, entry.joints, tuple(experiment.axes), played
+        played = [vars(experiment.multisines)]
+    texts = [sorted((key, str(value)) for key, value in one.items() if key not in random) for one in played]
+    return arm, entry.joints, tuple(experiment.axes), tuple(map(tuple, texts))
 
 
 def best_linear_pieces(plan: DataSetPlan) -> list[str]:

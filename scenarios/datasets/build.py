@@ -232,10 +232,11 @@ def _simulate_rest(
             for chunk in batches():
                 yield from run_chunk(plan, chunk, threads=workers, progress=lambda ticks, _: show(ticks))
             return
+        text = plan.spec.to_toml()
         with executor:
-            names = lambda number: plan[number].name  # noqa: E731
-            text = plan.spec.to_toml()
-            yield from executor.run(run_chunk_elsewhere, text, batches(), name=names, items="experiments")
+            yield from executor.run(
+                run_chunk_elsewhere, text, batches(), name=lambda number: plan[number].name, items="experiments"
+            )
 
     show()
     try:

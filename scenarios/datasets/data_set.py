@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, overload
 import numpy as np
 
 from scenarios.datasets.index import read_index
-from scenarios.datasets.plan import INDEX, SPEC, TRUTH, UNFINISHED
+from scenarios.datasets.plan import INDEX, SPEC, TRUTH, UNFINISHED, ListedExperiment
 from scenarios.datasets.spec import DataSetSpec, load_spec
 from scenarios.datasets.spec_tables import PARTS
 from scenarios.files.errors import ScenarioError, unknown
@@ -44,30 +44,18 @@ class Signals(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DataRecord:
+class DataRecord(ListedExperiment):
     """Inputs and outputs of an experiment, in the shape of the `nonlinear_benchmarks` package: `u, y = record`.
 
     The file is read once, when its numbers are first used.
 
     Attributes:
-        name: The experiment.
-        part: `train`, `validation` or `test`.
-        block: Block of the spec that it belongs to.
-        arm: The arm under its conditions.
-        twin: Number of the randomised twin; None where there are none.
-        joints: Joints whose commands are the inputs and whose angles the outputs.
         file: Its file, relative to the folder of the data set.
         failed: Why there is no record; None where there is one.
         arrays: Hash of each array of its file, as the index says.
         read: Reads the file.
     """
 
-    name: str
-    part: str
-    block: str
-    arm: str
-    twin: int | None
-    joints: tuple[str, ...]
     file: str
     failed: str | None
     arrays: Mapping[str, str]

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Hashable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from itertools import product
 from typing import Any, NamedTuple
@@ -35,9 +35,9 @@ LICENSE = "CC-BY-4.0"
 """SPDX identifier of the licence of the data."""
 
 
-@dataclass(frozen=True)
-class PlannedExperiment:
-    """One experiment of a data set.
+@dataclass(frozen=True, eq=False)
+class ListedExperiment:
+    """An experiment as the index of a data set lists it.
 
     Attributes:
         name: Its own name, that of its files.
@@ -46,7 +46,6 @@ class PlannedExperiment:
         arm: Name of the arm under its conditions, that of the file of its truth.
         twin: Number of the randomised twin; None for a variant itself.
         joints: Joints whose commands are the inputs and whose angles the outputs.
-        experiment: The experiment to run.
     """
 
     name: str
@@ -55,6 +54,16 @@ class PlannedExperiment:
     arm: str
     twin: int | None
     joints: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PlannedExperiment(ListedExperiment):
+    """An experiment of the plan of a data set.
+
+    Attributes:
+        experiment: The experiment to run.
+    """
+
     experiment: Experiment
 
     @property
@@ -62,8 +71,7 @@ class PlannedExperiment:
         """Entry of the experiment in the index, without its hashes."""
         plant = ("actuator", "friction", "process_noise")
         return {
-            **{key: getattr(self, key) for key in ("name", "part", "block", "arm", "twin")},
-            "joints": list(self.joints),
+            **{entry.name: getattr(self, entry.name) for entry in fields(ListedExperiment)},
             "file": self.data,
             **{key: getattr(self.experiment, key) for key in ("seed", "variant", "payload", "pose")},
             **{key: getattr(self.experiment.plant, key) for key in plant},
