@@ -16,7 +16,7 @@ from hmtb_twin.run.simulation import MOST_THREADS
 from scenarios.datasets.attainable_scores import attainable_files, attainable_pieces
 from scenarios.datasets.baselines import baseline_files, baseline_pieces
 from scenarios.datasets.best_linear_truth import best_linear_files, best_linear_pieces
-from scenarios.datasets.chunk import MOST_ROWS, BuiltExperiment, chunks, run_chunk, run_chunk_elsewhere
+from scenarios.datasets.chunk import MOST_ROWS, BuiltExperiment, chunks, run_chunk, run_chunk_elsewhere, steady_memory
 from scenarios.datasets.data_set import DataSet, open_data_set
 from scenarios.datasets.index import paths_of_files, read_index, write_checksums, write_index
 from scenarios.datasets.metadata import metadata_files
@@ -30,7 +30,6 @@ from scenarios.files.provenance import fingerprint, versions
 from scenarios.jobs.executor import Executor
 from scenarios.jobs.journal import Journal
 from scenarios.jobs.progress import Progress, Report
-from scenarios.jobs.steady_memory import steady_memory
 from sysid import SysidError
 
 SHOWN = 3

@@ -10,9 +10,10 @@ from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions
 from scenarios.commands.cli import main
 from scenarios.datasets.build import build
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.spec_tables import BaselineSpec, TruthSpec, Twins
+from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, TruthSpec, Twins
 from scenarios.datasets.withhold import build_withheld
 from scenarios.experiments.campaign import NOMINAL
+from scenarios.experiments.excitation_computer import Excitation
 from scenarios.thesis.disturbances import DISTURBANCES
 from scenarios.thesis.study import run_study
 
@@ -74,40 +75,17 @@ def study():
         return run_study(seed=11, duration=24.0, conditions=(NOMINAL,))
 
 
-TINY = """
-name = "tiny"
-version = 1
-title = "Three short records"
-description = "For tests."
-seed = 7
-window = 20
-date = "2026-01-31"
-
-[baselines]
-models = ["hold", "arx:2/2", "truth"]
-
-[[records]]
-name = "binary"
-part = "train"
-axes = ["shoulder_yaw", "elbow_pitch"]
-each_axis = true
-duration = 4.0
-draw_waveforms = true
-excitation = { kind = "prbs", amplitude = 1.0, clock = 2, register = 7 }
-
-[[records]]
-name = "noise"
-part = "test"
-axes = ["elbow_pitch"]
-duration = 4.0
-draw_waveforms = true
-excitation = { kind = "white_noise", amplitude = 0.5 }
-"""
-
-
 @pytest.fixture(scope="session")
 def tiny_spec():
-    return DataSetSpec.from_toml(TINY)
+    """Three short records."""
+    prbs = Excitation("prbs", {"amplitude": 1.0, "clock": 2, "register": 7})
+    noise = Excitation("white_noise", {"amplitude": 0.5})
+    test = RecordBlock("noise", "test", axes=("elbow_pitch",), excitation=(noise,), duration=4.0, draw_waveforms=True)
+    axes = ("shoulder_yaw", "elbow_pitch")
+    train = replace(test, name="binary", part="train", axes=axes, each_axis=True, excitation=(prbs,))
+    baselines = BaselineSpec(("hold", "arx:2/2", "truth"))
+    spec = DataSetSpec("tiny", 1, "Three short records", 7, (train, test), "For tests.", 20, baselines=baselines)
+    return replace(spec, date="2026-01-31")
 
 
 @pytest.fixture(scope="session")
