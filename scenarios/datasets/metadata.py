@@ -32,9 +32,6 @@ METADATA = ("experiments.csv", "README.md", "LICENSE", "CITATION.cff", "croissan
 MOST_LISTED = 1000
 """Files that the catalogue entry lists one by one; in larger data sets those of one kind in one folder become a set."""
 
-CONDITIONS = ("arm", "variant", "payload", "pose", "actuator", "friction")
-"""Facts of the index on an arm."""
-
 FEW = 20
 """Files of one kind in one folder that are listed one by one in any data set."""
 
@@ -78,7 +75,7 @@ def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) ->
         "whole": index["hash"],
         "recorded": [row for row in rows if row["status"] == "ok"],
         "failed": [row for row in rows if row["status"] != "ok"],
-        "arms": list({entry["arm"]: [entry[key] for key in CONDITIONS] for entry in index["experiments"]}.values()),
+        "arms": list({entry["arm"]: entry for entry in index["experiments"]}.values()),
         "late": _late(spec),
         "channels": _channels(folder / next(entry["file"] for entry in index["experiments"] if not entry["failed"])),
         "truths": _truths(folder, paths),
