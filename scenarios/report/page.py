@@ -35,7 +35,8 @@ class Page:
             finalize=signed,
         )
         self._environment.globals["page"] = self
-        self._environment.filters.update({"verbatim": verbatim, **(filters or {})})
+        # Markup keeps its hyphens: commands, and attributes that a script reads.
+        self._environment.filters.update({"verbatim": escape, **(filters or {})})
 
     def render(self, template: str, context: Mapping[str, object]) -> Markup:
         """Render a template of this package.
@@ -66,8 +67,3 @@ def signed(value: object) -> object:
     if isinstance(value, str | float | int) and not isinstance(value, Markup | bool):
         return re.sub(r"(?<![\w.)\]-])-(?=\d)", "−", str(value))
     return value
-
-
-def verbatim(value: object) -> Markup:
-    """Text that keeps its hyphens: commands, and attributes that a script reads."""
-    return escape(value)
