@@ -17,23 +17,22 @@ ENDINGS = (".mp4", ".gif", ".png")
 """Endings of the files that can be written: a film, an animated picture, one picture."""
 
 
-def load_or_simulate(name: str, *, seed: int | None = None, duration: float | None = None) -> JointLog:
+def load_or_simulate(name: str, *, seed: int | None = None) -> JointLog:
     """Return a log by name.
 
     Args:
         name: A file that ends in `.nc`, else a registered scenario or a TOML file, which is simulated.
         seed: Draws other noise, for a scenario.
-        duration: Length instead of the scenario's own, s.
 
     Raises:
         ScenarioError: There is no such scenario, a seed for a file, or the simulation failed.
         TwinError: The file is no joint log.
     """
     if name.endswith(".nc"):
-        if seed is not None or duration is not None:
-            raise ScenarioError(f"{name} is recorded: seed and duration belong to a scenario that is yet to run")
+        if seed is not None:
+            raise ScenarioError(f"{name} is recorded: a seed belongs to a scenario that is yet to run")
         return JointLog.load(Path(name))
-    result = simulate([load(name, duration=duration, seed=seed)])
+    result = simulate([load(name, seed=seed)])
     for label, reason in result.failed.items():
         raise ScenarioError(f"{label}: {reason}")
     return result.logs[0]

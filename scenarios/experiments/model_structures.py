@@ -1,6 +1,6 @@
 """Model structures of the study, and the order of excitation that they need."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -70,14 +70,11 @@ def every_structure(joint: str) -> tuple[Structure, ...]:
 @cache
 def needed_orders() -> Mapping[str, int]:
     """Return the order of excitation that each model of the study needs, by estimator and orders, lowest first."""
-    of_estimator: dict[str, Callable[[tuple[int, ...]], int]] = {
-        "arx": lambda orders: orders[1],
-        "armax": lambda orders: orders[0] + orders[1],
-        "oe": lambda orders: orders[0] + orders[1],
-        "okid": lambda orders: orders[1] + 1,
-    }
+    # Numerator and denominator together, or the observer's p and the direct term.
     needed = {
-        f"{entry.estimator} {' '.join(map(str, entry.orders))}": of_estimator[entry.estimator](entry.orders)
+        f"{entry.estimator} {' '.join(map(str, entry.orders))}": (
+            entry.orders[1] + (1 if entry.estimator == "okid" else entry.orders[0])
+        )
         for structures in STRUCTURES.values()
         for entry in structures
     }
