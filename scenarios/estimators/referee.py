@@ -147,10 +147,8 @@ def _starts(u: FloatArray, y: FloatArray, degrees: Orders) -> list[FloatArray]:
 
 def _regression(target: FloatArray, signals: list[tuple[FloatArray, range]]) -> FloatArray:
     """Least squares of a signal on lags of others, where all of them are known."""
-    first = max((lag for _, lags in signals for lag in lags), default=0)
+    first = max(lag for _, lags in signals for lag in lags)
     columns = [signal[first - lag : len(signal) - lag] for signal, lags in signals for lag in lags]
-    if not columns:
-        return np.zeros(0)
     return np.asarray(np.linalg.lstsq(np.array(columns).T, target[first:], rcond=None)[0])
 
 
