@@ -16,6 +16,7 @@ import numpy as np
 import sysid
 from tests.benchmarks.tables import options, timed
 from tests.sysid import conftest as problems
+from tests.sysid.systems import covered
 
 BURN_IN = 500
 STRUCTURES = {
@@ -61,13 +62,12 @@ def measure(problem, estimator, orders, draws, first):
         data = problem.draw(seed)
         estimate, seconds = timed(estimator, data, *orders)
         error, m = estimate.parameters - problem.parameters, estimate.model
-        low, high = estimate.frequency_response(f).magnitude_ci95()
         cost = estimate.diagnostics.get("sum_of_squares", float(np.sum(estimate.residuals**2)))
         of_draw = (
             error @ information @ error / len(error),
             np.mean(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance))),
             estimate.bandwidth().covers(hz)[0, 0],
-            np.mean((low <= magnitude) & (magnitude <= high)),
+            np.mean(covered(estimate.frequency_response(f).magnitude_ci95(), magnitude)),
             not m.is_stable(),
             np.abs(np.linalg.eigvals(m.A - m.gain @ m.C)).max() >= 1.0,
             not (np.isfinite(estimate.parameters).all() and cost <= float(np.sum(data.y**2))),

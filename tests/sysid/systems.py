@@ -42,6 +42,12 @@ def second_order(seed=0, samples=400, noise=1.0, c=(1.0,), d=A, *, b=B, settle=0
     return IOData(u[settle:], y, 0.1, missing=bursts or lost > 0.0)
 
 
+def covered(interval, true):
+    """Where an interval, its lower and its upper end, holds the true value."""
+    low, high = interval
+    return (low <= true) & (true <= high)
+
+
 def joint_normal(model, data, x0):
     """Mean (N,) and covariance (N, N) of all outputs of a record that begins in state x0, for unit innovations."""
     noise = StateSpace(model.A, model.gain, model.C, np.eye(1), None, model.dt)

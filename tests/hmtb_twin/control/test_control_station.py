@@ -129,11 +129,9 @@ def test_the_log_names_its_operator_and_claims_no_recipe_it_cannot_keep():
 
 
 def test_a_restart_beyond_a_range_begins_at_its_end_with_a_flag(experiment):
-    class Push(experiment):
-        def volts(self):
-            return np.full((round(50 * self.duration), len(self.axes)), 9.9)
-
-    push = Push(axes=JOINTS[1:], pose="home", duration=7.0, shutdown=(3.0, 6.0))
+    push = experiment(
+        axes=JOINTS[1:], pose="home", duration=7.0, shutdown=(3.0, 6.0), spoil=dict.fromkeys(range(350), 9.9)
+    )
     log = simulate([push])[0]
     assert ((log.commanded >= LOWER) & (log.commanded <= UPPER)).all()
     beyond = ((log.true_angles < LOWER - 1e-3) | (log.true_angles > UPPER + 1e-3)).any(axis=1)[150:301]

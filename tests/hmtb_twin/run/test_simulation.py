@@ -36,11 +36,8 @@ def test_measurement_is_read_before_the_command_of_its_tick_acts(experiment):
 
 
 def test_command_keeps_the_joint_range_and_resolvers_round_to_their_counts(experiment):
-    class Push(experiment):
-        def volts(self):
-            return np.full((round(50 * self.duration), 1), 9.9)
-
-    log = simulate([Push(axes=("shoulder_pitch",), pose="home", duration=4.0)])[0]
+    push = experiment(axes=("shoulder_pitch",), pose="home", duration=4.0, spoil=dict.fromkeys(range(200), 9.9))
+    log = simulate([push])[0]
     assert log.commanded[:, 2].max() == pytest.approx(MOTIONS["shoulder_pitch"].upper)
     counts = log.measured / RECORDER.resolver_step
     np.testing.assert_allclose(counts, np.rint(counts), atol=1e-9)

@@ -7,6 +7,7 @@ its resonance near 100 Hz: where that is to be seen, its step is a fraction of t
 
 from copy import copy
 from dataclasses import dataclass, replace
+from itertools import product
 from math import pi, sqrt
 
 import mujoco
@@ -25,6 +26,7 @@ CONDITIONS = {
     "low and cold": Plant(supply_pressure=10.35, oil_temperature=10.0),
     "high and hot": Plant(supply_pressure=30.0, oil_temperature=80.0),
 }
+EVERY = pytest.mark.parametrize(("name", "conditions"), list(product(JOINTS, CONDITIONS)))
 REFINED = {"wrist_roll": 8}  # steps of the bench in one of the arm, where a shaft's resonance asks for them
 FIXED = 1e9  # armature that holds a joint, kg m^2
 
@@ -79,8 +81,8 @@ def bench(name, plant=CONDITIONS["nominal"], *, valve=True, refined=1):
 
 def oscillator(poles):
     """Natural frequency, rad/s, and damping ratio of two poles."""
-    product, total = np.prod(poles).real, np.sum(poles).real
-    return sqrt(product), -total / (2.0 * sqrt(product))
+    squared, total = np.prod(poles).real, np.sum(poles).real
+    return sqrt(squared), -total / (2.0 * sqrt(squared))
 
 
 def linearized(machine, drift=0.0, gains=None):
@@ -157,8 +159,7 @@ def test_servo_poles_are_those_that_the_gains_were_placed_for():
         np.testing.assert_allclose(poles[:2], [servo.slow_pole, servo.fast_pole], rtol=1e-6)
 
 
-@pytest.mark.parametrize("conditions", CONDITIONS)
-@pytest.mark.parametrize("name", JOINTS)
+@EVERY
 def test_linearised_step_has_the_hydraulic_poles(name, conditions):
     machine = bench(name, CONDITIONS[conditions])
     theory = machine.theory
@@ -171,8 +172,7 @@ def test_linearised_step_has_the_hydraulic_poles(name, conditions):
     np.testing.assert_allclose(poles, theory.poles, rtol=1e-2)
 
 
-@pytest.mark.parametrize("conditions", CONDITIONS)
-@pytest.mark.parametrize("name", JOINTS)
+@EVERY
 def test_step_of_flow(name, conditions):
     machine = bench(name, CONDITIONS[conditions], refined=REFINED.get(name, 1))
     theory, h = machine.theory, machine.model.opt.timestep
@@ -186,8 +186,7 @@ def test_step_of_flow(name, conditions):
     assert error.max() < 2e-3
 
 
-@pytest.mark.parametrize("conditions", CONDITIONS)
-@pytest.mark.parametrize("name", JOINTS)
+@EVERY
 def test_velocity_gain_no_load_speed_and_stall_torque(name, conditions):
     machine = bench(name, CONDITIONS[conditions])
     theory, actuator = machine.theory, machine.actuator
@@ -209,8 +208,7 @@ def test_velocity_gain_no_load_speed_and_stall_torque(name, conditions):
     assert theory.stall_torque < actuator.maximum_torque
 
 
-@pytest.mark.parametrize("conditions", CONDITIONS)
-@pytest.mark.parametrize("name", JOINTS)
+@EVERY
 def test_closed_valve_rings_at_the_hydraulic_resonance(name, conditions):
     machine = bench(name, CONDITIONS[conditions], valve=False, refined=REFINED.get(name, 1))
     theory, h = machine.theory, machine.model.opt.timestep

@@ -158,7 +158,7 @@ def test_transfer_function_by_hand():
 def test_control_there_and_back_keeps_names(model):
     back = StateSpace.from_control(model.to_control())
     np.testing.assert_array_equal(back.A, model.A)
-    assert (back.input_names, back.output_names) == (model.input_names, model.output_names)
+    assert (back.dt, back.input_names, back.output_names) == (model.dt, model.input_names, model.output_names)
 
 
 @given(models(gain=True), st.booleans())

@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 from sysid import IOData, StateSpace, SysidWarning, armax, n4sid, oe, okid, pem_ss, simulate
 from sysid.subspace.predictor_fit import constrained_step
 from tests.refusals import refused
+from tests.sysid.systems import covered
 
 
 def test_second_order_is_armax(p3):
@@ -80,8 +81,7 @@ def test_efficient_and_covered():
         parts = np.stack((error.real, error.imag), axis=-1)
         solved = np.linalg.solve(response.covariance, parts[..., None])[..., 0]
         squares.append(np.sum(parts * solved, axis=-1) / 2)
-        low, high = response.magnitude_ci95()
-        hits.append((low <= np.abs(g)) & (np.abs(g) <= high))
+        hits.append(covered(response.magnitude_ci95(), np.abs(g)))
         bandwidths.append(estimate.bandwidth().covers(hz)[known])
     assert 0.85 < np.mean(squares) < 1.15
     assert 0.92 < np.mean(hits) < 0.98
@@ -104,8 +104,7 @@ def test_coloured_disturbances_need_the_coloured_covariance():
         # Without the option the intervals fail plainly: a quarter of the draws shows it.
         for hits, option in ((plain, False), (coloured, True)) if seed < 10 else ((coloured, True),):
             estimate = pem_ss(data, start, gain=False, coloured=option)
-            low, high = estimate.frequency_response(f).magnitude_ci95()
-            hits.append((low <= np.abs(g)) & (np.abs(g) <= high))
+            hits.append(covered(estimate.frequency_response(f).magnitude_ci95(), np.abs(g)))
     assert np.mean(plain) < 0.85
     assert 0.90 < np.mean(coloured) < 0.99
 
