@@ -1,6 +1,5 @@
 import runpy
 import sys
-from copy import copy
 from dataclasses import replace
 
 import mujoco
@@ -22,7 +21,7 @@ from hmtb_twin.hydraulics.orifice import (
 from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
 from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE
-from tests.hmtb_twin.altered_arms import natural_poles, with_valve
+from tests.hmtb_twin.altered_arms import at_step, natural_poles, with_valve
 from tests.hmtb_twin.balances import orifice_balances
 from tests.refusals import refused
 
@@ -288,11 +287,9 @@ def test_worn_seals_are_resolved_by_the_step(friction):
     arm = load_arm(plant=replace(ORIFICE, friction=friction, friction_level=8.0))
     angles = []
     for refined in (1, 4):
-        model = copy(arm.model)
-        model.opt.timestep /= refined
         data = arm.rest(arm.pose(OPERATING_POSE))
         data.ctrl[2::2] += 0.05
-        run(model, data, 0.5)
+        run(at_step(arm, arm.model.opt.timestep / refined).model, data, 0.5)
         angles.append(data.qpos.copy())
     np.testing.assert_allclose(angles[0], angles[1], atol=1e-5)
 

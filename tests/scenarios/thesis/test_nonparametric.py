@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.files.errors import MissingRecordError, ScenarioError
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.nonparametric import (
     GRID,
     PULSE,
@@ -18,6 +18,7 @@ from scenarios.thesis.nonparametric import (
     summary,
 )
 from sysid import FrequencyResponse, IOData, StateSpace, simulate
+from tests.refusals import refused
 
 SERVO = StateSpace(
     np.array([[0.9, 0.1], [0.0, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)), None, 0.02
@@ -135,5 +136,4 @@ def test_a_missing_record_is_left_out_and_only_the_prbs_is_needed(study):
 
 
 def test_period_spectra_refuse_several_channels():
-    with pytest.raises(ScenarioError, match="given 2 and 1"):
-        period_spectra(IOData(np.zeros((600, 2)), np.zeros(600), 0.02))
+    refused("given 2 and 1", period_spectra, IOData(np.zeros((600, 2)), np.zeros(600), 0.02))

@@ -13,7 +13,6 @@ from scenarios.experiments.campaign import NOMINAL, SINGLE_JOINT, Condition, cam
 from scenarios.experiments.log_review import SETTLING, prepared, swing, velocity_limited_share
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.registry import load
-from scenarios.files.errors import ScenarioError
 from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
 from scenarios.thesis.attribution import ORDERS, conditions, half_power_spread, order_effects, spread
 from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, OTHER_WAVEFORMS, Campaign
@@ -22,6 +21,7 @@ from scenarios.thesis.multi_input import METHODS as METHODS_OF_SEVERAL
 from scenarios.thesis.nonparametric import period_spectra
 from scenarios.thesis.study import ESTIMATION_TEST, draw_conclusions, plan, run_study, study_joint
 from sysid import IOData, SysidError
+from tests.refusals import refused
 
 METHODS = {"armax", "oe", "okid", "oe_high"}
 
@@ -186,16 +186,14 @@ def test_what_no_study_can_be_made_of_is_refused_before_anything_is_played(setti
         pytest.fail("something was played")
 
     monkeypatch.setattr("scenarios.thesis.study.run_campaign", never)
-    with pytest.raises(ScenarioError, match=message):
-        run_study(**settings)
+    refused(message, run_study, **settings)
 
 
 def test_conclusions_are_drawn_of_an_arm_and_the_same_without_friction():
     truth = linearize(NOMINAL.arm())
     rough, smooth, other = (Campaign(arm, truth, {}, {}) for arm in (NOMINAL, SMOOTH, PUBLISHED))
     for given in ((), (rough,), (rough, other), (smooth, rough), (smooth, smooth)):
-        with pytest.raises(ScenarioError, match="expected campaigns of an arm with friction"):
-            draw_conclusions(given)
+        refused("expected campaigns of an arm with friction", draw_conclusions, given)
 
 
 def test_a_record_without_a_model_that_the_study_is_about_is_named(synthetic_logs, monkeypatch):
@@ -207,8 +205,7 @@ def test_a_record_without_a_model_that_the_study_is_about_is_named(synthetic_log
     monkeypatch.setattr("scenarios.thesis.study.estimate", refuses)
     campaign = Campaign(NOMINAL, linearize(NOMINAL.arm()), synthetic_logs([name]), {})
     label = STRUCTURES["elbow_pitch"][0].label
-    with pytest.raises(ScenarioError, match=re.escape(f"{name} gives no model {label}")):
-        study_joint("elbow_pitch", campaign)
+    refused(re.escape(f"{name} gives no model {label}"), study_joint, "elbow_pitch", campaign)
 
 
 def test_an_order_that_is_refused_is_left_out(synthetic_logs, monkeypatch):
@@ -224,8 +221,7 @@ def test_an_order_that_is_refused_is_left_out(synthetic_logs, monkeypatch):
     monkeypatch.setattr(sysid, "oe", refuses)
     assert [effect.orders for effect in order_effects(data, 1)] == [(2, 2, 1)]
     monkeypatch.setattr("scenarios.thesis.attribution.ORDERS", ((3, 3),))
-    with pytest.raises(ScenarioError, match=f"{name} gives no output-error model of any order: 3, 3, 1: no minimum"):
-        order_effects(data, 1)
+    refused(f"{name} gives no output-error model of any order: 3, 3, 1: no minimum", order_effects, data, 1)
 
 
 def test_a_method_that_refuses_a_record_of_several_joints_is_left_out(synthetic_logs, monkeypatch):
