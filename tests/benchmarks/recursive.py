@@ -13,6 +13,7 @@ import numpy as np
 import sysid
 from tests.benchmarks.tables import heading, row, timed
 from tests.sysid.conftest import make_p1, make_p2, make_p3
+from tests.sysid.systems import excess_loss
 
 CASES = [
     ("P1 rarmax", make_p1, sysid.rarmax, sysid.armax, (5, 3, 5, 2)),
@@ -21,12 +22,6 @@ CASES = [
     ("P1 rarx", make_p1, sysid.rarx, sysid.arx, (5, 3, 2)),
 ]
 FIRST = (0, 300, 600, 1000)  # samples of the record that an estimate to begin with is made of
-
-
-def distance(model, batch, data):
-    """N (V - V*) / V*."""
-    loss, least = (float(np.mean(sysid.residuals(m, data) ** 2)) for m in (model, batch))
-    return len(data) * (loss / least - 1.0)
 
 
 def main():
@@ -45,7 +40,7 @@ def main():
                     estimate, taken = timed(recursive, data[first:], *orders, start=start, clock=perf_counter)
                     seconds += taken
                     warned += any("still far from the minimum" in str(w.message) for w in caught)
-                distances.append(distance(estimate.final.model, whole.model, data))
+                distances.append(excess_loss(estimate.final.model, whole.model, data))
                 ratios.append(np.median(np.sqrt(np.diag(estimate.final.covariance) / np.diag(whole.covariance))))
             where = f"an estimate from {first} samples" if first else "zero"
             speed = 1e6 * seconds / sum(len(data) - first for data in records)

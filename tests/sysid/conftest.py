@@ -136,38 +136,3 @@ p1, p2, p3, p4, p5 = (
     pytest.fixture(scope="session", name=make.__name__.removeprefix("make_"))(make)
     for make in (make_p1, make_p2, make_p3, make_p4, make_p5)
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Exact:
-    """A random stable system and a noise-free record of it that begins in steady state."""
-
-    A: Array
-    B: Array
-    data: sysid.IOData
-
-    def response(self, f_hz):
-        """True frequency response (nf,)."""
-        z = np.exp(-2j * np.pi * DT * np.asarray(f_hz))
-        return np.polyval(self.B[::-1], z) / np.polyval(self.A[::-1], z)
-
-
-@pytest.fixture(scope="session")
-def exact_system():
-    """Make a system of given order and delay."""
-
-    def make(order, nk):
-        rng = np.random.default_rng(10 * order + nk)
-        poles = []
-        while len(poles) < order:
-            if order - len(poles) >= 2 and rng.random() < 0.5:
-                pole = rng.uniform(0.3, 0.95) * np.exp(1j * rng.uniform(0.1, 2.5))
-                poles += [pole, pole.conjugate()]
-            else:
-                poles.append(rng.uniform(-0.5, 0.95))
-        a = np.atleast_1d(np.poly(poles).real)
-        b = np.concatenate((np.zeros(nk), rng.standard_normal(order)))
-        u = rng.standard_normal(1100)
-        return Exact(a, b, sysid.IOData(u, lfilter(b, a, u), DT)[100:])
-
-    return make

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from sysid import IOData, StateSpace, simulate
+from sysid import IOData, Polynomials, StateSpace, residuals, simulate
 
 A, B = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5]
 CORRELATED_OUTPUTS = StateSpace(
@@ -40,6 +40,28 @@ def second_order(seed=0, samples=400, noise=1.0, c=(1.0,), d=A, *, b=B, settle=0
     elif lost:
         y[rng.random(samples) < lost] = np.nan
     return IOData(u[settle:], y, 0.1, missing=bursts or lost > 0.0)
+
+
+def exact_system(order, nk):
+    """A random stable system of an order and a delay, and a noise-free record of it that begins in steady state."""
+    rng = np.random.default_rng(10 * order + nk)
+    poles = []
+    while len(poles) < order:
+        if order - len(poles) >= 2 and rng.random() < 0.5:
+            pole = rng.uniform(0.3, 0.95) * np.exp(1j * rng.uniform(0.1, 2.5))
+            poles += [pole, pole.conjugate()]
+        else:
+            poles.append(rng.uniform(-0.5, 0.95))
+    a = np.atleast_1d(np.poly(poles).real)
+    b = np.concatenate((np.zeros(nk), rng.standard_normal(order)))
+    u = rng.standard_normal(1100)
+    return Polynomials(A=a, B=b), IOData(u, lfilter(b, a, u), 0.02)[100:]
+
+
+def excess_loss(model, batch, data):
+    """How much larger the loss of a model is than that of the batch estimate: N (V - V*) / V*."""
+    loss, least = (float(np.mean(residuals(m, data) ** 2)) for m in (model, batch))
+    return len(data) * (loss / least - 1.0)
 
 
 def covered(interval, true):

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData, SysidWarning, armax, arx, oe, rarmax, rarx, residuals, roe
+from sysid import IOData, SysidWarning, armax, arx, oe, rarmax, rarx, roe
 from sysid.models.polynomials import is_stable
 from sysid.recursive.adaptation import Forgetting, Gradient, Kalman
 from tests.refusals import refused
+from tests.sysid.systems import excess_loss
 
 
 @pytest.mark.parametrize(("problem", "orders"), [("p1", (5, 3, 2)), ("p3", (2, 2, 1)), ("p5", (3, 3, 2))])
@@ -52,26 +53,19 @@ def test_tends_to_the_batch_estimate(problem, batch, recursive, orders, request)
 @pytest.mark.slow
 def test_a_poorly_determined_model_begins_with_an_estimate(p1):
     """Condition 4e8: from zero one pass does not suffice, with a warning; from an estimate it does."""
-    orders = (5, 3, 5, 2)
-
-    def excess(model, batch, data):
-        """N (V - V*) / V*."""
-        loss, least = (float(np.mean(residuals(m, data) ** 2)) for m in (model, batch))
-        return len(data) * (loss / least - 1.0)
-
-    distances = []
+    orders, distances = (5, 3, 5, 2), []
     for seed in range(3):
         data = p1.draw(seed)
         batch = armax(data, *orders)
         estimate = rarmax(data[600:], *orders, start=armax(data[:600], *orders))
-        distances.append(excess(estimate.final.model, batch.model, data))
+        distances.append(excess_loss(estimate.final.model, batch.model, data))
         assert estimate.final.diagnostics["left"] < 33.0
         assert estimate.final.diagnostics["adaptation"] == Forgetting(1.0)
     assert np.median(distances) < 5.0
     assert np.max(distances) < 33.0
     with pytest.warns(SysidWarning, match=r"rarmax is still far from the minimum.*start=armax\(data\[:n\]"):
         poor = rarmax(data, *orders)
-    assert excess(poor.final.model, batch.model, data) > 100.0
+    assert excess_loss(poor.final.model, batch.model, data) > 100.0
     assert poor.final.diagnostics["left"] > 33.0
 
 

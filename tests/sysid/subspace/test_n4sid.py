@@ -4,7 +4,7 @@ from scipy.signal import lfilter
 
 from sysid import IOData, StateSpace, SysidWarning, n4sid, okid, residuals, simulate
 from tests.refusals import refused
-from tests.sysid.systems import multivariable
+from tests.sysid.systems import exact_system, multivariable
 
 U = np.random.default_rng(0).standard_normal(300)
 GROWING = IOData(U, lfilter([0, 1.0], [1, -1.02], U), 0.1)
@@ -76,9 +76,9 @@ def test_options():
     ],
     ids=["n4sid", "okid"],
 )
-def test_superfluous_orders_are_reduced_and_unstable_systems_reported(exact_system, estimator, rank, unstable):
+def test_superfluous_orders_are_reduced_and_unstable_systems_reported(estimator, rank, unstable):
     with pytest.warns(SysidWarning, match=rank):
-        estimate = estimator(exact_system(2, 1).data, 5)
+        estimate = estimator(exact_system(2, 1)[1], 5)
     assert estimate.model.order == 2
     assert any(rank in text for text in estimate.diagnostics["warnings"])
     with pytest.warns(SysidWarning, match=unstable):
