@@ -5,6 +5,7 @@ import os
 import re
 import shlex
 import shutil
+import subprocess
 import sys
 import time
 import types
@@ -70,6 +71,12 @@ def test_functions(data, task):
         folder = process._folder
     assert not folder.exists() and len(os.listdir("/proc/self/fd")) == files
     assert set(psutil.Process().children()) <= children and not left_running()
+
+
+def test_the_process_of_a_function_loads_no_physics():
+    """It would take half a second at each start, and count as memory that the function has."""
+    code = "import sys, scenarios.estimators.python_child; sys.exit('mujoco' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def check_direct(outcome, data, task):
