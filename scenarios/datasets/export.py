@@ -13,6 +13,7 @@ import numpy as np
 
 from scenarios.datasets.data_set import open_data_set, sampling_time
 from scenarios.datasets.index import paths_of_files, write_checksums
+from scenarios.datasets.plan import SUMS
 from scenarios.datasets.variables import WINDOW
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.hashes import file_hash
@@ -284,4 +285,4 @@ def working_folder(out: Path) -> Iterator[Path]:
 
 def seal(folder: Path) -> None:
     """Write the checksums of all files in a folder."""
-    write_checksums(folder, {path: file_hash(folder / path) for path in paths_of_files(folder)})
+    write_checksums(folder, {path: file_hash(folder / path) for path in paths_of_files(folder) if path != SUMS})

@@ -6,12 +6,11 @@ import re
 import stat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from hashlib import sha256
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from scenarios.datasets.index import array_lines
+from scenarios.datasets.index import hash_of_all
 from scenarios.datasets.plan import INDEX, SPEC, SUMS, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.withhold import PRIVATE
@@ -73,12 +72,8 @@ def check_folder(folder: Path) -> CheckedFolder:
 def list_files(folder: Path) -> CheckedFolder:
     """List the files of a data set, and compare them with its checksums."""
     checked = CheckedFolder()
-    problems, sizes = checked.problems, checked.sizes
-
-    def refuse(error: OSError) -> None:
-        problems.append(f"{error.filename}: cannot be listed: {error.strerror}")
-
-    for parent, folders, names in os.walk(folder, onerror=refuse):
+    problems, sizes, unreadable = checked.problems, checked.sizes, list[OSError]()
+    for parent, folders, names in os.walk(folder, onerror=unreadable.append):
         folders.sort()
         for name in sorted((*names, *folders)):
             path = Path(parent, name)
@@ -95,6 +90,7 @@ def list_files(folder: Path) -> CheckedFolder:
                 problems.append(f"{place!r} has {status.st_size} bytes; expected at most {2**36}")
             else:
                 sizes[place] = status.st_size
+    problems += [f"{error.filename}: cannot be listed: {error.strerror}" for error in unreadable]
     if sizes.pop(SUMS, None) is None:
         problems.append(f"{SUMS} is missing: no file can be checked against it")
         return checked
@@ -116,7 +112,7 @@ def _read_sums(path: Path, checked: CheckedFolder) -> None:
             place = match[2].decode(errors="replace") if match else ""
             if match is None:
                 wrong = f"{line[:100]!r} given, expected a SHA-256, two spaces, a file and the end of the line"
-            elif place.startswith("/") or not {"", ".", ".."}.isdisjoint(place.split("/")):
+            elif not {"", ".", ".."}.isdisjoint(place.split("/")):
                 wrong = f"{place[:100]!r} leads out of the folder, or is no plain path; it is not looked at"
             elif place == SUMS or place in sums:
                 wrong = f"{place!r} is listed twice" if place in sums else f"{SUMS} lists itself"
@@ -135,7 +131,6 @@ def _read_sums(path: Path, checked: CheckedFolder) -> None:
 def _read_index(folder: Path, checked: CheckedFolder) -> str:
     """Read the index, and return the label of the data set."""
     record = json.loads(_text(folder, checked, INDEX))
-    digest = sha256()
     for entry in record["experiments"]:
         for file, hashes in entry["arrays"].items():
             for name, value in hashes.items():
@@ -143,7 +138,6 @@ def _read_index(folder: Path, checked: CheckedFolder) -> str:
                     raise ValueError(f"{file}:{name} has the hash {value!r}, expected 64 digits")
             if checked.arrays.setdefault(file, hashes) is not hashes:
                 raise ValueError(f"{file} belongs to two experiments")
-        digest.update(array_lines(entry["arrays"]))
         if wrong := [key for key in ("name", "file", "part", "arm") if not isinstance(entry[key], str)]:
             raise ValueError(f"an experiment has {wrong[0]} = {entry[wrong[0]]!r}, expected a text")
         if not (entry["failed"] is None or isinstance(entry["failed"], str)):
@@ -154,8 +148,8 @@ def _read_index(folder: Path, checked: CheckedFolder) -> str:
     for piece in record.get("stages", ()):
         for file, hashes in piece["arrays"].items():
             checked.arrays.setdefault(str(file), dict(hashes))
-    if digest.hexdigest() != record["hash"]:
-        checked.problems.append(f"{INDEX}: its array hashes give {digest.hexdigest()}, its hash is {record['hash']!r}")
+    if (whole := hash_of_all(entry["arrays"] for entry in record["experiments"])) != record["hash"]:
+        checked.problems.append(f"{INDEX}: its array hashes give {whole}, its hash is {record['hash']!r}")
     return str(record["data_set"])
 
 

@@ -40,6 +40,14 @@ def write_index(
         stream.write(f'\n ],\n "hash": "{digest.hexdigest()}"\n}}\n')
 
 
+def hash_of_all(experiments: Iterable[Mapping[str, Mapping[str, str]]]) -> str:
+    """Hash of all arrays of a data set from those of its experiments, by file and name, in the order of the plan."""
+    digest = sha256()
+    for arrays in experiments:
+        digest.update(array_lines(arrays))
+    return digest.hexdigest()
+
+
 def array_lines(arrays: Mapping[str, Mapping[str, str]]) -> bytes:
     """Lines of an experiment's arrays in the hash of all, by file and name; experiments in the order of the plan."""
     lines = (f"{arrays[file][name]}  {file}:{name}\n" for file in sorted(arrays) for name in sorted(arrays[file]))

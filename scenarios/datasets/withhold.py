@@ -5,7 +5,6 @@ import secrets
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 from scenarios.datasets.build import build as build_data_set
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.export import seal, working_folder
-from scenarios.datasets.index import array_lines, read_index
+from scenarios.datasets.index import hash_of_all, read_index
 from scenarios.datasets.metadata import metadata_files
 from scenarios.datasets.plan import BASELINES, BUILD, INDEX, SPEC, SUMS, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
@@ -194,7 +193,7 @@ def _seeds(withheld: Path, labels: Mapping[str, str], seed: int | None) -> dict[
 
 def _publish(complete: Path, public: DataSetSpec, out: Path) -> Path:
     """Write the public folder of a complete data set; if it is there with the same bytes, it stays."""
-    final, entries, digest = out / public.label, list[dict[str, Any]](), sha256()
+    final, entries = out / public.label, list[dict[str, Any]]()
     with working_folder(out) as place:
         folder = place / public.label
         folder.mkdir()
@@ -209,9 +208,9 @@ def _publish(complete: Path, public: DataSetSpec, out: Path) -> Path:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(contents.to_bytes())
                 facts["arrays"] = {entry["file"]: contents.array_hashes()}
-                digest.update(array_lines(facts["arrays"]))
             entries.append(facts)
-        index = {"data_set": public.label, "experiments": entries, "hash": digest.hexdigest()}
+        whole = hash_of_all(facts["arrays"] for facts in entries)
+        index = {"data_set": public.label, "experiments": entries, "hash": whole}
         (folder / SPEC).write_text(public.to_toml(), encoding="utf-8")
         shutil.copyfile(complete / BUILD, folder / BUILD)
         (folder / INDEX).write_text(json.dumps(index, indent=1, allow_nan=False) + "\n", encoding="utf-8")

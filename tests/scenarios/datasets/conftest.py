@@ -1,9 +1,16 @@
-"""A copy of the tiny data set for tests that change it."""
+"""The tiny data set, opened; and a copy of it for tests that change it."""
 
 import shutil
 from pathlib import Path
 
 import pytest
+
+from scenarios.datasets import open_data_set
+
+
+@pytest.fixture(scope="session")
+def data_set(tiny):
+    return open_data_set(tiny)
 
 
 @pytest.fixture

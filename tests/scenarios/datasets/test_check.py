@@ -18,19 +18,13 @@ from scenarios.datasets.check import examine, same_software
 from scenarios.datasets.experiment_file import record_attributes
 from scenarios.datasets.export import seal
 from scenarios.datasets.folder_check import list_files
-from scenarios.datasets.index import array_lines, read_index
+from scenarios.datasets.index import hash_of_all, read_index
 from scenarios.datasets.record_check import record_problems
 from scenarios.files.netcdf import Contents, read_netcdf
 from scenarios.jobs.netcdf_reader import NetcdfReader
 from tests.refusals import refused
 
 RECORD = "data/test/noise.nc"
-
-
-def reseal(folder):
-    """Write checksums anew, as somebody does who wants no change to be seen."""
-    (folder / "SHA256SUMS").unlink(missing_ok=True)
-    seal(folder)
 
 
 def change(folder, place, edit):
@@ -40,18 +34,16 @@ def change(folder, place, edit):
 
 def write_index(folder, index):
     (folder / "experiments.json").write_text(json.dumps(index), encoding="utf-8")
-    reseal(folder)
+    seal(folder)
 
 
 def forge(folder, by):
     """Change the outputs of every record, and every hash that would tell."""
     index = read_index(folder)
-    digest = sha256()
     for entry in index["experiments"]:
         change(folder, entry["file"], lambda file: file["y"].write_direct(file["y"][...] + by))
         entry["arrays"][entry["file"]] = read_netcdf(folder / entry["file"]).array_hashes()
-        digest.update(array_lines(entry["arrays"]))
-    write_index(folder, index | {"hash": digest.hexdigest()})
+    write_index(folder, index | {"hash": hash_of_all(entry["arrays"] for entry in index["experiments"])})
 
 
 def check(folder, *, regenerate=0):
@@ -141,7 +133,7 @@ def test_wrong_metadata_is_found(copy, tiny_spec, edit, message):
 def test_wrong_numbers_and_metadata_are_found_under_right_checksums(copy):
     change(copy, RECORD, lambda file: file["y"].write_direct(np.nextafter(file["y"][...], 9.0)))
     change(copy, RECORD, attribute("arm", "another"))
-    reseal(copy)
+    seal(copy)
     wrong = (f"{RECORD}: array y differs from the index", f"{RECORD}: attribute arm is 'another', expected 'arm-0'")
     assert check(copy) == wrong
 
@@ -184,7 +176,7 @@ def test_software_is_the_same_only_with_the_same_source_and_versions(copy):
 def test_truth_and_spec_kept_apart_are_no_fault_but_are_noted(copy):
     shutil.rmtree(copy / "truth")
     (copy / "spec.toml").unlink()
-    reseal(copy)
+    seal(copy)
     result = examine(copy)
     assert result.problems == ()
     assert any(note.startswith("spec.toml is not in this copy") for note in result.notes)
@@ -221,7 +213,7 @@ def test_a_record_that_links_to_another_file_or_claims_to_fill_the_memory_is_ref
         (fill, r"arrays of 8796093\d+ bytes given, expected at most 2147483648"),
     ):
         change(copy, RECORD, edit)
-        reseal(copy)
+        seal(copy)
         (problem,) = check(copy)
         assert re.fullmatch(f"{RECORD}: cannot be read: {says}", problem)
 
@@ -239,7 +231,7 @@ def test_a_record_that_links_to_another_file_or_claims_to_fill_the_memory_is_ref
 )
 def test_absurd_index_and_spec_are_problems_and_nothing_else(copy, place, content):
     (copy / place).write_text(content, encoding="utf-8")
-    reseal(copy)
+    seal(copy)
     problems = check(copy, regenerate=1)
     assert any(problem.startswith(place) for problem in problems)
     assert all(problem.isprintable() and len(problem) < 700 for problem in problems)

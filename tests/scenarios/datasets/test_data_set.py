@@ -14,11 +14,6 @@ from sysid import arx
 from tests.refusals import refused
 
 
-@pytest.fixture(scope="module")
-def data_set(tiny):
-    return open_data_set(str(tiny))
-
-
 def test_three_lines_load_train_and_test(tiny):
     train, test = load(tiny, joint="elbow_pitch")
     assert isinstance(train, DataRecord) and isinstance(test, DataRecord)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.score import Score, Scores, metric, score, score_model
 from scenarios.datasets.spec_tables import Scoring
 from scenarios.files.netcdf import Contents, Variable
@@ -18,13 +17,8 @@ from tests.refusals import refused
 
 
 @pytest.fixture(scope="module")
-def opened(tiny):
-    return open_data_set(tiny)
-
-
-@pytest.fixture(scope="module")
-def record(opened):
-    return opened.test[0]
+def record(data_set):
+    return data_set.test[0]
 
 
 def test_metrics_and_means_are_those_of_the_books():
@@ -46,16 +40,16 @@ def test_metrics_and_means_are_those_of_the_books():
     assert scores.by_joint == {"elbow_pitch": 2.0, "yaw": 5.0}
 
 
-def test_the_window_is_not_scored_and_its_predictions_are_not_looked_at(opened, record):
+def test_the_window_is_not_scored_and_its_predictions_are_not_looked_at(data_set, record):
     window = record.state_initialization_window_length or 0
     hat = np.array(record.y)
     hat[:window] = np.nan
     hat[window:] += 0.001
-    assert score({record.name: hat}, opened).mean == pytest.approx(1.0)
+    assert score({record.name: hat}, data_set).mean == pytest.approx(1.0)
     hat[window] += 1.0
     scored = len(hat) - window
     expected = 1000.0 * np.sqrt((1.001**2 + (scored - 1) * 1e-6) / scored)
-    assert score({record.name: hat}, opened).mean == pytest.approx(expected)
+    assert score({record.name: hat}, data_set).mean == pytest.approx(expected)
 
 
 def test_a_model_sees_no_output_behind_the_window(record):
@@ -105,14 +99,14 @@ def test_predictors_of_single_outputs_are_stacked():
     np.testing.assert_allclose(rows.predicted(data, 0), whole.predicted(data, 0), atol=1e-12)
 
 
-def test_score_of_a_model_is_the_score_of_its_predictions(opened, record):
+def test_score_of_a_model_is_the_score_of_its_predictions(data_set, record):
     model = StateSpace([[0.9]], [[0.1]], [[1.0]], [[0.0]], None, 0.02)
     hat = ModelPredictor(model).predicted(record.iodata(), 0)
-    of_model = score_model(model, opened)
-    assert of_model == score({record.name: hat}, opened)
-    assert of_model == score_model(lambda one: ModelPredictor(model), opened)
+    of_model = score_model(model, data_set)
+    assert of_model == score({record.name: hat}, data_set)
+    assert of_model == score_model(lambda one: ModelPredictor(model), data_set)
     assert of_model.scores[0].joint == "elbow_pitch"
-    refused("the data have 1 input", score_model, block_diagonal([model, model]), opened)
+    refused("the data have 1 input", score_model, block_diagonal([model, model]), data_set)
 
 
 def as_csv(path, values):
@@ -129,48 +123,48 @@ def as_netcdf(path, values):
     path.write_bytes(Contents({"y": y, "output": output}, {}).to_bytes())
 
 
-def test_files_of_every_format_give_the_same_numbers(opened, record, tmp_path):
+def test_files_of_every_format_give_the_same_numbers(data_set, record, tmp_path):
     hat = record.y + np.random.default_rng(0).standard_normal(len(record)) * 1e-3
     (tmp_path / "notes.md").write_text("other files are ignored")
     for ending, write in ((".csv", as_csv), (".nc", as_netcdf), (".mat", as_mat)):
         path = tmp_path / f"{record.name}{ending}"
         write(path, hat)
-        assert score(tmp_path, opened) == score([path], opened) == score({record.name: hat}, opened)
+        assert score(tmp_path, data_set) == score([path], data_set) == score({record.name: hat}, data_set)
         path.unlink()
 
 
-def test_predictions_that_do_not_fit_are_refused(opened, record, tmp_path):
+def test_predictions_that_do_not_fit_are_refused(data_set, record, tmp_path):
     path, mat = tmp_path / f"{record.name}.csv", tmp_path / f"{record.name}.mat"
     missing = np.array(record.y)
     missing[[30, 50]] = np.nan
-    refused(f"no predictions of {record.name}: 0 of 1 given", score, tmp_path, opened)
+    refused(f"no predictions of {record.name}: 0 of 1 given", score, tmp_path, data_set)
     for values, match in (
         (record.y[:-1], r"predictions of shape \(199, 1\) given, expected \(200, 1\): 200 samples of elbow_pitch"),
         (missing, "2 numbers behind the window are not finite, the first at sample 30 of elbow_pitch"),
     ):
         as_csv(path, values)
-        refused(match, score, tmp_path, opened)
+        refused(match, score, tmp_path, data_set)
     for text, match in (
         ("elbow\n0.0\n", "outputs elbow given, expected elbow_pitch in this order"),
         ("elbow_pitch\n0.0,1.0\n", "row 2: '0.0,1.0' given, expected 1 numbers"),
         ("elbow_pitch\n0.5\n0;5\n", "row 3: '0;5' given, expected 1 numbers"),
     ):
         path.write_text(text)
-        refused(match, score, tmp_path, opened)
+        refused(match, score, tmp_path, data_set)
     as_mat(mat, record.y)
-    refused("has two files of predictions", score, tmp_path, opened)
+    refused("has two files of predictions", score, tmp_path, data_set)
     path.unlink()
     savemat(mat, {"y": record.y[None, :]})
-    refused("time runs along the first axis", score, tmp_path, opened)
+    refused("time runs along the first axis", score, tmp_path, data_set)
     savemat(mat, {"z": record.y})
-    refused("has no matrix y", score, tmp_path, opened)
+    refused("has no matrix y", score, tmp_path, data_set)
     as_csv(tmp_path / "binary-elbow_pitch.csv", record.y)
-    refused("binary-elbow_pitch.csv: no test record", score, tmp_path, opened)
+    refused("binary-elbow_pitch.csv: no test record", score, tmp_path, data_set)
     (tmp_path / "notes.md").write_text("x")
-    refused("expected a folder, or files", score, tmp_path / "notes.md", opened)
-    refused("no predictions at", score, tmp_path / "absent", opened)
-    refused("unknown experiment 'other'", score, {record.name: record.y, "other": record.y}, opened)
-    refused("expected real numbers", score, {record.name: record.y.astype(complex)}, opened)
+    refused("expected a folder, or files", score, tmp_path / "notes.md", data_set)
+    refused("no predictions at", score, tmp_path / "absent", data_set)
+    refused("unknown experiment 'other'", score, {record.name: record.y, "other": record.y}, data_set)
+    refused("expected real numbers", score, {record.name: record.y.astype(complex)}, data_set)
 
 
 def test_only_a_root_mean_square_error_has_a_unit_of_angles():
