@@ -17,7 +17,6 @@ import pytest
 from PIL import Image
 
 from hmtb_twin.parameters.specimen_draw import TwinDistributions
-from scenarios.datasets import open_data_set
 from scenarios.datasets.baselines import BaselineData, baseline
 from scenarios.datasets.export import FORMATS, export
 from scenarios.datasets.score import score
@@ -60,7 +59,7 @@ def digest(values):
 
 
 @pytest.mark.slow
-def test_the_python_snippets_run(place):
+def test_the_python_snippets_run(place, data_set):
     text = "\n".join(snippets("python"))
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", text], cwd=place, env=env, capture_output=True, text=True, timeout=60)
@@ -68,16 +67,14 @@ def test_the_python_snippets_run(place):
     for expected in ("0.02 binary-elbow_pitch (200,)", "noise: ", "true bandwidth 1.0"):
         assert expected in done.stdout
     # The page promises the score that stands in a row of the baselines.
-    data_set = open_data_set(place / "tiny-v1")
     row = baseline(BaselineData(data_set, data_set.spec.baselines), Method.parsed("oe:2/2")).test.mean
     assert f"\noe {row}\n" in done.stdout
 
 
-def test_the_snippet_for_students_comes_near_the_baseline(place, monkeypatch):
+def test_the_snippet_for_students_comes_near_the_baseline(place, data_set, monkeypatch):
     """Command and answer are taken from their means: the first command is a step of the excitation already."""
     (snippet,) = (text for text in snippets("python") if "steps=None" in text)
     monkeypatch.chdir(place)
-    data_set = open_data_set(place / "tiny-v1")
 
     def reached(text):
         names = {}
@@ -107,7 +104,7 @@ def test_the_hash_comes_out_by_the_recipe_of_the_page(tiny):
 
 
 @pytest.mark.skipif(OCTAVE is None, reason="Octave is not installed: apt-get install octave")
-def test_octave_reads_the_same_numbers(place):
+def test_octave_reads_the_same_numbers(place, data_set):
     mat, csv, _ = snippets("matlab")
     both = """
     printf('%s %s %s ', num2hex(u(1)), num2hex(u(end)), num2hex(sum(y)));
@@ -120,7 +117,7 @@ def test_octave_reads_the_same_numbers(place):
     printf('%s\\n', hash('sha256', char(typecast(table(:)', 'uint8'))));
     """
     of_mat, of_csv, *others = run_octave(mat + both + csv + both + rest, place)
-    record, test = (open_data_set(place / "tiny-v1").record(name) for name in ("binary-elbow_pitch", "noise"))
+    record, test = (data_set.record(name) for name in ("binary-elbow_pitch", "noise"))
     first, last, total, u_hash, y_hash = of_mat.split()
     assert of_csv == of_mat
     assert [bits(first), bits(last)] == [record.u[0], record.u[-1]]
@@ -153,10 +150,10 @@ def bits(text):
     OCTAVE is None or not list(Path("/usr/share/octave/packages").glob("netcdf*")),
     reason="Octave's netcdf package is not installed: apt-get install octave-netcdf",
 )
-def test_octave_reads_the_files_themselves(place):
+def test_octave_reads_the_files_themselves(place, data_set):
     hashes = "hash('sha256', char(typecast(u(:)', 'uint8'))), hash('sha256', char(typecast(y', 'uint8')))"
     lines = run_octave(f"pkg load netcdf\n{snippets('matlab')[2]}printf('%s\\n', {hashes});", place)
-    record = open_data_set(place / "tiny-v1").record("binary-elbow_pitch")
+    record = data_set.record("binary-elbow_pitch")
     assert lines == [digest(record.u), digest(record.y)]
 
 
@@ -221,8 +218,7 @@ def test_every_picture_is_of_the_spec_that_comes_with_the_package(pictures):
     assert pictures.drawn_from(replace(siso, records=(block, *siso.records[1:]))) != pictures.drawn_from(siso)
 
 
-def test_pictures_show_the_numbers_of_the_records(tiny, pictures, monkeypatch):
-    data_set = open_data_set(tiny)
+def test_pictures_show_the_numbers_of_the_records(data_set, pictures, monkeypatch):
     *records, spectra, sizes = pictures.gallery_figure(data_set).axes
     record, test = data_set.record("binary-elbow_pitch"), data_set.test[0]
     command, answer = (np.asarray(line.get_ydata()) for line in records[1].lines)

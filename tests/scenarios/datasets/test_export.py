@@ -11,7 +11,6 @@ import pytest
 from scipy.io import loadmat
 
 import sysid
-from scenarios.datasets import open_data_set
 from scenarios.datasets.export import FORMATS, LARGEST, ascii_table, columns, csv, csv_metadata, export, mat
 from scenarios.datasets.index import read_index
 from scenarios.datasets.withhold import public_contents
@@ -70,8 +69,8 @@ def test_the_tables_hold_the_bits(exported, contents):
     assert {"% column 2: u_elbow_pitch, rad", "% sampling time: 1/50 s"} <= set(path.read_text().splitlines())
 
 
-def test_the_analyst_reads_mat_and_csv(exported, tiny):
-    expected = open_data_set(tiny).record("noise").iodata()
+def test_the_analyst_reads_mat_and_csv(exported, data_set):
+    expected = data_set.record("noise").iodata()
     named = {"inputs": ("u_elbow_pitch [rad]",), "outputs": ("y_elbow_pitch [rad]",)}
     for data in (
         sysid.read_csv(exported["csv"] / "test/noise.csv", **named, dt=0.02),
@@ -91,7 +90,7 @@ def test_the_parquet_file_holds_the_bits_and_the_units(exported, contents):
     assert stored.schema.metadata[b"experiment"] == b"noise" and stored.schema.metadata[b"seed"].isdigit()
 
 
-def test_an_export_is_described_and_has_checksums(exported, tiny, contents, monkeypatch):
+def test_an_export_is_described_and_has_checksums(exported, data_set, contents, monkeypatch):
     monkeypatch.setattr("time.asctime", lambda: "another time")
     for format, (ending, to_bytes) in FORMATS.items():
         assert (exported[format] / f"test/noise{ending}").read_bytes() == to_bytes(contents)
@@ -99,7 +98,7 @@ def test_an_export_is_described_and_has_checksums(exported, tiny, contents, monk
     for name, folder in exported.items():
         assert folder.name == f"tiny-v1-{name}" and (folder / "LICENSE").read_text() == "CC BY 4.0\n"
         index = json.loads((folder / "export.json").read_text())
-        assert index["hash"] == open_data_set(tiny).hash and len(index["records"]) == 3
+        assert index["hash"] == data_set.hash and len(index["records"]) == 3
         assert all((folder / record["file"]).is_file() for record in index["records"])
         sums = dict(reversed(line.split("  ")) for line in (folder / "SHA256SUMS").read_text().splitlines())
         files = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - {"SHA256SUMS"}
