@@ -1,29 +1,18 @@
 """The split of errors over amplitude."""
 
-from zlib import crc32
-
 import numpy as np
 import pytest
 
 from scenarios.bench.amplitude_split import ALLOWED, AMPLITUDES, JOINTS, AmplitudeSplit
 from scenarios.bench.measurement import Measurement
 from scenarios.estimators.estimator import Estimator
-from tests.scenarios.bench.judging import ALARM, ANYONE, evaluated, without_model
+from tests.scenarios.bench.judging import ALARM, ANYONE, LINES, evaluated, on_arm, without_model
 
 TRIALS = AmplitudeSplit().trials("quick")
-LINES = np.arange(1, 26) / 5.12
-LINEAR = 1.0 / (1.0 + 1j * LINES) ** 2
 
 
 def measured(change=lambda response: response):
-    data = []
-    for trial in TRIALS:
-        seeds = (crc32(text.encode()) for text in (trial.problem, trial.key))
-        distortion, error = (np.random.default_rng(seed).standard_normal((25, 2)) @ (1, 1j) for seed in seeds)
-        shown = LINEAR + 0.02 * distortion + 0.005 * error
-        response = change(0.5 * (LINEAR + shown))
-        data.append(Measurement(trial, "model", response=response[:, None, None], nonparametric=shown[:, None, None]))
-    return data
+    return [on_arm(trial, change) for trial in TRIALS]
 
 
 def metric(data, estimator=ANYONE):

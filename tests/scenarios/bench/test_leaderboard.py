@@ -106,28 +106,29 @@ def test_verdicts_and_failures_that_theory_does_not_know_weigh_most(written):
     failures = [count(entry.result.metrics.values())[Verdict.FAILS] for entry in entries]
     assert failures == sorted(failures) and failures[0] == 0 < failures[-1]
     assert verdict(by_name["oe"]["efficiency"]) is Verdict.FAILS_AS_THEORY_SAYS
-    assert verdict(by_name["armax"]["speed"]) is verdict(None) is Verdict.NONE
+    assert verdict(by_name["armax"]["agreement"]) is verdict(None) is Verdict.NONE
     counts = count(by_name["armax"].values())
-    assert (counts[Verdict.PASSES], counts[Verdict.NONE], counts[Verdict.FAILS]) == (7, 6, 0)
+    assert (counts[Verdict.PASSES], counts[Verdict.NONE], counts[Verdict.FAILS]) == (11, 2, 0)
     # A file whose figure says that it passes and whose part says otherwise fails.
     assert verdict(replace(by_name["okid"]["efficiency"], passed=True)) is Verdict.FAILS
 
 
 def test_what_could_not_be_judged_is_no_advantage_and_time_no_harm(written, results, saved):
     """One that passes all of what is left of it stands behind one that was judged by more and fails as theory says."""
-    unjudged = {"bias": replace(results[1].metrics["bias"], passed=None, parts=())}
-    paths = [saved(written[1], replace(results[1], metrics={**results[1].metrics, **unjudged})), written[2]]
-    entries = ranked(paths)
+
+    def without(name):
+        left = replace(results[1].metrics[name], passed=None, parts=())
+        return ranked([saved(written[1], replace(results[1], metrics={**results[1].metrics, name: left})), written[2]])
+
+    entries = without("bias")
     assert [entry.name for entry in entries] == ["oe", "armax"]
-    assert [count(entry.result.metrics.values())[Verdict.PASSES] for entry in entries] == [4, 6]
-    assert [(row[1].text, row[4].text) for row in standing(entries).rows] == [("4 of 12", "5"), ("6 of 12", "6")]
-    timed = {**results[2].metrics, "speed": replace(results[2].metrics["speed"], passed=True)}
-    saved(written[1], results[1])
-    saved(written[2], replace(results[2], metrics=timed))
-    assert [entry.name for entry in ranked(paths)] == ["armax", "oe"]
+    assert [count(entry.result.metrics.values())[Verdict.PASSES] for entry in entries] == [7, 10]
+    assert [(row[1].text, row[4].text) for row in standing(entries).rows] == [("7 of 12", "1"), ("10 of 12", "2")]
+    assert [entry.name for entry in without("speed")] == ["armax", "oe"]
     # Figures that were not made are as figures that were not judged.
-    saved(written[1], replace(results[1], metrics={name: f for name, f in timed.items() if name != "bias"}))
-    assert [entry.name for entry in ranked(paths)] == ["oe", "armax"]
+    made = {name: metric for name, metric in results[1].metrics.items() if name != "bias"}
+    entries = ranked([saved(written[1], replace(results[1], metrics=made)), written[2]])
+    assert [entry.name for entry in entries] == ["oe", "armax"]
 
 
 @pytest.mark.parametrize(

@@ -11,26 +11,20 @@ from scenarios.bench.tests_and_orders import (
     PROBLEMS,
     SELECTED,
     ResidualTestsAndOrders,
-    order_of,
     size_of_independent_estimate,
 )
 from scenarios.estimators.estimator import Estimator
 from scenarios.problems.registry import problem
-from tests.scenarios.bench.judging import ANYONE, evaluated, failing, parts_of
+from tests.scenarios.bench.judging import ANYONE, evaluated, failing, parts_of, residuals
 
 PEM_OE = Estimator("oe", "bench:perfect", structure="oe", method="pem")
-
-
-def measured(trial, rng, structure):
-    task = problem(trial.problem).task(structure, "fit" if trial.ask == "select" else trial.ask)
-    white, independent = (1e-9, 1e-9) if trial.ask == "underfit" else rng.uniform(size=2)
-    return Measurement(trial, "model", order=order_of(task), whiteness_p=white, independence_p=independent)
 
 
 def metric(change=lambda m: {}, estimator=ANYONE):
     """Of a perfect estimator, whose measurements are changed."""
     rng, definition = np.random.default_rng(2), ResidualTestsAndOrders()
-    data = [measured(trial, rng, estimator.structure) for trial in definition.trials("quick")]
+    trials = definition.trials("quick")
+    data = [Measurement(trial, "model", **residuals(trial, rng, estimator.structure)) for trial in trials]
     return evaluated(definition, [replace(m, **change(m)) for m in data], estimator)
 
 
