@@ -1,7 +1,5 @@
 """A bench of a few trials."""
 
-import os
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -64,7 +62,3 @@ class Here(Executor):
         pass
 
     _room = _submit = _finished = _results = _close
-
-
-def child_environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), *filter(None, sys.path)))}

@@ -15,7 +15,6 @@ from scenarios.bench.leaderboard_tables import standing
 from scenarios.bench.leaderboard_verdict import Verdict, count, verdict
 from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
-from scenarios.commands.cli import main
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.files.errors import ScenarioError
 
@@ -36,9 +35,8 @@ def test_what_is_written_is_read_again_numbers_of_numpy_and_nan_included(tmp_pat
     assert np.isnan(again.expected) and not read.passed
 
 
-def test_files_that_cannot_be_read_are_refused(capsys, tmp_path):
-    assert main(["leaderboard"]) == 2
-    assert "no result given" in capsys.readouterr().err
+def test_files_that_cannot_be_read_are_refused(complaint, tmp_path):
+    assert "no result given" in complaint("leaderboard")
     with pytest.raises(ScenarioError, match=r"expected one with results of hmtb verify in it"):
         ranked([tmp_path])
     with pytest.raises(ScenarioError, match="cannot read"):
@@ -171,21 +169,19 @@ def test_rows_that_are_not_whole_are_named(written, results, saved):
     ]
 
 
-def test_the_command_writes_both_pages(results, saved, tmp_path, capsys):
+def test_the_command_writes_both_pages(results, saved, tmp_path, result, complaint):
     folder = tmp_path / "results"
     folder.mkdir()
     for made in results[1:3]:  # a drawing or two less, to be quick
         few = {name: figure for name, figure in made.metrics.items() if name in ("coverage", "speed", "reliability")}
         saved(folder / f"{made.estimator.name}.json", replace(made, metrics=few))
     out = tmp_path / "new" / "pages"
-    assert main(["leaderboard", str(folder), "--out", str(out), "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)["rows"]
+    rows = result("leaderboard", folder, "--out", out)["rows"]
     assert [row["name"] for row in rows] == ["armax", "oe"]
     assert rows[1]["verdicts"]["coverage"] == "fails as theory says"
     assert rows[0]["values"]["speed"] > 0
     assert {path.name for path in out.iterdir()} == {"leaderboard.html", "leaderboard.md"}
-    assert main(["leaderboard", str(folder), "--out", str(folder / "oe.json")]) == 2
-    assert "cannot write to folder" in capsys.readouterr().err
+    assert "cannot write to folder" in complaint("leaderboard", folder, "--out", folder / "oe.json")
 
 
 def errors(result, percent, *, posed=()):

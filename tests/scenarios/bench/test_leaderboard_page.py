@@ -5,39 +5,13 @@ import math
 import re
 from base64 import b64encode
 from hashlib import sha256
-from html.parser import HTMLParser
 
 import pytest
 
 from scenarios.bench.leaderboard_page import context, html, markdown
 from scenarios.bench.leaderboard_rows import ORDERS_GIVEN, RULE, ranked
 from scenarios.files.errors import ScenarioError
-
-VOID = ("meta", "br", "img", "link", "input", "hr")
-
-
-class Reader(HTMLParser):
-    """Attributes and the text of scripts; complains of what is not closed."""
-
-    def __init__(self, page):
-        super().__init__()
-        self.open, self.attributes, self.scripts = [], [], []
-        self.feed(page)
-        assert self.open == []
-
-    def handle_starttag(self, tag, attrs):
-        self.handle_startendtag(tag, attrs)
-        self.open += [tag] * (tag not in VOID)
-
-    def handle_startendtag(self, tag, attrs):
-        self.attributes += [(tag, name, value) for name, value in attrs]
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.scripts += [data] * (self.open[-1:] == ["script"])
-
+from tests.scenarios.web_page import Page
 
 SPLIT = "figures amplitude_split curves shoulder_yaw"
 RESPONSE = "figures frequency_response curves"
@@ -64,7 +38,7 @@ ODD = (
 @pytest.mark.filterwarnings("error")
 def test_numbers_that_no_axis_can_hold_are_left_out_of_drawings(results, changed, chosen, tmp_path):
     path = changed(json.loads(results[0].to_json()), chosen, tmp_path / "odd.json")
-    Reader(html(context(ranked([path]))))
+    Page(html(context(ranked([path]))))
 
 
 @pytest.mark.parametrize(
@@ -94,20 +68,21 @@ def pages(originals):
 
 @pytest.mark.slow
 def test_the_page_is_well_formed_loads_nothing_and_runs_no_script_but_its_own(pages):
-    reader = Reader(pages[0])
-    marks = [value for _, name, value in reader.attributes if name == "id"]
-    assert len(marks) == len(set(marks))
-    links = [value for tag, name, value in reader.attributes if name in ("href", "xlink:href", "src")]
+    page = Page(pages[0])
+    assert len(page.marks) == len(set(page.marks))
+    attributes = [pair for _, pairs in page.tags for pair in pairs.items()]
+    links = [value for name, value in attributes if name in ("href", "xlink:href", "src")]
     assert links
-    assert all(value and value.startswith("#") and value[1:] in marks for value in links)
+    assert all(value and value.startswith("#") and value[1:] in page.marks for value in links)
     # Names of XML are no addresses.
     assert "://" not in re.sub(r'xmlns(:\w+)?="[^"]*"', "", pages[0])
-    (script,) = reader.scripts
+    (script,) = re.findall(r"<script>(.*?)</script>", pages[0], re.S)
+    assert len(page.of("script")) == 1
     digest = b64encode(sha256(script.encode()).digest()).decode()
-    (policy,) = (value for _, name, value in reader.attributes if name == "content" and value and "script-src" in value)
+    (policy,) = (value for name, value in attributes if name == "content" and value and "script-src" in value)
     assert policy.split("script-src ")[1] == f"'sha256-{digest}'"
     assert "default-src 'none'" in policy
-    assert not [name for _, name, _ in reader.attributes if name.startswith("on")]
+    assert not [name for name, _ in attributes if name.startswith("on")]
     assert "alert" not in script
     assert "&lt;script&gt;alert(" in pages[0]
 
@@ -147,7 +122,9 @@ def test_every_estimator_has_its_command_and_reasons(pages):
     assert page.count("under a coloured disturbance output error is consistent in open loop, but not efficient") >= 3
     assert "ab" * 32 in page
     assert "873 × <code>" in page
-    assert "nan" not in re.sub(r"<svg.*?</svg>|<style>.*?</style>", "", page, flags=re.S).lower().replace("nan or infinite", "")
+    assert "nan" not in re.sub(r"<svg.*?</svg>|<style>.*?</style>", "", page, flags=re.S).lower().replace(
+        "nan or infinite", ""
+    )
 
 
 def test_drawings_stand_with_their_figures(pages):

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from itertools import pairwise
 
 import pytest
@@ -16,34 +15,7 @@ from scenarios.thesis.outcome import outcome
 from scenarios.thesis.report import html, write_report
 from scenarios.thesis.results import answers, headline
 from scenarios.thesis.tally import Tally, limits
-
-VOID = {"meta", "img", "br", "link", "hr", "input"}
-
-
-class Page(HTMLParser):
-    """Collects what the tests ask of a page; unbalanced tags are an error."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.feed(text)
-        self.close()
-        assert not self.open, f"never closed: {self.open}"
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open and self.open.pop() == tag, f"</{tag}> closes nothing"
-
-    def of(self, tag: str) -> list[dict[str, str | None]]:
-        return [attributes for name, attributes in self.tags if name == tag]
+from tests.scenarios.web_page import Page
 
 
 @pytest.fixture(scope="module")
@@ -74,19 +46,17 @@ def test_every_figure_has_words_and_every_mark_is_unique(page, text):
     assert len(drawings) > 30
     assert all(entry.get("role") == "img" and len(str(entry.get("aria-label"))) > 20 for entry in drawings)
     assert all(len(str(entry.get("alt"))) > 20 for entry in page.of("img"))
-    marks = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
-    assert len(marks) == len(set(marks))
+    assert len(page.marks) == len(set(page.marks))
     used = set(re.findall(r"url\(#([^)]+)\)", text)) | set(re.findall(r'xlink:href="#([^"]+)"', text))
-    assert used <= set(marks)
+    assert used <= set(page.marks)
     numbers = [int(number) for number in re.findall(r"<figcaption>Figure (\d+)\.", text)]
     assert numbers == list(range(1, len(drawings) + 1))
 
 
 def test_contents_lead_to_sections_with_headings(page, text):
     sections = [entry["id"] for entry in page.of("section")]
-    marks = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
     links = [str(entry["href"]) for entry in page.of("a")]
-    assert {link.removeprefix("#") for link in links} <= marks
+    assert {link.removeprefix("#") for link in links} <= set(page.marks)
     for menu in re.findall(r"<nav.*?</nav>", text, flags=re.S):
         assert re.findall(r'href="#([^"]+)"', menu) == sections
     assert text.count("<nav") == 3
