@@ -33,11 +33,7 @@ SOURCES = frozenset((".m", ".p", ".mex", ".mexa64", ".oct", ".jl", ".r", ".py", 
 class EstimatorOptions:
     """Options of the command line on estimators of the user's own.
 
-    Attributes:
-        name: Label; from the target where empty.
-        structure: See `Estimator`.
-        method: See `Estimator`.
-        stays: See `Estimator`.
+    An empty name stands for that of the target; for the others see `Estimator`.
     """
 
     name: str = ""

@@ -4,6 +4,7 @@ import re
 from base64 import b64encode
 from collections.abc import Sequence
 from hashlib import sha256
+from html import escape
 from importlib import resources
 from pathlib import Path
 
@@ -101,8 +102,7 @@ def markdown(shown: dict[str, object]) -> str:
 
 def _plain(text: object) -> str:
     """Text without the signs of Markdown, nor of HTML inside it."""
-    escaped = str(text).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
-    return re.sub(r"([\\`*_{}\[\]()#+!|~$])", r"\\\1", escaped)
+    return re.sub(r"([\\`*_{}\[\]()#+!|~$])", r"\\\1", escape(str(text), quote=False))
 
 
 def _fenced(text: str) -> Markup:

@@ -103,7 +103,6 @@ def measure(
     problem: Problem,
     trial: Trial,
     task: Task,
-    bound: CramerRaoBound | None,
     record: IOData,
     outcome: EstimatorOutcome,
     *,
@@ -115,7 +114,6 @@ def measure(
         problem: Its problem.
         trial: The trial.
         task: The task.
-        bound: That of the estimator's structure, with the truth in its parameters; None where there is none.
         record: The record that the estimator was given.
         outcome: The estimator's answer, or its failure.
         ruler_seconds: Of the fixed problem on the same record; see `Ruler`.
@@ -151,7 +149,7 @@ def measure(
                 whiteness_p=whiteness,
                 independence_p=independence,
                 nonparametric=problem.nonparametric(record),
-                **_errors(claim, task, bound if trial.ask == "fit" else None),
+                **_errors(claim, task, problem.bound(task.structure) if trial.ask == "fit" else None),
             )
         except NoModelError as error:
             return Measurement(trial, error.kind, str(error), **costs)

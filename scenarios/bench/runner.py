@@ -189,10 +189,9 @@ class Runner:
         ]
         if not requests:
             return
-        structures = [self._setup.estimators[number].structure for number, _, _ in requests]
         # Bounds and starts are outside the time of any trial, because they are made once for many of them.
-        bounds = [problem.bound(structure) for structure in structures]
-        for number, _, _ in requests:
+        for number, _, task in requests:
+            problem.bound(task.structure)
             # An error of the first start is one of the command line, and ends the run.
             if number not in self._opened and self._setup.estimators[number].target != PERFECT:
                 self._process(number)
@@ -208,9 +207,9 @@ class Runner:
             seeded = replace(task, seed=task_seed(self._setup.seed, trial.key))
             outcomes.append((self._ask(number, problem, seeded, record, seed), perf_counter() - begun))
         ruler.measure()
-        for (number, trial, task), bound, (outcome, wall) in zip(requests, bounds, outcomes, strict=True):
+        for (number, trial, task), (outcome, wall) in zip(requests, outcomes, strict=True):
             begun = perf_counter()
-            measurement = measure(problem, trial, task, bound, record, outcome, ruler_seconds=ruler.seconds)
+            measurement = measure(problem, trial, task, record, outcome, ruler_seconds=ruler.seconds)
             yield TrialResult(number, measurement, shared + wall + perf_counter() - begun)
 
     def _ask(self, number: int, problem: Problem, task: Task, record: IOData, seed: int) -> EstimatorOutcome:

@@ -1,10 +1,7 @@
 """Results of simulated estimators: good ones, biased ones, ones that fail, ones without a verdict."""
 
-import json
 import shutil
 from dataclasses import replace
-from functools import reduce
-from operator import getitem
 
 import numpy as np
 import pytest
@@ -17,7 +14,7 @@ from scenarios.bench.tests_and_orders import PROBLEMS
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.problems.trial import TWIN
 from tests.benchmarks.simulated_estimators import Fault, simulated
-from tests.scenarios.bench.judging import evaluated, on_arm, residuals
+from tests.scenarios.bench.judging import evaluated, on_arm, residuals, saved
 
 TRIALS = sorted({t for metric in ALL_METRICS for t in metric.trials("quick") if t.problem != ALONE})
 
@@ -86,7 +83,7 @@ def results():
 def originals(results, tmp_path_factory):
     folder = tmp_path_factory.mktemp("originals")
     for number, made in enumerate(results):
-        save(folder / f"{number}.json", made)
+        saved(folder / f"{number}.json", made)
     return folder
 
 
@@ -95,28 +92,3 @@ def written(originals, tmp_path):
     """Their files, to be changed at will."""
     folder = shutil.copytree(originals, tmp_path / "results")
     return sorted(folder.iterdir())
-
-
-def save(path, made):
-    path.write_text(made.to_json(), encoding="utf-8")
-    return path
-
-
-@pytest.fixture
-def saved():
-    """Writes a result."""
-    return save
-
-
-@pytest.fixture
-def changed():
-    """Writes the table of a result with other values at some places, named by their keys."""
-
-    def write(table, changes, path):
-        for place, value in changes:
-            *keys, last = (int(key) if key.isdigit() else key for key in place.split())
-            reduce(getitem, keys, table)[last] = value
-        path.write_text(json.dumps(table), encoding="utf-8")
-        return path
-
-    return write

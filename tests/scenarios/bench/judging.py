@@ -1,5 +1,8 @@
-"""Metrics evaluated on measurements that are made up."""
+"""Metrics evaluated on measurements that are made up, and their results in files."""
 
+import json
+from functools import reduce
+from operator import getitem
 from zlib import crc32
 
 import numpy as np
@@ -46,3 +49,17 @@ def residuals(trial, rng, structure):
     task = problem(trial.problem).task(structure, "fit" if trial.ask == "select" else trial.ask)
     white, independent = (1e-9, 1e-9) if trial.ask == "underfit" else rng.uniform(size=2)
     return {"order": order_of(task), "whiteness_p": white, "independence_p": independent}
+
+
+def saved(path, result):
+    path.write_text(result.to_json(), encoding="utf-8")
+    return path
+
+
+def changed(table, changes, path):
+    """Write the table of a result with other values at some places, named by their keys."""
+    for place, value in changes:
+        *keys, last = (int(key) if key.isdigit() else key for key in place.split())
+        reduce(getitem, keys, table)[last] = value
+    path.write_text(json.dumps(table), encoding="utf-8")
+    return path

@@ -17,11 +17,12 @@ from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.files.errors import ScenarioError
+from tests.scenarios.bench.judging import changed, saved
 
 ERRORS = {"p2": 0.1, "p3": 8.0, "p4": 0.3, "p5": 0.9}
 
 
-def test_what_is_written_is_read_again_numbers_of_numpy_and_nan_included(tmp_path, saved):
+def test_what_is_written_is_read_again_numbers_of_numpy_and_nan_included(tmp_path):
     number = np.float64(1.5)
     part = Part("p1", number, float("nan"), (0.0, 1.0), (-np.inf, number), False, draws=int(np.int64(3)))
     curves = {"count": np.int64(4), "grid": np.arange(2.0), "flag": np.bool_(True), "none": np.array([np.nan])}
@@ -51,7 +52,7 @@ def test_files_that_cannot_be_read_are_refused(complaint, tmp_path):
             ranked([tmp_path / "bad.json"])
 
 
-def test_two_of_one_name_are_refused(written, results, saved):
+def test_two_of_one_name_are_refused(written, results):
     again = saved(written[0].with_name("again.json"), replace(results[1], seed=8))
     with pytest.raises(ScenarioError, match=r"again\.json and .*1\.json are both of 'armax'"):
         ranked([written[1], again])
@@ -90,7 +91,7 @@ def test_two_of_one_name_are_refused(written, results, saved):
         ("figures efficiency parts 0 draws", "all"),
     ],
 )
-def test_a_damaged_result_is_refused(written, changed, place, value):
+def test_a_damaged_result_is_refused(written, place, value):
     changed(json.loads(written[1].read_text(encoding="utf-8")), [(place, value)], written[1])
     with pytest.raises(ScenarioError, match=r"1\.json"):
         ranked([written[1]])
@@ -111,7 +112,7 @@ def test_verdicts_and_failures_that_theory_does_not_know_weigh_most(written):
     assert verdict(replace(by_name["okid"]["efficiency"], passed=True)) is Verdict.FAILS
 
 
-def test_what_could_not_be_judged_is_no_advantage_and_time_no_harm(written, results, saved):
+def test_what_could_not_be_judged_is_no_advantage_and_time_no_harm(written, results):
     """One that passes all of what is left of it stands behind one that was judged by more and fails as theory says."""
 
     def without(name):
@@ -142,14 +143,14 @@ def test_what_could_not_be_judged_is_no_advantage_and_time_no_harm(written, resu
         ({"run": ""}, "each run on its own: oe"),
     ],
 )
-def test_rows_that_do_not_compare_are_named(written, results, saved, change, words):
+def test_rows_that_do_not_compare_are_named(written, results, change, words):
     assert notes(ranked(written[:3])) == []
     saved(written[2], replace(results[2], **change))
     (note,) = notes(ranked(written[1:4]))
     assert words in note and "oe" in note and "armax" in note
 
 
-def test_rows_that_are_not_whole_are_named(written, results, saved):
+def test_rows_that_are_not_whole_are_named(written, results):
     part = {name: results[1].metrics[name] for name in ("efficiency", "speed")}
     saved(written[1], replace(results[1], metrics=part))
     nothing = {name: replace(f, passed=None, parts=()) for name, f in results[2].metrics.items()}
@@ -169,7 +170,7 @@ def test_rows_that_are_not_whole_are_named(written, results, saved):
     ]
 
 
-def test_the_command_writes_both_pages(results, saved, tmp_path, result, complaint):
+def test_the_command_writes_both_pages(results, tmp_path, result, complaint):
     folder = tmp_path / "results"
     folder.mkdir()
     for made in results[1:3]:  # a drawing or two less, to be quick
@@ -193,7 +194,7 @@ def errors(result, percent, *, posed=()):
 
 
 @pytest.fixture
-def board(written, results, saved):
+def board(written, results):
     def rows_of(armax, oe=None):
         return ranked([saved(written[1], armax), saved(written[2], oe or errors(results[2], ERRORS))])
 

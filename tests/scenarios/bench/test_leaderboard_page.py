@@ -11,6 +11,7 @@ import pytest
 from scenarios.bench.leaderboard_page import context, html, markdown
 from scenarios.bench.leaderboard_rows import ORDERS_GIVEN, RULE, ranked
 from scenarios.files.errors import ScenarioError
+from tests.scenarios.bench.judging import changed
 from tests.scenarios.web_page import Page
 
 SPLIT = "figures amplitude_split curves shoulder_yaw"
@@ -36,7 +37,7 @@ ODD = (
 @pytest.mark.slow
 @pytest.mark.parametrize("chosen", [ODD[::2], ODD[1::2]])
 @pytest.mark.filterwarnings("error")
-def test_numbers_that_no_axis_can_hold_are_left_out_of_drawings(results, changed, chosen, tmp_path):
+def test_numbers_that_no_axis_can_hold_are_left_out_of_drawings(results, chosen, tmp_path):
     path = changed(json.loads(results[0].to_json()), chosen, tmp_path / "odd.json")
     Page(html(context(ranked([path]))))
 
@@ -52,7 +53,7 @@ def test_numbers_that_no_axis_can_hold_are_left_out_of_drawings(results, changed
         ("figures bandwidth curves classes", [{}], "label"),
     ],
 )
-def test_a_result_with_damaged_numbers_for_drawings_is_refused(results, changed, place, value, message, tmp_path):
+def test_a_result_with_damaged_numbers_for_drawings_is_refused(results, place, value, message, tmp_path):
     path = changed(json.loads(results[0].to_json()), [(place, value)], tmp_path / "odd.json")
     with pytest.raises(ScenarioError, match=rf"odd\.json is no result of hmtb verify: .*{message}"):
         ranked([path])
@@ -69,11 +70,12 @@ def pages(originals):
 @pytest.mark.slow
 def test_the_page_is_well_formed_loads_nothing_and_runs_no_script_but_its_own(pages):
     page = Page(pages[0])
-    assert len(page.marks) == len(set(page.marks))
+    marks = set(page.marks)
+    assert len(page.marks) == len(marks)
     attributes = [pair for _, pairs in page.tags for pair in pairs.items()]
     links = [value for name, value in attributes if name in ("href", "xlink:href", "src")]
     assert links
-    assert all(value and value.startswith("#") and value[1:] in page.marks for value in links)
+    assert all(value and value.startswith("#") and value[1:] in marks for value in links)
     # Names of XML are no addresses.
     assert "://" not in re.sub(r'xmlns(:\w+)?="[^"]*"', "", pages[0])
     (script,) = re.findall(r"<script>(.*?)</script>", pages[0], re.S)
