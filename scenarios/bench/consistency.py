@@ -28,9 +28,6 @@ rounding: a delay, a transient that is not allowed for, a term that is left out.
 MOST_DIGITS = 16.0
 """Most digits of agreement that are counted: errors of double precision mean no more."""
 
-FAULT = "the response is "
-"""Beginning of the description of a recognised fault."""
-
 WHERE_IT_FAILS = "where it fails, "
 """Beginning of the fault that all failing parts have in common."""
 
@@ -92,7 +89,7 @@ def _digits(name: str, good: Sequence[Measurement], run: int) -> Part:
     errors = [np.sqrt(np.mean(np.abs(response - true) ** 2)) / size for response in estimates]
     digits = float(np.min(-np.log10(np.maximum(errors, 10.0**-MOST_DIGITS)))) + 0.0  # no -0
     fault = "" if digits >= DEMANDED else recognised_fault(estimates, true, frequencies, truth.dt, 10.0**-DEMANDED)
-    theory = Expectation(True, fault and f"{FAULT}{fault}")
+    theory = Expectation(True, fault and f"the response is {fault}")
     return Part.judged(name, digits, DEMANDED, (digits, digits), (DEMANDED, np.inf), theory, len(good))
 
 

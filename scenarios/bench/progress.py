@@ -68,8 +68,6 @@ class TrialJournal:
         notify: Called with a line where an earlier journal is of no more use.
 
     Attributes:
-        name: Of the estimator.
-        path: The file.
         run: Mark of the run that began it.
         source: Hash of the estimator's files, as in the fingerprint.
         done: Keys of its trials.

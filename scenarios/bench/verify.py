@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from scenarios.bench.accuracy import Agreement
 from scenarios.bench.estimator_files import EstimatorFiles, source_hash
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import DRAWS, Evidence, MetricDefinition
@@ -56,9 +57,6 @@ JOURNALS = "journals"
 
 RECORDS = "records"
 """Folder of simulated records of the arm, in that of the results."""
-
-AGREEMENT = "agreement"
-"""Metric that needs the second implementation."""
 
 LONGEST_NAME = 100
 """Characters of an estimator's name, which files are named by."""
@@ -128,7 +126,7 @@ class BenchPlan:
 
     def all_estimators(self) -> tuple[Estimator, ...]:
         """Estimators whose results are wanted, and the referee where a metric needs it and it is none of them."""
-        needed = any(metric.name == AGREEMENT for metric in self.metrics)
+        needed = any(metric.name == Agreement.name for metric in self.metrics)
         if not needed or self.referee is None or self.referee in self.estimators:
             return self.estimators
         return (*self.estimators, self.referee)
@@ -141,7 +139,7 @@ class BenchPlan:
     def trials(self, estimator: Estimator) -> tuple[Trial, ...]:
         """Trials of one of `all_estimators` that its structure allows, each once, sorted."""
         own = estimator in self.estimators
-        metrics = [metric for metric in self.metrics if own or metric.name == AGREEMENT]
+        metrics = [metric for metric in self.metrics if own or metric.name == Agreement.name]
         wanted = sorted(set(chain.from_iterable(self.trials_of(metric) for metric in metrics)))
         allowed = {
             kind: problem(kind[0]).task(estimator.structure, kind[1]) is not None
