@@ -1,13 +1,12 @@
 """A bench of a few trials."""
 
-from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from scenarios.bench.metric import Metric, MetricDefinition
 from scenarios.bench.runner import PERFECT as TARGET
-from scenarios.bench.runner import BenchSetup, RecordJob, Runner, TrialResult
+from scenarios.bench.runner import Runner
 from scenarios.estimators.estimator import Estimator
 from scenarios.jobs.executor import Executor
 from scenarios.problems.trial import Trial
@@ -47,9 +46,7 @@ class Here(Executor):
     workers: int = 1
     asked: int = 0
 
-    def run(
-        self, task: Callable, shared: BenchSetup, batches: Iterable[tuple[RecordJob, ...]], **names
-    ) -> Iterator[TrialResult]:
+    def run(self, task, shared, batches, **names):
         with closing(Runner(shared)) as runner:
             for batch in batches:
                 for result in (result for job in batch for result in runner.run(job)):

@@ -164,10 +164,14 @@ def test_fewer_records_are_a_part_of_all(tmp_path):
     few, every = Here(), Here()
     plan = replace(PLAN, metrics=(Few(draws=3),))
     (short,) = verify(replace(plan, records=1), tmp_path, few)
+    assert short.effort == f"{PLAN.effort}, at most 1 record of a problem"
+    with pytest.raises(KeyboardInterrupt):
+        verify(plan, tmp_path, Here(after=1))
+    assert Result.read(tmp_path / "perfect.json").effort == short.effort
     (whole,) = verify(plan, tmp_path, every)
     assert 3 * few.asked == 3 * sum(short.outcomes.values()) == sum(whole.outcomes.values())
-    assert few.asked + every.asked == sum(whole.outcomes.values())
-    assert short.effort == f"{PLAN.effort}, at most 1 record of a problem"
+    assert few.asked + 1 + every.asked == sum(whole.outcomes.values())
+    assert Result.read(tmp_path / "perfect.json").outcomes == whole.outcomes
     # What the journal has beyond them does not count; where its result does not stand, that can be made anew.
     (tmp_path / "perfect.json").unlink()
     (again,) = verify(replace(plan, records=1), tmp_path, Here(after=0))
@@ -204,15 +208,6 @@ def test_a_damaged_result_is_replaced(tmp_path, change):
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     verify(replace(PLAN, records=1), tmp_path, Here(after=0))
     assert Result.read(path).effort == "quick, at most 1 record of a problem"
-
-
-def test_a_run_that_was_interrupted_goes_on_beside_a_lesser_result(tmp_path):
-    verify(replace(PLAN, records=1), tmp_path, Here())
-    with pytest.raises(KeyboardInterrupt):
-        verify(PLAN, tmp_path, Here(after=1))
-    assert Result.read(tmp_path / "perfect.json").effort == "quick, at most 1 record of a problem"
-    verify(PLAN, tmp_path, Here())
-    assert Result.read(tmp_path / "perfect.json").outcomes == {"model": 4}
 
 
 @pytest.mark.slow
