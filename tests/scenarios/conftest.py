@@ -62,6 +62,16 @@ def complaint(run):
     return call
 
 
+@pytest.fixture(scope="module")
+def scheduler():
+    """Address of a Dask scheduler, whose worker is a thread of this process: all travels over the wire all the same."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
 @pytest.fixture(scope="session")
 def study():
     """The whole chain on records of 24 s, of which 20 s remain after settling: ten periods.

@@ -20,9 +20,6 @@ from sysid import armax
 from sysid.polynomial.structures import layout
 from tests.scenarios.bench.few import PERFECT
 
-distributed = pytest.importorskip("distributed")
-
-
 TRIALS = tuple(Trial(name, draw) for name in ("p1@300", "p3@300") for draw in range(6))
 MODULE = """
 import sysid
@@ -30,15 +27,6 @@ import sysid
 def mine(data, task):
     return sysid.arx(data, task.orders["na"], task.orders["nb"], task.orders["nk"])
 """
-
-
-@pytest.fixture(scope="module")
-def scheduler():
-    # Its worker is a thread of this process, to which everything travels over the wire all the same.
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None, host="127.0.0.1"
-    ) as cluster:
-        yield cluster.scheduler_address
 
 
 def plain(results):

@@ -21,15 +21,6 @@ distributed = pytest.importorskip("distributed")
 ROOT = Path(__file__).parents[3]
 
 
-@pytest.fixture(scope="module")
-def scheduler():
-    # Its worker is a thread of this process, to which everything travels over the wire all the same.
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None, host="127.0.0.1"
-    ) as local:
-        yield local.scheduler_address
-
-
 def test_batches_run_on_workers(scheduler):
     with Cluster(scheduler, patience=20.0) as executor:
         assert sorted(executor.run(tasks.double, 2, [(1, 2), (3,)])) == [2, 4, 6]
