@@ -48,7 +48,7 @@ SPECIAL = {"slow": (30.0, ("noise_free_recovery", "reliability", "speed")), "han
 
 def results(names, out, workers):
     """Results by name; estimators with the same limits share a run."""
-    runs, found = {}, {}
+    runs, finished = {}, {}
     for name in names:
         runs.setdefault(SPECIAL.get(name, (30.0, ())), []).append(name)
     for (seconds, figures), members in runs.items():
@@ -56,8 +56,8 @@ def results(names, out, workers):
         plan = BenchPlan(contestants, "quick", 0, Limits(seconds), metrics_named(figures), estimator("referee"))
         folder = out / f"{seconds:g}-{'-'.join(figures) or 'all'}"
         done = verify(plan, folder, LocalProcesses(workers), notify=lambda line: print(line, file=sys.stderr))
-        found |= {result.estimator.name: result for result in done}
-    return {name: found[name] for name in names}
+        finished |= {result.estimator.name: result for result in done}
+    return {name: finished[name] for name in names}
 
 
 def figures_with(result, wanted):
@@ -79,10 +79,10 @@ def main():
     theory = asked.of == "theory"
     expected = AS_THEORY_SAYS if theory else PLANTED_FAULTS
     with tempfile.TemporaryDirectory() as scratch:
-        found = results(asked.names or list(expected), asked.out or Path(scratch), asked.workers)
+        messages = results(asked.names or list(expected), asked.out or Path(scratch), asked.workers)
     heading(*(("estimator", "fails as theory says", "", "fails") if theory else ("fault", "figures that it fails", "")))
     wrong = False
-    for name, result in found.items():
+    for name, result in messages.items():
         failed = figures_with(result, Verdict.FAILS)
         judged = figures_with(result, Verdict.FAILS_AS_THEORY_SAYS) if theory else failed
         differences = [f"not {one}" for one in expected[name] if one not in judged]
@@ -90,7 +90,7 @@ def main():
         wrong |= bool(differences or (theory and failed))
         row(name, listed(judged), ", ".join(differences) or "as it should", *([listed(failed)] if theory else []))
     print()
-    for name, result in found.items() if theory else ():
+    for name, result in messages.items() if theory else ():
         parts = [part for metric in result.metrics.values() for part in metric.parts]
         for why in dict.fromkeys(part.why for part in parts if part.passed is False and not part.theory):
             print(f"- {name}: {why}")

@@ -183,8 +183,8 @@ def main():
         heading("Disturbance of a build on a cluster", "Hash of all arrays")
         for label, disturbance in DISTURBANCES.items():
             with closing(Cluster(folder)) as cluster:
-                found, messages = disturbance(cluster, spec, folder / disturbance.__name__).end()
-            same = found == expected and (disturbance is not chunk_given_up or PARTED in messages)
+                outcome, messages = disturbance(cluster, spec, folder / disturbance.__name__).end()
+            same = outcome == expected and (disturbance is not chunk_given_up or PARTED in messages)
             wrong |= not same
             row(label, "as of one process" if same else "DIFFERENT")
     return wrong

@@ -22,15 +22,15 @@ def main():
     parser.add_argument("--duration", type=float, help="length of the records instead of 240 s, for a trial")
     parser.add_argument("--out", type=Path, default=ROOT / "scenarios" / "data" / FILE)
     chosen = parser.parse_args()
-    found = tally(
+    outcomes = tally(
         range(1, chosen.seeds + 1),
         duration=chosen.duration,
         folder=ROOT / "build" / "findings",
         progress=lambda seed, before, step, done, whole: done == whole and print(f"seed {seed}: {step}", flush=True),
     )
-    write_tally(found, chosen.out)
-    show(found)
-    return 1 if found.failed else 0
+    write_tally(outcomes, chosen.out)
+    show(outcomes)
+    return 1 if outcomes.failed else 0
 
 
 def show(found):

@@ -21,13 +21,13 @@ def test_coverage_by_condition():
     for number, condition in enumerate(CONDITIONS):
         runs = {joint: (test, *conditions(test))[number] for joint, test in planned.items()}
         covered = dict.fromkeys(STUDIED_JOINTS, 0)
-        found: dict[str, list[float]] = {joint: [] for joint in STUDIED_JOINTS}
+        bandwidths: dict[str, list[float]] = {joint: [] for joint in STUDIED_JOINTS}
         for log in simulate([replace(test, seed=seed) for test in runs.values() for seed in SEEDS]):
             (joint,) = log.axes
             band = sysid.oe(prepared(log, joint), *SUFFICIENT[joint]).bandwidth()
             covered[joint] += int(band.covers(truth.joint(joint).bandwidth_hz)[0, 0])
-            found[joint].append(float(band.hz[0, 0]))
-        cells = [f"{covered[j]} of {len(SEEDS)}, mean {sum(found[j]) / len(SEEDS):.4f} Hz" for j in STUDIED_JOINTS]
+            bandwidths[joint].append(float(band.hz[0, 0]))
+        cells = [f"{covered[j]} of {len(SEEDS)}, mean {sum(bandwidths[j]) / len(SEEDS):.4f} Hz" for j in STUDIED_JOINTS]
         row(condition, *cells)
     row("true bandwidth", *(f"{truth.joint(j).bandwidth_hz:.4f} Hz" for j in STUDIED_JOINTS))
     assert min(covered.values()) >= 17

@@ -36,8 +36,8 @@ def measured(command, folder):
     words[0] = sys.executable if words[0] == "python" else words[0]
     run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, env=environment())
     if run.returncode:
-        said = (run.stderr.strip() or run.stdout.strip() or "nothing").splitlines()
-        raise RuntimeError(f"exit {run.returncode}, said at last: {said[-1]}")
+        lines = (run.stderr.strip() or run.stdout.strip() or "nothing").splitlines()
+        raise RuntimeError(f"exit {run.returncode}, said at last: {lines[-1]}")
     lines = [line for line in run.stdout.splitlines() if not TALK.match(line)]
     if any(line.startswith("|---") for line in lines):
         # a table begins behind an empty line

@@ -109,8 +109,8 @@ def test_amplitudes_are_a_sequence_of_small_positive_numbers(arm, amplitude):
 def test_unstable_arm_has_a_linear_model_but_no_joint_truths(truth, monkeypatch):
     sampled = linearization._sampled_model
 
-    def unstable(*given):
-        path, disturbances = sampled(*given)
+    def unstable(*values):
+        path, disturbances = sampled(*values)
         return replace(path, A=path.A * 1.2 / np.abs(np.linalg.eigvals(path.A)).max()), disturbances
 
     monkeypatch.setattr(linearization, "_sampled_model", unstable)

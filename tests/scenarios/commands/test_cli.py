@@ -69,12 +69,12 @@ def test_identify_reads_any_robots_data(run, result, tmp_path):
     savemat(mat, {"u": u, "y": y[:, None], "dt": 0.02})
     true_hz = np.arccos((1 + 0.81 - 2 * 0.01) / (2 * 0.9)) / (2 * np.pi * 0.02)
     for path, words in ((csv, ()), (mat, ()), (bare, ("--dt", "0.02"))):
-        found = result("identify", path, *OE, *words)
-        assert set(found) >= {"method", "orders", "fit", "bandwidth_hz", "ci95", "poles", "warnings"}
-        assert found["orders"] == {"nb": 1, "nf": 1, "nk": 1}
-        assert found["bandwidth_hz"] == pytest.approx(true_hz, rel=2e-3)
-        assert found["ci95"][0] < found["bandwidth_hz"] < found["ci95"][1]
-        assert found["poles"][0] == pytest.approx([0.9, 0.0], abs=1e-3)
+        output = result("identify", path, *OE, *words)
+        assert set(output) >= {"method", "orders", "fit", "bandwidth_hz", "ci95", "poles", "warnings"}
+        assert output["orders"] == {"nb": 1, "nf": 1, "nk": 1}
+        assert output["bandwidth_hz"] == pytest.approx(true_hz, rel=2e-3)
+        assert output["ci95"][0] < output["bandwidth_hz"] < output["ci95"][1]
+        assert output["poles"][0] == pytest.approx([0.9, 0.0], abs=1e-3)
     code, out, _ = run("identify", csv, *OE, "--validate", csv)
     assert code == 0
     assert "bandwidth" in out
@@ -87,8 +87,8 @@ def test_every_usual_name_of_time_is_read(result, complaint, tmp_path, header):
     times = scale * 0.05 * (np.ones(len(u)) if header in ("Ts", "dt") else np.arange(len(u)))
     path = table(tmp_path / "robot.csv", {header: times, "u": u, "y": y})
     assert result("identify", path, *OE)["dt"] == pytest.approx(0.05)
-    said = complaint("identify", path, *OE, "--dt", "0.02")
-    assert f"sampling interval 0.02 s by --dt, 0.05 s by {header!r}" in said
+    message = complaint("identify", path, *OE, "--dt", "0.02")
+    assert f"sampling interval 0.02 s by --dt, 0.05 s by {header!r}" in message
     mat = tmp_path / "robot.mat"
     savemat(mat, {"u": u, "y": y, "Ts": 0.05})
     assert result("identify", mat, *OE)["dt"] == 0.05
@@ -133,9 +133,9 @@ def test_wrong_files(complaint, tmp_path):
     assert "unknown kind of data file" in complaint("identify", foreign, *OE)
     short = tmp_path / "short.mat"
     savemat(short, {"dt": 0.02, "u": np.arange(50.0) % 3, "y": np.arange(40.0)})
-    said = complaint("identify", short, *OE)
-    assert "50" in said
-    assert "40" in said
+    message = complaint("identify", short, *OE)
+    assert "50" in message
+    assert "40" in message
 
 
 def test_a_folder_that_cannot_be_written_is_refused(complaint, tmp_path):
@@ -195,12 +195,12 @@ def test_clipping_and_slewing_are_told(run, result, tmp_path):
     text = toml.replace("240.0", "4.0")
     loud.write_text(text.replace("siso-1-elbow_pitch", "loud").replace("amplitude = 1.0", "amplitude = 50.0"))
     quiet.write_text(text.replace("siso-1-elbow_pitch", "quiet").replace("amplitude = 1.0", "amplitude = 0.01"))
-    found = result("simulate", loud, quiet, "--out", tmp_path)
-    assert found["clipped"]["loud"] > 0.5
-    assert found["velocity_limited"]["loud"] > 0.9
-    assert found["clipped"]["quiet"] == 0.0
-    assert found["velocity_limited"]["quiet"] < found["velocity_limited"]["loud"]
-    assert [text.partition(":")[0] for text in found["warnings"]] == ["loud"]
+    output = result("simulate", loud, quiet, "--out", tmp_path)
+    assert output["clipped"]["loud"] > 0.5
+    assert output["velocity_limited"]["loud"] > 0.9
+    assert output["clipped"]["quiet"] == 0.0
+    assert output["velocity_limited"]["quiet"] < output["velocity_limited"]["loud"]
+    assert [text.partition(":")[0] for text in output["warnings"]] == ["loud"]
     code, out, _ = run("simulate", loud, "--out", tmp_path)
     assert code == 0
     assert "converter clips" in out
@@ -228,9 +228,9 @@ def test_errors_of_libraries_do_not_leak(complaint, monkeypatch, tmp_path):
     assert "it is a folder" in complaint(*simulate)
     (tmp_path / "siso-1-elbow_pitch.nc").rmdir()
     monkeypatch.setattr(xarray.Dataset, "to_netcdf", full)
-    said = complaint(*simulate)
-    assert "cannot write" in said
-    assert "rrno" not in said
+    message = complaint(*simulate)
+    assert "cannot write" in message
+    assert "rrno" not in message
 
 
 def test_a_log_of_another_joint_gives_a_hint(result, complaint, tmp_path):

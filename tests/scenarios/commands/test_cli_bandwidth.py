@@ -28,8 +28,8 @@ def shortened(log: JointLog, duration: float) -> JointLog:
 
 
 def test_rows_of_every_method_and_seed(result, tmp_path):
-    found = result("bandwidth", *FAST, "--methods", "oe", "spa", "--seeds", 2, "--out", tmp_path / "made")
-    rows = found["rows"]
+    output = result("bandwidth", *FAST, "--methods", "oe", "spa", "--seeds", 2, "--out", tmp_path / "made")
+    rows = output["rows"]
     assert [(row["seed"], row["method"]) for row in rows] == [(1, "oe"), (1, "spa"), (2, "oe"), (2, "spa")]
     assert {"joint", "method", "scenario", "seed", "hz", "ci95", "true_hz", "bla_hz", "published_hz"} <= set(rows[0])
     assert rows[0]["scenario"] == "siso-5-elbow_pitch"
@@ -40,9 +40,9 @@ def test_rows_of_every_method_and_seed(result, tmp_path):
     assert rows[0]["bla_hz"] is None
     assert (rows[1]["hz"], rows[1]["refused"]) == (None, True)
     assert "every 0.5 Hz" in rows[1]["reason"]
-    assert found["published"]["elbow_pitch"]["ARMAX (4.12)"] == pytest.approx(1.198, abs=0.001)
-    assert found["answer"].startswith("This is a look, not a result")
-    assert "2 of 4 bandwidths are about 1 Hz" in found["answer"]
+    assert output["published"]["elbow_pitch"]["ARMAX (4.12)"] == pytest.approx(1.198, abs=0.001)
+    assert output["answer"].startswith("This is a look, not a result")
+    assert "2 of 4 bandwidths are about 1 Hz" in output["answer"]
     with (tmp_path / "made" / "bandwidth.csv").open() as file:
         table = list(csv.DictReader(file))
     assert [float(line["true_hz"]) for line in table] == [row["true_hz"] for row in rows]
@@ -61,19 +61,19 @@ def test_records_that_are_there_give_the_same(result, tmp_path, log):
 
 def test_the_table_says_what_is_not_claimed(printed):
     words = ("--duration", "16", "--joints", "shoulder_yaw", "--variant", "published", "--no-friction", "--no-bla")
-    said = printed("bandwidth", *words, "--methods", "oe")
-    assert "shoulder_yaw, published, without friction" in said
-    assert "not claimed (model: 0.1" in said
-    assert "excites nothing below 0.5 Hz" in said
-    assert "does not stand for the arm itself: 0.16 Hz (shoulder yaw)" in said
+    text = printed("bandwidth", *words, "--methods", "oe")
+    assert "shoulder_yaw, published, without friction" in text
+    assert "not claimed (model: 0.1" in text
+    assert "excites nothing below 0.5 Hz" in text
+    assert "does not stand for the arm itself: 0.16 Hz (shoulder yaw)" in text
 
 
 def test_a_log_of_several_axes_or_of_two_arms_is_refused(complaint, tmp_path, log):
     changes = {"mimo-1": {}, "siso-5-elbow_pitch": {"variant": "published"}}
     others = simulate([replace(load(name), duration=10.0, **change) for name, change in changes.items()])
     several, published = (one.save(tmp_path / f"{one.name}.nc") for one in others)
-    said = "mimo-1 excites x, y, z; expected a log that excites one joint"
-    assert said in complaint(*REFUSED, several)
+    sentence = "mimo-1 excites x, y, z; expected a log that excites one joint"
+    assert sentence in complaint(*REFUSED, several)
     assert "the logs are of 2 arms" in complaint(*REFUSED, log.save(tmp_path / "a.nc"), published)
 
 
@@ -82,8 +82,8 @@ def test_a_record_counts_once(complaint, tmp_path, log):
     cut = shortened(log, 12.0).save(tmp_path / "b.nc")
     named = replace(log, name="another", seed=log.seed + 1).save(tmp_path / "c.nc")
     for other in (path, cut):
-        said = f"the log of siso-5-elbow_pitch, seed {log.seed}, is given twice; expected every record once"
-        assert said in complaint(*REFUSED, path, other)
+        sentence = f"the log of siso-5-elbow_pitch, seed {log.seed}, is given twice; expected every record once"
+        assert sentence in complaint(*REFUSED, path, other)
     assert "is given twice, also as siso-5-elbow_pitch" in complaint(*REFUSED, path, named)
 
 
@@ -104,10 +104,12 @@ def test_a_log_with_something_missing_is_told_by_its_file(complaint, run, tmp_pa
     measured = log.measured.copy()
     measured[500:510, JOINTS.index("elbow_pitch")] = np.nan
     path = replace(log, measured=measured).save(tmp_path / "nanlog.nc")
-    said = "nanlog.nc: 10 measured angles are no numbers, the first that of elbow_pitch at sample 500; expected a log"
-    assert said in complaint(*REFUSED, path)
+    sentence = (
+        "nanlog.nc: 10 measured angles are no numbers, the first that of elbow_pitch at sample 500; expected a log"
+    )
+    assert sentence in complaint(*REFUSED, path)
     identify = ("identify", path, "--method", "arx", "--orders", "2", "2")
-    assert said in complaint(*identify)
-    assert said in complaint(*identify, "--missing")
+    assert sentence in complaint(*identify)
+    assert sentence in complaint(*identify, "--missing")
     # What is missing of another joint is no matter here.
     assert "no numbers" not in run(*identify, "--joint", "shoulder_yaw")[2]

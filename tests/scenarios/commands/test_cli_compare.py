@@ -18,25 +18,29 @@ def logs(tmp_path_factory):
     """Ten seconds of two single-joint tests and of one of several joints."""
     folder = tmp_path_factory.mktemp("logs")
     names = ("siso-5-elbow_pitch", "siso-8-elbow_pitch", "mimo-7-independent")
-    found = simulate([replace(load(name), duration=12.0) for name in names])
-    return {log.name: log.save(folder / f"{log.name}.nc") for log in found.logs}
+    batch = simulate([replace(load(name), duration=12.0) for name in names])
+    return {log.name: log.save(folder / f"{log.name}.nc") for log in batch.logs}
 
 
 @pytest.mark.slow
 def test_without_words_the_truth_and_all_prints_of_the_joint(result, logs):
-    found = result("compare", logs["siso-5-elbow_pitch"], "--skip", 4)
-    assert [entry["model"] for entry in found["models"]] == ["truth", "published ARMAX (4.12)", "published OKID (5.10)"]
-    true, armax, okid = found["models"]
+    output = result("compare", logs["siso-5-elbow_pitch"], "--skip", 4)
+    assert [entry["model"] for entry in output["models"]] == [
+        "truth",
+        "published ARMAX (4.12)",
+        "published OKID (5.10)",
+    ]
+    true, armax, okid = output["models"]
     assert true["bandwidth_hz"] == pytest.approx(linearize(load_arm()).joint("elbow_pitch").bandwidth_hz, rel=1e-6)
     assert armax["bandwidth_hz"] == pytest.approx(1.20, abs=0.006)
     assert okid["half_power_hz"] == pytest.approx(0.87, abs=0.006)
     assert okid["dc_gain"] == pytest.approx(0.99, abs=0.006)
     assert true["fit"]["simulation"][0] > max(entry["fit"]["simulation"][0] for entry in (armax, okid))
     assert okid["fit"]["one_step"][0] > okid["fit"]["simulation"][0]
-    assert all(entry["stable"] for entry in found["models"])
+    assert all(entry["stable"] for entry in output["models"])
     assert "(4.13)" in armax["remarks"][0]
-    assert found["estimation"] is None
-    assert found["warnings"] == []
+    assert output["estimation"] is None
+    assert output["warnings"] == []
 
 
 def test_estimates_come_from_the_other_record_or_say_that_they_do_not(result, logs):
@@ -48,7 +52,7 @@ def test_estimates_come_from_the_other_record_or_say_that_they_do_not(result, lo
     assert own["estimation"] == str(chirp)
     assert "no validation" in own["warnings"][0]
     # A model fits the record that it comes from better; the truth does not depend on it.
-    fits = [found["models"][0]["fit"]["simulation"][0] for found in (held_out, own)]
+    fits = [outcome["models"][0]["fit"]["simulation"][0] for outcome in (held_out, own)]
     assert fits[0] < fits[1]
     assert held_out["models"][1]["fit"] == own["models"][1]["fit"]
     low, high = held_out["models"][0]["ci95"]
@@ -60,8 +64,10 @@ def test_the_same_record_under_another_name_is_no_validation(result, logs, csv, 
     (tmp_path / "copy.nc").write_bytes(prbs.read_bytes())
     (tmp_path / "link.nc").symlink_to(prbs)
     for path in (prbs, tmp_path / "copy.nc", tmp_path / "link.nc"):
-        (said,) = result("compare", prbs, "--models", "arx:2/2", "--estimation", path)["warnings"]
-        assert f"arx:2/2: identified from {path.name}, which holds the same record, so that the fit is no valid" in said
+        (output,) = result("compare", prbs, "--models", "arx:2/2", "--estimation", path)["warnings"]
+        assert (
+            f"arx:2/2: identified from {path.name}, which holds the same record, so that the fit is no valid" in output
+        )
     lines = csv.read_text(encoding="utf-8").splitlines()
     start = csv.with_name("start.csv")
     start.write_text("\n".join(lines[:800]), encoding="utf-8")

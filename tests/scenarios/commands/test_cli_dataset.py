@@ -74,12 +74,12 @@ def least(tmp_path, monkeypatch):
 
 def test_build_says_what_was_built_and_never_builds_it_again(result, complaint, least, tmp_path):
     words = ("dataset", "build", least, "--out", tmp_path / "deep" / "out", "--workers", "1")
-    said = result(*words)
-    assert said == {
+    output = result(*words)
+    assert output == {
         "path": str(tmp_path / "deep" / "out" / "least-v1"),
         "experiments": 2,
         "failed": {},
-        "hash": json.loads((Path(said["path"]) / "experiments.json").read_text())["hash"],
+        "hash": json.loads((Path(output["path"]) / "experiments.json").read_text())["hash"],
     }
     assert "already there: a version is never overwritten" in complaint(*words)
 
@@ -89,7 +89,7 @@ def test_an_interrupted_build_says_how_to_go_on_and_goes_on(run, printed, least,
     with monkeypatch.context() as patch:
         calls = iter((run_chunk,))
 
-        def interrupted(plan: DataSetPlan, numbers: Sequence[int], **given: object) -> Iterator[BuiltExperiment]:
+        def interrupted(plan: DataSetPlan, numbers: Sequence[int], **values: object) -> Iterator[BuiltExperiment]:
             for one in calls:
                 return one(plan, numbers)
             raise KeyboardInterrupt
@@ -105,10 +105,10 @@ def test_an_interrupted_build_says_how_to_go_on_and_goes_on(run, printed, least,
 def test_failures_are_told_and_the_exit_code_is_one(result, printed, least, tmp_path):
     least.write_text(TINY + "\n[twins]\ncount = 3\n" + WEAK)
     words = ("dataset", "build", least, "--out", tmp_path)
-    said = result(*words, code=1)
-    assert said["experiments"] == 2
-    assert list(said["failed"]) == ["twin-0-one", "twin-0-two", "twin-1-one", "twin-1-two"]
-    assert all("the drives cannot hold the arm" in why for why in said["failed"].values())
+    output = result(*words, code=1)
+    assert output["experiments"] == 2
+    assert list(output["failed"]) == ["twin-0-one", "twin-0-two", "twin-1-one", "twin-1-two"]
+    assert all("the drives cannot hold the arm" in why for why in output["failed"].values())
     (tmp_path / "least-v1").rename(tmp_path / "elsewhere")
     out = printed(*words, code=1)
     # A reason that many share is said once.

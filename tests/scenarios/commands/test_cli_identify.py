@@ -28,19 +28,19 @@ ORDERS = {
 
 @pytest.mark.parametrize("method", ESTIMATORS)
 def test_every_estimator_finds_the_pole(result, csv, method):
-    found = result("identify", csv, "--method", method, "--orders", *ORDERS[method].split())
-    assert found["poles"][0] == pytest.approx([0.9, 0.0], abs=0.03)
-    assert found["method"] == method
-    assert set(found["fit"]) == {"simulation", "one_step", "steps", "ahead"}
-    assert found["bandwidth_hz"] == pytest.approx(0.84, rel=0.3)
+    output = result("identify", csv, "--method", method, "--orders", *ORDERS[method].split())
+    assert output["poles"][0] == pytest.approx([0.9, 0.0], abs=0.03)
+    assert output["method"] == method
+    assert set(output["fit"]) == {"simulation", "one_step", "steps", "ahead"}
+    assert output["bandwidth_hz"] == pytest.approx(0.84, rel=0.3)
     if method != "n4sid":
-        assert found["ci95"][0] < found["bandwidth_hz"] < found["ci95"][1]
-    assert len(found["parameters"]) == len(found["deviations"])
+        assert output["ci95"][0] < output["bandwidth_hz"] < output["ci95"][1]
+    assert len(output["parameters"]) == len(output["deviations"])
 
 
 def test_the_poles_are_those_from_input_to_output(result, csv):
-    found = result("identify", csv, "--method", "bj", "--orders", "1", "1", "1", "1")
-    assert len(found["poles"]) == 1  # that of the noise model is not among them
+    output = result("identify", csv, "--method", "bj", "--orders", "1", "1", "1", "1")
+    assert len(output["poles"]) == 1  # that of the noise model is not among them
 
 
 @pytest.mark.parametrize("method", ESTIMATORS)
@@ -50,10 +50,10 @@ def test_a_noise_free_start_from_rest_is_explained_whole(result, tmp_path, metho
     u, noise = signals()[0], 1e-5 * np.random.default_rng(1).standard_normal(1200)
     y = lfilter([0, 0.1], [1, -0.9], u + 1.5) + (noise if method == "n4sid" else 0.0)
     path = table(tmp_path / "rest.csv", {"dt": np.full(len(u), DT), "u": u + 1.5, "y": y})
-    found = result("identify", path, "--method", method, "--orders", *ORDERS[method].split())
-    assert f"{found['fit']['simulation'][0]:.2f}" == "100.00"
-    assert found["dc_gain"] == pytest.approx(1.0, abs=1e-4)
-    at = found["operating_point"]
+    output = result("identify", path, "--method", method, "--orders", *ORDERS[method].split())
+    assert f"{output['fit']['simulation'][0]:.2f}" == "100.00"
+    assert output["dc_gain"] == pytest.approx(1.0, abs=1e-4)
+    at = output["operating_point"]
     # gain one, nothing else; a subspace method does not minimise the errors that the level is found from
     assert at["output"][0] == pytest.approx(at["input"][0], abs=5e-3 if method == "n4sid" else 1e-4)
 
@@ -65,8 +65,8 @@ def test_a_constant_on_the_output_is_found_with_the_model():
         u = rng.standard_normal(400)
         u[:200] += 1.0
         y = lfilter([0, 0.05], [1, -0.95], u) + 0.05 * rng.standard_normal(400) + 7.0
-        found = fit_with_offset(lambda parts: oe(parts, 1, 1, 1), [IOData(u, y, DT)])
-        errors.append(found.output[0] - found.estimate.dc_gain()[0, 0] * found.input[0] - 7.0)
+        estimate = fit_with_offset(lambda parts: oe(parts, 1, 1, 1), [IOData(u, y, DT)])
+        errors.append(estimate.output[0] - estimate.estimate.dc_gain()[0, 0] * estimate.input[0] - 7.0)
     assert abs(np.mean(errors)) < 3 * np.std(errors) / np.sqrt(30)
     assert np.std(errors) < 0.02
 
@@ -75,8 +75,8 @@ def test_the_level_never_costs_fit():
     u, y = signals(0.2, seed=5)
     for record in (IOData(u, y, DT), IOData(u, np.cumsum(y), DT)):
         plain = arx(record.detrend(), 2, 2, 1)
-        found = fit_with_offset(lambda parts: arx(parts, 2, 2, 1), [record])
-        assert found.estimate.loss <= plain.loss * (1 + 1e-9)
+        estimate = fit_with_offset(lambda parts: arx(parts, 2, 2, 1), [record])
+        assert estimate.estimate.loss <= plain.loss * (1 + 1e-9)
 
 
 def test_an_estimator_that_fails_without_the_level_leaves_the_model_before():
@@ -89,9 +89,9 @@ def test_an_estimator_that_fails_without_the_level_leaves_the_model_before():
             raise SysidError("no")
         return oe(parts, 1, 1, 1)
 
-    found = fit_with_offset(once, [IOData(u + 2, lfilter([0, 0.1], [1, -0.9], u + 2), DT)])
+    estimate = fit_with_offset(once, [IOData(u + 2, lfilter([0, 0.1], [1, -0.9], u + 2), DT)])
     assert len(calls) == 2
-    assert found.estimate.method == "oe"
+    assert estimate.estimate.method == "oe"
 
 
 def test_a_constant_over_several_parts_with_gaps_and_windows():
@@ -109,8 +109,8 @@ def test_a_constant_over_several_parts_with_gaps_and_windows():
 
 
 def test_keep_mean_takes_the_values_as_they_are(result, csv):
-    found = result("identify", csv, "--method", "oe", "--orders", "1", "1", "--keep-mean")
-    assert found["operating_point"] is None
+    output = result("identify", csv, "--method", "oe", "--orders", "1", "1", "--keep-mean")
+    assert output["operating_point"] is None
 
 
 @pytest.fixture
@@ -128,40 +128,40 @@ def two(tmp_path):
 
 def test_several_inputs(result, two):
     channels = ("--input", "left", "right", "--output", "elbow")
-    found = result("identify", two, *channels, "--method", "oe", "--orders", "1", "1")
-    assert (found["inputs"], found["outputs"]) == (["left", "right"], ["elbow"])
-    assert sorted(pole[0] for pole in found["poles"]) == pytest.approx([0.6, 0.9], abs=0.02)
-    assert np.shape(found["bandwidth_hz"]) == (1, 2)
-    assert np.shape(found["ci95"]) == (1, 2, 2)
-    np.testing.assert_allclose(found["dc_gain"], [[1.0, 0.75]], rtol=0.05)
+    output = result("identify", two, *channels, "--method", "oe", "--orders", "1", "1")
+    assert (output["inputs"], output["outputs"]) == (["left", "right"], ["elbow"])
+    assert sorted(pole[0] for pole in output["poles"]) == pytest.approx([0.6, 0.9], abs=0.02)
+    assert np.shape(output["bandwidth_hz"]) == (1, 2)
+    assert np.shape(output["ci95"]) == (1, 2, 2)
+    np.testing.assert_allclose(output["dc_gain"], [[1.0, 0.75]], rtol=0.05)
 
 
 @pytest.mark.parametrize(("method", "orders"), [("okid", "2 6"), ("n4sid", "2"), ("pem_ss", "2")])
 def test_several_outputs(result, printed, two, method, orders):
     channels = ("--input", "left", "right", "--output", "elbow", "wrist")
     words = (two, *channels, "--method", method, "--orders", *orders.split())
-    found = result("identify", *words)
-    np.testing.assert_allclose(found["dc_gain"], [[1.0, 0.75], [0.0, 0.5]], atol=0.06)
-    assert len(found["fit"]["simulation"]) == 2
+    output = result("identify", *words)
+    np.testing.assert_allclose(output["dc_gain"], [[1.0, 0.75], [0.0, 0.5]], atol=0.06)
+    assert len(output["fit"]["simulation"]) == 2
     shown = printed("identify", *words)
     assert "bandwidth (-3 dB), right → wrist" in shown
     assert "elbow" in next(line for line in shown.splitlines() if "fit in simulation" in line)
 
 
 def test_methods_for_one_output_say_which_take_several(complaint, two):
-    said = complaint(
+    message = complaint(
         "identify", two, "--input", "left", "--output", "elbow", "wrist", "--method", "oe", "--orders", "1", "1"
     )
-    assert "oe takes one output, given 2; for several there are: okid, n4sid, pem_ss" in said
+    assert "oe takes one output, given 2; for several there are: okid, n4sid, pem_ss" in message
 
 
 def test_a_matrix_in_a_mat_file_is_several_inputs(result, tmp_path):
     u = np.random.default_rng(0).standard_normal((400, 2))
     y = lfilter([0, 0.1], [1, -0.9], u[:, 0]) + lfilter([0, 0.3], [1, -0.6], u[:, 1])
     savemat(tmp_path / "wide.mat", {"u": u, "y": y, "dt": DT})
-    found = result("identify", tmp_path / "wide.mat", "--method", "oe", "--orders", "1", "1")
-    assert found["inputs"] == ["u1", "u2"]
-    assert found["fit"]["simulation"][0] > 99.99
+    output = result("identify", tmp_path / "wide.mat", "--method", "oe", "--orders", "1", "1")
+    assert output["inputs"] == ["u1", "u2"]
+    assert output["fit"]["simulation"][0] > 99.99
 
 
 @pytest.mark.slow
@@ -174,29 +174,29 @@ def test_missing_outputs_are_declared(result, complaint, tmp_path, method):
     path = table(tmp_path / "gaps.csv", {"t": DT * np.arange(len(u)), "u": u, "y": y})
     words = (path, "--method", method, "--orders", *ORDERS[method].split())
     assert "--missing takes NaN or empty cells" in complaint("identify", *words)
-    found = result("identify", *words, "--missing")
-    assert found["poles"][0][0] == pytest.approx(0.9, abs=0.03)
+    output = result("identify", *words, "--missing")
+    assert output["poles"][0][0] == pytest.approx(0.9, abs=0.03)
     expected = "2 parts between lost samples" if method == "n4sid" else "of 500 output samples are missing"
-    assert expected in found["warnings"][0]
-    assert found["fit"]["simulation"][0] > 90
+    assert expected in output["warnings"][0]
+    assert output["fit"]["simulation"][0] > 90
 
 
 @pytest.mark.parametrize(("ending", "delimiter"), [("dat", " "), ("txt", "\t"), ("data", ";"), ("", ",")])
 def test_any_table_is_read(result, tmp_path, ending, delimiter):
     u, y = signals()
     path = table(tmp_path / f"robot.{ending}".rstrip("."), {"u": u, "y": y}, header=False, delimiter=delimiter)
-    found = result("identify", path, "--dt", "0.05", "--method", "oe", "--orders", "1", "1")
-    assert found["dt"] == 0.05
-    assert found["poles"][0][0] == pytest.approx(0.9, abs=0.02)
+    output = result("identify", path, "--dt", "0.05", "--method", "oe", "--orders", "1", "1")
+    assert output["dt"] == 0.05
+    assert output["poles"][0][0] == pytest.approx(0.9, abs=0.02)
 
 
 def test_a_bare_table_of_more_columns_says_how_to_name_them(result, complaint, tmp_path):
     u, y = signals()
     path = table(tmp_path / "bare.dat", {"a": u, "b": -u, "c": y}, header=False, delimiter=" ")
     words = (path, "--dt", "0.02", "--method", "arx", "--orders", "1", "1")
-    said = complaint("identify", *words)
-    assert "3 columns without a header" in said
-    assert "u, y in this sequence, 2 in all; --input and --output name them, inputs first" in said
+    message = complaint("identify", *words)
+    assert "3 columns without a header" in message
+    assert "u, y in this sequence, 2 in all; --input and --output name them, inputs first" in message
     named = (*words, "--input", "u", "idle", "--output", "y")
     assert result("identify", *named)["inputs"] == ["u", "idle"]
 
@@ -207,26 +207,26 @@ def test_plain_netcdf_is_read_by_its_variables(result, complaint, tmp_path):
     stored["angle"].attrs["units"] = "rad"
     stored.to_netcdf(tmp_path / "robot.nc", engine="h5netcdf")
     method = ("--method", "oe", "--orders", "1", "1")
-    found = result("identify", tmp_path / "robot.nc", "--input", "torque", "--output", "angle", *method)
-    assert found["dt"] == pytest.approx(DT)
-    assert found["poles"][0][0] == pytest.approx(0.9, abs=0.02)
-    said = complaint("identify", tmp_path / "robot.nc", "--output", "angle", *method)
-    assert "unknown column 'u'; there are" in said
-    assert "choose by --input" in said
+    output = result("identify", tmp_path / "robot.nc", "--input", "torque", "--output", "angle", *method)
+    assert output["dt"] == pytest.approx(DT)
+    assert output["poles"][0][0] == pytest.approx(0.9, abs=0.02)
+    message = complaint("identify", tmp_path / "robot.nc", "--output", "angle", *method)
+    assert "unknown column 'u'; there are" in message
+    assert "choose by --input" in message
 
 
 def test_what_is_printed(result, printed, csv):
     words = (csv, "--method", "armax", "--orders", "1", "1", "1", "--steps", "5")
     lines = printed("identify", *words).splitlines()
-    found = result("identify", *words)
+    output = result("identify", *words)
     shown = {re.split(r"\s{2,}", line.strip())[0]: line for line in lines}
-    assert f"{found['fit']['ahead'][0]:.2f} %" in shown["fit 5 steps ahead"]
-    assert f"{found['fpe']:.4g}; AIC {found['aic']:.5g}" in shown["final prediction error"]
+    assert f"{output['fit']['ahead'][0]:.2f} %" in shown["fit 5 steps ahead"]
+    assert f"{output['fpe']:.4g}; AIC {output['aic']:.5g}" in shown["final prediction error"]
     assert "yes (p = " in shown["residuals white"]
     assert "yes (p = " in shown["residuals independent of the input"]
     (line,) = (line for line in shown.values() if line.split()[:1] == ["a1"])
-    assert line.split() == ["a1", f"{found['parameters']['a1']:.6g}", f"{found['deviations']['a1']:.2g}"]
-    assert found["residuals"]["passed"]
+    assert line.split() == ["a1", f"{output['parameters']['a1']:.6g}", f"{output['deviations']['a1']:.2g}"]
+    assert output["residuals"]["passed"]
 
 
 def test_another_record_is_judged_about_its_own_level(result, tmp_path, csv):
@@ -243,10 +243,10 @@ def test_another_record_is_judged_about_its_own_level(result, tmp_path, csv):
 
 @pytest.mark.slow
 def test_figures(result, tmp_path, csv, two):
-    found = result("identify", csv, "--method", "oe", "--orders", "1", "1", "--out", tmp_path / "figures")
+    output = result("identify", csv, "--method", "oe", "--orders", "1", "1", "--out", tmp_path / "figures")
     names = ["record", "outputs", "bode", "step", "roots", "residuals"]
-    assert found["figures"] == [str(tmp_path / "figures" / f"robot-{name}.png") for name in names]
-    assert all(Path(path).stat().st_size > 5000 for path in found["figures"])
+    assert output["figures"] == [str(tmp_path / "figures" / f"robot-{name}.png") for name in names]
+    assert all(Path(path).stat().st_size > 5000 for path in output["figures"])
     channels = ("--input", "left", "right", "--output", "elbow", "wrist")
     several = result("identify", two, *channels, "--method", "n4sid", "--orders", "2", "--out", tmp_path / "figures")
     assert len(several["figures"]) == 6
@@ -258,8 +258,8 @@ def test_inputs_that_move_together_are_told_once(result, tmp_path):
     near = u + 1e-3 * np.random.default_rng(2).standard_normal(len(u))
     path = table(tmp_path / "two.csv", {"t": DT * np.arange(len(u)), "a": u, "b": near, "c": other, "y": y})
     words = (path, "--output", "y", "--method", "arx", "--orders", "1", "1")
-    (told,) = (w for w in result("identify", *words, "--input", "a", "b")["warnings"] if "move together" in w)
-    assert told.startswith("the inputs a, b move together (condition ")
+    (outcome,) = (w for w in result("identify", *words, "--input", "a", "b")["warnings"] if "move together" in w)
+    assert outcome.startswith("the inputs a, b move together (condition ")
     assert not any("move together" in w for w in result("identify", *words, "--input", "a", "c")["warnings"])
 
 

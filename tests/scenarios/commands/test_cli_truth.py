@@ -30,12 +30,12 @@ def test_table_tells_resonance_and_errors(printed):
 
 
 def test_json_tells_all_of_the_small_signal_truth(result):
-    found = result("truth")
-    assert found["plant"] == vars(NOMINAL_PLANT)
-    assert (found["variant"], found["payload"], found["dt"]) == ("nominal", "rpcm", 0.02)
-    errors = {float(key): value for key, value in found["small_signal_error"].items()}
+    output = result("truth")
+    assert output["plant"] == vars(NOMINAL_PLANT)
+    assert (output["variant"], output["payload"], output["dt"]) == ("nominal", "rpcm", 0.02)
+    errors = {float(key): value for key, value in output["small_signal_error"].items()}
     assert sorted(errors.values()) == [errors[key] for key in sorted(errors)]
-    joints = found["joints"]
+    joints = output["joints"]
     assert "wrist_roll" in joints
     assert joints["shoulder_roll"]["bandwidth_hz"] is None
     assert "locked" in joints["shoulder_roll"]["note"]
@@ -54,8 +54,8 @@ def test_json_tells_all_of_the_small_signal_truth(result):
             np.sqrt(4 * 700 * actuator(name).displacement ** 2 / (actuator(name).trapped_volume * oil["inertia_kgm2"]))
             / (2 * np.pi)
         )
-    assert "noise" not in found
-    assert found["files"] == []
+    assert "noise" not in output
+    assert output["files"] == []
 
 
 def actuator(name: str) -> Actuator:
@@ -63,19 +63,21 @@ def actuator(name: str) -> Actuator:
 
 
 def test_conditions_are_those_asked_for(result):
-    found = result("truth", "--oil-temperature", 5, "--supply-pressure", 15, "--friction-level", 2, "--payload", "none")
+    output = result(
+        "truth", "--oil-temperature", 5, "--supply-pressure", 15, "--friction-level", 2, "--payload", "none"
+    )
     plant = Plant(oil_temperature=5.0, supply_pressure=15.0, friction_level=2.0)
-    assert found["plant"] == vars(plant)
+    assert output["plant"] == vars(plant)
     true = linearize(load_arm(payload="none", plant=plant), amplitudes=()).joint("wrist_roll")
-    assert found["joints"]["wrist_roll"]["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
+    assert output["joints"]["wrist_roll"]["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
 
 
 @pytest.mark.slow
 def test_process_noise_brings_the_noise_model(printed, result):
-    found = result("truth", "--process-noise", 0.001)
+    output = result("truth", "--process-noise", 0.001)
     truth = linearize(load_arm(plant=Plant(process_noise=0.001)), amplitudes=())
-    assert np.array(found["noise"]["K"]) == pytest.approx(truth.model.gain)
-    assert found["joints"]["elbow_pitch"]["innovation_sd_rad"] == pytest.approx(
+    assert np.array(output["noise"]["K"]) == pytest.approx(truth.model.gain)
+    assert output["joints"]["elbow_pitch"]["innovation_sd_rad"] == pytest.approx(
         float(np.sqrt(truth.joint("elbow_pitch").model.innovation_covariance[0, 0]))
     )
     assert "Standard deviation of each joint's innovations" in printed("truth", "--process-noise", 0.001)
@@ -84,10 +86,10 @@ def test_process_noise_brings_the_noise_model(printed, result):
 @pytest.mark.slow
 def test_pose_by_angles(printed, result):
     degrees = (0, 20, 50, 30, -50, 0, 0)
-    found = result("truth", "--pose", ",".join(map(str, degrees)))
+    output = result("truth", "--pose", ",".join(map(str, degrees)))
     true = linearize(load_arm(), np.radians(degrees), amplitudes=()).joint("shoulder_yaw")
-    assert found["joints"]["shoulder_yaw"]["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
-    assert found["angles_rad"] == pytest.approx(np.radians(degrees))
+    assert output["joints"]["shoulder_yaw"]["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
+    assert output["angles_rad"] == pytest.approx(np.radians(degrees))
     assert "0,20,50,30,-50,0,0 deg" in printed("truth", "--pose", ",".join(map(str, degrees)))
 
 
@@ -124,13 +126,13 @@ def test_cautions_tell_where_a_bandwidth_says_little():
     """While the bristles bend a joint is another one, between stick and slip no linear one; sliding it is fine."""
     arm = load_arm()
     truth = linearize(arm, amplitudes=())
-    said = {}
+    cautions_at = {}
     for rms in (4e-4, 3e-3, 3e-2):
         setting = MultisineExperiment("yaw", ("shoulder_yaw",))
-        said[rms] = " ".join(cautions(best_linear(setting, Multisines(rms=rms, realisations=2)), truth))
-    assert "% of a slow command" in said[4e-4]
-    assert "distortion is" in said[3e-3]
-    assert said[3e-2] == ""
+        cautions_at[rms] = " ".join(cautions(best_linear(setting, Multisines(rms=rms, realisations=2)), truth))
+    assert "% of a slow command" in cautions_at[4e-4]
+    assert "distortion is" in cautions_at[3e-3]
+    assert cautions_at[3e-2] == ""
 
 
 def drawn_words(path: Path) -> str:
@@ -145,20 +147,20 @@ def test_title_tells_conditions_that_are_not_nominal():
         return truth_figure(truth_summary.truth_summary(arm, linearize(arm))).get_suptitle()
 
     assert title().endswith("nominal conditions")
-    said = title(oil_temperature=15.0, supply_pressure=18.0, friction_level=2.0, process_noise=0.001)
+    heading = title(oil_temperature=15.0, supply_pressure=18.0, friction_level=2.0, process_noise=0.001)
     for part in ("oil at 15 °C", "supply pressure 18 MPa", "friction 2 times", "process noise 0.001"):
-        assert part.lower() in said.lower()
-    assert "nominal conditions" not in said
+        assert part.lower() in heading.lower()
+    assert "nominal conditions" not in heading
 
 
 @pytest.mark.slow
 def test_measured_bandwidths_bear_their_intervals():
     arm = load_arm()
-    found = best_linear(MultisineExperiment("elbow", ("elbow_pitch",)), Multisines(rms=0.02, realisations=2))
-    summary = replace(truth_summary.truth_summary(arm, linearize(arm)), best_linear={"elbow_pitch": found})
+    approximation = best_linear(MultisineExperiment("elbow", ("elbow_pitch",)), Multisines(rms=0.02, realisations=2))
+    summary = replace(truth_summary.truth_summary(arm, linearize(arm)), best_linear={"elbow_pitch": approximation})
     (bars,) = truth_figure(summary).axes[0].containers
     (segment,) = bars.lines[2][0].get_segments()
-    low, high = (float(end[0, 0]) for end in found.bandwidth.ci95)
+    low, high = (float(end[0, 0]) for end in approximation.bandwidth.ci95)
     assert segment[:, 0] == pytest.approx((low, high))
 
 
@@ -177,11 +179,11 @@ def test_best_linear_columns(printed, result, monkeypatch, tmp_path):
     # Measured once for both ways of printing.
     measure = functools.cache(measured_best_linear)
     once = "scenarios.truth.best_linear.measured_best_linear"
-    monkeypatch.setattr(once, lambda *given, progress, **rest: measure(*given, **rest))
+    monkeypatch.setattr(once, lambda *values, progress, **rest: measure(*values, **rest))
     words = ("--bla", 0.02, "--out", tmp_path / "truth.png")
-    found = result("truth", *words)["best_linear"]
-    assert set(found) == set(STUDIED_JOINTS)
-    for name, entry in found.items():
+    output = result("truth", *words)["best_linear"]
+    assert set(output) == set(STUDIED_JOINTS)
+    for name, entry in output.items():
         low, high = entry["ci95"]
         assert low < entry["bandwidth_hz"] < high
         true = linearize(load_arm(), amplitudes=()).joint(name).bandwidth_hz
@@ -196,8 +198,8 @@ def test_best_linear_columns(printed, result, monkeypatch, tmp_path):
 @pytest.mark.slow
 def test_attainable_on_a_log(printed, result, complaint, tmp_path):
     (log,) = result("simulate", "siso-5-elbow_pitch", "--duration", "30", "--out", tmp_path)["logs"]
-    found = result("truth", "--data", log)["attainable"]["elbow_pitch"]
-    floors = found["simulation"]
+    output = result("truth", "--data", log)["attainable"]["elbow_pitch"]
+    floors = output["simulation"]
     assert floors["any_model"]["fit"] >= floors["best_linear"]["fit"] >= floors["small_signal"]["fit"] > 50.0
     out = printed("truth", "--data", log, "--out", tmp_path / "floors.svg")
     assert "Attainable on siso-5-elbow_pitch" in out
@@ -212,8 +214,8 @@ def test_attainable_on_a_log(printed, result, complaint, tmp_path):
         ("friction-level", "2.0", "1.0"),
         ("pose", "home", "rpcm_holster_out_approach"),
     ):
-        said = complaint("truth", "--data", log, f"--{option}", value)
-        assert f"--{option} {value} given, the log has {option.replace('-', '_')} = {logged}" in said
+        message = complaint("truth", "--data", log, f"--{option}", value)
+        assert f"--{option} {value} given, the log has {option.replace('-', '_')} = {logged}" in message
     printed("truth", "--data", log, "--variant", "nominal", "--supply-pressure", "20.7")
     assert "expected a log" in complaint("truth", "--data", tmp_path / "log.csv")
     assert "missing.nc" in complaint("truth", "--data", tmp_path / "missing.nc")
@@ -226,8 +228,8 @@ def test_the_nominal_default_does_not_pass_for_an_option(result, complaint, tmp_
     experiment = replace(load("siso-5-elbow_pitch"), name="published", variant="published", duration=30.0)
     simulate([experiment])[0].save(log)
     assert result("truth", "--data", log)["variant"] == "published"
-    said = complaint("truth", "--data", log, "--variant", "nominal")
-    assert "--variant nominal given, the log has variant = published" in said
+    message = complaint("truth", "--data", log, "--variant", "nominal")
+    assert "--variant nominal given, the log has variant = published" in message
 
 
 @pytest.mark.slow

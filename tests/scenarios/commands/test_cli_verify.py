@@ -38,10 +38,10 @@ def test_figures_are_printed_written_and_told(executor, tmp_path, run):
     written = Result.read(tmp_path / "results" / "perfect.json")
     assert (written.effort, written.seed, written.outcomes) == ("quick", 3, {"model": 4})
     assert written.command == "hmtb verify perfect --quick --seed 3"
-    told = json.loads(run(*words, "--json")[1])
+    output = json.loads(run(*words, "--json")[1])
     assert executor.asked == 4  # nothing is done again
-    assert told["passed"] is True
-    figure = told["figures"]["few"]
+    assert output["passed"] is True
+    figure = output["figures"]["few"]
     assert (figure["passed"], figure["expected"], figure["interval"]) == (True, 2.0, [1.0, 3.0])
     assert figure["value"] == written.metrics["few"].value
 
@@ -60,10 +60,10 @@ def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(
         f"hmtb verify mine.py:my_estimator --structure oe --quick --figures few --seed {result.seed}"
     )
     assert (result.estimator.target, result.estimator.home) == ("mine.py:my_estimator", "")
-    told = json.loads(run(*words, "--json")[1])
-    verdicts = {name: entry["passed"] for name, entry in told["estimators"].items()}
+    output = json.loads(run(*words, "--json")[1])
+    verdicts = {name: entry["passed"] for name, entry in output["estimators"].items()}
     assert verdicts == {"perfect": True, "my_estimator": False}
-    assert told["passed"] is False and told["estimators"]["my_estimator"]["outcomes"] == {"error": 4}
+    assert output["passed"] is False and output["estimators"]["my_estimator"]["outcomes"] == {"error": 4}
 
 
 def test_an_interrupted_run_says_how_to_go_on(executor, run):
@@ -91,11 +91,11 @@ def test_a_lesser_run_is_refused_beside_a_fuller_result_and_a_fuller_one_is_not(
 
 
 def test_the_list_says_what_can_run_here(executor, result, printed):
-    told = result("verify", "--list")["estimators"]
-    assert told["our-oe"]["available"] and told["our-oe"]["structure"] == "oe"
-    assert all(entry["available"] or entry["why"] for entry in told.values())
+    output = result("verify", "--list")["estimators"]
+    assert output["our-oe"]["available"] and output["our-oe"]["structure"] == "oe"
+    assert all(entry["available"] or entry["why"] for entry in output.values())
     out = printed("verify", "--list")
-    assert all(name[:12] in out for name in told)
+    assert all(name[:12] in out for name in output)
 
 
 @pytest.mark.parametrize(

@@ -30,33 +30,33 @@ def test_every_waveform_has_flags_for_everything_it_takes(run, result, tmp_path)
     assert set(WAVEFORMS) == set(KINDS) - {"points"}
     for kind, words in WAVEFORMS.items():
         typed = ["--amplitude", "0.5", *words.split()]
-        found = result("waveform", kind, *typed, "--out", tmp_path)
+        output = result("waveform", kind, *typed, "--out", tmp_path)
         flags = {word[2:].replace("-", "_") for word in typed if word.startswith("--")}
         assert flags == set(signature(KINDS[kind]).parameters)
-        assert set(found["parameters"]) == flags
-        assert found["parameters"]["amplitude"] == 0.5
+        assert set(output["parameters"]) == flags
+        assert output["parameters"]["amplitude"] == 0.5
     out = run("waveform", "prbs", "--out", tmp_path)[1]
     assert "mean / V" in out
     assert "update rate / Hz" in out
 
 
 def test_waveform_writes_the_file_and_the_plot(result, tmp_path):
-    found = result("waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
-    assert found["order_of_excitation"] == 4
-    points = np.loadtxt(found["points"])
+    output = result("waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
+    assert output["order_of_excitation"] == 4
+    points = np.loadtxt(output["points"])
     assert points.shape == (100,)
-    assert Path(found["plot"]).read_bytes().startswith(b"\x89PNG")
+    assert Path(output["plot"]).read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_written_file_reads_back_to_the_last_bit(result, tmp_path):
-    found = result("waveform", "chirp", "--f-start", "5", "--f-end", "10", "--out", tmp_path)
-    again = result("waveform", "file", "--path", found["points"], "--out", tmp_path / "again")
-    assert again["points"] == found["points"]
+    output = result("waveform", "chirp", "--f-start", "5", "--f-end", "10", "--out", tmp_path)
+    again = result("waveform", "file", "--path", output["points"], "--out", tmp_path / "again")
+    assert again["points"] == output["points"]
     assert Path(again["plot"]) == tmp_path / "again" / "chirp.png"
     for key in ("order_of_excitation", "mean_v", "rms_v", "period_s"):
-        assert again[key] == found[key]
+        assert again[key] == output[key]
     t = np.arange(100) / 50
-    np.testing.assert_allclose(read_points(found["points"]), np.cos(2 * np.pi * (5 * t + 5 * t**2 / 4)), atol=1e-12)
+    np.testing.assert_allclose(read_points(output["points"]), np.cos(2 * np.pi * (5 * t + 5 * t**2 / 4)), atol=1e-12)
 
 
 def test_a_file_of_few_digits_excites_no_more_than_its_tones(result, tmp_path):
@@ -67,11 +67,11 @@ def test_a_file_of_few_digits_excites_no_more_than_its_tones(result, tmp_path):
 
 @pytest.mark.slow
 def test_it_says_for_which_models_a_waveform_is_too_poor(run, result, tmp_path):
-    found = result("waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
-    (warning,) = found["warnings"]
-    assert found["needed_order"]["armax 5 3 5 2"] == 8
-    assert found["needed_order"]["oe 2 2 1"] == found["needed_order"]["armax 2 2 2 1"] == 4
-    assert found["needed_order"]["okid 2 5"] == 6
+    output = result("waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
+    (warning,) = output["warnings"]
+    assert output["needed_order"]["armax 5 3 5 2"] == 8
+    assert output["needed_order"]["oe 2 2 1"] == output["needed_order"]["armax 2 2 2 1"] == 4
+    assert output["needed_order"]["okid 2 5"] == 6
     assert warning == (
         "order of excitation 4 is too low for 4 of the 8 models of the study: okid (6), oe (7 to 8), armax (8)"
     )
@@ -99,9 +99,9 @@ def test_the_estimators_warn_by_the_same_rule():
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 estimate(data, method, [int(value) for value in orders])
-            said = [str(entry.message) for entry in caught if "persistently exciting" in str(entry.message)]
-            assert bool(said) == weak, (label, order, said)
-            assert all(f"of order {order} only, the model needs {needed}" in text for text in said)
+            messages = [str(entry.message) for entry in caught if "persistently exciting" in str(entry.message)]
+            assert bool(messages) == weak, (label, order, messages)
+            assert all(f"of order {order} only, the model needs {needed}" in text for text in messages)
 
 
 def test_points_are_no_kind_of_their_own(complaint):
@@ -112,8 +112,8 @@ def test_points_are_no_kind_of_their_own(complaint):
 def test_what_is_no_number_is_named_with_its_line(complaint, tmp_path, word):
     path = tmp_path / "mine.txt"
     path.write_text("1\n" * 41 + f"{word}\n" + "1\n" * 58, encoding="utf-8")
-    said = complaint("waveform", "file", "--path", path, "--out", tmp_path)
-    assert f"line 42: expected a finite number in V, given '{word}'" in said
+    message = complaint("waveform", "file", "--path", path, "--out", tmp_path)
+    assert f"line 42: expected a finite number in V, given '{word}'" in message
 
 
 def test_points_beyond_the_converter_are_told(result, tmp_path):
@@ -125,5 +125,5 @@ def test_points_beyond_the_converter_are_told(result, tmp_path):
         (("prbs", "--amplitude", "9.9"), 0),
     ):
         warnings = result("waveform", *words, "--out", tmp_path / "out")["warnings"]
-        told = [text for text in warnings if "±10 V of the excitation computer's converter" in text]
-        assert [text.split()[0] for text in told] == [str(count)] * bool(count)
+        messages = [text for text in warnings if "±10 V of the excitation computer's converter" in text]
+        assert [text.split()[0] for text in messages] == [str(count)] * bool(count)

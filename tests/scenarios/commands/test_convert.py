@@ -59,9 +59,9 @@ def test_a_run_becomes_files_and_files_become_a_run(result, made, tmp_path):
         assert done["warnings"] == [source.message]
         back = tmp_path / f"{name}.ch10"
         assert result("convert", *paths, back)["files"] == [str(back)]
-        for given, found in zip(source.tests, read_run(back).tests, strict=True):
-            np.testing.assert_array_equal(found.columns(), given.columns())
-            assert found.name == given.name
+        for values, outcome in zip(source.tests, read_run(back).tests, strict=True):
+            np.testing.assert_array_equal(outcome.columns(), values.columns())
+            assert outcome.name == values.name
     (record,) = read_records(tmp_path / "ascii" / "siso-5-elbow_pitch.asc").records
     log = JointLog.load(made / "siso-5-elbow_pitch.nc")
     known = np.isfinite(record.measured)
@@ -80,9 +80,9 @@ def test_one_test_of_a_run(result, complaint, made, tmp_path):
 
 def test_what_would_be_lost_is_refused(result, complaint, made, tmp_path):
     log = made / "siso-5-elbow_pitch.nc"
-    said = complaint("convert", log, tmp_path / "a.ch10")
+    message = complaint("convert", log, tmp_path / "a.ch10")
     for what in ("true_angles", "load_pressure", "digits of the commanded values", "--lossy"):
-        assert what in said
+        assert what in message
     assert list(tmp_path.iterdir()) == []
     done = result("convert", log, tmp_path / "a.ch10", "--lossy")
     assert any("true_angles" in text for text in done["warnings"])
@@ -92,12 +92,12 @@ def test_what_would_be_lost_is_refused(result, complaint, made, tmp_path):
 def test_memory_is_full_with_one_line(result, complaint, tmp_path, monkeypatch, bus_record):
     record_run([bus_record("long", 200)], tmp_path / "long.ch10")
     monkeypatch.setattr("hmtb_twin.bus.recorder_run.MEMORY", 150)
-    said = complaint("convert", tmp_path / "long.ch10", tmp_path / "cut.ch10")
-    assert "50 of 200 ticks: the recorder's memory holds 150, twenty minutes" in said
+    message = complaint("convert", tmp_path / "long.ch10", tmp_path / "cut.ch10")
+    assert "50 of 200 ticks: the recorder's memory holds 150, twenty minutes" in message
     done = result("convert", tmp_path / "long.ch10", tmp_path / "cut.ch10", "--lossy")
     assert "memory full at tick 150 of long" in done["warnings"][-1]
-    found = result("convert", tmp_path / "cut.ch10", tmp_path / "cut.asc", code=1)
-    assert found["warnings"] == ["long was to have 200 ticks, of which the memory held 150"]
+    output = result("convert", tmp_path / "cut.ch10", tmp_path / "cut.asc", code=1)
+    assert output["warnings"] == ["long was to have 200 ticks, of which the memory held 150"]
 
 
 @pytest.mark.slow
@@ -106,8 +106,8 @@ def test_identify_reads_all_of_them(result, complaint, made, tmp_path):
     assert 0.9 < reference["bandwidth_hz"] < 1.2
     assert reference["fit"]["simulation"][0] > 95
     for ending, words in ((".asc", ()), (".mat", ()), (".csv", ("--joint", "elbow_pitch"))):
-        found = result("identify", made / f"siso-5-elbow_pitch{ending}", *OE, *words, "--skip", "4")
-        assert found == reference
+        output = result("identify", made / f"siso-5-elbow_pitch{ending}", *OE, *words, "--skip", "4")
+        assert output == reference
     bus = result("identify", made / "run-1.ch10", "--test", "siso-5-elbow_pitch", *OE, "--skip", "4")
     # Gaps cost samples, not truth: the model of the parts is that of the whole.
     assert bus["bandwidth_hz"] == pytest.approx(reference["bandwidth_hz"], rel=0.02)
@@ -128,8 +128,8 @@ def test_identify_reads_all_of_them(result, complaint, made, tmp_path):
 def test_every_method_takes_a_record_with_gaps(result, made):
     for words in (("arx", "2", "2"), ("armax", "2", "2", "2"), ("okid", "2", "5")):
         method = ("--method", words[0], "--orders", *words[1:])
-        found = result("identify", made / "run-1.ch10", "--test", "1", *method, "--keep-mean")
-        assert max(abs(complex(*pole)) for pole in found["poles"]) < 1.0
+        output = result("identify", made / "run-1.ch10", "--test", "1", *method, "--keep-mean")
+        assert max(abs(complex(*pole)) for pole in output["poles"]) < 1.0
 
 
 def test_cut_off_file(result, complaint, made, tmp_path):
@@ -140,8 +140,8 @@ def test_cut_off_file(result, complaint, made, tmp_path):
     assert message.startswith("cut.ch10: ")
     assert "which is cut off" in message
     (tmp_path / "cut.ch10").write_bytes(content[:5000])
-    said = complaint("convert", tmp_path / "cut.ch10", tmp_path / "asc2", "--format", "ascii")
-    assert "no message of the arm's bus" in said
+    reason = complaint("convert", tmp_path / "cut.ch10", tmp_path / "asc2", "--format", "ascii")
+    assert "no message of the arm's bus" in reason
     assert not (tmp_path / "asc2").exists()
 
 
@@ -188,8 +188,8 @@ def test_a_csv_says_what_it_cannot_hold(result, run, made, tmp_path):
 
 
 def test_our_csv_is_read_by_joint(complaint, made):
-    said = complaint("identify", made / "siso-5-elbow_pitch.csv", *OE)
-    assert "it is a record of joints: choose one by --joint" in said
+    message = complaint("identify", made / "siso-5-elbow_pitch.csv", *OE)
+    assert "it is a record of joints: choose one by --joint" in message
 
 
 def test_a_recording_of_several_tests_is_one_row(made, printed):

@@ -54,13 +54,13 @@ def test_what_goes_in_comes_out(contents, path):
 
 
 def test_xarray_reads_it(contents, path):
-    with xarray.open_dataset(path, engine="h5netcdf") as found:
-        assert found.sizes == {"sample": LONG, "joint": 2, "part": 3, "other": 2, "zero": 0}
-        assert set(found.coords) == {"sample", "joint"}
-        assert found["wide"].attrs == contents.variables["wide"].attributes
-        np.testing.assert_array_equal(found["wide"], contents.variables["wide"].values)
-        assert found["joint"].values.tolist() == ["elbow", "Schultergelenk"]
-        assert found.attrs["seed"] == 2**40
+    with xarray.open_dataset(path, engine="h5netcdf") as outcome:
+        assert outcome.sizes == {"sample": LONG, "joint": 2, "part": 3, "other": 2, "zero": 0}
+        assert set(outcome.coords) == {"sample", "joint"}
+        assert outcome["wide"].attrs == contents.variables["wide"].attributes
+        np.testing.assert_array_equal(outcome["wide"], contents.variables["wide"].values)
+        assert outcome["joint"].values.tolist() == ["elbow", "Schultergelenk"]
+        assert outcome.attrs["seed"] == 2**40
 
 
 def test_the_file_follows_the_rules_of_netcdf4(path):

@@ -11,6 +11,6 @@ def test_the_version_of_the_source_stands_for_a_package_that_is_not_installed(mo
         raise PackageNotFoundError(name)
 
     monkeypatch.setattr(provenance, "version", missing)
-    found = provenance.versions()
-    assert re.fullmatch(r"\d+\.\d+\S* from source", found["hmtb-twin"])
-    assert found["mujoco"] == "not installed as a package"
+    versions = provenance.versions()
+    assert re.fullmatch(r"\d+\.\d+\S* from source", versions["hmtb-twin"])
+    assert versions["mujoco"] == "not installed as a package"

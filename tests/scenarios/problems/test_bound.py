@@ -12,9 +12,9 @@ DRAWS = 60
 
 def test_output_error_reaches_it():
     """Sixty estimates: e' J e / p is 1 on average, with a standard deviation of sqrt(2 / (60 p)) = 0.09."""
-    found = problem("p2@2000")
-    bound = found.bound(None)
-    estimates = [sysid.oe(found.draw(seed), 2, 2, 1) for seed in range(DRAWS)]
+    system = problem("p2@2000")
+    bound = system.bound(None)
+    estimates = [sysid.oe(system.draw(seed), 2, 2, 1) for seed in range(DRAWS)]
     errors = np.array([estimate.parameters - bound.parameters for estimate in estimates])
     information = np.linalg.inv(bound.covariance)
     assert np.mean(np.einsum("np,pq,nq->n", errors, information, errors)) / 4 == pytest.approx(1.0, abs=0.28)
@@ -28,11 +28,11 @@ def test_output_error_reaches_it():
 @pytest.mark.parametrize(("name", "fit"), [("p3", "armax"), ("p4", "bj"), ("p5", "arx"), ("feedback", "armax")])
 def test_what_estimates_claim(name, fit):
     """Their covariance of the response is the bound's, in closed loop too; a single record's varies by some percent."""
-    found = problem(name)
-    bound, task = found.bound(None), found.task(None)
+    system = problem(name)
+    bound, task = system.bound(None), system.task(None)
     assert task.structure == fit
-    estimates = [getattr(sysid, fit)(found.draw(seed), **task.orders) for seed in range(4)]
-    claimed = np.mean([e.frequency_response(found.frequencies).covariance for e in estimates], axis=0)
+    estimates = [getattr(sysid, fit)(system.draw(seed), **task.orders) for seed in range(4)]
+    claimed = np.mean([e.frequency_response(system.frequencies).covariance for e in estimates], axis=0)
     trace = np.trace(bound.response_covariance, axis1=-2, axis2=-1)
     assert np.trace(claimed, axis1=-2, axis2=-1) == pytest.approx(trace, rel=0.2)
 
@@ -40,10 +40,10 @@ def test_what_estimates_claim(name, fit):
 @pytest.mark.parametrize("name", ["p2@2000", "p3", "p5"])
 def test_state_space_in_local_coordinates(name):
     """The bound of a state space is that of ARMAX of its order, whatever the coordinates."""
-    found = problem(name)
-    expected = found.bound("ss")
-    model = sysid.models.innovations_form(expected.polynomials, found.dt, found.variance)
-    other = cramer_rao_bound_ss(LocalCoordinates.at(model, found.draw(0)), found.draw, found.frequencies)
+    system = problem(name)
+    expected = system.bound("ss")
+    model = sysid.models.innovations_form(expected.polynomials, system.dt, system.variance)
+    other = cramer_rao_bound_ss(LocalCoordinates.at(model, system.draw(0)), system.draw, system.frequencies)
     assert other.response_directions.shape == expected.response_directions.shape
     assert other.response_covariance == pytest.approx(
         expected.response_covariance, rel=0.05, abs=0.02 * expected.response_covariance.max()
@@ -71,13 +71,13 @@ def test_perfect_errors():
 
 def test_multivariable():
     """Relative error of the pulse response at the bound, the figure that other programs are compared with: 0.57 %."""
-    found = problem("mimo@4000")
-    bound = found.bound(None)
+    system = problem("mimo@4000")
+    bound = system.bound(None)
     assert bound.polynomials is None and len(bound.parameters) == 90
     rng = np.random.default_rng(0)
     directions = np.linalg.cholesky(bound.covariance)
-    pulse = found.truth.markov(200)
+    pulse = system.truth.markov(200)
     drawn = bound.parameters + rng.standard_normal((10, 90)) @ directions.T
-    errors = [np.linalg.norm(found.realise("ss", parameters)[0].markov(200) - pulse) for parameters in drawn]
+    errors = [np.linalg.norm(system.realise("ss", parameters)[0].markov(200) - pulse) for parameters in drawn]
     # of 4000 samples instead of 12000
     assert np.mean(errors) / np.linalg.norm(pulse) / np.sqrt(3.0) == pytest.approx(0.0057, rel=0.1)

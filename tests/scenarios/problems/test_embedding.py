@@ -19,12 +19,12 @@ OWN = {"p1": "armax", "p2": "oe", "p3": "armax", "p4": "bj", "p5": "arx", "share
 def test_same_responses(name, structure):
     """From the input, and from the innovation, where the structure has the noise; its parameters make it again."""
     truth = problem(name).polynomials
-    found = embedding(truth, structure)
-    if found.polynomials is None:
+    embedded = embedding(truth, structure)
+    if embedded.polynomials is None:
         return
-    orders = layout(structure, found.orders, truth.nu)
-    again = orders.polynomials(orders.parameters(found.polynomials))
-    for other in (found.polynomials, again):
+    orders = layout(structure, embedded.orders, truth.nu)
+    again = orders.polynomials(orders.parameters(embedded.polynomials))
+    for other in (embedded.polynomials, again):
         model, expected = innovations_form(other, 0.02), innovations_form(truth, 0.02)
         assert model.frequency_response(F_HZ) == pytest.approx(expected.frequency_response(F_HZ), rel=1e-9)
         assert model.noise_response(F_HZ) == pytest.approx(expected.noise_response(F_HZ), rel=1e-9)

@@ -17,7 +17,7 @@ def test_the_numbers_are_those_of_the_arm():
 
 
 def test_findings_that_rest_on_it_are_marked(study):
-    found = assumed_values_of(findings(study))
-    assert set(found) == {key for entry in assumed_values() for key in entry.findings}
-    assert set(found) < set(CLAIMS)
-    assert [entry.what for entry in found["F3"]] == ["bus delays of 0 to 1 samples"]
+    decided = assumed_values_of(findings(study))
+    assert set(decided) == {key for entry in assumed_values() for key in entry.findings}
+    assert set(decided) < set(CLAIMS)
+    assert [entry.what for entry in decided["F3"]] == ["bus delays of 0 to 1 samples"]

@@ -20,9 +20,9 @@ NAMES = [
 
 
 def test_all_seven_have_numbers_for_both_models(study):
-    found = categories(study)
-    assert [entry.name for entry in found] == NAMES
-    for entry in found:
+    ranked = categories(study)
+    assert [entry.name for entry in ranked] == NAMES
+    for entry in ranked:
         assert entry.measures, entry.name
         assert entry.thesis
         for measure in entry.measures:
@@ -55,17 +55,17 @@ def test_a_tie_of_fits_is_nobodys(study):
 
 
 def test_measures_are_what_they_say(study):
-    found = {entry.name: entry.measures for entry in categories(study)}
+    by_name = {entry.name: entry.measures for entry in categories(study)}
     own, okid = study.multivariable.pair()
-    assert found["parsimony"][0].values["OKID model"] == 6.0
-    assert found["parsimony"][0].values["SysID model"] == 10.0
-    assert found["RPCM fit"][0].values["OKID model"] == pytest.approx(okid.fit("rpcm").mean("simulation"))
-    for measure in found["MIMO data fits"]:
+    assert by_name["parsimony"][0].values["OKID model"] == 6.0
+    assert by_name["parsimony"][0].values["SysID model"] == 10.0
+    assert by_name["RPCM fit"][0].values["OKID model"] == pytest.approx(okid.fit("rpcm").mean("simulation"))
+    for measure in by_name["MIMO data fits"]:
         assert measure.values["SysID model"] + measure.values["OKID model"] <= 11.0, "no record of the same sequence"
     off = [
         abs(model.bandwidth_hz / entry.truth.bandwidth_hz - 1)
         for entry in study.joints.values()
         for model in (entry.chosen,)
     ]
-    assert found["frequency bandwidth"][0].values["SysID model"] == pytest.approx(100 * np.mean(off))
-    assert own.largest_pole == found["model stability"][0].values["SysID model"]
+    assert by_name["frequency bandwidth"][0].values["SysID model"] == pytest.approx(100 * np.mean(off))
+    assert own.largest_pole == by_name["model stability"][0].values["SysID model"]

@@ -36,25 +36,25 @@ def test_a_record_shows_the_steps_of_the_converters(study):
     assert whole.get_xlim() == pytest.approx((0.0, 24.0))
     for axes, step in ((command, 0.327), (measured, 2e3 * np.pi / 2**16)):
         (label,) = axes.texts
-        said = re.search(r"[\d.]+", label.get_text())
-        multiple = float(said[0]) / step
+        sentence = re.search(r"[\d.]+", label.get_text())
+        multiple = float(sentence[0]) / step
         assert multiple == pytest.approx(max(round(multiple), 1), abs=0.02), "ten periods may miss a level"
         values = np.asarray(axes.lines[0].get_ydata())
         assert np.unique(np.round(values, 6)).size < values.size, "levels come again"
 
 
 def test_phase_of_the_window_is_drawn_only_where_the_input_has_power(study):
-    entry, found = study.joints["elbow_pitch"], study.nonparametric["elbow_pitch"]
-    _, phase = draw.transfer_function(entry, found).axes
+    entry, estimates = study.joints["elbow_pitch"], study.nonparametric["elbow_pitch"]
+    _, phase = draw.transfer_function(entry, estimates).axes
     drawn = [np.asarray(line.get_xdata()) for line in phase.lines if line.get_marker() == "v"]
     assert len(drawn) == 1
     assert {2.5, 10.0} <= set(np.round(drawn[0], 6))
-    assert len(drawn[0]) < 0.2 * len(found.spectra[SINES].frequencies)
+    assert len(drawn[0]) < 0.2 * len(estimates.spectra[SINES].frequencies)
 
 
 def test_four_spectra_have_a_panel_each_in_milliradians(study):
-    entry, found = study.joints["shoulder_pitch"], study.nonparametric["shoulder_pitch"]
-    figure = draw.four_spectra(study, entry, found, PULSE)
+    entry, estimates = study.joints["shoulder_pitch"], study.nonparametric["shoulder_pitch"]
+    figure = draw.four_spectra(study, entry, estimates, PULSE)
     assert [axes.get_title(loc="left") for axes in figure.axes] == [
         "disturbance",
         "output",
@@ -63,4 +63,4 @@ def test_four_spectra_have_a_panel_each_in_milliradians(study):
     ]
     output = figure.axes[1]
     (line,) = [entry for entry in output.lines if entry.get_label() == "by repetition"]
-    np.testing.assert_allclose(np.asarray(line.get_ydata()), 1e6 * found.repeated[PULSE].output)
+    np.testing.assert_allclose(np.asarray(line.get_ydata()), 1e6 * estimates.repeated[PULSE].output)

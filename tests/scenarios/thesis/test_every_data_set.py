@@ -22,11 +22,11 @@ METHODS = ["arx", "armax", "iv4", "oe", "okid"]
 
 def test_structures_are_the_thesis_and_share_their_orders():
     for joint, own in STRUCTURES.items():
-        found = every_structure(joint)
-        assert [entry.method for entry in found] == METHODS
+        models = every_structure(joint)
+        assert [entry.method for entry in models] == METHODS
         na, nb, _, nk = next(entry.orders for entry in own if entry.method == "armax")
-        assert {entry.orders for entry in found if entry.method in ("arx", "iv4")} == {(na, nb, nk)}
-        assert excitation_needed(found[0]) == excitation_needed(found[1]) == na + nb
+        assert {entry.orders for entry in models if entry.method in ("arx", "iv4")} == {(na, nb, nk)}
+        assert excitation_needed(models[0]) == excitation_needed(models[1]) == na + nb
 
 
 def test_every_record_and_structure_has_a_row(study):
@@ -53,11 +53,11 @@ def test_the_estimation_test_gives_the_models_of_the_study(study):
     for joint, entry in study.joints.items():
         own = single_joint_test(study.estimation_test, joint)
         for method in ("armax", "oe", "okid"):
-            found, known = study.data_sets[joint].find(own, method), entry.models[method]
-            assert found.bandwidth_hz == known.bandwidth_hz
-            assert found.own.simulation == pytest.approx(known.fits[5].simulation)
-            assert found.others[single_joint_test(8, joint)].one_step == pytest.approx(known.fits[8].one_step)
-            assert len(found.others) == 6, "its own record and that of the same sequence are not among them"
+            outcome, known = study.data_sets[joint].find(own, method), entry.models[method]
+            assert outcome.bandwidth_hz == known.bandwidth_hz
+            assert outcome.own.simulation == pytest.approx(known.fits[5].simulation)
+            assert outcome.others[single_joint_test(8, joint)].one_step == pytest.approx(known.fits[8].one_step)
+            assert len(outcome.others) == 6, "its own record and that of the same sequence are not among them"
 
 
 def test_a_record_that_cannot_be_used_is_told_with_its_reason(study):
@@ -67,11 +67,11 @@ def test_a_record_that_cannot_be_used_is_told_with_its_reason(study):
     logs = {**campaign.logs, name: still}
     gone = {key: value for key, value in logs.items() if key != single_joint_test(4, YAW)}
     spoiled = replace(campaign, logs=gone, failed={single_joint_test(4, YAW): "diverged"})
-    found = every_data_set(YAW, spoiled)
-    assert [r.structure.method for r in found.refused if r.record == name] == METHODS
-    assert all("constant" in r.reason for r in found.refused)
-    assert found.missing == {single_joint_test(4, YAW): "diverged"}
-    assert len(found.models) == 6 * len(METHODS)
+    models = every_data_set(YAW, spoiled)
+    assert [r.structure.method for r in models.refused if r.record == name] == METHODS
+    assert all("constant" in r.reason for r in models.refused)
+    assert models.missing == {single_joint_test(4, YAW): "diverged"}
+    assert len(models.models) == 6 * len(METHODS)
 
 
 def _model(gain, pole):

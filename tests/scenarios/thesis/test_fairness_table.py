@@ -92,27 +92,27 @@ def test_a_refused_model_leaves_out_what_it_is_part_of(synthetic_logs, monkeypat
         ("OKID", True),
         ("hybrid", True),
     ]
-    found = {entry.question: entry.answers[NOMINAL] for entry in conclusions(Fairness((first,), 5))}
+    by_name = {entry.question: entry.answers[NOMINAL] for entry in conclusions(Fairness((first,), 5))}
     for question in (
         "SysID or OKID better on the slow chirp, 0 to 1 Hz, in simulation",
         "SysID or OKID better on single-joint tests not seen, in simulation",
     ):
-        assert found[question] is None
+        assert by_name[question] is None
     dumbbells(Fairness((first,), 5))
 
 
 def test_conclusions_that_change_are_told_from_those_that_stay():
     arms = (arm(Condition(), 91.0), arm(Condition(friction=False), 89.0), arm(Condition("published"), 91.1))
-    found = {entry.question: entry for entry in conclusions(Fairness(arms, 5))}
-    unseen = found["SysID or OKID better on single-joint tests not seen, in simulation"]
+    by_name = {entry.question: entry for entry in conclusions(Fairness(arms, 5))}
+    unseen = by_name["SysID or OKID better on single-joint tests not seen, in simulation"]
     assert [answer.words for answer in unseen.answers.values() if answer] == [
         "OKID: yaw, shoulder, elbow",
         "SysID: yaw, shoulder, elbow",
         "OKID: yaw, shoulder, elbow",
     ]
     assert unseen.changes() and unseen.changes(friction=True) and not unseen.changes(friction=False)
-    assert set(found["SysID or OKID better on the slow chirp, 0 to 1 Hz, in simulation"].answers.values()) == {None}
-    assert "friction alone changes" in changes_text(tuple(found.values()))
+    assert set(by_name["SysID or OKID better on the slow chirp, 0 to 1 Hz, in simulation"].answers.values()) == {None}
+    assert "friction alone changes" in changes_text(tuple(by_name.values()))
     alone = conclusions(Fairness(arms[:1], 5))
     assert changes_text(alone) == ""
 

@@ -20,9 +20,9 @@ def test_only_pictures_of_hardware_screens_and_diagrams_have_no_counterpart():
 def test_counterparts_are_laid_beside_the_figures_and_gaps_are_told():
     ours = Picture(7, "transfer-function", "<svg/>", "A transfer function.", ("22", "A2"), 1.2)
     entries = {entry.kind.numbers: entry for entry in map_figures({"22": (ours,), "A2": (ours,)})}
-    found = entries["22", "A2", "A17"]
-    assert found.pictures == {"22": (ours,), "A2": (ours,), "A17": ()}
-    assert found.missing == ("A17",)
+    entry = entries["22", "A2", "A17"]
+    assert entry.pictures == {"22": (ours,), "A2": (ours,), "A17": ()}
+    assert entry.missing == ("A17",)
     assert entries["17",].missing == ()
 
 

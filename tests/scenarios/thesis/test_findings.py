@@ -35,12 +35,12 @@ def test_every_finding_has_a_verdict_a_number_and_a_reason(study):
 
 
 def test_what_the_twin_is_known_to_do(study):
-    found = {entry.key: entry for entry in findings(study)}
-    assert found["F3"].value == {name: float(entry.truth.delay_samples) for name, entry in study.joints.items()}, (
+    by_name = {entry.key: entry for entry in findings(study)}
+    assert by_name["F3"].value == {name: float(entry.truth.delay_samples) for name, entry in study.joints.items()}, (
         "the delay seen in the data is the true one"
     )
-    assert found["F13"].verdict == "reproduced"
-    ratio = numbers(found["F7"])
+    assert by_name["F13"].verdict == "reproduced"
+    ratio = numbers(by_name["F7"])
     for name in study.joints:
         assert ratio[f"{name}, all that is not linear"] < 1.0, "friction exceeds resolver noise on this arm"
 
@@ -53,9 +53,9 @@ def test_what_an_estimator_refuses_cannot_be_told_and_a_fault_stays_one(monkeypa
         raise ZeroDivisionError
 
     monkeypatch.setattr(scenarios.thesis.findings, "FINDINGS", dict.fromkeys(CLAIMS, refused))
-    found = findings(None)
-    assert {entry.verdict for entry in found} == {"cannot be told"}
-    assert found[0].why == "an estimator refuses its record: 6 samples given, expected 20 or more"
+    outcome = findings(None)
+    assert {entry.verdict for entry in outcome} == {"cannot be told"}
+    assert outcome[0].why == "an estimator refuses its record: 6 samples given, expected 20 or more"
     monkeypatch.setattr(scenarios.thesis.findings, "FINDINGS", {"F1": broken})
     with pytest.raises(ZeroDivisionError):
         findings(None)
@@ -105,15 +105,15 @@ def test_about_1_hz_has_two_ends():
 def test_all_26_findings_are_there_and_one_without_its_record_says_so(study):
     assert [entry.key for entry in findings(study)] == [f"F{number}" for number in range(1, 27)]
     poor = without_log(study, "siso-7-elbow_pitch", "the physics diverged")
-    found = {entry.key: entry for entry in findings(poor)}
-    assert found["F5"].verdict == "cannot be told"
-    assert "siso-7-elbow_pitch: the physics diverged" in found["F5"].why
-    assert found["F6"].verdict != "cannot be told"
+    by_name = {entry.key: entry for entry in findings(poor)}
+    assert by_name["F5"].verdict == "cannot be told"
+    assert "siso-7-elbow_pitch: the physics diverged" in by_name["F5"].why
+    assert by_name["F6"].verdict != "cannot be told"
 
 
 def test_findings_that_were_put_in_say_so(study):
-    found = {entry.key: entry.why for entry in findings(study)}
-    assert all("by construction" in found[key] for key in ("F1", "F3", "F22"))
+    by_name = {entry.key: entry.why for entry in findings(study)}
+    assert all("by construction" in by_name[key] for key in ("F1", "F3", "F22"))
 
 
 def test_outliers_move_okid_more_than_the_prediction_error_models(study):

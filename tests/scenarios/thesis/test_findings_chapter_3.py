@@ -36,22 +36,22 @@ def test_resonances_are_peaks_above_10_rad_per_second():
 
 
 def test_the_two_sines_cannot_show_the_cutoff_but_the_prbs_does(study):
-    found = chapter.gain_and_cutoff(study)
-    assert found.verdict == "partly"
-    assert "not reproduced by the thesis' own estimate from two sines" in found.why
-    assert "on the lines of the PRBS" in found.why
+    decided = chapter.gain_and_cutoff(study)
+    assert decided.verdict == "partly"
+    assert "not reproduced by the thesis' own estimate from two sines" in decided.why
+    assert "on the lines of the PRBS" in decided.why
     for name, entry in study.joints.items():
-        near = numbers(found)[f"{name}, PRBS lines"]
+        near = numbers(decided)[f"{name}, PRBS lines"]
         assert near == pytest.approx(2 * np.pi * entry.truth.bandwidth_hz, rel=0.15)
-        tones = numbers(found).get(f"{name}, two sines", 0.0)
+        tones = numbers(decided).get(f"{name}, two sines", 0.0)
         assert abs(tones - near) > 0.2 * near
 
 
 def test_peaks_of_the_two_sines_are_leakage(study):
-    found = chapter.slope(study)
-    assert "the truth has 0 resonances" in found.why
-    assert found.verdict == "partly"
-    sines = found.why.split("Peaks seen: two sines ")[1].split(";")[0]
+    decided = chapter.slope(study)
+    assert "the truth has 0 resonances" in decided.why
+    assert decided.verdict == "partly"
+    sines = decided.why.split("Peaks seen: two sines ")[1].split(";")[0]
     counts, weak = sines.split(" by joint (")
     total = sum(map(int, counts.split(", ")))
     assert f"{total} of {total} where the input is weak" in f"{weak} where the input is weak"
@@ -111,11 +111,11 @@ def test_peaks_of_the_correlation_have_to_be_small(study):
 
 
 def test_the_command_is_white_only_when_made_so(study):
-    found = chapter.prbs_looks_white(study)
+    decided = chapter.prbs_looks_white(study)
     for name in study.joints:
-        assert numbers(found)[f"{name}, as recorded"] > chapter.WHITE > numbers(found)[f"{name}, made white"]
-        assert numbers(found)[f"{name}, as recorded, side peak"] > chapter.SMALL, "a file repeats exactly"
-    assert found.verdict == "partly"
+        assert numbers(decided)[f"{name}, as recorded"] > chapter.WHITE > numbers(decided)[f"{name}, made white"]
+        assert numbers(decided)[f"{name}, as recorded, side peak"] > chapter.SMALL, "a file repeats exactly"
+    assert decided.verdict == "partly"
 
 
 def test_known_disturbances_are_those_put_in(study):
@@ -139,8 +139,8 @@ def test_what_departs_from_the_truth_is_told_into_what_repeats_and_what_does_not
     true[:, column] = angle
     measured[:, column] = angle + 5e-4 * rng.standard_normal(len(ticks))
     other = with_log(study, test.name, replace(log, true_angles=true, measured=measured))
-    found = chapter.disturbances(other, entry)
-    assert found == pytest.approx((5e-4, np.hypot(1e-3, 2e-4), 2e-4), rel=0.1)
+    decided = chapter.disturbances(other, entry)
+    assert decided == pytest.approx((5e-4, np.hypot(1e-3, 2e-4), 2e-4), rel=0.1)
 
 
 def test_a_second_order_servo_has_no_40_decibel_near_its_break():

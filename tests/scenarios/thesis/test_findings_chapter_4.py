@@ -85,10 +85,10 @@ def test_more_poles_that_stay_stable_are_no_reproduction(study):
         assert chapter.yaw_oe(changed(study, "shoulder_yaw", more_poles=few)).verdict == "partly", (
             "not the most of them"
         )
-    found = chapter.yaw_oe(changed(study, "shoulder_yaw", more_poles=wild))
-    assert found.verdict == "reproduced"
-    assert "5 of 8 structures" in found.why
-    assert "1 zero(s) and 3 poles" in found.why
+    decided = chapter.yaw_oe(changed(study, "shoulder_yaw", more_poles=wild))
+    assert decided.verdict == "reproduced"
+    assert "5 of 8 structures" in decided.why
+    assert "1 zero(s) and 3 poles" in decided.why
     control = (replace(calm[0], free_radius=1.01), *wild[1:])
     assert chapter.yaw_oe(changed(study, "shoulder_yaw", more_poles=control)).verdict == "partly", (
         "where the thesis' own orders turn unstable too, more poles are not the reason"
@@ -109,11 +109,11 @@ def with_fits(study, joint, method, percent):
 
 def test_best_is_ahead_by_more_than_a_tie(study):
     level = with_fits(study, "elbow_pitch", "oe", 90.0)
-    for lead, verdict, said in ((5.0, "reproduced", "better"), (0.1, "partly", "tied"), (-5.0, "partly", "worse")):
-        found = chapter.elbow_armax(with_fits(level, "elbow_pitch", "armax", 90.0 + lead))
-        assert found.verdict == verdict, "ARMAX has a C and is whiter than OE"
-        assert said in found.why
-        assert "6 tests not seen" in found.unit
+    for lead, verdict, message in ((5.0, "reproduced", "better"), (0.1, "partly", "tied"), (-5.0, "partly", "worse")):
+        decided = chapter.elbow_armax(with_fits(level, "elbow_pitch", "armax", 90.0 + lead))
+        assert decided.verdict == verdict, "ARMAX has a C and is whiter than OE"
+        assert message in decided.why
+        assert "6 tests not seen" in decided.unit
     level = with_fits(study, "shoulder_pitch", "armax", 90.0)
     ahead, tied = (chapter.shoulder_oe(with_fits(level, "shoulder_pitch", "oe", fit)) for fit in (95.0, 90.1))
     independent = bool(study.joints["shoulder_pitch"].models["oe"].residual_test.independent[0, 0])
@@ -128,9 +128,9 @@ def test_an_unstable_model_loses_and_is_told(study):
             for m in study.data_sets[joint].models
         )
         tipped_over = with_sets(study, {joint: models})
-        found = finding(tipped_over)
-        assert "ARMAX model from the estimation test is unstable" in found.why
-        assert "ARMAX" not in numbers(found)
+        decided = finding(tipped_over)
+        assert "ARMAX model from the estimation test is unstable" in decided.why
+        assert "ARMAX" not in numbers(decided)
         assert flexibility(tipped_over, joint).best("OE", "ARMAX")
     assert chapter.elbow_armax(tipped_over).verdict == "partly", "whiter, not better"
 
@@ -157,21 +157,23 @@ def test_a_file_of_two_tones_does_not_decide_on_models_that_need_more(study):
         calm = {
             joint: tuple(replace(m, poles=(0.9 + 0j,)) for m in study.data_sets[joint].models) for joint in JOINTS[1:]
         }
-        found = chapter.stable(with_sets(study, {"shoulder_yaw": models, **calm}))
-        assert found.verdict == verdict
-        assert f"ARMAX from siso-{number}-shoulder_yaw" in found.why
-        assert numbers(found)["unstable ARMAX, OE and OKID"] == (number == 7)
-        assert numbers(found)["unstable ARMAX, OE and OKID, too little excitation"] == (number == 3)
+        decided = chapter.stable(with_sets(study, {"shoulder_yaw": models, **calm}))
+        assert decided.verdict == verdict
+        assert f"ARMAX from siso-{number}-shoulder_yaw" in decided.why
+        assert numbers(decided)["unstable ARMAX, OE and OKID"] == (number == 7)
+        assert numbers(decided)["unstable ARMAX, OE and OKID, too little excitation"] == (number == 3)
 
 
 FITS = {"ARMAX": 97.60, "OE": 97.55, "ARX": 96.9, "IV4": 97.61}
 
 
 def test_a_small_lead_is_a_tie_and_wins_nothing():
-    found = Flexibility(FITS, (), 6)
-    assert not found.best("ARMAX", "OE")
-    assert not found.best("OE", "ARMAX")
-    assert "ARMAX and OE are tied on the 6 tests not seen: +0.05 points, less than 0.2" in found.words("ARMAX", "OE")
+    flexibility = Flexibility(FITS, (), 6)
+    assert not flexibility.best("ARMAX", "OE")
+    assert not flexibility.best("OE", "ARMAX")
+    assert "ARMAX and OE are tied on the 6 tests not seen: +0.05 points, less than 0.2" in flexibility.words(
+        "ARMAX", "OE"
+    )
     ahead = Flexibility({**FITS, "OE": 97.2}, (), 6)
     assert ahead.best("ARMAX", "OE")
     assert not ahead.best("OE", "ARMAX")
@@ -180,18 +182,18 @@ def test_a_small_lead_is_a_tie_and_wins_nothing():
 
 
 def test_a_dismissed_method_above_the_best_is_told():
-    said = Flexibility(FITS, (), 6).words("ARMAX", "OE")
-    assert "IV4 by 0.010 points (tied)" in said
-    assert "ARX by" not in said
+    sentence = Flexibility(FITS, (), 6).words("ARMAX", "OE")
+    assert "IV4 by 0.010 points (tied)" in sentence
+    assert "ARX by" not in sentence
     assert "dismissed" not in Flexibility({**FITS, "IV4": 90.0}, (), 6).words("ARMAX", "OE")
 
 
 def test_an_unstable_model_is_worse_than_any_stable_one():
     stable = {name: fit for name, fit in FITS.items() if name != "ARMAX"}
-    found = Flexibility(stable, ("ARMAX",), 6)
-    assert found.best("OE", "ARMAX")
-    assert not found.best("ARMAX", "OE")
-    assert "the ARMAX model from the estimation test is unstable" in found.words("ARMAX", "OE")
+    flexibility = Flexibility(stable, ("ARMAX",), 6)
+    assert flexibility.best("OE", "ARMAX")
+    assert not flexibility.best("ARMAX", "OE")
+    assert "the ARMAX model from the estimation test is unstable" in flexibility.words("ARMAX", "OE")
     neither = Flexibility({}, ("ARMAX", "OE"), 6)
     assert not neither.best("OE", "ARMAX")
     assert not neither.best("ARMAX", "OE")

@@ -22,13 +22,13 @@ def with_offset(study, offset):
 
 
 def test_share_is_laid_beside_the_printed_one(study):
-    found = percent_described(study)
-    assert set(numbers(found)) == set(PERCENT_DESCRIBED)
-    passed = sum(value >= PERCENT_DESCRIBED[name] - SLACK for name, value in numbers(found).items())
-    assert found.verdict == {3: "reproduced", 0: "not reproduced"}.get(passed, "partly")
-    assert "no more than 5 singular values" in found.why
-    yaw = 100 - numbers(found)["shoulder_yaw"]
-    assert f"what two states do not describe is {yaw:.2g} (printed 0.13)" in found.why
+    verdict = percent_described(study)
+    assert set(numbers(verdict)) == set(PERCENT_DESCRIBED)
+    passed = sum(value >= PERCENT_DESCRIBED[name] - SLACK for name, value in numbers(verdict).items())
+    assert verdict.verdict == {3: "reproduced", 0: "not reproduced"}.get(passed, "partly")
+    assert "no more than 5 singular values" in verdict.why
+    yaw = 100 - numbers(verdict)["shoulder_yaw"]
+    assert f"what two states do not describe is {yaw:.2g} (printed 0.13)" in verdict.why
 
 
 def test_a_common_mean_does_no_harm_and_a_bias_of_one_channel_does(study):

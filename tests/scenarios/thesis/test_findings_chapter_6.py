@@ -24,10 +24,10 @@ def test_the_printed_models_have_the_roots_that_the_thesis_tells(study):
 
 def test_roots_are_counted(study):
     assert findings.complex_roots(np.array([1.0, 0.5 + 0.1j, 0.5 - 0.1j, 0.3 + 1e-9j])) == 2
-    found = numbers(findings.real_poles(study))
+    verdict = numbers(findings.real_poles(study))
     own, okid = study.multivariable.pair()
-    assert found["SysID complex poles"] == sum(abs(own.model.poles().imag) > 1e-6)
-    assert found["OKID zeros"] == len(okid.model.zeros())
+    assert verdict["SysID complex poles"] == sum(abs(own.model.poles().imag) > 1e-6)
+    assert verdict["OKID zeros"] == len(okid.model.zeros())
 
 
 def test_responses_apart_are_measured_in_gain_and_phase(study):
@@ -53,17 +53,17 @@ def test_zeros_at_infinity_are_not_roots(study):
 
 
 def test_coupling_is_told_band_by_band(study):
-    found = findings.coupling(study)
-    bands = [name.removeprefix("elbow_pitch, ") for name in numbers(found) if name.startswith("elbow_pitch, ")]
+    verdict = findings.coupling(study)
+    bands = [name.removeprefix("elbow_pitch, ") for name in numbers(verdict) if name.startswith("elbow_pitch, ")]
     assert bands == ["0.1 Hz to the bandwidth", "3 to 5 Hz", "5 to 10 Hz"]
-    shares = [numbers(found)[f"elbow_pitch, {band}"] for band in bands]
+    shares = [numbers(verdict)[f"elbow_pitch, {band}"] for band in bands]
     assert shares == sorted(shares)
     truth = study.multivariable.truth
     gain = np.abs(truth.frequency_response(np.array([5.0]))[0])
     joint = list(study.joints).index("elbow_pitch")
-    assert numbers(found)["elbow_pitch, 3 to 5 Hz"] >= 99.9 * (gain[joint].sum() / gain[joint, joint] - 1)
-    assert found.verdict == "partly", "little below the bandwidth, not in the bands above"
-    assert all(0.0 < numbers(found)[f"motion with {joint}"] < findings.LITTLE for joint in study.joints)
+    assert numbers(verdict)["elbow_pitch, 3 to 5 Hz"] >= 99.9 * (gain[joint].sum() / gain[joint, joint] - 1)
+    assert verdict.verdict == "partly", "little below the bandwidth, not in the bands above"
+    assert all(0.0 < numbers(verdict)[f"motion with {joint}"] < findings.LITTLE for joint in study.joints)
 
 
 def test_a_diagonal_arm_has_little_coupling(study):

@@ -46,10 +46,10 @@ def test_who_is_ahead_on_the_exchange_decides(study):
 
 
 def test_ahead_one_way_only_is_said(study):
-    found = findings.exchange_fit(_with_okid(study, _moved(-1.0, 1.0)))
-    assert found.verdict == "partly"
-    assert numbers(found)["shoulder_yaw, simulation"] == pytest.approx(-1.0)
-    assert numbers(found)["shoulder_yaw, one step"] == pytest.approx(1.0)
+    verdict = findings.exchange_fit(_with_okid(study, _moved(-1.0, 1.0)))
+    assert verdict.verdict == "partly"
+    assert numbers(verdict)["shoulder_yaw, simulation"] == pytest.approx(-1.0)
+    assert numbers(verdict)["shoulder_yaw, one step"] == pytest.approx(1.0)
 
 
 def test_slightly_is_neither_less_nor_much_more(study):
@@ -89,30 +89,30 @@ def test_the_hybrid_has_to_be_ahead_of_both(study):
 
 def test_a_difference_below_the_margin_is_a_tie(study):
     tied = _with_okid(study, _moved(0.1))
-    found = findings.exchange_fit(tied)
-    assert "0 of 4 parts hold" in found.why or "1 of 4 parts hold" in found.why
-    assert "tied: shoulder yaw, simulation" in found.why
+    verdict = findings.exchange_fit(tied)
+    assert "0 of 4 parts hold" in verdict.why or "1 of 4 parts hold" in verdict.why
+    assert "tied: shoulder yaw, simulation" in verdict.why
     slow = findings.slow_data(_with_okid(study, _moved(-0.1)))
     assert "tied: yaw, mimo-10, simulation" in slow.why
     assert slow.verdict != "reproduced"
 
 
 def test_following_does_not_rest_on_the_cutoff(study):
-    found = findings.follows_5_hz(study)
+    verdict = findings.follows_5_hz(study)
     ways = [
-        sum(value > findings.FOLLOWS for name, value in numbers(found).items() if name.endswith(way))
+        sum(value > findings.FOLLOWS for name, value in numbers(verdict).items() if name.endswith(way))
         for way in ("simulation", "one step")
     ]
-    assert f"{ways[0]} of 3 parts hold in simulation and {ways[1]} of 3" in found.why
-    assert "coupling" in found.why
+    assert f"{ways[0]} of 3 parts hold in simulation and {ways[1]} of 3" in verdict.why
+    assert "coupling" in verdict.why
 
 
 def test_friction_is_judged_only_where_an_exchange_without_it_was_played(study):
     assert RPCM not in study.campaigns[1].logs
     assert "without friction" not in findings.exchange_residuals(study).why
     smooth = replace(study.campaigns[1], logs={**study.campaigns[1].logs, RPCM: study.logs[RPCM]})
-    found = findings.exchange_residuals(replace(study, campaigns=(study.campaign, smooth))).why
-    assert "Models of the arm without friction, on its own exchange, have" in found
+    verdict = findings.exchange_residuals(replace(study, campaigns=(study.campaign, smooth))).why
+    assert "Models of the arm without friction, on its own exchange, have" in verdict
 
 
 def _test_of(errors, u):

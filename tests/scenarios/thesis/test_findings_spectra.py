@@ -21,29 +21,29 @@ def _spectra(values):
 def test_what_the_window_leaks_does_not_count_where_the_input_has_power():
     line = (np.abs(GRID - 2.5) < 0.1).astype(float)
     leaked = 0.01 * (1.0 - line)
-    found = _spectra(
+    verdict = _spectra(
         {
             "input_spectrum": line - 0.001 * (1.0 - line),
             "output_spectrum": 100.0 * line + leaked,
             "noise_spectrum": 0.001 * line + leaked,
         }
     )
-    kept = chapter._frequency_masks(found)
+    kept = chapter._frequency_masks(verdict)
     assert kept[chapter.WHOLE].all()
     np.testing.assert_array_equal(kept[chapter.POWERED], line > 0)
-    assert chapter._orders(found, kept[chapter.POWERED]) == pytest.approx(5.0)
-    assert chapter._orders(found, kept[chapter.WHOLE]) < 3.0
+    assert chapter._orders(verdict, kept[chapter.POWERED]) == pytest.approx(5.0)
+    assert chapter._orders(verdict, kept[chapter.WHOLE]) < 3.0
 
 
 def test_both_readings_are_told_with_their_numbers(study):
     for finding in (chapter.pulse_spectra, chapter.sinusoid_disturbance):
-        found = finding(study)
-        assert set(numbers(found)) == {
+        decided = finding(study)
+        assert set(numbers(decided)) == {
             f"{joint}, {way}" for joint in study.joints for way in ("all frequencies", "input's power")
         }
-        assert np.isfinite(list(numbers(found).values())).all()
-        assert chapter.WHOLE in found.why
-        assert chapter.POWERED in found.why
+        assert np.isfinite(list(numbers(decided).values())).all()
+        assert chapter.WHOLE in decided.why
+        assert chapter.POWERED in decided.why
     orders = numbers(chapter.sinusoid_disturbance(study))
     for joint in study.joints:
         assert orders[f"{joint}, input's power"] > orders[f"{joint}, all frequencies"]

@@ -26,14 +26,14 @@ from tests.refusals import refused
 
 def made(seed, verdict="reproduced", value=1.0, *, hz=1.0):
     """An outcome of one finding, with the same bandwidth everywhere."""
-    found = MethodBandwidth(hz, (hz - 0.1, hz + 0.1), abs(hz - 1.0) <= 0.1, hz + 0.01)
+    bandwidth = MethodBandwidth(hz, (hz - 0.1, hz + 0.1), abs(hz - 1.0) <= 0.1, hz + 0.01)
     return SeedOutcome(
         seed=seed,
         duration=None,
         verdicts={"F1": verdict},
         numbers={"F1": {"shoulder_yaw": value}},
         true_hz=dict.fromkeys(STUDIED_JOINTS, 1.0),
-        recovered={joint: {"oe": found} for joint in STUDIED_JOINTS},
+        recovered={joint: {"oe": bandwidth} for joint in STUDIED_JOINTS},
         failed={},
         cost=Cost(10.0, 12.0, 20.0),
         versions={"hmtb-twin": "0.1.0", "mujoco": "4.0.0"},
@@ -42,13 +42,13 @@ def made(seed, verdict="reproduced", value=1.0, *, hz=1.0):
 
 def whole(seed):
     """An outcome of every finding and method."""
-    found = made(seed, value=1.0 / seed)
+    outcome = made(seed, value=1.0 / seed)
     return replace(
-        found,
+        outcome,
         verdicts=dict.fromkeys(CLAIMS, "partly"),
-        numbers=dict.fromkeys(CLAIMS, found.numbers["F1"]),
+        numbers=dict.fromkeys(CLAIMS, outcome.numbers["F1"]),
         recovered={
-            joint: {entry.method: found.recovered[joint]["oe"] for entry in STRUCTURES[joint]}
+            joint: {entry.method: outcome.recovered[joint]["oe"] for entry in STRUCTURES[joint]}
             for joint in STUDIED_JOINTS
         },
     )
@@ -79,9 +79,9 @@ def quick(monkeypatch):
     """Studies that are made up at once, and the seeds that were run."""
     run = []
 
-    def one(seed, duration, threads, told):
+    def one(seed, duration, threads, messages):
         run.append(seed)
-        told("simulate", 1, 1)
+        messages("simulate", 1, 1)
         if seed == 3:
             raise ScenarioError("the physics diverged")
         return replace(whole(seed), duration=duration)
@@ -91,9 +91,9 @@ def quick(monkeypatch):
 
 
 def test_every_number_survives_the_file_to_the_last_bit():
-    found = made(3, value=1 / 3, hz=0.1 + 0.2)
-    odd = replace(found, duration=24.0, numbers={"F1": {"a": float("inf"), "b": 1e-300, "c": -float("inf")}})
-    for entry in (found, odd, whole(3)):
+    outcome = made(3, value=1 / 3, hz=0.1 + 0.2)
+    odd = replace(outcome, duration=24.0, numbers={"F1": {"a": float("inf"), "b": 1e-300, "c": -float("inf")}})
+    for entry in (outcome, odd, whole(3)):
         assert outcome_from(json.loads(json.dumps(entry.record(), allow_nan=False))) == entry
     assert numbers(finding("partly")) == {"shoulder_yaw": 1.0}
     assert numbers(replace(finding("partly"), value=2.0)) == {"value": 2.0}, "a single number has a name too"
@@ -109,7 +109,7 @@ def test_a_seed_among_many_is_the_study_on_the_nominal_arm(monkeypatch):
 
     monkeypatch.setattr(monte_carlo, "run_study", run_study)
     monkeypatch.setattr(monte_carlo, "findings", lambda study: type(study).__name__)
-    monkeypatch.setattr(monte_carlo, "outcome", lambda study, found: replace(made(11), failed={found: study.cost}))
+    monkeypatch.setattr(monte_carlo, "outcome", lambda study, outcome: replace(made(11), failed={outcome: study.cost}))
     (alone,) = tally([11], duration=24.0, threads=1).outcomes
     ((name, cost),) = alone.failed.items()
     assert name == "Study"
@@ -120,12 +120,12 @@ def test_a_seed_among_many_is_the_study_on_the_nominal_arm(monkeypatch):
 
 
 def test_a_failed_seed_is_counted_with_its_reason(quick):
-    told = []
-    found = tally([2, 3, 4], progress=lambda seed, before, step, done, whole: told.append((seed, before)))
-    assert [entry.seed for entry in found.outcomes] == [2, 4]
-    assert found.failed == {3: "the physics diverged"}
-    assert told == [(2, 0), (3, 1), (4, 2)]
-    assert "Seed 3 came to no conclusion: the physics diverged." in source_text(found)
+    messages = []
+    outcomes = tally([2, 3, 4], progress=lambda seed, before, step, done, whole: messages.append((seed, before)))
+    assert [entry.seed for entry in outcomes.outcomes] == [2, 4]
+    assert outcomes.failed == {3: "the physics diverged"}
+    assert messages == [(2, 0), (3, 1), (4, 2)]
+    assert "Seed 3 came to no conclusion: the physics diverged." in source_text(outcomes)
     refused("none of 1 seeds", tally, [3])
 
 
@@ -155,8 +155,8 @@ def test_an_interrupted_run_keeps_its_seeds_and_says_so(tmp_path, monkeypatch, c
 
     monkeypatch.setattr(monte_carlo, "_run_seed", one)
     assert main(["thesis", "--seeds", "20", "--seed", "5", "--out", str(tmp_path)]) == 130
-    said = capsys.readouterr().err
-    assert "saved in" in said and "hmtb thesis --seeds 20 --seed 5" in said
+    message = capsys.readouterr().err
+    assert "saved in" in message and "hmtb thesis --seeds 20 --seed 5" in message
     with Journal(tmp_path / "seeds" / "seeds.sqlite", {"format": "thesis seeds"}) as journal:
         assert [key.split()[-1] for key, _ in journal.items()] == ["5"]
     assert not (tmp_path / "report.html").exists()
@@ -206,7 +206,7 @@ def no_study(monkeypatch):
     logs = {"one": SimpleNamespace(name="one")}
     monkeypatch.setattr("scenarios.thesis.study.run_study", lambda **_: Study(logs))
     monkeypatch.setattr("scenarios.thesis.findings.findings", lambda study: ())
-    monkeypatch.setattr("scenarios.thesis.report.write_report", lambda study, found, path, *_, **__: path)
+    monkeypatch.setattr("scenarios.thesis.report.write_report", lambda study, outcome, path, *_, **__: path)
     monkeypatch.setattr("scenarios.thesis.results.results", lambda *_: {"findings": {}})
     monkeypatch.setattr("scenarios.thesis.results.answer", lambda study: "the answer")
 
@@ -231,9 +231,9 @@ def test_results_are_there_before_the_logs(no_study, tmp_path, monkeypatch):
 
 
 def test_verdicts_are_counted_and_numbers_ranged(twenty):
-    found = twenty.frequency("F1")
-    assert (found.usual, found.seeds, found.counts) == ("reproduced", 20, {"reproduced": 18, "partly": 2})
-    assert not found.depends, "nine in ten is enough"
+    frequency = twenty.frequency("F1")
+    assert (frequency.usual, frequency.seeds, frequency.counts) == ("reproduced", 20, {"reproduced": 18, "partly": 2})
+    assert not frequency.depends, "nine in ten is enough"
     less = Tally((*twenty.outcomes[:17], *twenty.outcomes[18:], made(21, "partly")), {})
     assert less.frequency("F1").counts == {"reproduced": 17, "partly": 3}
     assert less.frequency("F1").depends
@@ -244,8 +244,8 @@ def test_verdicts_are_counted_and_numbers_ranged(twenty):
 
 def test_a_range_over_few_seeds_leaves_none_out_and_has_values_of_seeds_only(twenty):
     for count in (2, 10, 40):
-        found = spread([float(number**2) for number in range(count)])
-        assert (found.low, found.high) == (0.0, (count - 1) ** 2)
+        limits = spread([float(number**2) for number in range(count)])
+        assert (limits.low, limits.high) == (0.0, (count - 1) ** 2)
     many = spread([float(number) for number in range(200)])
     assert (many.low, many.high) == (4.0, 195.0)
     assert spread([0.0] * 7 + [100.0] * 3).shares == ((0.0, 7), (100.0, 3))
@@ -255,20 +255,22 @@ def test_a_range_over_few_seeds_leaves_none_out_and_has_values_of_seeds_only(twe
 
 
 def test_coverage_counts_intervals_that_hold_the_truth():
-    found = Tally((made(1, hz=1.0), made(2, hz=1.05), made(3, hz=1.4)), {}).coverage("elbow_pitch", "oe")
-    assert (found.covers, found.near, found.hz.median) == (2, 2, 1.05)
-    assert found.width.largest == pytest.approx(0.2)
+    coverage = Tally((made(1, hz=1.0), made(2, hz=1.05), made(3, hz=1.4)), {}).coverage("elbow_pitch", "oe")
+    assert (coverage.covers, coverage.near, coverage.hz.median) == (2, 2, 1.05)
+    assert coverage.width.largest == pytest.approx(0.2)
 
 
 def test_the_tally_says_when_a_verdict_depends_on_the_seed(twenty):
     assert frequency_text(finding("reproduced"), twenty) == "18 of 20 seeds"
-    said = "depends on the seed: of 20 seeds 18 reproduced, 2 partly"
-    assert frequency_text(finding("partly"), twenty) == said, "that of this run is held by few, whatever the others do"
+    sentence = "depends on the seed: of 20 seeds 18 reproduced, 2 partly"
+    assert frequency_text(finding("partly"), twenty) == sentence, (
+        "that of this run is held by few, whatever the others do"
+    )
     assert twenty.frequency("F1").against("partly")
     assert not twenty.frequency("F1").against("reproduced")
     half = Tally(tuple(made(n, "partly" if n % 2 else "reproduced") for n in range(10)), {})
-    said = "depends on the seed: of 10 seeds 5 reproduced, 5 partly"
-    assert frequency_text(finding("partly"), half) == said
+    sentence = "depends on the seed: of 10 seeds 5 reproduced, 5 partly"
+    assert frequency_text(finding("partly"), half) == sentence
     assert frequency_text(replace(finding("partly"), key="F2"), twenty) == ""
 
 
@@ -286,11 +288,11 @@ def test_the_source_of_the_frequencies_is_said(twenty):
 
 
 def test_the_answer_says_how_often_it_comes_out():
-    found = Tally((made(1, hz=1.0), made(2, hz=1.6), made(3, hz=1.0)), {})
-    said = answer_text(found)
-    assert said.startswith("Over 3 seeds 0 of ")
-    assert "OE with 2" in said
-    assert "intervals hold the truth, by model between " in said
+    outcomes = Tally((made(1, hz=1.0), made(2, hz=1.6), made(3, hz=1.0)), {})
+    sentence = answer_text(outcomes)
+    assert sentence.startswith("Over 3 seeds 0 of ")
+    assert "OE with 2" in sentence
+    assert "intervals hold the truth, by model between " in sentence
     assert "None of their " in answer_text(Tally((made(1, hz=1.6),), {}))
     assert "models are near 1 Hz with every seed" in answer_text(Tally((made(1, hz=1.0),), {}))
 

@@ -11,9 +11,9 @@ def test_a_record_that_two_poles_explain_leaves_them_stable():
     rng = np.random.default_rng(3)
     u = np.repeat(rng.choice([-1.0, 1.0], 1000), 2)
     y = lfilter([0.0, 0.0, 0.1, 0.05], [1.0, -1.5, 0.62], u) + 0.01 * rng.standard_normal(2000)
-    found = more_poles(IOData(u, y, 0.02), 2)
-    assert [entry.orders for entry in found] == [(nb, nf, 2) for nb, nf in ORDERS]
-    own = found[0]
+    models = more_poles(IOData(u, y, 0.02), 2)
+    assert [entry.orders for entry in models] == [(nb, nf, 2) for nb, nf in ORDERS]
+    own = models[0]
     assert not own.unstable
     assert own.settled
     assert abs(own.radius - np.sqrt(0.62)) < 0.02
@@ -25,10 +25,10 @@ def test_least_squares_may_leave_the_unit_circle():
     rng = np.random.default_rng(4)
     u = rng.standard_normal(400)
     y = lfilter([0.0, 0.0, 1.0], [1.0, -1.01], u)
-    found = more_poles(IOData(u, y, 0.02), 2)
-    assert all(entry.free_radius > 1.0 for entry in found)
-    assert all(entry.unstable for entry in found)
-    assert all(entry.radius < 1.0 for entry in found), "the estimator keeps every model stable"
+    models = more_poles(IOData(u, y, 0.02), 2)
+    assert all(entry.free_radius > 1.0 for entry in models)
+    assert all(entry.unstable for entry in models)
+    assert all(entry.radius < 1.0 for entry in models), "the estimator keeps every model stable"
 
 
 def test_the_edge_counts_as_unstable():

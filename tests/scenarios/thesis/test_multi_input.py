@@ -41,9 +41,9 @@ def test_what_lies_off_the_diagonal():
 
 
 def test_errors_of_all_channels_and_of_the_diagonal():
-    true, found = _gains([[3.0, 0.0], [0.0, 4.0]]), _gains([[3.0, 1.0], [0.0, 2.0]])
-    assert relative_error(found, true) == pytest.approx(np.sqrt(5.0) / 5.0)
-    assert relative_error(found, true, diagonal=True) == pytest.approx(0.4)
+    true, estimate = _gains([[3.0, 0.0], [0.0, 4.0]]), _gains([[3.0, 1.0], [0.0, 2.0]])
+    assert relative_error(estimate, true) == pytest.approx(np.sqrt(5.0) / 5.0)
+    assert relative_error(estimate, true, diagonal=True) == pytest.approx(0.4)
 
 
 def test_the_band_decides_what_counts():
@@ -53,16 +53,16 @@ def test_the_band_decides_what_counts():
 
 def test_the_pushes_of_both_other_joints_are_added_up():
     model = _gains([[1.0, 0.0, 0.0], [0.1, 2.0, -0.3], [0.0, 0.5, 1.0]])
-    found = pushed_by_others(model, band=(0.1, 10.0))
-    assert list(found.values()) == pytest.approx([0.0, 0.2, 0.5])
+    shares = pushed_by_others(model, band=(0.1, 10.0))
+    assert list(shares.values()) == pytest.approx([0.0, 0.2, 0.5])
 
 
 def test_independent_waveforms_find_what_a_shared_one_cannot(study):
-    found = {(entry.record, entry.method): entry for entry in study.multivariable.full}
-    assert set(found) == {(record, method) for record in (SHARED, INDEPENDENT) for method in METHODS}
+    matrix_models = {(entry.record, entry.method): entry for entry in study.multivariable.full}
+    assert set(matrix_models) == {(record, method) for record in (SHARED, INDEPENDENT) for method in METHODS}
     true = off_diagonal(study.multivariable.truth, band=EXCITED)
     for method in METHODS:
-        shared, independent = found[SHARED, method], found[INDEPENDENT, method]
+        shared, independent = matrix_models[SHARED, method], matrix_models[INDEPENDENT, method]
         assert shared.condition > LIMIT > independent.condition
         if method == ALONE:
             assert shared.coupling == independent.coupling == 0.0

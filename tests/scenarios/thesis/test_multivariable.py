@@ -14,8 +14,8 @@ from scenarios.truth.published import published_model
 
 
 def test_identified_and_printed_models_are_peers(study):
-    found = study.multivariable
-    assert [entry.name for entry in found.models] == [
+    matrix_models = study.multivariable
+    assert [entry.name for entry in matrix_models.models] == [
         "SysID model",
         "OKID model",
         "hybrid model",
@@ -23,13 +23,13 @@ def test_identified_and_printed_models_are_peers(study):
         "printed OKID model",
         "printed hybrid model",
     ]
-    assert found.records == RECORDS
-    for entry in found.models:
+    assert matrix_models.records == RECORDS
+    for entry in matrix_models.models:
         assert tuple(entry.fits) == RECORDS
         assert set(entry.residual_tests) == set(TESTED)
     for kind in ("SysID", "OKID", "hybrid"):
         printed = published_model(kind.lower()).model
-        entry = found.model(kind, printed=True)
+        entry = matrix_models.model(kind, printed=True)
         f = np.geomspace(0.1, 20.0, 20)
         np.testing.assert_allclose(entry.model.frequency_response(f), printed.frequency_response(f))
         assert entry.largest_pole == pytest.approx(np.abs(printed.poles()).max())
@@ -86,8 +86,8 @@ def test_a_predictor_that_grows_without_bound_leaves_nothing_to_test(study):
     yaw = blocks["shoulder_yaw"]
     blocks["shoulder_yaw"] = replace(yaw, A=3.0 * yaw.A, K=0.0 * yaw.gain)
     with np.errstate(all="ignore"):
-        found = multivariable(blocks, blocks, study.campaign).model("OKID")
-    assert not np.isfinite(found.fit(RPCM).simulation["shoulder_yaw"])
-    assert np.isfinite(found.fit(RPCM).simulation["elbow_pitch"])
+        matrix_models = multivariable(blocks, blocks, study.campaign).model("OKID")
+    assert not np.isfinite(matrix_models.fit(RPCM).simulation["shoulder_yaw"])
+    assert np.isfinite(matrix_models.fit(RPCM).simulation["elbow_pitch"])
     with pytest.raises(MissingRecordError, match="not finite"):
-        found.residual_test(RPCM)
+        matrix_models.residual_test(RPCM)

@@ -35,10 +35,10 @@ def _record(tones, noise=1e-4, wires=1e-3):
 
 
 def test_the_gain_between_the_tones_is_told_by_the_noise_of_the_wires():
-    told = period_spectra(_record((2.5, 10.0), wires=0.03)).reliable_response()
-    assert len(told.frequencies) > 20
-    true = np.abs(SERVO.frequency_response(told.frequencies)[:, 0, 0])
-    np.testing.assert_allclose(told.magnitude[:, 0, 0], true, rtol=0.2)
+    response = period_spectra(_record((2.5, 10.0), wires=0.03)).reliable_response()
+    assert len(response.frequencies) > 20
+    true = np.abs(SERVO.frequency_response(response.frequencies)[:, 0, 0])
+    np.testing.assert_allclose(response.magnitude[:, 0, 0], true, rtol=0.2)
     silent = period_spectra(_record((2.5, 10.0), wires=0.0)).reliable_response()
     np.testing.assert_allclose(silent.frequencies, [2.5, 10.0])
 
@@ -59,41 +59,41 @@ def test_intervals_of_the_told_gain_hold_the_truth_as_often_as_they_say():
     held = []
     for _ in range(20):
         y = simulate(SERVO, u)[:, 0] + 0.3 * rng.standard_normal(6000)
-        told = period_spectra(IOData(u, y, 0.02)[200:]).reliable_response()
-        low, high = told.magnitude_ci95()
-        true = np.abs(SERVO.frequency_response(told.frequencies)[:, 0, 0])
+        response = period_spectra(IOData(u, y, 0.02)[200:]).reliable_response()
+        low, high = response.magnitude_ci95()
+        true = np.abs(SERVO.frequency_response(response.frequencies)[:, 0, 0])
         held.append(np.mean((low[:, 0, 0] < true) & (true < high[:, 0, 0])))
     assert 0.90 < np.mean(held) < 0.99
 
 
 def test_power_is_where_the_tones_are(study):
     tones = 2.5 * np.arange(1, 11)  # the velocity limit adds multiples to the two
-    for found in study.nonparametric.values():
-        near = np.min(np.abs(GRID[:, None] - tones), axis=1) <= 1.5 * found.resolution_hz(SINES)
-        power = excited_lines(found.spectra[SINES])
+    for estimates in study.nonparametric.values():
+        near = np.min(np.abs(GRID[:, None] - tones), axis=1) <= 1.5 * estimates.resolution_hz(SINES)
+        power = excited_lines(estimates.spectra[SINES])
         assert power[np.isclose(GRID, 2.5) | np.isclose(GRID, 10.0)].all()
         assert power[~near].mean() < 0.02, "elsewhere there is only leakage"
 
 
 def test_correlations_find_the_true_delay(study):
-    for joint, found in study.nonparametric.items():
-        assert int(found.delay.correlation[0, 0]) == study.joints[joint].truth.delay_samples
+    for joint, estimates in study.nonparametric.items():
+        assert int(estimates.delay.correlation[0, 0]) == study.joints[joint].truth.delay_samples
 
 
 def test_pulse_response_is_that_of_the_truth(study):
-    for joint, found in study.nonparametric.items():
+    for joint, estimates in study.nonparametric.items():
         true = study.joints[joint].truth.model.markov(20)[:, 0, 0]
-        error = found.pulse.response[:20, 0, 0] - true
+        error = estimates.pulse.response[:20, 0, 0] - true
         assert np.sqrt(np.mean(error**2)) < 0.15 * true.max()
 
 
 def test_every_record_that_repeats_has_a_row(study):
     names = {name for name in study.logs if name.startswith("mimo-")}
     assert len(names) == 15
-    for joint, found in study.nonparametric.items():
+    for joint, estimates in study.nonparametric.items():
         own = {f"siso-{n}-{joint}" for n in range(1, 9)}
-        assert set(found.tests) == names | own
-        row = found.tests[f"siso-5-{joint}"]
+        assert set(estimates.tests) == names | own
+        row = estimates.tests[f"siso-5-{joint}"]
         assert row.half_power_hz == pytest.approx(1.0, abs=0.25)
         assert 0.0 < row.disturbance_percent < 1.0
 
@@ -127,10 +127,10 @@ def test_a_crossing_needs_known_lines_close_by():
 def test_a_missing_record_is_left_out_and_only_the_prbs_is_needed(study):
     joint = "elbow_pitch"
     kept = {name: log for name, log in study.logs.items() if name in (f"siso-5-{joint}", f"siso-4-{joint}")}
-    found = nonparametric(joint, replace(study.campaign, logs=kept), summaries=False)
-    assert set(found.spectra) == {SINES}
-    assert PULSE not in found.repeated
-    assert not found.tests
+    estimates = nonparametric(joint, replace(study.campaign, logs=kept), summaries=False)
+    assert set(estimates.spectra) == {SINES}
+    assert PULSE not in estimates.repeated
+    assert not estimates.tests
     with pytest.raises(MissingRecordError, match="siso-5-elbow_pitch"):
         nonparametric(joint, replace(study.campaign, logs={}))
 

@@ -18,10 +18,10 @@ def record(noise, samples=4000, level=0.0):
 
 
 def test_two_states_describe_a_system_of_two_states():
-    found = observer(record(1e-6))
-    assert hankel_share(found, 2) == pytest.approx(100.0, abs=1e-6)
-    assert hankel_share(found, 1) < 99.0
-    assert hankel_share(found, 1, power=1) < hankel_share(found, 1) < hankel_share(found, 2)
+    realised = observer(record(1e-6))
+    assert hankel_share(realised, 2) == pytest.approx(100.0, abs=1e-6)
+    assert hankel_share(realised, 1) < 99.0
+    assert hankel_share(realised, 1, power=1) < hankel_share(realised, 1) < hankel_share(realised, 2)
 
 
 def test_errors_fall_to_the_noise_and_smoothing_is_no_worse():
@@ -40,9 +40,9 @@ def test_live_counts_to_the_last_parameter_of_note():
 
 
 def test_every_joint_and_record_has_its_observer(study):
-    found = study.observers
-    assert tuple(found.joints) == tuple(found.records) == STUDIED_JOINTS
-    for joint, entry in found.joints.items():
+    part = study.observers
+    assert tuple(part.joints) == tuple(part.records) == STUDIED_JOINTS
+    for joint, entry in part.joints.items():
         assert entry.estimate is study.joints[joint].models["okid"].estimate
         assert [share.order for share in entry.shares] == list(range(1, P + 1))
         shares = [share.squared for share in entry.shares]
@@ -53,8 +53,8 @@ def test_every_joint_and_record_has_its_observer(study):
         assert np.abs(entry.observer_poles).max() < 1.0
         system = np.asarray(entry.estimate.diagnostics["system_markov"])[:, 0, 0]
         assert np.abs(system - entry.true_markov).max() < 0.1 * np.abs(entry.true_markov).max()
-        assert [row.test for row in found.records[joint]] == list(SINGLE_JOINT)
-        own = next(row for row in found.records[joint] if row.test == study.estimation_test)
+        assert [row.test for row in part.records[joint]] == list(SINGLE_JOINT)
+        own = next(row for row in part.records[joint] if row.test == study.estimation_test)
         assert own.prbs == own.simulation == entry.shares[ORDER - 1].simulation
 
 

@@ -29,22 +29,22 @@ def record(seed, *, coloured, samples=3000):
 @pytest.mark.parametrize(("method", "coloured"), [("armax", True), ("oe", False)])
 def test_the_true_orders_are_found_from_below(method, coloured):
     others = [record(seed, coloured=coloured, samples=1500) for seed in (5, 6, 7)]
-    found = search(method, record(1, coloured=coloured), others, (9, 9, 9))
-    assert found.accepted
-    assert (found.chosen.poles, found.chosen.zeros, found.chosen.delay) == (2, 1, 2)
-    assert found.chosen.whiteness_p > 0.01
-    assert found.chosen.independence_p > 0.01
-    assert not any(entry.passes for entry in found.iterations if entry.poles == 1)
-    assert max(entry.poles for entry in found.iterations) == 3, "one step more shows that it gains nothing"
-    assert found.own is None
+    chosen = search(method, record(1, coloured=coloured), others, (9, 9, 9))
+    assert chosen.accepted
+    assert (chosen.chosen.poles, chosen.chosen.zeros, chosen.chosen.delay) == (2, 1, 2)
+    assert chosen.chosen.whiteness_p > 0.01
+    assert chosen.chosen.independence_p > 0.01
+    assert not any(entry.passes for entry in chosen.iterations if entry.poles == 1)
+    assert max(entry.poles for entry in chosen.iterations) == 3, "one step more shows that it gains nothing"
+    assert chosen.own is None
 
 
 def test_coloured_residuals_are_accepted_of_output_error_alone():
     others = [record(seed, coloured=True, samples=1500) for seed in (5, 6)]
-    found = search("oe", record(1, coloured=True), others, (2, 2, 2))
-    assert found.accepted
-    assert found.chosen.whiteness_p < 0.01
-    assert found.own.orders == (2, 2, 2)
+    chosen = search("oe", record(1, coloured=True), others, (2, 2, 2))
+    assert chosen.accepted
+    assert chosen.chosen.whiteness_p < 0.01
+    assert chosen.own.orders == (2, 2, 2)
 
 
 def test_where_nothing_passes_the_simplest_near_the_best_is_chosen():
@@ -52,12 +52,12 @@ def test_where_nothing_passes_the_simplest_near_the_best_is_chosen():
         data = record(seed, coloured=False, samples=2000)
         return IOData(data.u, data.y + 0.3 * np.roll(data.u, 17, axis=0), 0.02)[20:]
 
-    found = search("armax", echoing(1), [echoing(seed) for seed in (5, 6)], (2, 2, 2, 2))
-    assert not found.accepted
-    assert {entry.poles for entry in found.iterations} == set(POLES)
-    assert {entry.delay for entry in found.iterations} == set(DELAYS)
-    top = max(entry.held_out for entry in found.iterations)
-    assert top - 0.1 <= found.chosen.held_out <= top
+    chosen = search("armax", echoing(1), [echoing(seed) for seed in (5, 6)], (2, 2, 2, 2))
+    assert not chosen.accepted
+    assert {entry.poles for entry in chosen.iterations} == set(POLES)
+    assert {entry.delay for entry in chosen.iterations} == set(DELAYS)
+    top = max(entry.held_out for entry in chosen.iterations)
+    assert top - 0.1 <= chosen.chosen.held_out <= top
 
 
 def test_nothing_to_judge_on_is_refused():
@@ -67,13 +67,13 @@ def test_nothing_to_judge_on_is_refused():
 
 def test_a_search_knows_of_the_thesis_choice(study):
     assert set(study.searches) == set(study.joints)
-    for joint, found in study.searches.items():
-        for entry in (found.armax, found.oe):
+    for joint, searched in study.searches.items():
+        for entry in (searched.armax, searched.oe):
             assert list(entry.thesis) == THESIS[joint][entry.method]
             if entry.own is not None:
                 assert entry.own.orders == entry.thesis
-        assert np.isfinite(found.arx.validation).all()
-        assert found.arx.best("aic")
+        assert np.isfinite(searched.arx.validation).all()
+        assert searched.arx.best("aic")
 
 
 def test_the_test_of_the_same_sequence_judges_nothing(monkeypatch):

@@ -28,8 +28,8 @@ def yaw_bandwidths() -> dict[str, float]:
     data = prepared(log, YAW)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
-        found = {entry.method: estimate(data, entry.estimator, entry.orders) for entry in STRUCTURES[YAW]}
-    return {method: float(entry.bandwidth().hz[0, 0]) for method, entry in found.items()}
+        by_name = {entry.method: estimate(data, entry.estimator, entry.orders) for entry in STRUCTURES[YAW]}
+    return {method: float(entry.bandwidth().hz[0, 0]) for method, entry in by_name.items()}
 
 
 @pytest.fixture
@@ -49,8 +49,8 @@ def stiffer_servo(monkeypatch):
 @pytest.mark.slow
 def test_a_fixed_seed_concludes_what_is_recorded_of_it():
     """Whole records of every test: when this fails on purpose, tests/benchmarks/findings.py makes the record anew."""
-    (found,) = tally([SEED]).outcomes
-    assert contradictions(found, recorded()) == ()
+    (outcome,) = tally([SEED]).outcomes
+    assert contradictions(outcome, recorded()) == ()
 
 
 def test_records_of_the_yaw_joint_alone_agree():
@@ -67,8 +67,8 @@ def test_a_servo_that_is_ten_percent_stiffer_is_found_out(stiffer_servo):
         )
         for method, hz in yaw_bandwidths().items()
     }
-    found = replace(before, recovered={**before.recovered, YAW: moved})
-    lines = contradictions(found, reference)
+    outcome = replace(before, recovered={**before.recovered, YAW: moved})
+    lines = contradictions(outcome, reference)
     assert any(line.startswith(f"bandwidth of {YAW}, oe, Hz") for line in lines)
     assert any(line.startswith(f"bandwidth of {YAW}, okid, Hz") for line in lines)
 
@@ -77,8 +77,10 @@ def test_a_servo_that_is_ten_percent_stiffer_is_found_out(stiffer_servo):
 def test_a_verdict_that_flips_is_found_out(key):
     before = recorded().of(SEED)
     flipped = "not reproduced" if before.verdicts[key] != "not reproduced" else "reproduced"
-    found = replace(before, verdicts={**before.verdicts, key: flipped})
-    assert contradictions(found, recorded()) == (f"{key}: {flipped}, recorded of seed {SEED}: {before.verdicts[key]}",)
+    outcome = replace(before, verdicts={**before.verdicts, key: flipped})
+    assert contradictions(outcome, recorded()) == (
+        f"{key}: {flipped}, recorded of seed {SEED}: {before.verdicts[key]}",
+    )
 
 
 def test_every_seed_agrees_with_the_tally_that_it_is_in():
@@ -87,21 +89,21 @@ def test_every_seed_agrees_with_the_tally_that_it_is_in():
 
 
 def test_whole_records_of_seeds_from_one_on_came_to_an_end():
-    found = recorded()
-    assert [entry.seed for entry in found.outcomes] == list(range(1, 21))
-    assert found.duration is None
-    assert not found.failed
-    assert not any(entry.failed for entry in found.outcomes)
-    assert found.total_s < 4 * found.physics_s
-    assert "not of this run" in source_text(found)
+    reference = recorded()
+    assert [entry.seed for entry in reference.outcomes] == list(range(1, 21))
+    assert reference.duration is None
+    assert not reference.failed
+    assert not any(entry.failed for entry in reference.outcomes)
+    assert reference.total_s < 4 * reference.physics_s
+    assert "not of this run" in source_text(reference)
 
 
 @pytest.mark.parametrize("key", CLAIMS)
 def test_another_seed_concludes_the_same_or_the_report_says_that_it_depends(key):
-    found = recorded().frequency(key)
-    assert found.seeds == len(recorded().outcomes)
-    said = frequency_text(decided_finding(key, found.usual, 1.0, "", ""), recorded())
-    if found.counts[found.usual] >= 0.9 * found.seeds:
-        assert said.startswith(f"{found.counts[found.usual]} of {found.seeds} seeds")
+    frequency = recorded().frequency(key)
+    assert frequency.seeds == len(recorded().outcomes)
+    sentence = frequency_text(decided_finding(key, frequency.usual, 1.0, "", ""), recorded())
+    if frequency.counts[frequency.usual] >= 0.9 * frequency.seeds:
+        assert sentence.startswith(f"{frequency.counts[frequency.usual]} of {frequency.seeds} seeds")
     else:
-        assert said.startswith("depends on the seed")
+        assert sentence.startswith("depends on the seed")

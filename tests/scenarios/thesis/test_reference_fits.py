@@ -64,16 +64,16 @@ def test_the_impulse_response_is_the_model():
 
 def test_only_the_joint_that_is_pushed_loses_by_leaving_the_coupling_out():
     truth = _truth(0.1)
-    found = _fits(truth, _campaign(truth))
-    assert list(found[COUPLED].values()) == pytest.approx([100.0] * 3, abs=1e-3)
-    assert [found[DIAGONAL][joint] for joint in (YAW, ELBOW)] == pytest.approx([100.0] * 2, abs=1e-3)
-    assert found[DIAGONAL][SHOULDER] < 80.0
+    fits = _fits(truth, _campaign(truth))
+    assert list(fits[COUPLED].values()) == pytest.approx([100.0] * 3, abs=1e-3)
+    assert [fits[DIAGONAL][joint] for joint in (YAW, ELBOW)] == pytest.approx([100.0] * 2, abs=1e-3)
+    assert fits[DIAGONAL][SHOULDER] < 80.0
 
 
 def test_noise_caps_what_the_true_angles_follow_and_reading_late_does_not():
     truth = _truth(0.0)
     clean = _campaign(truth)
     spread = clean.several("mimo-1").y.std(axis=0)
-    found = _fits(truth, _campaign(truth, noise=0.1 * float(spread[0]), late=2))
-    assert found[NOISELESS][YAW] == pytest.approx(90.0, abs=0.5)
-    assert found[COUPLED][YAW] < found[NOISELESS][YAW]
+    fits = _fits(truth, _campaign(truth, noise=0.1 * float(spread[0]), late=2))
+    assert fits[NOISELESS][YAW] == pytest.approx(90.0, abs=0.5)
+    assert fits[COUPLED][YAW] < fits[NOISELESS][YAW]

@@ -111,9 +111,9 @@ def test_every_finding_is_listed_with_verdict_and_reason(text, study):
 
 
 def test_frequencies_and_ranges_stand_beside_the_findings(text, study, report):
-    found = findings(study)
-    first, second = found[0], found[1]
-    here = outcome(study, found)
+    decided = findings(study)
+    first, second = decided[0], decided[1]
+    here = outcome(study, decided)
     turned: Verdict = "partly" if second.verdict != "partly" else "reproduced"
     moved = {name: 1.1 * value for name, value in here.numbers[first.key].items()}
     other = replace(
@@ -123,7 +123,7 @@ def test_frequencies_and_ranges_stand_beside_the_findings(text, study, report):
         numbers={**here.numbers, first.key: moved},
     )
     both = Tally((here, other), {})
-    many = html({**report.context, "chance": chance(found, both, study.seed)})
+    many = html({**report.context, "chance": chance(decided, both, study.seed)})
     Page(many)
     rows = dict(re.findall(r'<tr id="(F\d+)">(.*?)</tr>', many, flags=re.S))
     assert '<span class="note">2 of 2 seeds</span>' in rows[first.key]
@@ -155,16 +155,16 @@ def test_it_is_light(text):
 
 
 def test_the_report_is_written_whole_with_its_cost(study, report, tmp_path, monkeypatch):
-    given: list[object] = []
+    messages: list[object] = []
 
     def drawn_already(*arguments: object) -> dict[str, object]:
-        given.extend(arguments)
+        messages.extend(arguments)
         return dict(report.context)
 
     monkeypatch.setattr("scenarios.thesis.report.context", drawn_already)
     path = write_report(study, (), tmp_path / "report.html", figures=tmp_path)
     assert path == tmp_path / "report.html"
-    gallery = given[2]
+    gallery = messages[2]
     assert isinstance(gallery, Gallery)
     assert gallery.folder == tmp_path
     row = re.search(r"All of it</th><td>([\d.]+) s", path.read_text(encoding="utf-8"))

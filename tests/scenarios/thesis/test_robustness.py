@@ -98,15 +98,15 @@ def test_what_a_finding_rests_on_does_not_depend_on_what_else_is_tried(study):
 
 
 def test_finding_25_is_the_count_of_its_statements(study):
-    found = bias_and_outliers(study)
+    answer = bias_and_outliers(study)
     tried = statements(study)
     assert len(tried) == 4
     held = sum(entry.holds for entry in tried)
-    assert found.verdict == {0: "not reproduced", 4: "reproduced"}.get(held, "partly")
-    assert all(isinstance(number, float) and np.isfinite(number) for number in numbers(found).values())
+    assert answer.verdict == {0: "not reproduced", 4: "reproduced"}.get(held, "partly")
+    assert all(isinstance(number, float) and np.isfinite(number) for number in numbers(answer).values())
     orders = {(e.joint, e.method, e.record): e.needed for e in study.robustness.orders}
     saved = max(orders[joint, "SysID", CONSTANT] - orders[joint, "SysID", DETRENDED] for joint in study.joints)
-    assert numbers(found)["orders that detrending saves: SysID"] == saved
+    assert numbers(answer)["orders that detrending saves: SysID"] == saved
 
 
 def test_finding_25_cannot_be_told_where_the_clean_record_gives_no_bandwidth(study):
@@ -123,8 +123,8 @@ def test_finding_25_cannot_be_told_where_the_clean_record_gives_no_bandwidth(stu
 
 def test_failures_are_counted_and_hold_nothing():
     entries = (outcome(0.0), outcome(0.5), outcome(0.5, failure="unstable", draw=1), outcome(0.5, hz=1.2, draw=2))
-    found = Robustness(entries, (), {"elbow_pitch": (2, 7, 8)})
-    point = found.curve("bias", "elbow_pitch", "oe")[1]
+    shifts = Robustness(entries, (), {"elbow_pitch": (2, 7, 8)})
+    point = shifts.curve("bias", "elbow_pitch", "oe")[1]
     assert (point.draws, dict(point.failures)) == (3, {"unstable": 1})
     assert point.error == pytest.approx((10.0, 0.0, 20.0))
     assert point.covered == pytest.approx(2 / 3)
@@ -141,10 +141,10 @@ def test_comparable_is_within_ten_percent_and_five_points():
 
 def test_tolerance_ends_at_the_first_degree_that_is_too_much():
     degrees = {0.0: 1.0, 0.1: 1.05, 0.5: 1.5, 2.0: 1.0}
-    found = Robustness(tuple(outcome(d, hz=hz) for d, hz in degrees.items()), (), {"elbow_pitch": (2, 7, 8)})
-    known = tolerance(found, "bias", "elbow_pitch", "oe")
+    shifts = Robustness(tuple(outcome(d, hz=hz) for d, hz in degrees.items()), (), {"elbow_pitch": (2, 7, 8)})
+    known = tolerance(shifts, "bias", "elbow_pitch", "oe")
     assert (known.degree, known.everything) == (0.1, False)
-    assert tolerance(found, "drift", "elbow_pitch", "oe") is None
+    assert tolerance(shifts, "drift", "elbow_pitch", "oe") is None
 
 
 def test_the_order_that_suffices_is_the_smallest_near_the_best():
@@ -155,10 +155,10 @@ def test_the_order_that_suffices_is_the_smallest_near_the_best():
 
 def test_the_figure_of_a_record_too_short_for_most_parts_draws_without_a_warning():
     one = replace(outcome(10.0), disturbance="length")
-    found = Robustness((outcome(0.0), one, replace(one, method="okid")), (), {"elbow_pitch": (2, 7, 8)})
+    shifts = Robustness((outcome(0.0), one, replace(one, method="okid")), (), {"elbow_pitch": (2, 7, 8)})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        figure = errors(found)
+        figure = errors(shifts)
         figure.draw_without_rendering()
     assert len({axes.get_xlim() for axes in figure.axes}) > 1
     assert all(low != high for low, high in (axes.get_xlim() for axes in figure.axes))

@@ -14,26 +14,26 @@ def test_findings_fall_into_their_lists(study):
         decided_finding("F3", "not reproduced", 1.0, "Hz", "so"),
         decided_finding("F4", "cannot be told", {}, "", "so"),
     ]
-    found = shortcomings(replace(study, joints={}), entries)
-    assert [entry.key for entry in found.refuted] == ["F3"]
-    assert [entry.key for entry in found.partly] == ["F2"]
-    assert [entry.key for entry in found.open] == ["F4"]
-    assert (found.intervals, found.misses, found.printed) == (0, (), 0)
+    lists = shortcomings(replace(study, joints={}), entries)
+    assert [entry.key for entry in lists.refuted] == ["F3"]
+    assert [entry.key for entry in lists.partly] == ["F2"]
+    assert [entry.key for entry in lists.open] == ["F4"]
+    assert (lists.intervals, lists.misses, lists.printed) == (0, (), 0)
 
 
 def test_every_interval_that_misses_is_listed_with_its_distance(study):
-    found = shortcomings(study, ())
+    lists = shortcomings(study, ())
     models = [(name, model) for name, entry in study.joints.items() for model in entry.models.values()]
-    assert found.intervals == len(models)
-    assert {(miss.joint, miss.label) for miss in found.misses} == {(n, m.label) for n, m in models if not m.covers}
-    assert all(miss.widths > 1.0 for miss in found.misses)
-    assert [abs(miss.away) for miss in found.misses] == sorted((abs(miss.away) for miss in found.misses), reverse=True)
+    assert lists.intervals == len(models)
+    assert {(miss.joint, miss.label) for miss in lists.misses} == {(n, m.label) for n, m in models if not m.covers}
+    assert all(miss.widths > 1.0 for miss in lists.misses)
+    assert [abs(miss.away) for miss in lists.misses] == sorted((abs(miss.away) for miss in lists.misses), reverse=True)
 
 
 def test_printed_models_far_from_1_hz_are_listed(study):
-    found = shortcomings(study, ())
-    assert found.printed == 8
-    assert {label for joint, label, hz in found.printed_far if joint == "shoulder_yaw"} == {
+    lists = shortcomings(study, ())
+    assert lists.printed == 8
+    assert {label for joint, label, hz in lists.printed_far if joint == "shoulder_yaw"} == {
         model.label for model in study.joints["shoulder_yaw"].published
     }
 

@@ -144,10 +144,10 @@ def test_period_spectra_tell_the_disturbance_apart():
     rng = np.random.default_rng(3)
     u = np.tile(rng.standard_normal(100), 200)
     noise = 0.1 * rng.standard_normal(len(u))
-    found = period_spectra(IOData(u, 2.0 * u + noise, 0.02))
-    np.testing.assert_allclose(found.output, 4.0 * found.input, rtol=0.1)
+    spectra = period_spectra(IOData(u, 2.0 * u + noise, 0.02))
+    np.testing.assert_allclose(spectra.output, 4.0 * spectra.input, rtol=0.1)
     # White noise of variance 0.01 has the two-sided density 0.01 dt at every frequency.
-    assert found.disturbance.mean() == pytest.approx(0.01 * 0.02, rel=0.05)
+    assert spectra.disturbance.mean() == pytest.approx(0.01 * 0.02, rel=0.05)
 
 
 SMOOTH = Condition(friction=False)
@@ -192,8 +192,8 @@ def test_what_no_study_can_be_made_of_is_refused_before_anything_is_played(setti
 def test_conclusions_are_drawn_of_an_arm_and_the_same_without_friction():
     truth = linearize(NOMINAL.arm())
     rough, smooth, other = (Campaign(arm, truth, {}, {}) for arm in (NOMINAL, SMOOTH, PUBLISHED))
-    for given in ((), (rough,), (rough, other), (smooth, rough), (smooth, smooth)):
-        refused("expected campaigns of an arm with friction", draw_conclusions, given)
+    for values in ((), (rough,), (rough, other), (smooth, rough), (smooth, smooth)):
+        refused("expected campaigns of an arm with friction", draw_conclusions, values)
 
 
 def test_a_record_without_a_model_that_the_study_is_about_is_named(synthetic_logs, monkeypatch):
@@ -231,5 +231,5 @@ def test_a_method_that_refuses_a_record_of_several_joints_is_left_out(synthetic_
     monkeypatch.setitem(METHODS_OF_SEVERAL, FULL_OKID, refuses)
     truth = linearize(NOMINAL.arm())
     campaign = Campaign(NOMINAL, truth, synthetic_logs([INDEPENDENT]), {})
-    found = full_models(INDEPENDENT, campaign, three_joint_truth(truth))
-    assert [entry.method for entry in found] == [name for name in METHODS_OF_SEVERAL if name != FULL_OKID]
+    models = full_models(INDEPENDENT, campaign, three_joint_truth(truth))
+    assert [entry.method for entry in models] == [name for name in METHODS_OF_SEVERAL if name != FULL_OKID]

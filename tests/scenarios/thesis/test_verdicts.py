@@ -32,9 +32,9 @@ from scenarios.thesis.verdicts import (
     ],
 )
 def test_a_verdict_on_fits_is_given_both_ways(simulation, one_step, decision, text):
-    verdict, said = verdict_by_way({"simulation": simulation, "one_step": one_step}, 3)
+    verdict, reason = verdict_by_way({"simulation": simulation, "one_step": one_step}, 3)
     assert verdict == decision
-    assert text in said
+    assert text in reason
 
 
 def test_joints_that_cannot_predict_are_named(study):
@@ -51,16 +51,16 @@ def test_readings_that_disagree_are_partly_and_each_is_named():
     assert (
         verdict_of_readings({"as one thing": "not reproduced", "as another": "not reproduced"})[0] == "not reproduced"
     )
-    decision, said = verdict_by_reading({"one way": (3, 3), "another way": (0, 3)})
+    decision, reason = verdict_by_reading({"one way": (3, 3), "another way": (0, 3)})
     assert decision == "partly"
-    assert "reproduced one way (3 of 3 parts), not reproduced another way (0 of 3 parts)" in said
-    assert "depends on the reading" in said
+    assert "reproduced one way (3 of 3 parts), not reproduced another way (0 of 3 parts)" in reason
+    assert "depends on the reading" in reason
 
 
 def test_readings_that_agree_give_their_verdict():
-    decision, said = verdict_by_reading({"one way": (3, 3), "another way": (2, 2)})
+    decision, reason = verdict_by_reading({"one way": (3, 3), "another way": (2, 2)})
     assert decision == "reproduced"
-    assert said.endswith("reproduced another way (2 of 2 parts): the same by every reading")
+    assert reason.endswith("reproduced another way (2 of 2 parts): the same by every reading")
     assert verdict_by_reading({"one way": (0, 3), "another way": (0, 3)})[0] == "not reproduced"
     assert verdict_by_reading({"one way": (1, 3), "another way": (2, 3)})[0] == "partly"
 
@@ -82,6 +82,6 @@ def test_without_a_test_there_is_no_fit(study):
     for fit in (held_out, held_out_one_step):
         with pytest.raises(MissingRecordError, match="no test to be judged on"):
             fit(bare, alone["okid"])
-    found = percent_described(bare)
-    assert found.verdict == percent_described(study).verdict, "it does not rest on these fits"
-    assert "(no such test)" in found.why
+    verdict = percent_described(bare)
+    assert verdict.verdict == percent_described(study).verdict, "it does not rest on these fits"
+    assert "(no such test)" in verdict.why

@@ -32,26 +32,26 @@ def sliding():
 
 
 def test_on_a_linear_joint_all_floors_are_the_recorder_noise(sliding):
-    found = attainable(sliding)
+    floors = attainable(sliding)
     noise = float(np.hypot(1e-4, 2 * np.pi / 2**16 / np.sqrt(12)))
-    assert found.joint == "shoulder_yaw"
-    assert found.samples == 3000
-    floor = found.simulation.any_model.rmse
-    assert floor == pytest.approx(noise, rel=3 / np.sqrt(2 * found.samples))
-    for other in (found.simulation.small_signal, found.simulation.best_linear, found.right_order):
+    assert floors.joint == "shoulder_yaw"
+    assert floors.samples == 3000
+    floor = floors.simulation.any_model.rmse
+    assert floor == pytest.approx(noise, rel=3 / np.sqrt(2 * floors.samples))
+    for other in (floors.simulation.small_signal, floors.simulation.best_linear, floors.right_order):
         assert other.rmse == pytest.approx(floor, rel=2e-3)
-    for other in (found.one_step.any_model, found.one_step.small_signal, found.one_step.best_linear):
+    for other in (floors.one_step.any_model, floors.one_step.small_signal, floors.one_step.best_linear):
         assert other.rmse == pytest.approx(floor, rel=2e-2)
-    assert found.distortion < 1e-6
-    assert found.simulation.any_model.fit == pytest.approx(100 * (1 - floor / sliding.iodata().y.std()))
+    assert floors.distortion < 1e-6
+    assert floors.simulation.any_model.fit == pytest.approx(100 * (1 - floor / sliding.iodata().y.std()))
 
 
 def test_without_noise_nothing_is_left(sliding):
-    found = attainable(run("siso-5-shoulder_yaw", chain=IDEAL)[0])
-    assert found.simulation.any_model.rmse == 0.0
-    assert found.simulation.any_model.fit == 100.0
-    assert found.simulation.best_linear.rmse == pytest.approx(found.distortion)
-    assert found.simulation.best_linear.rmse < 1e-2 * attainable(sliding).simulation.best_linear.rmse
+    floors = attainable(run("siso-5-shoulder_yaw", chain=IDEAL)[0])
+    assert floors.simulation.any_model.rmse == 0.0
+    assert floors.simulation.any_model.fit == 100.0
+    assert floors.simulation.best_linear.rmse == pytest.approx(floors.distortion)
+    assert floors.simulation.best_linear.rmse < 1e-2 * attainable(sliding).simulation.best_linear.rmse
 
 
 @pytest.mark.slow
@@ -69,65 +69,65 @@ def test_no_estimator_goes_below_on_fresh_data(name, changes):
     data = train.iodata().detrend()
     models = [oe(data, 5, 5), armax(data, 4, 4, 4)]
     for log in fresh:
-        found, record = attainable(log), log.iodata().detrend()
+        floors, record = attainable(log), log.iodata().detrend()
         for fit in compare(models, record):
             # The initial state is fitted to the fresh record, and its mean is taken off.
             allowed = 7
             simulated, predicted = errors(record, fit.simulated), errors(record, fit.predicted)
-            assert simulated > found.by_chance(found.simulation.any_model.rmse, allowed)
-            assert simulated > found.by_chance(found.simulation.best_linear.rmse, allowed)
-            assert predicted > found.by_chance(found.one_step.any_model.rmse, allowed)
-            assert predicted > found.by_chance(found.one_step.best_linear.rmse, allowed)
+            assert simulated > floors.by_chance(floors.simulation.any_model.rmse, allowed)
+            assert simulated > floors.by_chance(floors.simulation.best_linear.rmse, allowed)
+            assert predicted > floors.by_chance(floors.one_step.any_model.rmse, allowed)
+            assert predicted > floors.by_chance(floors.one_step.best_linear.rmse, allowed)
 
 
 def test_a_sufficient_model_reaches_them_on_fresh_data(sliding):
     fresh = run("siso-5-shoulder_yaw", (2,), chain=QUIET)[0]
-    record, found = fresh.iodata().detrend(), attainable(fresh)
+    record, floors = fresh.iodata().detrend(), attainable(fresh)
     best = errors(record, compare(oe(sliding.iodata().detrend(), 5, 5), record)[0].simulated)
-    assert best < 1.01 * found.simulation.any_model.rmse
+    assert best < 1.01 * floors.simulation.any_model.rmse
 
 
 def test_process_noise_parts_simulation_from_prediction(sliding):
     """The right predictor is that with the true K; a simulation cannot know what the drives did."""
     noisy = run("siso-5-shoulder_yaw", chain=QUIET, plant=Plant(process_noise=0.01))[0]
-    found = attainable(noisy)
-    assert found.provenance["noise-free angles"] == "simulated anew without process noise"
-    assert found.simulation.any_model.rmse > 2 * found.one_step.small_signal.rmse
-    assert found.simulation.small_signal.rmse == pytest.approx(found.simulation.any_model.rmse, rel=0.01)
-    assert found.one_step.small_signal.rmse == pytest.approx(found.one_step.best_linear.rmse, rel=0.02)
-    assert found.one_step.small_signal.rmse > 1.2 * found.one_step.any_model.rmse
+    floors = attainable(noisy)
+    assert floors.provenance["noise-free angles"] == "simulated anew without process noise"
+    assert floors.simulation.any_model.rmse > 2 * floors.one_step.small_signal.rmse
+    assert floors.simulation.small_signal.rmse == pytest.approx(floors.simulation.any_model.rmse, rel=0.01)
+    assert floors.one_step.small_signal.rmse == pytest.approx(floors.one_step.best_linear.rmse, rel=0.02)
+    assert floors.one_step.small_signal.rmse > 1.2 * floors.one_step.any_model.rmse
     # What is simulated anew is what the arm does without that noise.
     quiet = attainable(sliding)
-    assert found.distortion == pytest.approx(quiet.distortion, rel=1e-6)
+    assert floors.distortion == pytest.approx(quiet.distortion, rel=1e-6)
 
 
 def test_friction_is_left_over_by_linear_systems_in_the_right_sequence():
-    found = attainable(run("siso-5-shoulder_yaw", chain=Chain())[0])
+    floors = attainable(run("siso-5-shoulder_yaw", chain=Chain())[0])
     sequence = [
-        found.simulation.any_model,
-        found.simulation.best_linear,
-        found.right_order,
-        found.simulation.small_signal,
+        floors.simulation.any_model,
+        floors.simulation.best_linear,
+        floors.right_order,
+        floors.simulation.small_signal,
     ]
     assert all(a.rmse < b.rmse and a.fit > b.fit for a, b in pairwise(sequence))
-    assert found.simulation.small_signal.rmse > 5 * found.simulation.any_model.rmse
-    left = np.sqrt(found.simulation.best_linear.rmse**2 - found.simulation.any_model.rmse**2)
-    assert found.distortion == pytest.approx(left, rel=0.1)
+    assert floors.simulation.small_signal.rmse > 5 * floors.simulation.any_model.rmse
+    left = np.sqrt(floors.simulation.best_linear.rmse**2 - floors.simulation.any_model.rmse**2)
+    assert floors.distortion == pytest.approx(left, rel=0.1)
 
 
 def test_a_long_regression_from_another_record_does_not_beat_the_best_linear_system():
     """Sticking joints distort what a system of high order takes along where a file repeats within its memory."""
     train, fresh = run("siso-5-shoulder_yaw", (1, 2), chain=Chain(), plant=Plant(friction_level=8.0))
-    found, record = attainable(fresh), fresh.iodata().detrend()
-    assert found.settling < 200 < found.memory == 2 * found.settling
+    floors, record = attainable(fresh), fresh.iodata().detrend()
+    assert floors.settling < 200 < floors.memory == 2 * floors.settling
     long = arx(train.iodata().detrend(), 200, 200)
     simulated, predicted = (errors(record, predict(long, record, steps=steps)) for steps in (None, 1))
     # Such a model comes near, far below systems of the truth's order, so that the floor is no empty one.
     fitted = 200 + 1
-    for error, horizon in ((simulated, found.simulation), (predicted, found.one_step)):
-        assert found.by_chance(horizon.best_linear.rmse, fitted) < error < 1.2 * horizon.best_linear.rmse
-    assert found.right_order.rmse > 2 * simulated
-    assert found.mean_error == 0.0
+    for error, horizon in ((simulated, floors.simulation), (predicted, floors.one_step)):
+        assert floors.by_chance(horizon.best_linear.rmse, fitted) < error < 1.2 * horizon.best_linear.rmse
+    assert floors.right_order.rmse > 2 * simulated
+    assert floors.mean_error == 0.0
 
 
 @pytest.mark.slow
@@ -135,8 +135,8 @@ def test_where_process_noise_shakes_friction_the_floor_is_that_of_the_mean_respo
     """A stuck joint creeps under noise; the motion without noise is not what to expect."""
     plant = Plant(process_noise=0.05, friction_level=20.0)
     log = run("siso-5-shoulder_yaw", duration=20.0, chain=Chain(), plant=plant)[0]
-    found = attainable(log)
-    assert found.provenance["noise-free angles"] == "mean of 8 draws of process noise"
+    floors = attainable(log)
+    assert floors.provenance["noise-free angles"] == "mean of 8 draws of process noise"
     still, variance = conditional_mean(
         load_arm(plant=replace(plant, process_noise=0.0)),
         load_arm().pose(log.provenance["pose"]),
@@ -145,8 +145,8 @@ def test_where_process_noise_shakes_friction_the_floor_is_that_of_the_mean_respo
         seed=0,
     )
     assert np.abs(variance).max() < 1e-30
-    assert found.simulation.any_model.rmse < 0.95 * errors(log.iodata(), still[:, 1:2])
-    assert 0.0 < found.mean_error < 0.6 * found.simulation.any_model.rmse
+    assert floors.simulation.any_model.rmse < 0.95 * errors(log.iodata(), still[:, 1:2])
+    assert 0.0 < floors.mean_error < 0.6 * floors.simulation.any_model.rmse
 
 
 def test_several_axes_need_a_name_and_count_every_command():
@@ -158,10 +158,10 @@ def test_several_axes_need_a_name_and_count_every_command():
 
 
 def test_the_window_is_not_scored(sliding):
-    found = attainable(sliding, window=1000)
+    floors = attainable(sliding, window=1000)
     error = sliding.measured[1000:, 1] - sliding.true_angles[999:-1, 1]
-    assert found.samples == 2000
-    assert found.simulation.any_model.rmse == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
+    assert floors.samples == 2000
+    assert floors.simulation.any_model.rmse == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
 
 
 def test_a_few_steps_find_nearly_what_a_long_search_finds(sliding):
@@ -175,12 +175,12 @@ def test_a_few_steps_find_nearly_what_a_long_search_finds(sliding):
 
 def test_chance_is_that_of_chi_square(sliding):
     """A constant fitted to white noise undercuts by one degree of freedom; nothing else is claimed."""
-    found = attainable(sliding)
+    floors = attainable(sliding)
     rng = np.random.default_rng(0)
-    noise = rng.standard_normal((2000, found.samples))
+    noise = rng.standard_normal((2000, floors.samples))
     fitted = noise - noise.mean(axis=1, keepdims=True)
     floor = np.sqrt(np.mean(noise**2, axis=1))
-    undercut = [np.sqrt(np.mean(e**2)) < found.by_chance(f) for e, f in zip(fitted, floor, strict=True)]
+    undercut = [np.sqrt(np.mean(e**2)) < floors.by_chance(f) for e, f in zip(fitted, floor, strict=True)]
     assert np.mean(undercut) == pytest.approx(0.05, abs=0.015)
 
 
@@ -205,14 +205,14 @@ def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there(
         run("siso-5-elbow_pitch", duration=12.0, chain=QUIET, plant=Plant(actuator="orifice", process_noise=noise))[0]
         for noise in (0.0, 0.01)
     )
-    quiet, found = attainable(plain), attainable(noisy)
-    assert found.provenance["noise-free angles"] == "mean of 8 draws of process noise"
+    quiet, floors = attainable(plain), attainable(noisy)
+    assert floors.provenance["noise-free angles"] == "mean of 8 draws of process noise"
     assert abs(plain.true_angles[0, 3] - plain.commanded[0, 3]) > 5e-4
     # Simulated anew, the arm does on average what it did without that noise; what is left is noise without an offset.
-    assert 0.0 < found.mean_error < 1e-4
+    assert 0.0 < floors.mean_error < 1e-4
     true = noisy.true_angles[1:, 3] - plain.true_angles[1:, 3]
     expected = np.hypot(np.sqrt(np.mean(true**2)), quiet.simulation.any_model.rmse)
-    assert found.simulation.any_model.rmse == pytest.approx(expected, rel=0.05)
+    assert floors.simulation.any_model.rmse == pytest.approx(expected, rel=0.05)
 
 
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
@@ -230,8 +230,8 @@ def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there(
 )
 def test_no_linear_system_goes_below_the_floor_of_any_model(plant):
     for name in ("siso-5-elbow_pitch", "siso-5-shoulder_pitch"):
-        found = attainable(run(name, duration=14.0, chain=Chain(), plant=plant)[0])
+        floors = attainable(run(name, duration=14.0, chain=Chain(), plant=plant)[0])
         # The mean is fitted to the very record.
-        allowed = found.by_chance(found.simulation.any_model.rmse, 1)
-        for floor in (found.simulation.best_linear, found.right_order, found.simulation.small_signal):
+        allowed = floors.by_chance(floors.simulation.any_model.rmse, 1)
+        for floor in (floors.simulation.best_linear, floors.right_order, floors.simulation.small_signal):
             assert floor.rmse > allowed

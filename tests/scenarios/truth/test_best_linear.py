@@ -29,11 +29,11 @@ def test_without_friction_it_is_the_small_signal_truth_line_by_line():
     for joint in STUDIED_JOINTS:
         for seed in range(2):
             setting = MultisineExperiment("agreement", (joint,), chain=QUIET, seed=seed)
-            found = best_linear(setting, replace(SHORT, seed=seed))
-            result = found.servo_agreement(truth)
+            approximation = best_linear(setting, replace(SHORT, seed=seed))
+            result = approximation.servo_agreement(truth)
             lines.append(result.p.ravel())
             whole.append(result.p_all.item())
-            held += bool(found.bandwidth.covers(truth.joint(joint).bandwidth_hz).item())
+            held += bool(approximation.bandwidth.covers(truth.joint(joint).bandwidth_hz).item())
     p = np.concatenate(lines)
     assert kstest(p, "uniform").pvalue > 0.01
     low, high = binom.interval(0.99, len(p), 0.05)
@@ -44,37 +44,37 @@ def test_without_friction_it_is_the_small_signal_truth_line_by_line():
 
 @pytest.mark.slow
 def test_the_test_would_see_a_bandwidth_that_is_off_by_two_percent():
-    found = best_linear(YAW, SHORT)
-    f = found.servo.response.frequencies
-    model = found.small_signal.channel("shoulder_yaw", "shoulder_yaw")
-    assert response_agreement(found.servo, model.frequency_response(f)).p_all.item() > 1e-3
-    assert response_agreement(found.servo, model.frequency_response(f / 1.02)).p_all.item() < 1e-6
+    approximation = best_linear(YAW, SHORT)
+    f = approximation.servo.response.frequencies
+    model = approximation.small_signal.channel("shoulder_yaw", "shoulder_yaw")
+    assert response_agreement(approximation.servo, model.frequency_response(f)).p_all.item() > 1e-3
+    assert response_agreement(approximation.servo, model.frequency_response(f / 1.02)).p_all.item() < 1e-6
 
 
 @pytest.mark.slow
 def test_several_joints_at_once_give_the_coupled_truth():
     setting = MultisineExperiment("mimo", ("shoulder_pitch", "elbow_pitch"), chain=QUIET)
-    found = best_linear(setting, replace(SHORT, realisations=5), measured=("elbow_pitch", "shoulder_pitch"))
-    assert found.servo.response.response.shape == (25, 2, 2)
-    result = found.servo_agreement()
+    approximation = best_linear(setting, replace(SHORT, realisations=5), measured=("elbow_pitch", "shoulder_pitch"))
+    assert approximation.servo.response.response.shape == (25, 2, 2)
+    result = approximation.servo_agreement()
     np.testing.assert_array_less(1e-3, result.p_all)
     # The first row is the elbow's: its own command is the second input.
-    assert np.abs(found.servo.response.response[0, 0]) @ [0, 1] == pytest.approx(1.0, abs=0.05)
+    assert np.abs(approximation.servo.response.response[0, 0]) @ [0, 1] == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.slow
 def test_friction_takes_gain_and_bandwidth_away_and_shows_as_odd_distortion():
     setting = replace(YAW, chain=replace(QUIET, friction=True))
-    found = best_linear(setting, Multisines(realisations=4, odd=True))
-    departure = found.servo_agreement()
+    approximation = best_linear(setting, Multisines(realisations=4, odd=True))
+    departure = approximation.servo_agreement()
     assert departure.p_all.item() < 1e-9
     assert (20 * np.log10(np.abs(departure.ratio)))[:, 0, 0].mean() < -0.1
-    assert found.bandwidth.ci95[1].item() < found.small_signal.joint("shoulder_yaw").bandwidth_hz
-    assert found.distortion_percent.item() > 1.0
-    assert found.silent.odd.item() > 10 * found.silent.even.item()
+    assert approximation.bandwidth.ci95[1].item() < approximation.small_signal.joint("shoulder_yaw").bandwidth_hz
+    assert approximation.distortion_percent.item() > 1.0
+    assert approximation.silent.odd.item() > 10 * approximation.silent.even.item()
     quiet = best_linear(replace(YAW, name="sliding"), Multisines(realisations=4, odd=True))
     assert quiet.distortion_percent.item() < 0.3
-    assert quiet.silent.odd.item() < 0.1 * found.silent.odd.item()
+    assert quiet.silent.odd.item() < 0.1 * approximation.silent.odd.item()
     # The recorder's own noise and rounding.
     assert quiet.silent.noise.item() == pytest.approx(1.04e-4 * np.sqrt(50 / 256), rel=0.05)
 
@@ -119,11 +119,11 @@ def test_any_single_joint_experiment_is_a_setting():
     assert first.duration == SHORT.duration
     for name in ("axes", "payload", "plant", "specimen"):
         assert getattr(first, name) == getattr(scenario, name)
-    found = best_linear(scenario, replace(SHORT, realisations=2))
-    assert found.provenance["plant_friction_level"] == "3.0"
-    assert found.provenance["multisines_rms"] == "0.01"
-    assert found.small_signal.payload == "none"
-    assert found.small_signal.specimen == scenario.specimen
+    approximation = best_linear(scenario, replace(SHORT, realisations=2))
+    assert approximation.provenance["plant_friction_level"] == "3.0"
+    assert approximation.provenance["multisines_rms"] == "0.01"
+    assert approximation.small_signal.payload == "none"
+    assert approximation.small_signal.specimen == scenario.specimen
 
 
 ONCE = "measured = .* given, expected one or more of shoulder_roll, .* each once"
@@ -172,14 +172,14 @@ def test_without_friction_it_is_the_small_signal_truth():
     condition = Condition(friction=False)
     setting = condition.applied(campaign_scenario("siso-5-elbow_pitch", duration=24.0))
     record = commanded(setting)
-    found = best_linear_of_test(setting, [record], test="5", seed=3)
+    approximation = best_linear_of_test(setting, [record], test="5", seed=3)
     truth = linearize(load_arm(), amplitudes=()).joint(JOINT).bandwidth_hz
-    assert found.wanted_rms == pytest.approx(float(np.std(record.u)))
-    assert found.command_rms == pytest.approx(found.wanted_rms, rel=2 * CLOSE)
-    assert found.f_max == pytest.approx(3.5, abs=0.6)
-    assert found.slewing > 0.3  # as the test's own command does
-    assert found.hz == pytest.approx(truth, rel=0.005)
-    assert found.ci95[0] <= found.hz <= found.ci95[1]
-    assert found.half_power_hz == pytest.approx(truth, rel=0.01)
-    assert found.cautions == ()
-    assert "8 realisations" in found.described
+    assert approximation.wanted_rms == pytest.approx(float(np.std(record.u)))
+    assert approximation.command_rms == pytest.approx(approximation.wanted_rms, rel=2 * CLOSE)
+    assert approximation.f_max == pytest.approx(3.5, abs=0.6)
+    assert approximation.slewing > 0.3  # as the test's own command does
+    assert approximation.hz == pytest.approx(truth, rel=0.005)
+    assert approximation.ci95[0] <= approximation.hz <= approximation.ci95[1]
+    assert approximation.half_power_hz == pytest.approx(truth, rel=0.01)
+    assert approximation.cautions == ()
+    assert "8 realisations" in approximation.described

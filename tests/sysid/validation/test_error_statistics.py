@@ -37,8 +37,8 @@ def test_a_mean_as_large_as_allowed_is_beyond_the_limit_as_often_as_asked(record
 @pytest.mark.parametrize(("shift", "least", "most"), [(1.2, 0.99, 1.0), (0.2, 0.0, 0.1), (0.0, 0.0, 0.05)])
 def test_what_is_larger_is_judged_and_what_is_smaller_is_not(shift, least, most):
     rng = np.random.default_rng(8)
-    given = [rng.standard_normal((40, 4)) + np.array([shift, 0.0, 0.0, 0.0]) for _ in range(RUNS)]
-    judged = [mean_error(errors, 0.05, 0.2) for errors in given]
+    runs_of_errors = [rng.standard_normal((40, 4)) + np.array([shift, 0.0, 0.0, 0.0]) for _ in range(RUNS)]
+    judged = [mean_error(errors, 0.05, 0.2) for errors in runs_of_errors]
     assert least <= np.mean([one.size > one.limit for one in judged]) <= most
 
 
