@@ -1,8 +1,6 @@
 """Which figures each estimator that is wrong on purpose must fail, and why: exactly these, and no other.
 
-Its faults are those of `faulty_estimators`; `simulated_estimators` has the same, of errors
-that are drawn, for the figures of accuracy alone. `python tests/benchmarks/bench_sets.py faults` holds the bench
-to it.
+Its faults are those of `faulty_estimators`. `python tests/benchmarks/bench_sets.py faults` holds the bench to it.
 """
 
 _RESPONSE_WRONG = {

@@ -13,8 +13,8 @@ from scenarios.bench.result import Result
 from scenarios.bench.tests_and_orders import PROBLEMS
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.problems.trial import TWIN
-from tests.benchmarks.simulated_estimators import Fault, simulated
 from tests.scenarios.bench.judging import evaluated, on_arm, residuals, saved
+from tests.scenarios.bench.simulated import Fault, simulated
 
 TRIALS = sorted({t for metric in ALL_METRICS for t in metric.trials("quick") if t.problem != ALONE})
 

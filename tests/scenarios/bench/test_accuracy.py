@@ -14,8 +14,8 @@ from scenarios.bench.statistics import bound_for
 from scenarios.bench.theory import expected_of_claims, greatest_bias
 from scenarios.estimators.estimator import Estimator
 from scenarios.files.errors import ScenarioError
-from tests.benchmarks.simulated_estimators import FAULTS, HONEST, Fault, simulated
 from tests.scenarios.bench.judging import ALARM, ANYONE, evaluated, failing, parts_of, without_model
+from tests.scenarios.bench.simulated import FAULTS, HONEST, Fault, simulated
 
 OUTPUT_ERROR = Estimator("simulated", "bench:perfect", structure="oe", method="pem")
 OBSERVER = Estimator("simulated", "bench:perfect", method="observer")

@@ -10,8 +10,8 @@ from scenarios.bench.measurement import Measurement
 from scenarios.bench.statistics import bound_for
 from scenarios.estimators.estimator import Estimator
 from scenarios.problems.registry import problem
-from tests.benchmarks.simulated_estimators import Fault, simulated
 from tests.scenarios.bench.judging import ALARM, ANYONE, evaluated, without_model
+from tests.scenarios.bench.simulated import Fault, simulated
 
 TRIALS = Bias().trials("quick")
 

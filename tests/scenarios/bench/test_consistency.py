@@ -15,8 +15,8 @@ from scenarios.bench.consistency import (
     perfect_slopes,
     recognised_fault,
 )
-from tests.benchmarks.simulated_estimators import Fault, simulated
 from tests.scenarios.bench.judging import evaluated, without_model
+from tests.scenarios.bench.simulated import Fault, simulated
 
 
 def measured(definition, fault=Fault()):  # noqa: B008

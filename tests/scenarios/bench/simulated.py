@@ -1,7 +1,4 @@
-"""What would be measured of a perfect estimator, and of one with a single known fault: to check the figures with.
-
-No record is drawn: the errors come from the Cramér-Rao bound itself.
-"""
+"""Measurements of a perfect estimator and of faulty ones, with errors drawn from the Cramér-Rao bound."""
 
 from dataclasses import dataclass
 
@@ -79,22 +76,19 @@ def _one(trial, fault, rng):
     normalised, covered, count = _parameters(bound, fault, scale, rng)
     with np.errstate(over="ignore"):
         ends = np.stack((bandwidth * np.exp(-deviation), bandwidth * np.exp(deviation)))
+    covariance = bound.response_covariance
     return Measurement(
         trial,
         MODEL,
         response=response,
-        response_covariance=_times(scale, bound.response_covariance),
+        # infinity times zero is zero here
+        response_covariance=scale * covariance if scale < np.inf else np.where(covariance == 0.0, 0.0, scale),
         normalised_error=normalised,
         parameters=count,
         covered=covered,
         bandwidth_hz=bandwidth,
         bandwidth_ci95=ends,
     )
-
-
-def _times(scale, covariance):
-    """A covariance times a factor, also an infinite one."""
-    return scale * covariance if np.isfinite(scale) else np.where(covariance == 0.0, 0.0, scale)
 
 
 def _wrong(response, frequencies, dt, fault):
