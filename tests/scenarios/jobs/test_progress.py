@@ -59,7 +59,7 @@ def test_a_terminal_has_a_bar(monkeypatch):
             report(Progress("records", done, 3, "experiments", 4.0 * done, 12.0))
         sleep(0.3)  # it is drawn ten times a second
         report(Progress("baselines", 0, 2))
-    said = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", terminal.getvalue())
-    assert re.search(r"3 of 3 experiments, \S+ x real time", said)
-    assert "baselines 0 of 2" in said
-    assert all(len(line) <= 80 for line in re.split(r"[\r\n]", said))
+    printed = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", terminal.getvalue())
+    assert re.search(r"3 of 3 experiments, \S+ x real time", printed)
+    assert "baselines 0 of 2" in printed
+    assert all(len(line) <= 80 for line in re.split(r"[\r\n]", printed))
