@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from hmtb_twin.bus.joint_log import JointLog
     from hmtb_twin.control.experiment import IDEAL, Chain, Experiment, Motion, Operator, Status, View
     from hmtb_twin.control.modes import MODES
-    from hmtb_twin.parameters.errors import OverloadError, TwinError, TwinWarning
+    from hmtb_twin.files.errors import OverloadError, TwinError, TwinWarning
     from hmtb_twin.parameters.payloads import PAYLOADS
     from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
     from hmtb_twin.parameters.specimen import NOMINAL_SPECIMEN, Specimen
@@ -59,7 +59,7 @@ _NAMES = {
     "bus.joint_log": ("JointLog",),
     "control.experiment": ("IDEAL", "Chain", "Experiment", "Motion", "Operator", "Status", "View"),
     "control.modes": ("MODES",),
-    "parameters.errors": ("OverloadError", "TwinError", "TwinWarning"),
+    "files.errors": ("OverloadError", "TwinError", "TwinWarning"),
     "parameters.payloads": ("PAYLOADS",),
     "parameters.plant": ("NOMINAL_PLANT", "Plant"),
     "parameters.specimen": ("NOMINAL_SPECIMEN", "Specimen"),

@@ -21,7 +21,7 @@ RECORDS = {"IOData", "StateSpace", "FrequencyResponse"}
 # Rooms of each package from the ground up: a room imports only rooms that stand before it.
 ROOMS = {
     "sysid": ("records", "models", "polynomial", "validation", "subspace", "recursive", "frequency", "plots"),
-    "hmtb_twin": ("parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
+    "hmtb_twin": ("files", "parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
     "scenarios": (
         *("files", "jobs", "experiments", "report", "truth", "identification", "datasets"),
         *("estimators", "problems", "bench", "thesis", "commands"),

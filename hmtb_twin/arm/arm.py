@@ -11,9 +11,9 @@ import numpy as np
 from hmtb_twin.arm.arm_model import compile_arm, tuned_gains
 from hmtb_twin.arm.controller_model import ControllerModel, controller_model
 from hmtb_twin.arm.worksite_model import LATCH_WELD
+from hmtb_twin.files.errors import OverloadError, TwinError
 from hmtb_twin.hydraulics.rest import drooping, inertia, lean_on_pins, weight_function
 from hmtb_twin.parameters.drives import Actuator, Drive
-from hmtb_twin.parameters.errors import OverloadError, TwinError
 from hmtb_twin.parameters.payloads import PAYLOADS, SEATS, WORKSITE_PAYLOADS
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.parameters.specimen import NOMINAL_SPECIMEN, Specimen

@@ -8,8 +8,8 @@ import numpy as np
 from hmtb_twin.arm.controller_model import controller_model
 from hmtb_twin.arm.rigid_bodies import write_bodies
 from hmtb_twin.arm.worksite_model import worksite_spec
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.drives import Actuator, Drive
-from hmtb_twin.parameters.errors import TwinError
 from hmtb_twin.parameters.plant import Plant
 from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.parameters.specimen import Specimen

@@ -11,7 +11,7 @@ import numpy as np
 
 from hmtb_twin.arm.arm import Arm
 from hmtb_twin.arm.rigid_bodies import write_bodies
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE
 from hmtb_twin.parameters.variants import variant_named

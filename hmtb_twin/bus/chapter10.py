@@ -13,7 +13,7 @@ import numpy as np
 
 from hmtb_twin.bus.messages import FRAME
 from hmtb_twin.bus.words import CLOCK, MESSAGES
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.values import SAMPLE_RATE
 
 TIME_CHANNEL, BUS_CHANNEL = 1, 2

@@ -6,19 +6,15 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hmtb_twin.bus.netcdf import read_netcdf, write_netcdf
 from hmtb_twin.control.experiment import Status
 from hmtb_twin.control.modes import joint_index
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
+from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_format, write_format
 from hmtb_twin.parameters.values import JOINTS
 from sysid import IOData
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Components of the wrist force/torque sensor, in its own frame."""
@@ -156,19 +152,15 @@ class JointLog:
 
     def save(self, path: str | Path) -> Path:
         """Write the log as NetCDF4 and return its path; raises `TwinError` where it cannot be written."""
-        coordinates = {
-            "sample": np.arange(len(self)),
-            "joint": list(JOINTS),
-            "component": list(WRENCH),
-            "axis": list(self.axes),
-        }
-        variables = {
-            name: (("sample", along) if along else ("sample",), getattr(self, name), {"units": unit, "long_name": text})
-            for name, (along, unit, text) in self._channels().items()
-        }
+        names = {"joint": JOINTS, "component": WRENCH, "axis": self.axes}
         if self.unit_pose is not None:
-            coordinates["pose"] = list(POSE)
-        attributes = {
+            names["pose"] = POSE
+        variables = {"sample": Variable(("sample",), np.arange(len(self)), {})}
+        variables |= {name: Variable((name,), np.array(texts, dtype=str), {}) for name, texts in names.items()}
+        for name, (along, unit, text) in self._channels().items():
+            dims = ("sample", along) if along else ("sample",)
+            variables[name] = Variable(dims, getattr(self, name), {"units": unit, "long_name": text})
+        attributes: dict[str, Attribute] = {
             "title": self.name,
             "format": FORMAT,
             "seed": self.seed,
@@ -176,34 +168,33 @@ class JointLog:
             "intersample": "zoh",
             **{f"provenance_{key}": value for key, value in self.provenance.items()},
         }
-        return write_netcdf(path, "log", variables, coordinates, attributes)
+        return write_format(path, "log", Contents(variables, attributes))
 
     @classmethod
     def load(cls, path: str | Path) -> "JointLog":
         """Read a log written by `save`; raises `TwinError` where the file is missing, damaged or no joint log."""
-        dataset = read_netcdf(path, "joint log", FORMAT, _CHANNELS)
+        contents = read_format(path, "joint log", FORMAT, _CHANNELS)
         try:
-            return cls._of(dataset)
+            return cls._of(contents)
         except (KeyError, ValueError, TypeError, IndexError) as error:
             raise TwinError(f"{path} is a damaged joint log: {error}") from error
 
     @classmethod
-    def _of(cls, dataset: "xr.Dataset") -> "JointLog":
-        joints = tuple(map(str, dataset["joint"].values))
+    def _of(cls, contents: Contents) -> "JointLog":
+        stored, attributes = contents.variables, contents.attributes
+        joints = tuple(map(str, stored["joint"].values))
         if joints != JOINTS:
             raise TwinError(f"a joint log with joints {', '.join(joints)}; expected {', '.join(JOINTS)} in this order")
         prefix = "provenance_"
         return cls(
-            name=str(dataset.attrs["title"]),
-            seed=int(dataset.attrs["seed"]),
-            dt=float(dataset.attrs["sampling_time"]),
-            axes=tuple(map(str, dataset["axis"].values)),
+            name=str(attributes["title"]),
+            seed=int(attributes["seed"]),
+            dt=float(attributes["sampling_time"]),
+            axes=tuple(map(str, stored["axis"].values)),
             provenance={
-                str(key).removeprefix(prefix): str(value)
-                for key, value in dataset.attrs.items()
-                if str(key).startswith(prefix)
+                key.removeprefix(prefix): str(value) for key, value in attributes.items() if key.startswith(prefix)
             },
-            **{name: dataset[name].values for name in (*_CHANNELS, *_OPTIONAL_CHANNELS) if name in dataset},
+            **{name: stored[name].values for name in (*_CHANNELS, *_OPTIONAL_CHANNELS) if name in stored},
         )
 
 

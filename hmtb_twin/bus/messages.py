@@ -7,7 +7,7 @@ import numpy as np
 
 from hmtb_twin.bus.record import CHANNELS, BusRecord
 from hmtb_twin.bus.words import COUNTS_PER_TICK, HIGHEST, LOWEST, MESSAGES, Message, check_words
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 
 INTRA_PACKET_HEADER = 14
 """Bytes before the words of a message: time stamp 8, block status 2, gap times 2, length 2 [IRIG2015, 10.6.4]."""

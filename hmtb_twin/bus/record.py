@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from hmtb_twin.bus.joint_log import WRENCH, JointLog
-from hmtb_twin.bus.netcdf import read_netcdf, write_netcdf
 from hmtb_twin.control.modes import joint_index
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
+from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_format, write_format
 from hmtb_twin.parameters.values import JOINTS
 from sysid import IOData
 
@@ -175,17 +175,13 @@ class BusRecord:
 
     def save(self, path: str | Path) -> Path:
         """Write the record as NetCDF4 and return its path; raises `TwinError` where it cannot be written."""
-        dimensions = {"commanded": ["joint"], "measured": ["joint"], "wrench": ["component"]}
-        variables = {
-            name: (
-                ["sample", *dimensions.get(name, [])],
-                getattr(self, name),
-                {"units": ", ".join(dict.fromkeys(units))},
-            )
-            for name, (_, units) in CHANNELS.items()
-        }
-        coordinates = {"sample": np.arange(len(self)), "joint": list(JOINTS), "component": list(WRENCH)}
-        attributes = {
+        dimensions = {"commanded": ("joint",), "measured": ("joint",), "wrench": ("component",)}
+        coordinates = {"sample": np.arange(len(self)), "joint": np.array(JOINTS), "component": np.array(WRENCH)}
+        variables = {name: Variable((name,), values, {}) for name, values in coordinates.items()}
+        for name, (_, units) in CHANNELS.items():
+            dims = ("sample", *dimensions.get(name, ()))
+            variables[name] = Variable(dims, getattr(self, name), {"units": ", ".join(dict.fromkeys(units))})
+        attributes: dict[str, Attribute] = {
             "title": self.name,
             "format": FORMAT,
             "sampling_time": self.dt,
@@ -193,18 +189,19 @@ class BusRecord:
             "excited": " ".join(self.axes),
             "missing": "NaN",
         }
-        return write_netcdf(path, "record", variables, coordinates, attributes)
+        return write_format(path, "record", Contents(variables, attributes))
 
     @classmethod
     def load(cls, path: str | Path) -> "BusRecord":
         """Read a record written by `save`; raises `TwinError` where the file is missing, damaged or no bus record."""
-        dataset = read_netcdf(path, "bus record", FORMAT, CHANNELS)
+        contents = read_format(path, "bus record", FORMAT, CHANNELS)
+        attributes = contents.attributes
         try:
             return cls(
-                name=str(dataset.attrs["title"]),
-                dt=float(dataset.attrs["sampling_time"]),
-                axes=tuple(str(dataset.attrs["excited"]).split()),
-                **{channel: dataset[channel].values for channel in CHANNELS},
+                name=str(attributes["title"]),
+                dt=float(attributes["sampling_time"]),
+                axes=tuple(str(attributes["excited"]).split()),
+                **{channel: contents.variables[channel].values for channel in CHANNELS},
             )
         except (KeyError, ValueError, TypeError) as error:
             raise TwinError(f"{path} is a damaged bus record: {error}") from error

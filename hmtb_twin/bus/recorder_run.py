@@ -13,7 +13,8 @@ from hmtb_twin.bus.chapter10_scan import Scan, scan
 from hmtb_twin.bus.messages import BUS_B, FAULTS, INTRA_PACKET_HEADER, BusFaults, layout, pack, unpack
 from hmtb_twin.bus.record import BusRecord
 from hmtb_twin.bus.words import CLOCK, COUNTS_PER_TICK, MESSAGES, check_words
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.atomic_write import replacing
+from hmtb_twin.files.errors import TwinError, system_reason
 from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
 
 MEMORY = 20 * 60 * SAMPLE_RATE
@@ -113,17 +114,12 @@ def record_run(
         announcements.append(Test(record.name, length, record.axes, len(record)))
         used += length
         start += (length // SAMPLE_RATE + 2) * CLOCK
-    # A reader never sees half a file: it is renamed only when it is complete.
-    partial = path.with_name(path.name + ".partial")
     try:
-        with partial.open("wb") as file:
+        with replacing(path) as partial, partial.open("wb") as file:
             for packet in recording(setup_record(announcements), tests, starts, date):
                 file.write(packet)
-        partial.replace(path)
     except OSError as error:
-        raise TwinError(f"cannot write the record {path}: {error.strerror or error}") from error
-    finally:
-        partial.unlink(missing_ok=True)
+        raise TwinError(f"cannot write the record {path}: {system_reason(error)}") from error
     remarks = "; ".join([*clipping, *([full] if full else [])])
     return RecordedRun(path, tuple(test.ticks for test in announcements), f"{path.name}: {remarks}" if remarks else "")
 

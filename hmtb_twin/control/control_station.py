@@ -8,7 +8,7 @@ from hmtb_twin.arm.arm import Arm
 from hmtb_twin.control.experiment import Experiment, Motion, Status, View
 from hmtb_twin.control.hand_controller import HandControllerInterface, deflection, pickup
 from hmtb_twin.control.modes import axis_gains, start_mode
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.values import JOINTS, SAMPLE_RATE, SAMPLE_TIME
 
 

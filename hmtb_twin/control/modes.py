@@ -10,7 +10,7 @@ from hmtb_twin.arm.arm import Arm
 from hmtb_twin.arm.controller_model import ControllerModel
 from hmtb_twin.control.experiment import Experiment, Status
 from hmtb_twin.control.resolved_rate import ResolvedRate
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, MOTIONS, SAMPLE_TIME, HandController
 
 

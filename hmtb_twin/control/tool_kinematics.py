@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hmtb_twin.arm.controller_model import ControllerModel
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.values import JOINTS
 
 AXES = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [1, 0, 0]], dtype=float)

@@ -6,7 +6,7 @@ from copy import copy
 import mujoco
 import numpy as np
 
-from hmtb_twin.parameters.errors import OverloadError
+from hmtb_twin.files.errors import OverloadError
 from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS
 
 

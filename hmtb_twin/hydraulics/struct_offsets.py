@@ -6,7 +6,7 @@ from typing import Any
 
 import mujoco
 
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 
 MODEL_ARRAYS = ("actuator_dynprm", "actuator_user")
 """Arrays of `mjModel` that the valve's equations read."""

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from numbers import Real
 
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.drives import COLDEST, HOTTEST, Drive, ElectricDrive, Friction, Hydraulics
-from hmtb_twin.parameters.errors import TwinError
 
 ACTUATOR_FORMS = ("linear", "orifice")
 """Fidelities of the actuators: a linear load-flow characteristic, or a servo valve with square-root orifices."""

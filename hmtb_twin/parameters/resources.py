@@ -3,7 +3,7 @@
 from importlib.resources import files
 from pathlib import Path
 
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 
 
 def models_directory() -> Path:

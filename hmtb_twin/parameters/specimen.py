@@ -7,8 +7,8 @@ from numbers import Real
 
 import numpy as np
 
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.drives import Drive, ElectricDrive
-from hmtb_twin.parameters.errors import TwinError
 from hmtb_twin.parameters.values import JOINTS, LINKS, RECORDER, Recorder
 
 LINK_NAMES = tuple(LINKS)

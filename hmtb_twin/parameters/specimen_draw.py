@@ -10,7 +10,7 @@ from zlib import crc32
 
 import numpy as np
 
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.plant import Plant
 from hmtb_twin.parameters.specimen import DEVIATIONS, LENGTHS, Specimen
 

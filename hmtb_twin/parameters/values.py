@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import pi, radians
 
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.quantity import quantity
 
 JOINTS = (

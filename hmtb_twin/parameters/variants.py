@@ -16,8 +16,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.drives import ACTUATORS, Actuator, Drive, ElectricDrive, Friction
-from hmtb_twin.parameters.errors import TwinError
 from hmtb_twin.parameters.quantity import quantity
 from hmtb_twin.parameters.values import BUS, JOINTS, LINKS, SERVOS, BusTerminal, Link, Servo
 

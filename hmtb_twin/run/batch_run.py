@@ -11,7 +11,7 @@ from mujoco import batch
 
 from hmtb_twin.bus.joint_log import WRENCH
 from hmtb_twin.control.experiment import Status, View
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.values import JOINTS, SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.run.experiment_row import STATE, ExperimentRow
 from hmtb_twin.run.worksite_run import WorksiteRun

@@ -10,7 +10,7 @@ import numpy as np
 from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.arm.rendering import Stage, scene_model
 from hmtb_twin.bus.joint_log import JointLog
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.values import JOINTS
 
 MOST_FRAMES = 1_000_000

@@ -12,7 +12,7 @@ import mujoco
 from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.bus.joint_log import JointLog
 from hmtb_twin.control.experiment import Experiment
-from hmtb_twin.parameters.errors import OverloadError, TwinError
+from hmtb_twin.files.errors import OverloadError, TwinError
 from hmtb_twin.run.batch_run import BatchRun
 from hmtb_twin.run.experiment_row import ExperimentRow, at_rest, prepare
 

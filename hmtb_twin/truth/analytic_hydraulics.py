@@ -13,8 +13,8 @@ from math import pi, sqrt
 
 import numpy as np
 
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.drives import Actuator
-from hmtb_twin.parameters.errors import TwinError
 
 
 @dataclass(frozen=True)

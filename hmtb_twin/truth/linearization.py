@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.bus.joint_log import software_versions
-from hmtb_twin.parameters.errors import OverloadError, TwinError
+from hmtb_twin.files.errors import OverloadError, TwinError
 from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, MOTIONS, OPERATING_POSE, SAMPLE_TIME, STUDIED_JOINTS
 from hmtb_twin.truth.innovations import Disturbances, innovations_form
 from hmtb_twin.truth.truth import Truth

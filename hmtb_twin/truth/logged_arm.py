@@ -8,7 +8,7 @@ import numpy as np
 
 from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.bus.joint_log import JointLog
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.plant import Plant
 from hmtb_twin.parameters.specimen import Specimen
 from hmtb_twin.truth.truth import Truth

@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from hmtb_twin.control.modes import joint_index
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.plant import Plant
 from hmtb_twin.parameters.specimen import Specimen
 from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS

@@ -11,6 +11,7 @@ from pathlib import Path
 import matplotlib
 from markupsafe import Markup
 
+from hmtb_twin.files.atomic_write import write_whole
 from scenarios.bench.leaderboard_drawings import DRAWINGS, add, work_precision
 from scenarios.bench.leaderboard_notes import notes
 from scenarios.bench.leaderboard_rows import ORDERS_GIVEN, RULE, LeaderboardRow
@@ -27,7 +28,6 @@ from scenarios.bench.leaderboard_tables import (
 from scenarios.bench.leaderboard_verdict import GUIDE, MetricGuide, Verdict
 from scenarios.estimators.estimator import METHODS
 from scenarios.estimators.outcome import KINDS
-from scenarios.files.atomic_write import write_whole
 from scenarios.report.figures import SETTINGS, Gallery
 from scenarios.report.page import Page
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from hmtb_twin.files.atomic_write import write_whole
 from scenarios.bench.accuracy import Agreement
 from scenarios.bench.estimator_files import EstimatorFiles, source_hash
 from scenarios.bench.measurement import Measurement
@@ -43,7 +44,6 @@ from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.outcome import MODEL, REFUSED
 from scenarios.estimators.runner import EstimatorProcess
 from scenarios.estimators.seeds import draw_run_seed
-from scenarios.files.atomic_write import write_whole
 from scenarios.files.codec import from_json
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions

@@ -145,8 +145,8 @@ def _read(paths: Sequence[Path]) -> "list[JointLog]":
 
 
 def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
+    from hmtb_twin.files.atomic_write import write_whole
     from scenarios.datasets.tables import table_text
-    from scenarios.files.atomic_write import write_whole
     from scenarios.identification.bandwidth_figure import bandwidth_figure
 
     table, picture, drawing = (folder / name for name in FILES)

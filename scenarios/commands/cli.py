@@ -109,7 +109,7 @@ def _bad_input(error: Exception) -> str | None:
     if back_end and any("gl_context" in frame.filename for frame in traceback.extract_tb(error.__traceback__)):
         return f"MUJOCO_GL={back_end!r} names no OpenGL back end that loads here; unset it, or set it to egl"
     if isinstance(error, OSError):
-        from hmtb_twin.parameters.errors import system_reason
+        from hmtb_twin.files.errors import system_reason
 
         where = f" {error.filename!r}" if error.filename else ""
         return f"cannot read or write{where}: {system_reason(error)}"

@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenarios.files.atomic_write import check_place
+from hmtb_twin.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ def output_folder(path: Path, *files: str) -> Iterator[Path]:
             probe.touch()
             probe.unlink()
         except OSError as error:
-            from hmtb_twin.parameters.errors import system_reason
+            from hmtb_twin.files.errors import system_reason
 
             why = f"{system_reason(error)}; expected a folder that can be created and written"
             raise ScenarioError(f"cannot write to folder {str(path)!r}: {why}") from error

@@ -52,8 +52,8 @@ def thesis(
         logs: Keep the logs too, as NetCDF4.
         json: Print the results as JSON.
     """
+    from hmtb_twin.files.atomic_write import write_whole
     from scenarios.experiments.waveform import seed_range
-    from scenarios.files.atomic_write import write_whole
     from scenarios.files.data_file import write_log
     from scenarios.thesis.campaign import EVERY_TEST
     from scenarios.thesis.findings import findings

@@ -49,9 +49,9 @@ def video(
         seed: Draw other noise; for a scenario only.
         json: Print JSON.
     """
+    from hmtb_twin.files.atomic_write import check_place
     from hmtb_twin.run.playback import frames
     from scenarios.experiments.film import load_or_simulate, write_film
-    from scenarios.files.atomic_write import check_place
 
     for label, value in (("fps", fps), ("speed", speed)):
         if not 0 < value <= 1000:

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Arm, Plant, Specimen, Truth, TwinError, linearize
+from hmtb_twin.files.netcdf import Attribute, Contents, read_netcdf
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.run.experiment_row import experiment_arm
 from hmtb_twin.truth.innovations import Disturbances
@@ -19,7 +20,6 @@ from hmtb_twin.truth.truth import JointTruth
 from scenarios.datasets.plan import LICENSE, DataSetPlan, PlannedExperiment, arm_file
 from scenarios.datasets.variables import described, provenance_of
 from scenarios.files.errors import ScenarioError
-from scenarios.files.netcdf import Attribute, Contents, read_netcdf
 from sysid import StateSpace
 
 FORMAT = "hmtb arm truth 1"

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from hmtb_twin import JointLog, TwinError
+from hmtb_twin.files.netcdf import read_netcdf
 from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets.arm_truth import arm_truth
 from scenarios.datasets.baselines import software
@@ -22,7 +23,6 @@ from scenarios.datasets.score import in_metric
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.tables import table_text
 from scenarios.files.errors import ScenarioError
-from scenarios.files.netcdf import read_netcdf
 from scenarios.truth.attainable import attainable
 from sysid import SysidError
 

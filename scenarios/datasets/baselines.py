@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hmtb_twin.files.hashes import file_hash
 from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.plan import BASELINES, INDEX, DataSetPlan, arm_file
@@ -20,7 +21,6 @@ from scenarios.datasets.score import Scores, score_outputs
 from scenarios.datasets.spec_tables import BaselineSpec, Method
 from scenarios.datasets.tables import table_text
 from scenarios.files.errors import ScenarioError
-from scenarios.files.hashes import file_hash
 from scenarios.files.provenance import versions
 from scenarios.identification.methods import ESTIMATORS, estimate
 from sysid import Estimate, IOData, SysidError, SysidWarning

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from hmtb_twin import JointLog, simulate
+from hmtb_twin.files.netcdf import Attribute, Contents
 from scenarios.datasets.experiment_file import stored_log
 from scenarios.datasets.plan import LICENSE, DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.variables import described
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.files.errors import ScenarioError
-from scenarios.files.netcdf import Attribute, Contents
 from scenarios.truth.best_linear import approximated
 from scenarios.truth.bla_of_record import joint_command, multisine_like
 

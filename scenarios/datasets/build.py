@@ -10,6 +10,9 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 from hmtb_twin import TwinError
+from hmtb_twin.files.atomic_write import make_folder, remove_partial, sync, write_files
+from hmtb_twin.files.hashes import bytes_hash, file_hash
+from hmtb_twin.files.netcdf import Contents
 from hmtb_twin.hydraulics.orifice import require_compiler
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.run.simulation import MOST_THREADS
@@ -22,10 +25,7 @@ from scenarios.datasets.index import paths_of_files, read_index, write_checksums
 from scenarios.datasets.metadata import metadata_files
 from scenarios.datasets.plan import BUILD, INDEX, JOURNAL, SPEC, SUMS, UNFINISHED, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.files.atomic_write import make_folder, remove_partial, sync, write_files
 from scenarios.files.errors import ScenarioError
-from scenarios.files.hashes import bytes_hash, file_hash
-from scenarios.files.netcdf import Contents
 from scenarios.files.provenance import fingerprint, versions
 from scenarios.jobs.executor import Executor
 from scenarios.jobs.journal import Journal

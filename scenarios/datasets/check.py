@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hmtb_twin.files.hashes import file_hash
+from hmtb_twin.files.netcdf import read_netcdf
 from hmtb_twin.parameters.values import RECORDER, SAMPLE_RATE
 from scenarios.datasets.chunk import BuiltExperiment, chunks, run_chunk
 from scenarios.datasets.experiment_file import record_attributes
@@ -20,8 +22,6 @@ from scenarios.datasets.folder_check import CheckedFolder, check_folder
 from scenarios.datasets.plan import BUILD, DATA, SUMS, TRUTH, UNFINISHED
 from scenarios.datasets.record_check import file_problems
 from scenarios.files.errors import ScenarioError
-from scenarios.files.hashes import file_hash
-from scenarios.files.netcdf import read_netcdf
 from scenarios.files.provenance import fingerprint, versions
 from scenarios.jobs.netcdf_reader import NetcdfReader
 from scenarios.jobs.progress import Progress, Report

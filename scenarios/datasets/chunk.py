@@ -8,6 +8,8 @@ from threading import Lock
 from typing import Any
 
 from hmtb_twin import TwinError, simulate
+from hmtb_twin.files.hashes import bytes_hash
+from hmtb_twin.files.netcdf import Contents
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.run.simulation import Progress
 from scenarios.datasets.arm_truth import arm_files
@@ -15,8 +17,6 @@ from scenarios.datasets.experiment_file import data_contents, signal_contents
 from scenarios.datasets.plan import DataSetPlan, arm_file
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.errors import ScenarioError
-from scenarios.files.hashes import bytes_hash
-from scenarios.files.netcdf import Contents
 from scenarios.jobs.cluster import worker_threads
 
 MOST_SAMPLES = 400_000

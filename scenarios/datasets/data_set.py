@@ -10,12 +10,12 @@ from typing import Any, NamedTuple, overload
 
 import numpy as np
 
+from hmtb_twin.files.netcdf import Contents, read_netcdf
 from scenarios.datasets.index import read_index
 from scenarios.datasets.plan import INDEX, SPEC, TRUTH, UNFINISHED, ListedExperiment
 from scenarios.datasets.spec import DataSetSpec, load_spec
 from scenarios.datasets.spec_tables import PARTS
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.netcdf import Contents, read_netcdf
 from sysid import IOData
 
 Joints = str | Sequence[str]

@@ -12,6 +12,7 @@ from hmtb_twin.bus.joint_log import WRENCH
 from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.control.experiment import Status
 from hmtb_twin.control.modes import joint_index
+from hmtb_twin.files.netcdf import Attribute, Contents, read_netcdf
 from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.parameters.variants import variant_named
 from hmtb_twin.run.experiment_row import experiment_arm
@@ -19,7 +20,6 @@ from scenarios.datasets.plan import LICENSE, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.variables import described, provenance_of
 from scenarios.files.errors import ScenarioError
-from scenarios.files.netcdf import Attribute, Contents, read_netcdf
 
 FORMAT = "hmtb data set 1"
 """Marks the files of this version."""

@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hmtb_twin.files.hashes import file_hash
+from hmtb_twin.files.netcdf import Contents, read_netcdf
 from scenarios.datasets.data_set import open_data_set, sampling_time
 from scenarios.datasets.index import paths_of_files, write_checksums
 from scenarios.datasets.plan import SUMS
 from scenarios.datasets.variables import WINDOW
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.hashes import file_hash
-from scenarios.files.netcdf import Contents, read_netcdf
 
 LARGEST = 2**31 - 2**10
 """Bytes of a variable that version 5 of .mat files can hold, with room for its head."""

@@ -6,8 +6,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from hmtb_twin.files.atomic_write import replacing, write_whole
 from scenarios.datasets.plan import INDEX, SUMS
-from scenarios.files.atomic_write import replacing, write_whole
 
 
 def write_index(

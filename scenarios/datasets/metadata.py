@@ -14,6 +14,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from hmtb_twin import Status
 from hmtb_twin.control.data_acquisition import BOARD
+from hmtb_twin.files.hashes import bytes_hash, file_hash
+from hmtb_twin.files.netcdf import read_netcdf
 from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_RATE
 from hmtb_twin.parameters.variants import variant_named
 from scenarios.datasets.index import paths_of_files
@@ -23,8 +25,6 @@ from scenarios.datasets.spec_tables import PARTS, PAYLOAD, UNITS
 from scenarios.datasets.tables import read_table, table_text
 from scenarios.experiments.scenario import Scenario
 from scenarios.experiments.waveform import POINTS
-from scenarios.files.hashes import bytes_hash, file_hash
-from scenarios.files.netcdf import read_netcdf
 
 METADATA = ("experiments.csv", "README.md", "LICENSE", "CITATION.cff", "croissant.json")
 """The files of metadata, in the order in which they are written."""

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from hmtb_twin.files.netcdf import Attribute, Contents
 from scenarios.datasets.variables import GIVEN, WINDOW
-from scenarios.files.netcdf import Attribute, Contents
 
 
 def file_problems(

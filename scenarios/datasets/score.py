@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hmtb_twin.files.netcdf import read_netcdf
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.spec_tables import UNITS, Scoring
 from scenarios.datasets.tables import read_rows
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.mat_file import read_mat_numbers
-from scenarios.files.netcdf import read_netcdf
 from sysid import Estimate, StateSpace
 from sysid.validation.predictors import Predictor, as_predictor
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from hmtb_twin import MODES, PAYLOADS, POSES, VARIANTS, Chain, HandController
-from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.plant import ACTUATOR_FORMS, FRICTIONS
 from hmtb_twin.parameters.specimen_draw import TwinDistributions
 from hmtb_twin.parameters.values import HAND_CONTROLLER, JOINTS, OPERATING_POSE

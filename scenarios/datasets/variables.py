@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.files.netcdf import Attribute, Variable
+from hmtb_twin.files.netcdf import Attribute, Variable
 
 GIVEN = ("sample", "u", "joint_commanded")
 """Variables of a scored record that are published for all samples even where the truth is withheld."""

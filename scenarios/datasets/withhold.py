@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from hmtb_twin.files.atomic_write import write_whole
+from hmtb_twin.files.netcdf import Contents, Variable, read_netcdf
 from scenarios.datasets.build import build as build_data_set
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.export import seal, working_folder
@@ -20,9 +22,7 @@ from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.tables import read_table, read_text, table_text
 from scenarios.datasets.variables import GIVEN, WINDOW
 from scenarios.experiments.scenario import NAME
-from scenarios.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
-from scenarios.files.netcdf import Contents, Variable, read_netcdf
 
 PERSONS = "persons.json"
 """In the withheld folder: label and seed of the data set of each person."""

@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 from scipy.io import savemat
 
+from hmtb_twin import TwinError
+from hmtb_twin.files.netcdf import Contents, Variable, read_netcdf
 from scenarios.estimators.named_numbers import NAMES, Numbers, real_numbers
 from scenarios.estimators.outcome import NoModelError
 from scenarios.estimators.task import PROTOCOL, Task
 from scenarios.files.errors import ScenarioError
 from scenarios.files.mat_file import read_mat_numbers
-from scenarios.files.netcdf import Contents, Variable, read_netcdf
 from sysid import IOData
 
 FORMATS = {"data": "data.nc", "mat": "data.mat", "csv": "data.csv", "npz": "data.npz"}
@@ -97,9 +98,9 @@ def read_model(folder: Path) -> Numbers:
         raise NoModelError(f"{path.name} has {size} bytes, expected at most {MOST_BYTES}")
     try:
         values = _READERS[path.suffix](path)
-    except (ScenarioError, OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         # Reasons are counted over requests, so they name no folder.
-        text = str(error) if isinstance(error, ScenarioError) else f"cannot read {path.name}: {error}"
+        text = str(error) if isinstance(error, ScenarioError | TwinError) else f"cannot read {path.name}: {error}"
         raise NoModelError(text.replace(str(path), path.name)) from error
     if unknown := sorted(values.keys() - set(NAMES)):
         raise NoModelError(f"{path.name}: unknown {unknown[0][:50]!r}, expected some of {', '.join(NAMES)}")

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from hmtb_twin import JointLog, simulate
+from hmtb_twin.files.atomic_write import replacing
 from scenarios.experiments.registry import load
-from scenarios.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
 
 ENDINGS = (".mp4", ".gif", ".png")

@@ -10,7 +10,7 @@ import sysid
 from hmtb_twin import JOINTS, JointLog, TwinWarning
 from hmtb_twin.bus.joint_log import FORMAT
 from hmtb_twin.bus.record import BusRecord
-from scenarios.files.atomic_write import check_place
+from hmtb_twin.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.record_file import ENDINGS, is_record, netcdf_format, read_records, write_record
 from sysid import IOData

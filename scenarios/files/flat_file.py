@@ -6,7 +6,7 @@ from urllib.parse import quote, unquote
 import numpy as np
 
 from hmtb_twin.bus.record import COLUMNS, UNITS, BusRecord
-from scenarios.files.atomic_write import write_whole
+from hmtb_twin.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
 
 FLAT = "hmtb ascii record 1"

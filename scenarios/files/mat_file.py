@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.io import loadmat, savemat, whosmat
 
-from scenarios.files.atomic_write import replacing
+from hmtb_twin.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from hmtb_twin import JointLog
 from hmtb_twin.bus import recorder_run
 from hmtb_twin.bus.messages import incomplete, rounding
 from hmtb_twin.bus.record import CHANNELS, FORMAT, BusRecord
+from hmtb_twin.files.atomic_write import check_place
 from scenarios.files import mat_file
-from scenarios.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.flat_file import CSV_HEADER, FLAT, read_csv, read_flat, write_csv, write_flat
 

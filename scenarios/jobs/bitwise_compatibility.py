@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from scenarios.files.hashes import array_hash
+from hmtb_twin.files.hashes import array_hash
 from scenarios.files.provenance import fingerprint, versions
 from scenarios.jobs.journal import differences
 

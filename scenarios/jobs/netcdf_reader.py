@@ -10,8 +10,9 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, TypeVar
 
+from hmtb_twin import TwinError
+from hmtb_twin.files.netcdf import read_netcdf
 from scenarios.files.errors import ScenarioError
-from scenarios.files.netcdf import read_netcdf
 from scenarios.jobs.executor import one_process
 
 Result = TypeVar("Result")
@@ -46,6 +47,8 @@ class NetcdfReader(AbstractContextManager["NetcdfReader"]):
             self._pool = one_process()
         try:
             return self._pool.submit(_apply, function, path, arguments).result(self._patience)
+        except TwinError as error:
+            raise ScenarioError(str(error)) from error
         except ScenarioError:
             raise
         except BrokenProcessPool:

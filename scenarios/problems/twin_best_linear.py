@@ -15,9 +15,9 @@ import mujoco
 import numpy as np
 from scipy.linalg import block_diag
 
+from hmtb_twin.files.atomic_write import write_whole
 from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.experiments.multisines import MultisineExperiment
-from scenarios.files.atomic_write import write_whole
 from scenarios.problems.twin_name import TwinName, twin_name
 from scenarios.problems.twin_records import arm_hash, records_folder
 from scenarios.truth.best_linear import best_linear

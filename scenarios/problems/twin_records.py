@@ -13,10 +13,10 @@ import numpy as np
 
 from hmtb_twin import simulate
 from hmtb_twin.bus.joint_log import software_versions
+from hmtb_twin.files.atomic_write import replacing
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets.arm_truth import model_sha256
-from scenarios.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import fingerprint
 from scenarios.problems.trial import TWIN, Trial

@@ -13,7 +13,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from scenarios.files.atomic_write import replacing
+from hmtb_twin.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
 
 SETTINGS: dict[Any, Any] = {
@@ -34,7 +34,7 @@ def save_figure(figure: Figure, path: Path, dpi: int = 100) -> None:
         dpi: Pixels per inch, of formats made of pixels.
 
     Raises:
-        ScenarioError: There is a folder of that name.
+        TwinError: There is a folder of that name.
         OSError: The file cannot be written.
     """
     kind = path.suffix.removeprefix(".").lower()

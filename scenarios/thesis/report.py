@@ -9,12 +9,12 @@ from time import perf_counter
 import matplotlib
 import numpy as np
 
+from hmtb_twin.files.atomic_write import check_place, write_whole
 from hmtb_twin.parameters.provenance import provenance_table
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.waveform import POINTS
-from scenarios.files.atomic_write import check_place, write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.report.figure_style import EXCITED_FROM

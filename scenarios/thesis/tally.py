@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.files.atomic_write import write_whole
+from hmtb_twin.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.thesis.finding import Finding, Verdict

@@ -14,8 +14,8 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS
+from hmtb_twin.files.atomic_write import write_whole
 from scenarios.experiments.preview_figure import COLOURS, LINES
-from scenarios.files.atomic_write import write_whole
 from scenarios.report.figure_style import dress, short
 from scenarios.report.figures import SETTINGS, save_figure, svg
 from scenarios.truth.map_findings import STUDIED, TOLERANCE, findings

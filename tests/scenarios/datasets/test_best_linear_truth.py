@@ -7,6 +7,7 @@ import pytest
 
 from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.modes import joint_index
+from hmtb_twin.files.netcdf import read_netcdf
 from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets import best_linear_truth
 from scenarios.datasets.arm_truth import arm_truth
@@ -24,7 +25,6 @@ from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, TruthSpec
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import Multisines, multisine_experiments
-from scenarios.files.netcdf import read_netcdf
 from scenarios.truth.best_linear import best_linear
 from sysid import bla
 from tests.refusals import refused

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from hmtb_twin import Plant
+from hmtb_twin.files import atomic_write
 from hmtb_twin.hydraulics import valve_equations
 from scenarios.datasets import build as build_module
 from scenarios.datasets import chunk
@@ -19,7 +20,6 @@ from scenarios.datasets.chunk import BuiltExperiment, run_chunk
 from scenarios.datasets.index import read_index
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.files import atomic_write
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.executor import Executor
 from scenarios.jobs.journal import Journal, read_fingerprint

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from hmtb_twin.files.netcdf import Contents, read_netcdf
 from scenarios.datasets import check as check_module
 from scenarios.datasets.check import examine, same_software
 from scenarios.datasets.experiment_file import record_attributes
@@ -20,7 +21,6 @@ from scenarios.datasets.export import seal
 from scenarios.datasets.folder_check import list_files
 from scenarios.datasets.index import hash_of_all, read_index
 from scenarios.datasets.record_check import record_problems
-from scenarios.files.netcdf import Contents, read_netcdf
 from scenarios.jobs.netcdf_reader import NetcdfReader
 from tests.refusals import refused
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, Status, simulate
+from hmtb_twin.files.netcdf import read_netcdf
 from hmtb_twin.parameters.values import RECORDER
 from hmtb_twin.parameters.variants import variant_named
 from scenarios.datasets.experiment_file import signal_contents, stored_log
 from scenarios.datasets.plan import DataSetPlan
-from scenarios.files.netcdf import read_netcdf
 
 UDUNITS = {"1", "rad", "rad2", "N", "N m", "V", "MPa", "A", "m", "Hz", "%"}
 """Units that occur, as UDUNITS writes them."""

@@ -11,10 +11,10 @@ import pytest
 from scipy.io import loadmat
 
 import sysid
+from hmtb_twin.files.netcdf import Contents, Variable, read_netcdf
 from scenarios.datasets.export import FORMATS, LARGEST, ascii_table, columns, csv, csv_metadata, export, mat
 from scenarios.datasets.index import read_index
 from scenarios.datasets.withhold import public_contents
-from scenarios.files.netcdf import Contents, Variable, read_netcdf
 from tests.refusals import refused
 
 

@@ -11,6 +11,8 @@ import pytest
 import yaml
 
 from hmtb_twin import Status
+from hmtb_twin.files.hashes import file_hash
+from hmtb_twin.files.netcdf import read_netcdf
 from scenarios.datasets import metadata
 from scenarios.datasets.index import read_index
 from scenarios.datasets.metadata import ENVIRONMENT, METADATA, metadata_files
@@ -19,8 +21,6 @@ from scenarios.datasets.spec_tables import RecordBlock, Twins
 from scenarios.datasets.tables import read_table, table_text
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import Multisines
-from scenarios.files.hashes import file_hash
-from scenarios.files.netcdf import read_netcdf
 
 
 @pytest.fixture(scope="module")

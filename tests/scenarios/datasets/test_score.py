@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from hmtb_twin.files.netcdf import Contents, Variable
 from scenarios.datasets.score import Score, Scores, metric, score, score_model
 from scenarios.datasets.spec_tables import Scoring
-from scenarios.files.netcdf import Contents, Variable
 from sysid import IOData, StateSpace
 from sysid.models import block_diagonal
 from sysid.validation import fit_percent

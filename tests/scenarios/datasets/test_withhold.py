@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
+from hmtb_twin.files.netcdf import read_netcdf
 from scenarios.datasets import open_data_set
 from scenarios.datasets import withhold as withhold_module
 from scenarios.datasets.arm_truth import read_arm
@@ -20,7 +21,6 @@ from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.score import score_model
 from scenarios.datasets.withhold import build_withheld, check_withholdable, read_persons, read_roster
 from scenarios.experiments.registry import names
-from scenarios.files.netcdf import read_netcdf
 from sysid.validation.predictors import ModelPredictor
 from tests.refusals import refused
 

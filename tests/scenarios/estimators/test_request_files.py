@@ -7,10 +7,10 @@ import pytest
 from scipy.io import savemat
 
 import sysid
+from hmtb_twin.files.netcdf import Contents, Variable
 from scenarios.estimators.outcome import NoModelError
 from scenarios.estimators.request_files import FORMATS, MOST_BYTES, read_model, read_request, write_request
 from scenarios.estimators.task import PROTOCOL
-from scenarios.files.netcdf import Contents, Variable
 from tests.refusals import refused
 
 MODEL = {"dt": 0.02, "A": [[0.5, 0.1], [0.0, 0.2]], "B": [[1.0], [2.0]], "C": [[1.0, 0.0]]}

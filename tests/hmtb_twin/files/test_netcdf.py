@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray
 
-from scenarios.files.netcdf import Contents, Variable, read_netcdf
+from hmtb_twin.files.netcdf import Contents, Variable, read_netcdf
 from tests.refusals import refused
 
 RNG = np.random.default_rng(3)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from scenarios.files.errors import ScenarioError
+from hmtb_twin.files.errors import TwinError
 
 PARTIAL = ".partial"
 """Ending of a file that is being written."""
@@ -16,10 +16,10 @@ def check_place(path: Path) -> None:
     """Refuse a path where no file can be written, before the work for it begins.
 
     Raises:
-        ScenarioError: There is a folder of that name.
+        TwinError: There is a folder of that name.
     """
     if path.is_dir():
-        raise ScenarioError(f"cannot write {path}: it is a folder; expected a file or nothing there")
+        raise TwinError(f"cannot write {path}: it is a folder; expected a file or nothing there")
 
 
 @contextmanager
@@ -34,7 +34,7 @@ def replacing(path: Path, *, durable: bool = False) -> Iterator[Path]:
         The temporary name. If the work inside fails, the temporary file is removed and the old file stays.
 
     Raises:
-        ScenarioError: There is a folder of that name.
+        TwinError: There is a folder of that name.
         OSError: The file cannot be written; the error names it.
     """
     check_place(path)
@@ -68,7 +68,7 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
         files: Contents by path in the folder.
 
     Raises:
-        ScenarioError: There is a folder in the place of a file.
+        TwinError: There is a folder in the place of a file.
         OSError: A file cannot be written; the error names it.
     """
     touched: dict[Path, None] = {}

@@ -8,8 +8,9 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from scenarios.files.errors import ScenarioError
-from scenarios.files.hashes import array_hash
+from hmtb_twin.files.atomic_write import write_whole
+from hmtb_twin.files.errors import TwinError, system_reason
+from hmtb_twin.files.hashes import array_hash
 
 Attribute = str | int | float | np.ndarray
 """Types of an attribute."""
@@ -59,18 +60,18 @@ class Contents:
         """Write the file in memory.
 
         Raises:
-            ScenarioError: Two variables disagree about a dimension, or a variable is no NetCDF variable.
+            TwinError: Two variables disagree about a dimension, or a variable is no NetCDF variable.
         """
         sizes: dict[str, int] = {}
         for name, variable in self.variables.items():
             if variable.values.dtype.kind not in "iufU":
-                raise ScenarioError(f"{name} is of type {variable.values.dtype}, expected real numbers or texts")
+                raise TwinError(f"{name} is of type {variable.values.dtype}, expected real numbers or texts")
             for dim, size in zip(variable.dims, variable.values.shape, strict=True):
                 if sizes.setdefault(dim, size) != size:
-                    raise ScenarioError(f"{name} has {size} along {dim}, others have {sizes[dim]}")
+                    raise TwinError(f"{name} has {size} along {dim}, others have {sizes[dim]}")
         for name in sizes.keys() & self.variables.keys():
             if self.variables[name].dims != (name,):
-                raise ScenarioError(f"{name} is a dimension, expected its variable to run along itself alone")
+                raise TwinError(f"{name} is a dimension, expected its variable to run along itself alone")
         return _netcdf_bytes(sizes, self.variables, self.attributes)
 
 
@@ -82,11 +83,11 @@ def read_netcdf(path: Path | BinaryIO, *, only: Collection[str] | None = None) -
         only: Names of the variables to read; all by default.
 
     Raises:
-        ScenarioError: It is missing, no NetCDF4 file or damaged; it refers to other files; or it is too large.
+        TwinError: It is missing, no NetCDF4 file or damaged; it refers to other files; or it is too large.
     """
     if isinstance(path, Path) and path.exists() and not path.is_file():
         # Reading from a pipe would never end.
-        raise ScenarioError(f"{path} is no ordinary file, expected NetCDF4")
+        raise TwinError(f"{path} is no ordinary file, expected NetCDF4")
     try:
         # h5netcdf takes five times as long, mostly for attributes.
         with h5py.File(path, "r") as raw:
@@ -98,11 +99,56 @@ def read_netcdf(path: Path | BinaryIO, *, only: Collection[str] | None = None) -
             }
             return Contents(variables, _attributes(raw))
     except FileNotFoundError:
-        raise ScenarioError(f"no file {path}: expected NetCDF4") from None
-    except ScenarioError:
+        raise TwinError(f"no file {path}: expected NetCDF4") from None
+    except PermissionError as error:
+        raise TwinError(f"cannot read {path}: {system_reason(error)}") from error
+    except TwinError:
         raise
     except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
-        raise ScenarioError(f"{path} is not a NetCDF4 file, or a damaged one") from error
+        raise TwinError(f"{path} is not a NetCDF4 file, or a damaged one") from error
+
+
+def read_format(path: str | Path, kind: str, version: str, required: Collection[str]) -> Contents:
+    """Read a file of one of our formats.
+
+    Args:
+        path: The file.
+        kind: Kind of the file in messages, such as "joint log".
+        version: Attribute `format` of the file.
+        required: Variables that it must hold.
+
+    Raises:
+        TwinError: The file is missing, damaged, or of another kind.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise TwinError(f"no file {path}: expected a {kind}, NetCDF4")
+    contents = read_netcdf(path)
+    names = contents.variables
+    if contents.attributes.get("format") != version or any(name not in names for name in required):
+        raise TwinError(
+            f"{path} is no {kind}: expected format {version!r} with {', '.join(required)}; "
+            f"found {', '.join(names) or 'nothing'}"
+        )
+    return contents
+
+
+def write_format(path: str | Path, kind: str, contents: Contents) -> Path:
+    """Write a file whole or not at all, and return its path.
+
+    Raises:
+        TwinError: The file cannot be written.
+    """
+    path = Path(path)
+    if path.is_dir() or not path.parent.is_dir():
+        raise TwinError(f"cannot write the {kind} {path}: it is a folder, or its folder does not exist")
+    try:
+        # The file is made in memory: HDF5 crashes on a disk that is full.
+        write_whole(path, contents.to_bytes())
+    except (OSError, ValueError, TypeError) as error:
+        reason = system_reason(error) if isinstance(error, OSError) else error
+        raise TwinError(f"cannot write the {kind} {path}: {reason}") from error
+    return path
 
 
 def _check(raw: h5py.File, path: Path | BinaryIO) -> None:
@@ -110,13 +156,13 @@ def _check(raw: h5py.File, path: Path | BinaryIO) -> None:
     size = 0
     for name in raw:
         if not isinstance(raw.get(name, getlink=True), h5py.HardLink):
-            raise ScenarioError(f"{path}: {name!r} is a link; expected arrays that stand in the file itself")
+            raise TwinError(f"{path}: {name!r} is a link; expected arrays that stand in the file itself")
         entry = raw[name]
         if not isinstance(entry, h5py.Dataset) or entry.external or entry.is_virtual:
-            raise ScenarioError(f"{path}: {name!r} is no array that stands in the file itself")
+            raise TwinError(f"{path}: {name!r} is no array that stands in the file itself")
         size += entry.nbytes
     if size > MOST_BYTES:
-        raise ScenarioError(f"{path}: arrays of {size} bytes given, expected at most {MOST_BYTES}")
+        raise TwinError(f"{path}: arrays of {size} bytes given, expected at most {MOST_BYTES}")
 
 
 def _dimensions(raw: h5py.File, name: str, entry: h5py.Dataset) -> tuple[str, ...]:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-from scenarios.files import atomic_write
-from scenarios.files.atomic_write import check_place, remove_partial, replacing, sync, write_files, write_whole
+from hmtb_twin.files import atomic_write
+from hmtb_twin.files.atomic_write import check_place, remove_partial, replacing, sync, write_files, write_whole
 from scenarios.report.figures import save_figure
 from tests.refusals import refused
 
