@@ -218,8 +218,6 @@ def test_names_that_leave_the_folder_are_refused(run, complaint, tmp_path):
 
 
 def test_errors_of_libraries_do_not_leak(complaint, monkeypatch, tmp_path):
-    import xarray
-
     def full(*_: object, **__: object) -> None:
         raise OSError("[Errno 28] Unable to synchronously create file (errno = 28, error message = 'No space left')")
 
@@ -227,7 +225,7 @@ def test_errors_of_libraries_do_not_leak(complaint, monkeypatch, tmp_path):
     (tmp_path / "siso-1-elbow_pitch.nc").mkdir()
     assert "it is a folder" in complaint(*simulate)
     (tmp_path / "siso-1-elbow_pitch.nc").rmdir()
-    monkeypatch.setattr(xarray.Dataset, "to_netcdf", full)
+    monkeypatch.setattr("hmtb_twin.files.netcdf.write_whole", full)
     message = complaint(*simulate)
     assert "cannot write" in message
     assert "rrno" not in message
