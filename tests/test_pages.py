@@ -17,6 +17,7 @@ from hmtb_twin.parameters.specimen import FARTHEST, LARGEST
 from hmtb_twin.parameters.specimen_draw import CUT, KINDS, TwinDistributions
 from hmtb_twin.parameters.values import LINKS, OPERATING_POSE
 from scenarios import Scenario, load
+from scenarios.commands.cli import COMMANDS
 from scenarios.experiments.multisines import Multisines
 from scenarios.truth.attainable import Attainable, Horizon
 from scenarios.truth.best_linear import BestLinearTruth
@@ -67,12 +68,8 @@ def test_readme_example_prints_what_is_shown(tmp_path):
     assert_same_sentence(block("README.md", "text").strip(), run_example("README.md", tmp_path).strip())
 
 
-@pytest.mark.parametrize("command", sorted(set(re.findall(r"`hmtb ([a-z]+)", page("README.md")))))
-def test_every_command_of_the_readme_exists(command):
-    script = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from scenarios.commands.cli import main; main()"
-    done = subprocess.run([sys.executable, "-c", script, command, "--help"], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip(), "help goes to stdout"
+def test_every_command_of_the_readme_exists():
+    assert set(re.findall(r"`hmtb ([a-z]+)", page("README.md"))) <= set(COMMANDS)
 
 
 def test_make_targets_of_the_readme_exist():

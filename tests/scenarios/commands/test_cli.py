@@ -13,13 +13,13 @@ from scipy.io import savemat
 
 from scenarios import names
 from scenarios.commands.cli import main
-from tests.scenarios.commands.lag import signals, table
+from tests.scenarios.commands.conftest import signals, table
 
 OE = ("--method", "oe", "--orders", "1", "1", "1")
 
 
 def test_help_and_version(run):
-    for words in ([], ["--help"], ["identify", "--help"], ["thesis", "--help"], ["scenarios", "list", "--help"]):
+    for words in ([], ["--help"], ["scenarios", "list", "--help"]):
         code, out, _ = run(*words)
         assert code == 0
         assert "usage" in out.lower()
@@ -60,24 +60,6 @@ def test_scenarios_are_listed_by_tag_and_shown(run, result, tmp_path):
     done = result("simulate", mine, "--out", tmp_path)
     assert done["logs"] == [str(tmp_path / "mine.nc")]
     assert done["failed"] == {}
-
-
-def test_identify_reads_any_robots_data(run, result, tmp_path):
-    u, y = signals(1e-3, 2000)
-    csv = table(tmp_path / "robot.csv", {"time": 0.02 * np.arange(len(u)), "u": u, "y": y})
-    mat, bare = tmp_path / "robot.mat", table(tmp_path / "bare.csv", {"u": u, "y": y}, header=False)
-    savemat(mat, {"u": u, "y": y[:, None], "dt": 0.02})
-    true_hz = np.arccos((1 + 0.81 - 2 * 0.01) / (2 * 0.9)) / (2 * np.pi * 0.02)
-    for path, words in ((csv, ()), (mat, ()), (bare, ("--dt", "0.02"))):
-        output = result("identify", path, *OE, *words)
-        assert set(output) >= {"method", "orders", "fit", "bandwidth_hz", "ci95", "poles", "warnings"}
-        assert output["orders"] == {"nb": 1, "nf": 1, "nk": 1}
-        assert output["bandwidth_hz"] == pytest.approx(true_hz, rel=2e-3)
-        assert output["ci95"][0] < output["bandwidth_hz"] < output["ci95"][1]
-        assert output["poles"][0] == pytest.approx([0.9, 0.0], abs=1e-3)
-    code, out, _ = run("identify", csv, *OE, "--validate", csv)
-    assert code == 0
-    assert "bandwidth" in out
 
 
 @pytest.mark.parametrize("header", ["t", "Time", "TIME (s)", "time_s", "Time [ms]", "t / ms", "Ts", "dt"])
@@ -205,16 +187,6 @@ def test_clipping_and_slewing_are_told(run, result, tmp_path):
     assert code == 0
     assert "converter clips" in out
     assert "warning: loud:" in out
-
-
-def test_names_that_leave_the_folder_are_refused(run, complaint, tmp_path):
-    _, toml, _ = run("scenarios", "show", "siso-1-elbow_pitch")
-    for name in ("../escape", "a/b", ".."):
-        path = tmp_path / "mine.toml"
-        path.write_text(toml.replace("siso-1-elbow_pitch", name).replace("240.0", "1.0"))
-        out = tmp_path / "out"
-        assert f"scenario name {name!r}" in complaint("simulate", path, "--out", out)
-        assert not out.exists()
 
 
 def test_errors_of_libraries_do_not_leak(complaint, monkeypatch, tmp_path):

@@ -10,7 +10,7 @@ from scenarios.experiments.registry import load
 from scenarios.files.data_file import read_parts, write_log
 from scenarios.identification.model_comparison import parsed
 from scenarios.truth.published import published_model
-from tests.scenarios.commands.lag import table
+from tests.scenarios.commands.conftest import table
 
 
 @pytest.fixture(scope="module")

@@ -3,28 +3,32 @@
 import json
 import tomllib
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions
 from scenarios.commands.cli import PROGRAMS
 from scenarios.datasets.chunk import BuiltExperiment, run_chunk
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
+from scenarios.datasets.spec_tables import Twins
 
-DATA_SET_COMMANDS = PROGRAMS["hmtb dataset"]["commands"]
+COMMANDS = {program.removeprefix("hmtb"): tuple(about["commands"]) for program, about in PROGRAMS.items()}
+"""Commands of `hmtb` itself, under no name, and of `hmtb dataset`."""
 
 
 @pytest.mark.parametrize("words", [["dataset"], ["dataset", "--help"], ["dataset", "-h"]])
 def test_help_names_every_command(printed, words):
     out = printed(*words)
-    assert all(f"  {name} " in out for name in DATA_SET_COMMANDS)
+    assert all(f"  {name} " in out for name in COMMANDS[" dataset"])
     assert "  dataset " in printed("--help")
 
 
-@pytest.mark.parametrize("name", DATA_SET_COMMANDS)
-def test_every_command_has_help(printed, name):
-    assert printed("dataset", name, "--help").startswith(f"usage: hmtb dataset {name} ")
+@pytest.mark.parametrize("words", [f"{program} {name}" for program in COMMANDS for name in COMMANDS[program]])
+def test_every_command_has_help(printed, words):
+    assert printed(*words.split(), "--help").startswith(f"usage: hmtb{words} ")
 
 
 def test_data_sets_are_listed_and_shown(printed, result):
@@ -35,40 +39,15 @@ def test_data_sets_are_listed_and_shown(printed, result):
     assert result("dataset", "show", "hmtb-siso-v1") == tomllib.loads(spec.to_toml())
 
 
-TINY = """
-name = "least"
-version = 1
-title = "Two records"
-seed = 1
-window = 4
-
-[[records]]
-name = "one"
-part = "train"
-axes = ["elbow_pitch"]
-duration = 1.0
-excitation = { kind = "prbs", amplitude = 1.0 }
-
-[[records]]
-name = "two"
-part = "test"
-axes = ["elbow_pitch"]
-duration = 1.0
-excitation = { kind = "white_noise", amplitude = 0.5 }
-"""
-
-WEAK = 'supply_pressure = { kind = "uniform", spread = 2.5, centre = 8.0 }\n'
-"""Drives of which some hold the arm and others do not."""
-
-
 @pytest.fixture
-def least(tmp_path, monkeypatch):
+def least(tmp_path, tiny_spec, monkeypatch):
     """A spec whose records alone are built; what is made of them has tests of its own."""
     monkeypatch.setattr("scenarios.datasets.build.STAGES", ())
     monkeypatch.setattr("scenarios.datasets.build.metadata_files", lambda folder, spec, index: {})
     monkeypatch.setattr("scenarios.datasets.chunk.arm_files", lambda plan, entry: {})
     path = tmp_path / "least.toml"
-    path.write_text(TINY)
+    records = tuple(replace(block, duration=1.0) for block in tiny_spec.records)
+    path.write_text(replace(tiny_spec, name="least", records=records).to_toml())
     return path
 
 
@@ -77,7 +56,7 @@ def test_build_says_what_was_built_and_never_builds_it_again(result, complaint, 
     output = result(*words)
     assert output == {
         "path": str(tmp_path / "deep" / "out" / "least-v1"),
-        "experiments": 2,
+        "experiments": 3,
         "failed": {},
         "hash": json.loads((Path(output["path"]) / "experiments.json").read_text())["hash"],
     }
@@ -97,20 +76,23 @@ def test_an_interrupted_build_says_how_to_go_on_and_goes_on(run, printed, least,
         patch.setattr("scenarios.datasets.build.run_chunk", interrupted)
         code, out, err = run(*words)
     assert (code, out) == (130, "")
-    kept = f"1 of 2 experiments kept in {tmp_path / 'least-v1.unfinished'}"
+    kept = f"1 of 3 experiments kept in {tmp_path / 'least-v1.unfinished'}"
     assert err == f"hmtb: interrupted; {kept}; run the command again to resume: hmtb {' '.join(words)}\n"
-    assert printed(*words).startswith(f"{tmp_path / 'least-v1'}: 2 experiments, 0 failed, hash ")
+    assert printed(*words).startswith(f"{tmp_path / 'least-v1'}: 3 experiments, 0 failed, hash ")
 
 
 def test_failures_are_told_and_the_exit_code_is_one(result, printed, least, tmp_path):
-    least.write_text(TINY + "\n[twins]\ncount = 3\n" + WEAK)
+    # Drives of which some hold the arm and others do not.
+    weak = Twins(3, TwinDistributions(supply_pressure=Distribution("uniform", 2.5, 8.0)))
+    least.write_text(replace(DataSetSpec.from_toml(least.read_text()), twins=weak).to_toml())
     words = ("dataset", "build", least, "--out", tmp_path)
     output = result(*words, code=1)
-    assert output["experiments"] == 2
-    assert list(output["failed"]) == ["twin-0-one", "twin-0-two", "twin-1-one", "twin-1-two"]
+    assert output["experiments"] == 3
+    names = ("binary-shoulder_yaw", "binary-elbow_pitch", "noise")
+    assert list(output["failed"]) == [f"twin-{number}-{name}" for number in (0, 1) for name in names]
     assert all("the drives cannot hold the arm" in why for why in output["failed"].values())
     (tmp_path / "least-v1").rename(tmp_path / "elsewhere")
     out = printed(*words, code=1)
     # A reason that many share is said once.
-    assert out.startswith("failed: twin-0-one and 1 more: ") and out.count("failed: ") == 2
-    assert "2 experiments, 4 failed" in out
+    assert out.startswith("failed: twin-0-binary-shoulder_yaw and 2 more: ") and out.count("failed: ") == 2
+    assert "3 experiments, 6 failed" in out
