@@ -131,9 +131,3 @@ def test_what_cannot_be_is_refused_before_anything_is_made(complaint, executor, 
     (tmp_path / "my-file.py").write_text(MODULE)
     assert says in complaint("verify", *words)
     assert not (tmp_path / "results").exists()
-
-
-def test_processes_are_at_least_one(complaint, tmp_path):
-    assert "workers must be 1 or more, given 0" in complaint(
-        "verify", "perfect", "--workers", "0", "--out", str(tmp_path / "out")
-    )

@@ -163,22 +163,6 @@ def test_an_interrupted_run_keeps_its_seeds_and_says_so(tmp_path, monkeypatch, c
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--seeds", "0"), "seeds must be 1 to 1000, given 0"),
-        (("--seeds", "1000000000"), "seeds must be 1 to 1000, given 1000000000"),
-        (("--seed", str(10**23)), "a seed is a whole number from 0 to 2^63 - 1, given 1000"),
-        (("--seed", "-1"), "a seed is a whole number from 0 to 2^63 - 1, given -1"),
-        (("--seeds", "2", "--seed", str(2**63 - 1)), f"2^63 - 1, given {2**63}"),
-    ],
-)
-def test_seeds_are_checked_before_the_work(tmp_path, capsys, words, message):
-    assert main(["thesis", *words, "--out", str(tmp_path / "new")]) == 2
-    assert message in capsys.readouterr().err
-    assert not (tmp_path / "new").exists()
-
-
-@pytest.mark.parametrize(
     ("words", "file", "folder"),
     [
         (("--figures",), "figures", ""),
