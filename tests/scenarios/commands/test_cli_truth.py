@@ -3,13 +3,11 @@
 import functools
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hmtb_twin import NOMINAL_PLANT, STUDIED_JOINTS, Plant, linearize, load_arm, simulate
-from hmtb_twin.parameters.drives import Actuator
 from scenarios import load
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.truth import truth_summary
@@ -49,17 +47,11 @@ def test_json_tells_all_of_the_small_signal_truth(result):
         assert entry["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
         assert [pole["re"] for pole in entry["dominant"]] == pytest.approx(true.dominant_poles.real)
         assert all(0.0 < pole["damping_ratio"] <= 1.0 for pole in entry["dominant"])
-        oil = entry["hydraulics"]
-        assert oil["resonance_hz"] == pytest.approx(
-            np.sqrt(4 * 700 * actuator(name).displacement ** 2 / (actuator(name).trapped_volume * oil["inertia_kgm2"]))
-            / (2 * np.pi)
-        )
+        oil, drive = entry["hydraulics"], load_arm().actuators[name]
+        stiffness = 4 * 700 * drive.displacement**2 / drive.trapped_volume
+        assert oil["resonance_hz"] == pytest.approx(np.sqrt(stiffness / oil["inertia_kgm2"]) / (2 * np.pi))
     assert "noise" not in output
     assert output["files"] == []
-
-
-def actuator(name: str) -> Actuator:
-    return load_arm().actuators[name]
 
 
 def test_conditions_are_those_asked_for(result):
@@ -135,11 +127,6 @@ def test_cautions_tell_where_a_bandwidth_says_little():
     assert cautions_at[3e-2] == ""
 
 
-def drawn_words(path: Path) -> str:
-    """All text of a figure."""
-    return " ".join(re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8"), re.S) or [])
-
-
 @pytest.mark.slow
 def test_title_tells_conditions_that_are_not_nominal():
     def title(**changes: object) -> str:
@@ -204,10 +191,10 @@ def test_attainable_on_a_log(printed, result, complaint, tmp_path):
     out = printed("truth", "--data", log, "--out", tmp_path / "floors.svg")
     assert "Attainable on siso-5-elbow_pitch" in out
     assert "Chance: on 1500 samples" in out
-    with_floors, without = tmp_path / "floors.svg", tmp_path / "plain.svg"
-    printed("truth", "--out", without)
-    assert "attainable on siso-5-elbow_pitch" in drawn_words(with_floors)
-    assert "attainable" not in drawn_words(without)
+    printed("truth", "--out", tmp_path / "plain.svg")
+    with_floors, without = ((tmp_path / f"{name}.svg").read_text(encoding="utf-8") for name in ("floors", "plain"))
+    assert "attainable on siso-5-elbow_pitch" in with_floors
+    assert "attainable" not in without
     assert "leave out options" in complaint("truth", "--data", log, "--payload", "none")
     for option, value, logged in (
         ("variant", "flight", "nominal"),

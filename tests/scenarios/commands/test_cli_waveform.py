@@ -40,19 +40,12 @@ def test_every_waveform_has_flags_for_everything_it_takes(run, result, tmp_path)
     assert "update rate / Hz" in out
 
 
-def test_waveform_writes_the_file_and_the_plot(result, tmp_path):
-    output = result("waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
-    assert output["order_of_excitation"] == 4
-    points = np.loadtxt(output["points"])
-    assert points.shape == (100,)
-    assert Path(output["plot"]).read_bytes().startswith(b"\x89PNG")
-
-
 def test_a_written_file_reads_back_to_the_last_bit(result, tmp_path):
     output = result("waveform", "chirp", "--f-start", "5", "--f-end", "10", "--out", tmp_path)
     again = result("waveform", "file", "--path", output["points"], "--out", tmp_path / "again")
     assert again["points"] == output["points"]
     assert Path(again["plot"]) == tmp_path / "again" / "chirp.png"
+    assert Path(again["plot"]).read_bytes().startswith(b"\x89PNG")
     for key in ("order_of_excitation", "mean_v", "rms_v", "period_s"):
         assert again[key] == output[key]
     t = np.arange(100) / 50

@@ -125,13 +125,6 @@ def test_identify_reads_all_of_them(result, complaint, made, tmp_path):
     assert "choose one by --test" in complaint("identify", made / "run-1.ch10", *OE)
 
 
-def test_every_method_takes_a_record_with_gaps(result, made):
-    for words in (("arx", "2", "2"), ("armax", "2", "2", "2"), ("okid", "2", "5")):
-        method = ("--method", words[0], "--orders", *words[1:])
-        output = result("identify", made / "run-1.ch10", "--test", "1", *method, "--keep-mean")
-        assert max(abs(complex(*pole)) for pole in output["poles"]) < 1.0
-
-
 def test_cut_off_file(result, complaint, made, tmp_path):
     content = (made / "run-1.ch10").read_bytes()
     (tmp_path / "cut.ch10").write_bytes(content[: len(content) // 3])
