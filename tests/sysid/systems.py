@@ -77,12 +77,21 @@ def joint_normal(model, data, x0):
     return simulate(model, data.u, x0=x0)[:, 0], spread @ spread.T
 
 
-def multivariable(direct=True):
-    """Two inputs, two outputs, four states."""
-    rng = np.random.default_rng(2)
-    A = np.diag([0.95, 0.8, 0.3, -0.5])
+def multivariable(direct=True, poles=(0.95, 0.8, 0.3, -0.5)):
+    """Two inputs, two outputs, four states; the first two poles are coupled into a pair."""
+    rng, n = np.random.default_rng(2), len(poles)
+    A = np.diag(poles)
     A[0, 1], A[1, 0] = 0.2, -0.2
     D = rng.standard_normal((2, 2)) * direct
-    B, C = rng.standard_normal((4, 2)), rng.standard_normal((2, 4))
+    B, C = rng.standard_normal((n, 2)), rng.standard_normal((2, n))
     # halves what it can of A, so that the predictor is stable
     return StateSpace(A, B, C, D, 0.5 * A @ np.linalg.pinv(C), 0.02)
+
+
+def record_in_motion(truth, samples, seed=0, noise=0.0, scale=1.0):
+    """From the middle of an experiment; innovations are white times `noise`, a number or (2, 2)."""
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal((samples + 100, 2)) * [1.0, scale]
+    e = np.dot(rng.standard_normal((samples + 100, 2)), noise)
+    disturbance = StateSpace(truth.A, truth.gain, truth.C, np.eye(2), None, truth.dt)
+    return IOData(u, simulate(truth, u) + simulate(disturbance, e), 0.02)[100:]

@@ -1,22 +1,18 @@
 """What no estimator may depend on: units, the clock, the sequence of channels, where a record is cut."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 import sysid
-from sysid import Estimate, IOData
+from sysid import IOData
 
 DT = 0.1
 F = np.linspace(0.1, 4.9, 40)
-Estimator = Callable[[IOData | Sequence[IOData]], Estimate]
-Array = NDArray[np.float64]
 
 # name: estimator, relative tolerance of its answer (iterations stop when a part of 1e-9 of the cost is left)
 SINGLE = {

@@ -109,13 +109,6 @@ def test_a_bandwidth_that_the_data_do_not_determine_ends_at_nyquist():
     assert unknown.ci95 == (0.0, 5.0)
 
 
-def test_fits_of_lists_and_of_no_numbers():
-    assert sysid.validation.fit_percent([1, 2, 3], [1, 2, 3]) == 100.0
-    refused(".", sysid.validation.fit_percent, [1, 2, 3], [1, np.nan, 3])
-    refused(".", sysid.validation.fit_percent, "ab", [1, 2])
-    refused("models or estimates", sysid.compare, 3, IOData([1.0, 2.0], [1.0, 2.0], 0.1))
-
-
 def functions():
     """Public functions of the package and of its plots, and the public methods of its public classes."""
     rooms = (sysid.records, sysid.models, sysid.polynomial, sysid.validation, sysid.subspace, sysid.recursive)

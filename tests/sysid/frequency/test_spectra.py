@@ -222,14 +222,11 @@ def test_too_little_smoothing_is_refused_and_a_parametric_response_has_normal_in
     refused("no disturbance spectrum", response.noise_ci95)
 
 
-B, A = [0, 0.5], [1, -0.5]
-
-
 def periodic(seed, noise=0.0):
     """Third period of a periodic input: the transient is gone."""
     rng = np.random.default_rng(seed)
     u = np.tile(np.random.default_rng(99).standard_normal(200), 3)
-    return IOData(u, lfilter(B, A, u) + noise * rng.standard_normal(600), 0.1)[400:]
+    return IOData(u, lfilter([0, 0.5], [1, -0.5], u) + noise * rng.standard_normal(600), 0.1)[400:]
 
 
 def test_etfe_is_exact_on_a_whole_period():

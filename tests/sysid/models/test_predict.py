@@ -84,15 +84,12 @@ def test_refusals():
     refused("expected an IOData", lambda: predict(MODEL, np.ones(9)))
 
 
-ARMAX = innovations_form(Polynomials([1, -1.5, 0.7], [0, 1, 0.5], [1, 0.2], [1.0], [1.0]), 0.1)
-
-
 def test_simulation_is_the_filter_and_an_initial_state_adds_its_free_response():
     u, x0 = np.random.default_rng(0).standard_normal(50), np.array([1.0, -2.0])
-    free = [(ARMAX.C @ np.linalg.matrix_power(ARMAX.A, t) @ x0)[0] for t in range(50)]
-    difference = simulate(ARMAX, u, x0=x0) - simulate(ARMAX, u)
+    free = [(MODEL.C @ np.linalg.matrix_power(MODEL.A, t) @ x0)[0] for t in range(50)]
+    difference = simulate(MODEL, u, x0=x0) - simulate(MODEL, u)
     np.testing.assert_allclose(difference[:, 0], free, atol=1e-12)
-    np.testing.assert_allclose(simulate(ARMAX, u)[:, 0], lfilter([0, 1, 0.5], [1, -1.5, 0.7], u), atol=1e-12)
+    np.testing.assert_allclose(simulate(MODEL, u)[:, 0], lfilter(B, A, u), atol=1e-12)
     gain = StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[2.0, -1.0]], None, 0.1)
     np.testing.assert_allclose(simulate(gain, [[1.0, 1.0], [0.0, 3.0]])[:, 0], [1.0, -3.0])
 
@@ -115,13 +112,13 @@ def test_noise_has_the_colour_and_the_covariance_of_the_model():
 
 
 def test_noise_of_unknown_size_is_refused():
-    refused("no innovation covariance", lambda: simulate(ARMAX, np.ones(5), rng=np.random.default_rng(0)))
-    known = StateSpace(ARMAX.A, ARMAX.B, ARMAX.C, ARMAX.D, ARMAX.K, 0.1, [[1.0]])
+    refused("no innovation covariance", lambda: simulate(MODEL, np.ones(5), rng=np.random.default_rng(0)))
+    known = StateSpace(MODEL.A, MODEL.B, MODEL.C, MODEL.D, MODEL.K, 0.1, [[1.0]])
     refused(r"rng: expected a numpy\.random\.Generator, got int", lambda: simulate(known, np.ones(5), rng=0))
 
 
 def test_refusals_of_simulations():
-    refused(r"u: expected shape \(N, 1\)", lambda: simulate(ARMAX, np.ones((5, 2))))
-    refused("x0", lambda: simulate(ARMAX, np.ones(5), x0=[1.0]))
-    refused("NaN", lambda: simulate(ARMAX, [1.0, np.nan]))
+    refused(r"u: expected shape \(N, 1\)", lambda: simulate(MODEL, np.ones((5, 2))))
+    refused("x0", lambda: simulate(MODEL, np.ones(5), x0=[1.0]))
+    refused("NaN", lambda: simulate(MODEL, [1.0, np.nan]))
     refused("StateSpace or an Estimate, got str", lambda: simulate("model", np.ones(3)))

@@ -124,16 +124,6 @@ def test_arx_of_a_long_gap_agrees_with_the_exact_likelihood():
     assert (np.diag(all_used.covariance) < np.diag(left_out.covariance)).all()
 
 
-def multivariable(seed, samples=500):
-    model, rng = CORRELATED_OUTPUTS, np.random.default_rng(seed)
-    e = rng.multivariate_normal([0.0, 0.0], model.innovation_covariance, samples)
-    u = rng.standard_normal((samples, 1))
-    disturbance = StateSpace(model.A, model.gain, model.C, np.eye(2), None, model.dt)
-    y = simulate(model, u) + simulate(disturbance, e)
-    y[rng.random((samples, 2)) < 0.25] = np.nan
-    return model, IOData(u, y, 0.1, missing=True)
-
-
 def test_state_space_agrees_with_armax_and_its_covariance():
     data = record(9, samples=1000)
     polynomials = armax(data, 2, 2, 2)
@@ -147,10 +137,16 @@ def test_state_space_agrees_with_armax_and_its_covariance():
 
 @pytest.mark.slow
 def test_two_outputs_that_miss_different_samples():
-    f = np.array([0.1, 0.5, 1.0, 2.0, 4.0])
+    f, model = np.array([0.1, 0.5, 1.0, 2.0, 4.0]), CORRELATED_OUTPUTS
+    disturbance = StateSpace(model.A, model.gain, model.C, np.eye(2), None, model.dt)
     hits, variances = [], []
     for seed in range(5):
-        model, data = multivariable(seed)
+        rng = np.random.default_rng(seed)
+        e = rng.multivariate_normal([0.0, 0.0], model.innovation_covariance, 500)
+        u = rng.standard_normal((500, 1))
+        y = simulate(model, u) + simulate(disturbance, e)
+        y[rng.random((500, 2)) < 0.25] = np.nan
+        data = IOData(u, y, 0.1, missing=True)
         estimate = pem_ss(data, model)
         truth = np.abs(model.frequency_response(f))
         hits.append(covered(estimate.frequency_response(f).magnitude_ci95(), truth))

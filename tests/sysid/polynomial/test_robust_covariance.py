@@ -5,8 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from sysid import IOData, armax, arx, bj, oe
-
-A, B = np.array([1, -1.5, 0.7]), np.array([0, 1.0, 0.5])
+from tests.sysid.systems import A, B
 
 
 def record(seed, c, d, samples=2000, hold=4):

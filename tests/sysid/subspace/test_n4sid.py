@@ -2,40 +2,31 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData, StateSpace, SysidWarning, n4sid, okid, residuals, simulate
+from sysid import IOData, StateSpace, SysidWarning, n4sid, okid, residuals
 from tests.refusals import refused
-from tests.sysid.systems import exact_system, multivariable
+from tests.sysid.systems import exact_system, multivariable, record_in_motion
 
 U = np.random.default_rng(0).standard_normal(300)
 GROWING = IOData(U, lfilter([0, 1.0], [1, -1.02], U), 0.1)
 
 
-def record(truth, samples, seed=0, noise=0.0, scale=1.0):
-    """From the middle of an experiment, so that it begins in motion."""
-    rng = np.random.default_rng(seed)
-    u = rng.standard_normal((samples + 100, 2)) * [1.0, scale]
-    e = noise * rng.standard_normal((samples + 100, 2))
-    disturbance = StateSpace(truth.A, truth.gain, truth.C, np.eye(2), None, truth.dt)
-    return IOData(u, simulate(truth, u) + simulate(disturbance, e), 0.02)[100:]
-
-
 def test_multivariable_in_unlike_units_and_two_experiments():
     truth = multivariable()
     scaled = StateSpace(truth.A, truth.B / [1.0, 1e3], truth.C, truth.D / [1.0, 1e3], None, 0.02)
-    parts = [record(scaled, n, seed, scale=1e3) for n, seed in ((300, 0), (500, 1))]
+    parts = [record_in_motion(scaled, n, seed, scale=1e3) for n, seed in ((300, 0), (500, 1))]
     for data in (parts, parts[::-1]):
         np.testing.assert_allclose(n4sid(data, 4).model.markov(20), scaled.markov(20), atol=1e-9)
 
 
 def test_the_gain_is_the_innovation_gain():
     truth = multivariable()
-    estimate = n4sid(record(truth, 20_000, noise=1.0), 4)
+    estimate = n4sid(record_in_motion(truth, 20_000, noise=1.0), 4)
     f = np.linspace(0.1, 24.0, 30)
     expected = truth.noise_response(f)
     error = np.abs(estimate.model.noise_response(f) - expected).max()
     assert error < 0.05 * np.abs(expected).max()
     np.testing.assert_allclose(estimate.noise_variance, np.eye(2), atol=0.05)
-    fresh = residuals(estimate, record(truth, 2000, 5, noise=1.0))
+    fresh = residuals(estimate, record_in_motion(truth, 2000, 5, noise=1.0))
     assert np.mean(fresh**2) == pytest.approx(1.0, rel=0.06)
 
 
@@ -44,7 +35,9 @@ def test_error_falls_with_the_root_of_samples():
     expected = truth.markov(50)
     sizes = (1000, 16_000)
     errors = [
-        np.mean([np.linalg.norm(n4sid(record(truth, n, s, 0.3), 4).model.markov(50) - expected) for s in range(8)])
+        np.mean(
+            [np.linalg.norm(n4sid(record_in_motion(truth, n, s, 0.3), 4).model.markov(50) - expected) for s in range(8)]
+        )
         for n in sizes
     ]
     slope = np.log(errors[1] / errors[0]) / np.log(sizes[1] / sizes[0])
@@ -52,7 +45,7 @@ def test_error_falls_with_the_root_of_samples():
 
 
 def test_options():
-    data = record(multivariable(direct=False), 1000, noise=0.1)
+    data = record_in_motion(multivariable(direct=False), 1000, noise=0.1)
     bare = n4sid(data, 4, direct=False, gain=False, block_rows=8)
     assert not bare.model.D.any()
     assert not bare.model.gain.any()
@@ -95,7 +88,7 @@ def test_unstable_systems_without_gain_or_forbidden():
 
 
 def test_refusals():
-    data = record(multivariable(), 200, noise=0.1)
+    data = record_in_motion(multivariable(), 200, noise=0.1)
     refused("order must be a whole number", lambda: n4sid(data, 0))
     refused("block_rows must be a whole number from 3", lambda: n4sid(data, 4, block_rows=2))
     refused("block_rows", lambda: n4sid(data, 4, block_rows=40))

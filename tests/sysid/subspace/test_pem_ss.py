@@ -1,4 +1,5 @@
 import pickle
+from functools import partial
 
 import numpy as np
 import pytest
@@ -7,7 +8,12 @@ from scipy.signal import lfilter
 from sysid import IOData, StateSpace, SysidWarning, armax, n4sid, oe, okid, pem_ss, simulate
 from sysid.subspace.predictor_fit import constrained_step
 from tests.refusals import refused
-from tests.sysid.systems import covered
+from tests.sysid.systems import covered, multivariable, record_in_motion
+
+TRUTH = multivariable(poles=(0.95, 0.8, 0.3))
+UNLIKE = np.array([[0.5, 0.4], [0.0, 0.1]])
+"""Makes correlated disturbances of two outputs, one larger than the other."""
+draw = partial(record_in_motion, TRUTH, 800, noise=UNLIKE)
 
 
 def test_second_order_is_armax(p3):
@@ -47,34 +53,15 @@ def test_without_gain_it_is_an_output_error_model(p2):
     np.testing.assert_allclose(estimate.noise_variance, expected.noise_variance, rtol=1e-3)
 
 
-def multivariable():
-    rng = np.random.default_rng(2)
-    A = np.diag([0.95, 0.8, 0.3])
-    A[0, 1], A[1, 0] = 0.2, -0.2
-    B, C = rng.standard_normal((3, 2)), rng.standard_normal((2, 3))
-    # halves what it can of A, so that the predictor is stable
-    return StateSpace(A, B, C, rng.standard_normal((2, 2)), 0.5 * A @ np.linalg.pinv(C), 0.02)
-
-
-def draw(seed, samples=800):
-    """Two outputs with unlike, correlated disturbances."""
-    rng, truth = np.random.default_rng(seed), multivariable()
-    u = rng.standard_normal((samples + 100, 2))
-    e = rng.standard_normal((samples + 100, 2)) @ np.array([[0.5, 0.4], [0.0, 0.1]])
-    disturbance = StateSpace(truth.A, truth.gain, truth.C, np.eye(2), None, truth.dt)
-    return IOData(u, simulate(truth, u) + simulate(disturbance, e), 0.02)[100:]
-
-
 @pytest.mark.slow
 def test_efficient_and_covered():
     """Responses scatter as their covariances say, in several outputs too."""
-    truth, f = multivariable(), np.array([0.5, 3.0, 15.0])
-    g = truth.frequency_response(f)
+    f = np.array([0.5, 3.0, 15.0])
+    g, hz = TRUTH.frequency_response(f), TRUTH.bandwidth()
     squares, hits, bandwidths = [], [], []
-    hz = truth.bandwidth()
     known = np.isfinite(hz)
     for seed in range(60):
-        data = draw(seed)
+        data = draw(seed=seed)
         estimate = pem_ss(data, n4sid(data, 3))
         response = estimate.frequency_response(f)
         error = response.response - g
@@ -91,16 +78,14 @@ def test_efficient_and_covered():
 
 @pytest.mark.slow
 def test_coloured_disturbances_need_the_coloured_covariance():
-    truth, f = multivariable(), np.array([0.5, 3.0])
-    g = truth.frequency_response(f)
-    mix = np.array([[0.5, 0.4], [0.0, 0.1]])
+    f, start = np.array([0.5, 3.0]), StateSpace(TRUTH.A, TRUTH.B, TRUTH.C, TRUTH.D, None, 0.02)
+    g = TRUTH.frequency_response(f)
     plain, coloured = [], []
-    start = StateSpace(truth.A, truth.B, truth.C, truth.D, None, 0.02)
     for seed in range(40):
         rng = np.random.default_rng(seed)
         u = np.repeat(rng.standard_normal((150, 2)), 6, axis=0)
-        v = lfilter([1.0], [1, -0.9], rng.standard_normal((900, 2)) @ mix, axis=0)
-        data = IOData(u, simulate(truth, u) + v, 0.02)[100:]
+        v = lfilter([1.0], [1, -0.9], rng.standard_normal((900, 2)) @ UNLIKE, axis=0)
+        data = IOData(u, simulate(TRUTH, u) + v, 0.02)[100:]
         # Without the option the intervals fail plainly: a quarter of the draws shows it.
         for hits, option in ((plain, False), (coloured, True)) if seed < 10 else ((coloured, True),):
             estimate = pem_ss(data, start, gain=False, coloured=option)
@@ -118,7 +103,7 @@ def test_white_disturbances_hardly_notice_the_coloured_covariance(p2):
 
 
 def test_the_basis_of_the_start_does_not_matter():
-    data = draw(2)
+    data = draw(seed=2)
     m = n4sid(data, 3).model
     T = np.array([[1.0, 30.0, 0.0], [0.0, 0.01, 2.0], [5.0, 0.0, 1.0]])
     back = np.linalg.inv(T)
@@ -130,7 +115,7 @@ def test_the_basis_of_the_start_does_not_matter():
 
 
 def test_estimates_can_be_copied_and_realised():
-    data = draw(4)
+    data = draw(seed=4)
     estimate = pickle.loads(pickle.dumps(pem_ss(data, n4sid(data, 3))))
     np.testing.assert_allclose(estimate.realise(estimate.parameters).markov(9), estimate.model.markov(9))
     assert estimate.diagnostics["converged"]
@@ -139,23 +124,23 @@ def test_estimates_can_be_copied_and_realised():
 
 
 def test_stops_are_reported():
-    data = draw(5)
+    data = draw(seed=5)
     poor = StateSpace(np.diag([0.5, 0.3, -0.2]), np.ones((3, 2)), np.ones((2, 3)), np.zeros((2, 2)), None, 0.02)
     with pytest.warns(SysidWarning, match="did not converge: stopped after 1 iterations"):
         pem_ss(data, poor, search=False, max_iterations=1)
 
 
 def test_refusals():
-    data = draw(6, 100)
+    data = draw(seed=6)[:100]
     unstable = StateSpace([[1.5]], np.ones((1, 2)), np.zeros((2, 1)), np.zeros((2, 2)), None, 0.02)
     refused("with gain=False the start must be stable", lambda: pem_ss(data, unstable, gain=False))
     refused("the start needs a stable predictor", lambda: pem_ss(data, unstable))
     still = StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), np.eye(2), None, 0.02)
     refused("at least one state", lambda: pem_ss(data, still))
-    refused("coloured=True needs gain=False", lambda: pem_ss(data, multivariable(), coloured=True))
+    refused("coloured=True needs gain=False", lambda: pem_ss(data, TRUTH, coloured=True))
     refused("expected a StateSpace or an Estimate", lambda: pem_ss(data, "n4sid"))
-    refused("1 input", lambda: pem_ss(IOData(np.arange(9.0), np.arange(9.0), 0.02), multivariable()))
-    refused("too many states for the data", lambda: pem_ss(data[:6], multivariable()))
+    refused("1 input", lambda: pem_ss(IOData(np.arange(9.0), np.arange(9.0), 0.02), TRUTH))
+    refused("too many states for the data", lambda: pem_ss(data[:6], TRUTH))
 
 
 def test_unstable_systems_are_followed_by_a_stable_predictor():

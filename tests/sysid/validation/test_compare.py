@@ -16,6 +16,10 @@ def test_fit_by_hand():
     refused("one shape", lambda: fit_percent(y, y[:2]))
     refused("output 0 is constant", lambda: fit_percent(np.ones((3, 1)), y))
     np.testing.assert_array_equal(fit_percent(y, np.full((3, 1), np.inf)), [-np.inf])
+    assert fit_percent([1, 2, 3], [1, 2, 3]) == 100.0
+    refused(".", fit_percent, [1, 2, 3], [1, np.nan, 3])
+    refused(".", fit_percent, "ab", [1, 2])
+    refused("models or estimates", compare, 3, IOData([1.0, 2.0], [1.0, 2.0], 0.1))
     refused("at least one model", compare, [], IOData([1.0, 2.0], [1.0, 2.0], 0.1))
 
 

@@ -8,7 +8,6 @@ from sysid.validation.resid import independence_p, whiteness_p
 from tests.refusals import refused
 
 ONE = np.ones(1)
-MODEL = innovations_form(Polynomials([1, -1.5, 0.7], [0, 1, 0.5], [1, -1.0, 0.2], ONE, ONE), 0.1)
 
 
 def test_true_model_is_rejected_at_the_nominal_rate(p3):
