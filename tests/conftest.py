@@ -22,29 +22,24 @@ settings.register_profile("house", deadline=None, derandomize=True, database=Non
 settings.load_profile("house")
 
 
-# What is expensive to set up is set up once, not once in each process: tests of one file, and all that look at the same
+# What is expensive to set up is set up once, not once in each process: tests of one file, and all that look at the
 # study, stay together. What takes long begins first, so that no process ends alone with it.
-SHARED = ("study",)
-
-
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark tests of a study as slow, and say which tests stay together when they run in several processes."""
-    groups = {item: _group(item) for item in items}
+    groups = {
+        item: "study" if "study" in getattr(item, "fixturenames", ()) else item.nodeid.partition("::")[0]
+        for item in items
+    }
     for item, group in groups.items():
-        if group in SHARED:
+        if group == "study":
             item.add_marker(pytest.mark.slow)
     if not hasattr(config, "workerinput"):
         return
     slow = Counter(group for item, group in groups.items() if item.get_closest_marker("slow"))
     for item, group in groups.items():
         item.add_marker(pytest.mark.xdist_group(group))
-    items.sort(key=lambda item: (groups[item] not in SHARED, -slow[groups[item]]))
-
-
-def _group(item: pytest.Item) -> str:
-    shared = [name for name in SHARED if name in getattr(item, "fixturenames", ())]
-    return shared[0] if shared else item.nodeid.partition("::")[0]
+    items.sort(key=lambda item: (groups[item] != "study", -slow[groups[item]]))
 
 
 @pytest.fixture(scope="session")

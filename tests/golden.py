@@ -17,6 +17,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -31,8 +32,7 @@ import numpy as np  # noqa: E402
 import sysid  # noqa: E402
 from tests.sysid import conftest as problems  # noqa: E402
 
-HERE = Path(__file__).parent
-REFERENCE = HERE / "reference" / "golden.json"
+REFERENCE = Path(__file__).parent / "reference" / "golden.json"
 # Keys whose values depend on the machine, the time or the place.
 LEFT_OUT = set(
     ["cost", "effort", "files", "path", "physics_s", "provenance", "report", "seconds", "speed", "versions", "reasons"]
@@ -97,71 +97,64 @@ def thesis() -> object:
         return hmtb("thesis", "--quick", "--seed", "1", "--out", folder)
 
 
-def estimators(problem: str) -> Callable[[], object]:
+def estimators(problem: str) -> object:
     """Every estimator on one record of a problem."""
-
-    def run() -> object:
-        data = getattr(problems, f"make_{problem}")().draw(1)
-        na, nb, nc, nk = {"p1": (5, 3, 5, 2), "p2": (2, 2, 2, 1), "p3": (2, 2, 2, 1)}[problem]
-        nf = 2
-        frequencies = np.array([0.1, 0.5, 1.0, 2.0, 5.0])
-        warnings.simplefilter("ignore", sysid.SysidWarning)
-        polynomial = {
-            "arx": sysid.arx(data, na, nb, nk),
-            "armax": sysid.armax(data, na, nb, nc, nk),
-            "oe": sysid.oe(data, nb, nf, nk),
-            "bj": sysid.bj(data, nb, 1, 1, nf, nk),
-            "iv4": sysid.iv4(data, na, nb, nk),
+    data = getattr(problems, f"make_{problem}")().draw(1)
+    na, nb, nc, nk = {"p1": (5, 3, 5, 2), "p2": (2, 2, 2, 1), "p3": (2, 2, 2, 1)}[problem]
+    nf = 2
+    frequencies = np.array([0.1, 0.5, 1.0, 2.0, 5.0])
+    warnings.simplefilter("ignore", sysid.SysidWarning)
+    polynomial = {
+        "arx": sysid.arx(data, na, nb, nk),
+        "armax": sysid.armax(data, na, nb, nc, nk),
+        "oe": sysid.oe(data, nb, nf, nk),
+        "bj": sysid.bj(data, nb, 1, 1, nf, nk),
+        "iv4": sysid.iv4(data, na, nb, nk),
+    }
+    subspace = {"okid": sysid.okid(data, 2, p=20), "n4sid": sysid.n4sid(data, 2)}
+    subspace["pem_ss"] = sysid.pem_ss(data, subspace["n4sid"])
+    result: dict[str, object] = {
+        name: {
+            "parameters": estimate.parameters,
+            "covariance": estimate.covariance,
+            "noise_variance": estimate.noise_variance,
+            "residuals": float(np.sum(estimate.residuals[0] ** 2)),
         }
-        subspace = {"okid": sysid.okid(data, 2, p=20), "n4sid": sysid.n4sid(data, 2)}
-        subspace["pem_ss"] = sysid.pem_ss(data, subspace["n4sid"])
-        result: dict[str, object] = {
-            name: {
-                "parameters": estimate.parameters,
-                "covariance": estimate.covariance,
-                "noise_variance": estimate.noise_variance,
-                "residuals": float(np.sum(estimate.residuals[0] ** 2)),
-            }
-            for name, estimate in polynomial.items()
+        for name, estimate in polynomial.items()
+    }
+    for name, estimate in subspace.items():
+        bandwidth = estimate.bandwidth()
+        result[name] = {
+            "response": estimate.model.frequency_response(frequencies),
+            "noise_variance": estimate.noise_variance,
+            "bandwidth": bandwidth.hz,
+            "interval": bandwidth.ci95,
         }
-        for name, estimate in subspace.items():
-            bandwidth = estimate.bandwidth()
-            result[name] = {
-                "response": estimate.model.frequency_response(frequencies),
-                "noise_variance": estimate.noise_variance,
-                "bandwidth": bandwidth.hz,
-                "interval": bandwidth.ci95,
-            }
-        for estimator in (sysid.etfe, sysid.spa, sysid.welch):
-            response = estimator(data).response
-            result[estimator.__name__] = response[:: max(1, len(response) // 20)]
-        for recursive, orders in (
-            (sysid.rarx, (na, nb, nk)),
-            (sysid.rarmax, (na, nb, nc, nk)),
-            (sysid.roe, (nb, nf, nk)),
-        ):
-            result[recursive.__name__] = recursive(data, *orders).parameters[-1]
-        model = polynomial["armax"].model
-        result["era"] = sysid.era(model.markov(60), 2, dt=data.dt).model.frequency_response(frequencies)
-        result["cra"] = sysid.cra(data).response
-        result["delayest"] = [sysid.delayest(data).arx, sysid.delayest(data).correlation]
-        tests = sysid.resid(polynomial["armax"], data)
-        result["resid"] = [tests.whiteness_p, tests.independence_p]
-        fit = sysid.compare(polynomial["armax"], data)[0]
-        result["compare"] = [fit.simulation, fit.one_step]
-        return result
-
-    return run
+    for estimator in (sysid.etfe, sysid.spa, sysid.welch):
+        response = estimator(data).response
+        result[estimator.__name__] = response[:: max(1, len(response) // 20)]
+    for recursive, orders in (
+        (sysid.rarx, (na, nb, nk)),
+        (sysid.rarmax, (na, nb, nc, nk)),
+        (sysid.roe, (nb, nf, nk)),
+    ):
+        result[recursive.__name__] = recursive(data, *orders).parameters[-1]
+    model = polynomial["armax"].model
+    result["era"] = sysid.era(model.markov(60), 2, dt=data.dt).model.frequency_response(frequencies)
+    result["cra"] = sysid.cra(data).response
+    result["delayest"] = [sysid.delayest(data).arx, sysid.delayest(data).correlation]
+    tests = sysid.resid(polynomial["armax"], data)
+    result["resid"] = [tests.whiteness_p, tests.independence_p]
+    fit = sysid.compare(polynomial["armax"], data)[0]
+    result["compare"] = [fit.simulation, fit.one_step]
+    return result
 
 
 CASES: dict[str, Callable[[], object]] = {
-    **{f"estimators-{name}": estimators(name) for name in ("p1", "p2", "p3")},
-    **{
-        f"truth-{name}": lambda name=name: hmtb("truth", "--variant", name)
-        for name in ("nominal", "published", "flight")
-    },
-    "bandwidth": lambda: hmtb("bandwidth"),
-    **{f"dataset-{name}": lambda name=name: dataset(f"hmtb-{name}-v1") for name in ("siso", "mimo", "nonlinear")},
+    **{f"estimators-{name}": partial(estimators, name) for name in ("p1", "p2", "p3")},
+    **{f"truth-{name}": partial(hmtb, "truth", "--variant", name) for name in ("nominal", "published", "flight")},
+    "bandwidth": partial(hmtb, "bandwidth"),
+    **{f"dataset-{name}": partial(dataset, f"hmtb-{name}-v1") for name in ("siso", "mimo", "nonlinear")},
     "verify": verify,
     "thesis": thesis,
 }
