@@ -77,22 +77,27 @@ def departures(joint, multisines):
                 departure(name, "stick", truth, truth.agreement(truth.chain), float(truth.chain.distortion_percent[0]))
 
 
-def response_agreement(seeds, multisines):
-    """Print what the arm without friction gives, seed by seed."""
+def agreement(joint, seeds, multisines, truth):
+    """p-values of all lines, p-values of each seed, and how many of the seeds' intervals hold the true bandwidth."""
+    lines, whole, covered = [], [], 0
+    for seed in range(seeds):
+        setting = MultisineExperiment("agreement", (joint,), chain=QUIET, seed=seed)
+        estimate = best_linear(setting, replace(multisines, seed=seed))
+        result = estimate.servo_agreement(truth)
+        lines.append(result.p.ravel())
+        whole.append(result.p_all.item())
+        covered += bool(estimate.bandwidth.covers(truth.joint(joint).bandwidth_hz).item())
+    return np.concatenate(lines), np.array(whole), covered
+
+
+def agreement_by_joint(seeds, multisines):
+    """Print what the arm without friction gives."""
     heading("joint", "lines with p < 0.05, %", "p of uniform p", "seeds with p < 0.05", "intervals that hold the truth")
     truth = linearize(load_arm(friction=False))
     for joint in STUDIED_JOINTS:
-        lines, whole, covered = [], [], 0
-        for seed in range(seeds):
-            setting = MultisineExperiment("agreement", (joint,), chain=QUIET, seed=seed)
-            estimate = best_linear(setting, replace(multisines, seed=seed))
-            result = estimate.servo_agreement(truth)
-            lines.append(result.p.ravel())
-            whole.append(result.p_all.item())
-            covered += bool(estimate.bandwidth.covers(truth.joint(joint).bandwidth_hz).item())
-        p = np.concatenate(lines)
+        p, whole, covered = agreement(joint, seeds, multisines, truth)
         below = f"{100 * np.mean(p < 0.05):.1f} of {len(p)}", f"{kstest(p, 'uniform').pvalue:.2f}"
-        row(joint, *below, f"{np.sum(np.array(whole) < 0.05)} of {seeds}", f"{covered} of {seeds}")
+        row(joint, *below, f"{np.sum(whole < 0.05)} of {seeds}", f"{covered} of {seeds}")
 
 
 def main():
@@ -101,7 +106,7 @@ def main():
     parser.add_argument("--joints", nargs="*", default=["shoulder_yaw", "elbow_pitch"])
     arguments = parser.parse_args()
     if arguments.seeds:
-        response_agreement(arguments.seeds, Multisines(realisations=8, period=5.12, f_min=0.1))
+        agreement_by_joint(arguments.seeds, Multisines(realisations=8, period=5.12, f_min=0.1))
     for joint in arguments.joints:
         departures(joint, Multisines())
 

@@ -1,64 +1,36 @@
-"""State-space estimators on the multivariable problem: accuracy, and time beside SLICOT and a least-squares solve.
+"""State-space estimators on the problem `mimo`: accuracy, and time beside SLICOT and a least-squares solve.
 
-Three inputs, three outputs, ten states (0.7, 1.9, 4.2 and 7.5 Hz lightly damped, 0.35 and 3 Hz real), 12,000 samples,
-20 dB, output noise white or of first order with a pole at 0.9. The error is that of 200 values of the pulse response,
-in percent of its norm. SLICOT's N4SID comes from the wheel `ctrlsys` where that is installed; its options that ask for
+Output noise is white or of first order with a pole at 0.9. The error is that of 200 values of the pulse response, in
+percent of its norm. SLICOT's N4SID comes from the wheel `ctrlsys` where that is installed; its options that ask for
 covariances or for the Kalman gain are left alone: they return another model, or corrupt the memory of the process.
 """
 
-from functools import cache
-
 import numpy as np
 import pytest
-from scipy.linalg import block_diag
-from scipy.signal import lfilter, max_len_seq
+from scipy.signal import lfilter
 
 import sysid
+from scenarios.problems.linear_problem import BURN_IN
+from scenarios.problems.registry import problem
 from sysid.polynomial.least_squares import solve
 from sysid.subspace.okid import _regressors
 from tests.benchmarks.tables import timed
 
-SAMPLES, BURN_IN, ORDER, DT = 12_000, 500, 10, 0.02
-SEEDS = range(12)
-
-
-def binary(samples, state=None):
-    """Maximum-length sequence of +-1, twelve bits, each held for five samples."""
-    return np.repeat(max_len_seq(12, state=state, length=-(-samples // 5))[0] * 2.0 - 1.0, 5)[:samples]
-
-
-@cache
-def problem():
-    """The truth, its inputs and its outputs without noise."""
-    rng = np.random.default_rng(7)
-    blocks = []
-    for hz, damping in zip((0.7, 1.9, 4.2, 7.5), (0.25, 0.12, 0.08, 0.06), strict=True):
-        pole = np.exp(2 * np.pi * hz * DT * (-damping + 1j * np.sqrt(1 - damping**2)))
-        blocks.append(np.array([[pole.real, pole.imag], [-pole.imag, pole.real]]))
-    blocks += [np.array([[np.exp(-2 * np.pi * hz * DT)]]) for hz in (0.35, 3.0)]
-    B, C = rng.standard_normal((ORDER, 3)), rng.standard_normal((3, ORDER))
-    sizes = np.concatenate([[np.linalg.norm(block, 2)] * len(block) for block in blocks])
-    B *= np.sqrt(1 - np.minimum(0.999, sizes**2))[:, None]
-    truth = sysid.StateSpace(block_diag(*blocks), B, C, np.zeros((3, 3)), None, DT)
-    total = SAMPLES + BURN_IN
-    period = binary(4095 * 5)
-    columns = [binary(total, np.r_[1, np.zeros(11)])] + [np.roll(period, i * 1365 * 5)[:total] for i in (1, 2)]
-    u = np.column_stack(columns)
-    y = sysid.simulate(truth, u)
-    return truth, u[BURN_IN:], y[BURN_IN:]
+ORDER = 10
 
 
 def draw(seed, coloured):
-    _, u, y = problem()
-    noise = np.random.default_rng(seed).standard_normal((3, SAMPLES + 300))
+    known = problem("mimo")
+    u, y = known.inputs[BURN_IN:], known.noise_free[BURN_IN:]
+    noise = np.random.default_rng(seed).standard_normal((3, len(u) + 300))
     if coloured:
         noise = lfilter([1.0], [1.0, -0.9], noise, axis=1)
         noise /= noise.std(axis=1, keepdims=True)
-    return sysid.IOData(u, y + noise[:, 300:].T * y.std(axis=0) / 10.0, DT)
+    return sysid.IOData(u, y + noise[:, 300:].T * y.std(axis=0) / 10.0, known.truth.dt)
 
 
 def percent(model):
-    expected = problem()[0].markov(200)
+    expected = problem("mimo").truth.markov(200)
     return 100.0 * float(np.linalg.norm(model.markov(200) - expected) / np.linalg.norm(expected))
 
 
@@ -72,7 +44,7 @@ def slicot(data, block_rows):
     u, y = np.asfortranarray(data.u), np.asfortranarray(data.y)
     factor = ctrlsys.ib01ad("N", "C", "N", "O", "N", "N", block_rows, 3, 3, u, y, 0.0, -1.0)[1]
     A, C, B, D = ctrlsys.ib01bd("N", "A", "N", block_rows, ORDER, 3, 3, len(u), factor, 0.0)[:4]
-    return sysid.StateSpace(A, B, C, D, None, DT)
+    return sysid.StateSpace(A, B, C, D, None, data.dt)
 
 
 def refined(data, direct=True):
@@ -81,7 +53,7 @@ def refined(data, direct=True):
 
 @pytest.mark.parametrize(("coloured", "direct", "limit"), [(False, True, 0.8), (True, True, 1.1), (False, False, 0.69)])
 def test_refined_model_is_as_accurate_as_can_be(coloured, direct, limit):
-    records = [draw(seed, coloured) for seed in SEEDS]
+    records = [draw(seed, coloured) for seed in range(12)]
     ours = [percent(refined(data, direct)) for data in records]
     first = [percent(sysid.n4sid(data, ORDER).model) for data in records]
     print(f"\ncoloured {coloured}, D free {direct}: pem_ss {np.mean(ours):.3f} %, n4sid {np.mean(first):.3f} %")

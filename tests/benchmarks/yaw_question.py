@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import cont2discrete, lfilter
+from scipy.signal import cont2discrete, dlsim, lfilter
 
 import sysid
 from docs.images.published_servos import YAW_PLANE, coupled
@@ -27,8 +27,6 @@ JOINT = "shoulder_yaw"
 DURATION = 60.0
 SEEDS = 12
 LOWEST_LINE = 0.5
-LIMIT = 25.0
-"""Velocity limit of the yaw's command, deg/s."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +47,8 @@ class Record:
     limit_logged: bool = True
 
     def logged(self, volts):
-        """The command at that point, V."""
-        return limited(LIMIT)(volts) if self.limit_logged else volts
+        """The command at that point, V; the velocity limit of the yaw's command is 25 deg/s."""
+        return limited(25.0)(volts) if self.limit_logged else volts
 
 
 @dataclass(frozen=True)
@@ -134,12 +132,8 @@ def integrating(data, seed):
     A = np.block([[A, np.zeros((3 * n, 1))], [np.zeros((1, 3 * n + 1))]])
     A[2 * n + yaw, -1], A[-1, yaw] = -push, -1.0
     B = np.append(B[:, yaw], 1.0)[:, None]
-    Ad, Bd, *_ = cont2discrete((A, B, np.eye(1, 3 * n + 1, yaw), np.zeros((1, 1))), SAMPLE_TIME)
-
-    u, state, shown = data.u - data.u.mean(axis=0), np.zeros(3 * n + 1), np.empty_like(data.y)
-    for k in range(len(u)):
-        shown[k] = state[yaw]
-        state = Ad @ state + Bd[:, 0] * u[k, 0]
+    u = data.u - data.u.mean(axis=0)
+    _, shown, _ = dlsim(cont2discrete((A, B, np.eye(1, 3 * n + 1, yaw), np.zeros((1, 1))), SAMPLE_TIME), u)
     late = np.vstack([np.zeros((BUS[JOINT].delay, 1)), shown])[: len(u)]
     noise = RECORDER.noise * np.random.default_rng(seed).standard_normal(late.shape)
     return replace(data, u=u, y=late + noise)[round(20.0 / SAMPLE_TIME) :].detrend()

@@ -1,19 +1,15 @@
 """A shared waveform cannot tell the joints apart, a waveform for each axis can; each joint alone needs neither."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, linearize, load_arm, simulate
 from scenarios import Excitation, Scenario, load, names
 from scenarios.experiments.joint_inputs import LIMIT, joint_inputs, moved_joints, settled_inputs
 from scenarios.experiments.preview import preview
-
-COLUMNS = [JOINTS.index(joint) for joint in STUDIED_JOINTS]
-FREQUENCIES = np.array([0.25, 0.5, 1.0, 2.0, 3.0])
+from tests.benchmarks.shared_waveform import COLUMNS, FREQUENCIES, errors
 
 
 @pytest.fixture(scope="module")
@@ -33,20 +29,10 @@ def test_a_shared_waveform_is_flagged_and_independent_ones_are_not(logs):
 
 def test_estimates_bear_the_verdicts_out(logs):
     true = linearize(load_arm()).model.frequency_response(FREQUENCIES)[:, COLUMNS][:, :, COLUMNS]
-    full, diagonal = {}, {}
-    for name, log in logs.items():
-        data = sysid.IOData(log.commanded[200:, COLUMNS], log.measured[200:, COLUMNS], log.dt).detrend()
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", sysid.SysidWarning)
-            model = sysid.okid(data, 6, p=5).model
-            alone = [sysid.okid(sysid.IOData(data.u[:, i], data.y[:, i], data.dt), 2, p=5).model for i in range(3)]
-        full[name] = np.abs(model.frequency_response(FREQUENCIES) - true).max()
-        gains = np.array([entry.frequency_response(FREQUENCIES)[:, 0, 0] for entry in alone]).T
-        diagonal[name] = np.abs(gains - true.diagonal(axis1=1, axis2=2)).max()
+    (shared, *diagonal), (apart, *others) = (errors(logs[name], true) for name in ("mimo-7", "mimo-7-independent"))
     # Errors of gains that are one at 0 Hz; friction alone accounts for 0.1.
-    assert full["mimo-7"] > 0.25
-    assert full["mimo-7-independent"] < 0.12
-    assert max(diagonal.values()) < 0.12
+    assert shared > 0.25
+    assert max(apart, *diagonal, *others) < 0.12
 
 
 def signals(*columns):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from hmtb_twin import IDEAL, STUDIED_JOINTS, Chain, HandController, Plant, Specimen, linearize, load_arm
+from hmtb_twin import STUDIED_JOINTS, Chain, HandController, Plant, Specimen, linearize, load_arm
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import joint_index
 from scenarios import load
@@ -15,9 +15,9 @@ from scenarios.truth.best_linear import best_linear
 from scenarios.truth.bla_of_record import CLOSE, best_linear_of_test
 from sysid import IOData
 from sysid.frequency.bla import response_agreement
+from tests.benchmarks.best_linear import QUIET, agreement
 from tests.refusals import refused
 
-QUIET = replace(IDEAL, resolver=True)
 SHORT = Multisines(realisations=8, period=5.12, f_min=0.1)
 YAW = MultisineExperiment("yaw", ("shoulder_yaw",), chain=QUIET)
 
@@ -25,21 +25,13 @@ YAW = MultisineExperiment("yaw", ("shoulder_yaw",), chain=QUIET)
 @pytest.mark.slow
 def test_without_friction_it_is_the_small_signal_truth_line_by_line():
     truth = linearize(load_arm(friction=False), amplitudes=())
-    lines, whole, held = [], [], 0
-    for joint in STUDIED_JOINTS:
-        for seed in range(2):
-            setting = MultisineExperiment("agreement", (joint,), chain=QUIET, seed=seed)
-            approximation = best_linear(setting, replace(SHORT, seed=seed))
-            result = approximation.servo_agreement(truth)
-            lines.append(result.p.ravel())
-            whole.append(result.p_all.item())
-            held += bool(approximation.bandwidth.covers(truth.joint(joint).bandwidth_hz).item())
-    p = np.concatenate(lines)
+    lines, seeds, held = zip(*(agreement(joint, 2, SHORT, truth) for joint in STUDIED_JOINTS), strict=True)
+    p, whole = np.concatenate(lines), np.concatenate(seeds)
     assert kstest(p, "uniform").pvalue > 0.01
     low, high = binom.interval(0.99, len(p), 0.05)
     assert low <= np.sum(p < 0.05) <= high
     assert min(whole) > 0.01 / len(whole)
-    assert held >= binom.ppf(0.01, len(whole), 0.95)
+    assert sum(held) >= binom.ppf(0.01, len(whole), 0.95)
 
 
 @pytest.mark.slow
