@@ -2,7 +2,6 @@
 
 from math import pi
 
-import mujoco
 import numpy as np
 
 from hmtb_twin import JOINTS
@@ -24,16 +23,6 @@ def driven(machine, flow):
     return float(machine.run(np.full(round(3.0 / machine.model.opt.timestep), flow))[-1, 0])
 
 
-def stalled(machine, fixed):
-    """Torque of the fully open valve on a standing joint, N m."""
-    model, joint = machine.model, machine.joint
-    model.dof_armature[joint] = fixed
-    data = machine.start()
-    data.ctrl[2 * joint + 1] = 10.0 * machine.actuator.maximum_torque
-    mujoco.mj_step(model, data, nstep=1000)
-    return float(data.actuator_force[joint])
-
-
 LIMITS = ("no-load speed, rad/s", "%", "stall torque, N m", "%", "closed valve: f_h, Hz", "%", "zeta_h", "%")
 
 
@@ -49,7 +38,7 @@ def main():
         small, speed = 0.1 * theory.largest_flow, driven(machine, 5.0 * theory.largest_flow)
         cells += [percent(driven(machine, small), theory.velocity_gain * small)]
         cells += [f"{theory.no_load_speed:.3f}", percent(speed, theory.no_load_speed)]
-        cells += [f"{theory.stall_torque:.1f}", percent(stalled(machine, benches.FIXED), theory.stall_torque)]
+        cells += [f"{theory.stall_torque:.1f}", percent(machine.stall_torque(), theory.stall_torque)]
         ringing = benches.oscillator(benches.linearized(shut, drift=1e-3))
         cells += [f"{closed.natural_frequency / (2.0 * pi):.2f}", percent(ringing[0], closed.natural_frequency)]
         cells += [f"{closed.damping_ratio:.4f}", percent(ringing[1], closed.damping_ratio)]

@@ -22,7 +22,7 @@ from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
 from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE
 from tests.hmtb_twin.altered_arms import at_step, natural_poles, with_valve
-from tests.hmtb_twin.balances import orifice_balances
+from tests.hmtb_twin.balances import binary, orifice_balances
 from tests.refusals import refused
 
 ORIFICE = Plant(actuator="orifice")
@@ -314,10 +314,7 @@ def test_shutdown_and_worksite_run_on_servo_valves(experiment):
 @pytest.mark.parametrize(("friction", "joints"), [("viscous", ("elbow_pitch",)), ("lugre", JOINTS[1:])])
 def test_books_of_oil_and_energy_balance(friction, joints):
     arm = load_arm(plant=replace(ORIFICE, friction=friction))
-    command = np.tile(arm.pose(OPERATING_POSE), (60, 1))
-    bits = np.random.default_rng(3).choice([-0.067, 0.067], (10, len(joints)))
-    command[1:51, [JOINTS.index(name) for name in joints]] += np.repeat(bits, 5, axis=0)
-    oil, energy = orifice_balances(arm, command)
+    oil, energy = orifice_balances(arm, binary(arm, joints)[:60])
     assert oil.throughput[2 * JOINTS.index("elbow_pitch")] > 1.0
     assert oil.closure < 1e-6
     # Every chamber of its own, but for rounding where nothing flows.

@@ -16,13 +16,6 @@ from tests.hmtb_twin.altered_arms import equal
 from tests.refusals import refused
 
 
-def test_threads_do_not_change_a_bit_and_seeds_do(experiment):
-    tests = [experiment(name=f"n{i}", seed=i, axes=(JOINTS[1 + i % 6],), duration=2.0 + i % 2) for i in range(6)]
-    one, two = simulate(tests, threads=1), simulate(tests, threads=2)
-    assert all(equal(a, b) for a, b in zip(one, two, strict=True))
-    assert not equal(one[0], simulate([replace(tests[0], seed=99)])[0])
-
-
 def test_measurement_is_read_before_the_command_of_its_tick_acts(experiment):
     log = simulate([experiment(chain=IDEAL, axes=("shoulder_pitch",))])[0]
     data, start = log.iodata(), load_arm().pose("rpcm_holster_out_approach")[2]
@@ -102,7 +95,7 @@ def assert_same_alone(mixed, batches, rows):
     return together
 
 
-def test_different_arms_side_by_side_log_what_each_logs_alone(experiment, batches):
+def test_different_arms_side_by_side_log_what_each_logs_alone_and_another_seed_logs_otherwise(experiment, batches):
     arms = product(("nominal", "published"), (True, False), ("rpcm", "none", "mdm"))
     mixed = [
         experiment(
@@ -110,6 +103,7 @@ def test_different_arms_side_by_side_log_what_each_logs_alone(experiment, batche
             variant=variant,
             chain=Chain(friction=friction),
             payload=payload,
+            axes=(JOINTS[1 + seed % 6],),
             seed=seed,
             # One of them is longer than what is computed ahead.
             duration=6.0 if seed == 3 else 1.0 + 0.5 * (seed % 2),
@@ -121,7 +115,8 @@ def test_different_arms_side_by_side_log_what_each_logs_alone(experiment, batche
         experiment(name="heavy", specimen=Specimen(payload_mass=1.2, resolver_noise=2.0), duration=1.0),
     ]
     # With the unit or without, with bristles or without: all else is numbers.
-    assert_same_alone(mixed, batches, [2, 2, 4, 6])
+    together = assert_same_alone(mixed, batches, [2, 2, 4, 6])
+    assert not equal(together[0], simulate([replace(mixed[0], seed=99)])[0])
 
 
 def test_other_steps_and_other_valves_stand_in_batches_of_their_own(experiment, batches):

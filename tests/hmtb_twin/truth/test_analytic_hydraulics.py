@@ -63,6 +63,14 @@ class Bench:
             row[:] = data.qvel[self.joint], data.act[self.joint]
         return read
 
+    def stall_torque(self):
+        """Torque of the fully open valve on the joint, which is held from now on, N m."""
+        self.model.dof_armature[self.joint] = FIXED
+        data = self.start()
+        data.ctrl[2 * self.joint + 1] = 10.0 * self.actuator.maximum_torque
+        mujoco.mj_step(self.model, data, nstep=round(20.0 * self.actuator.motor.lag / self.model.opt.timestep) + 1)
+        return float(data.actuator_force[self.joint])
+
 
 def bench(name, plant=CONDITIONS["nominal"], *, valve=True, refined=1):
     """The bench of one joint, with the servo's gains at zero."""
@@ -189,7 +197,7 @@ def test_step_of_flow(name, conditions):
 @EVERY
 def test_velocity_gain_no_load_speed_and_stall_torque(name, conditions):
     machine = bench(name, CONDITIONS[conditions])
-    theory, actuator = machine.theory, machine.actuator
+    theory = machine.theory
     steps = round(10.0 / abs(theory.poles[0].real) / machine.model.opt.timestep)
     for part in (0.1, 5.0):
         data = machine.start()
@@ -200,12 +208,8 @@ def test_velocity_gain_no_load_speed_and_stall_torque(name, conditions):
             mujoco.mj_step(machine.model, data)
         expected = theory.velocity_gain * wanted if part < 1.0 else theory.no_load_speed
         assert data.qvel[machine.joint] == pytest.approx(expected, rel=1e-4)
-    machine.model.dof_armature[machine.joint] = FIXED
-    data = machine.start()
-    data.ctrl[2 * machine.joint + 1] = 10.0 * actuator.maximum_torque
-    mujoco.mj_step(machine.model, data, nstep=round(20.0 * actuator.motor.lag / machine.model.opt.timestep) + 1)
-    assert data.actuator_force[machine.joint] == pytest.approx(theory.stall_torque, rel=1e-4)
-    assert theory.stall_torque < actuator.maximum_torque
+    assert machine.stall_torque() == pytest.approx(theory.stall_torque, rel=1e-4)
+    assert theory.stall_torque < machine.actuator.maximum_torque
 
 
 @EVERY

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenarios.bench.measurement import Measurement
-from scenarios.bench.metric import FALSE_ALARM, Evidence, Metric, MetricDefinition, Part, all_pass, excess, unjudged
+from scenarios.bench.metric import FALSE_ALARM, Evidence, Metric, Part, all_pass, excess, unjudged
 from scenarios.bench.metrics import ALL_METRICS, FAILURES, MODEL_METRICS, SLOW, Reliability, Speed, false_alarm_of_each
 from scenarios.bench.verify import BenchPlan
 from scenarios.estimators.outcome import KINDS, MODEL
@@ -21,16 +21,6 @@ INF, NAN = math.inf, math.nan
 def part(label, value, limits=(0.0, 2.0), *, theory=True):
     passed = limits[0] <= value <= limits[1]
     return Part(label, value, 1.0, (value, value), limits, passed, theory, f"because of {label}")
-
-
-class Some(MetricDefinition):
-    name, title = "name", "Title"
-
-    def trials(self, effort):
-        return ()
-
-    def evaluate(self, evidence):
-        raise NotImplementedError
 
 
 GOOD, BAD, EXCUSED = part("a", 1.0), part("b", 2.5), part("c", 99.0, theory=False)
@@ -50,7 +40,7 @@ GOOD, BAD, EXCUSED = part("a", 1.0), part("b", 2.5), part("c", 99.0, theory=Fals
     ],
 )
 def test_metrics_of_parts(parts, value, passed, why):
-    metric = Some().of_parts(parts, 0.001, "the reason")
+    metric = Speed().of_parts(parts, 0.001, "the reason")
     assert metric.value == pytest.approx(value, abs=0.0, nan_ok=True)
     assert (metric.passed, metric.why) == (passed, why)
 

@@ -1,16 +1,12 @@
 """Problems by name: all exist, are the same each time, and unknown names are refused with what there is."""
 
-import sys
-from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from scenarios.problems.registry import names, problem
 from tests.refusals import refused
+from tests.sysid import conftest
 
-CONFTEST = Path(__file__).parents[2] / "sysid" / "conftest.py"
 FEW = ("p2", "quiet-3-2", "published-4.8", "random-hard-2", "feedback", "shared", "shared-alone", "mimo@1000")
 
 
@@ -79,12 +75,8 @@ def test_unknown_names(name, message):
 
 def test_equal_to_those_of_the_analyst():
     """Records bit by bit, parameters, and the information to what five noise draws tell of it."""
-    spec = spec_from_file_location("analyst_problems", CONFTEST)
-    module = module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
     for name in ("p1", "p2", "p3", "p4", "p5"):
-        ours, theirs = problem(name), getattr(module, f"make_{name}")()
+        ours, theirs = problem(name), getattr(conftest, f"make_{name}")()
         record, other = ours.draw(5), theirs.draw(5)
         assert np.array_equal(record.u, other.u) and np.array_equal(record.y, other.y)
         bound = ours.bound(None)

@@ -163,9 +163,6 @@ def test_every_condition_is_varied_alone(small):
     assert roll[0] < 0.6 * roll[-1]
 
 
-FEW = replace(COARSE, plane=(3, 3), sample=3)
-
-
 def test_servo_valves_have_the_same_gap_at_low_pressure_and_electric_drives_no_oil():
     assert {point[0] for point in conditions(load_arm("flight"), HERE, 3)} == {"payload"}
     points = conditions(load_arm(plant=Plant(actuator="orifice")), HERE, 3)
@@ -195,7 +192,7 @@ def measured(arm, **density):
     def stage(label):
         yield lambda done, total: steps.append((done, total))
 
-    whole = replace(FEW, measurement=SHORT, **density)
+    whole = replace(COARSE, plane=(3, 3), sample=3, measurement=SHORT, **density)
     return maps(arm, OPERATING_POSE, whole, stage=stage).table, steps
 
 
