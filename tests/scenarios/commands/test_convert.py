@@ -171,18 +171,15 @@ def test_without_the_library_nothing_is_simulated(complaint, tmp_path, monkeypat
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.ch10"]
 
 
-def test_a_csv_says_what_it_cannot_hold(result, run, made, tmp_path):
+def test_a_csv_says_what_it_cannot_hold(result, run, complaint, made, tmp_path):
     source, out = made / "siso-5-elbow_pitch.asc", tmp_path / "mine.csv"
     says = "mine.csv does not say that the test is siso-5-elbow_pitch nor that it excites elbow_pitch"
     assert result("convert", source, out)["lost"] == [says]
     assert run("convert", source, out)[::2] == (0, f"note: {says}\n")
     assert result("convert", source, tmp_path / "mine.mat")["lost"] == []
     assert result("convert", out, tmp_path / "again.csv")["lost"] == ["again.csv does not say that the test is mine"]
-
-
-def test_our_csv_is_read_by_joint(complaint, made):
-    message = complaint("identify", made / "siso-5-elbow_pitch.csv", *OE)
-    assert "it is a record of joints: choose one by --joint" in message
+    joint_needed = "it is a record of joints: choose one by --joint"
+    assert joint_needed in complaint("identify", made / "siso-5-elbow_pitch.csv", *OE)
 
 
 def test_a_recording_of_several_tests_is_one_row(made, printed):

@@ -23,13 +23,8 @@ from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import Multisines
 
 
-@pytest.fixture(scope="module")
-def croissants():
-    return pytest.importorskip("mlcroissant")
-
-
-def read_croissant(croissants, path):
-    read = croissants.Dataset(jsonld=str(path))
+def read_croissant(path):
+    read = pytest.importorskip("mlcroissant").Dataset(jsonld=str(path))
     assert not read.metadata.ctx.issues.errors | read.metadata.ctx.issues.warnings
     return list(read.records("experiments"))
 
@@ -38,8 +33,8 @@ def table(files):
     return list(csv.DictReader(io.StringIO(files["experiments.csv"].decode())))
 
 
-def test_croissant_validates_and_its_records_are_those_of_the_index(tiny, tiny_spec, croissants, monkeypatch, copy):
-    rows = read_croissant(croissants, tiny / "croissant.json")
+def test_croissant_validates_and_its_records_are_those_of_the_index(tiny, tiny_spec, monkeypatch, copy):
+    rows = read_croissant(tiny / "croissant.json")
     entries = read_index(tiny)["experiments"]
     assert [row["experiments/name"].decode() for row in rows] == [entry["name"] for entry in entries]
     assert [row["experiments/samples"] for row in rows] == [200, 200, 200]
@@ -53,7 +48,7 @@ def test_croissant_validates_and_its_records_are_those_of_the_index(tiny, tiny_s
     sets = {one["@id"]: one["includes"] for one in record["distribution"] if one["@type"] == "cr:FileSet"}
     assert (sets["data-train-nc"], sets["truth-signals-nc"]) == ("data/train/*.nc", "truth/signals/*.nc")
     assert "data/train/binary-elbow_pitch.nc" not in {one["@id"] for one in record["distribution"]}
-    assert len(read_croissant(croissants, copy / "croissant.json")) == 3
+    assert len(read_croissant(copy / "croissant.json")) == 3
 
 
 def test_the_citation_file_has_what_the_format_asks_for(tiny, tiny_spec):

@@ -67,20 +67,10 @@ def test_functions(data, task):
             assert (outcome.kind, why in outcome.why) == (kind, True), f"{behaviour.__name__}: {vars(outcome)}"
             assert outcome.why.isprintable() and outcome.wall < 10.0
             assert (outcome.answer is not None) == (kind in ("model", "unstable"))
-        check_direct(process.ask(data, replace(task, seed=0)), data, task)
-        folder = process._folder
+        outcome, folder = process.ask(data, replace(task, seed=0)), process._folder
     assert not folder.exists() and len(os.listdir("/proc/self/fd")) == files
     assert set(psutil.Process().children()) <= children and not left_running()
-
-
-def test_the_process_of_a_function_loads_no_physics():
-    """It would take half a second at each start, and count as memory that the function has."""
-    code = "import sys, scenarios.estimators.python_child; sys.exit('mujoco' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-def check_direct(outcome, data, task):
-    """The answer is that of a direct call to the last bit, claims included; time and memory are measured."""
+    # The answer is that of a direct call to the last bit, claims included; time and memory are measured.
     direct = sysid.arx(data, 1, 1, 1)
     for name in ("A", "B", "C", "D", "K", "innovation_covariance"):
         np.testing.assert_array_equal(getattr(outcome.answer.model, name), getattr(direct.model, name))
@@ -89,6 +79,12 @@ def check_direct(outcome, data, task):
     np.testing.assert_array_equal(outcome.answer.response_covariance, response.covariance)
     np.testing.assert_array_equal(outcome.answer.bandwidth_ci95, direct.bandwidth().ci95)
     assert 0.0 < outcome.seconds < 10.0 and outcome.peak_bytes > 2**20
+
+
+def test_the_process_of_a_function_loads_no_physics():
+    """It would take half a second at each start, and count as memory that the function has."""
+    code = "import sys, scenarios.estimators.python_child; sys.exit('mujoco' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 @pytest.mark.parametrize("stays", [False, True])

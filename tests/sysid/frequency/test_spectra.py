@@ -134,6 +134,9 @@ def test_nothing_is_claimed_where_the_input_is_silent():
         ("overlap", lambda: welch(noise(3, 100), overlap=1.0)),
         ("as many finite", lambda: welch(noise(3, 100), segment=10, window=lambda n: np.ones(n + 1))),
         ("constant", lambda: welch(IOData(np.ones(50), np.arange(50.0), 0.1))),
+        ("from 0 to 99", lambda: etfe(noise(3, 200), smoothing=100)),
+        ("one input, got 2", lambda: etfe(IOData(np.random.default_rng(0).standard_normal((20, 2)), np.ones(20), 0.1))),
+        ("equal length", lambda: etfe([noise(3, 200), noise(3, 100)])),
     ],
 )
 def test_refusals(message, call):
@@ -270,9 +273,3 @@ def test_smoothing_leaves_out_the_initialisation_window():
     data = IOData(*np.random.default_rng(0).standard_normal((2, 300)), 0.1, window=100)
     np.testing.assert_array_equal(etfe(data, smoothing=5).response, etfe(data[100:], smoothing=5).response)
     np.testing.assert_array_equal(etfe(data).response, etfe(data[100:]).response)
-
-
-def test_refusals_of_etfe():
-    refused("from 0 to 99", lambda: etfe(periodic(0), smoothing=100))
-    refused("one input, got 2", etfe, IOData(np.random.default_rng(0).standard_normal((20, 2)), np.ones(20), 0.1))
-    refused("equal length", lambda: etfe([periodic(0), periodic(0)[:100]]))
