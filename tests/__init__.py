@@ -1,3 +1,1 @@
 """Tests."""
-
-__all__: list[str] = []

@@ -1,30 +1,26 @@
 """`hmtb bandwidth`: rows, answer, table and figure, and what it refuses."""
 
 import csv
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, JointLog, simulate
+from hmtb_twin import JOINTS, simulate
 from scenarios.experiments.registry import load
 
 FAST = ("--duration", "16", "--joints", "elbow_pitch", "--no-bla")
 REFUSED = ("bandwidth", "--no-bla", "--methods", "arx", "--data")
 
 
+def elbow(duration):
+    """The beginning of the elbow's PRBS test."""
+    return simulate([replace(load("siso-5-elbow_pitch"), duration=duration)])[0]
+
+
 @pytest.fixture(scope="module")
 def log():
-    """Sixteen seconds of the elbow's PRBS test."""
-    return simulate([replace(load("siso-5-elbow_pitch"), duration=16.0)])[0]
-
-
-def shortened(log: JointLog, duration: float) -> JointLog:
-    count = round(duration / log.dt)
-    channels = {
-        entry.name: value[:count] for entry in fields(log) if isinstance(value := getattr(log, entry.name), np.ndarray)
-    }
-    return replace(log, **channels)
+    return elbow(16.0)
 
 
 def test_rows_of_every_method_and_seed(result, tmp_path):
@@ -79,7 +75,7 @@ def test_a_log_of_several_axes_or_of_two_arms_is_refused(complaint, tmp_path, lo
 
 def test_a_record_counts_once(complaint, tmp_path, log):
     path = log.save(tmp_path / "a.nc")
-    cut = shortened(log, 12.0).save(tmp_path / "b.nc")
+    cut = elbow(12.0).save(tmp_path / "b.nc")
     named = replace(log, name="another", seed=log.seed + 1).save(tmp_path / "c.nc")
     for other in (path, cut):
         sentence = f"the log of siso-5-elbow_pitch, seed {log.seed}, is given twice; expected every record once"
@@ -95,8 +91,8 @@ def test_identify_finds_the_same_where_it_leaves_out_the_same(result, tmp_path, 
     assert result(*identify)["bandwidth_hz"] != pytest.approx(ours, rel=1e-4)
 
 
-def test_a_log_that_is_too_short_to_settle_is_refused(complaint, tmp_path, log):
-    path = shortened(log, 0.4).save(tmp_path / "short.nc")
+def test_a_log_that_is_too_short_to_settle_is_refused(complaint, tmp_path):
+    path = elbow(0.4).save(tmp_path / "short.nc")
     assert "a log of 0.4 s given, expected 10 s or more: the arm settles for 4 s" in complaint(*REFUSED, path)
 
 
