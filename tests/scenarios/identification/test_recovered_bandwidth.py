@@ -5,15 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from scenarios.experiments.registry import load
-from scenarios.files.errors import ScenarioError
-from scenarios.identification.recovered_bandwidth import (
-    METHODS,
-    NONPARAMETRIC,
-    Recording,
-    periodic,
-    recover,
-    structure,
-)
+from scenarios.identification.recovered_bandwidth import METHODS, NONPARAMETRIC, Recording, periodic, recover
 from sysid import IOData, Polynomials
 from sysid.models import innovations_form
 
@@ -94,9 +86,3 @@ def test_what_an_estimator_refuses_is_a_row_with_the_reason():
 def test_printed_models_stand_beside_the_same_method():
     assert recovered("oe").published_hz == pytest.approx(0.94, abs=0.005)
     assert np.isnan(recovered("armax").published_hz)
-
-
-def test_unknown_names():
-    for joint, method, meant in (("elbow", "oe", "elbow_pitch"), (JOINT, "okit", "okid")):
-        with pytest.raises(ScenarioError, match=f"did you mean '{meant}'"):
-            structure(joint, method)
