@@ -25,7 +25,7 @@ def row(hz, low, high, **others):
 def test_near_1_hz_and_right_are_two_things():
     rows = [row(1.1, 1.05, 1.15), row(0.7, 0.4, 1.2), row(NAN, NAN, NAN)]
     assert [(one.near, one.covers) for one in rows] == [(True, False), (False, True), (False, False)]
-    assert row(0.8, 0.8, 0.8).near and row(1.25, 1.25, 1.25).near
+    assert [row(hz, hz, hz).near for hz in (0.79, 0.8, 1.25, 1.26)] == [False, True, True, False]
     words = coverage_in_words(rows)
     assert "1 of 3 intervals at 95 % hold the small-signal truth (OE 1 of 3)" in words
     assert "1 of those near 1 Hz are too sure of themselves" in words

@@ -1,6 +1,5 @@
 """Records that cost no simulation, and the report of the study, drawn once."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import matplotlib
@@ -13,39 +12,40 @@ from scenarios.report.figures import SETTINGS, Gallery
 from scenarios.thesis.findings import findings
 from scenarios.thesis.report import context
 
-Made = Callable[[Sequence[str]], dict[str, JointLog]]
+
+def joint_log(name: str, commanded: np.ndarray, measured: np.ndarray, true_angles: np.ndarray) -> JointLog:
+    """Make a log of angles (N, 7), rad; all else is zero."""
+    samples = len(commanded)
+    silent = np.zeros((samples, 1))
+    return JointLog(
+        name=name,
+        seed=0,
+        dt=0.02,
+        axes=("shoulder_yaw",),
+        commanded=commanded,
+        measured=measured,
+        wrench=np.zeros((samples, 6)),
+        true_angles=true_angles,
+        load_pressure=np.zeros_like(commanded),
+        volts=silent,
+        counts=silent,
+        status=np.zeros(samples, dtype=np.int64),
+    )
 
 
 @pytest.fixture(scope="session")
 def synthetic_logs():
     """Makes logs of 20 s by name: every joint of second order, its command white, its measurement a little noisy."""
 
-    def made(names: Sequence[str]) -> dict[str, JointLog]:
-        return {name: _log(name, seed) for seed, name in enumerate(names)}
+    def made(names):
+        logs = {}
+        for seed, name in enumerate(names):
+            u, noise = np.random.default_rng(seed).standard_normal((2, 1000, len(JOINTS)))
+            y = lfilter([0.0, 0.06, 0.04], [1.0, -1.4, 0.5], 0.1 * u, axis=0) + 1e-4 * noise
+            logs[name] = joint_log(name, 0.1 * u, y, y)
+        return logs
 
     return made
-
-
-def _log(name: str, seed: int) -> JointLog:
-    rng = np.random.default_rng(seed)
-    samples, joints = 1000, len(JOINTS)
-    u = 0.1 * rng.standard_normal((samples, joints))
-    y = np.asarray(lfilter([0.0, 0.06, 0.04], [1.0, -1.4, 0.5], u, axis=0)) + 1e-4 * rng.standard_normal(u.shape)
-    silent = np.zeros((samples, 1))
-    return JointLog(
-        name=name,
-        seed=seed,
-        dt=0.02,
-        axes=("shoulder_yaw",),
-        commanded=u,
-        measured=y,
-        wrench=np.zeros((samples, 6)),
-        true_angles=y,
-        load_pressure=np.zeros((samples, joints)),
-        volts=silent,
-        counts=silent,
-        status=np.zeros(samples, dtype=np.int64),
-    )
 
 
 @dataclass(frozen=True)

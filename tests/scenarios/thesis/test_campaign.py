@@ -13,9 +13,6 @@ from tests.refusals import refused
 YAW = "siso-5-shoulder_yaw"
 
 
-EMPTY = Campaign(NOMINAL, linearize(NOMINAL.arm()), {}, {})
-
-
 def played(name, seed):
     """One period of the file, without its mean and of unit length, as a spectrum."""
     (entry,) = campaign_scenario(name, seed=seed).excitation
@@ -68,7 +65,8 @@ def test_a_campaign_plays_something_and_nothing_twice():
 
 
 def test_an_unknown_joint_or_number_is_said_to_be_unknown():
-    for ask in (lambda: EMPTY.singles("elbow"), lambda: EMPTY.single(5, "elbow")):
+    empty = Campaign(NOMINAL, linearize(NOMINAL.arm()), {}, {})
+    for ask in (lambda: empty.singles("elbow"), lambda: empty.single(5, "elbow")):
         refused("did you mean 'elbow_pitch'", ask)
-    refused("tests 1 to 8", EMPTY.single, 9, "elbow_pitch")
-    assert EMPTY.singles("elbow_pitch") == {}
+    refused("tests 1 to 8", empty.single, 9, "elbow_pitch")
+    assert empty.singles("elbow_pitch") == {}

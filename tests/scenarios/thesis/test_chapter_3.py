@@ -21,8 +21,6 @@ def test_every_figure_of_chapters_two_and_three_is_answered_once():
 
 def test_the_page_has_the_figures_and_a_row_for_every_test(report):
     shown = report.context["chapter_3"]
-    answered = set(report.gallery.counterparts())
-    assert answered >= {number for figures in THESIS.values() for entry in figures.values() for number in entry}
     single, several = shown["single"], shown["several"]
     assert [row.name for row in single] == [str(n) for n in range(1, 9)]
     assert len(several) == 15

@@ -11,8 +11,6 @@ from scenarios.thesis.findings_chapter_4 import Flexibility, flexibility
 from scenarios.thesis.outcome import numbers
 from scenarios.truth.published import EQUATIONS
 
-JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
-
 
 def changed(study, joint, **fields):
     entries = dict(study.prediction_errors)
@@ -129,9 +127,10 @@ def test_an_unstable_model_loses_and_is_told(study):
         )
         tipped_over = with_sets(study, {joint: models})
         decided = finding(tipped_over)
-        assert "ARMAX model from the estimation test is unstable" in decided.why
+        assert "the ARMAX model from the estimation test is unstable" in decided.why
         assert "ARMAX" not in numbers(decided)
         assert flexibility(tipped_over, joint).best("OE", "ARMAX")
+        assert not flexibility(tipped_over, joint).best("ARMAX", "OE")
     assert chapter.elbow_armax(tipped_over).verdict == "partly", "whiter, not better"
 
 
@@ -155,7 +154,8 @@ def test_a_file_of_two_tones_does_not_decide_on_models_that_need_more(study):
             for m in sets.models
         )
         calm = {
-            joint: tuple(replace(m, poles=(0.9 + 0j,)) for m in study.data_sets[joint].models) for joint in JOINTS[1:]
+            joint: tuple(replace(m, poles=(0.9 + 0j,)) for m in study.data_sets[joint].models)
+            for joint in ("shoulder_pitch", "elbow_pitch")
         }
         decided = chapter.stable(with_sets(study, {"shoulder_yaw": models, **calm}))
         assert decided.verdict == verdict
@@ -188,12 +188,7 @@ def test_a_dismissed_method_above_the_best_is_told():
     assert "dismissed" not in Flexibility({**FITS, "IV4": 90.0}, (), 6).words("ARMAX", "OE")
 
 
-def test_an_unstable_model_is_worse_than_any_stable_one():
-    stable = {name: fit for name, fit in FITS.items() if name != "ARMAX"}
-    flexibility = Flexibility(stable, ("ARMAX",), 6)
-    assert flexibility.best("OE", "ARMAX")
-    assert not flexibility.best("ARMAX", "OE")
-    assert "the ARMAX model from the estimation test is unstable" in flexibility.words("ARMAX", "OE")
+def test_two_unstable_models_are_level():
     neither = Flexibility({}, ("ARMAX", "OE"), 6)
     assert not neither.best("OE", "ARMAX")
     assert not neither.best("ARMAX", "OE")

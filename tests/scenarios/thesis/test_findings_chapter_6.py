@@ -11,15 +11,10 @@ from sysid import StateSpace
 from tests.scenarios.thesis.altered import with_model, with_models
 
 
-def _as_printed(study):
-    """The study as if it had identified the very models that the thesis prints."""
+def test_the_printed_models_have_the_roots_that_the_thesis_tells(study):
     printed = [entry for entry in study.multivariable.models if entry.printed]
     ours = [replace(entry, name=entry.name.removeprefix("printed "), printed=False) for entry in printed]
-    return with_models(study, [*printed, *ours])
-
-
-def test_the_printed_models_have_the_roots_that_the_thesis_tells(study):
-    assert findings.real_poles(_as_printed(study)).verdict == "reproduced"
+    assert findings.real_poles(with_models(study, [*printed, *ours])).verdict == "reproduced"
 
 
 def test_roots_are_counted(study):

@@ -11,23 +11,16 @@ from scenarios.thesis.outcome import numbers
 from sysid import FrequencyResponse
 
 
-def _spectra(values):
-    """An estimate with these densities."""
-    densities = {name: density[:, None, None].astype(complex) for name, density in values.items()}
-    response = FrequencyResponse(GRID.copy(), np.ones((len(GRID), 1, 1), dtype=complex), 0.02, "spa")
-    return replace(response, **densities)
-
-
 def test_what_the_window_leaks_does_not_count_where_the_input_has_power():
     line = (np.abs(GRID - 2.5) < 0.1).astype(float)
     leaked = 0.01 * (1.0 - line)
-    verdict = _spectra(
-        {
-            "input_spectrum": line - 0.001 * (1.0 - line),
-            "output_spectrum": 100.0 * line + leaked,
-            "noise_spectrum": 0.001 * line + leaked,
-        }
-    )
+    densities = {
+        "input_spectrum": line - 0.001 * (1.0 - line),
+        "output_spectrum": 100.0 * line + leaked,
+        "noise_spectrum": 0.001 * line + leaked,
+    }
+    response = FrequencyResponse(GRID.copy(), np.ones((len(GRID), 1, 1), dtype=complex), 0.02, "spa")
+    verdict = replace(response, **{name: density[:, None, None] + 0j for name, density in densities.items()})
     kept = chapter._frequency_masks(verdict)
     assert kept[chapter.WHOLE].all()
     np.testing.assert_array_equal(kept[chapter.POWERED], line > 0)

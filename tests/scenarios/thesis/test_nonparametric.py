@@ -75,11 +75,6 @@ def test_power_is_where_the_tones_are(study):
         assert power[~near].mean() < 0.02, "elsewhere there is only leakage"
 
 
-def test_correlations_find_the_true_delay(study):
-    for joint, estimates in study.nonparametric.items():
-        assert int(estimates.delay.correlation[0, 0]) == study.joints[joint].truth.delay_samples
-
-
 def test_pulse_response_is_that_of_the_truth(study):
     for joint, estimates in study.nonparametric.items():
         true = study.joints[joint].truth.model.markov(20)[:, 0, 0]

@@ -24,8 +24,7 @@ def test_moments_are_shown_in_the_order_of_the_exchange(study, monkeypatch):
     moments, _ = exchange(study, ("approach", "insert"))
     assert [entry.phase for entry in moments] == ["approach", "insert"]
     assert 0.0 < moments[0].time < moments[1].time
-    if moments:  # each is a picture of its own
-        assert len({entry.picture for entry in moments}) == 2
+    assert len({entry.picture for entry in moments}) == 2  # each is a picture of its own
 
 
 def test_without_the_record_there_is_nothing_to_show(study):

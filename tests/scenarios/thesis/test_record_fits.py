@@ -20,18 +20,12 @@ from tests.scenarios.thesis.altered import without_log
 YAW = "shoulder_yaw"
 
 
-def _with_fit(study, number, value):
-    """The study with another fit of the chosen model of yaw to one of its tests."""
-    entry = study.joints[YAW]
-    fits = {**entry.chosen.fits, number: replace(entry.chosen.fits[number], simulation=value, one_step=value)}
-    spoilt = replace(entry.chosen, fits=fits)
-    models = {key: spoilt if model is entry.chosen else model for key, model in entry.models.items()}
-    return replace(study, joints={**study.joints, YAW: replace(entry, models=models)})
-
-
 @pytest.mark.parametrize("number", [5, 6])
 def test_records_of_the_same_sequence_are_not_held_out(study, number):
-    changed = _with_fit(study, number, -1e9)
+    entry = study.joints[YAW]
+    fits = {**entry.chosen.fits, number: replace(entry.chosen.fits[number], simulation=-1e9, one_step=-1e9)}
+    models = {**entry.models, entry.chosen.method: replace(entry.chosen, fits=fits)}
+    changed = replace(study, joints={**study.joints, YAW: replace(entry, models=models)})
     for way in WAYS:
         assert held_out_fit(changed, "SysID", YAW, way) == held_out_fit(study, "SysID", YAW, way)
     single, several = held_out_records(study, YAW)

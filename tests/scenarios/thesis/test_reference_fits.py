@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import sysid
-from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog
+from hmtb_twin import JOINTS, STUDIED_JOINTS
 from scenarios.experiments.campaign import NOMINAL
 from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS, impulse_response, reference_fits
 from sysid import StateSpace
+from tests.scenarios.thesis.conftest import joint_log
 
 YAW, SHOULDER, ELBOW = STUDIED_JOINTS
 COLUMNS = [JOINTS.index(joint) for joint in STUDIED_JOINTS]
@@ -34,21 +35,7 @@ def _campaign(truth, *, noise=0.0, late=0, offset=0.3):
     commanded, measured, angles = (np.zeros((samples, len(JOINTS))) for _ in range(3))
     commanded[:, COLUMNS], angles[:, COLUMNS] = offset + moved, offset + true
     measured[:, COLUMNS] = offset + read + noise * rng.standard_normal((samples, 3))
-    zeros = np.zeros((samples, 0))
-    log = JointLog(
-        name="mimo-1",
-        seed=0,
-        dt=0.02,
-        axes=(),
-        commanded=commanded,
-        measured=measured,
-        wrench=np.zeros((samples, 6)),
-        true_angles=angles,
-        load_pressure=np.zeros((samples, len(JOINTS))),
-        volts=zeros,
-        counts=zeros,
-        status=np.zeros(samples, dtype=int),
-    )
+    log = joint_log("mimo-1", commanded, measured, angles)
     return Campaign(NOMINAL, None, MappingProxyType({"mimo-1": log}), {})
 
 

@@ -16,21 +16,18 @@ from scenarios.experiments.registry import load
 from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
 from scenarios.thesis.attribution import ORDERS, conditions, half_power_spread, order_effects, spread
 from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, OTHER_WAVEFORMS, Campaign
-from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, full_models, three_joint_truth
-from scenarios.thesis.multi_input import METHODS as METHODS_OF_SEVERAL
+from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, METHODS, full_models, three_joint_truth
 from scenarios.thesis.nonparametric import period_spectra
 from scenarios.thesis.study import ESTIMATION_TEST, draw_conclusions, plan, run_study, study_joint
 from sysid import IOData, SysidError
 from tests.refusals import refused
-
-METHODS = {"armax", "oe", "okid", "oe_high"}
 
 
 def test_every_joint_has_every_method_and_every_fit(study):
     assert tuple(study.joints) == STUDIED_JOINTS
     assert not study.failed
     for entry in study.joints.values():
-        assert set(entry.models) == METHODS
+        assert set(entry.models) == {"armax", "oe", "okid", "oe_high"}
         assert set(entry.data) == set(SINGLE_JOINT)
         for model in entry.models.values():
             assert set(model.fits) == set(SINGLE_JOINT)
@@ -228,8 +225,8 @@ def test_a_method_that_refuses_a_record_of_several_joints_is_left_out(synthetic_
     def refuses(_):
         raise SysidError("no states")
 
-    monkeypatch.setitem(METHODS_OF_SEVERAL, FULL_OKID, refuses)
+    monkeypatch.setitem(METHODS, FULL_OKID, refuses)
     truth = linearize(NOMINAL.arm())
     campaign = Campaign(NOMINAL, truth, synthetic_logs([INDEPENDENT]), {})
     models = full_models(INDEPENDENT, campaign, three_joint_truth(truth))
-    assert [entry.method for entry in models] == [name for name in METHODS_OF_SEVERAL if name != FULL_OKID]
+    assert [entry.method for entry in models] == [name for name in METHODS if name != FULL_OKID]
