@@ -19,9 +19,6 @@ from scenarios.estimators.known_estimators import estimator
 from scenarios.jobs.executor import LocalProcesses
 from tests.benchmarks.tables import heading, options, row
 
-MOST = 0.01
-"""Share of runs that may fail."""
-
 
 def used(part):
     """How much of the way from what is expected to the limit a value has gone; 1 is the limit."""
@@ -62,7 +59,7 @@ def measure(runs, first, out, workers):
     heading("metric", "nearest to a limit, share of the way")
     for name, share in nearest.items():
         row(name, f"{share:.2f}")
-    return failed > MOST * runs
+    return failed > 0.01 * runs
 
 
 if __name__ == "__main__":

@@ -20,8 +20,6 @@ QUIET = replace(IDEAL, resolver=True)
 
 RUBBING = replace(QUIET, friction=True)
 
-AMPLITUDES = (0.003, 0.01, 0.03)
-
 LINKS: Mapping[str, tuple[Chain, Plant]] = {
     "resolver alone": (QUIET, NOMINAL_PLANT),
     "Coulomb friction": (RUBBING, replace(NOMINAL_PLANT, friction="coulomb")),
@@ -67,7 +65,7 @@ def departures(joint, multisines):
     last = ("distortion, %", "p, from command", "bandwidth, Hz", "slewing, %")
     heading("link", "rms, mrad", "from", *heads, *last)
     for name, (chain, plant) in LINKS.items():
-        for rms in AMPLITUDES:
+        for rms in (0.003, 0.01, 0.03):
             setting = MultisineExperiment("departure", (joint,), chain=chain, plant=plant)
             truth = best_linear(setting, replace(multisines, rms=rms))
             before = chain.velocity_limit or chain.adc or chain.noise

@@ -27,7 +27,6 @@ from tests.sysid.systems import CORRELATED_OUTPUTS, bursts_of_loss
 
 SAMPLES = 2500
 STEP = 1e-5
-FREQUENCIES = np.array([0.02, 0.1, 0.3, 0.6]) * 0.5
 
 
 def holes(seed, shape, bursts):
@@ -93,7 +92,7 @@ def polynomial_draws(problem, estimator, orders, draws, bursts):
 
 def state_space_draws(model, draws, bursts):
     """Figures of `pem_ss` in each noise realisation."""
-    ny, f = model.ny, FREQUENCIES / model.dt
+    ny, f = model.ny, np.array([0.02, 0.1, 0.3, 0.6]) * 0.5 / model.dt
 
     def size(of):
         return np.abs(np.concatenate((of.frequency_response(f), of.noise_response(f)), axis=2))

@@ -16,7 +16,6 @@ from tests.benchmarks.tables import heading, row
 from tests.hmtb_twin.conftest import BinaryTest
 
 MOVING = JOINTS[1:]
-LEVELS = (0.002, 0.005, 0.01)
 ELBOW = "elbow_pitch"
 
 ESTIMATORS: dict[str, Callable[[IOData], Estimate]] = {
@@ -61,7 +60,7 @@ def floor(seeds):
     ratio = "mean square over the true one, yaw to wrist roll"
     heading("process noise", "friction", "rejected as not white at 5 %", ratio)
     for friction in ("viscous", "lugre"):
-        for level in LEVELS:
+        for level in (0.002, 0.005, 0.01):
             plant = Plant(friction=friction, process_noise=level)
             truth = linearize(load_arm(plant=plant))
             model = truth.subset(MOVING, MOVING)

@@ -19,14 +19,13 @@ from sysid.polynomial.prediction_error import linearise  # noqa: E402
 from tests.benchmarks.tables import heading, row, timed  # noqa: E402
 from tests.sysid import conftest as problems  # noqa: E402
 
-ROUNDS = 40
 ORDERS = (5, 3, 5, 2)
 
 
 def medians(runs):
     """Processor time of each in ms."""
     times: list[list[float]] = [[] for _ in runs]
-    for _ in range(ROUNDS):
+    for _ in range(40):
         for run, taken in zip(runs, times, strict=True):
             taken.append(timed(run)[1])
     return [1e3 * float(np.median(taken)) for taken in times]

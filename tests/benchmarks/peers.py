@@ -27,9 +27,6 @@ from sysid.polynomial.structures import STRUCTURES  # noqa: E402
 from tests.benchmarks.tables import heading, row, timed  # noqa: E402
 from tests.sysid import conftest as problems  # noqa: E402
 
-SKIP = 500
-"""First residuals left out of every loss: initial conditions are each method's own affair."""
-
 
 @contextlib.contextmanager
 def silence():
@@ -51,7 +48,8 @@ def loss(p, u, y):
     if max((np.abs(np.roots(q)).max(initial=0.0) for q in (p.C, p.F)), default=0.0) >= 1.0:
         return np.inf
     error = lfilter(p.D, p.C, lfilter(p.A, [1.0], y) - lfilter(p.B, p.F, u))
-    return float(np.mean(error[SKIP:] ** 2))
+    # Initial conditions are each method's own affair.
+    return float(np.mean(error[500:] ** 2))
 
 
 def ours(method, orders):

@@ -21,7 +21,6 @@ CASES = [
     ("P2 roe", make_p2, sysid.roe, sysid.oe, (2, 2, 1)),
     ("P1 rarx", make_p1, sysid.rarx, sysid.arx, (5, 3, 2)),
 ]
-FIRST = (0, 300, 600, 1000)  # samples of the record that an estimate to begin with is made of
 
 
 def main():
@@ -30,7 +29,8 @@ def main():
     for label, make, recursive, batch, orders in CASES:
         records = [make().draw(seed) for seed in range(draws)]
         wholes = [batch(data, *orders) for data in records]
-        for first in FIRST:
+        # Samples of the record that an estimate to begin with is made of.
+        for first in (0, 300, 600, 1000):
             distances, ratios, warned, seconds = [], [], 0, 0.0
             for data, whole in zip(records, wholes, strict=True):
                 with warnings.catch_warnings(record=True) as caught:

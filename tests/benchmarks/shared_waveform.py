@@ -18,7 +18,6 @@ from tests.benchmarks.tables import heading, row
 
 FREQUENCIES = np.array([0.25, 0.5, 1.0, 2.0, 3.0])
 COLUMNS = [JOINTS.index(joint) for joint in STUDIED_JOINTS]
-TESTS = ("mimo-7", "mimo-7-independent", "mimo-8", "mimo-8-independent")
 
 
 def errors(log, true):
@@ -36,7 +35,7 @@ def errors(log, true):
 
 def main():
     true = linearize(load_arm()).model.frequency_response(FREQUENCIES)[:, COLUMNS][:, :, COLUMNS]
-    shared = [load(name) for name in TESTS]
+    shared = [load(name) for name in ("mimo-7", "mimo-7-independent", "mimo-8", "mimo-8-independent")]
     smooth = [
         replace(entry, name=f"{entry.name}-no-friction", chain=replace(entry.chain, friction=False)) for entry in shared
     ]

@@ -14,6 +14,7 @@ from scipy.signal import lfilter, max_len_seq
 import sysid
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import admissible, minimise
+from sysid.polynomial.structures import STRUCTURES
 from tests.benchmarks.tables import options, timed
 
 BURN_IN = 500
@@ -72,16 +73,6 @@ def make_case(kind, seed, samples, snr_db):
     return Case(data, orders, orders.join(one, [b], c, d, [dynamics]))
 
 
-def fit(kind, case):
-    """The estimate by the public function of the structure."""
-    o = case.orders
-    if kind == "armax":
-        return sysid.armax(case.data, o.na, o.nb, o.nc, o.nk)
-    if kind == "oe":
-        return sysid.oe(case.data, o.nb, o.nf, o.nk)
-    return sysid.bj(case.data, o.nb, o.nc, o.nd, o.nf, o.nk)
-
-
 def summary(fits):
     """Figures of many fits: how many were off, the distances and times, and how many the other marks apply to."""
     distances, seconds, converged, *marks = ([fit[name] for fit in fits] for name in fits[0])
@@ -101,15 +92,16 @@ def measure(kind, first, systems, samples, snr_db):
     fits = []
     for seed in range(first, first + systems):
         case = make_case(kind, seed, samples, snr_db)
-        estimate, seconds = timed(fit, kind, case)
+        orders = (getattr(case.orders, name) for name in STRUCTURES[kind])
+        estimate, seconds = timed(getattr(sysid, kind), case.data, *orders)
         cost = estimate.diagnostics["sum_of_squares"]
         reference = minimise([case.data], case.orders, case.theta, max_iterations=200).at.cost
         best = min(cost, reference)
         distance = estimate.diagnostics["rows"] * (cost - best) / best
         if distance > OFF:
             how = f"start {estimate.diagnostics['start']}, {estimate.diagnostics['reason']}"
-            orders = f"order {max(case.orders.nb)}, nk {case.orders.nk[0]}"
-            print(f"{kind:6s} system {seed}: {orders}, distance {distance:.4g}, {how}")
+            drawn = f"order {max(case.orders.nb)}, nk {case.orders.nk[0]}"
+            print(f"{kind:6s} system {seed}: {drawn}, distance {distance:.4g}, {how}")
         fits.append({"distance": distance, "seconds": seconds, "converged": estimate.diagnostics["converged"]})
         # ARMAX constrains C alone; a stable predictor is what must never be lost
         fits[-1]["predictor unstable"] = not admissible(case.orders, estimate.parameters)

@@ -11,9 +11,6 @@ from scenarios import load, names
 from tests.benchmarks.bare_steps import bare_seconds
 from tests.benchmarks.tables import timed
 
-SECONDS = 10.0
-ROUNDS = 7
-
 
 @pytest.mark.parametrize(
     ("campaign", "most"),
@@ -25,11 +22,11 @@ ROUNDS = 7
     ids=["24 single-joint tests", "13 Cartesian tests", "the whole campaign with the RPCM task"],
 )
 def test_campaign_costs_little_more_than_bare_steps(campaign, most, request):
-    experiments = [replace(load(name), duration=SECONDS) for name in campaign]
+    experiments = [replace(load(name), duration=10.0) for name in campaign]
     arms = [load_arm(payload=entry.payload, worksite=entry.worksite) for entry in experiments]
     simulate(experiments[:1])
     ratios = []
-    for _ in range(ROUNDS):
+    for _ in range(7):
         logs, ours = timed(simulate, experiments, threads=1)
         bare = sum(bare_seconds(arm, log) for arm, log in zip(arms, logs, strict=True))
         ratios.append(ours / bare)

@@ -27,8 +27,7 @@ POPULATION = TwinDistributions(
     dry_friction=Distribution("lognormal", 0.3),
 )
 ROUNDS = 60
-ARMS, FLEET_SECONDS, FLEET_ROUNDS = 64, 20.0, 3
-PAGE = 4096
+ARMS, FLEET_SECONDS = 64, 20.0
 
 
 def _milliseconds(step):
@@ -59,7 +58,7 @@ def test_a_specimen_costs_what_its_compilation_costs():
 def test_a_thousand_specimens_leave_no_more_than_the_cache_holds():
     def resident():
         gc.collect()
-        return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 2**20
+        return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 2**20
 
     sizes = []
     for i in range(1000):
@@ -75,7 +74,7 @@ def test_a_thousand_specimens_leave_no_more_than_the_cache_holds():
 def test_a_fleet_costs_little_more_than_one_arm_and_than_bare_steps():
     simulate(_experiments([Specimen()] * ARMS, seconds=0.1))
     ratios = []
-    for turn in range(FLEET_ROUNDS):
+    for turn in range(3):
         # Arms that were never loaded before: their compilation is part of the cost.
         rng = np.random.default_rng(turn)
         fleet = [Specimen(mass=tuple(rng.uniform(0.9, 1.1, len(LINK_NAMES)))) for _ in range(ARMS)]

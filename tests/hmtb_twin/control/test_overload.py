@@ -7,8 +7,6 @@ from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE
 from hmtb_twin.truth.analytic_hydraulics import linear_hydraulics
 from hmtb_twin.truth.linearization import CLEARANCE
 
-FORMS = ("linear", "orifice")
-
 
 @pytest.fixture(scope="module")
 def needed():
@@ -23,7 +21,7 @@ def weak(form, pressure):
     return load_arm(plant=Plant(actuator=form, supply_pressure=pressure))
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", ["linear", "orifice"])
 def test_load_beyond_the_supply_is_refused_in_words(form, needed):
     with pytest.raises(
         OverloadError,

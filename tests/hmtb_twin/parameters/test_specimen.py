@@ -43,13 +43,6 @@ def deviating(seed):
     )
 
 
-def bodies(specimen):
-    """Mass, centre of mass and inertia of each link of the nominal arm on this specimen."""
-    nominal = [(x.mass, (x.length / 2, 0, 0), (x.axial_inertia, *2 * [x.transverse_inertia])) for x in LINKS.values()]
-    parts = specimen.bodies(*(np.array(column, dtype=float) for column in zip(*nominal, strict=True)))
-    return dict(zip(LINKS, zip(*parts, strict=True), strict=True))
-
-
 @given(st.lists(st.floats(-FARTHEST, FARTHEST), min_size=9, max_size=9), st.floats(0.01, 100.0))
 @settings(max_examples=50)
 def test_the_log_cholesky_parameters_are_those_of_pinocchio(theta, factor):
@@ -87,7 +80,9 @@ def test_the_plant_has_the_bodies_of_pinocchio():
     specimen = deviating(1)
     root = ElementTree.fromstring(model_file("hmtb/hmtb.xml").read_text(encoding="utf-8"))
     written = {str(body.get("name")): body.find("inertial") for body in root.iter("body")}
-    for name, (mass, centre, inertia) in bodies(specimen).items():
+    nominal = [(x.mass, (x.length / 2, 0, 0), (x.axial_inertia, *2 * [x.transverse_inertia])) for x in LINKS.values()]
+    bodies = specimen.bodies(*(np.array(column, dtype=float) for column in zip(*nominal, strict=True)))
+    for name, mass, centre, inertia in zip(LINKS, *bodies, strict=True):
         inertial = written[BODIES[name]]
         numbers = {"mass": [mass], "pos": centre, "fullinertia": inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]}
         inertial.attrib = {key: " ".join(repr(float(part)) for part in parts) for key, parts in numbers.items()}

@@ -8,8 +8,7 @@ from scenarios.bench.measurement import Measurement
 from scenarios.problems.trial import Trial
 from tests.scenarios.bench.judging import evaluated
 
-BEST = {"best_linear": 0.95, "best_linear_ci95": [0.93, 0.97]}
-TRUTH = {"small_signal": 1.03, **BEST, "published": {"ARMAX (4.7)": 0.4}}
+TRUTH = {"small_signal": 1.03, "best_linear": 0.95, "best_linear_ci95": [0.93, 0.97], "published": {"ARMAX (4.7)": 0.4}}
 PITCH = "twin-nominal-shoulder_pitch-multisine-10mrad"
 YAW = "twin-nominal-shoulder_yaw-prbs-67mrad"
 

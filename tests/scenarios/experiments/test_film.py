@@ -3,7 +3,7 @@
 import os
 import subprocess
 import sys
-from contextlib import nullcontext
+from unittest.mock import MagicMock, Mock
 
 import av
 import mujoco
@@ -94,24 +94,14 @@ def test_a_log_plays_back_tick_by_tick(log):
     """A window that a test can look into, in place of MuJoCo's."""
     poses = []
 
-    class Window:
-        def __init__(self, model, data, **_):
-            self.data, self.cam, self.lock = data, mujoco.MjvCamera(), nullcontext
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            pass
-
-        def is_running(self):
-            return True
-
-        def sync(self):
-            poses.append((self.data.time, self.data.qpos[:7].copy()))
+    def launched(model, data, **_):
+        window = MagicMock(cam=mujoco.MjvCamera())
+        window.__enter__.return_value = window
+        window.sync.side_effect = lambda: poses.append((data.time, data.qpos[:7].copy()))
+        return window
 
     record = JointLog.load(log)
-    play(record, type("Module", (), {"launch_passive": Window}), speed=20.0)
+    play(record, Mock(launch_passive=launched), speed=20.0)
     assert len(poses) > 2
     for time, angles in poses:
         np.testing.assert_array_equal(angles, record.true_angles[round(time / record.dt)])

@@ -7,14 +7,12 @@ import sysid
 from scenarios.problems.registry import problem
 from sysid.subspace.cramer_rao_ss import LocalCoordinates, cramer_rao_bound_ss
 
-DRAWS = 60
-
 
 def test_output_error_reaches_it():
     """Sixty estimates: e' J e / p is 1 on average, with a standard deviation of sqrt(2 / (60 p)) = 0.09."""
     system = problem("p2@2000")
     bound = system.bound(None)
-    estimates = [sysid.oe(system.draw(seed), 2, 2, 1) for seed in range(DRAWS)]
+    estimates = [sysid.oe(system.draw(seed), 2, 2, 1) for seed in range(60)]
     errors = np.array([estimate.parameters - bound.parameters for estimate in estimates])
     information = np.linalg.inv(bound.covariance)
     assert np.mean(np.einsum("np,pq,nq->n", errors, information, errors)) / 4 == pytest.approx(1.0, abs=0.28)

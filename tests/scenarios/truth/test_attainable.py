@@ -11,18 +11,14 @@ from scenarios import Scenario, load
 from scenarios.truth.attainable import attainable
 from scenarios.truth.noise_free import conditional_mean
 from sysid import armax, arx, compare, oe, predict
+from tests.benchmarks.attainable import error
+from tests.benchmarks.best_linear import QUIET
 from tests.refusals import refused
-
-QUIET = replace(IDEAL, resolver=True)
 
 
 def run(name, seeds=(1,), *, duration=60.0, **changes):
     scenario = replace(load(name), duration=duration, **changes)
     return list(simulate([replace(scenario, seed=seed) for seed in seeds]))
-
-
-def errors(record, hat):
-    return float(np.sqrt(np.mean((record.y - hat) ** 2)))
 
 
 @pytest.fixture(scope="module")
@@ -71,13 +67,13 @@ def test_no_estimator_goes_below_on_fresh_data(name, changes):
         for estimated, horizon in ((fit.simulated, floors.simulation), (fit.predicted, floors.one_step)):
             for floor in (horizon.any_model, horizon.best_linear):
                 # The initial state is fitted to the fresh record, and its mean is taken off.
-                assert errors(record, estimated) > floors.by_chance(floor.rmse, 7)
+                assert error(record, estimated) > floors.by_chance(floor.rmse, 7)
 
 
 def test_a_sufficient_model_reaches_them_on_fresh_data(sliding):
     fresh = run("siso-5-shoulder_yaw", (2,), chain=QUIET)[0]
     record, floors = fresh.iodata().detrend(), attainable(fresh)
-    best = errors(record, compare(oe(sliding.iodata().detrend(), 5, 5), record)[0].simulated)
+    best = error(record, compare(oe(sliding.iodata().detrend(), 5, 5), record)[0].simulated)
     assert best < 1.01 * floors.simulation.any_model.rmse
 
 
@@ -115,11 +111,11 @@ def test_a_long_regression_from_another_record_does_not_beat_the_best_linear_sys
     floors, record = attainable(fresh), fresh.iodata().detrend()
     assert floors.settling < 200 < floors.memory == 2 * floors.settling
     long = arx(train.iodata().detrend(), 200, 200)
-    simulated, predicted = (errors(record, predict(long, record, steps=steps)) for steps in (None, 1))
+    simulated, predicted = (error(record, predict(long, record, steps=steps)) for steps in (None, 1))
     # Such a model comes near, far below systems of the truth's order, so that the floor is no empty one.
     fitted = 200 + 1
-    for error, horizon in ((simulated, floors.simulation), (predicted, floors.one_step)):
-        assert floors.by_chance(horizon.best_linear.rmse, fitted) < error < 1.2 * horizon.best_linear.rmse
+    for own, horizon in ((simulated, floors.simulation), (predicted, floors.one_step)):
+        assert floors.by_chance(horizon.best_linear.rmse, fitted) < own < 1.2 * horizon.best_linear.rmse
     assert floors.right_order.rmse > 2 * simulated
     assert floors.mean_error == 0.0
 
@@ -139,7 +135,7 @@ def test_where_process_noise_shakes_friction_the_floor_is_that_of_the_mean_respo
         seed=0,
     )
     assert np.abs(variance).max() < 1e-30
-    assert floors.simulation.any_model.rmse < 0.95 * errors(log.iodata(), still[:, 1:2])
+    assert floors.simulation.any_model.rmse < 0.95 * error(log.iodata(), still[:, 1:2])
     assert 0.0 < floors.mean_error < 0.6 * floors.simulation.any_model.rmse
 
 

@@ -150,22 +150,15 @@ def test_a_command_below_half_a_count_is_no_excitation(chain):
     assert multisine_experiments(YAW, replace(SHORT, rms=1e-9)), "nothing rounds there"
 
 
-JOINT = "elbow_pitch"
-
-
-def commanded(setting):
-    """The command of a test; what the arm answers does not matter here."""
-    u = preview(setting).commands[200:, joint_index(JOINT)]
-    return IOData(u, u, 0.02).detrend()
-
-
 @pytest.mark.slow
 def test_without_friction_it_is_the_small_signal_truth():
     condition = Condition(friction=False)
     setting = condition.applied(campaign_scenario("siso-5-elbow_pitch", duration=24.0))
-    record = commanded(setting)
+    # What the arm answers does not matter here.
+    u = preview(setting).commands[200:, joint_index("elbow_pitch")]
+    record = IOData(u, u, 0.02).detrend()
     approximation = best_linear_of_test(setting, [record], test="5", seed=3)
-    truth = linearize(load_arm(), amplitudes=()).joint(JOINT).bandwidth_hz
+    truth = linearize(load_arm(), amplitudes=()).joint("elbow_pitch").bandwidth_hz
     assert approximation.wanted_rms == pytest.approx(float(np.std(record.u)))
     assert approximation.command_rms == pytest.approx(approximation.wanted_rms, rel=2 * CLOSE)
     assert approximation.f_max == pytest.approx(3.5, abs=0.6)
