@@ -23,21 +23,15 @@ from sysid.models import add_delay, innovations_form
 from sysid.models.delta_method import standard_directions
 from sysid.polynomial.polynomial_estimate import Realise
 
-SHARE = 1.0 / 50.0
-"""How often the unreliable ones fail."""
-
-SLOWNESS, LONGEST = 1800.0, 10.0
-"""Processor time of the slow one, in rulers of the test bench, half as much again as is called slow; and at most, s."""
-
-VARIANCE = 1.5
-APPETITE, BITE = 8 * 2**30, 2**28
-ATTEMPTS = 100
-"""Errors that are drawn at most until one leaves a stable model."""
-
 
 def delayed(data, task):
     """It counts the delay from zero: its model answers one sample late."""
-    return delayed_input(pem(data, task))
+    answer = pem(data, task)
+    if answer.polynomials is None:
+        return replace(answer, model=add_delay(answer.model, 1))
+    b = np.atleast_2d(answer.polynomials.B)
+    late = np.hstack((np.zeros((len(b), 1)), b)).reshape((*answer.polynomials.B.shape[:-1], -1))
+    return _with_polynomials(answer, replace(answer.polynomials, B=late))
 
 
 def overconfident(data, task):
@@ -52,14 +46,24 @@ def underconfident(data, task):
 
 def biased(data, task):
     """Its gain is 2 % too high."""
-    return scaled_gain(pem(data, task), 1.02)
+    answer = pem(data, task)
+    if answer.polynomials is None:
+        return replace(answer, model=replace(answer.model, B=1.02 * answer.model.B, D=1.02 * answer.model.D))
+    return _with_polynomials(answer, replace(answer.polynomials, B=1.02 * answer.polynomials.B))
 
 
 def inefficient(data, task):
     """Its variance is 1.5 times the best, and it says so."""
-    rng = np.random.default_rng([task.seed, 1])
-    estimate = wandering(prediction_error(data, task), VARIANCE - 1.0, rng)
-    return changed_claim(estimate_answer(estimate, task), VARIANCE)
+    rng, estimate = np.random.default_rng([task.seed, 1]), prediction_error(data, task)
+    directions, realise = standard_directions(0.5 * estimate.covariance), estimate.realise
+    for _ in range(100):
+        theta = estimate.parameters + directions @ rng.standard_normal(len(estimate.parameters))
+        model = realise(theta)
+        if model.input_path().is_stable():
+            polynomials = realise.orders.polynomials(theta) if isinstance(realise, Realise) else None
+            wrong = replace(estimate, parameters=theta, model=model, polynomials=polynomials)
+            return changed_claim(estimate_answer(wrong, task), 1.5)
+    raise ScenarioError("100 errors drawn, none leaves a stable model")
 
 
 def unstable(data, task):
@@ -80,7 +84,8 @@ def slow(data, task):
         return answer
     ruler = Ruler(data)
     ruler.measure()
-    until = begun + min(SLOWNESS * ruler.seconds, LONGEST)
+    # Rulers of processor time, half as many again as are called slow.
+    until = begun + min(1800.0 * ruler.seconds, 10.0)
     while time.process_time() < until:
         answer = pem(data, task)
     return answer
@@ -96,7 +101,7 @@ def crashing(data, task):
 def hungry(data, task):
     """One fit in fifty takes 8 GB, piece by piece."""
     if _strikes(task):
-        taken = [np.ones(BITE // 8) for _ in range(APPETITE // BITE)]
+        taken = [np.ones(2**25) for _ in range(2**5)]
         del taken
     return pem(data, task)
 
@@ -119,23 +124,7 @@ def absent_minded(data, task):
 
 def _strikes(task):
     """Whether this is one of the fits that fail: a draw of the task's own seed."""
-    return bool(np.random.default_rng([task.seed, 2]).random() < SHARE)
-
-
-def delayed_input(answer):
-    """The same model and claims, the input one sample late."""
-    if answer.polynomials is None:
-        return replace(answer, model=add_delay(answer.model, 1))
-    b = np.atleast_2d(answer.polynomials.B)
-    late = np.hstack((np.zeros((len(b), 1)), b)).reshape((*answer.polynomials.B.shape[:-1], -1))
-    return _with_polynomials(answer, replace(answer.polynomials, B=late))
-
-
-def scaled_gain(answer, factor):
-    """The response from input to output times a factor."""
-    if answer.polynomials is None:
-        return replace(answer, model=replace(answer.model, B=factor * answer.model.B, D=factor * answer.model.D))
-    return _with_polynomials(answer, replace(answer.polynomials, B=factor * answer.polynomials.B))
+    return bool(np.random.default_rng([task.seed, 2]).random() < 1.0 / 50.0)
 
 
 def changed_claim(answer, factor):
@@ -143,8 +132,9 @@ def changed_claim(answer, factor):
     interval = answer.bandwidth_ci95
     if interval is not None:
         hz = answer.model.bandwidth()
-        low, high = (_stretched(end, hz, np.sqrt(factor)) for end in interval)
-        interval = (low, high)
+        # It is symmetric on a logarithmic scale, and NaN where there is no bandwidth.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            interval = tuple(np.asarray(hz * (end / hz) ** np.sqrt(factor)) for end in interval)
     return replace(
         answer,
         covariance=None if answer.covariance is None else factor * answer.covariance,
@@ -153,27 +143,9 @@ def changed_claim(answer, factor):
     )
 
 
-def wandering(estimate, share, rng):
-    """The parameters with a normal error of a share of the claimed covariance; the claim is left alone."""
-    directions, realise = standard_directions(share * estimate.covariance), estimate.realise
-    for _ in range(ATTEMPTS):
-        theta = estimate.parameters + directions @ rng.standard_normal(len(estimate.parameters))
-        model = realise(theta)
-        if model.input_path().is_stable():
-            polynomials = realise.orders.polynomials(theta) if isinstance(realise, Realise) else None
-            return replace(estimate, parameters=theta, model=model, polynomials=polynomials)
-    raise ScenarioError(f"{ATTEMPTS} errors drawn, none leaves a stable model")
-
-
 def _with_polynomials(answer, polynomials):
     model = innovations_form(polynomials, answer.model.dt, answer.model.innovation_covariance)
     return replace(answer, model=model, polynomials=polynomials)
-
-
-def _stretched(end, hz, factor):
-    """An end of an interval that is symmetric on a logarithmic scale; NaN where there is no bandwidth."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(hz * (end / hz) ** factor)
 
 
 def _estimator(function):
