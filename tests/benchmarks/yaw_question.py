@@ -26,7 +26,6 @@ from tests.benchmarks.tables import heading, row
 JOINT = "shoulder_yaw"
 DURATION = 60.0
 SEEDS = 12
-LOWEST_LINE = 0.5
 
 
 @dataclass(frozen=True)
@@ -254,7 +253,7 @@ def models(hypothesis, data, seed):
 
 def figures(model):
     """Bandwidth in Hz relative to the DC gain, DC gain, gain at the lowest line."""
-    at_line = np.abs(model.frequency_response(np.array([LOWEST_LINE]))[0, 0, 0])
+    at_line = np.abs(model.frequency_response(np.array([0.5]))[0, 0, 0])
     return float(model.bandwidth()[0, 0]), float(model.dc_gain()[0, 0]), float(at_line)
 
 

@@ -16,7 +16,6 @@ from hmtb_twin import JOINTS, PAYLOADS, VARIANTS, load_arm
 from hmtb_twin.parameters.resources import model_file
 
 STATES = 100
-RELATIVE = 1e-12
 
 
 def agree(model, peer):
@@ -41,7 +40,7 @@ def agree(model, peer):
         close(torque + model.dof_armature * a, pin.rnea(peer, scratch, q, v, a))
 
 
-def close(ours, theirs, relative=RELATIVE):
+def close(ours, theirs, relative=1e-12):
     difference, size = float(np.abs(ours - theirs).max()), float(np.abs(theirs).max())
     assert difference <= relative * size
 

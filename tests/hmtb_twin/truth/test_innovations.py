@@ -13,8 +13,7 @@ from hmtb_twin.truth.innovations import innovations_form
 from sysid import IOData, StateSpace
 from tests.refusals import refused
 
-LEVEL = 0.005
-NOISY = Plant(friction="viscous", process_noise=LEVEL)
+NOISY = Plant(friction="viscous", process_noise=0.005)
 MOVING = JOINTS[1:]
 ELBOW = "elbow_pitch"
 

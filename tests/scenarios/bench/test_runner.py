@@ -77,14 +77,11 @@ def test_families_of_problems_take_turns():
     assert [job.problem for job in jobs] == ["quiet-1-1", "p2", "quiet-1-1", "p2@300", "quiet-1-1"]
 
 
-DRAWS = 200
-
-
 @pytest.mark.parametrize("name", ["p3", "feedback", "p4@500"])
 def test_error_is_that_of_the_bound(name):
     one = problem(name)
     bound, task = one.bound(None), one.task(None)
-    errors = np.array([one.efficient(task.structure, seed) for seed in range(DRAWS)]) - bound.parameters
+    errors = np.array([one.efficient(task.structure, seed) for seed in range(200)]) - bound.parameters
     sizes = np.einsum("np,pq,nq->n", errors, np.linalg.inv(bound.covariance), errors)
     assert kstest(sizes, chi2(len(bound.parameters)).cdf).pvalue > 1e-3
     for seed in range(3):
