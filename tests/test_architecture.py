@@ -96,6 +96,7 @@ def wrong_imports(is_wrong: Callable[[Module, str, str | None], bool]) -> list[s
     ]
 
 
+@pytest.mark.slow
 def test_packages_import_one_way():
     def is_wrong(module: Module, origin: str, name: str | None) -> bool:
         target = origin.partition(".")[0]
@@ -223,6 +224,7 @@ def test_public_names_are_explicit_and_importable(name):
     assert not undocumented, f"{name} exports {undocumented} without a docstring"
 
 
+@pytest.mark.slow
 def test_every_module_can_be_imported():
     """In a process of its own, so that nothing which other tests have loaded helps."""
     names = [module.dotted for module in MODULES if module.path.stem != "__main__"]

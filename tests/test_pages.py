@@ -68,6 +68,7 @@ def test_readme_example_prints_what_is_shown(tmp_path):
     assert_same_sentence(block("README.md", "text").strip(), run_example("README.md", tmp_path).strip())
 
 
+@pytest.mark.slow
 def test_every_command_of_the_readme_exists():
     assert set(re.findall(r"`hmtb ([a-z]+)", page("README.md"))) <= set(COMMANDS)
 
@@ -81,6 +82,7 @@ def test_make_targets_of_the_readme_exist():
 # --- docs/laboratory.md ---
 
 
+@pytest.mark.slow
 def test_the_scenario_of_the_laboratory_runs():
     scenario = Scenario.from_toml(block("docs/laboratory.md", "toml"))
     assert scenario.plant.friction == "coulomb"

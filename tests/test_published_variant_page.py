@@ -28,6 +28,7 @@ def truth():
     return linearize(load_arm("published"))
 
 
+@pytest.mark.slow
 def test_closeness_is_that_of_the_arm(truth):
     """The same words, and numbers that agree to the last printed digit but one unit.
 
@@ -135,6 +136,7 @@ def test_with_worn_seals_it_reads_slow_with_a_gain_above_one():
     assert (gain < 0.5).all()
 
 
+@pytest.mark.slow
 def test_one_sequence_reads_like_the_printed_armax_in_poles_and_zeros_too():
     (log,) = simulate([question.scenario(question.WORN, 3, question.DURATION)])
     model = next(question.models(question.Row("", question.WORN), settled(log, question.JOINT), 3))

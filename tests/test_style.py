@@ -44,6 +44,7 @@ def test_links_to_files_of_the_project_resolve():
     assert not [f"{name} points to {link}" for name, link in links if not (ROOT / name).parent.joinpath(link).exists()]
 
 
+@pytest.mark.slow
 def test_arguments_are_named_not_passed_through():
     """An untyped keyword pass-through hides which arguments exist: name them, or type them with Unpack."""
     untyped = [

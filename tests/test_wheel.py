@@ -52,6 +52,7 @@ def environment(wheel, tmp_path_factory):
     return executables
 
 
+@pytest.mark.slow
 def test_the_wheel_holds_models_data_and_types_and_nothing_else(wheel):
     with zipfile.ZipFile(wheel) as archive:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
@@ -62,6 +63,7 @@ def test_the_wheel_holds_models_data_and_types_and_nothing_else(wheel):
     assert held == expected
 
 
+@pytest.mark.slow
 def test_the_command_lists_the_scenarios(environment, tmp_path):
     printed = run(environment / "hmtb", "scenarios", "list", "--json", cwd=tmp_path)
     assert "siso-1-shoulder_yaw" in json.dumps(json.loads(printed))

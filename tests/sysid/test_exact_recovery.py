@@ -40,6 +40,7 @@ METHODS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 @pytest.mark.parametrize("nk", range(4))
 @pytest.mark.parametrize("order", range(1, 7))

@@ -59,6 +59,7 @@ def assert_same(actual, expected, tolerance):
     np.testing.assert_array_less(np.abs(actual - expected) / scale, tolerance)
 
 
+@pytest.mark.slow
 @each
 @quick
 @given(u=st.floats(-9.0, 9.0), y=st.floats(-9.0, 9.0), signs=st.sampled_from([(1, 1), (1, -1), (-1, 1)]))
@@ -73,6 +74,7 @@ def test_scaled_channels_scale_the_model(name, u, y, signs):
     np.testing.assert_allclose(scaled.model.poles(), plain.model.poles(), atol=tolerance)
 
 
+@pytest.mark.slow
 @each
 @quick
 @given(cut=st.integers(0, 30))

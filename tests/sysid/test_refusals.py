@@ -170,6 +170,7 @@ def test_fits_of_short_records_stay_finite(fit):
     assert np.isfinite(fit().parameters).all()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 @pytest.mark.parametrize("samples", [20, 40, 80])
 def test_long_delays_of_short_records(samples):

@@ -84,6 +84,7 @@ def test_noise_over_the_control_range_raises_no_engine_warning(arm):
     assert abs(data.qpos[0]) < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("payload", PAYLOADS)
 def test_every_arm_holds_every_payload_and_stays_stable(payload):
     slowest = {}

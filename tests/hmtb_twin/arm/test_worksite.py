@@ -23,6 +23,7 @@ def response(arm, command):
     return angles - arm.pose(OPERATING_POSE), wrench
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("payload", "bound"), [("rpcm", 2e-4), ("none", 1e-11)])
 def test_away_from_the_seats_the_arm_is_that_of_free_space(payload, bound):
     for amplitude in (1e-4, 1e-2):
@@ -129,6 +130,7 @@ def test_latch_closes_about_the_unit_and_lets_go(gripping):
     assert np.ptp(tool, axis=0).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_latch_does_not_close_beside_the_unit_and_keeps_it_without_power(gripping):
     misses = [replace(gripping, short=2.0 * LATCH.reach), replace(gripping, aside=1.5 * LATCH.reach)]
     *missed, log = simulate([*misses, replace(gripping, shutdown=(4.5, 5.5))])

@@ -192,6 +192,7 @@ def test_nothing_usable_is_one_line(content, tmp_path):
     refused("No such file", read_run, tmp_path / "absent.ch10")
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_costs_one_message_at_most(content, passed, tmp_path):
     """Every part of one packet in turn, from its header to its checksum; then bits anywhere in the file."""
     start = int.from_bytes(content[4:8], "little")

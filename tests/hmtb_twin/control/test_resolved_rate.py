@@ -105,6 +105,7 @@ def test_velocity_limited_tool_stays_on_its_line(arm):
     assert not limited[:, 1:].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pose", POSES)
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("side", [-2.0, 2.0])

@@ -224,6 +224,7 @@ def test_pressure_loop_has_margin_and_leakage_takes_the_place_of_the_amplifiers_
     assert SERVO_VALVE.static_gain(hot, 4.0 * kd) == 0.0
 
 
+@pytest.mark.slow
 def test_bandwidths_stay_near_one_hertz_and_the_arm_is_well_damped(valve_truth, valve_arm):
     for pose in (OPERATING_POSE, "home"):
         truth = valve_truth if pose == OPERATING_POSE else linearize(valve_arm, pose, amplitudes=())
@@ -235,6 +236,7 @@ def test_bandwidths_stay_near_one_hertz_and_the_arm_is_well_damped(valve_truth, 
         assert np.abs(truth.model.poles()).max() < 0.98
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("supply", [10.0, 20.7, 24.0, 35.0])
 @pytest.mark.parametrize("temperature", [0.0, 40.0, 100.0])
 def test_arm_is_stable_and_damped_over_pressure_and_temperature(supply, temperature):

@@ -154,6 +154,7 @@ def test_a_drooping_arm_stands_still_where_it_rests(variant, payload, plant, fri
         load_arm(plant=plant, specimen=Specimen(mass=(6.0,) * 8)).rest(angles)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("variant", "pose", "form", "seed", "amplitude", "error"),
     [
@@ -175,6 +176,7 @@ def test_the_truth_of_a_drooping_arm_is_as_good_as_that_of_a_nominal_one(variant
     assert truth.joint("shoulder_pitch").dc_gain != pytest.approx(1.0, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_noise_of_the_resolvers_is_that_of_the_specimen_in_log_and_truth(experiment):
     still = replace(experiment(), amplitude=0.0, duration=20.0, chain=replace(IDEAL, resolver=True))
     noisy = replace(still, specimen=Specimen(resolver_noise=4.0))

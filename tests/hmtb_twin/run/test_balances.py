@@ -12,6 +12,7 @@ from tests.hmtb_twin.balances import binary, linear_balances
 OIL, ENERGY = 1e-6, 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", ["none", "viscous", "coulomb", "lugre"])
 def test_books_of_a_binary_test_balance(friction):
     arm = load_arm(plant=Plant(friction=friction))

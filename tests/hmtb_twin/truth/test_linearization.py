@@ -11,6 +11,7 @@ from hmtb_twin.truth.linearization import STEP_DIFFERENCES as STEP
 from tests.refusals import refused
 
 
+@pytest.mark.slow
 def test_joints_have_their_bandwidths_gains_and_published_delays(truth):
     for name in STUDIED_JOINTS:
         assert 0.9 <= truth.joint(name).bandwidth_hz <= 1.3
@@ -35,6 +36,7 @@ def test_dominant_poles_are_real_and_where_they_were_wanted(truth):
         assert len(fast) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("variant", "payload"), [("nominal", "rpcm"), ("nominal", "mdm"), ("published", "rpcm")])
 def test_error_against_simulation_is_proportional_to_amplitude_over_three_decades(variant, payload):
     errors = linearize(load_arm(variant, payload)).small_signal_error
@@ -155,6 +157,7 @@ def truths(request):
     ]
 
 
+@pytest.mark.slow
 def test_poles_are_eigenvalues_of_the_whole_arm_with_and_without_noise(truths):
     for truth in truths:
         whole = np.linalg.eigvals(truth.model.A)

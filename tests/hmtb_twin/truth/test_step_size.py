@@ -23,6 +23,7 @@ def change(arm, factor):
     return max(abs(other[name] / hz - 1.0) for name, hz in ours.items())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("form", "variant", "payload"), ARMS)
 def test_doubled_step_keeps_every_bandwidth(form, variant, payload):
     # The orifice form is integrated to the fourth order: there the step has converged.

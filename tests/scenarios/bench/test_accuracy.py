@@ -149,6 +149,7 @@ def test_the_full_effort_holds_the_quick_one():
         assert set(definition.trials("quick")) < set(definition.trials("full"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_fails_the_metrics_that_should_see_it_and_no_other(name):
     fault, fails = FAULTS[name]

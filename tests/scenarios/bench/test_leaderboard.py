@@ -170,6 +170,7 @@ def test_rows_that_are_not_whole_are_named(written, results):
     ]
 
 
+@pytest.mark.slow
 def test_the_command_writes_both_pages(results, tmp_path, result, complaint):
     folder = tmp_path / "results"
     folder.mkdir()

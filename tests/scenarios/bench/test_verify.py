@@ -244,6 +244,7 @@ def test_what_a_run_costs_is_told_before_it_is_spent(tmp_path):
     assert asked == 2 and note.startswith("hmtb verify: still to do, of 4 requests: 2 requests, ")
 
 
+@pytest.mark.slow
 def test_an_estimator_that_cannot_be_loaded_ends_a_run_and_leaves_no_journal(tmp_path):
     (tmp_path / "broken.py").write_text("import no_such_module\n")
     broken = Estimator("broken", "broken:good", home=str(tmp_path), structure="oe")
@@ -311,6 +312,7 @@ def test_plans_that_cannot_be(change, message):
         replace(PLAN, **change)
 
 
+@pytest.mark.slow
 def test_a_seed_is_drawn_for_the_files_of_the_estimators_and_kept_to_resume(tmp_path, faulty):
     plan = replace(PLAN, estimators=(faulty("good"),), seed=None, commands={"good": "hmtb verify faulty:good"})
     with pytest.raises(KeyboardInterrupt):

@@ -23,6 +23,7 @@ def log():
     return elbow(16.0)
 
 
+@pytest.mark.slow
 def test_rows_of_every_method_and_seed(result, tmp_path):
     output = result("bandwidth", *FAST, "--methods", "oe", "spa", "--seeds", 2, "--out", tmp_path / "made")
     rows = output["rows"]
@@ -47,6 +48,7 @@ def test_rows_of_every_method_and_seed(result, tmp_path):
     assert "<svg" in (tmp_path / "made" / "bandwidth.svg").read_text()
 
 
+@pytest.mark.slow
 def test_records_that_are_there_give_the_same(result, tmp_path, log):
     ours = result("bandwidth", *FAST, "--methods", "armax")
     theirs = result("bandwidth", "--data", log.save(tmp_path / "a.nc"), "--methods", "armax", "--no-bla")
@@ -64,6 +66,7 @@ def test_the_table_says_what_is_not_claimed(printed):
     assert "does not stand for the arm itself: 0.16 Hz (shoulder yaw)" in text
 
 
+@pytest.mark.slow
 def test_a_log_of_several_axes_or_of_two_arms_is_refused(complaint, tmp_path, log):
     changes = {"mimo-1": {}, "siso-5-elbow_pitch": {"variant": "published"}}
     others = simulate([replace(load(name), duration=10.0, **change) for name, change in changes.items()])
@@ -73,6 +76,7 @@ def test_a_log_of_several_axes_or_of_two_arms_is_refused(complaint, tmp_path, lo
     assert "the logs are of 2 arms" in complaint(*REFUSED, log.save(tmp_path / "a.nc"), published)
 
 
+@pytest.mark.slow
 def test_a_record_counts_once(complaint, tmp_path, log):
     path = log.save(tmp_path / "a.nc")
     cut = elbow(12.0).save(tmp_path / "b.nc")

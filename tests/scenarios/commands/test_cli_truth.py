@@ -16,6 +16,7 @@ from scenarios.truth.maps import Density
 from scenarios.truth.truth_figure import truth_figure
 
 
+@pytest.mark.slow
 def test_table_tells_resonance_and_errors(printed):
     out = printed("truth")
     assert "hydraulic resonance" in out
@@ -27,6 +28,7 @@ def test_table_tells_resonance_and_errors(printed):
     assert "zeros" in out
 
 
+@pytest.mark.slow
 def test_json_tells_all_of_the_small_signal_truth(result):
     output = result("truth")
     assert output["plant"] == vars(NOMINAL_PLANT)
@@ -54,6 +56,7 @@ def test_json_tells_all_of_the_small_signal_truth(result):
     assert output["files"] == []
 
 
+@pytest.mark.slow
 def test_conditions_are_those_asked_for(result):
     output = result(
         "truth", "--oil-temperature", 5, "--supply-pressure", 15, "--friction-level", 2, "--payload", "none"

@@ -52,6 +52,7 @@ def test_a_written_file_reads_back_to_the_last_bit(result, tmp_path):
     np.testing.assert_allclose(read_points(output["points"]), np.cos(2 * np.pi * (5 * t + 5 * t**2 / 4)), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_file_of_few_digits_excites_no_more_than_its_tones(result, tmp_path):
     path = tmp_path / "mine.txt"
     np.savetxt(path, np.sin(2 * np.pi * 3 * np.arange(100) / 50), fmt="%.9g")
@@ -75,6 +76,7 @@ def test_it_says_for_which_models_a_waveform_is_too_poor(run, result, tmp_path):
     assert "warning: order of excitation 2 is too low" in " ".join(out.split())
 
 
+@pytest.mark.slow
 def test_the_estimators_warn_by_the_same_rule():
     import warnings
 

@@ -138,6 +138,7 @@ def test_wrong_numbers_and_metadata_are_found_under_right_checksums(copy):
     assert check(copy) == wrong
 
 
+@pytest.mark.slow
 def test_an_index_that_does_not_give_its_own_hash_or_the_spec_is_found(copy):
     index = read_index(copy)
     write_index(copy, {**index, "hash": "0" * 64})
@@ -149,6 +150,7 @@ def test_an_index_that_does_not_give_its_own_hash_or_the_spec_is_found(copy):
     assert "experiments.json has 2 experiments, spec.toml asks for 3" in check(copy)
 
 
+@pytest.mark.slow
 def test_a_forgery_with_right_hashes_is_found_by_simulation_alone(copy):
     forge(copy, 1e-6)
     assert check(copy) == ()

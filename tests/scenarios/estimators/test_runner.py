@@ -87,6 +87,7 @@ def test_the_process_of_a_function_loads_no_physics():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stays", [False, True])
 def test_programs(data, task, stays):
     command = f"{sys.executable} -S programs.py {'stay' if stays else 'once'} {{task}} {{model}} {{csv}}"
@@ -115,6 +116,7 @@ def test_memory_of_a_program_is_limited_with_that_of_its_children(data, task):
     assert outcome.peak_bytes > 2**27
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("target", "options", "why"),
     [

@@ -33,6 +33,7 @@ def log(tmp_path_factory):
     return log.save(tmp_path_factory.mktemp("film") / "swing.nc")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_a_film_shows_the_arm_move(log, tmp_path, result):
     film = tmp_path / "swing.mp4"
@@ -45,6 +46,7 @@ def test_a_film_shows_the_arm_move(log, tmp_path, result):
     assert (moved > 40).mean() > 0.005, "the arm swings 10 degrees in half a second"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_an_empty_hand_is_shown_empty():
     bare, loaded = (render(load_arm(payload=name), "overview", 160, 120) for name in ("none", "rpcm"))
@@ -52,6 +54,7 @@ def test_an_empty_hand_is_shown_empty():
     assert (np.abs(bare.astype(float) - loaded).max(axis=2) > 40).sum() > 10
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_several_cameras_in_one_picture(log, tmp_path, printed):
     deck = tmp_path / "deck.png"

@@ -18,6 +18,7 @@ def logs():
     return {log.name: log for log in simulate(chosen)}
 
 
+@pytest.mark.slow
 def test_a_shared_waveform_is_flagged_and_independent_ones_are_not(logs):
     shared, apart = (settled_inputs(log.commanded, load(name)) for name, log in logs.items())
     assert shared.condition > 5 * LIMIT
@@ -27,6 +28,7 @@ def test_a_shared_waveform_is_flagged_and_independent_ones_are_not(logs):
     assert (apart.full, apart.block_diagonal, apart.warning()) == (True, True, None)
 
 
+@pytest.mark.slow
 def test_estimates_bear_the_verdicts_out(logs):
     true = linearize(load_arm()).model.frequency_response(FREQUENCIES)[:, COLUMNS][:, :, COLUMNS]
     (shared, *diagonal), (apart, *others) = (errors(logs[name], true) for name in ("mimo-7", "mimo-7-independent"))

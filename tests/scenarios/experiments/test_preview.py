@@ -24,6 +24,7 @@ def test_commands_are_those_of_the_simulation_to_the_bit(name):
         np.testing.assert_array_equal(previewed, simulated)
 
 
+@pytest.mark.slow
 def test_every_test_of_both_tables_keeps_to_the_limits_and_runs():
     """The whole length of each is measured in docs/tests.md."""
     chosen = [replace(load(name), duration=6.0) for tag in ("siso", "mimo") for name in names(tag)]
@@ -107,6 +108,7 @@ def test_an_excitation_too_small_to_pass_is_warned_of(amplitude, deadband, says)
     assert says in "".join(warnings)
 
 
+@pytest.mark.slow
 def test_simulate_says_how_far_the_arm_sank(printed, tmp_path):
     planned = Scenario("stop", ("elbow_pitch",), (QUIET,), duration=3.0, shutdown=(1.0, 2.0, 2.5))
     file = tmp_path / "stop.toml"
@@ -129,6 +131,7 @@ def test_a_good_test_is_not_warned_of_and_an_operator_is_refused():
     refused("an operator who looks at the arm moves the stick", preview, load("rpcm"))
 
 
+@pytest.mark.slow
 def test_the_command_prints_what_is_seen(printed, result, tmp_path):
     words = ("preview", "mimo-9", "--duration", 8, "--seed", 3, "--out", tmp_path)
     (record,) = result(*words)["previews"].values()

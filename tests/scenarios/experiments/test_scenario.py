@@ -65,6 +65,7 @@ def scenarios(draw):
     )
 
 
+@pytest.mark.slow
 @given(scenarios())
 def test_toml_round_trip(scenario):
     again = Scenario.from_toml(scenario.to_toml())

@@ -8,6 +8,7 @@ from scenarios.problems.registry import problem
 from sysid.subspace.cramer_rao_ss import LocalCoordinates, cramer_rao_bound_ss
 
 
+@pytest.mark.slow
 def test_output_error_reaches_it():
     """Sixty estimates: e' J e / p is 1 on average, with a standard deviation of sqrt(2 / (60 p)) = 0.09."""
     system = problem("p2@2000")

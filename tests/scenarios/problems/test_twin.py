@@ -123,6 +123,7 @@ def same(one, other):
     return np.array_equal(one.u, other.u) and np.array_equal(one.y, other.y) and one.window == other.window
 
 
+@pytest.mark.slow
 def test_a_record_has_the_same_bits_alone_in_a_batch_on_threads_and_from_a_file(fresh, tmp_path, monkeypatch):
     monkeypatch.setenv(FOLDER, str(tmp_path / "none yet"))
     assert prepare([*TRIALS, Trial("p1", 0)], 7, folder=tmp_path, threads=2) == len(TRIALS)
@@ -166,6 +167,7 @@ def test_the_table_holds_all_that_the_quick_figures_compare_with():
     assert set(TABLE_CLASSES) == quick | {sequence_class(joint) for joint in JOINTS} == set(module._table())
 
 
+@pytest.mark.slow
 def test_a_measurement_of_today_agrees_with_the_table(monkeypatch):
     name = twin_name(LARGE)
     known = twin_best_linear(name)

@@ -75,6 +75,7 @@ def arm(condition, okid):
     return ArmFairness(condition, dict.fromkeys(STUDIED_JOINTS, 1.0), joints, several)
 
 
+@pytest.mark.slow
 def test_a_refused_model_leaves_out_what_it_is_part_of(synthetic_logs, monkeypatch):
     def refuses(data, estimator, orders):
         if estimator == "okid" and "yaw" in data.name:

@@ -1,12 +1,14 @@
 """Output-error models with more poles."""
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 from scenarios.thesis.prediction_errors import ORDERS, MorePoles, more_poles
 from sysid import IOData
 
 
+@pytest.mark.slow
 def test_a_record_that_two_poles_explain_leaves_them_stable():
     rng = np.random.default_rng(3)
     u = np.repeat(rng.choice([-1.0, 1.0], 1000), 2)
@@ -20,6 +22,7 @@ def test_a_record_that_two_poles_explain_leaves_them_stable():
     assert abs(own.free_radius - np.sqrt(0.62)) < 0.02
 
 
+@pytest.mark.slow
 def test_least_squares_may_leave_the_unit_circle():
     """The output runs away beside the input: the one pole that explains it lies outside."""
     rng = np.random.default_rng(4)

@@ -47,6 +47,7 @@ def test_coloured_residuals_are_accepted_of_output_error_alone():
     assert chosen.own.orders == (2, 2, 2)
 
 
+@pytest.mark.slow
 def test_where_nothing_passes_the_simplest_near_the_best_is_chosen():
     def echoing(seed):
         data = record(seed, coloured=False, samples=2000)

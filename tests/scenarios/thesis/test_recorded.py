@@ -53,11 +53,13 @@ def test_a_fixed_seed_concludes_what_is_recorded_of_it():
     assert contradictions(outcome, recorded()) == ()
 
 
+@pytest.mark.slow
 def test_records_of_the_yaw_joint_alone_agree():
     before = recorded().of(SEED).recovered[YAW]
     assert yaw_bandwidths() == pytest.approx({name: entry.hz for name, entry in before.items()}, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_servo_that_is_ten_percent_stiffer_is_found_out(stiffer_servo):
     reference = recorded()
     before = reference.of(SEED)

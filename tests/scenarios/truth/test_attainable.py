@@ -27,6 +27,7 @@ def sliding():
     return run("siso-5-shoulder_yaw", chain=QUIET)[0]
 
 
+@pytest.mark.slow
 def test_on_a_linear_joint_all_floors_are_the_recorder_noise(sliding):
     floors = attainable(sliding)
     noise = float(np.hypot(1e-4, 2 * np.pi / 2**16 / np.sqrt(12)))
@@ -42,6 +43,7 @@ def test_on_a_linear_joint_all_floors_are_the_recorder_noise(sliding):
     assert floors.simulation.any_model.fit == pytest.approx(100 * (1 - floor / sliding.iodata().y.std()))
 
 
+@pytest.mark.slow
 def test_without_noise_nothing_is_left(sliding):
     floors = attainable(run("siso-5-shoulder_yaw", chain=IDEAL)[0])
     assert floors.simulation.any_model.rmse == 0.0
@@ -70,6 +72,7 @@ def test_no_estimator_goes_below_on_fresh_data(name, changes):
                 assert error(record, estimated) > floors.by_chance(floor.rmse, 7)
 
 
+@pytest.mark.slow
 def test_a_sufficient_model_reaches_them_on_fresh_data(sliding):
     fresh = run("siso-5-shoulder_yaw", (2,), chain=QUIET)[0]
     record, floors = fresh.iodata().detrend(), attainable(fresh)
@@ -77,6 +80,7 @@ def test_a_sufficient_model_reaches_them_on_fresh_data(sliding):
     assert best < 1.01 * floors.simulation.any_model.rmse
 
 
+@pytest.mark.slow
 def test_process_noise_parts_simulation_from_prediction(sliding):
     """The right predictor is that with the true K; a simulation cannot know what the drives did."""
     noisy = run("siso-5-shoulder_yaw", chain=QUIET, plant=Plant(process_noise=0.01))[0]
@@ -91,6 +95,7 @@ def test_process_noise_parts_simulation_from_prediction(sliding):
     assert floors.distortion == pytest.approx(quiet.distortion, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_friction_is_left_over_by_linear_systems_in_the_right_sequence():
     floors = attainable(run("siso-5-shoulder_yaw", chain=Chain())[0])
     sequence = [
@@ -105,6 +110,7 @@ def test_friction_is_left_over_by_linear_systems_in_the_right_sequence():
     assert floors.distortion == pytest.approx(left, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_long_regression_from_another_record_does_not_beat_the_best_linear_system():
     """Sticking joints distort what a system of high order takes along where a file repeats within its memory."""
     train, fresh = run("siso-5-shoulder_yaw", (1, 2), chain=Chain(), plant=Plant(friction_level=8.0))
@@ -154,6 +160,7 @@ def test_the_window_is_not_scored(sliding):
     assert floors.simulation.any_model.rmse == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_few_steps_find_nearly_what_a_long_search_finds(sliding):
     """Nothing else depends on the search, and what it was is said."""
     whole, quick = attainable(sliding), attainable(sliding, steps=10)
@@ -163,6 +170,7 @@ def test_a_few_steps_find_nearly_what_a_long_search_finds(sliding):
     assert quick.provenance["steps of each search for the right order"] == "10"
 
 
+@pytest.mark.slow
 def test_chance_is_that_of_chi_square(sliding):
     """A constant fitted to white noise undercuts by one degree of freedom; nothing else is claimed."""
     floors = attainable(sliding)
@@ -174,6 +182,7 @@ def test_chance_is_that_of_chi_square(sliding):
     assert np.mean(undercut) == pytest.approx(0.05, abs=0.015)
 
 
+@pytest.mark.slow
 def test_refusals(sliding):
     off, still = sliding.status.copy(), sliding.measured.copy()
     off[5], still[:, 6] = 16, 0.3
@@ -189,6 +198,7 @@ def test_refusals(sliding):
     refused("provenance lacks variant, payload, pose, friction", attainable, replace(sliding, provenance={}))
 
 
+@pytest.mark.slow
 def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there():
     """Loaded valves rest about a milliradian off the command, several times what the drives' noise leaves."""
     plain, noisy = (
@@ -205,6 +215,7 @@ def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there(
     assert floors.simulation.any_model.rmse == pytest.approx(expected, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 @pytest.mark.parametrize(
     "plant",

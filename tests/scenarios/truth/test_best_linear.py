@@ -102,6 +102,7 @@ def test_the_same_seeds_give_the_same_bits_on_any_number_of_threads():
     assert not np.array_equal(one.servo.response.response, other.servo.response.response)
 
 
+@pytest.mark.slow
 def test_any_single_joint_experiment_is_a_setting():
     scenario = replace(load("siso-5-elbow_pitch"), payload="none", plant=Plant(friction_level=3.0), seed=9)
     scenario = replace(scenario, specimen=Specimen(mass=(1.1,) * 8))

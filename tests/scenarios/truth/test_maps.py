@@ -133,6 +133,7 @@ def test_the_range_of_a_joint_is_interpolated_between_poses(small):
     assert turns_within(replace(small, table=stacked([others, *rows])), "elbow_pitch")[1] == pytest.approx(10.0)
 
 
+@pytest.mark.slow
 def test_random_poses_stay_in_range_and_repeat(small):
     low, high = np.array([(MOTIONS[name].lower, MOTIONS[name].upper) for name in MOVING]).T
     near, anywhere = small.table.rows("near"), small.table.rows("anywhere")
@@ -231,6 +232,7 @@ def test_friction_ends_linearity_at_small_amplitudes_and_high_levels():
         assert much > 5.0
 
 
+@pytest.mark.slow
 def test_sentences_hold_computed_numbers(small, found):
     assert "amplitude" not in map_figures(small)
     assert len(findings(small)) == 5 + 3

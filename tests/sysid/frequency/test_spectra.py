@@ -158,6 +158,7 @@ def magnitudes_covered(estimate, magnitude, keep):
     return float(np.mean((low <= magnitude) & (magnitude <= high)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "estimator",
     [
@@ -187,6 +188,7 @@ def test_coverage(estimator):
         assert 0.93 <= np.mean(covered) <= 0.97
 
 
+@pytest.mark.slow
 def test_a_window_that_makes_the_disturbance_negative_still_gives_intervals_that_cover():
     covered = []
     for seed in range(20):

@@ -69,6 +69,7 @@ def test_a_bandwidth_below_the_excitation_is_not_claimed(capsys, tmp_path):
     assert_withheld(result, "excites nothing below 5 Hz")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("skip", [0, 37])
 def test_a_periodic_file_extrapolates_to_zero(capsys, tmp_path, skip):
     rng = np.random.default_rng(3)

@@ -163,6 +163,7 @@ def test_correlation_analysis_is_drawn_with_its_deviation():
     assert not summed.collections
 
 
+@pytest.mark.slow
 def test_all_channels_or_those_chosen(several):
     estimate = sysid.okid(several, 2, p=4)
     channels = ["roll → wrist", "pitch → wrist", "roll → elbow", "pitch → elbow"]

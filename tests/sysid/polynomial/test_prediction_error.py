@@ -75,6 +75,7 @@ def test_zero_biases_a_record_from_the_middle(p2):
     assert np.abs(rest - p2.parameters).max() > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 @pytest.mark.parametrize("inputs", [1, 2])
 @pytest.mark.parametrize(

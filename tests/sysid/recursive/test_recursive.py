@@ -29,6 +29,7 @@ def test_recursive_least_squares_is_least_squares(problem, orders, request):
     assert np.isnan(estimate.predicted[0, 0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("problem", "batch", "recursive", "orders"),
     [("p3", armax, rarmax, (2, 2, 2, 1)), ("p2", oe, roe, (2, 2, 1))],
