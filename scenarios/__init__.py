@@ -1,4 +1,4 @@
-"""The study: excitations, experiments, campaigns, comparison with truth, reports, the command line `hmtb`."""
+"""The applications: experiments, thesis study, test bench for estimators, benchmark data sets, command line `hmtb`."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""The arm as MuJoCo simulates it: the MJCF of `models/hmtb` with the drives and servos of one variant."""
+"""Simulated arm: a compiled MuJoCo model with its drives, servo gains and the controller's own model."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from hmtb_twin.arm.arm_model import compile_arm, tuned_gains
 from hmtb_twin.arm.controller_model import ControllerModel, controller_model
 from hmtb_twin.arm.worksite_model import LATCH_WELD
 from hmtb_twin.files.errors import OverloadError, TwinError
-from hmtb_twin.hydraulics.rest import drooping, inertia, lean_on_pins, weight_function
+from hmtb_twin.hydraulics.equilibrium import drooping, inertia, lean_on_pins, weight_function
 from hmtb_twin.parameters.drives import Actuator, Drive
 from hmtb_twin.parameters.payloads import PAYLOADS, SEATS, WORKSITE_PAYLOADS
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant

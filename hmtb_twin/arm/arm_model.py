@@ -1,4 +1,4 @@
-"""MuJoCo model of an arm: bodies, drives and tuned servos written into the MJCF of `models/hmtb`."""
+"""Compiles the MuJoCo model of an arm: writes bodies, drives and tuned servos into the MJCF of `models/hmtb`."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""The set-up record of a recording (TMATS): what was recorded, on which channel, and what each word means."""
+"""IRIG 106 Chapter 10 files: set-up record (TMATS), time and bus packets."""
 
 import re
 from binascii import crc_hqx

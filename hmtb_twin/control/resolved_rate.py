@@ -25,7 +25,7 @@ import numpy as np
 import pinocchio as pin
 
 from hmtb_twin.arm.controller_model import ControllerModel
-from hmtb_twin.control.bounded_step import bounded_step
+from hmtb_twin.control.bounded_qp import bounded_step
 from hmtb_twin.control.tool_kinematics import Posture, Rotation, ToolKinematics, Vector, WristAngles
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS

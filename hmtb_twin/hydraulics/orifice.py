@@ -9,7 +9,7 @@ import numpy as np
 
 from hmtb_twin.files.errors import OverloadError, TwinError
 from hmtb_twin.hydraulics import valve_equations as eq
-from hmtb_twin.hydraulics.rest import newton
+from hmtb_twin.hydraulics.equilibrium import newton
 from hmtb_twin.hydraulics.struct_offsets import struct_offsets
 from hmtb_twin.parameters.drives import RATED_PRESSURE, Actuator
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenarios.bench.metric import DRAWS, NAN, UNLIMITED, Evidence, Metric, MetricDefinition, Part, unjudged
-from scenarios.bench.statistics import SLACK, bound_for, error_against_bound, in_variances, null_distribution
+from scenarios.bench.null_distributions import SLACK, bound_for, error_against_bound, in_variances, null_distribution
 from scenarios.bench.theory import Expectation, expectation
 from scenarios.estimators.outcome import MODEL
 from scenarios.problems.trial import Trial

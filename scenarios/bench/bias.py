@@ -7,7 +7,7 @@ import numpy as np
 from scenarios.bench.accuracy import needed
 from scenarios.bench.measurement import Measurements
 from scenarios.bench.metric import DRAWS, Evidence, Metric, MetricDefinition, Part, unjudged
-from scenarios.bench.statistics import bound_for
+from scenarios.bench.null_distributions import bound_for
 from scenarios.bench.theory import expectation
 from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import MODEL

@@ -9,7 +9,7 @@ import numpy as np
 from scenarios.bench.accuracy import needed
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import DRAWS, Evidence, Metric, MetricDefinition, Part, unjudged
-from scenarios.bench.statistics import SEED, bound_for, responses, statistic_of_perfect
+from scenarios.bench.null_distributions import SEED, bound_for, responses, statistic_of_perfect
 from scenarios.bench.theory import Expectation, expectation
 from scenarios.estimators.estimator import Estimator
 from scenarios.problems.noise_free import DELAYS, ORDERS

@@ -10,7 +10,7 @@ from scenarios.bench.accuracy import Agreement, Efficiency
 from scenarios.bench.amplitude_split import AmplitudeSplit
 from scenarios.bench.bandwidth import BandwidthMetric
 from scenarios.bench.bias import Bias
-from scenarios.bench.claims import Coverage, NormalisedError, ResponseError
+from scenarios.bench.claimed_accuracy import Coverage, NormalisedError, ResponseError
 from scenarios.bench.consistency import Consistency, NoiseFreeRecovery
 from scenarios.bench.metric import FALSE_ALARM, NAN, Evidence, Metric, MetricDefinition, Part, unjudged
 from scenarios.bench.tests_and_orders import ResidualTestsAndOrders

@@ -8,7 +8,7 @@ from scipy.stats import binom, chi2
 
 from scenarios.bench.measurement import Measurement, Measurements, dynamic_order
 from scenarios.bench.metric import DRAWS, Evidence, Metric, MetricDefinition, Part, unjudged
-from scenarios.bench.statistics import bound_for, error_against_bound
+from scenarios.bench.null_distributions import bound_for, error_against_bound
 from scenarios.bench.theory import INDEPENDENCE, Expectation, expectation
 from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import MODEL, REFUSED

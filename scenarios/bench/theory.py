@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarios.bench.measurement import Measurements
-from scenarios.bench.statistics import SLACK, bound_for, error_against_bound, null_distribution, responses
+from scenarios.bench.null_distributions import SLACK, bound_for, error_against_bound, null_distribution, responses
 from scenarios.estimators.estimator import Estimator
 from scenarios.files.codec import read_toml, structure
 from scenarios.problems.registry import problem

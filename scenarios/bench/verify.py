@@ -17,20 +17,7 @@ import numpy as np
 from hmtb_twin.files.atomic_write import write_whole
 from scenarios.bench.accuracy import Agreement
 from scenarios.bench.estimator_files import EstimatorFiles, source_hash
-from scenarios.bench.measurement import Measurement
-from scenarios.bench.metric import DRAWS, Evidence, MetricDefinition
-from scenarios.bench.metrics import ALL_METRICS, false_alarm_of_each
-from scenarios.bench.progress import (
-    IDENTITY,
-    RunProgress,
-    TrialJournal,
-    file_name,
-    fingerprint_of,
-    pilot_jobs,
-    remaining_cost,
-)
-from scenarios.bench.result import Result, machine
-from scenarios.bench.runner import (
+from scenarios.bench.job_runner import (
     FAMILY,
     PERFECT,
     BenchSetup,
@@ -39,6 +26,19 @@ from scenarios.bench.runner import (
     remaining_jobs,
     run_jobs,
     twin_trials,
+)
+from scenarios.bench.measurement import Measurement
+from scenarios.bench.metric import DRAWS, Evidence, MetricDefinition
+from scenarios.bench.metrics import ALL_METRICS, false_alarm_of_each
+from scenarios.bench.result import Result, machine
+from scenarios.bench.run_progress import (
+    IDENTITY,
+    RunProgress,
+    TrialJournal,
+    file_name,
+    fingerprint_of,
+    pilot_jobs,
+    remaining_cost,
 )
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.outcome import MODEL, REFUSED

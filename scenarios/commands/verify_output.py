@@ -12,8 +12,8 @@ from scenarios.bench.leaderboard_rows import ORDERS_GIVEN
 from scenarios.bench.leaderboard_tables import limits, number
 from scenarios.bench.leaderboard_verdict import INFORMATIVE, Verdict, part_verdict, verdict
 from scenarios.bench.metric import Metric, excess
-from scenarios.bench.progress import file_name
 from scenarios.bench.result import Result
+from scenarios.bench.run_progress import file_name
 from scenarios.commands.output import counted, print_table, say
 from scenarios.estimators.outcome import KINDS, MODEL, REFUSED
 from scenarios.files.printable import one_line

@@ -15,7 +15,7 @@ from scenarios.datasets.variables import described
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.best_linear import approximated
-from scenarios.truth.bla_of_record import joint_command, multisine_like
+from scenarios.truth.bla_of_test import joint_command, multisine_like
 
 
 def excitation_class(entry: PlannedExperiment) -> Hashable:

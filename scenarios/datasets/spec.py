@@ -1,4 +1,4 @@
-"""The spec of a data set: a frozen record that is a TOML file."""
+"""The spec of a data set: an immutable description, read from a TOML file."""
 
 import datetime
 import re

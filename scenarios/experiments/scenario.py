@@ -1,4 +1,4 @@
-"""One experiment: a frozen record that is a TOML file."""
+"""One experiment: an immutable description, read from a TOML file."""
 
 import re
 from collections.abc import Iterable, Mapping

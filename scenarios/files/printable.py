@@ -1,4 +1,4 @@
-"""Text of others as people can read it."""
+"""Foreign text made safe to print: one line, control characters replaced."""
 
 
 def one_line(text: str) -> str:

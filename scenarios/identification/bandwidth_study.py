@@ -29,7 +29,7 @@ from scenarios.identification.one_hertz import (
     verdict,
 )
 from scenarios.identification.recovered_bandwidth import METHODS, Recording, RecoveredBandwidth, recover, structure
-from scenarios.truth.bla_of_record import BestLinearOfTest, best_linear_of_test
+from scenarios.truth.bla_of_test import BestLinearOfTest, best_linear_of_test
 from scenarios.truth.maps import Stage
 from scenarios.truth.published import published
 from sysid.models.bandwidth import half_power_hz

@@ -1,4 +1,4 @@
-"""Read NetCDF files that may be damaged in a process of its own, which may be lost.
+"""Reads NetCDF files in a separate process, so that a damaged file can crash only that process.
 
 One flipped byte can make the HDF5 library crash or loop without end.
 """

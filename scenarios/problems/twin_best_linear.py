@@ -21,7 +21,7 @@ from scenarios.experiments.multisines import MultisineExperiment
 from scenarios.problems.twin_name import TwinName, twin_name
 from scenarios.problems.twin_records import arm_hash, records_folder
 from scenarios.truth.best_linear import best_linear
-from scenarios.truth.bla_of_record import joint_command, multisine_like
+from scenarios.truth.bla_of_test import joint_command, multisine_like
 from sysid import StateSpace
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 
@@ -111,7 +111,7 @@ def twin_best_linear(name: TwinName) -> BestLinear:
 
     Returns:
         That of its excitation class. For a multisine these are its own lines; for a binary sequence or a chirp those of
-        a multisine whose command has the same strength and band, see `scenarios.truth.bla_of_record`.
+        a multisine whose command has the same strength and band, see `scenarios.truth.bla_of_test`.
     """
     return _of_class(twin_name(name.excitation_class), records_folder())
 

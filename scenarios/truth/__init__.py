@@ -7,7 +7,7 @@ from scenarios.files.lazy_names import lazy_names
 if TYPE_CHECKING:
     from scenarios.truth.attainable import Attainable
     from scenarios.truth.best_linear import BestLinearTruth
-    from scenarios.truth.bla_of_record import BestLinearOfTest
+    from scenarios.truth.bla_of_test import BestLinearOfTest
     from scenarios.truth.maps import Density, Maps
     from scenarios.truth.published import PublishedModel, published_model
     from scenarios.truth.truth_summary import TruthSummary

@@ -1,6 +1,6 @@
 """Linear models: state space, polynomials, frequency responses, their uncertainty, prediction and conversion."""
 
-from sysid.models.bands import band, poles_band, sampled_band, zeros_band
+from sysid.models.confidence_bands import band, poles_band, sampled_band, zeros_band
 from sysid.models.estimate import Bandwidth, Estimate
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.polynomials import Polynomials, innovations_form

@@ -1,4 +1,4 @@
-"""The record that every parametric estimator returns, and the uncertainty of its response and bandwidth."""
+"""The result that every parametric estimator returns, and the uncertainty of its response and bandwidth."""
 
 import math
 import warnings

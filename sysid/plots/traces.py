@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sysid.frequency.bla import BestLinearApproximation
-from sysid.models.bands import poles_band, zeros_band
+from sysid.models.confidence_bands import poles_band, zeros_band
 from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.state_space import StateSpace

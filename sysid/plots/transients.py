@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sysid.frequency.cra import ImpulseResponse
-from sysid.models.bands import band
+from sysid.models.confidence_bands import band
 from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import NORMAL_95
 from sysid.models.state_space import StateSpace

@@ -1,4 +1,4 @@
-"""Regressors of recursive estimators, and the initial state of a recursion."""
+"""Initial state of recursive estimators, and the channels that their regressors are built from."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

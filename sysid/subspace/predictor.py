@@ -1,4 +1,4 @@
-"""Linear predictors in state-space form, the records that they are fitted to, and their local coordinates."""
+"""Prediction-error fit of `pem_ss`: predictors in state-space form, their records and local coordinates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

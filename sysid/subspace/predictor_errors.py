@@ -1,4 +1,4 @@
-"""Errors of state-space predictors on records, complete or with missing outputs, and their normal equations."""
+"""Prediction-error fit of `pem_ss`: errors on records, also with missing outputs, and their normal equations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

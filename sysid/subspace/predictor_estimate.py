@@ -1,4 +1,4 @@
-"""Estimates of state-space models: checks before the fit, and the public record of a fitted predictor."""
+"""Prediction-error fit of `pem_ss`: checks before the fit, and the `Estimate` that it returns."""
 
 import warnings
 from collections.abc import Mapping, Sequence

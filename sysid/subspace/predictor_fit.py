@@ -1,4 +1,4 @@
-"""Prediction-error fits of state-space predictors, at a cost that hardly depends on the length of the record.
+"""Prediction-error fit of `pem_ss`: Gauss-Newton steps at a cost that hardly depends on the length of the record.
 
 Every derivative of the prediction is a fixed filter of w and of the initial state, with the poles of the predictor,
 each at most twice. In an orthonormal basis of such filters, the Gauss-Newton normal equations consist of moments of the

@@ -1,4 +1,4 @@
-"""Derivatives of a state-space prediction, written in an orthonormal basis, and the moments of its signals."""
+"""Prediction-error fit of `pem_ss`: derivatives of the prediction in an orthonormal basis, and their moments."""
 
 from dataclasses import dataclass
 

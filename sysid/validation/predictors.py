@@ -1,4 +1,4 @@
-"""Predictors: the outputs that a model gives of a scored record, seeing only the inputs behind the window."""
+"""Predictors of scored records: outputs simulated from the initialisation window, or predicted some steps ahead."""
 
 import warnings
 from collections.abc import Sequence

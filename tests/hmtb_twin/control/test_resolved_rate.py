@@ -2,7 +2,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hmtb_twin.control.bounded_step import bounded_step
+from hmtb_twin.control.bounded_qp import bounded_step
 from hmtb_twin.control.resolved_rate import CLEARANCE, ResolvedRate
 from hmtb_twin.control.tool_kinematics import ToolKinematics
 from hmtb_twin.parameters.values import JOINTS, MOTIONS, POSES, SAMPLE_TIME

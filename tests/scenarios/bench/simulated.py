@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.bench.measurement import Measurement
-from scenarios.bench.statistics import bound_for
+from scenarios.bench.null_distributions import bound_for
 from scenarios.estimators.outcome import MODEL
 from scenarios.problems.registry import problem
 from sysid.models.delta_method import standard_directions

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from scenarios.bench.accuracy import QUICK, Agreement, Efficiency
-from scenarios.bench.claims import Coverage, NormalisedError, ResponseError
+from scenarios.bench.claimed_accuracy import Coverage, NormalisedError, ResponseError
 from scenarios.bench.consistency import Consistency, NoiseFreeRecovery
 from scenarios.bench.metric import Evidence
 from scenarios.bench.metrics import false_alarm_of_each
-from scenarios.bench.statistics import bound_for
+from scenarios.bench.null_distributions import bound_for
 from scenarios.bench.theory import expected_of_claims, greatest_bias
 from scenarios.estimators.estimator import Estimator
 from scenarios.files.errors import ScenarioError

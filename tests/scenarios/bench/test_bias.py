@@ -7,7 +7,7 @@ import pytest
 
 from scenarios.bench.bias import ALONE, PROBLEMS, Bias, directions
 from scenarios.bench.measurement import Measurement
-from scenarios.bench.statistics import bound_for
+from scenarios.bench.null_distributions import bound_for
 from scenarios.estimators.estimator import Estimator
 from scenarios.problems.registry import problem
 from tests.scenarios.bench.judging import ALARM, ANYONE, evaluated, without_model

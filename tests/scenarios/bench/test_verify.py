@@ -12,7 +12,7 @@ from dataclasses import replace
 import psutil
 import pytest
 
-from scenarios.bench.claims import NormalisedError
+from scenarios.bench.claimed_accuracy import NormalisedError
 from scenarios.bench.consistency import NoiseFreeRecovery
 from scenarios.bench.metrics import Reliability, Speed
 from scenarios.bench.result import Result
@@ -128,7 +128,7 @@ def test_what_a_killed_run_started_ends_with_it_and_another_goes_on_as_if_nobody
 
 @pytest.mark.slow
 def test_one_that_only_hangs_is_given_up_and_one_that_sometimes_does_is_not(tmp_path, faulty, monkeypatch):
-    monkeypatch.setattr("scenarios.bench.progress.HANGS", 3)
+    monkeypatch.setattr("scenarios.bench.run_progress.HANGS", 3)
     notes = []
     few = Few(draws=3, problems=("p1@300", "p3@301"))
     plan = replace(PLAN, estimators=(faulty("hanging"), faulty("sometimes")), metrics=(few,), limits=Limits(0.2))

@@ -12,7 +12,7 @@ from scenarios.experiments.campaign import Condition, campaign_scenario
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.experiments.preview import preview
 from scenarios.truth.best_linear import best_linear
-from scenarios.truth.bla_of_record import CLOSE, best_linear_of_test
+from scenarios.truth.bla_of_test import CLOSE, best_linear_of_test
 from sysid import IOData
 from sysid.frequency.bla import response_agreement
 from tests.benchmarks.best_linear import QUIET, agreement

@@ -7,7 +7,7 @@ import pytest
 
 from sysid import FrequencyResponse, IOData, StateSpace, arx, band, n4sid, oe, okid, residuals, structure_scan
 from sysid.models import poles_band, sampled_band, zeros_band
-from sysid.models.bands import sample_models
+from sysid.models.confidence_bands import sample_models
 from tests.refusals import refused
 from tests.sysid.systems import covered
 

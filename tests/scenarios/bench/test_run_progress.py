@@ -5,9 +5,9 @@ from contextlib import closing
 import numpy as np
 import pytest
 
+from scenarios.bench.job_runner import RecordJob, TrialResult
 from scenarios.bench.measurement import Measurement
-from scenarios.bench.progress import TrialJournal, file_name, pilot_jobs, problem_kind, remaining_cost
-from scenarios.bench.runner import RecordJob, TrialResult
+from scenarios.bench.run_progress import TrialJournal, file_name, pilot_jobs, problem_kind, remaining_cost
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.trial import Trial
 

@@ -1,4 +1,4 @@
-"""Progress of a run: finished trials in journals, the cost of the rest, and estimators that are given up."""
+"""Progress of a test-bench run: journals of finished trials, cost of the rest, estimators that are no longer asked."""
 
 import json
 import re
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from scenarios.bench.estimator_files import source_hash
+from scenarios.bench.job_runner import RecordJob, TrialResult
 from scenarios.bench.measurement import Measurement
-from scenarios.bench.runner import RecordJob, TrialResult
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.task import PROTOCOL
 from scenarios.jobs.bitwise_compatibility import bit_fingerprint

@@ -1,4 +1,4 @@
-"""Jobs of a run: one record each is drawn, given to every estimator that needs it, and the answers are measured."""
+"""Runs the jobs of the test bench: draws a record, passes it to every estimator that needs it, measures the answers."""
 
 import re
 import tempfile

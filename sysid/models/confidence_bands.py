@@ -1,4 +1,4 @@
-"""Uncertainty of quantities computed from a model: step responses, gains, poles, zeros."""
+"""Confidence bands of quantities computed from an estimate: step responses, gains, poles, zeros."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

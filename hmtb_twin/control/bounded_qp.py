@@ -1,4 +1,4 @@
-"""Convex quadratic programme of a few unknowns with bounds, solved exactly: the best small step."""
+"""Active-set solver of small convex quadratic programmes with bounds: the step of resolved-rate control."""
 
 import numpy as np
 

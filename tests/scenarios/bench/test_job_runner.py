@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from scenarios.bench.estimator_files import EstimatorFiles
-from scenarios.bench.runner import BenchSetup, Runner, interleaved, perfect, remaining_jobs, run_jobs
+from scenarios.bench.job_runner import BenchSetup, Runner, interleaved, perfect, remaining_jobs, run_jobs
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.outcome import MODEL
 from scenarios.files.errors import ScenarioError

@@ -1,4 +1,4 @@
-"""Best linear approximation for a test: measured under a multisine like the test's command."""
+"""Best linear approximation for a test, measured under a multisine of the same band and strength as its command."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

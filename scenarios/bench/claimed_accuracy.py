@@ -1,4 +1,4 @@
-"""Claims of accuracy against the errors: coverage, normalised error, and frequency response in claimed deviations."""
+"""Metrics of claimed accuracy: coverage, normalised error, and frequency response in claimed deviations."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -20,7 +20,7 @@ from scenarios.bench.accuracy import (
 )
 from scenarios.bench.measurement import Measurement, Measurements
 from scenarios.bench.metric import Evidence, Metric, Part, excess
-from scenarios.bench.statistics import (
+from scenarios.bench.null_distributions import (
     NULL_BANDWIDTH_COVERAGE,
     SLACK,
     Statistic,

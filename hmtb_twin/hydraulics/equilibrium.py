@@ -1,4 +1,4 @@
-"""Equilibrium of an arm with linear actuators whose weight its controller does not know exactly."""
+"""Static equilibrium of an arm with linear actuators whose weight its controller does not know exactly."""
 
 from collections.abc import Callable
 from copy import copy
