@@ -57,14 +57,15 @@ def bandwidth(
     For each joint, method, test and seed it prints the recovered bandwidth with its 95 % interval, beside the true
     bandwidth of the arm in two senses, the models that the thesis prints, and 1 Hz; then the answer in words.
 
-    The bandwidth is the frequency at which the gain has fallen by 3 dB from its value at 0 Hz. Small-signal truth: of
-    the linearised arm, without friction. Best linear truth: of the linear system that is nearest to the arm with
-    friction and velocity limit, when a random-phase multisine commands it as strongly as the test does, in the same
-    band (four seconds of one core for each joint and test; --no-bla leaves it out).
+    The bandwidth is the frequency at which the gain has fallen by 3 dB from its value at 0 Hz. The small-signal
+    truth is the bandwidth of the linearised arm, without friction. The best linear truth is the bandwidth of the linear
+    system that is nearest to the arm with friction and velocity limit, when a random-phase multisine commands it as
+    strongly as the test does, in the same band (four seconds of one core for each joint and test; --no-bla leaves it
+    out).
 
     Two questions are kept apart: whether a bandwidth is near 1 Hz (0.8 to 1.25 Hz), and whether its interval holds the
     truth. Where the record cannot support a bandwidth, because the command excites no frequency so low or the interval
-    is too wide, none is claimed; the record still counts, as one that answers neither question with yes.
+    is too wide, none is claimed; the record still counts for both questions, with the answer no.
 
     Methods: armax, oe, okid with the thesis' orders; arx, iv4 with those of its ARMAX; oe_high, an output-error model
     whose order suffices without friction; spa and etfe, without a model. Their lines, every 0.5 Hz on files of 2 s, are

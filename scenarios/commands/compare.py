@@ -43,9 +43,9 @@ def compare(
     Name models by their origin:
 
       truth            the small-signal truth of the twin's arm; the record is then a log of hmtb simulate
-      published        every model of the joint that the thesis prints
+      published        the published models: all that the thesis prints for the joint
       published:4.7    one of them by its equation: 4.7 to 4.13, 5.8 to 5.10, 4.7+4.9
-      published:okid   a model of three joints (sysid, okid, hybrid); of one joint, its part for that joint
+      published:okid   a published model of three joints: sysid, okid or hybrid; on one joint, its part for it
       oe:2/2/1         an estimator with its orders, as for hmtb identify, identified from --estimation
 
     Fits are 100 (1 - |y - yhat| / |y - mean y|): 100 is perfect, 0 no better than the mean. A simulation uses only the

@@ -24,7 +24,7 @@ def convert(
     .nc (NetCDF4), .mat (MATLAB 5). A 1553 record holds up to five tests: several files become one run, and a run
     becomes several files where OUT is a folder. Samples that the bus lost are NaN in every other format.
 
-    hmtb convert run-1.ch10 ascii --format ascii
+      hmtb convert run-1.ch10 ascii --format ascii
 
     A conversion that would lose values is refused, with a list of them; --lossy converts nevertheless. A CSV file
     cannot hold the name of the test and its excited axes; a note reminds of it.

@@ -38,7 +38,10 @@ def list_(*, json: bool = False) -> int:
 def show(spec: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC")], *, json: bool = False) -> int:
     """Show the spec of a data set as TOML, with all defaults, from which to write your own.
 
-    hmtb dataset show hmtb-siso-v1 > mine.toml, edit it and change its name, then hmtb dataset build mine.toml.
+    Write it to a file, edit it, change its name, and build it:
+
+      hmtb dataset show hmtb-siso-v1 > mine.toml
+      hmtb dataset build mine.toml
 
     Args:
         spec: A data set that comes with the package (hmtb dataset list) or a TOML file.
@@ -64,11 +67,11 @@ def check(
 ) -> int:
     """Check a data set: files, hashes, metadata, and some experiments by simulating them again.
 
-    hmtb dataset check hmtb-siso-v1
-
     The exit code is 1 if anything differs. With the software that built the data set, experiments that are simulated
     again must have the same bits; with other versions, numbers must agree to nine digits, and measured angles to one
     count of the resolver.
+
+      hmtb dataset check hmtb-siso-v1
 
     Args:
         folder: The data set.
@@ -99,9 +102,9 @@ def export(
 ) -> int:
     """Export the records of a data set as .mat, CSV, Parquet or ASCII files, with the same numbers to the last bit.
 
-    hmtb dataset export hmtb-siso-v1 --format mat,csv --out exported
-
     Each format gets a folder of its own, named after the data set. Only the data are exported, never the truth.
+
+      hmtb dataset export hmtb-siso-v1 --format mat,csv --out exported
 
     Args:
         folder: The data set.

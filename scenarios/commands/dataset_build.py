@@ -34,9 +34,9 @@ def build(
     Nothing is lost if a build is interrupted, killed or out of disk: run the command again, and the data set has the
     same bytes. An experiment that fails is listed with its reason; the others continue, and the exit code is 1.
 
-    With --withhold the data set in --out holds nothing from which its truth can be computed: no truth, no seeds, and of
-    scored records only the outputs of the initialisation window. FOLDER keeps the complete data sets for hmtb dataset
-    grade.
+    With --withhold the data set in --out holds nothing from which its truth can be computed: no truth and no seeds. Its
+    scored records hold all inputs, but outputs only for the first samples, from which a model's state is initialised.
+    FOLDER keeps the complete data sets for hmtb dataset grade.
 
       hmtb dataset build class.toml --withhold withheld --students roster.txt --out class
 

@@ -50,12 +50,14 @@ def identify(
     The model describes motion about an operating point: the means are removed, and a remaining constant of the output
     (a record that starts from rest has one) is estimated with the model. --keep-mean uses the values as they are.
 
-    hmtb identify robot.csv --input command --output angle --method oe --orders 2 2 1
+      hmtb identify siso-5-elbow_pitch.nc --method oe --orders 2 2 1
+      hmtb identify siso-5-elbow_pitch.nc --method armax --orders 2 2 2 1 --validate siso-8-elbow_pitch.nc
+      hmtb identify robot.csv --input command --output angle --method oe --orders 2 2 1
 
     Args:
         data: The record.
         method: One of the methods above.
-        orders: Orders of the model, in the field's usual sequence.
+        orders: Orders of the model, in the sequence given above, as in MATLAB.
         joint: Which joint of a log; the excited one when not given.
         input: Names of the input columns of a table, or variables of a .mat or .nc file.
         output: Names of the output columns, likewise.

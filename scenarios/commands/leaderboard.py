@@ -16,14 +16,14 @@ def leaderboard(
 ) -> int:
     """Compare the results of several estimators on the test bench, on a page and in tables.
 
-    hmtb leaderboard results/*.json
-
     Results are the files that hmtb verify writes, or folders of them. The page leaderboard.html needs no network; the
     same tables stand in leaderboard.md. Rows are ordered by the number of figures that fail where theory expects
     them to pass, the fewest first, then by figures without a verdict, then by figures passed, then by efficiency;
     figures are never combined into one score. The response error is the median over the problems that all rows were
     given; a row that did not answer them all has none. Where rows are not comparable, because seed, effort,
     limits, protocol or machine differ, or an estimator refused requests, the page says so.
+
+      hmtb leaderboard results/*.json
 
     Args:
         results: Files, or folders whose *.json are taken.

@@ -28,7 +28,7 @@ def preview(
         names: Scenarios, tags or TOML files.
         out: Folder for the plots, NAME-preview.png.
         duration: Length of every experiment instead of the scenario's own, s.
-        seed: Draw other noise, as hmtb simulate does with the same seed.
+        seed: Seed of the noise, as for hmtb simulate; the scenario's own when not given.
         json: Print JSON.
     """
     from scenarios.experiments.preview import preview as compute_preview

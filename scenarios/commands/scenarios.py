@@ -12,14 +12,17 @@ from scenarios.files.errors import ScenarioError
 
 def scenarios(
     action: Annotated[Literal["list", "show"], tyro.conf.Positional] = "list",
-    name: Annotated[str | None, tyro.conf.Positional] = None,
+    name: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[NAME]")] = None,
     *,
     tag: str | None = None,
     json: bool = False,
 ) -> int:
     """List the experiments that exist, or show one as TOML to start your own from.
 
-    hmtb scenarios show siso-5-elbow_pitch > mine.toml, edit it, then hmtb simulate mine.toml.
+    Write one to a file, edit it, and simulate it:
+
+      hmtb scenarios show siso-5-elbow_pitch > mine.toml
+      hmtb simulate mine.toml
 
     Args:
         action: list them all, or show one as TOML.

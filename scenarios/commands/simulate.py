@@ -38,7 +38,7 @@ def simulate(
         format: File formats, comma-separated: nc (NetCDF4, everything); csv, mat, ascii (what passes over the bus);
             1553 (IRIG 106 Chapter 10: NAME.ch10, or run-1.ch10, run-2.ch10, ... of five tests each).
         duration: Length of every record instead of the scenario's own, s.
-        seed: Draw other noise; the same seed gives the same bits.
+        seed: Seed of the noise; the scenario's own when not given. The same seed gives the same bits.
         threads: Threads to use; the logs do not depend on it.
         dropped: Probability that the recorder of the 1553 bus misses a message.
         invalid: Probability that a data word on the bus fails its parity check.

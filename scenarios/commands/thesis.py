@@ -45,7 +45,7 @@ def thesis(
         seeds: Repeat the study on the nominal arm with so many seeds, counted from --seed or from 1, and report how
             often each verdict is reached and how far numbers vary. A seed takes some minutes on two processors; it is
             saved in the folder seeds when it ends, and an interrupted run resumes there. With 1, the report states
-            the frequencies that were computed with this version before.
+            how often each verdict came out in the repetition that this version ships with.
         quick: Records of 40 s instead of 240 s: a preview, not a result.
         threads: Threads of the simulation; the results do not depend on it.
         figures: Keep every figure too, as SVG and PNG in the folder figures.

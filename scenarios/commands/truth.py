@@ -34,14 +34,14 @@ def truth(
     pose: Annotated[str | None, tyro.conf.arg(metavar="NAME|DEG,DEG,...")] = None,
     actuator: Annotated[str | None, tyro.conf.arg(metavar="linear|orifice")] = None,
     friction: Annotated[str | None, tyro.conf.arg(metavar="none|viscous|coulomb|lugre")] = None,
-    friction_level: Annotated[float | None, tyro.conf.arg(metavar="FLOAT")] = None,
+    friction_level: float | None = None,
     supply_pressure: Annotated[float | None, tyro.conf.arg(metavar="MPA")] = None,
     oil_temperature: Annotated[float | None, tyro.conf.arg(metavar="DEGC")] = None,
-    process_noise: Annotated[float | None, tyro.conf.arg(metavar="FLOAT")] = None,
+    process_noise: float | None = None,
     bla: Annotated[float | None, tyro.conf.arg(metavar="RAD")] = None,
     data: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None,
     maps: bool = False,
-    density: Annotated[float | None, tyro.conf.arg(metavar="FLOAT")] = None,
+    density: float | None = None,
     seed: int = 0,
     threads: int | None = None,
     out: Path | None = None,
@@ -56,10 +56,10 @@ def truth(
     hydraulic resonance is that of the oil's spring with the inertia that the joint moves, the other joints held; valve
     and leakage damp it (linear actuators only).
 
-    Two more truths on request. --bla 0.01 adds the best linear approximation at that amplitude: the linear system that
-    is nearest to the arm with friction and velocity limit, and its 95 % interval (some seconds). A remark warns where
-    it has little meaning. --data LOG adds the smallest errors that a model can reach on that log of hmtb simulate if it
-    knows only commands and measurements; a line below the table says how far chance may take a model below them.
+    Two options add other truths. --bla 0.01 adds the best linear approximation at that amplitude: the linear system
+    that is nearest to the arm with friction and velocity limit, and its 95 % interval (some seconds). A remark warns
+    where it has little meaning. --data LOG adds the smallest errors that a model can reach on that log of hmtb simulate
+    if it knows only commands and measurements; a line below the table says how far chance may take a model below them.
 
     With --maps it shows how the truth varies over workspace, payload, supply pressure, oil temperature, amplitude and
     friction. It writes a page, figures and tables into a folder: about a minute and a half of one core for the nominal

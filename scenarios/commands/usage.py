@@ -11,7 +11,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import ParamSpec
+from typing import Annotated, Any, Literal, ParamSpec, get_args, get_origin
 
 import tyro
 
@@ -68,7 +68,10 @@ def read_options(command: Callable[Options, int], program: str, words: Sequence[
     def fill(*args: Options.args, **kwargs: Options.kwargs) -> Callable[[], int]:
         return functools.partial(command, *args, **kwargs)
 
-    fill.__signature__ = inspect.signature(command)  # type: ignore[attr-defined]
+    signature = inspect.signature(command)
+    options = [each.replace(annotation=_option(each.annotation)) for each in signature.parameters.values()]
+    fill.__signature__ = signature.replace(parameters=options)  # type: ignore[attr-defined]
+    fill.__annotations__ = {each.name: each.annotation for each in options}
     del fill.__wrapped__  # the parser would read the wrapped function
     # The parser keeps some line breaks of docstrings, so all go that stand inside a paragraph or an option.
     fill.__doc__ = re.sub(r"(?<=\S)\n(?: {8})?(?=\S)", " ", inspect.cleandoc(command.__doc__ or ""))
@@ -87,6 +90,20 @@ def read_options(command: Callable[Options, int], program: str, words: Sequence[
             raise ScenarioError(f"{_objection(err.getvalue(), program)}; see {program} --help") from None
         out.seek(0)
         return _wrapped(out.read())
+
+
+def _option(kind: Any) -> Any:
+    """The annotation of an option, with a help text in which None and empty defaults do not appear."""
+    kind, *settings = (kind.__origin__, *kind.__metadata__) if get_origin(kind) is Annotated else (kind,)
+    metavar = None
+    if type(None) in get_args(kind):
+        (value,) = set(get_args(kind)) - {type(None)}
+        metavar = "|".join(get_args(value)) if get_origin(value) is Literal else value.__name__.upper()
+    return Annotated[(kind, tyro.conf.arg(metavar=metavar, help_behavior_hint=_default), *settings)]
+
+
+def _default(value: str) -> str:
+    return "" if value in ("None", "", "''") else f"(default: {value})"
 
 
 @contextlib.contextmanager
@@ -125,7 +142,7 @@ def _objection(text: str, command: str) -> str:
     if match := re.match(r"Error parsing ([^:]+): (.*)", message):
         given = " ".join(re.findall(r"'([^']*)'", match[2])) or "something else"
         usage = next((row for row in rows if row.startswith(match[1].split("/")[-1] + " ")), "")
-        kind = usage.partition(" ")[2].replace("{None}|", "")
+        kind = usage.partition(" ")[2]
         return f"{match[1]}: expected {KINDS.get(kind, kind) or 'another value'}, given {given}"
     if match := re.match(r"Unrecognized options?: (.*)", message):
         words = match[1].replace(", ", " ")

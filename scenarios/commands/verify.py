@@ -58,10 +58,10 @@ def verify(
       hmtb verify my_module:my_estimator our-oe our-n4sid  beside others, on the same records, at the same time
       hmtb verify --list                                   the estimators that the bench knows
 
-    Tasks of kind fit give the delay and the orders that contain the true system: in its own structure, or in that of
-    --structure. With --structure and --method the estimator is judged by what theory expects of them; without, every
-    figure is expected to pass. An estimator as good as the Cramér-Rao bound allows fails any verdict in one of 200 runs
-    at most.
+    Most tasks tell the estimator the true orders and delay (in the structure of --structure, otherwise in that of the
+    system); some ask it to choose them. With --structure and --method the estimator is judged by what theory expects of
+    them; without, every figure is expected to pass. An estimator as good as the Cramér-Rao bound allows has at least
+    one failing verdict in at most one of 200 runs.
 
     After ten hangs in a row an estimator gets no more requests: the rest of its trials count as hung.
 

@@ -46,7 +46,7 @@ def video(
         speed: Seconds of the experiment per second of film.
         start: First time to show, s.
         duration: How much of the experiment to show, s; to its end when not given.
-        seed: Draw other noise; for a scenario only.
+        seed: Seed of a scenario's noise; its own when not given.
         json: Print JSON.
     """
     from hmtb_twin.files.atomic_write import check_place

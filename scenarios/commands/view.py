@@ -25,7 +25,7 @@ def view(
         payload: What the end effector of the arm alone holds: rpcm, none, ballast or mdm.
         speed: Seconds of the experiment per second of playback.
         loop: Play again and again.
-        seed: Draw other noise; for a scenario only.
+        seed: Seed of a scenario's noise; its own when not given.
     """
     from hmtb_twin import load_arm
     from hmtb_twin.parameters.values import OPERATING_POSE

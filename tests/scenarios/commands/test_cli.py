@@ -12,7 +12,7 @@ import pytest
 from scipy.io import savemat
 
 from scenarios import names
-from scenarios.commands.cli import main
+from scenarios.commands.cli import COMMANDS, main
 from tests.scenarios.commands.conftest import signals, table
 
 OE = ("--method", "oe", "--orders", "1", "1", "1")
@@ -28,6 +28,14 @@ def test_help_and_version(run):
     assert out.startswith("hmtb ")
     code, out, _ = run("identify", "--help")
     assert "p = 5 (the default)" in " ".join(out.split())
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, "dataset build", "dataset grade", "dataset baselines"])
+def test_help_shows_neither_empty_defaults_nor_wrapped_examples(run, command):
+    code, out, _ = run(*command.split(), "--help")
+    assert code == 0
+    assert not any(text in out for text in ("{None", "default: None", "default: )", "default: '')"))
+    assert not any(line.startswith("hmtb ") for line in out.splitlines())
 
 
 def test_help_names_every_variant_and_payload(run):
