@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from scenarios.bench.leaderboard_rows import LeaderboardRow, common_problems
-from scenarios.bench.leaderboard_verdict import GUIDE, WORDS, Verdict, verdict
+from scenarios.bench.leaderboard_verdict import GUIDE, INFORMATIVE, WORDS, Verdict, verdict
 from scenarios.bench.result import Result
 from scenarios.estimators.outcome import MODEL, REFUSED
 
@@ -52,7 +52,9 @@ def _incomplete(rows: Sequence[LeaderboardRow]) -> list[str]:
             f"{number}: {'all rows' if len(group) == len(rows) > 1 else _names(group)}"
             for number, group in computed.items()
         ]
-        sentences.append(f"Rows without all figures, of which fewer could pass or fail. {'; '.join(parts)}.")
+        judging = len(GUIDE) - len(INFORMATIVE)
+        whole = f"all {len(GUIDE)} figures, of which {judging} give verdicts"
+        sentences.append(f"Rows without {whole}: fewer could pass or fail. Computed: {'; '.join(parts)}.")
     answering = [row for row in rows if row.result.outcomes.get(MODEL)]
     for row in rows:
         if row not in answering:

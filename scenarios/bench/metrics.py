@@ -1,4 +1,4 @@
-"""All metrics of the test bench, with the two over every trial: reliability and speed."""
+"""All 13 metrics of the test bench: eleven of models, and two over every trial, reliability and speed."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -165,7 +165,7 @@ MODEL_METRICS: tuple[MetricDefinition, ...] = (
     Agreement(),
     BandwidthMetric(),
 )
-"""Metrics of models: ten with a verdict, and the recovered bandwidth, which has none."""
+"""Metrics of models: ten with a verdict, and the recovered bandwidth, which is only shown."""
 
 ALL_METRICS: tuple[MetricDefinition, ...] = (*MODEL_METRICS, Reliability(MODEL_METRICS), Speed(MODEL_METRICS))
 """In the order in which they are reported."""

@@ -46,11 +46,12 @@ def verify(
     verbose: bool = False,
     json: bool = False,
 ) -> int:
-    """Test an estimator on problems with known truth: ten figures, each with a verdict.
+    """Test an estimator on problems with known truth: 13 figures, of which 12 give verdicts.
 
     An estimator is a function that takes a record and a task and returns a model, or a program in any language that
     reads a file and writes one (docs/your-estimator.md). It runs in a process of its own with limits of time and
-    memory: errors, crashes, hangs, NaN and unstable models are counted and never end the bench.
+    memory: errors, crashes, hangs, NaN and unstable models are counted and never end the bench. Ten figures judge the
+    model, two judge failures and time, and one, the bandwidth, is only shown.
 
       hmtb verify my_module:my_estimator --quick           a function of a module in this folder
       hmtb verify my_file.py:my_estimator --structure oe   of a file; its models are output-error models

@@ -89,6 +89,22 @@ def test_a_part_that_fails_without_a_limit_says_why(capsys):
     assert "    p1        1  claimed of 3 of 20 records" in lines and "    p2        1  limits: 0" in lines
 
 
+def test_the_table_shows_what_passes_and_no_interval_of_a_single_point(tmp_path, capsys):
+    exact = Part("p1", 14.7, 6.0, (14.7, 14.7), (6.0, math.inf), True)
+    near, far = (Part(name, value, 1.0, (0.9, 1.2), (-math.inf, 1.4), True) for name, value in (("a", 1.0), ("b", 1.1)))
+    figures = {
+        "digits": Metric("digits", "Digits", "", 14.7, 6.0, (14.7, 14.7), True, 0.0, "", (exact,)),
+        "efficiency": Metric("efficiency", "Efficiency", "", 1.1, 1.0, (0.9, 1.2), True, 0.0, "", (near, far)),
+        "bandwidth": bandwidth(),
+    }
+    show([Result(Estimator("mine", "a:b"), Limits(), "quick", 0, "", "", {}, "", {}, {}, 0.5, figures)], tmp_path)
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert "value passes if 95 % interval verdict" in lines
+    assert "Digits 14.7 at least 6 – ✓ passes" in lines
+    assert "Efficiency 1.1 at most 1.4 0.9 to 1.2 ✓ passes" in lines
+    assert "Recovered bandwidth, Hz 0.9 – 0.8 to 1.1 – no verdict" in lines
+
+
 @pytest.mark.parametrize(
     ("kinds", "kept", "more"),
     [
