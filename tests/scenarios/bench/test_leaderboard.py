@@ -12,8 +12,9 @@ from scenarios.bench.leaderboard_drawings import work_precision
 from scenarios.bench.leaderboard_notes import notes
 from scenarios.bench.leaderboard_rows import common_problems, ranked
 from scenarios.bench.leaderboard_tables import standing
-from scenarios.bench.leaderboard_verdict import Verdict, count, verdict
+from scenarios.bench.leaderboard_verdict import Verdict, count, judged_metrics, verdict
 from scenarios.bench.metric import Metric, Part
+from scenarios.bench.metrics import ALL_METRICS
 from scenarios.bench.result import Result
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.files.errors import ScenarioError
@@ -106,8 +107,11 @@ def test_verdicts_and_failures_that_theory_does_not_know_weigh_most(written):
     assert failures == sorted(failures) and failures[0] == 0 < failures[-1]
     assert verdict(by_name["oe"]["efficiency"]) is Verdict.FAILS_AS_THEORY_SAYS
     assert verdict(by_name["armax"]["agreement"]) is verdict(None) is Verdict.NONE
+    unjudged = {name for name, metric in by_name["armax"].items() if metric.passed is None}
+    assert unjudged >= {"agreement", "bandwidth"}
     counts = count(by_name["armax"].values())
-    assert (counts[Verdict.PASSES], counts[Verdict.NONE], counts[Verdict.FAILS]) == (11, 2, 0)
+    assert counts[Verdict.PASSES] == len(ALL_METRICS) - len(unjudged)
+    assert (counts[Verdict.NONE], counts[Verdict.FAILS]) == (len(unjudged), 0)
     # A file whose figure says that it passes and whose part says otherwise fails.
     assert verdict(replace(by_name["okid"]["efficiency"], passed=True)) is Verdict.FAILS
 
@@ -121,8 +125,14 @@ def test_what_could_not_be_judged_is_no_advantage_and_time_no_harm(written, resu
 
     entries = without("bias")
     assert [entry.name for entry in entries] == ["oe", "armax"]
-    assert [count(entry.result.metrics.values())[Verdict.PASSES] for entry in entries] == [7, 10]
-    assert [(row[1].text, row[4].text) for row in standing(entries).rows] == [("7 of 12", "1"), ("10 of 12", "2")]
+    oe, armax = (count(result.metrics.values()) for result in (results[2], results[1]))
+    assert oe[Verdict.FAILS_AS_THEORY_SAYS] >= 4
+    passes, judged = (oe[Verdict.PASSES], armax[Verdict.PASSES] - 1), len(judged_metrics(results[1:3]))
+    assert judged == len(ALL_METRICS) - 1  # the bandwidth has no verdict
+    assert [(row[1].text, row[4].text) for row in standing(entries).rows] == [
+        (f"{passes[0]} of {judged}", "1"),
+        (f"{passes[1]} of {judged}", "2"),
+    ]
     assert [entry.name for entry in without("speed")] == ["armax", "oe"]
     # Figures that were not made are as figures that were not judged.
     made = {name: metric for name, metric in results[1].metrics.items() if name != "bias"}
@@ -158,7 +168,7 @@ def test_rows_that_are_not_whole_are_named(written, results):
     saved(written[3], replace(results[3], metrics=nothing))
     texts = notes(ranked(written[:4]))
     assert len(texts) == 3
-    assert "2 of 13: armax." in texts[0]
+    assert f"2 of {len(ALL_METRICS)}: armax." in texts[0]
     assert any("oe gave no model at all (853 × refused)" in text for text in texts)
     assert any("Nothing of okid could be judged" in text for text in texts)
     outcomes = {"model": 780, "refused": 120}
