@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, overload
 
 import numpy as np
 
+from hmtb_twin.files.hashes import array_hash
 from hmtb_twin.files.netcdf import Contents, read_netcdf
 from scenarios.datasets.index import read_index
 from scenarios.datasets.plan import INDEX, SPEC, TRUTH, UNFINISHED, ListedExperiment
@@ -275,7 +276,7 @@ def open_data_set(folder: str | Path) -> DataSet:
             f"{one['stage']}: {one['piece']}": one["failed"] for one in index.get("stages", ()) if one["failed"]
         }
         return DataSet(folder, str(index["data_set"]), str(index["hash"]), entries, incomplete)
-    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise ScenarioError(f"{folder / INDEX} is damaged, or of another version: {error}") from error
 
 
@@ -319,11 +320,15 @@ def _data_record(folder: Path, entry: Mapping[str, Any]) -> DataRecord:
     path = PurePosixPath(entry["file"])
     if path.is_absolute() or ".." in path.parts:
         raise ValueError(f"file {entry['file']!r} is outside the folder")
+    for key in ("name", "part", "block", "arm"):
+        if not isinstance(entry[key], str):
+            raise TypeError(f"{key} {entry[key]!r} is no text")
+    arrays = dict(entry.get("arrays", {}).get(entry["file"], {}))
     return DataRecord(
         **{key: entry[key] for key in ("name", "part", "block", "arm", "twin", "file", "failed")},
         joints=tuple(entry["joints"]),
-        arrays=entry.get("arrays", {}).get(entry["file"], {}),
-        read=partial(_read_signals, folder / path, entry["name"]),
+        arrays=arrays,
+        read=partial(_read_signals, folder / path, entry["name"], arrays),
     )
 
 
@@ -331,7 +336,7 @@ def _shown(value: object) -> str:
     return ", ".join(value) if isinstance(value, tuple) else repr(value)
 
 
-def _read_signals(path: Path, experiment: str) -> Signals:
+def _read_signals(path: Path, experiment: str, hashes: Mapping[str, str]) -> Signals:
     contents = read_netcdf(path)
     try:
         if contents.attributes["experiment"] != experiment:
@@ -343,13 +348,17 @@ def _read_signals(path: Path, experiment: str) -> Signals:
         expected = len(u) if contents.variables["y"].dims[0] == "sample" else min(window, len(u))
         if len(y) != expected:
             raise ScenarioError(f"{path}: {len(y)} samples of y given, expected {expected}")
-        for values in (u, y):
+        for name, values in (("u", u), ("y", y)):
+            if array_hash(values) != hashes.get(name):
+                raise ScenarioError(f"{path}: {name} differs from what the index says; see hmtb dataset check")
             if values.ndim != 2 or values.dtype != np.float64:
                 raise ScenarioError(f"{path}: {values.shape}, {values.dtype} given as u or y, expected (N, n), float64")
             values.setflags(write=False)
         return Signals(u, y, sampling_time(contents), window)
     except KeyError as error:
         raise ScenarioError(f"{path} has no {error.args[0]!r}: expected a record of this version") from error
+    except (TypeError, ArithmeticError) as error:
+        raise ScenarioError(f"{path} is damaged: {error}") from error
 
 
 def sampling_time(contents: Contents) -> Fraction:

@@ -15,7 +15,7 @@ from scenarios.datasets.tables import read_table
 from scenarios.datasets.withhold import read_persons
 from scenarios.files.codec import from_json
 from scenarios.files.errors import ScenarioError, unknown
-from sysid import StateSpace
+from sysid import StateSpace, SysidError
 
 Matrix = tuple[tuple[float, ...], ...]
 
@@ -156,7 +156,10 @@ def _read_models(submission: Path, data_set: DataSet) -> dict[str, StateSpace]:
         if joint not in joints:
             raise ScenarioError(f"{path}: {unknown('joint', joint, sorted(joints))}")
         file = from_json(SubmittedModel, path.read_bytes(), str(path))
-        model = StateSpace(np.array(file.A), np.array(file.B), np.array(file.C), np.array(file.D), None, file.dt)
+        try:
+            model = StateSpace(np.array(file.A), np.array(file.B), np.array(file.C), np.array(file.D), None, file.dt)
+        except SysidError as error:
+            raise ScenarioError(f"{path}: {error}") from error
         if (model.nu, model.ny) != (1, 1):
             raise ScenarioError(f"{path}: {model.nu} inputs and {model.ny} outputs given, expected one of each")
         models[joint] = model

@@ -275,7 +275,7 @@ def _played(block: RecordBlock) -> Iterator[tuple[str, str, Scenario | Multisine
             name=block.name,
             axes=axes,
             excitation=block.excitation or (Excitation("white_noise"),),
-            duration=block.duration or 1.0,
+            duration=1.0 if block.duration is None else block.duration,
             mode=block.mode,
             independent_channels=True,
             chain=block.chain,

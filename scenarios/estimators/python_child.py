@@ -33,7 +33,7 @@ LIBRARIES = (*(sysconfig.get_path(name) for name in ("stdlib", "purelib", "platl
 
 def main(target: str, home: str, memory_bytes: str) -> int:
     """Load the function, say `ready`, and answer one line per request until standard input ends."""
-    requests, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), "w", buffering=1)
+    requests, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), "w", buffering=1, errors="backslashreplace")
     # What the function prints goes to the log: on standard output it would be taken for an answer.
     os.dup2(2, 1)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
@@ -89,7 +89,11 @@ def load(target: str, home: Path) -> Callable[..., Any]:
 
 def describe(error: BaseException) -> str:
     """An error in one line: kind, text, and the line of the estimator's own files that raised it."""
-    text = " ".join(f"{type(error).__name__}: {error}".strip(": \n").split())[:LONGEST_REASON]
+    try:
+        reason = str(error)
+    except Exception:
+        reason = "its text cannot be printed"
+    text = " ".join(f"{type(error).__name__}: {reason}".strip(": \n").split())[:LONGEST_REASON]
     frames = [
         f for f in traceback.extract_tb(error.__traceback__) if f.filename != __file__ and "importlib" not in f[0]
     ]

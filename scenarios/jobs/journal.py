@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, closing, suppress
 from pathlib import Path
@@ -14,7 +15,7 @@ LAST = "\U0010ffff"
 
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS fingerprint (name TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE IF NOT EXISTS entries (number INTEGER PRIMARY KEY, key TEXT UNIQUE NOT NULL, payload NOT NULL);
+CREATE TABLE IF NOT EXISTS entries (number INTEGER PRIMARY KEY, key TEXT UNIQUE, payload NOT NULL, crc NOT NULL);
 """
 
 
@@ -63,20 +64,15 @@ class Journal(AbstractContextManager["Journal"]):
             prefix: Only keys that begin with this text.
         """
         order = "key" if prefix else "number"
-        rows = self._execute(
-            f"SELECT key, payload FROM entries WHERE key BETWEEN ? AND ? ORDER BY {order}", (prefix, prefix + LAST)
-        )
-        return ((key, _payload(value)) for key, value in rows)
+        return self._entries(f"WHERE key BETWEEN ? AND ? ORDER BY {order}", prefix, prefix + LAST)
 
     def keys(self, prefix: str = "") -> set[str]:
         """Keys that begin with a prefix."""
-        rows = self._execute("SELECT key FROM entries WHERE key BETWEEN ? AND ?", (prefix, prefix + LAST))
-        return {key for (key,) in rows}
+        return {key for key, _ in self.items(prefix)}
 
     def get(self, key: str) -> Any:
         """The payload of a key; None where there is none."""
-        row = self._execute("SELECT payload FROM entries WHERE key = ?", (key,)).fetchone()
-        return None if row is None else _payload(row[0])
+        return next((payload for _, payload in self._entries("WHERE key = ?", key)), None)
 
     def add(self, key: str, payload: Any) -> None:
         """Add an entry, or replace that of the same key.
@@ -89,11 +85,12 @@ class Journal(AbstractContextManager["Journal"]):
 
     def add_all(self, payloads: Mapping[str, Any]) -> None:
         """Add several entries at once: after a kill all of them are there, or none."""
-        rows = [(key, value if isinstance(value, bytes) else json.dumps(value)) for key, value in payloads.items()]
+        texts = {key: value if isinstance(value, bytes) else json.dumps(value) for key, value in payloads.items()}
         with self._database:  # rolls back where an error leaves the transaction open
             self._execute("BEGIN")
-            for row in rows:
-                self._execute("INSERT OR REPLACE INTO entries (key, payload) VALUES (?, ?)", row)
+            for key, text in texts.items():
+                row = (key, text, _checksum(key, text))
+                self._execute("INSERT OR REPLACE INTO entries (key, payload, crc) VALUES (?, ?, ?)", row)
             self._execute("COMMIT")
 
     def remove(self, key: str) -> None:
@@ -120,6 +117,16 @@ class Journal(AbstractContextManager["Journal"]):
                 f"with those, or remove {self._path} to start again"
             )
 
+    def _entries(self, where: str, *values: str) -> Iterator[tuple[str, Any]]:
+        """Entries in turn, each held against its checksum: SQLite itself does not notice a flipped bit."""
+        try:
+            for key, value, crc in self._execute(f"SELECT key, payload, crc FROM entries {where}", values):
+                if _checksum(key, value) != crc:
+                    raise self._damaged(f"the checksum of {key!r} is wrong")
+                yield key, value if isinstance(value, bytes) else json.loads(value)
+        except sqlite3.Error as error:
+            raise self._damaged(error) from error
+
     def _execute(self, statement: str, values: tuple[Any, ...] = ()) -> sqlite3.Cursor:
         try:
             return self._database.execute(statement, values)
@@ -131,7 +138,10 @@ class Journal(AbstractContextManager["Journal"]):
             return ScenarioError(f"{self._path}: another process is at work here; wait for it, or stop it")
         if isinstance(error, sqlite3.OperationalError):
             return ScenarioError(f"cannot read or write {self._path}: {error}")
-        return ScenarioError(f"{self._path} is damaged ({error}); remove it to start again")
+        return self._damaged(error)
+
+    def _damaged(self, reason: object) -> ScenarioError:
+        return ScenarioError(f"{self._path} is damaged ({reason}); remove it to start again")
 
 
 def read_fingerprint(path: Path) -> dict[str, str] | None:
@@ -163,5 +173,5 @@ def differences(
     return texts
 
 
-def _payload(value: Any) -> Any:
-    return value if isinstance(value, bytes) else json.loads(value)
+def _checksum(key: str, payload: Any) -> int:
+    return zlib.crc32(payload if isinstance(payload, bytes) else str(payload).encode(), zlib.crc32(key.encode()))

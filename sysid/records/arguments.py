@@ -38,7 +38,7 @@ def real_number(name: str, value: Any, expected: str, allowed: Callable[[float],
 
 def sampling_interval(value: Any) -> float:
     """Check a sampling interval in s."""
-    return real_number("dt", value, "be a positive number of seconds", lambda dt: 0.0 < dt < np.inf)
+    return real_number("dt", value, "lie between 1e-15 and 1e15 s", lambda dt: 1e-15 <= dt <= 1e15)
 
 
 def confidence_level(value: Any) -> float:

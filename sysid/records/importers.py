@@ -15,6 +15,7 @@ from sysid.records.errors import SysidError
 
 TIME_NAMES = ("t", "time", "ts")
 INTERVAL_NAMES = ("ts", "dt")
+MOST_BYTES = 2**31
 SECONDS = {
     **dict.fromkeys(("", "s", "sec", "second", "seconds"), 1.0),
     **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
@@ -133,14 +134,20 @@ def read_netcdf(
             # h5py detects a damaged file here and closes it; xarray would leave it half open.
             _ = dict(whole["/"].attrs)
         with xr.open_dataset(file, engine="h5netcdf", decode_times=False) as stored:
+            numbers = {str(n): v for n, v in stored.variables.items() if v.dtype.kind in "biuf" and v.ndim <= 2}
+            # Packed zeros of a small file can claim more memory than there is.
+            if (size := sum(variable.nbytes for variable in numbers.values())) > MOST_BYTES:
+                raise SysidError(f"{file.name}: arrays of {size} bytes, expected at most {MOST_BYTES}")
             columns = {
-                str(name): np.atleast_1d(np.asarray(variable.values, dtype=float))
-                for name, variable in stored.variables.items()
-                if variable.dtype.kind in "biuf" and variable.ndim <= 2
+                name: np.atleast_1d(np.asarray(variable.values, dtype=float)) for name, variable in numbers.items()
             }
             units = {str(name): str(variable.attrs.get("units", "")) for name, variable in stored.variables.items()}
-            if "dt" not in columns and isinstance(stored.attrs.get("dt"), int | float | np.number):
-                columns["dt"] = np.array([float(stored.attrs["dt"])])
+            if "dt" not in columns and "dt" in stored.attrs:
+                if isinstance(stored.attrs["dt"], str):
+                    raise SysidError(f"{file.name}: attribute dt is the text {stored.attrs['dt']!r}; expected a number")
+                columns["dt"] = np.atleast_1d(np.asarray(stored.attrs["dt"], dtype=float))
+    except SysidError:
+        raise
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
         raise SysidError(f"{file.name}: not a NetCDF4 file, or a damaged one ({error})") from error
     for name in [n for n in columns if units.get(n) in SECONDS and units.get(n) and n.lower() in TIME_NAMES]:
@@ -214,10 +221,12 @@ def sampling_interval(columns: Columns, dt: float | None, file: Path) -> float:
             continue
         if unit not in SECONDS:
             raise SysidError(f"{file.name}: column {name!r} is in {unit!r}; expected a time in s, ms or us")
-        if key in INTERVAL_NAMES and (values == values[0]).all():
+        constant = bool((values == values[0]).all())
+        if key in INTERVAL_NAMES and (constant or key not in TIME_NAMES or values.size == 1):
             step = float(values[0])
-            if not step > 0:
-                raise SysidError(f"{file.name}: {name!r} is {step:g}; expected a sampling interval above 0 s")
+            if not (constant and 0.0 < step < np.inf):
+                present = f"{step:g}" if values.size == 1 else f"{values.min():g} to {values.max():g}"
+                raise SysidError(f"{file.name}: {name!r} is {present}; expected one sampling interval above 0 s")
         else:
             step = _step(values, name, file, dt is not None)
         intervals[repr(name)] = step * SECONDS[unit]

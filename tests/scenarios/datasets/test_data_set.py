@@ -5,6 +5,7 @@ import os
 import shutil
 from fractions import Fraction
 
+import h5py
 import numpy as np
 import pytest
 
@@ -102,6 +103,8 @@ def test_no_data_set_is_refused_with_the_reason(data_set, tmp_path):
         lambda index: index["experiments"][0].pop("part"),
         lambda index: index["experiments"][0].update(file="../data/train/x.nc"),
         lambda index: index["experiments"][0].update(file="/data/train/x.nc"),
+        lambda index: index["experiments"][0].update(name=None),
+        lambda index: index["experiments"][0].update(arrays=1),
         lambda index: index.update(experiments=3),
         None,
     ],
@@ -120,6 +123,12 @@ def test_a_swapped_or_damaged_file_and_a_pipe_are_refused(copy):
     refused("'binary-elbow_pitch', expected 'binary-shoulder_yaw'", lambda: open_data_set(copy).train[0].u)
     first.write_bytes(second.read_bytes()[:1000])
     refused("damaged", lambda: open_data_set(copy).train[0].u)
+    with h5py.File(second, "r+") as file:
+        file["y"][100, 0] = 5.0
+    refused("y differs from what the index says; see hmtb dataset check", lambda: open_data_set(copy).train[1].y)
+    with h5py.File(second, "r+") as file:
+        file.attrs["sampling_time_denominator"] = 0
+    refused("differs|is damaged", lambda: open_data_set(copy).train[1].y)
     first.unlink()
     os.mkfifo(first)
     refused(r"binary-shoulder_yaw\.nc is no ordinary file", lambda: open_data_set(copy).train[0].u)

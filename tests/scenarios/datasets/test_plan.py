@@ -80,9 +80,9 @@ def test_lengths_and_windows_that_cannot_be_are_refused_before_anything_is_run(l
 
 
 def test_a_duration_of_no_whole_number_of_samples_is_refused(tiny_spec):
-    records = (replace(tiny_spec.records[0], duration=4.00001), tiny_spec.records[1])
-    spec = replace(tiny_spec, records=records)
-    refused("duration 4.00001 s given, expected a positive multiple of 0.02 s", DataSetPlan, spec)
+    for duration in (4.00001, 0.0):
+        spec = replace(tiny_spec, records=(replace(tiny_spec.records[0], duration=duration), tiny_spec.records[1]))
+        refused(f"duration.* {duration}", DataSetPlan, spec)
 
 
 @pytest.mark.parametrize(

@@ -60,6 +60,18 @@ def floods(data, task):
     return GOOD
 
 
+def cannot_be_printed(data, task):
+    class SilentError(Exception):
+        def __str__(self):
+            raise RuntimeError
+
+    raise SilentError
+
+
+def surrogate(data, task):
+    raise ValueError("\ud800")
+
+
 def names(data, task):
     """Answers only where nothing tells the problem."""
     assert (data.name, data.input_names, data.output_names, data.input_units) == ("", ("u1",), ("y1",), ("",))
@@ -93,6 +105,8 @@ BEHAVIOURS = {
     raises: ("error", "ValueError: two lines\N{REPLACEMENT CHARACTER}[31m (estimators.py, "),
     raises_in_a_library: ("error", "(estimators.py, line "),
     leaves: ("error", "SystemExit: 3"),
+    cannot_be_printed: ("error", "SilentError: its text cannot be printed"),
+    surrogate: ("error", "ValueError: "),
     none: ("malformed", "NoneType given, expected Answer"),
     unstable: ("unstable", "the largest at 1.01"),
     nan_covariance: ("not_finite", "response_covariance has 12 of 12"),

@@ -4,8 +4,10 @@ import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
+from scenarios.files.errors import ScenarioError
 from scenarios.jobs.journal import Journal, differences, read_fingerprint
 from tests.refusals import refused
 
@@ -21,7 +23,7 @@ for number in range(100):
     journal.add_all({f"trial {number}": [number, 0.1], f"bytes {number}": bytes([number])})
 print("ready", flush=True)
 journal._execute("BEGIN")
-journal._execute("INSERT INTO entries (key, payload) VALUES ('half', '1')")
+journal._execute("INSERT INTO entries (key, payload, crc) VALUES ('half', '1', 0)")
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -71,3 +73,26 @@ def test_a_damaged_journal_and_a_folder_in_its_place_are_refused(tmp_path, conte
     path = tmp_path / "journal.sqlite"
     path.write_bytes(content) if content else path.mkdir()
     refused(r"journal\.sqlite" if content else r"cannot read or write .*journal\.sqlite", Journal, path, FINGERPRINT)
+
+
+def test_a_flipped_bit_is_an_error_and_no_other_result(tmp_path):
+    path, rng = tmp_path / "journal.sqlite", np.random.default_rng(2)
+    entries = {f"trial {number}": {"error": number / 7, "files": {"a": "x" * 20}} for number in range(40)}
+    with Journal(path, FINGERPRINT) as journal:
+        journal.add_all(entries)
+    whole, refusals = path.read_bytes(), 0
+    for place in rng.integers(0, len(whole), 150):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << int(rng.integers(8))]) + whole[place + 1 :])
+        try:
+            with Journal(path, FINGERPRINT) as journal:
+                read = (
+                    dict(journal.items()),
+                    journal.keys(),
+                    {key: journal.get(key) for key in entries if key in journal},
+                )
+        except ScenarioError as error:
+            refusals += 1
+            assert "journal.sqlite" in str(error)
+        else:
+            assert read == (entries, entries.keys(), entries)
+    assert refusals > 20

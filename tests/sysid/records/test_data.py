@@ -97,9 +97,9 @@ def test_select_by_name_and_index():
         ([], [], 0.1, "at least one sample"),
         (np.ones((2, 9)), np.ones(2), 0.1, "more channels than samples"),
         (np.ones((2, 2, 2)), np.ones(2), 0.1, "time first"),
-        ([1, 2], [1, 2], 0.0, "positive"),
-        ([1, 2], [1, 2], np.nan, "positive"),
-        ([1, 2], [1, 2], "fast", "positive"),
+        ([1, 2], [1, 2], 0.0, "1e-15 and 1e15 s"),
+        ([1, 2], [1, 2], 5e-324, "1e-15 and 1e15 s"),
+        ([1, 2], [1, 2], "fast", "1e-15 and 1e15 s"),
     ],
 )
 def test_bad_input_is_named(u, y, dt, message):

@@ -1,5 +1,6 @@
 from functools import partial
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -51,6 +52,18 @@ def test_mat(tmp_path):
     np.testing.assert_array_equal(data.y[:, 0], Y)
     savemat(path, {"u": np.ones((2, 50)), "y": np.ones(50), "dt": 0.1})  # never transposed
     refused("more channels than samples", read_mat, path)
+    for dt in (np.nan, [0.1, 0.2]):
+        savemat(path, {"u": U, "y": Y, "dt": dt})
+        refused(r"'dt' is (nan|0\.1 to 0\.2); expected one sampling interval above 0 s", read_mat, path)
+
+
+def test_a_small_file_that_claims_all_memory_and_a_text_for_dt_are_refused(tmp_path):
+    path = tmp_path / "huge.nc"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("u", (2**40,), "f8", chunks=(65536,))
+    refused("arrays of 8796093022208 bytes, expected at most 2147483648", read_netcdf, path)
+    xr.Dataset({"u": ("t", U), "y": ("t", Y)}, attrs={"dt": "0.1"}).to_netcdf(path, engine="h5netcdf")
+    refused("attribute dt is the text '0.1'; expected a number", read_netcdf, path)
 
 
 def test_netcdf(tmp_path):
@@ -81,6 +94,7 @@ def test_netcdf(tmp_path):
         ("t (weeks),u,y\n0,1,2\n1,1,2", {}, "expected a time in s, ms or us"),
         ("u,y\n1,2\n2,2\n3,2", {}, "no sampling interval"),
         ("u,y,dt\n1,2,0.1\n2,2,0.1\n3,2,0.1", {"dt": 0.2}, "omit the wrong one"),
+        ("u,y,dt\n1,2,0.1\n2,2,0.2\n3,2,0.1", {}, "'dt' is 0.1 to 0.2; expected one sampling interval"),
         ("u,angle\n1,2\n2,2", {"dt": 0.2, "outputs": ("angel",)}, "did you mean 'angle'"),
         ("u,y\n1,2\n2,2", {"dt": 0.2, "outputs": ("u",)}, "different columns"),
         ("u,y\n1,2\n2,2", {"dt": -1.0}, "dt must be above 0"),
