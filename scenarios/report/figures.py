@@ -70,15 +70,6 @@ def svg(figure: Figure, description: str, mark: str) -> str:
     return f'{head} role="img" aria-label="{label}"><title>{escape(description)}</title>{rest}'
 
 
-def png(picture: np.ndarray) -> str:
-    """Turn a picture (height, width, 3), 8-bit RGB, into the address of an embedded PNG."""
-    from matplotlib.image import imsave
-
-    buffer = io.BytesIO()
-    imsave(buffer, picture, format="png")
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
-
-
 def photograph(picture: np.ndarray) -> str:
     """Turn a picture (height, width, 3), 8-bit RGB, into the address of an embedded JPEG, a tenth of the PNG's size."""
     from PIL import Image

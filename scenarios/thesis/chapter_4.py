@@ -8,19 +8,7 @@ from matplotlib.figure import Figure
 
 import sysid
 from scenarios.experiments.campaign import single_joint_test
-from scenarios.report.figure_style import (
-    FREQUENCIES,
-    MRAD,
-    WIDTH,
-    ZOOM,
-    dc_bode,
-    dress,
-    mark_excited,
-    method_style,
-    model_response,
-    short,
-    well_known,
-)
+from scenarios.report.figure_style import MRAD, WIDTH, dress, method_style, short
 from scenarios.report.figures import Gallery, Picture
 from scenarios.thesis import chapter_4 as draw
 from scenarios.thesis import figures_data_sets as draw_sets
@@ -29,6 +17,7 @@ from scenarios.thesis.comparison import Comparison, JointResult, ModelResult
 from scenarios.thesis.envelope import envelope
 from scenarios.thesis.every_data_set import AUDIBLE, DataSets, distances
 from scenarios.thesis.order_search import IMPROVES, Searches
+from scenarios.thesis.response_figures import FREQUENCIES, ZOOM, dc_bode, mark_excited, model_response, well_known
 from scenarios.thesis.tally import p_value
 from scenarios.truth.published import PublishedModel
 from sysid import Estimate, StateSpace

@@ -11,10 +11,11 @@ from hmtb_twin import JOINTS, JointLog
 from hmtb_twin.parameters.values import MOTIONS, SAMPLE_RATE
 from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import POINTS
-from scenarios.report.figure_style import MRAD, WIDTH, dress, model_response, well_known
+from scenarios.report.figure_style import MRAD, WIDTH, dress
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.envelope import envelope
 from scenarios.thesis.nonparametric import PRBS, SINES, Nonparametric, PeriodSpectra, excited_lines
+from scenarios.thesis.response_figures import model_response, well_known
 from sysid import FrequencyResponse
 from sysid.plots import BOUND, INK, PALETTE, Style
 

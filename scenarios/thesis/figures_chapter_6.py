@@ -7,12 +7,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyBboxPatch
 
-from scenarios.report.figure_style import FREQUENCIES, WIDTH, dress, mark_excited, model_response, short
+from scenarios.report.figure_style import WIDTH, dress, short
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.findings_chapter_6 import ROUNDING
 from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT
 from scenarios.thesis.multivariable import Kind, ThreeJointModel
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL
+from scenarios.thesis.response_figures import FREQUENCIES, mark_excited, model_response
 from sysid import StateSpace
 from sysid.plots import BOUND, INK, PALETTE, Curve, Style, bode
 

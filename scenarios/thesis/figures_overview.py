@@ -14,9 +14,10 @@ from hmtb_twin.run.playback import pictured_arm
 from scenarios.experiments.campaign import RPCM
 from scenarios.experiments.rpcm import rpcm_outcome
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
-from scenarios.report.figure_style import FREQUENCIES, NOT_EXCITED, WIDTH, dress, line_mark, method_style, short
+from scenarios.report.figure_style import NOT_EXCITED, WIDTH, dress, method_style, short
 from scenarios.report.figures import photograph
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.response_figures import FREQUENCIES, line_mark
 from sysid.models.bandwidth import half_power_hz
 from sysid.plots import BOUND, INK, PALETTE
 

@@ -17,7 +17,6 @@ from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
-from scenarios.report.figure_style import EXCITED_FROM
 from scenarios.report.figures import SETTINGS, Gallery, Picture
 from scenarios.report.page import Page
 from scenarios.thesis.attribution import CONDITIONS, COVERAGE
@@ -32,6 +31,7 @@ from scenarios.thesis.figures_overview import arm_picture, bandwidths, exchange,
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.frequencies import ORDER, chance, frequency_text
 from scenarios.thesis.published_section import assumed_values, assumed_values_of, published_section
+from scenarios.thesis.response_figures import EXCITED_FROM
 from scenarios.thesis.results import answers, departures, friction_in_words, headline
 from scenarios.thesis.robustness_section import robustness
 from scenarios.thesis.tally import Tally, limits, parts, root, value_text
