@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import sysid
-from hmtb_twin import JOINTS, JointLog, TwinWarning
+from hmtb_twin import JOINTS, JointLog, TwinError, TwinWarning
 from hmtb_twin.bus.joint_log import FORMAT
 from hmtb_twin.bus.record import BusRecord
 from hmtb_twin.files.atomic_write import check_place
@@ -94,14 +94,19 @@ def read_parts(
             f"{path.name} is a record of joints: choose one by --joint; --input and --output are for tables"
         )
     parts: tuple[IOData, ...] = ()
-    if ours:
-        contents = read_records(path)
-        if contents.message:
-            warnings.warn(contents.message, TwinWarning, stacklevel=2)
-        parts = contents.choose(test, path).parts(joints or None)
-    elif log is not None:
-        check_complete(log, joints or log.axes, path.name)
-        parts = (log.iodata(joints or None),)
+    try:
+        if ours:
+            contents = read_records(path)
+            if contents.message:
+                warnings.warn(contents.message, TwinWarning, stacklevel=2)
+            parts = contents.choose(test, path).parts(joints or None)
+        elif log is not None:
+            check_complete(log, joints or log.axes, path.name)
+            parts = (log.iodata(joints or None),)
+    except TwinError as error:
+        if "name the joint" not in str(error):
+            raise
+        raise TwinError(str(error).replace("name the joint", "name the joint, as --joint elbow_pitch")) from error
     if parts and dt is not None and abs(dt - parts[0].dt) > SAME_INTERVAL * parts[0].dt:
         raise ScenarioError(
             f"{path.name}: --dt says a sampling interval of {dt:.6g} s, the log of {parts[0].dt:.6g} s; "
@@ -158,10 +163,11 @@ def _for_users(text: str, path: Path, inputs: Sequence[str], outputs: Sequence[s
     if "not a text file" in text and path.suffix not in (".csv", ".txt", ".asc", ".dat"):
         return f"{str(path)!r}: unknown kind of data file; expected {KINDS}"
     for option, names in (("input", inputs), ("output", outputs)):
-        if any(f"column {name!r};" in text for name in names):
+        if any(f"unknown column {name!r}" in text for name in names):
+            remedy = f"choose by --{option}"
             if path.suffix == ".csv" and is_record(path):
-                return f"{text}; it is a record of joints: choose one by --joint, e.g. --joint elbow_pitch"
-            return f"{text}; choose by --{option}"
+                remedy = "it is a record of joints: choose one by --joint, e.g. --joint elbow_pitch"
+            return text.replace("; there are ", f"; {remedy}; there are ", 1)
     return text
 
 

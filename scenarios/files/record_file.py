@@ -183,7 +183,7 @@ def losses(contents: Sequence[RecordFile], kind: str) -> list[str]:
     return lost
 
 
-def unnamed(records: Sequence[BusRecord], kind: str, names: Sequence[str]) -> list[str]:
+def unnamed(records: Sequence[BusRecord | JointLog], kind: str, names: Sequence[str]) -> list[str]:
     """List what a format has no place for beside the channels: a CSV names no test and no axes.
 
     Args:
@@ -198,5 +198,5 @@ def unnamed(records: Sequence[BusRecord], kind: str, names: Sequence[str]) -> li
         what = [f"that the test is {record.name}"] if name != record.name else []
         what += [f"that it excites {', '.join(record.axes)}"] if record.axes else []
         if what:
-            texts.append(f"{name}.csv does not say {' nor '.join(what)}")
+            texts.append(f"{name}{ENDINGS[kind]} does not say {' nor '.join(what)}")
     return texts

@@ -172,7 +172,10 @@ def _known_models(name: ModelName, record: IOData, path: Path) -> list[tuple[str
 
         log = log_of(path)
         if log is None or not joints:
-            raise ScenarioError(f"{path.name} tells of no arm; the truth is known of logs of hmtb simulate only (.nc)")
+            raise ScenarioError(
+                f"{path.name} tells of no arm; the truth is known of logs of hmtb simulate only (.nc); name models: "
+                "--models arx:2/2/1 n4sid:2"
+            )
         truth = linearize(logged_arm(log), log.provenance["pose"], amplitudes=())
         if len(joints) == 1:
             return [("truth", truth.joint(joints[0]).model, ())]

@@ -174,9 +174,9 @@ def record_of(
             raise SysidError(f"{file.name}: expected columns by name, got {name!r}; there are {', '.join(columns)}")
         if name not in columns:
             near = get_close_matches(name, columns, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
+            hint = f" (did you mean {near[0]!r}?)" if near else ""
             there = ", ".join(columns) or "none of numbers"
-            raise SysidError(f"{file.name}: unknown column {name!r}; there are {there}{hint}")
+            raise SysidError(f"{file.name}: unknown column {name!r}{hint}; there are {there}")
     if len(set(channels)) != len(channels):
         raise SysidError(f"{file.name}: expected different columns, got {', '.join(channels)}")
     step = sampling_interval({n: v for n, v in columns.items() if n not in channels}, dt, file)

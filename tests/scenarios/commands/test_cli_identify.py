@@ -208,8 +208,7 @@ def test_plain_netcdf_is_read_by_its_variables(result, complaint, tmp_path):
     assert output["dt"] == pytest.approx(DT)
     assert output["poles"][0][0] == pytest.approx(0.9, abs=0.02)
     message = complaint("identify", tmp_path / "robot.nc", "--output", "angle", *method)
-    assert "unknown column 'u'; there are" in message
-    assert "choose by --input" in message
+    assert "unknown column 'u'; choose by --input; there are" in message
 
 
 def test_what_is_printed(result, printed, csv):

@@ -123,7 +123,7 @@ def test_a_run_asks_which_test(bus_record, tmp_path):
     assert len(read_data(path, test="two", joint="wrist_yaw")) == 20
     assert excited(path, "two") == ("x", "y")
     refused("unknown test 'tow': did you mean 'two'", read_data, path, test="tow")
-    refused("two excites x, y: name the joint", read_data, path, test="2")
+    refused("two excites x, y: name the joint, as --joint elbow_pitch", read_data, path, test="2")
     (tmp_path / "u.csv").write_text("t,u,y\n0,1,2\n1,2,3\n2,2,4\n")
     refused("u.csv holds one test; --test is for 1553 records", read_data, tmp_path / "u.csv", test="1")
 
