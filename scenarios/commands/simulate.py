@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import at_least_one, counted, output_folder, print_json, print_table, progress, say_each
+from scenarios.commands.output import (
+    at_least_one,
+    counted,
+    output_folder,
+    print_json,
+    print_table,
+    progress,
+    say,
+    say_each,
+)
 from scenarios.files.errors import ScenarioError, unknown
 
 if TYPE_CHECKING:
@@ -46,10 +55,11 @@ def simulate(
         json: Print JSON.
     """
     import hmtb_twin
+    from scenarios.experiments.log_review import RATE_LIMITED
     from scenarios.experiments.registry import selected
     from scenarios.experiments.run_review import review
     from scenarios.files.data_file import write_log
-    from scenarios.files.record_file import ENDINGS
+    from scenarios.files.record_file import ENDINGS, unnamed
 
     at_least_one("--threads", threads)
     formats = tuple(dict.fromkeys(entry.strip() for entry in format.split(",")))
@@ -110,10 +120,13 @@ def simulate(
         )
         rows.append((str(path), length, f"{100 * clipped:.3g} %", f"{100 * limited:.3g} %"))
     rows += [(name, f"failed: {why}", "", "") for name, why in result.failed.items()]
-    print_table(counted(len(files), "file"), ("log", "length", "converter clips", "at velocity limit"), rows)
+    print_table(counted(len(files), "file"), ("log", "length", "converter clips", "command rate-limited"), rows)
+    if any(entry.velocity_limited for entry in reviews.values()):
+        say(RATE_LIMITED)
     for name, one in reviews.items():
         say_each(f"{name}: ", ((one.task,) if one.task else ()) + one.shutdowns)
     say_each("warning: ", warnings)
+    say_each("note: ", unnamed(result.logs, "csv", list(reviews)) if "csv" in formats else ())
     return 1 if result.failed else 0
 
 

@@ -80,7 +80,8 @@ def video(
     if json:
         print_json({"film": path, "scenario": log.name, "frames": count, "cameras": cameras})
     else:
-        say(f"{path}: {counted(count, 'frame')} of {log.name}, {start:g} to {last:g} s")
+        length = f"{counted(count, 'frame')} of {log.name}, {start:g} to {last:g} s"
+        say(f"{path}: {f'picture of {log.name} at {start:g} s' if path.suffix == '.png' else length}")
     return 0
 
 

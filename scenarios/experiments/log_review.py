@@ -17,6 +17,10 @@ constant of a hundredth of a milliradian is enough to make an output-error model
 Hz. The thesis too let each excitation reach steady state [Morris1996, sec. II.2B].
 """
 
+RATE_LIMITED = (
+    "The velocity limit acts before the recorded command: it does not distort a model from recorded command to angle."
+)
+
 
 def settled(log: JointLog, joints: str | Sequence[str]) -> IOData:
     """Return commanded and measured angles of joints without the start of the log; the means stay.

@@ -118,7 +118,6 @@ class Preview:
             (Status.JOINT_LIMITED, "of the ticks a joint stands at an end of its range"),
             (Status.SINGULAR, "of the ticks the tool lags because the pose is near singular"),
             (Status.CONVERTER_SATURATED, "of the ticks the hand controller's converter stands at an end of its range"),
-            (Status.VELOCITY_LIMITED, "of the ticks a joint moves at its velocity limit, slower than asked"),
         ):
             if share := self.share(flag):
                 texts.append(f"{100 * share:.3g} % {meaning}")
