@@ -178,10 +178,10 @@ def _rows(result: "Identification") -> list[tuple[str, str]]:
         ("orders", ", ".join(f"{name} {value}" for name, value in fitted.orders.items())),
         ("record", f"{sum(map(len, fitted.parts))} samples every {first.dt:g} s"),
     ]
+    # Records of joints are in rad; what other tables hold, only their owner knows.
+    unit = " rad" if joints_of(first) else ""
     if fitted.level is not None:
         levels = np.where(np.abs(level := np.concatenate(fitted.level)) < 1e-12, 0.0, level)
-        # Records of joints are in rad; what other tables hold, only their owner knows.
-        unit = " rad" if joints_of(first) else ""
         named = (f"{name} {value:.4g}{unit}" for name, value in zip((*ins, *outs), levels, strict=True))
         rows.append(("operating point", ", ".join(named)))
     rows += [("fit in simulation", percents(fit.simulation)), ("fit one step ahead", percents(fit.one_step))]
@@ -199,11 +199,13 @@ def _rows(result: "Identification") -> list[tuple[str, str]]:
             rows.append((f"bandwidth (-3 dB){path}", text))
             integrates = not abs(gain[i, j]) < 1e9
             rows.append((f"gain at 0 Hz{path}", "none, it integrates" if integrates else f"{gain[i, j]:.4f}"))
+    noise = np.sqrt(np.diag(model.noise_variance))
     rows += [
         ("poles (z plane)", _roots(model.poles())),
         ("zeros (z plane)", _roots(model.zeros())),
-        ("standard deviation of the noise", ", ".join(f"{np.sqrt(v):.4g}" for v in np.diag(model.noise_variance))),
-        ("final prediction error", f"{model.fpe:.4g}; AIC {model.aic:.5g}, BIC {model.bic:.5g}"),
+        ("standard deviation of the noise", ", ".join(f"{deviation:.4g}{unit}" for deviation in noise)),
+        ("final prediction error", f"{model.fpe:.4g}{unit and f'{unit}²'}"),
+        ("AIC, BIC (normalised, per sample)", f"{model.aic:.5g}, {model.bic:.5g}"),
     ]
     if test is None:
         return [*rows, ("residual test", f"not computed: {result.untested}")]

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from scenarios.jobs.cluster import Cluster
+
+NUMBER = re.compile(r"[-+−±]?[\d∞]|[-–—]?$|not known$|none$")
+"""Beginning of a number in a table, or what stands in its place."""
 
 FIGURES = (".svg", ".png", ".pdf")
 """Endings of figures."""
@@ -72,14 +76,16 @@ def print_json(record: Mapping[str, object]) -> None:
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table on stdout; the first column left, the others right."""
+    """Print a table on stdout: numbers stand right, texts and the first column left; empty headings are left out."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold", pad_edge=False)
+    table.show_header = any(columns)
     for number, column in enumerate(columns):
-        table.add_column(column, justify="left" if number == 0 else "right", overflow="fold")
+        numbers = any(columns) and number > 0 and all(NUMBER.match(row[number]) for row in rows)
+        table.add_column(column, justify="right" if numbers else "left", overflow="fold")
     for row in rows:
         table.add_row(*row)
     # A pipe has no width of its own; eighty columns would break the rows that a script wants to read.

@@ -217,7 +217,8 @@ def test_what_is_printed(result, printed, csv):
     output = result("identify", *words)
     shown = {re.split(r"\s{2,}", line.strip())[0]: line for line in lines}
     assert f"{output['fit']['ahead'][0]:.2f} %" in shown["fit 5 steps ahead"]
-    assert f"{output['fpe']:.4g}; AIC {output['aic']:.5g}" in shown["final prediction error"]
+    assert f"{output['fpe']:.4g}" == shown["final prediction error"].split()[-1]
+    assert f"{output['aic']:.5g}, {output['bic']:.5g}" in shown["AIC, BIC (normalised, per sample)"]
     assert "yes (p = " in shown["residuals white"]
     assert "yes (p = " in shown["residuals independent of the input"]
     (line,) = (line for line in shown.values() if line.split()[:1] == ["a1"])
