@@ -49,12 +49,12 @@ def _incomplete(rows: Sequence[LeaderboardRow]) -> list[str]:
     computed.pop(f"{len(GUIDE)} of {len(GUIDE)}", None)
     if computed:
         parts = [
-            f"{number}: {'all rows' if len(group) == len(rows) > 1 else _names(group)}"
+            f"{number} computed: {'all rows' if len(group) == len(rows) > 1 else _names(group)}"
             for number, group in computed.items()
         ]
         judging = len(GUIDE) - len(INFORMATIVE)
         whole = f"all {len(GUIDE)} figures, of which {judging} give verdicts"
-        sentences.append(f"Rows without {whole}: fewer could pass or fail. Computed: {'; '.join(parts)}.")
+        sentences.append(f"Rows without {whole}: fewer could pass or fail. {'; '.join(parts)}.")
     answering = [row for row in rows if row.result.outcomes.get(MODEL)]
     for row in rows:
         if row not in answering:
