@@ -168,7 +168,9 @@ def test_rows_that_are_not_whole_are_named(written, results):
     saved(written[3], replace(results[3], metrics=nothing))
     texts = notes(ranked(written[:4]))
     assert len(texts) == 3
-    assert f"2 of {len(ALL_METRICS)}: armax." in texts[0]
+    whole = len(ALL_METRICS)
+    assert f"all {whole} figures, of which {whole - 1} give verdicts" in texts[0]
+    assert f"2 of {whole} computed: armax." in texts[0]
     assert any("oe gave no model at all (853 × refused)" in text for text in texts)
     assert any("Nothing of okid could be judged" in text for text in texts)
     outcomes = {"model": 780, "refused": 120}
