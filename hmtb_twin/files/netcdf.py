@@ -1,12 +1,13 @@
 """NetCDF4 files whose bytes depend on their content alone."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import h5py
 import numpy as np
+from h5py import h5a, h5d, h5ds, h5f, h5p, h5s, h5t
 
 from hmtb_twin.files.atomic_write import write_whole
 from hmtb_twin.files.errors import TwinError, system_reason
@@ -208,56 +209,95 @@ CHUNK = 1 << 20
 TEXT = h5py.string_dtype()
 """Texts of any length, UTF-8."""
 
+IN_FILE, IN_MEMORY = h5t.py_create(TEXT, logical=True), h5t.py_create(TEXT)
+"""How HDF5 has them in a file, and in an array of Python's own."""
+
 
 def _netcdf_bytes(
     sizes: Mapping[str, int], variables: Mapping[str, Variable], attributes: Mapping[str, Attribute]
 ) -> bytes:
-    """Write a file; a dimension of size 0 is unlimited. Files of h5netcdf contain times and differ from run to run."""
-    memory = {"driver": "core", "backing_store": False, "block_size": CHUNK}
-    with h5py.File("in memory", "w", libver=("v108", "v108"), track_order=True, **memory) as file:
+    """Write a file; a dimension of size 0 is unlimited.
+
+    Files of h5netcdf contain times and differ from run to run. h5py's high-level interface gave other bytes in one of
+    five builds by workers of a cluster, at the same contents; calls of HDF5 itself never did.
+    """
+    creation = h5p.create(h5p.FILE_CREATE)
+    _bare(creation)
+    creation.set_link_creation_order(h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED)
+    access = h5p.create(h5p.FILE_ACCESS)
+    access.set_fapl_core(CHUNK, False)
+    access.set_libver_bounds(h5f.LIBVER_V18, h5f.LIBVER_V18)
+    access.set_fclose_degree(h5f.CLOSE_STRONG)
+    file = h5f.create(b"in memory", h5f.ACC_TRUNC, creation, access)
+    try:
         made_by = f"version=2,h5py={h5py.__version__},hdf5={h5py.version.hdf5_version}"
-        file.attrs["_NCProperties"] = np.bytes_(made_by)
-        _write_attributes(file, attributes)
-        # Held open: a dataset that is closed is laid out at once, which would change the bytes.
-        scales: dict[str, h5py.Dataset] = {}
+        _attribute(file, "_NCProperties", np.array(made_by.encode()))
+        for name, value in attributes.items():
+            _attribute(file, name, value)
+        scales: dict[str, h5d.DatasetID] = {}
         for number, (name, size) in enumerate(sizes.items()):
             if name in variables:
-                scale = _dataset(file, name, variables[name].values)
-                scale.make_scale(name)
+                scale = _dataset(file, name, variables[name])
+                h5ds.set_scale(scale, name.encode())
             else:
-                scale = file.create_dataset(name, (size,), ">f4", track_order=True, **_layout((size,), 4))
-                scale.make_scale(f"{NO_VARIABLE}.{size:10}")
-            scale.attrs["_Netcdf4Dimid"] = np.array([number], np.int32)
+                space = h5s.create_simple((size,), (size or h5s.UNLIMITED,))
+                scale = h5d.create(file, name.encode(), h5t.IEEE_F32BE, space, _properties((size,), 4))
+                h5ds.set_scale(scale, f"{NO_VARIABLE}.{size:10}".encode())
+            _attribute(scale, "_Netcdf4Dimid", np.array(number, np.int32))
             scales[name] = scale
         for name, variable in variables.items():
-            stored = scales[name] if name in scales else _dataset(file, name, variable.values)
+            stored = scales[name] if name in scales else _dataset(file, name, variable)
             if name not in scales:
                 for axis, dim in enumerate(variable.dims):
-                    stored.dims[axis].attach_scale(scales[dim])
-            _write_attributes(stored, variable.attributes)
-        file.flush()
-        return bytes(file.id.get_file_image())
+                    h5ds.attach_scale(stored, scales[dim], axis)
+            for key, value in variable.attributes.items():
+                _attribute(stored, key, value)
+        h5f.flush(file)
+        return bytes(file.get_file_image())
+    finally:
+        file.close()
 
 
-def _write_attributes(place: h5py.HLObject, attributes: Mapping[str, Attribute]) -> None:
-    for name, value in attributes.items():
-        # Readers of NetCDF4 take a number as an array of one.
-        place.attrs[name] = value if isinstance(value, str) else np.atleast_1d(value)
+def _dataset(file: h5f.FileID, name: str, variable: Variable) -> h5d.DatasetID:
+    text = variable.values.dtype.kind == "U"
+    values = variable.values.astype(TEXT) if text else np.asarray(variable.values, order="C")
+    shape = values.shape
+    space = h5s.create_simple(shape, tuple(n or h5s.UNLIMITED for n in shape)) if shape else h5s.create(h5s.SCALAR)
+    properties = _properties(shape, 0 if text else values.itemsize)
+    stored = h5d.create(file, name.encode(), IN_FILE if text else h5t.py_create(values.dtype), space, properties)
+    if values.size:
+        stored.write(h5s.ALL, h5s.ALL, values, mtype=IN_MEMORY if text else None)
+    return stored
 
 
-def _dataset(file: h5py.File, name: str, values: np.ndarray) -> h5py.Dataset:
-    text = values.dtype.kind == "U"
-    layout = _layout(values.shape, 0 if text else values.itemsize)
-    return file.create_dataset(name, data=values.astype(TEXT) if text else values, track_order=True, **layout)
-
-
-def _layout(shape: tuple[int, ...], itemsize: int) -> dict[str, Any]:
-    """Chunks of an array, and its compression: texts, whose itemsize is 0 here, have none."""
-    if 0 in shape:
-        return {"maxshape": tuple(n or None for n in shape), "chunks": tuple(max(n, 1) for n in shape)}
+def _properties(shape: Sequence[int], itemsize: int) -> h5p.PropDCID:
+    properties = h5p.create(h5p.DATASET_CREATE)
+    _bare(properties)
     size = int(np.prod(shape))
-    if not shape or size <= PACKED or not itemsize:
-        return {}
-    rows = max(1, CHUNK // (itemsize * size // shape[0]))
-    chunks = (min(rows, shape[0]), *shape[1:])
-    return {"chunks": chunks, "shuffle": True, "compression": "gzip", "compression_opts": LEVEL}
+    if shape and 0 in shape:
+        properties.set_chunk(tuple(max(n, 1) for n in shape))
+    elif size > PACKED and itemsize:
+        rows = max(1, CHUNK // (itemsize * size // shape[0]))
+        properties.set_chunk((min(rows, shape[0]), *shape[1:]))
+        properties.set_shuffle()
+        properties.set_deflate(LEVEL)
+    return properties
+
+
+def _bare(properties: h5p.PropOCID) -> None:
+    """Keep attributes in order of creation, and no times."""
+    properties.set_obj_track_times(False)
+    properties.set_attr_creation_order(h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED)
+
+
+def _attribute(place: "h5f.FileID | h5d.DatasetID", name: str, value: Attribute) -> None:
+    if isinstance(value, str):
+        space = h5s.create(h5s.SCALAR)
+        h5a.create(place, name.encode(), IN_FILE, space).write(np.array(value, dtype=TEXT), mtype=IN_MEMORY)
+        return
+    array = np.asarray(value)
+    if array.dtype.kind not in "iufS":
+        raise TwinError(f"attribute {name} = {value!r}, expected text or numbers of at most 64 bits")
+    array = array if array.ndim or array.dtype.kind == "S" else array.reshape(1)
+    space = h5s.create_simple(array.shape) if array.ndim else h5s.create(h5s.SCALAR)
+    h5a.create(place, name.encode(), h5t.py_create(array.dtype), space).write(array)

@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import pytest
 
-from scenarios.files.errors import ScenarioError
 from scenarios.report.figures import Gallery
 from scenarios.thesis.finding import Verdict
 from scenarios.thesis.findings import findings
@@ -15,6 +14,7 @@ from scenarios.thesis.outcome import outcome
 from scenarios.thesis.report import html, write_report
 from scenarios.thesis.results import answers, headline
 from scenarios.thesis.tally import Tally, limits
+from tests.refusals import refused
 from tests.scenarios.web_page import Page
 
 
@@ -172,10 +172,8 @@ def test_the_report_is_written_whole_with_its_cost(study, report, tmp_path, monk
 
 
 def test_an_unwritable_report_is_refused_before_it_is_drawn(study, tmp_path):
-    with pytest.raises(ScenarioError, match="there is no folder"):
-        write_report(study, (), tmp_path / "missing" / "report.html")
-    with pytest.raises(ScenarioError, match="is a folder"):
-        write_report(study, (), tmp_path)
+    refused("there is no folder", write_report, study, (), tmp_path / "missing" / "report.html")
+    refused("is a folder", write_report, study, (), tmp_path)
 
 
 def test_whole_records_are_not_marked(study, report):
