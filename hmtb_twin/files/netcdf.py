@@ -57,6 +57,10 @@ class Contents:
         """Hash of every array of numbers, by name; names of channels are no numbers."""
         return {name: array_hash(v.values) for name, v in self.variables.items() if v.values.dtype.kind in "biufc"}
 
+    def differing(self, hashes: Mapping[str, str | None]) -> list[str]:
+        """Names, sorted, of the arrays whose hash is another one, or that stand on one side alone."""
+        return sorted({name for name, _ in hashes.items() ^ self.array_hashes().items()})
+
     def to_bytes(self) -> bytes:
         """Write the file in memory.
 

@@ -231,8 +231,7 @@ def export(
     with working_folder(out) as place:
         for done, one in enumerate(records, start=1):
             contents = read_netcdf(data_set.folder / one.file)
-            differing = sorted({key for key, _ in one.arrays.items() ^ contents.array_hashes().items()})
-            if differing:
+            if differing := contents.differing(one.arrays):
                 raise ScenarioError(
                     f"{data_set.folder / one.file}: {', '.join(differing)} differ from what the index says; expected "
                     "an undamaged data set, see hmtb dataset check"

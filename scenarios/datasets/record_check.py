@@ -20,9 +20,8 @@ def file_problems(
         changed: Whether the hash of the whole file differs.
         record: Further arguments of `record_problems`; None for other files.
     """
-    problems, arrays = [], contents.array_hashes()
-    differ = [name for name in sorted({*hashes, *arrays}) if hashes.get(name) != arrays.get(name)]
-    if differ:
+    problems: list[str] = []
+    if differ := contents.differing(hashes):
         several = len(differ) > 1
         problems.append(f"array{'s' * several} {', '.join(differ)} differ{'' if several else 's'} from the index")
     elif changed:
