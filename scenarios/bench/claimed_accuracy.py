@@ -92,7 +92,7 @@ class Coverage(AccuracyMetric):
     verdicts = len(KINDS) * (len(QUICK) + 1)
 
     def evaluate(self, evidence: Evidence) -> Metric:
-        """Count the intervals that hold the truth."""
+        """Compute the share of claimed intervals that hold the truth: by kind of interval and problem, and together."""
         estimator, groups = evidence.estimator, evidence.by_problem()
         budget = evidence.false_alarm * self.verdicts
         share = budget / (len(KINDS) * (len(groups) + 1))

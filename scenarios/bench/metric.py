@@ -166,7 +166,7 @@ class MetricDefinition(ABC):
 
     @abstractmethod
     def evaluate(self, evidence: Evidence) -> Metric:
-        """Compute the metric."""
+        """Compute the numbers and verdicts of this metric from the measurements of its trials."""
 
     def of_parts(
         self,
