@@ -1,0 +1,257 @@
+"""A second simulation of the arm: rigid bodies by Pinocchio, drives and friction as ordinary differential equations.
+
+Written from the equations in `docs/physics.md` and the geometry in `models/hmtb/README.md`. It shares with the twin the
+numbers of its parameters and nothing else: no MuJoCo, no MJCF, no code of the actuators. SciPy integrates at a tight
+tolerance, so that the difference from the twin is the error of the twin's step. States of each joint are angle q (rad),
+velocity w (rad/s), load pressure P (MPa; of electric drives current, A), its slow part Pf and the bristles' deflection
+z (rad); the indexed shoulder roll is rigid, so that six joints move.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import brentq, root
+
+from hmtb_twin.arm.arm import Arm
+from hmtb_twin.parameters.payloads import PAYLOADS
+from hmtb_twin.parameters.specimen import LINK_NAMES, Specimen
+from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, SAMPLE_TIME
+from hmtb_twin.parameters.variants import VARIANTS
+
+AXES = dict(zip(JOINTS, ((1, 0, 0), (0, 0, 1), (0, -1, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (1, 0, 0)), strict=True))
+"""Axis of each joint along the arm's own x, y and z when it is stretched out: forward, left, up."""
+
+MOVING = [JOINTS.index(name) for name in JOINTS if name not in INDEXED_JOINTS]
+COUNT = len(MOVING)
+SCALES = np.repeat([1e-3, 1e-2, 1e-2, 1e-2, 1e-4], COUNT)
+"""Typical size of q, w, P, Pf and z; absolute tolerances are the relative one of these."""
+
+
+def rigid_bodies(
+    variant: str, payload: str, specimen: Specimen | None = None, *, joints: Sequence[str] = JOINTS
+) -> pin.Model:
+    """Return links, payload and rotors of an arm as Pinocchio has them.
+
+    Every link is a uniform solid cylinder along its x axis, the payload a uniform box in front of the end effector, and
+    each joint stands at the end of the link before it.
+
+    Args:
+        variant: One of `VARIANTS`.
+        payload: One of `PAYLOADS`.
+        specimen: Deviations of the bodies from the variant's.
+        joints: The joints that move; the others are rigid at 0 rad.
+    """
+    arm, specimen = VARIANTS[variant], specimen or Specimen()
+    links = [arm.links[name] for name in LINK_NAMES]
+    square, length = (np.array([getattr(link, name) ** 2 for link in links]) for name in ("radius", "length"))
+    masses, halves = (
+        np.array(column) for column in zip(*((link.mass, link.length / 2) for link in links), strict=True)
+    )
+    across = masses * (square / 4 + length / 12)
+    moments = np.stack([masses * square / 2, across, across], axis=1)
+    centres = halves[:, None] * [1.0, 0.0, 0.0]
+    bodies = [pin.Inertia(*body) for body in zip(*specimen.bodies(masses, centres, moments), strict=True)]
+
+    model, parent, place = pin.Model(), 0, np.zeros(3)
+    model.gravity.linear = np.array([0.0, 0.0, -arm.gravity])
+    for name, link, body in zip(JOINTS, links, bodies, strict=False):
+        if name in joints:
+            joint = pin.JointModelRevoluteUnaligned(np.array(AXES[name], float))
+            parent, place = model.addJoint(parent, joint, pin.SE3(np.eye(3), place), name), np.zeros(3)
+        model.appendBodyToJoint(parent, body, pin.SE3(np.eye(3), place))
+        place = place + np.array([link.length, 0.0, 0.0])
+    model.appendBodyToJoint(parent, bodies[-1], pin.SE3(np.eye(3), place))
+    box = PAYLOADS[payload]
+    if box is not None:
+        x, y, z = box.size
+        mass = specimen.payload_mass * box.mass
+        inertia = mass / 12 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
+        tool = place + np.array([links[-1].length, 0.0, 0.0])
+        model.appendBodyToJoint(
+            parent, pin.Inertia(mass, np.array([x / 2, 0.0, 0.0]), inertia), pin.SE3(np.eye(3), tool)
+        )
+    model.armature = np.array([arm.actuators[name].motor.armature for name in joints])
+    return model
+
+
+class IndependentArm:
+    """An arm in free space with linear drives, as ordinary differential equations.
+
+        M(q) dw/dt + c(q, w) + g(q) = D clip(P, -Pmax, Pmax) - friction - B w
+        tau    = kp (q_cmd - q) - kd w + tau_ff
+        Q      = clip((K + Gp) tau/D - Gp P + c D w - Gd (P - Pf), -Qmax, Qmax)
+        k dP/dt = Q - K P - D w,   dPf/dt = (P - Pf)/Tw
+        r      = s0 |w|/g(w),   dz/dt = (w - r z)/sqrt(1 + (r/r_max)^2),   friction = s0 z + s1 dz/dt
+        g(w)   = Fc + (Fs - Fc) exp(-(w/ws)^2)
+
+    with K the flow-pressure gain including leakage and tau_ff the weight at the commanded pose by the controller's
+    model. Arguments per joint are numbers or arrays (6,), without the indexed joint.
+
+    Args:
+        arm: The arm whose numbers are taken.
+        velocity_feed: c, part of the flow D w that the servo adds for the motion.
+        pressure_gain: Gp, flow per difference between wanted and present load pressure, cm^3/(s MPa).
+        feedback_gain: Gd of the dynamic pressure feedback, cm^3/(s MPa).
+        washout_time: Tw of that feedback, s.
+        stiffness: s0 of the bristles, N m/rad; by default Coulomb torque over presliding deflection.
+        damping: s1 of the bristles, N m s/rad; by default s0 times bristle time.
+        fastest: r_max, largest rate of the bristles, 1/s.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        *,
+        velocity_feed=1.0,
+        pressure_gain=0.0,
+        feedback_gain=0.0,
+        washout_time=1.0,
+        stiffness=None,
+        damping=None,
+        fastest=np.inf,
+    ) -> None:
+        drives = [arm.drives[JOINTS[j]] for j in MOVING]
+        motors, seals = [drive.motor for drive in drives], [drive.friction for drive in drives]
+        self.constant, self.resistance, self.compliance, self.largest = np.array(
+            [[motor.constant, motor.resistance, motor.inductance, motor.largest_input] for motor in motors]
+        ).T
+        self.limit = np.array([motor.maximum_torque for motor in motors]) / self.constant
+        self.kp, self.kd = np.array([arm.gains[JOINTS[j]] for j in MOVING]).T
+        self.drag = np.array([drive.drag for drive in drives])
+        self.c, self.Gp, self.Gd, self.Tw = velocity_feed, pressure_gain, feedback_gain, washout_time
+        self.dry = arm.friction and any(drive.coulomb_torque > 0.0 for drive in drives)
+        if self.dry:
+            ratio = [seal.static_ratio if arm.plant.friction == "lugre" else 1.0 for seal in seals]
+            self.coulomb = np.array([drive.coulomb_torque for drive in drives])
+            self.excess = (np.array(ratio) - 1.0) * self.coulomb
+            # A joint without dry friction has bristles of no stiffness: any g but 0 will do.
+            self.coulomb[self.coulomb == 0.0] = 1.0
+            self.stribeck = np.array([seal.stribeck_velocity for seal in seals])
+            natural = np.array([drive.coulomb_torque / drive.friction.presliding for drive in drives])
+            self.s0 = natural if stiffness is None else stiffness
+            self.s1 = self.s0 * [seal.bristle_time for seal in seals] if damping is None else damping
+        self.fastest = fastest
+        self.controller = rigid_bodies(arm.variant, arm.payload)
+        self.model = rigid_bodies(arm.variant, arm.payload, arm.specimen, joints=[JOINTS[j] for j in MOVING])
+
+    @cached_property
+    def _scratch(self) -> tuple[pin.Data, pin.Data]:
+        return self.model.createData(), self.controller.createData()
+
+    def feedforward(self, command: np.ndarray) -> np.ndarray:
+        """Return the weight (6,), N m, at a commanded pose (7,), rad, by the controller's model."""
+        return pin.computeGeneralizedGravity(self.controller, self._scratch[1], command)[MOVING].copy()
+
+    def weight(self, q: np.ndarray) -> np.ndarray:
+        """Return the weight (6,), N m, of the arm itself at angles (6,), rad."""
+        return pin.computeGeneralizedGravity(self.model, self._scratch[0], q).copy()
+
+    def rest(self, command: np.ndarray) -> np.ndarray:
+        """Return the state (30,) at rest under a commanded pose (7,), rad, with bristles undeflected."""
+        ask, ahead = np.asarray(command, float)[MOVING], self.feedforward(command)
+        q = root(lambda q: self.kp * (ask - q) + ahead - self.weight(q), ask, tol=1e-14).x
+        pressure = self.weight(q) / self.constant
+        return np.concatenate([q, np.zeros(COUNT), pressure, pressure, np.zeros(COUNT)])
+
+    def slope(self, _t: float, state: np.ndarray, ask: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+        """Return the time derivative of the state (30,) under commanded angles and feedforward torques (6,)."""
+        q, w, P, slow, z = state.reshape(5, COUNT)
+        D, K = self.constant, self.resistance
+        tau = self.kp * (ask - q) - self.kd * w + ahead
+        Q = (K + self.Gp) * tau / D - self.Gp * P + self.c * D * w - self.Gd * (P - slow)
+        Q = np.minimum(np.maximum(Q, -self.largest), self.largest)
+        torque = D * np.minimum(np.maximum(P, -self.limit), self.limit) - self.drag * w
+        out = np.zeros((5, COUNT))
+        if self.dry:
+            rate = self.s0 * np.abs(w) / (self.coulomb + self.excess * np.exp(-((w / self.stribeck) ** 2)))
+            out[4] = (w - rate * z) / np.sqrt(1.0 + (rate / self.fastest) ** 2)
+            torque -= self.s0 * z + self.s1 * out[4]
+        out[0] = w
+        out[1] = pin.aba(self.model, self._scratch[0], q, w, torque)
+        out[2] = (Q - K * P - D * w) / self.compliance
+        out[3] = (P - slow) / self.Tw
+        return out.ravel()
+
+    def simulate(self, command: np.ndarray, noise: np.ndarray | None = None, *, rtol: float = 1e-10) -> np.ndarray:
+        """Return the angles (N, 7), rad, at the end of each tick of 20 ms, from rest under the first command.
+
+        Args:
+            command: Commanded angles (N, 7), rad, each held for a tick.
+            noise: Torque noise of the drives (N, 7), N m, held likewise.
+            rtol: Relative tolerance of the integration.
+        """
+        state, step = self.rest(command[0]), 1e-4
+        angles = np.zeros_like(command)
+        for k, row in enumerate(command):
+            ahead = self.feedforward(row) + (0.0 if noise is None else noise[k, MOVING])
+            solved = solve_ivp(
+                self.slope,
+                (0.0, SAMPLE_TIME),
+                state,
+                "DOP853",
+                args=(row[MOVING], ahead),
+                rtol=rtol,
+                atol=rtol * SCALES,
+                first_step=step,
+            )
+            if not solved.success:
+                raise ArithmeticError(f"tick {k}: {solved.message}")
+            state, step = solved.y[:, -1], min(1e-3, np.diff(solved.t)[:-1].max(initial=1e-6))
+            angles[k, MOVING] = state[:COUNT]
+        return angles
+
+    def linear(self, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return A (24, 24) and B (24, 6) of the arm at rest from commanded to actual angles.
+
+        States are q, w, P and Pf; dry friction is off, the drag stays. Exact for a zero-order hold over a tick.
+
+        Args:
+            command: Commanded pose (7,), rad.
+        """
+        q, data = self.rest(command)[:COUNT], self._scratch[0]
+        D, K, k, one = self.constant, self.resistance, self.compliance, np.eye(COUNT)
+        inverse = np.linalg.inv(self.inertia(q))
+        stiffness = np.array(pin.computeGeneralizedGravityDerivatives(self.model, data, q))
+        ahead = pin.computeGeneralizedGravityDerivatives(self.controller, self._scratch[1], command)
+        A, B = np.zeros((4, COUNT, 4, COUNT)), np.zeros((4, COUNT, COUNT))
+        A[0, :, 1] = one
+        A[1, :, 0], A[1, :, 1], A[1, :, 2] = -inverse @ stiffness, -inverse * self.drag, inverse * D
+        valve = (K + self.Gp) / D / k
+        A[2, :, 0], A[2, :, 1] = np.diag(-valve * self.kp), np.diag(-valve * self.kd + (self.c - 1.0) * D / k)
+        A[2, :, 2], A[2, :, 3] = -one * (self.Gp + self.Gd + K) / k, one * self.Gd / k
+        A[3, :, 2], A[3, :, 3] = one / self.Tw, -one / self.Tw
+        B[2] = valve[:, None] * (np.diag(self.kp) + np.array(ahead)[np.ix_(MOVING, MOVING)])
+        size = 4 * COUNT
+        whole = np.zeros((size + COUNT,) * 2)
+        whole[:size, :size], whole[:size, size:] = A.reshape(size, size), B.reshape(size, COUNT)
+        held = expm(SAMPLE_TIME * whole)[:size]
+        return held[:, :size], held[:, size:]
+
+    def inertia(self, q: np.ndarray) -> np.ndarray:
+        """Return the inertia matrix (6, 6), kg m^2, at angles (6,), rad, rotors included."""
+        upper = np.triu(pin.crba(self.model, self._scratch[0], q))
+        return upper + np.triu(upper, 1).T
+
+    def bandwidths(self, command: np.ndarray) -> dict[str, float]:
+        """Return the first frequency, Hz, at which each moving joint answers its own command 3.01 dB less than at 0 Hz.
+
+        Args:
+            command: Commanded pose (7,), rad.
+        """
+        A, B = self.linear(command)
+
+        def gain(f: float, row: int) -> float:
+            z = np.exp(2j * np.pi * f * SAMPLE_TIME)
+            return float(abs(np.linalg.solve(z * np.eye(len(A)) - A, B[:, row])[row]))
+
+        def crossing(row: int) -> float:
+            level = gain(0.0, row) * np.sqrt(0.5)
+            grid = np.geomspace(0.01, 0.5 / SAMPLE_TIME, 300)
+            first = next(i for i, f in enumerate(grid) if gain(f, row) < level)
+            return brentq(lambda f: gain(f, row) - level, grid[first - 1], grid[first], xtol=1e-12)
+
+        return {JOINTS[j]: crossing(row) for row, j in enumerate(MOVING)}
