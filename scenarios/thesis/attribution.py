@@ -8,12 +8,11 @@ from typing import cast
 
 import numpy as np
 
-import sysid
 from scenarios.experiments.excitation_computer import Excitation
-from scenarios.experiments.log_review import prepared
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import MissingRecordError, ScenarioError
 from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.estimates import estimate
 from sysid import IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 
@@ -61,8 +60,8 @@ def order_effects(data: IOData, nk: int) -> tuple[OrderEffect, ...]:
         warnings.simplefilter("ignore", SysidWarning)
         for nb, nf in ORDERS:
             try:
-                estimate = sysid.oe(data, nb, nf, nk)
-                band = estimate.bandwidth()
+                model = estimate(data, "oe", (nb, nf, nk))
+                band = model.bandwidth()
             except SysidError as error:
                 refused.append(f"{nb}, {nf}, {nk}: {error}")
                 continue
@@ -72,9 +71,9 @@ def order_effects(data: IOData, nk: int) -> tuple[OrderEffect, ...]:
                     (nb, nf, nk),
                     float(band.hz[0, 0]),
                     ci95,
-                    float(estimate.model.dc_gain()[0, 0]),
-                    half_power_hz(estimate.model),
-                    float(np.std(estimate.residuals)),
+                    float(model.dc_gain()[0, 0]),
+                    half_power_hz(model.model),
+                    float(np.std(model.residuals)),
                 )
             )
     if not effects:
@@ -202,7 +201,7 @@ def attribute(
     missing: dict[str, str] = {}
     for condition, (source, record) in sources.items():
         try:
-            attributions.append(_recovered(condition, prepared(source.log(record), joint), true_hz, orders))
+            attributions.append(_recovered(condition, source.record(record, joint), true_hz, orders))
         except (MissingRecordError, SysidError) as error:
             missing[condition] = str(error)
     return Attributions(tuple(attributions), MappingProxyType(missing))
@@ -211,7 +210,7 @@ def attribute(
 def _recovered(condition: str, data: IOData, true_hz: float, orders: Sequence[int]) -> Attribution:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
-        model = sysid.oe(data, orders[0], orders[1], orders[2])
+        model = estimate(data, "oe", orders)
         band = model.bandwidth()
     return Attribution(
         condition,

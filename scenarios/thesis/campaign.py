@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 from types import MappingProxyType
 
@@ -64,6 +64,8 @@ class Campaign:
     duration: float | None = None
     physics_s: float = 0.0
     simulation_s: float = 0.0
+    # One object for each record, because estimates are kept by it; a changed campaign starts without.
+    _prepared: dict[object, IOData] = field(init=False, default_factory=dict, repr=False)
 
     def log(self, name: str) -> JointLog:
         """Return the log of a scenario; raises `MissingRecordError` if it failed or was not played."""
@@ -86,7 +88,7 @@ class Campaign:
         _check_joint(joint)
         if number not in SINGLE_JOINT:
             raise ScenarioError(f"single-joint test {number!r} given; there are tests 1 to {len(SINGLE_JOINT)}")
-        return prepared(self.log(single_joint_test(number, joint)), joint)
+        return self.record(single_joint_test(number, joint), joint)
 
     def singles(self, joint: str) -> dict[int, IOData]:
         """Return the `prepared` records of all single-joint tests of a joint that did not fail, by number."""
@@ -95,7 +97,14 @@ class Campaign:
 
     def several(self, name: str, joints: Sequence[str] = STUDIED_JOINTS) -> IOData:
         """Return the `prepared` record of several joints, one input and one output each, rad; see `log`."""
-        return prepared(self.log(name), joints)
+        return self.record(name, tuple(joints))
+
+    def record(self, name: str, joints: str | tuple[str, ...]) -> IOData:
+        """Return the `prepared` record of a scenario, always the same object; see `log`."""
+        key = (name, joints)
+        if key not in self._prepared:
+            self._prepared[key] = prepared(self.log(name), joints)
+        return self._prepared[key]
 
 
 def _check_joint(joint: str) -> None:

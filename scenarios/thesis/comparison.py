@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from hmtb_twin import JointLog, JointTruth, Truth
 from scenarios.thesis.attribution import Attributions, OrderEffect
 from scenarios.thesis.campaign import Campaign, tests_of_same_sequence
+from scenarios.thesis.estimates import Fits
 from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.fairness_table import Fairness
 from scenarios.thesis.multivariable import Multivariable, ThreeJointModel
@@ -16,21 +17,6 @@ from scenarios.thesis.prediction_errors import PredictionErrors
 from scenarios.thesis.robustness_outcome import Robustness
 from scenarios.truth.published import PublishedModel
 from sysid import Estimate, FrequencyResponse, IOData, ResidualTest
-
-
-@dataclass(frozen=True)
-class Fit:
-    """Fits of a model to one record.
-
-    Attributes:
-        test: Number of the test in the thesis' table.
-        simulation: 100 (1 - |y - yhat| / |y - mean y|) of the simulated output, percent.
-        one_step: The same of the one-step prediction, percent.
-    """
-
-    test: int
-    simulation: float
-    one_step: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +46,10 @@ class ModelResult:
     covers: bool
     dc_gain: float
     half_power_hz: float
-    fits: Mapping[int, Fit]
+    fits: Mapping[int, Fits]
     residual_test: ResidualTest
 
-    def held_out(self, estimation_test: int) -> tuple[Fit, ...]:
+    def held_out(self, estimation_test: int) -> tuple[Fits, ...]:
         """Fits to held-out tests: neither the model's own test nor one that plays the same sequence."""
         same_sequence = tests_of_same_sequence(estimation_test)
         return tuple(fit for number, fit in self.fits.items() if number not in same_sequence)

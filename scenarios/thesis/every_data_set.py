@@ -1,7 +1,7 @@
 """Models of the thesis' structures from every data set, to see whether the data sets agree."""
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from statistics import median
 from types import MappingProxyType
@@ -10,12 +10,11 @@ import numpy as np
 
 import sysid
 from scenarios.experiments.campaign import RPCM, SINGLE_JOINT, campaign_scenario, single_joint_test
-from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import Structure, every_structure
 from scenarios.experiments.registry import names
-from scenarios.identification.methods import estimate
 from scenarios.thesis.campaign import Campaign, plays_identified_sequence
-from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning
+from scenarios.thesis.estimates import Fits, estimate, fits
+from sysid import IOData, StateSpace, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 
 AUDIBLE = 0.01
@@ -29,19 +28,6 @@ MINUTE = 60.0
 
 BAND = np.geomspace(0.5, 10.0, 60)
 """Band in which responses are compared, Hz: from the lowest line of a waveform file to the highest of a test."""
-
-
-@dataclass(frozen=True)
-class Follow:
-    """Fit of a model to a record.
-
-    Attributes:
-        simulation: 100 (1 - |y - yhat| / |y - mean y|) of the simulated output, percent.
-        one_step: The same of the one-step prediction, percent.
-    """
-
-    simulation: float
-    one_step: float
 
 
 @dataclass(frozen=True)
@@ -74,8 +60,8 @@ class DataSetModel:
         poles: Poles from input to output, largest modulus first.
         whiteness_p: p-value of the whiteness of its residuals on its own record.
         independence_p: p-value of their independence of the input.
-        fits: How it follows records, its own among them, by name: all of a record where the estimate was known, else
-            all of its own and a minute of others.
+        fits: How it follows records, its own among them, by name: all of its own, and of others where they
+            were asked for, else a minute of them.
         warnings: What the estimator had to say.
     """
 
@@ -91,7 +77,7 @@ class DataSetModel:
     poles: tuple[complex, ...]
     whiteness_p: float
     independence_p: float
-    fits: Mapping[str, Follow]
+    fits: Mapping[str, Fits]
     warnings: tuple[str, ...]
 
     @property
@@ -105,12 +91,12 @@ class DataSetModel:
         return self.radius < 1.0
 
     @property
-    def own(self) -> Follow:
+    def own(self) -> Fits:
         """Fit to its own record."""
         return self.fits[self.record]
 
     @property
-    def others(self) -> Mapping[str, Follow]:
+    def others(self) -> Mapping[str, Fits]:
         """Fit to unseen records: neither its own nor one that plays the same sequence."""
         return {name: fit for name, fit in self.fits.items() if not _same_sequence(self.record, name)}
 
@@ -173,44 +159,31 @@ class DataSets:
         return next((m for m in self.models if (m.record, m.structure.method) == (record, method)), None)
 
 
-def every_data_set(
-    joint: str, campaign: Campaign, *, known: Mapping[tuple[str, str], Estimate] | None = None, thorough: bool = False
-) -> DataSets:
+def every_data_set(joint: str, campaign: Campaign, *, judged: Collection[str] = (), thorough: bool = False) -> DataSets:
     """Identify a joint from every record.
 
     Args:
         joint: Name of the joint.
         campaign: The records.
-        known: Estimates that are there already, by record and method.
+        judged: Names of records whose models are laid beside every other single-joint record, all of it.
         thorough: Whether to take the joint's own channel of the tests of several joints too, and to lay every model
-            beside every single-joint record. Otherwise only those from records in `known` are laid beside others.
+            beside every single-joint record, a minute of it.
 
     Returns:
         Models, and what could not be identified with the reason.
     """
-    known = known or {}
     single = [single_joint_test(number, joint) for number in SINGLE_JOINT]
     records = [*single, *(names("mimo") if thorough else ()), *([RPCM] if thorough else ())]
-    data = {name: prepared(campaign.logs[name], joint) for name in records if name in campaign.logs}
+    data = {name: campaign.record(name, joint) for name in records if name in campaign.logs}
     judges = {name: data[name] for name in single if name in data}
     minutes = {name: record[: round(MINUTE / record.dt)] for name, record in judges.items()} if thorough else {}
-    compared = {record for record, _ in known}
     excited = {name: _excited(name, record, campaign) for name, record in data.items()}
     models, refused = [], []
     for name, record in data.items():
         for structure in every_structure(joint):
-            others = judges if name in compared else minutes
+            others = judges if name in judged else minutes
             try:
-                models.append(
-                    _identified(
-                        name,
-                        record,
-                        structure,
-                        excited[name],
-                        {**others, name: record},
-                        known.get((name, structure.method)),
-                    )
-                )
+                models.append(_identified(name, record, structure, excited[name], {**others, name: record}))
             except SysidError as error:
                 refused.append(Refusal(name, structure, str(error)))
     missing = {name: campaign.failed.get(name, "it was not played") for name in records if name not in data}
@@ -239,15 +212,14 @@ def _identified(
     structure: Structure,
     excited: Excited,
     judges: Mapping[str, IOData],
-    known: Estimate | None,
 ) -> DataSetModel:
     with warnings.catch_warnings():
         # They stand in the record.
         warnings.simplefilter("ignore", SysidWarning)
-        model = known or estimate(record, structure.estimator, structure.orders)
+        model = estimate(record, structure.estimator, structure.orders)
         band = model.bandwidth()
         test = sysid.resid(model, record)
-        fits = {other: _follow(model, data) for other, data in judges.items()}
+        followed = {other: fits(model, data) for other, data in judges.items()}
     needed = excitation_needed(structure)
     return DataSetModel(
         record=name,
@@ -262,16 +234,9 @@ def _identified(
         poles=tuple(complex(pole) for pole in model.poles()),
         whiteness_p=float(test.whiteness_p[0]),
         independence_p=float(test.independence_p[0, 0]),
-        fits=MappingProxyType(fits),
+        fits=MappingProxyType(followed),
         warnings=tuple(model.diagnostics["warnings"]),
     )
-
-
-def _follow(model: Estimate, data: IOData) -> Follow:
-    # What an unstable model simulates grows beyond all numbers; its fit is minus infinity then.
-    with np.errstate(over="ignore", invalid="ignore"):
-        (score,) = sysid.compare(model, data)
-    return Follow(float(score.simulation[0]), float(score.one_step[0]))
 
 
 def excitation_needed(structure: Structure) -> int:

@@ -16,7 +16,8 @@ from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.report.figure_style import HIGH, WIDTH, dress, short
 from scenarios.report.figures import Gallery
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.fairness_table import ArmFairness, BothFits, FairModel, Fairness
+from scenarios.thesis.estimates import Fits
+from scenarios.thesis.fairness_table import ArmFairness, FairModel, Fairness
 from scenarios.thesis.verdicts import MARGIN, tied
 from sysid.plots import INK, PALETTE, Style
 
@@ -160,7 +161,7 @@ def _several(arm: ArmFairness, record: str, way: str) -> Answer | None:
     return _winners({joint: (first[joint], second[joint]) for joint in first}, way)
 
 
-def _winners(pairs: dict[str, tuple[BothFits, BothFits]], way: str) -> Answer:
+def _winners(pairs: dict[str, tuple[Fits, Fits]], way: str) -> Answer:
     by_winner: dict[str, list[str]] = {}
     gaps = []
     for joint, (first, second) in pairs.items():
@@ -312,7 +313,7 @@ def percent(value: float) -> str:
     return f"{value:.1f}" if value >= WORST else f"< {WORST:g}".replace("-", "−")
 
 
-def _both(fit: BothFits | None) -> str:
+def _both(fit: Fits | None) -> str:
     return "–" if fit is None else f"{percent(fit.simulation)} / {percent(fit.one_step)}"
 
 
@@ -368,7 +369,7 @@ def _three_joint_rows(fairness: Fairness) -> list[tuple[str, list[tuple[str, lis
                     "–"
                     if fits is None
                     else _both(
-                        BothFits(
+                        Fits(
                             sum(fit.simulation for fit in fits) / len(fits),
                             sum(fit.one_step for fit in fits) / len(fits),
                         )

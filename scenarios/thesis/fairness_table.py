@@ -10,30 +10,16 @@ from statistics import median
 
 import numpy as np
 
-import sysid
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM, Condition
 from scenarios.experiments.model_structures import STRUCTURES, every_structure
-from scenarios.identification.methods import estimate
 from scenarios.thesis.campaign import Campaign, tests_of_same_sequence
+from scenarios.thesis.estimates import Fits, estimate, fits
 from scenarios.truth.published import published
 from sysid import IOData, StateSpace, SysidError, SysidWarning
 
 RECORDS = ("mimo-10", "mimo-12", RPCM)
 """Records of three joints that every arm has: the slow and the fast chirp, the exchange."""
-
-
-@dataclass(frozen=True)
-class BothFits:
-    """A fit in percent, always both ways.
-
-    Attributes:
-        simulation: Of the simulated output.
-        one_step: Of the one-step prediction; with K = 0 the simulation again.
-    """
-
-    simulation: float
-    one_step: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +47,7 @@ class FairModel:
     bandwidth_hz: float
     ci95: tuple[float, float] | None
     covers: bool | None
-    fits: Mapping[int, BothFits]
+    fits: Mapping[int, Fits]
     refused: str = ""
 
     @property
@@ -74,7 +60,7 @@ class FairModel:
         """Whether a noise model lets it predict."""
         return self.model is not None and bool(np.any(self.model.gain))
 
-    def validation(self, own: int) -> BothFits | None:
+    def validation(self, own: int) -> Fits | None:
         """Median over the tests not seen; None where there are none.
 
         Args:
@@ -84,7 +70,7 @@ class FairModel:
         others = [fit for number, fit in self.fits.items() if number not in same_sequence]
         if not others:
             return None
-        return BothFits(median(fit.simulation for fit in others), median(fit.one_step for fit in others))
+        return Fits(median(fit.simulation for fit in others), median(fit.one_step for fit in others))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +85,7 @@ class ThreeJointFits:
 
     name: str
     printed: bool
-    fits: Mapping[str, Mapping[str, BothFits]]
+    fits: Mapping[str, Mapping[str, Fits]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,13 +178,8 @@ def _joint(joint: str, data: Mapping[int, IOData], own: int, campaign: Campaign)
     return tuple(models)
 
 
-def _fits(model: StateSpace, data: Mapping[int, IOData]) -> dict[int, BothFits]:
-    return {number: _both(model, record) for number, record in data.items()}
-
-
-def _both(model: StateSpace, record: IOData) -> BothFits:
-    (score,) = sysid.compare(model, record)
-    return BothFits(float(score.simulation[0]), float(score.one_step[0]))
+def _fits(model: StateSpace, data: Mapping[int, IOData]) -> dict[int, Fits]:
+    return {number: fits(model, record) for number, record in data.items()}
 
 
 def _three_joints(joints: Mapping[str, tuple[FairModel, ...]], campaign: Campaign) -> tuple[ThreeJointFits, ...]:
@@ -210,25 +191,25 @@ def _three_joints(joints: Mapping[str, tuple[FairModel, ...]], campaign: Campaig
     }
     rows = []
     for printed in (False, True):
-        fits: dict[str, dict[str, dict[str, BothFits]]] = {}
+        both: dict[str, dict[str, dict[str, Fits]]] = {}
         for name, okid in (("SysID", False), ("OKID", True)):
             models = {joint: _chosen(joints[joint], printed=printed, okid=okid).model for joint in STUDIED_JOINTS}
             blocks = {joint: model for joint, model in models.items() if model is not None}
             if len(blocks) == len(models):
-                fits[name] = {
-                    record: {joint: _both(model, parts[joint]) for joint, model in blocks.items()}
+                both[name] = {
+                    record: {joint: fits(model, parts[joint]) for joint, model in blocks.items()}
                     for record, parts in alone.items()
                 }
-        if len(fits) == 2:
+        if len(both) == 2:
             yaw, *pitches = STUDIED_JOINTS
-            fits["hybrid"] = {
+            both["hybrid"] = {
                 record: {
-                    yaw: fits["SysID"][record][yaw],
-                    **{joint: fits["OKID"][record][joint] for joint in pitches},
+                    yaw: both["SysID"][record][yaw],
+                    **{joint: both["OKID"][record][joint] for joint in pitches},
                 }
                 for record in alone
             }
-        rows += [ThreeJointFits(name, printed, known) for name, known in fits.items()]
+        rows += [ThreeJointFits(name, printed, known) for name, known in both.items()]
     return tuple(rows)
 
 

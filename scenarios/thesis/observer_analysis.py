@@ -14,6 +14,7 @@ import sysid
 from hmtb_twin import STUDIED_JOINTS, Truth
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.files.errors import MissingRecordError
+from scenarios.thesis import estimates
 from scenarios.thesis.campaign import Campaign
 from sysid import Estimate, IOData, ModelFit, ResidualTest, SysidWarning
 
@@ -224,7 +225,7 @@ def observer(data: IOData, order: int = ORDER, p: int = P) -> Estimate:
     """An observer model; its diagnostics hold its warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
-        return sysid.okid(data, order, p=p)
+        return estimates.estimate(data, "okid", (order, p))
 
 
 def hankel_share(estimate: Estimate, order: int, power: int = 2) -> float:

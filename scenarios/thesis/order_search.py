@@ -15,8 +15,8 @@ from statistics import median
 import numpy as np
 
 import sysid
-from scenarios.identification.methods import estimate
 from scenarios.thesis.campaign import tests_of_same_sequence
+from scenarios.thesis.estimates import estimate
 from sysid import IOData, SysidError, SysidWarning
 from sysid.validation import StructureTable
 

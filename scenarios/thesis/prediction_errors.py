@@ -11,9 +11,10 @@ import sysid
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.model_structures import every_structure
 from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.estimates import estimate
 from scenarios.thesis.every_data_set import DataSets, every_data_set
 from scenarios.thesis.order_search import Searches, search_orders
-from sysid import Estimate, IOData, SysidWarning
+from sysid import IOData, SysidWarning
 
 ORDERS = ((2, 2), (2, 3), (3, 3), (2, 4), (4, 4), (2, 5), (5, 5), (2, 6), (6, 6))
 """nb, nf: the orders of the thesis, more poles with its one zero, as many numerator as denominator coefficients."""
@@ -73,7 +74,7 @@ def more_poles(data: IOData, nk: int) -> tuple[MorePoles, ...]:
         # The edge of stability is what is looked for.
         warnings.simplefilter("ignore", SysidWarning)
         for nb, nf in ORDERS:
-            radius = float(np.abs(sysid.oe(data, nb, nf, nk).poles()).max())
+            radius = float(np.abs(estimate(data, "oe", (nb, nf, nk)).poles()).max())
             models.append(MorePoles((nb, nf, nk), radius, *_repeated_least_squares(data, nb, nf, nk)))
     return tuple(models)
 
@@ -120,7 +121,6 @@ def prediction_errors(
     joint: str,
     data: Mapping[int, IOData],
     own: int,
-    known: Mapping[str, Estimate],
     main: Campaign,
     smooth: Campaign,
     *,
@@ -132,7 +132,6 @@ def prediction_errors(
         joint: Name of the joint.
         data: Its prepared records by number of the test.
         own: Number of the estimation test.
-        known: Estimates from that test with the thesis' orders, by method.
         main: The campaign that the study is about.
         smooth: The one without friction.
         thorough: Whether to analyse too what no finding rests on.
@@ -143,9 +142,7 @@ def prediction_errors(
     test = single_joint_test(own, joint)
     structures = {entry.method: entry for entry in every_structure(joint)}
     return PredictionErrors(
-        data_sets=every_data_set(
-            joint, main, known={(test, method): model for method, model in known.items()}, thorough=thorough
-        ),
+        data_sets=every_data_set(joint, main, judged=(test,), thorough=thorough),
         frictionless=every_data_set(joint, smooth),
         more_poles=more_poles(data[own], structures["oe"].orders[2]) if joint == LARGE else (),
         searches=search_orders(joint, data, own, {name: structures[name].orders for name in ("armax", "oe")})

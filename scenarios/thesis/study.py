@@ -18,16 +18,15 @@ from scenarios.experiments.scenario import Scenario
 from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
-from scenarios.identification.methods import estimate
 from scenarios.thesis.attribution import attribute, order_effects, scaled
 from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, Campaign, run_campaign
 from scenarios.thesis.comparison import (
     Comparison,
     Cost,
-    Fit,
     JointResult,
     ModelResult,
 )
+from scenarios.thesis.estimates import estimate, fits
 from scenarios.thesis.fairness_table import fairness
 from scenarios.thesis.multivariable import multivariable
 from scenarios.thesis.nonparametric import nonparametric
@@ -210,7 +209,6 @@ def draw_conclusions(
                 joint,
                 entry.data,
                 ESTIMATION_TEST,
-                {name: model.estimate for name, model in entry.models.items()},
                 main,
                 smooth,
                 thorough=thorough,
@@ -279,7 +277,7 @@ def _identify(structure: Structure, data: Mapping[int, IOData], truth: JointTrut
             raise ScenarioError(
                 f"{own.name} gives no model {structure.label}, which the study is about: {error}"
             ) from error
-        fits = {number: _fit(model, record, number) for number, record in data.items()}
+        followed = {number: fits(model, record) for number, record in data.items()}
     return ModelResult(
         method=structure.method,
         label=structure.label,
@@ -290,14 +288,9 @@ def _identify(structure: Structure, data: Mapping[int, IOData], truth: JointTrut
         covers=bool(band.covers(truth.bandwidth_hz)[0, 0]),
         dc_gain=float(model.model.dc_gain()[0, 0]),
         half_power_hz=half_power_hz(model.model),
-        fits=fits,
+        fits=followed,
         residual_test=test,
     )
-
-
-def _fit(model: sysid.Estimate, record: IOData, number: int) -> Fit:
-    (score,) = sysid.compare(model, record)
-    return Fit(number, float(score.simulation[0]), float(score.one_step[0]))
 
 
 def _nonparametric(own: IOData) -> tuple[FrequencyResponse, FrequencyResponse]:

@@ -5,7 +5,8 @@ from statistics import median
 from typing import Any
 
 from scenarios.files.errors import MissingRecordError
-from scenarios.thesis.comparison import Comparison, Fit, ModelResult
+from scenarios.thesis.comparison import Comparison, ModelResult
+from scenarios.thesis.estimates import Fits
 from scenarios.thesis.finding import Verdict, verdict
 from scenarios.thesis.multivariable import WAYS, ThreeJointModel, Way
 
@@ -58,7 +59,7 @@ def held_out_one_step(study: Comparison, model: ModelResult) -> float:
     return median(fit.one_step for fit in _fits(study, model))
 
 
-def _fits(study: Comparison, model: ModelResult) -> tuple[Fit, ...]:
+def _fits(study: Comparison, model: ModelResult) -> tuple[Fits, ...]:
     fits = model.held_out(study.estimation_test)
     if not fits:
         raise MissingRecordError(

@@ -7,9 +7,9 @@ import pytest
 
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.model_structures import STRUCTURES, every_structure
+from scenarios.thesis.estimates import Fits
 from scenarios.thesis.every_data_set import (
     DataSetModel,
-    Follow,
     distances,
     every_data_set,
     excitation_needed,
@@ -88,7 +88,7 @@ def _model(gain, pole):
         poles=(complex(pole),),
         whiteness_p=0.5,
         independence_p=0.5,
-        fits={"siso-1-shoulder_yaw": Follow(90.0, 95.0)},
+        fits={"siso-1-shoulder_yaw": Fits(90.0, 95.0)},
         warnings=(),
     )
 
@@ -100,7 +100,7 @@ def test_distances_are_relative_and_zero_between_equals():
 
 
 def test_others_are_records_of_other_waveforms():
-    fits = {single_joint_test(number, YAW): Follow(90.0 + number, 95.0) for number in range(1, 9)}
+    fits = {single_joint_test(number, YAW): Fits(90.0 + number, 95.0) for number in range(1, 9)}
     of_prbs, of_sine = (replace(_model(1.0, 0.9), record=single_joint_test(n, YAW), fits=fits) for n in (6, 2))
     assert set(of_prbs.others) == {single_joint_test(number, YAW) for number in (1, 2, 3, 4, 7, 8)}
     assert set(of_sine.others) == {single_joint_test(number, YAW) for number in (1, 3, 4, 5, 6, 7, 8)}

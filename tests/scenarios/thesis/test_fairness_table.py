@@ -9,8 +9,9 @@ from scenarios.experiments.campaign import NOMINAL, Condition
 from scenarios.identification.methods import estimate
 from scenarios.thesis import fairness_table
 from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.estimates import Fits
 from scenarios.thesis.fairness_section import changes_text, conclusions, dumbbells, percent
-from scenarios.thesis.fairness_table import ArmFairness, BothFits, FairModel, Fairness, ThreeJointFits
+from scenarios.thesis.fairness_table import ArmFairness, FairModel, Fairness, ThreeJointFits
 from sysid import SysidError
 
 METHODS = ["arx", "armax", "iv4", "oe", "okid", "oe_high"]
@@ -57,19 +58,19 @@ def test_the_hybrid_has_the_yaw_of_sysid_and_the_pitches_of_okid(study):
 
 
 def test_estimation_and_validation_are_apart():
-    fits = {n: BothFits(float(n), float(n)) for n in (1, 2, 3, 5, 6)}
+    fits = {n: Fits(float(n), float(n)) for n in (1, 2, 3, 5, 6)}
     model = FairModel("oe", "OE", True, False, None, 1.0, None, False, fits)
-    assert model.validation(5) == BothFits(2.0, 2.0), "test 6 plays the sequence of test 5"
+    assert model.validation(5) == Fits(2.0, 2.0), "test 6 plays the sequence of test 5"
     assert replace(model, fits={5: fits[5], 6: fits[6]}).validation(5) is None
 
 
 def arm(condition, okid):
     def model(method, fit):
-        return FairModel(method, method, True, False, None, 1.0, (0.9, 1.1), True, {1: BothFits(fit, fit)})
+        return FairModel(method, method, True, False, None, 1.0, (0.9, 1.1), True, {1: Fits(fit, fit)})
 
     joints = {joint: (model("armax", 90.0), model("okid", okid)) for joint in STUDIED_JOINTS}
     several = tuple(
-        ThreeJointFits(name, False, {"rpcm": {joint: BothFits(fit, fit) for joint in STUDIED_JOINTS}})
+        ThreeJointFits(name, False, {"rpcm": {joint: Fits(fit, fit) for joint in STUDIED_JOINTS}})
         for name, fit in (("SysID", 90.0), ("OKID", okid))
     )
     return ArmFairness(condition, dict.fromkeys(STUDIED_JOINTS, 1.0), joints, several)

@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis import findings_chapter_4 as chapter
-from scenarios.thesis.every_data_set import Follow
+from scenarios.thesis.estimates import Fits
 from scenarios.thesis.findings_chapter_4 import Flexibility, flexibility
 from scenarios.thesis.outcome import numbers
 from scenarios.truth.published import EQUATIONS
@@ -97,7 +97,7 @@ def with_fits(study, joint, method, percent):
     """The study with one method's model from the estimation test following every test by so much."""
     own = f"siso-5-{joint}"
     models = tuple(
-        replace(m, fits={name: Follow(percent, percent) for name in m.fits})
+        replace(m, fits={name: Fits(percent, percent) for name in m.fits})
         if (m.record, m.structure.method) == (own, method)
         else m
         for m in study.data_sets[joint].models

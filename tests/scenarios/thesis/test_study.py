@@ -31,8 +31,8 @@ def test_every_joint_has_every_method_and_every_fit(study):
         assert set(entry.data) == set(SINGLE_JOINT)
         for model in entry.models.values():
             assert set(model.fits) == set(SINGLE_JOINT)
-            assert {fit.test for fit in model.held_out(ESTIMATION_TEST)} == set(OTHER_WAVEFORMS)
-            assert {fit.test for fit in model.held_out(2)} == set(SINGLE_JOINT) - {2}
+            assert model.held_out(ESTIMATION_TEST) == tuple(model.fits[number] for number in OTHER_WAVEFORMS)
+            assert model.held_out(2) == tuple(model.fits[number] for number in SINGLE_JOINT if number != 2)
 
 
 def test_structures_are_the_thesis_own():
