@@ -20,7 +20,7 @@ WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Components of the wrist force/torque sensor, in its own frame."""
 
 _CHANNELS = {
-    "commanded": ("joint", "rad", "commanded joint angle after quantisation, hold and velocity limit"),
+    "commanded": ("joint", "rad", "commanded joint angle after quantisation, hold and velocity limit, as recorded"),
     "measured": ("joint", "rad", "resolver angle, read before the command of the same tick acts"),
     "wrench": ("component", "N, N m", "wrist force/torque sensor, force then torque, sensor frame"),
     "true_angles": ("joint", "rad", "joint angle without noise and quantisation"),
@@ -38,6 +38,7 @@ _ELECTRIC_CHANNELS = {"load_pressure": ("joint", "A", "current of each motor, in
 """Channels with another meaning for an arm with electric drives."""
 
 _OPTIONAL_CHANNELS = {
+    "sent": ("joint", "rad", "command that the arm felt, without the noise of the record"),
     "unit_pose": ("pose", "m, 1", "position and quaternion (w, x, y, z) of the replacement unit in the world"),
     "contact_force": (
         None,
@@ -60,7 +61,7 @@ class JointLog:
         seed: Its seed.
         dt: Sampling time, s.
         axes: The excited joints.
-        commanded: Commanded angles (N, 7), rad: the analyst's input.
+        commanded: Commanded angles as recorded (N, 7), rad: the analyst's input.
         measured: Measured angles (N, 7), rad: the analyst's output.
         wrench: Wrist force and torque (N, 6), N and N m.
         true_angles: Joint angles as they are (N, 7), rad.
@@ -69,6 +70,7 @@ class JointLog:
         counts: Hand-controller counts (N, n_axes).
         status: Limits and shutdowns at each tick, bits of `Status` (N,), integers.
         provenance: Software versions, arm and settings of the simulation.
+        sent: Where the record of the commands has noise, the commands that the arm felt (N, 7), rad; None elsewhere.
         unit_pose: At the worksite, position (m) and quaternion of the replacement unit (N, 7); None elsewhere.
         contact_force: At the worksite, sum of the normal forces between the unit and the worksite (N,), N: the largest
             since the tick before; None elsewhere.
@@ -89,6 +91,7 @@ class JointLog:
     counts: np.ndarray
     status: np.ndarray
     provenance: Mapping[str, str] = field(default_factory=dict)
+    sent: np.ndarray | None = None
     unit_pose: np.ndarray | None = None
     contact_force: np.ndarray | None = None
     spool: np.ndarray | None = None
@@ -119,6 +122,11 @@ class JointLog:
     def time(self) -> np.ndarray:
         """Sampling instants (N,), s."""
         return np.arange(len(self)) * self.dt
+
+    @property
+    def felt(self) -> np.ndarray:
+        """Commanded angles that the arm felt (N, 7), rad; the recorded ones may have noise beside."""
+        return self.commanded if self.sent is None else self.sent
 
     def iodata(self, joints: str | Sequence[str] | None = None) -> IOData:
         """Return commands and measurements of one joint, or of several, as a record for identification.

@@ -20,6 +20,7 @@ class Chain:
         noise: The wires pick up noise and hum.
         bias: The hand controller's axes have offsets.
         adc: The hand controller's converter rounds.
+        logged_noise: The command in the record has noise that the arm does not feel.
         hold: Its processor holds each sample for `HandController.hold` ticks.
         velocity_limit: Joint commands move no faster than their limits.
         friction: The seals have dry friction; the oil's drag is always there.
@@ -29,6 +30,7 @@ class Chain:
     dac: bool = True
     noise: bool = True
     bias: bool = True
+    logged_noise: bool = True
     adc: bool = True
     hold: bool = True
     velocity_limit: bool = True
@@ -37,7 +39,15 @@ class Chain:
 
 
 IDEAL = Chain(
-    dac=False, noise=False, bias=False, adc=False, hold=False, velocity_limit=False, friction=False, resolver=False
+    dac=False,
+    noise=False,
+    bias=False,
+    logged_noise=False,
+    adc=False,
+    hold=False,
+    velocity_limit=False,
+    friction=False,
+    resolver=False,
 )
 """All imperfections switched off; converters still saturate and joints keep their ranges."""
 

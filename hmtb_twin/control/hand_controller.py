@@ -14,6 +14,18 @@ def quantise(signal: np.ndarray, step: float) -> np.ndarray:
     return np.rint(signal / step)
 
 
+def low_pass(noise: np.ndarray, corner: float) -> np.ndarray:
+    """Return white noise (N, n) behind a first-order low-pass of a corner in Hz, of equal variance from the start.
+
+    A corner of 0 leaves it white.
+    """
+    if corner == 0.0:
+        return noise
+    pole = np.exp(-2.0 * np.pi * corner * SAMPLE_TIME)
+    driven = np.concatenate([noise[:1], np.sqrt(1.0 - pole**2) * noise[1:]])
+    return np.asarray(lfilter([1.0], [1.0, -pole], driven, axis=0))
+
+
 def pickup(ticks: int, axes: int, parameters: HandController, rng: np.random.Generator, chain: Chain) -> np.ndarray:
     """Return the disturbance that bias and wires add to the excitation.
 
@@ -34,10 +46,7 @@ def pickup(ticks: int, axes: int, parameters: HandController, rng: np.random.Gen
     bias = (1.0 - parameters.compensation) * parameters.bias * rng.standard_normal(axes)
     noise = rng.standard_normal((ticks, axes))
     phase = 2.0 * np.pi * rng.random(axes)
-    if parameters.noise_corner > 0.0:
-        pole = np.exp(-2.0 * np.pi * parameters.noise_corner * SAMPLE_TIME)
-        noise[1:] *= np.sqrt(1.0 - pole**2)
-        noise = lfilter([1.0], [1.0, -pole], noise, axis=0)
+    noise = low_pass(noise, parameters.noise_corner)
     disturbance = np.zeros((ticks, axes))
     if chain.bias:
         disturbance += bias

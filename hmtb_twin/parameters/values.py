@@ -120,6 +120,17 @@ POSES = {
 """Joint angles of the keyframes, rad; assumed. The shoulder roll stands at its index position."""
 
 
+GAINS = {"degrees": 1.17e-3, "nominal": 4e-3, "radians": 67e-3}
+"""Readings of the hand controller's gain, whose unit the thesis does not print, rad/V.
+
+The OKID matrices (5.8)-(5.10) look like models of data normalised by a largest command of 0.049 to 0.067 per unit
+input. `degrees`: 0.067 read in degrees. `radians`: read in radians; then nine tenths of a PRBS slew at 25 deg/s.
+`nominal`: the largest round gain at which none does: a PRBS of 1 V changes by 2 V in a tick, the joints by at most
+8.7 mrad, so at most 4.36 mrad/V. The text agrees with small ones: "very small" gains, "small deviations", an input
+"white in nature".
+"""
+
+
 @dataclass(frozen=True)
 class HandController:
     """The hand-controller interface between the excitation computer and the position loop.
@@ -137,6 +148,9 @@ class HandController:
         deadband: Deflection below which nothing is commanded, V; larger ones start from zero at its edge.
         noise: Standard deviation of the noise that the wires pick up, V.
         noise_corner: Corner frequency of its first-order low-pass, Hz; 0 for white noise.
+        logged_noise: Standard deviation of noise on every joint's command in the record alone, which the arm never
+            feels, rad.
+        logged_noise_corner: Corner frequency of its first-order low-pass, Hz; 0 for white noise.
         hum: Amplitude of mains hum of random phase, V.
         hum_frequency: Its frequency, Hz.
         bias: Standard deviation over experiments of each axis's offset, drawn from the experiment's seed, V.
@@ -144,21 +158,31 @@ class HandController:
     """
 
     gain: float = quantity(
-        0.067, "rad/V", "derived", "OKID matrices (5.8)-(5.10) read as normalised data; 'very small'"
+        GAINS["nominal"],
+        "rad/V",
+        "derived",
+        "largest round gain at which a PRBS of 1 V never slews at 25 deg/s; unit unknown: 0.067 of the OKID matrices "
+        "(5.8)-(5.10) is 1.17e-3 read in degrees, 67e-3 in radians; 'very small'",
     )
     rate_gain: float = quantity(0.05, "rad/(s V)", "assumed", "joint rate mode: full stick a little above the limit")
     translation_gain: float = quantity(
-        0.03, "m/V", "assumed", "moves the joints about as far as the joint gain: 0.067 rad/V on half the reach"
+        1.8e-3, "m/V", "assumed", "moves the joints about as far as the joint gain: 4 mrad/V on a quarter of the reach"
     )
     translation_rate_gain: float = quantity(0.02, "m/(s V)", "assumed", "full stick 0.2 m/s")
-    rotation_gain: float = quantity(0.067, "rad/V", "assumed", "as the joint gain")
+    rotation_gain: float = quantity(GAINS["nominal"], "rad/V", "assumed", "as the joint gain")
     rotation_rate_gain: float = quantity(0.05, "rad/(s V)", "assumed", "as the joint rate gain")
     adc_bits: int = quantity(12, "bit", "assumed", "that it quantises: thesis III.2A and III.4")
     adc_range: float = quantity(10.0, "V", "assumed", "plus and minus, like the excitation computer's converter")
-    hold: int = quantity(1, "samples", "assumed", "that it samples and holds: thesis III.4; at the loop's own rate")
+    hold: int = quantity(3, "samples", "assumed", "that it samples and holds: plots of thesis III.2A, errors of III.4")
     deadband: float = quantity(0.0, "V", "assumed", "none is mentioned; an option")
-    noise: float = quantity(0.01, "V", "assumed", "standard deviation; unshielded wires: thesis III.4")
+    noise: float = quantity(
+        0.1, "V", "assumed", "standard deviation; 'considerable noise': thesis III.2A, unshielded wires: III.4"
+    )
     noise_corner: float = quantity(0.0, "Hz", "assumed", "corner of the noise's low-pass; 0: white up to 25 Hz")
+    logged_noise: float = quantity(
+        0.0, "rad", "assumed", "standard deviation; an option: 'errors on the input measurements', thesis III.4"
+    )
+    logged_noise_corner: float = quantity(0.0, "Hz", "assumed", "corner of its low-pass; 0: white up to 25 Hz")
     hum: float = quantity(0.0, "V", "assumed", "amplitude of mains hum; an option")
     hum_frequency: float = quantity(60.0, "Hz", "assumed", "mains; the 50 Hz loop sees it at 10 Hz")
     bias: float = quantity(
@@ -178,6 +202,11 @@ class HandController:
             "deadband": (0.0 <= self.deadband <= 1000.0, "0 V to 1000 V"),
             "noise": (0.0 <= self.noise <= 1000.0, "0 V to 1000 V"),
             "noise_corner": (0.0 <= self.noise_corner < SAMPLE_RATE / 2, f"0 to below {SAMPLE_RATE / 2:g} Hz"),
+            "logged_noise": (0.0 <= self.logged_noise <= 10.0, "0 rad to 10 rad"),
+            "logged_noise_corner": (
+                0.0 <= self.logged_noise_corner < SAMPLE_RATE / 2,
+                f"0 to below {SAMPLE_RATE / 2:g} Hz",
+            ),
             "hum": (0.0 <= self.hum <= 1000.0, "0 V to 1000 V"),
             "hum_frequency": (0.0 < self.hum_frequency <= 1e6, "above 0 Hz and up to 1 MHz"),
             "bias": (0.0 <= self.bias <= 1000.0, "0 V to 1000 V"),
@@ -203,7 +232,9 @@ class Recorder:
     """The joint resolvers and the 1553 record."""
 
     resolver_bits: int = quantity(16, "bit", "assumed", "over one turn; 12 and 14 bit are the alternatives")
-    noise: float = quantity(1e-4, "rad", "assumed", "standard deviation, about one count of the resolver")
+    noise: float = quantity(
+        2e-5, "rad", "assumed", "standard deviation; disturbance one to two orders below the output: thesis III.2C"
+    )
 
     @property
     def resolver_step(self) -> float:
@@ -219,6 +250,11 @@ class BusTerminal:
 
 
 HAND_CONTROLLER = HandController()
+LARGE_MOTION = HandController(
+    gain=GAINS["radians"], translation_gain=0.03, rotation_gain=GAINS["radians"], noise=0.01, hold=1
+)
+"""Interface of experiments whose amplitude is a stated angle of the joints, up to 0.6 rad: nearly the ideal one."""
+
 RECORDER = Recorder()
 
 BUS = {name: BusTerminal(0 if name == "shoulder_pitch" else 1) for name in JOINTS}

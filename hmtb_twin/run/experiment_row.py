@@ -12,6 +12,7 @@ from hmtb_twin.bus.joint_log import JointLog, software_versions
 from hmtb_twin.bus.recorder import delayed, read_resolvers
 from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.experiment import Experiment, Operator
+from hmtb_twin.control.hand_controller import low_pass
 from hmtb_twin.parameters.values import SAMPLE_TIME, Recorder
 
 STATE = ("qpos", "qvel", "act", "ctrl", "eq_active")
@@ -31,6 +32,7 @@ class ExperimentRow:
         station: Its control station.
         recorder: The recorder with the noise of the arm's resolvers.
         resolver_noise: Standard normal numbers for the resolvers (N, 7).
+        logged_noise: Noise on the commands in the record alone (N, 7), rad; None without.
         drive_noise: Torque noise of the drives (N, 7), N m; None without.
         start: The fields `STATE` of the arm at rest at the experiment's pose; empty before `at_rest`.
         record: Recorded channels, (N, width) each; empty before the run.
@@ -42,6 +44,7 @@ class ExperimentRow:
     station: ControlStation
     recorder: Recorder
     resolver_noise: np.ndarray
+    logged_noise: np.ndarray | None
     drive_noise: np.ndarray | None
     start: dict[str, np.ndarray] = field(default_factory=dict)
     record: dict[str, np.ndarray] = field(default_factory=dict)
@@ -78,7 +81,8 @@ class ExperimentRow:
             seed=experiment.seed,
             dt=SAMPLE_TIME,
             axes=tuple(experiment.axes),
-            commanded=station.commands,
+            commanded=station.commands if self.logged_noise is None else station.commands + self.logged_noise,
+            sent=None if self.logged_noise is None else station.commands,
             measured=delayed(readings, self.arm.delays),
             status=station.status,
             volts=station.volts,
@@ -111,12 +115,15 @@ def prepare(experiment: Experiment, load: Callable[..., Arm]) -> ExperimentRow:
     """
     arm = experiment_arm(experiment, worksite=True, load=load)
     # A stream for each source: the draws of one do not depend on whether another is switched on.
-    wires, resolvers, drives = np.random.default_rng(experiment.seed).spawn(3)
+    wires, resolvers, drives, logging = np.random.default_rng(experiment.seed).spawn(4)
     station = ControlStation(experiment, arm, wires)
     shape = station.commands.shape
     torques = arm.process_noise * drives.standard_normal(shape) if arm.process_noise.any() else None
     noise = resolvers.standard_normal(shape)
-    return ExperimentRow(experiment, arm, station, experiment.specimen.recorder, noise, torques)
+    logged, interface = None, experiment.hand_controller
+    if experiment.chain.logged_noise and interface.logged_noise > 0.0:
+        logged = interface.logged_noise * low_pass(logging.standard_normal(shape), interface.logged_noise_corner)
+    return ExperimentRow(experiment, arm, station, experiment.specimen.recorder, noise, logged, torques)
 
 
 def at_rest(arm: Arm, pose: str) -> dict[str, np.ndarray]:

@@ -22,7 +22,8 @@ class Disturbances:
         drives: Effect on the state of one standard deviation of each drive's noise held over a tick (n, 7).
         resolvers: Covariance of the noise of the measured angles (7, 7), rad^2. Rounding counts as uniform and
             independent noise of variance step^2/12: with resolver noise of half a step or more ahead of it, it is that
-            to 3 %, of a whole step, as is nominal, to 1e-8 [Widrow2008, ch. 19].
+            to 3 %, of a whole step to 1e-8 [Widrow2008, ch. 19]. Behind the nominal noise of a fifth of a step it is
+            that for a joint that moves by steps from tick to tick; a joint at rest reads a constant.
     """
 
     drives: np.ndarray

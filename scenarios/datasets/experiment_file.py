@@ -97,6 +97,8 @@ def signal_contents(spec: DataSetSpec, entry: PlannedExperiment, log: JointLog) 
         "volts": log.volts,
         "counts": log.counts,
     }
+    if log.sent is not None:
+        signals["sent"] = log.sent[:, shown]
     if log.spool is not None and log.supply_pressure is not None:
         signals |= {"spool": log.spool[:, shown], "supply_pressure": log.supply_pressure}
     if log.unit_pose is not None and log.contact_force is not None:

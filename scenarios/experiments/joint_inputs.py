@@ -16,8 +16,8 @@ from sysid.validation.input_independence import LIMIT, InputIndependence, input_
 LAGS = 8
 """Past samples that enter the models of the study: na + nb of the largest.
 
-By this measure the tests lie far from `LIMIT` on either side, as docs/tests.md shows: above 100 where the axes share a
-waveform, 3 where they have one each.
+By this measure the tests lie far from `LIMIT` on either side, as docs/tests.md shows, if the wires are quiet: above 100
+where the axes share a waveform, 3 where they have one each. Noise of the wires is an input of its own on each axis.
 """
 
 STILL = 1e-9

@@ -7,7 +7,7 @@ import numpy as np
 
 from hmtb_twin import NOMINAL_PLANT, NOMINAL_SPECIMEN, Chain, Experiment, HandController, Operator, Plant, Specimen
 from hmtb_twin.control.data_acquisition import BOARD
-from hmtb_twin.parameters.values import HAND_CONTROLLER, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.parameters.values import LARGE_MOTION, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
 from scenarios.experiments.waveform import LONGEST, check_seed
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError
@@ -29,7 +29,7 @@ class Multisines:
         rms: Root mean square of each axis's offset from the pose, rad.
         f_min: Lowest line, Hz.
         f_max: Highest line, Hz.
-        period: Length of a period, s.
+        period: Length of a period, s; 510 samples by default, so that holds of 2, 3 and 5 samples divide it.
         odd: Excite odd lines only and leave one of every four of those silent: even and odd nonlinear distortion then
             show separately, at the silent even and at the silent odd lines.
         realisations: R; at least two, because their scatter is the nonlinear distortion.
@@ -41,7 +41,7 @@ class Multisines:
     rms: float = 0.01
     f_min: float = 0.05
     f_max: float = 5.0
-    period: float = 10.24
+    period: float = 10.2
     odd: bool = False
     realisations: int = 16
     periods: int = 2
@@ -152,7 +152,7 @@ class MultisineExperiment:
     pose: str = OPERATING_POSE
     worksite: bool = False
     chain: Chain = Chain()  # noqa: RUF009
-    hand_controller: HandController = HAND_CONTROLLER
+    hand_controller: HandController = LARGE_MOTION
     seed: int = 0
     mode: str = MODE
     shutdown: tuple[float, ...] = ()

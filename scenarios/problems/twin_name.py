@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmtb_twin import JOINTS, VARIANTS, Experiment, JointLog
-from hmtb_twin.parameters.values import HAND_CONTROLLER, INDEXED_JOINTS, SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.parameters.values import INDEXED_JOINTS, LARGE_MOTION, SAMPLE_RATE, SAMPLE_TIME
 from scenarios.estimators.seeds import seed_of
 from scenarios.experiments.campaign import REGISTER
 from scenarios.experiments.excitation_computer import Excitation
@@ -135,7 +135,7 @@ class TwinName:
             )
             experiment.volts()  # raises before a batch begins where the converter cannot play it
             return experiment
-        volts = self.mrad / 1000.0 / HAND_CONTROLLER.gain
+        volts = self.mrad / 1000.0 / LARGE_MOTION.gain
         settings = {
             "prbs": {"amplitude": volts, "clock": CLOCK, "seed": waveform, "register": REGISTER},
             "chirp": {"f_start": SWEEP[0], "f_end": SWEEP[1], "amplitude": float(np.sqrt(2.0)) * volts},
@@ -147,6 +147,7 @@ class TwinName:
             duration=(SETTLING + self.samples) * SAMPLE_TIME,
             seed=seed,
             variant=self.variant,
+            hand_controller=LARGE_MOTION,
         )
 
     def record(self, log: JointLog) -> IOData:

@@ -160,7 +160,7 @@ def attainable(
     # Servo valves under load stand a little off the commanded pose; the linear model counts from where they stand.
     start = arm.rest(truth.angles).qpos[column]
 
-    moved = [name for k, name in enumerate(JOINTS) if name == joint or np.ptp(record.commanded[:, k]) > 0.0]
+    moved = [name for k, name in enumerate(JOINTS) if name == joint or np.ptp(record.felt[:, k]) > 0.0]
     columns = [joint_index(name) for name in moved]
     offsets = IOData(record.commanded[:, columns] - truth.angles[columns], measured - start, record.dt)
     model = truth.subset(moved, (joint,))

@@ -31,10 +31,10 @@ def noise_free(record: JointLog, arm: Arm, truth: Truth, true: FloatArray) -> tu
         return true, np.zeros_like(true), "of the record"
     if arm.friction or arm.plant.actuator == "orifice":
         # Noise dithers what is not smooth: the mean is not the motion without noise.
-        mean, variance = conditional_mean(arm, truth.angles, record.commanded, draws=DRAWS, seed=record.seed)
+        mean, variance = conditional_mean(arm, truth.angles, record.felt, draws=DRAWS, seed=record.seed)
         return mean, variance, f"mean of {DRAWS} draws of process noise"
     quiet = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0), specimen=arm.specimen)
-    angles = simulated(quiet, truth.angles, record.commanded) + quiet.rest(truth.angles).qpos[: len(JOINTS)]
+    angles = simulated(quiet, truth.angles, record.felt) + quiet.rest(truth.angles).qpos[: len(JOINTS)]
     return angles, np.zeros_like(angles), "simulated anew without process noise"
 
 

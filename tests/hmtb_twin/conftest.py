@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin import Chain, HandController, Plant, Specimen, linearize, load_arm
+from hmtb_twin.parameters.values import LARGE_MOTION
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class BinaryTest:
     worksite: bool = False
     shutdown: tuple[float, ...] = ()
     chain: Chain = Chain()  # noqa: RUF009
-    hand_controller: HandController = HandController()  # noqa: RUF009
+    hand_controller: HandController = LARGE_MOTION
     spoil: dict[int, float] = field(default_factory=dict)
 
     def volts(self):

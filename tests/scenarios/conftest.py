@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions
+from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios.commands.cli import main
 from scenarios.datasets.build import build
 from scenarios.datasets.spec import DataSetSpec
@@ -90,7 +91,8 @@ def tiny_spec():
     """Three short records."""
     prbs = Excitation("prbs", {"amplitude": 1.0, "clock": 2, "register": 7})
     noise = Excitation("white_noise", {"amplitude": 0.5})
-    test = RecordBlock("noise", "test", axes=("elbow_pitch",), excitation=(noise,), duration=4.0, draw_waveforms=True)
+    settings = {"excitation": (noise,), "duration": 4.0, "draw_waveforms": True, "hand_controller": LARGE_MOTION}
+    test = RecordBlock("noise", "test", axes=("elbow_pitch",), **settings)
     axes = ("shoulder_yaw", "elbow_pitch")
     train = replace(test, name="binary", part="train", axes=axes, each_axis=True, excitation=(prbs,))
     baselines = BaselineSpec(("hold", "arx:2/2", "truth"))

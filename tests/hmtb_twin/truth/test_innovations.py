@@ -61,13 +61,13 @@ def test_every_level_of_noise_has_its_noise_model(variant, actuator):
     truth, f = linearize(load_arm(variant, plant=plant), amplitudes=()), np.geomspace(0.01, 24.9, 40)
     path, drives = replace(truth.model, K=None), truth.disturbances.drives
     unit = replace(path, B=drives).frequency_response(f)
-    for level, outputs in product((1e-8, 1e-5, 1e-4, 1e-2, 1.0), (range(7), [3], [5, 1])):
+    for level, outputs in product((3e-9, 1e-5, 1e-4, 1e-2, 1.0), (range(7), [3], [5, 1])):
         R = truth.disturbances.resolvers[np.ix_(outputs, outputs)]
         some = StateSpace(path.A, path.B, path.C[outputs], path.D[outputs], None, path.dt)
         form = innovations_form(some, level * drives, R)
         assert_spectrum(form, level * unit[:, outputs], R, f)
         # Little noise moves the gain by its variance, but for the square of it: no digits of K are lost in R.
-        if level == 1e-8:
+        if level == 3e-9:
             twice = innovations_form(some, 2.0 * level * drives, R)
             np.testing.assert_allclose(twice.K, 4.0 * form.K, atol=1e-4 * np.abs(form.K).max())
 
@@ -133,14 +133,15 @@ def test_innovation_covariance_is_that_of_the_records(noisy, records):
 
 
 def test_rounding_counts_as_uniform_noise():
-    """The variance of rounding behind the resolver's own noise is step^2/12 to 1e-3, whatever the angle."""
-    rng = np.random.default_rng(0)
-    for fraction in (0.0, 0.25, 0.5):
-        angle = fraction * RECORDER.resolver_step
-        readings = read_resolvers(np.full(400_000, angle), rng.standard_normal(400_000), RECORDER, resolver=True)
-        variance = RECORDER.noise**2 + RECORDER.resolver_step**2 / 12.0
-        assert readings.mean() == pytest.approx(angle, abs=4 * np.sqrt(variance / 400_000))
-        assert readings.var() == pytest.approx(variance, rel=4 * np.sqrt(2 / 400_000))
+    """Its variance is step^2/12 behind noise of a step at any angle, behind less noise where the arm moves."""
+    rng, N = np.random.default_rng(0), 400_000
+    noisy, moving = replace(RECORDER, noise=1e-4), rng.uniform(-0.01, 0.01, N)
+    standing = [(np.full(N, fraction * RECORDER.resolver_step), noisy) for fraction in (0.0, 0.25, 0.5)]
+    for angles, recorder in (*standing, (moving, RECORDER)):
+        errors = read_resolvers(angles, rng.standard_normal(N), recorder, resolver=True) - angles
+        variance = recorder.noise**2 + recorder.resolver_step**2 / 12.0
+        assert errors.mean() == pytest.approx(0.0, abs=4 * np.sqrt(variance / N))
+        assert errors.var() == pytest.approx(variance, rel=4 * np.sqrt(2 / N))
 
 
 def test_noise_without_a_predictor_is_refused():

@@ -182,7 +182,7 @@ def test_start_up_is_fast(words):
 def test_clipping_and_slewing_are_told(run, result, tmp_path):
     _, toml, _ = run("scenarios", "show", "siso-1-elbow_pitch")
     loud, quiet = tmp_path / "loud.toml", tmp_path / "quiet.toml"
-    text = toml.replace("240.0", "4.0")
+    text = toml.replace("240.0", "4.0") + "\n[hand_controller]\ngain = 0.067\nhold = 1\n"
     loud.write_text(text.replace("siso-1-elbow_pitch", "loud").replace("amplitude = 1.0", "amplitude = 50.0"))
     quiet.write_text(text.replace("siso-1-elbow_pitch", "quiet").replace("amplitude = 1.0", "amplitude = 0.01"))
     output = result("simulate", loud, quiet, "--out", tmp_path)

@@ -6,21 +6,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, simulate
+from hmtb_twin import JOINTS, Chain, simulate
+from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios.experiments.registry import load
 
 FAST = ("--duration", "16", "--joints", "elbow_pitch", "--no-bla")
 REFUSED = ("bandwidth", "--no-bla", "--methods", "arx", "--data")
 
 
-def elbow(duration):
-    """The beginning of the elbow's PRBS test."""
-    return simulate([replace(load("siso-5-elbow_pitch"), duration=duration)])[0]
+def prbs(duration, joint="elbow_pitch", **changes):
+    """The beginning of a joint's PRBS test with large motions."""
+    scenario = replace(load(f"siso-5-{joint}"), duration=duration, hand_controller=LARGE_MOTION, **changes)
+    return simulate([scenario])[0]
 
 
 @pytest.fixture(scope="module")
 def log():
-    return elbow(16.0)
+    return prbs(16.0)
 
 
 @pytest.mark.slow
@@ -57,9 +59,9 @@ def test_records_that_are_there_give_the_same(result, tmp_path, log):
     assert theirs["condition"] == ours["condition"] == "nominal, with friction"
 
 
-def test_the_table_says_what_is_not_claimed(printed):
-    words = ("--duration", "16", "--joints", "shoulder_yaw", "--variant", "published", "--no-friction", "--no-bla")
-    text = printed("bandwidth", *words, "--methods", "oe")
+def test_the_table_says_what_is_not_claimed(printed, tmp_path):
+    log = prbs(16.0, "shoulder_yaw", variant="published", chain=Chain(friction=False))
+    text = printed("bandwidth", "--data", log.save(tmp_path / "a.nc"), "--no-bla", "--methods", "oe")
     assert "shoulder_yaw, published, without friction" in text
     assert "not claimed (model: 0.1" in text
     assert "excites nothing below 0.5 Hz" in text
@@ -79,7 +81,7 @@ def test_a_log_of_several_axes_or_of_two_arms_is_refused(complaint, tmp_path, lo
 @pytest.mark.slow
 def test_a_record_counts_once(complaint, tmp_path, log):
     path = log.save(tmp_path / "a.nc")
-    cut = elbow(12.0).save(tmp_path / "b.nc")
+    cut = prbs(12.0).save(tmp_path / "b.nc")
     named = replace(log, name="another", seed=log.seed + 1).save(tmp_path / "c.nc")
     for other in (path, cut):
         sentence = f"the log of siso-5-elbow_pitch, seed {log.seed}, is given twice; expected every record once"
@@ -96,7 +98,7 @@ def test_identify_finds_the_same_where_it_leaves_out_the_same(result, tmp_path, 
 
 
 def test_a_log_that_is_too_short_to_settle_is_refused(complaint, tmp_path):
-    path = elbow(0.4).save(tmp_path / "short.nc")
+    path = prbs(0.4).save(tmp_path / "short.nc")
     assert "a log of 0.4 s given, expected 10 s or more: the arm settles for 4 s" in complaint(*REFUSED, path)
 
 

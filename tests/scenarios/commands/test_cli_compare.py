@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JointLog, linearize, load_arm, simulate
+from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios.experiments.registry import load
 from scenarios.files.data_file import read_parts, write_log
 from scenarios.identification.model_comparison import parsed
@@ -15,10 +16,11 @@ from tests.scenarios.commands.conftest import table
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
-    """Ten seconds of two single-joint tests and of one of several joints."""
+    """Ten seconds of two single-joint tests and of one of several joints, all of large motions."""
     folder = tmp_path_factory.mktemp("logs")
     names = ("siso-5-elbow_pitch", "siso-8-elbow_pitch", "mimo-7-independent")
-    batch = simulate([replace(load(name), duration=12.0) for name in names])
+    stick = replace(LARGE_MOTION, compensation=0.95)
+    batch = simulate([replace(load(name), duration=12.0, hand_controller=stick) for name in names])
     return {log.name: log.save(folder / f"{log.name}.nc") for log in batch.logs}
 
 

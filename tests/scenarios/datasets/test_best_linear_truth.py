@@ -8,6 +8,7 @@ import pytest
 from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.files.netcdf import read_netcdf
+from hmtb_twin.parameters.values import LARGE_MOTION
 from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets import best_linear_truth
 from scenarios.datasets.arm_truth import arm_truth
@@ -30,10 +31,12 @@ from sysid import bla
 from tests.refusals import refused
 
 MULTISINES = Multisines(f_min=0.4, f_max=4.0, period=2.56, realisations=3, periods=2, settling=1)
-MULTISINE = RecordBlock("m", "train", axes=("elbow_pitch",), frictions=("none",), multisines=MULTISINES)
+LARGE = RecordBlock("m", "train", axes=("elbow_pitch",), multisines=MULTISINES, hand_controller=LARGE_MOTION)
+MULTISINE = replace(LARGE, frictions=("none",))
 PRBS = Excitation("prbs", {"amplitude": 1.0, "clock": 2, "register": 9})
 NOISE = Excitation("white_noise", {"amplitude": 1.0})
-BOTH = RecordBlock("both", "test", axes=("shoulder_yaw", "elbow_pitch"), excitation=(NOISE,), duration=20.0)
+AXES = ("shoulder_yaw", "elbow_pitch")
+BOTH = replace(LARGE, name="both", part="test", axes=AXES, multisines=None, excitation=(NOISE,), duration=20.0)
 BLOCKS = (
     replace(MULTISINE, name="multisine", amplitudes=(0.01, 0.03), draw_waveforms=True),
     replace(BOTH, name="prbs", part="train", each_axis=True, repeats=2, excitation=(PRBS,), draw_waveforms=True),

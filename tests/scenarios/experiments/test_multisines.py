@@ -58,7 +58,7 @@ def test_an_odd_random_grid_leaves_even_lines_and_one_of_four_odd_ones_silent():
         ({"settling": 0}, "settling = 0"),
         ({"f_max": 25.0}, "f_max = 25.0 given, expected f_min to below 25 Hz"),
         ({"f_min": 1.01, "f_max": 1.02}, "no line in 1.01 to 1.02 Hz"),
-        ({"periods": 10_000}, "records of 102410 s requested"),
+        ({"periods": 10_000}, "records of 102010 s requested"),
         ({"seed": -1}, "a seed is a whole number"),
         ({"realisations": 2.5}, "realisations must be a whole number, given 2.5"),
         ({"rms": float("nan")}, "rms must be a finite number, given nan"),

@@ -8,6 +8,7 @@ import pytest
 
 from hmtb_twin import JOINTS, Chain, HandController, JointLog, Status, simulate
 from hmtb_twin.bus.shutdown_intervals import shutdown_intervals
+from hmtb_twin.parameters.values import GAINS, LARGE_MOTION
 from scenarios import Excitation, Scenario, load, names
 from scenarios.experiments.preview import preview
 from tests.refusals import refused
@@ -42,7 +43,8 @@ def test_figures_of_a_command_that_is_known():
     """One step of 1 V, up and down, without noise: every figure follows by hand."""
     box = Excitation("points", {"points": (1.0,) * 50 + (0.0,) * 50})
     chain = Chain(dac=False, noise=False, bias=False, adc=False)
-    seen = preview(Scenario("box", ("elbow_pitch",), (box,), duration=4.0, chain=chain))
+    setting = Scenario("box", ("elbow_pitch",), (box,), duration=4.0, chain=chain, hand_controller=LARGE_MOTION)
+    seen = preview(setting)
     assert seen.moving == ("elbow_pitch",)
     assert (seen.peak_rate("elbow_pitch"), seen.peak_rate("shoulder_yaw")) == (pytest.approx(np.radians(25.0)), 0.0)
     # 0.067 rad at 25 deg/s take 7 whole ticks and a part, four times; the elbow stands at 90 of 150 deg.
@@ -55,10 +57,21 @@ def test_figures_of_a_command_that_is_known():
     assert seen.tool[np.argmax(np.linalg.norm(seen.tool, axis=1)), 1] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("gain", "low", "high"), [(GAINS["degrees"], 0, 0), (GAINS["nominal"], 0, 0), (5e-3, 0.1, 1), (0.067, 0.85, 0.95)]
+)
+def test_a_binary_sequence_slews_from_the_gain_on_at_which_the_limit_says_so(gain, low, high):
+    test = replace(load("siso-5-elbow_pitch"), duration=12.0, chain=Chain(noise=False))
+    seen = preview(replace(test, hand_controller=HandController(gain=gain, hold=1)))
+    assert low <= seen.velocity_limited <= high
+    assert np.ptp(seen.commands[:, JOINTS.index("elbow_pitch")]) <= 2.01 * gain
+
+
 def test_a_cartesian_command_moves_the_tool_and_does_not_turn_it():
     chain = Chain(dac=False, noise=False, bias=False, adc=False)
     push = Excitation("points", {"points": (2.0,) * 100})
-    seen = preview(Scenario("push", ("z",), (push,), duration=2.0, mode="cartesian", chain=chain))
+    settings = {"duration": 2.0, "mode": "cartesian", "chain": chain, "hand_controller": LARGE_MOTION}
+    seen = preview(Scenario("push", ("z",), (push,), **settings))
     np.testing.assert_allclose(seen.tool[-1], [0.0, 0.0, 0.06], atol=1e-9)
     assert seen.turn < 1e-6
     assert set(seen.moving) >= {"shoulder_pitch", "elbow_pitch", "wrist_pitch"}
@@ -77,7 +90,7 @@ def test_a_cartesian_command_moves_the_tool_and_does_not_turn_it():
 )
 def test_it_warns(excitation, changes, says):
     chain = Chain(noise=says.startswith("move"), bias=False)
-    scenario = Scenario("a", ("elbow_pitch",), (excitation,), duration=8.0, chain=chain)
+    scenario = Scenario("a", ("elbow_pitch",), (excitation,), duration=8.0, chain=chain, hand_controller=LARGE_MOTION)
     scenario = replace(scenario, **changes)
     assert any(says in text for text in preview(scenario).warnings())
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from hmtb_twin import STUDIED_JOINTS, Chain, HandController, Plant, Specimen, linearize, load_arm
+from hmtb_twin import STUDIED_JOINTS, Chain, Plant, Specimen, linearize, load_arm
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import joint_index
+from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios import load
 from scenarios.experiments.campaign import Condition, campaign_scenario
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
@@ -86,7 +87,7 @@ def test_limits_and_rounding_lie_before_the_recorded_command():
         replace(YAW, chain=replace(QUIET, dac=True, adc=True)), replace(SHORT, rms=0.001, realisations=5)
     )
     assert rounded.servo_agreement().p_all.item() > 1e-3
-    step = HandController().gain * HandController().adc_step
+    step = LARGE_MOTION.gain * LARGE_MOTION.adc_step
     uniform = step / np.sqrt(12.0)
     error = np.sqrt(np.abs(rounded.command_rms.item() ** 2 - 0.001**2))
     assert error < 2 * uniform
@@ -128,11 +129,11 @@ ONCE = "measured = .* given, expected one or more of shoulder_roll, .* each once
         (replace(YAW, mode="single_joint_rate"), 0.01, None, "mode single_joint_rate given, expected single_joint"),
         (replace(YAW, shutdown=(1.0,)), 0.01, None, "emergency shutdown"),
         (
-            replace(YAW, hand_controller=HandController(hold=3), chain=replace(QUIET, hold=True)),
+            replace(YAW, hand_controller=replace(LARGE_MOTION, hold=3), chain=replace(QUIET, hold=True)),
             *(0.01, None, "expected one whose hold divides the period of 256 samples"),
         ),
         (YAW, 0.5, None, "peaks of .* V; expected less than the converter's 10 V"),
-        (replace(YAW, hand_controller=HandController(deadband=1.0)), 0.01, None, "no power at the line"),
+        (replace(YAW, hand_controller=replace(LARGE_MOTION, deadband=1.0)), 0.01, None, "no power at the line"),
         *((YAW, 0.01, measured, ONCE) for measured in ("elbow_pitch", 5, (), ("elbow_pitch", "elbow_pitch"))),
     ],
 )
@@ -143,7 +144,7 @@ def test_what_cannot_be_measured_is_refused(setting, rms, measured, message):
 @pytest.mark.parametrize("chain", [Chain(), replace(QUIET, adc=True), replace(QUIET, dac=True)])
 def test_a_command_below_half_a_count_is_no_excitation(chain):
     """With noise on the wires the command moves, but what moves it is the noise."""
-    least = 0.5 * max(HandController().adc_step, BOARD.dac_step) * HandController().gain
+    least = 0.5 * max(LARGE_MOTION.adc_step, BOARD.dac_step) * LARGE_MOTION.gain
     message = "expected 0.000164 rad or more: below half a count of the converters"
     for rms in (1e-9, 0.99 * least):
         refused(message, best_linear, replace(YAW, chain=chain), replace(SHORT, rms=rms, realisations=2))
