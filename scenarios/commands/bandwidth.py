@@ -68,8 +68,9 @@ def bandwidth(
     is too wide, none is claimed; the record still counts for both questions, with the answer no.
 
     Methods: armax, oe, okid with the thesis' orders; arx, iv4 with those of its ARMAX; oe_high, an output-error model
-    whose order suffices without friction; spa and etfe, without a model. Their lines, every 0.5 Hz on files of 2 s, are
-    too few to show the gain at 0 Hz, so they give only the frequency of the gain 0.707.
+    whose order suffices without friction; spa and etfe, without a model. On files of 2 s that
+    no hold samples anew their lines lie every 0.5 Hz, too few to show the gain at 0 Hz: only the frequency of the gain
+    0.707 is then left.
 
       hmtb bandwidth                                three joints, PRBS test, one record each
       hmtb bandwidth --seeds 20 --tests 5 6 --out bandwidth

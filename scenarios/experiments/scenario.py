@@ -145,6 +145,12 @@ class Scenario:
         return task_operator(self.task, self.seed, self.hand_controller) if self.task else None
 
     @property
+    def period(self) -> int:
+        """Samples after which the command repeats but for noise: of all waveforms, as the hold samples them."""
+        hold = self.hand_controller.hold if self.chain.hold else 1
+        return int(np.lcm.reduce([hold, *(round(SAMPLE_RATE * one.waveform().period) for one in self.excitation)]))
+
+    @property
     def has_own_operator(self) -> bool:
         """Whether a subclass has an operator of its own, which no TOML file describes."""
         return type(self).operator is not Scenario.operator

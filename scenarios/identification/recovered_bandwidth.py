@@ -11,7 +11,6 @@ import sysid
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.model_structures import STRUCTURES, Structure, every_structure
 from scenarios.experiments.scenario import Scenario
-from scenarios.experiments.waveform import POINTS, WINDOW
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.identification import FittedModel, fit_model
 from scenarios.identification.methods import ESTIMATORS
@@ -55,7 +54,7 @@ NONPARAMETRIC = {"spa": "spectral analysis, Hamming window", "etfe": "empirical 
 REPEATS = 0.25
 """Largest difference of two periods of a command, over its spread, at which it counts as periodic.
 
-Noise of the wires makes some, up to 0.05 at 1 V; stretches that have nothing in common differ by the root of two.
+Noise of the wires makes some, 0.15 at 1 V; stretches that have nothing in common differ by the root of two.
 """
 
 NAN = float("nan")
@@ -212,7 +211,7 @@ def recover(
         try:
             if (chosen := structure(recording.joint, method)) is None:
                 row["label"] = NONPARAMETRIC[method]
-                row |= _of_response(_response(data, method), periodic(data))
+                row |= _of_response(_response(data, method, recording.setting.period), recording)
             else:
                 row["label"] = chosen.label
                 row["orders"] = ESTIMATORS[chosen.estimator].complete(chosen.estimator, chosen.orders)
@@ -248,12 +247,14 @@ def _of_model(fitted: FittedModel) -> dict[str, Any]:
     }
 
 
-def _of_response(response: FrequencyResponse, repeats: bool) -> dict[str, Any]:
+def _of_response(response: FrequencyResponse, recording: Recording) -> dict[str, Any]:
     level = gain_crossing(response, HALF_POWER)
     within = int(np.sum(response.frequencies <= REACH * level)) if np.isfinite(level) else 0
     if within < DEGREE + 2:
         # With fewer, lines beyond the bandwidth would fix the gain at 0 Hz, with an interval that knows of noise alone.
-        every = f": the command repeats every {WINDOW:g} s and excites a line every {1 / WINDOW:g} Hz"
+        window = recording.setting.period / SAMPLE_RATE
+        repeats = periodic(recording.data, recording.setting.period)
+        every = f": the command repeats every {window:g} s and excites a line every {1 / window:.2g} Hz"
         reason = (
             f"too few lines of the response lie below {REACH:g} times the frequency of the gain 0.707 to tell the gain "
             f"at 0 Hz, {within} where {DEGREE + 2} are needed{every if repeats else ''}"
@@ -270,20 +271,20 @@ def _of_response(response: FrequencyResponse, repeats: bool) -> dict[str, Any]:
     }
 
 
-def _response(record: IOData, method: str) -> FrequencyResponse:
-    """Estimate the response on the lines of a 100-point file, or on an even grid where the command is not periodic."""
-    if periodic(record):
-        lines = np.arange(1, POINTS // 2) * SAMPLE_RATE / POINTS
+def _response(record: IOData, method: str, period: int) -> FrequencyResponse:
+    """Estimate the response on the lines of the command, or on an even grid where it is not periodic."""
+    if periodic(record, period):
+        lines = np.arange(1, period // 2) * SAMPLE_RATE / period
         if method == "spa":
             return sysid.spa(record, frequencies=lines)
-        return sysid.etfe([record[start : start + POINTS] for start in range(0, len(record) - POINTS + 1, POINTS)])
+        return sysid.etfe([record[start : start + period] for start in range(0, len(record) - period + 1, period)])
     if method == "etfe":
-        raise SysidError(f"the command does not repeat every {POINTS} samples; the mean over periods has none")
+        raise SysidError(f"the command does not repeat every {period} samples; the mean over periods has none")
     # A held command has next to no power at half of the sampling rate.
     return sysid.spa(record).determined()
 
 
-def periodic(record: IOData) -> bool:
-    """Whether the command repeats every 100 samples, but for noise of the wires."""
+def periodic(record: IOData, period: int) -> bool:
+    """Whether the command repeats after a number of samples, but for noise of the wires."""
     u = record.u[:, 0]
-    return len(u) >= 2 * POINTS and float(np.std(u[POINTS:] - u[:-POINTS])) < REPEATS * float(np.std(u))
+    return len(u) >= 2 * period and float(np.std(u[period:] - u[:-period])) < REPEATS * float(np.std(u))

@@ -236,7 +236,10 @@ def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> 
         joint=joint,
         spectra=spectra,
         lags={n: len(record) // 10 for n, record in data.items()},
-        repeated={n: period_spectra(record) for n, record in {PRBS: binary, **data}.items()},
+        repeated={
+            n: period_spectra(record, period_of(single_joint_test(n, joint)))
+            for n, record in {PRBS: binary, **data}.items()
+        },
         positive=positive,
         covariances=sysid.covf(binary, lags=LAGS),
         whitened=sysid.covf(_white(binary), lags=LAGS),
@@ -281,7 +284,7 @@ def half_power(response: FrequencyResponse) -> float | None:
 
 def period_of(name: str) -> int:
     """Samples after which all waveforms of a registered scenario repeat."""
-    return int(np.lcm.reduce([round(SAMPLE_RATE * entry.waveform().period) for entry in load(name).excitation]))
+    return load(name).period
 
 
 def _summaries(joint: str, campaign: Campaign) -> dict[str, RecordSummary]:

@@ -1,6 +1,7 @@
 """The bus on the command line: `hmtb simulate --format 1553`, `hmtb convert`, `hmtb identify`."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,9 @@ import pytest
 
 from hmtb_twin import JointLog
 from hmtb_twin.bus.recorder_run import read_run, record_run
+from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios.commands.cli import main
+from scenarios.experiments.registry import load
 from scenarios.files.record_file import read_records, write_record
 
 OE = ("--method", "oe", "--orders", "2", "2", "1")
@@ -21,8 +24,11 @@ def made(tmp_path_factory):
     names = ("siso-5-elbow_pitch", "siso-5-shoulder_yaw")
     rates = ("--dropped", "0.002", "--invalid", "0.0005", "--silent", "0.002")
     formats = ("--format", "nc,csv,mat,1553,ascii", "--duration", "40")
-    assert main(["simulate", *names, *formats, *rates, "--out", str(folder)]) == 0
-    return folder
+    scenarios = [folder / f"{name}.toml" for name in names]
+    for path in scenarios:
+        path.write_text(replace(load(path.stem), hand_controller=LARGE_MOTION).to_toml(), encoding="utf-8")
+    assert main(["simulate", *map(str, scenarios), *formats, *rates, "--out", str(folder / "out")]) == 0
+    return folder / "out"
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from PIL import Image
 
 from hmtb_twin import JointLog, TwinError, load_arm, render, simulate
 from hmtb_twin.parameters.resources import model_file
+from hmtb_twin.parameters.values import LARGE_MOTION
 from hmtb_twin.run.playback import play
 from scenarios import Excitation, Scenario
 
@@ -29,7 +30,7 @@ def opengl():
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     fast = Excitation("sine", {"frequency": 0.5, "amplitude": 4.0})
-    (log,) = simulate([Scenario("swing", ("shoulder_yaw",), (fast,), duration=2.0)]).logs
+    (log,) = simulate([Scenario("swing", ("shoulder_yaw",), (fast,), duration=2.0, hand_controller=LARGE_MOTION)]).logs
     return log.save(tmp_path_factory.mktemp("film") / "swing.nc")
 
 

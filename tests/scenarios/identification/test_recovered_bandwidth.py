@@ -1,9 +1,12 @@
 """Bandwidths of a system that is known, recovered by every method, or refused with the reason."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios.experiments.registry import load
 from scenarios.identification.recovered_bandwidth import METHODS, NONPARAMETRIC, Recording, periodic, recover
 from sysid import IOData, Polynomials
@@ -11,6 +14,7 @@ from sysid.models import innovations_form
 
 DT = 0.02
 JOINT = "shoulder_pitch"
+SETTING = replace(load("siso-5-shoulder_pitch"), hand_controller=LARGE_MOTION)  # which holds no sample
 
 
 def recovered(method, *, pole=0.88, periodic=True, seed=1, noise=0.01):
@@ -23,7 +27,7 @@ def recovered(method, *, pole=0.88, periodic=True, seed=1, noise=0.01):
     u = np.tile(u, 120) if periodic else u
     y = lfilter(b, a, u) + noise * rng.standard_normal(len(u))
     record = IOData(u, y, DT)[200:].detrend()
-    return recover(Recording(JOINT, "5", seed, record, load("siso-5-shoulder_pitch")), method, true)
+    return recover(Recording(JOINT, "5", seed, record, SETTING), method, true)
 
 
 @pytest.mark.parametrize("method", [name for name in METHODS if name not in NONPARAMETRIC])
@@ -47,10 +51,10 @@ def test_a_noisy_command_repeats_all_the_same():
     u = np.tile(np.repeat(rng.choice([-1.0, 1.0], 50), 2), 40)
     noisy = u + 0.1 * rng.standard_normal(len(u))
     lone = np.repeat(rng.choice([-1.0, 1.0], 2000), 2)
-    assert periodic(IOData(u, u, DT))
-    assert periodic(IOData(noisy, noisy, DT))
-    assert not periodic(IOData(lone, lone, DT))
-    assert not periodic(IOData(u[:150], u[:150], DT)), "less than two periods tell nothing"
+    assert periodic(IOData(u, u, DT), 100)
+    assert periodic(IOData(noisy, noisy, DT), 100)
+    assert not periodic(IOData(lone, lone, DT), 100)
+    assert not periodic(IOData(u[:150], u[:150], DT), 100), "less than two periods tell nothing"
 
 
 @pytest.mark.parametrize("method", NONPARAMETRIC)
@@ -79,7 +83,7 @@ def test_a_bandwidth_below_the_excitation_is_not_claimed_but_told():
 
 def test_what_an_estimator_refuses_is_a_row_with_the_reason():
     record = IOData(np.arange(6.0) % 3, np.arange(6.0), DT)
-    estimate = recover(Recording(JOINT, "5", None, record, load("siso-5-shoulder_pitch")), "okid", 1.0)
+    estimate = recover(Recording(JOINT, "5", None, record, SETTING), "okid", 1.0)
     assert estimate.refused and "samples" in estimate.reasons[0]
 
 

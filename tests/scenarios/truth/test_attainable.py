@@ -6,7 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hmtb_twin import IDEAL, Chain, Plant, load_arm, simulate
+from hmtb_twin import IDEAL, Chain, Plant, Specimen, load_arm, simulate
+from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios import Scenario, load
 from scenarios.truth.attainable import attainable
 from scenarios.truth.noise_free import conditional_mean
@@ -17,7 +18,9 @@ from tests.refusals import refused
 
 
 def run(name, seeds=(1,), *, duration=60.0, **changes):
-    scenario = replace(load(name), duration=duration, **changes)
+    """Records of large motions, whose noise of a whole step makes rounding independent noise."""
+    own = {"hand_controller": LARGE_MOTION, "specimen": Specimen(resolver_noise=5.0), **changes}
+    scenario = replace(load(name), duration=duration, **own)
     return list(simulate([replace(scenario, seed=seed) for seed in seeds]))
 
 
@@ -134,7 +137,7 @@ def test_where_process_noise_shakes_friction_the_floor_is_that_of_the_mean_respo
     floors = attainable(log)
     assert floors.provenance["noise-free angles"] == "mean of 8 draws of process noise"
     still, variance = conditional_mean(
-        load_arm(plant=replace(plant, process_noise=0.0)),
+        load_arm(plant=replace(plant, process_noise=0.0), specimen=Specimen(resolver_noise=5.0)),
         load_arm().pose(log.provenance["pose"]),
         log.commanded,
         draws=2,
