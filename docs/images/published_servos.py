@@ -14,9 +14,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from hmtb_twin import JointTruth, Truth, linearize, load_arm
-from hmtb_twin.arm.arm_model import servo_gains
 from hmtb_twin.arm.controller_model import controller_model
 from hmtb_twin.parameters.drives import ACTUATORS
+from hmtb_twin.parameters.servo_gains import torque_gains
 from hmtb_twin.parameters.values import BUS, JOINTS, OPERATING_POSE, POSES, SAMPLE_TIME, SERVOS, Servo
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.published import EQUATIONS, PUBLISHED, PublishedModel
@@ -100,9 +100,10 @@ def coupled(joints: Sequence[str], servos: Mapping[str, Servo]) -> tuple[np.ndar
     k = [JOINTS.index(name) for name in joints]
     rigid, pose = controller_model("rpcm"), np.array(POSES[OPERATING_POSE])
     inertia, gravity = rigid.inertia_matrix(pose), rigid.gravity_gradient(pose)[np.ix_(k, k)]
-    gains = [servo_gains(float(inertia[i, i]), servos[JOINTS[i]], ACTUATORS[JOINTS[i]]) for i in k]
-    kp, kd = np.array(gains).T
-    lag, drag = np.array([(ACTUATORS[name].motor.lag, ACTUATORS[name].drag) for name in joints]).T
+    gains = [torque_gains(float(inertia[i, i]), servos[JOINTS[i]], ACTUATORS[JOINTS[i]]) for i in k]
+    kp, kd = np.array([(own.kp, own.kd) for own in gains]).T
+    drag = np.array([ACTUATORS[name].drag for name in joints])
+    lag = np.array([min(servos[name].torque_lag, ACTUATORS[name].motor.lag) for name in joints])
     inverse, none, one = np.linalg.inv(inertia[np.ix_(k, k)]), np.zeros((len(k), len(k))), np.eye(len(k))
     A = np.block(
         [

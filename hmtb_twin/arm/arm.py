@@ -12,10 +12,15 @@ from hmtb_twin.arm.arm_model import compile_arm, tuned_gains
 from hmtb_twin.arm.controller_model import ControllerModel, controller_model
 from hmtb_twin.arm.worksite_model import LATCH_WELD
 from hmtb_twin.files.errors import OverloadError, TwinError
-from hmtb_twin.hydraulics.equilibrium import drooping, inertia, lean_on_pins, weight_function
+from hmtb_twin.hydraulics import valve_equations as eq
+from hmtb_twin.hydraulics.callbacks import install_equations
+from hmtb_twin.hydraulics.drive_actuators import drive_parameters
+from hmtb_twin.hydraulics.equilibrium import PIN_STIFFNESSES, drooping, inertia, weight_function
+from hmtb_twin.hydraulics.valve_equilibrium import settled_arm
 from hmtb_twin.parameters.drives import Actuator, Drive
 from hmtb_twin.parameters.payloads import PAYLOADS, SEATS, WORKSITE_PAYLOADS
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
+from hmtb_twin.parameters.servo_gains import ServoGains
 from hmtb_twin.parameters.specimen import NOMINAL_SPECIMEN, Specimen
 from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, MOTIONS, POSES, Servo
 from hmtb_twin.parameters.variants import variant_named
@@ -39,7 +44,7 @@ class Arm:
             behind the arm's joints.
         drives: Drive of each joint under the conditions of the plant.
         servos: Servo of each joint.
-        gains: kp (N m/rad) and kd (N m s/rad) of each joint, as its servo has them.
+        gains: Gains of each joint's servo.
     """
 
     model: mujoco.MjModel
@@ -51,7 +56,7 @@ class Arm:
     worksite: bool
     drives: Mapping[str, Drive]
     servos: Mapping[str, Servo]
-    gains: Mapping[str, tuple[float, float]]
+    gains: Mapping[str, ServoGains]
 
     @property
     def actuators(self) -> Mapping[str, Actuator]:
@@ -102,9 +107,7 @@ class Arm:
         """Index of each servo valve's spool position in the activation vector, (7,); None without servo valves."""
         if self.plant.actuator != "orifice":
             return None
-        from hmtb_twin.hydraulics.valve_equations import SPOOL, STATES
-
-        return 1 + STATES * np.arange(len(JOINTS)) + SPOOL
+        return 1 + eq.STATES * np.arange(len(JOINTS)) + eq.SPOOL
 
     @property
     def supply_state(self) -> np.ndarray | None:
@@ -168,12 +171,7 @@ class Arm:
             position, rotation = self.controller.tool_pose(angles) if held else SEATS["holster"].seated
             data.qpos[len(JOINTS) : len(JOINTS) + 3] = position
             mujoco.mju_mat2Quat(data.qpos[len(JOINTS) + 3 :], rotation.ravel())
-        if self.plant.actuator == "orifice":
-            from hmtb_twin.hydraulics.orifice import install_valve_equations
-
-            install_valve_equations()
-            lean_on_pins(self.model, data)
-            data.qpos[: len(JOINTS)], data.act[:] = self._settled(command, data.qpos[: len(JOINTS)].copy())
+        install_equations()
         mujoco.mj_forward(self.model, data)
         return data
 
@@ -193,32 +191,29 @@ class Arm:
             pressure = f"at {self.plant.supply_pressure:g} MPa " if self.drives_kind == "hydraulic" else ""
             raise OverloadError(f"{pressure}the drives cannot hold the arm at this pose: {', '.join(short)}")
 
-    def _settled(self, command: np.ndarray, pinned: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Return angles (7,), rad, and activations at which the commanded arm rests.
-
-        Of `pinned`, the angles (7,) at which pins hold, only servo valves make use: linear actuators settle with their
-        pins.
-        """
+    def _settled(self, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return angles (7,), rad, and activations at which the commanded arm rests."""
         feedforward = self.controller.gravity_torque(command[None])[0]
         if self.plant.actuator == "orifice":
-            from hmtb_twin.hydraulics.orifice import settled_arm
-
-            return settled_arm(self.model, command, feedforward, self.weight, pinned)
+            return settled_arm(self.model, command, feedforward, self._load)
         if self.specimen.as_designed:
             # The feedforward torque is exactly the weight.
             return command, self._activations(feedforward)
-        stiffness = np.array([self.gains[name][0] for name in JOINTS])
-        angles, torque = drooping(
-            self._in_free_space, self._weight_function, command, feedforward, stiffness, self._activations
-        )
+        p = drive_parameters(self.model)
+        opened, resisted = p[:, eq.FEED] + p[:, eq.PRESSURE_GAIN], p[:, eq.SLOPE] + p[:, eq.PRESSURE_GAIN]
+        angles, torque = drooping(self._load, command, feedforward, p[:, eq.STIFFNESS] * opened / resisted)
         return angles, self._activations(torque)
 
     def _activations(self, torque: np.ndarray) -> np.ndarray:
         """Return the activations at which linear drives exert torques (7,), N m."""
-        act = np.zeros(self.model.na)
-        constant = np.array([self.drives[name].motor.constant for name in JOINTS])
-        act[self.pressure_states] = torque / constant
-        return act
+        states = np.zeros((len(JOINTS), eq.LINEAR_STATES))
+        pressure = torque / np.array([self.drives[name].motor.constant for name in JOINTS])
+        states[:, eq.LINEAR_FILTERED] = states[:, eq.LINEAR_LOAD] = pressure
+        return states.ravel()
+
+    def _load(self, angles: np.ndarray) -> np.ndarray:
+        """Return the torques (7,), N m, that hold this specimen at angles (7,), rad, against its weight and its pin."""
+        return self.weight(angles) + PIN_STIFFNESSES * angles
 
     def weight(self, angles: np.ndarray) -> np.ndarray:
         """Return the torques (7,), N m, that hold this specimen at joint angles (7,), rad."""
@@ -275,11 +270,8 @@ def load_arm(
     check_arm(variant, payload, plant, worksite=bool(worksite), specimen=specimen)
     if not friction:
         plant = plant.sliding
-    if plant.actuator == "orifice":
-        from hmtb_twin.hydraulics.orifice import install_valve_equations
-
-        # MuJoCo needs the equations for arms from the cache, too.
-        install_valve_equations()
+    # MuJoCo needs the equations for arms from the cache, too.
+    install_equations()
     return _load(variant, payload, plant, specimen, bool(worksite))
 
 
@@ -312,7 +304,7 @@ def check_arm(
 def _load(name: str, payload: str, plant: Plant, specimen: Specimen, worksite: bool) -> Arm:
     variant = variant_named(name)
     drives = {joint: specimen.applied(joint, plant.applied(drive)) for joint, drive in variant.actuators.items()}
-    gains = {joint: specimen.gains(joint, tuned) for joint, tuned in tuned_gains(variant).items()}
+    gains = {joint: specimen.gains(joint, tuned) for joint, tuned in tuned_gains(variant, plant).items()}
     return Arm(
         model=compile_arm(name, payload, plant, specimen, drives, gains, worksite),
         controller=controller_model(payload, name),

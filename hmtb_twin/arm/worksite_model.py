@@ -16,14 +16,14 @@ TOUCH_SENSOR = "unit_touch"
 """Sensor of the sum of normal contact forces between unit and worksite, N, with its history over the last tick."""
 
 
-def worksite_spec(timestep: float | None = None) -> mujoco.MjSpec:
+def worksite_spec(timestep: float) -> mujoco.MjSpec:
     """Return the scene with the unit as a free body.
 
     Contact is on between the unit and walls, guides and panel, and between the unit and the finger tips, nowhere else.
     The latch is a stiff weld, open at first.
 
     Args:
-        timestep: Physics step, s; the scene's own by default.
+        timestep: Physics step, s.
 
     Returns:
         The scene, its keyframes left out: their state would not fit the free body.
@@ -31,8 +31,7 @@ def worksite_spec(timestep: float | None = None) -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_file(str(model_file("hmtb/scene.xml")))
     for key in list(spec.keys):
         spec.delete(key)
-    if timestep is not None:
-        spec.option.timestep = timestep
+    spec.option.timestep = timestep
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     _free(spec)
     _fingers(spec)

@@ -1,6 +1,7 @@
-"""Equations of the orifice actuators: plain functions of numbers and arrays, which Numba compiles unchanged.
+"""Equations of the drives, linear and with servo valves: plain functions, which Numba compiles unchanged.
 
 Units are MPa, cm^3 and s throughout, so that states have order one and displacement times pressure is a torque in N m.
+Of an electric drive, current stands for pressure and voltage for flow.
 """
 
 from collections.abc import Mapping
@@ -8,24 +9,8 @@ from math import exp, sqrt
 from typing import Any
 
 import numpy as np
-
-try:
-    from numba import carray, cfunc, types
-    from numba.extending import register_jitable
-# An incompatible installation fails with AttributeError, SystemError or OSError.
-except Exception as error:  # The equations themselves need no compiler; `orifice` reports what is missing.
-    COMPILER = False
-    FAULT = (
-        "is not installed"
-        if isinstance(error, ModuleNotFoundError) and error.name == "numba"
-        else f"cannot be loaded ({type(error).__name__}: {error})"
-    )
-
-    def register_jitable(function: Any) -> Any:
-        """Return a function unchanged."""
-        return function
-else:
-    COMPILER, FAULT = True, ""
+from numba import carray, cfunc, types
+from numba.extending import register_jitable
 
 (
     COUNT,
@@ -59,20 +44,34 @@ else:
     DROOP,
     PUMP,
     CAPACITY,
-) = range(31)
-"""Places of a valve's parameters in its `user` array."""
+    SLOPE,
+    FEED,
+    LARGEST,
+    LIMIT,
+    SLIP,
+) = range(36)
+"""Places of a drive's parameters in its `user` array; the two forms share those that both have."""
 
-PARAMETERS = 31
+PARAMETERS = 36
 """Length of that array."""
 
-MARK = 418.75
-"""First dynamics parameter that marks the valves of this package."""
+VALVE_MARK = 418.75
+"""First dynamics parameter that marks the servo valves of this package."""
+
+LINEAR_MARK = 419.75
+"""First dynamics parameter that marks its linear drives."""
 
 STATES = 6
-"""States of a joint: spool, its velocity, bristles, filtered load pressure, mean and load pressure; the last drives."""
+"""States of a servo valve's joint: spool, its velocity, bristles, filtered load pressure, mean and load pressure."""
 
 SPOOL, SPOOL_VELOCITY, BRISTLES, FILTERED, MEAN, LOAD = range(STATES)
-"""Places of a joint's states; the supply pressure that all joints share stands before those of the first joint."""
+"""Places of these states; the supply pressure that all joints share stands before those of the first joint."""
+
+LINEAR_STATES = 3
+"""States of a linear drive's joint."""
+
+LINEAR_BRISTLES, LINEAR_FILTERED, LINEAR_LOAD = range(LINEAR_STATES)
+"""Places of these states: bristles, filtered load pressure, load pressure. The last state drives in both forms."""
 
 
 @register_jitable
@@ -108,17 +107,25 @@ def check_flow(p: np.ndarray, pressure: float) -> float:
 
 
 @register_jitable
-def spool_command(p: np.ndarray, torque: float, load: float, filtered: float, velocity: float) -> float:
-    """Spool command of the amplifier: flow to reach the wanted load pressure, to cover leakage and to move the joint.
+def servo_flow(
+    p: np.ndarray, standing: float, position: float, feedforward: float, load: float, filtered: float, velocity: float
+) -> float:
+    """Flow that a servo asks for: to move the joint, to reach the wanted load pressure and to cover what that takes.
 
-    K (T/D - P) + C T/D + c D w - K' (P - P_filtered), c the part of the load flow that is compensated: the last term,
-    dynamic pressure feedback, fades within the washout time and damps the oil's resonance without letting a standing
-    load move the joint [Merritt1967].
+    F u/D + S f/D + G ((u + f)/D - P) + c D w - G' (P - P_filtered), with the position torque u and the feedforward f,
+    the flow S that a standing load takes per pressure, and c the part of the load flow that is compensated. The last
+    term, dynamic pressure feedback, fades within the washout time and damps the oil's resonance without letting a
+    standing load move the joint [Merritt1967].
     """
-    wanted = torque / p[DISPLACEMENT]
-    flow = p[PRESSURE_GAIN] * (wanted - load) + p[LEAKAGE] * wanted
+    flow = (p[FEED] * position + standing * feedforward) / p[DISPLACEMENT]
+    flow += p[PRESSURE_GAIN] * ((position + feedforward) / p[DISPLACEMENT] - load)
     flow += p[COMPENSATED] * p[DISPLACEMENT] * velocity
-    flow -= p[DYNAMIC_GAIN] * (load - filtered)
+    return flow - p[DYNAMIC_GAIN] * (load - filtered)
+
+
+@register_jitable
+def spool_command(p: np.ndarray, flow: float) -> float:
+    """Return the spool command, part of the stroke, of the amplifier for a flow."""
     return min(max(p[OPEN] * flow / p[RATED], -1.0), 1.0)
 
 
@@ -132,12 +139,10 @@ def bristle_rate(p: np.ndarray, bristles: float, velocity: float) -> float:
     if p[BRISTLE] == 0.0:
         return -p[BRISTLE_RATE] * bristles
     level = p[COULOMB] + (p[STATIC] - p[COULOMB]) * exp(-((velocity / p[STRIBECK]) ** 2))
-    settled = level / p[BRISTLE]
-    rate = abs(velocity) / settled
-    rate = rate / sqrt(1.0 + (rate / p[BRISTLE_RATE]) ** 2)
-    if velocity == 0.0:
-        return 0.0
-    return rate * (settled * (1.0 if velocity > 0.0 else -1.0) - bristles)
+    # |w| with a smooth reversal, which an integrator of fourth order needs.
+    speed = velocity * velocity / sqrt(velocity * velocity + p[SLIP] * p[SLIP])
+    rate = speed * p[BRISTLE] / level
+    return (velocity - rate * bristles) / sqrt(1.0 + (rate / p[BRISTLE_RATE]) ** 2)
 
 
 @register_jitable
@@ -160,20 +165,27 @@ def supply_rate(p: np.ndarray, supply: float, drawn: float) -> float:
 
 @register_jitable
 def joint_rates(
-    p: np.ndarray, state: np.ndarray, supply: float, torque: float, velocity: float, rates: np.ndarray
+    p: np.ndarray,
+    state: np.ndarray,
+    supply: float,
+    position: float,
+    feedforward: float,
+    velocity: float,
+    rates: np.ndarray,
 ) -> None:
-    """Write the rates of one joint's states.
+    """Write the rates of the states of one servo valve's joint.
 
     Args:
         p: Parameters of its valve (PARAMETERS,).
         state: Its states (STATES,).
         supply: Supply pressure, MPa.
-        torque: Torque that the position servo asks for, N m.
+        position: Position torque of the servo, N m.
+        feedforward: Its feedforward torque, N m.
         velocity: Joint velocity, rad/s.
         rates: Where the rates (STATES,) go.
     """
     x, v, mean, load = state[SPOOL], state[SPOOL_VELOCITY], state[MEAN], state[LOAD]
-    command = spool_command(p, torque, load, state[FILTERED], velocity)
+    command = spool_command(p, servo_flow(p, p[LEAKAGE], position, feedforward, load, state[FILTERED], velocity))
     stopped = (x >= 1.0 and v > 0.0) or (x <= -1.0 and v < 0.0)
     a, b = mean + 0.5 * load, mean - 0.5 * load
     supply_a, a_return, supply_b, b_return = land_flows(p, x, supply, a, b)
@@ -189,9 +201,40 @@ def joint_rates(
 
 
 @register_jitable
-def servo_torque(p: np.ndarray, command: float, feedforward: float, angle: float, velocity: float) -> float:
-    """Torque command of the position servo, N m."""
-    return p[STIFFNESS] * (command - angle) - p[DAMPER] * velocity + feedforward
+def linear_rates(
+    p: np.ndarray, state: np.ndarray, position: float, feedforward: float, velocity: float, rates: np.ndarray
+) -> None:
+    """Write the rates of the states of a linear drive's joint.
+
+    The valve passes the flow that the servo asks for, up to its largest, less what the load pressure takes along the
+    straight line from no-load flow to stall and through the leakage [Merritt1967, ch. 5 and 6].
+
+    Args:
+        p: Parameters of its drive (PARAMETERS,).
+        state: Its states (LINEAR_STATES,).
+        position: Position torque of the servo, N m.
+        feedforward: Its feedforward torque, N m.
+        velocity: Joint velocity, rad/s.
+        rates: Where the rates (LINEAR_STATES,) go.
+    """
+    load = state[LINEAR_LOAD]
+    flow = servo_flow(p, p[SLOPE], position, feedforward, load, state[LINEAR_FILTERED], velocity)
+    flow = min(max(flow, -p[LARGEST]), p[LARGEST])
+    rates[LINEAR_BRISTLES] = bristle_rate(p, state[LINEAR_BRISTLES], velocity)
+    rates[LINEAR_FILTERED] = (load - state[LINEAR_FILTERED]) / p[WASHOUT]
+    rates[LINEAR_LOAD] = (flow - p[SLOPE] * load - p[DISPLACEMENT] * velocity) / (0.5 * p[CHAMBER])
+
+
+@register_jitable
+def beyond_limit(p: np.ndarray, load: float) -> float:
+    """Torque by which the load pressure of a linear drive exceeds the largest one, N m: the drive does not exert it."""
+    return p[DISPLACEMENT] * (load - min(max(load, -p[LIMIT]), p[LIMIT]))
+
+
+@register_jitable
+def position_torque(p: np.ndarray, command: float, angle: float, velocity: float) -> float:
+    """Position torque of the servo, N m: its command without the feedforward."""
+    return p[STIFFNESS] * (command - angle) - p[DAMPER] * velocity
 
 
 @register_jitable
@@ -225,18 +268,18 @@ def arm_rates(
     rates[0] = supply_rate(parameters[0], act[0], drawn_flow(parameters, act))
     for j, p in enumerate(parameters):
         own = slice(1 + j * STATES, 1 + (j + 1) * STATES)
-        torque = servo_torque(p, control[2 * j], control[2 * j + 1], angle[j], velocity[j])
-        joint_rates(p, act[own], act[0], torque, velocity[j], rates[own])
+        position = position_torque(p, control[2 * j], angle[j], velocity[j])
+        joint_rates(p, act[own], act[0], position, control[2 * j + 1], velocity[j], rates[own])
     return rates
 
 
 def compiled_callbacks(offsets: Mapping[str, int], *, cached: bool = True) -> tuple[Any, Any]:
-    """Compile the activation dynamics and the bias force of the orifice actuators for MuJoCo.
+    """Compile the activation dynamics and the bias force of the drives for MuJoCo.
 
-    An arm's actuators stand first in its model, for each joint the valve and then the input of its feedforward torque.
-    Each valve's call writes the rates of its states, the first one's also that of the supply pressure. Other actuators,
-    without `MARK`, are not touched. Everything is read from the two structures, so that any number of threads may call
-    at the same time.
+    An arm's drives stand first in its model, for each joint the drive and then the input of its feedforward torque.
+    Each drive's call writes the rates of its states, that of the first servo valve also the supply pressure's. Other
+    actuators, without a mark, are not touched. Everything is read from the two structures, so that any number of
+    threads may call at the same time.
 
     Args:
         offsets: Byte offsets of the arrays, from `struct_offsets`.
@@ -256,25 +299,38 @@ def compiled_callbacks(offsets: Mapping[str, int], *, cached: bool = True) -> tu
 
     # Numba keys its cache on this file and on the variables closed over, the offsets among them.
     @cfunc(signature, cache=cached)
-    def rates(model, data, valve):  # type: ignore[no-untyped-def]
-        if model[dynprm][10 * valve] != MARK:
+    def rates(model, data, drive):  # type: ignore[no-untyped-def]
+        mark = model[dynprm][10 * drive]
+        if mark != LINEAR_MARK and mark != VALVE_MARK:
             return 0.0
-        n, j = int(model[user][COUNT]), valve // 2
+        n, j, speed = int(model[user][COUNT]), drive // 2, data[velocity][drive]
         parameters = carray(model[user], (n, 2, PARAMETERS))[:, 0, :]
+        p = parameters[j]
+        position = position_torque(p, data[ctrl][drive], data[length][drive], speed)
+        forward = data[ctrl][drive + 1]
+        if mark == LINEAR_MARK:
+            own = slice(j * LINEAR_STATES, (j + 1) * LINEAR_STATES)
+            states, slopes = carray(data[act], (n * LINEAR_STATES,)), carray(data[act_dot], (n * LINEAR_STATES,))
+            linear_rates(p, states[own], position, forward, speed, slopes[own])
+            return 0.0
+        own = slice(1 + j * STATES, 1 + (j + 1) * STATES)
         states, slopes = carray(data[act], (1 + n * STATES,)), carray(data[act_dot], (1 + n * STATES,))
-        p, first, speed = parameters[j], 1 + j * STATES, data[velocity][valve]
-        torque = servo_torque(p, data[ctrl][valve], data[ctrl][valve + 1], data[length][valve], speed)
-        joint_rates(p, states[first : first + STATES], states[0], torque, speed, slopes[first : first + STATES])
+        joint_rates(p, states[own], states[0], position, forward, speed, slopes[own])
         if j == 0:
             slopes[0] = supply_rate(p, states[0], drawn_flow(parameters, states))
         return 0.0
 
     @cfunc(signature, cache=cached)
-    def bias(model, data, valve):  # type: ignore[no-untyped-def]
-        if model[dynprm][10 * valve] != MARK:
+    def bias(model, data, drive):  # type: ignore[no-untyped-def]
+        mark = model[dynprm][10 * drive]
+        if mark != LINEAR_MARK and mark != VALVE_MARK:
             return 0.0
-        n, j = int(model[user][COUNT]), valve // 2
+        n, j, speed = int(model[user][COUNT]), drive // 2, data[velocity][drive]
         p = carray(model[user], (n, 2, PARAMETERS))[j, 0]
-        return -friction_torque(p, data[act][1 + j * STATES + BRISTLES], data[velocity][valve])
+        if mark == LINEAR_MARK:
+            first = j * LINEAR_STATES
+            lost = beyond_limit(p, data[act][first + LINEAR_LOAD])
+            return -friction_torque(p, data[act][first + LINEAR_BRISTLES], speed) - lost
+        return -friction_torque(p, data[act][1 + j * STATES + BRISTLES], speed)
 
     return rates, bias

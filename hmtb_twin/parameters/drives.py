@@ -1,10 +1,9 @@
 """Joint drives: hydraulic actuators with their oil and friction, geared electric drives."""
 
 from dataclasses import dataclass, field, replace
-from math import exp, log, log10, radians, sqrt
+from math import exp, inf, log, log10, radians, sqrt
 
 from hmtb_twin.parameters.quantity import quantity
-from hmtb_twin.parameters.values import JOINTS
 
 COLDEST, HOTTEST = 0.0, 100.0
 """Temperatures between which the viscosity law is used, degrees Celsius."""
@@ -77,7 +76,7 @@ class Hydraulics:
     """The oil and its supply."""
 
     supply_pressure: float = quantity(20.7, "MPa", "analogue", "Titan 4 manual, 1500-3000 psi")
-    return_pressure: float = quantity(3.4, "MPa", "analogue", "Titan 4 manual, 500 psi")
+    return_pressure: float = quantity(0.5, "MPa", "assumed", "0.3 to 0.7 MPa; 500 psi of the Titan 4 manual is a maximum")
     bulk_modulus: float = quantity(700.0, "MPa", "assumed", "other models take 300 (hoses, air) to 1550 (oil)")
     leakage: float = quantity(
         0.015, "1", "assumed", "internal leakage at rated pressure and 40 degrees Celsius, part of the rated flow"
@@ -96,19 +95,38 @@ RATED_PRESSURE = Hydraulics().pressure
 
 @dataclass(frozen=True)
 class Friction:
-    """Friction as parts of the rated torque: LuGre [Canudas1995] or, without bristles, Coulomb; and the oil's drag."""
+    """Friction as parts of the rated torque: dry friction of the seals [Canudas1995], and the oil's drag."""
 
     coulomb: float = quantity(
-        0.01, "1", "derived", "part of maximum torque; published pitch DC gains near one allow little"
+        0.001,
+        "1",
+        "assumed",
+        "part of maximum torque; manipulators lose 0.1 to 10 %, printed pitch DC gains near one allow little",
     )
     static_ratio: float = quantity(1.5, "1", "assumed", "breakaway over Coulomb torque of lip seals")
     stribeck_velocity: float = quantity(radians(1.5), "rad/s", "assumed", "1 to 2 deg/s")
+    slip_velocity: float = quantity(
+        0.002, "rad/s", "assumed", "below it the bristles hardly slip: a smooth reversal, far below Stribeck's velocity"
+    )
     presliding: float = quantity(1e-3, "rad", "assumed", "bristle deflection at Coulomb torque: 30 um at the rack")
-    bristle_time: float = quantity(0.01, "s", "assumed", "bristle damping over bristle stiffness")
+    bristle_time: float = quantity(0.0004, "s", "assumed", "bristle damping over stiffness; passive by a wide margin")
     viscous: float = quantity(
         0.01, "1", "assumed", "the oil's drag at no-load speed and 40 degrees Celsius, part of maximum torque"
     )
-    bristles: bool = True
+
+    def bristles(self, coulomb: float, drag: float) -> tuple[float, float]:
+        """Return stiffness, N m/rad, and damping, N m s/rad, of the bristles of a joint.
+
+        The damping is at most drag Fc / (Fs - Fc): up to there the friction takes energy at every instant
+        [Barahanov2000].
+
+        Args:
+            coulomb: Coulomb torque Fc of the joint, N m.
+            drag: Its viscous friction, N m s/rad.
+        """
+        stiffness = coulomb / self.presliding
+        passive = drag / (self.static_ratio - 1.0) if self.static_ratio > 1.0 else inf
+        return stiffness, min(stiffness * self.bristle_time, passive)
 
 
 @dataclass(frozen=True)
@@ -123,8 +141,12 @@ class Actuator:
     displacement: float = quantity(
         0.0, "cm3/rad", "assumed", "stall torques near 1000, 430, 170 N m; Titan 4, Atlas 7R wrists 170, 205 N m"
     )
-    trapped_volume: float = quantity(0.0, "cm3", "assumed", "both chambers and lines")
-    no_load_speed: float = quantity(0.0, "rad/s", "assumed", "rated flow 18 (shoulder), 7.5 (elbow), 4.8 L/min (wrist)")
+    trapped_volume: float = quantity(
+        0.0, "cm3", "derived", "both chambers and lines: 1.2 times displacement times range"
+    )
+    no_load_speed: float = quantity(
+        0.0, "rad/s", "assumed", "3 to 4 times the velocity limit; rated flows 5.4, 3 and 1.8 L/min within one pump's"
+    )
     hydraulics: Hydraulics = field(default_factory=Hydraulics)
     friction: Friction | None = field(default_factory=Friction)
     valve_open: bool = True
@@ -143,6 +165,11 @@ class Actuator:
     def coulomb_torque(self) -> float:
         """Coulomb friction, N m."""
         return self.friction.coulomb * self.rated_torque if self.friction else 0.0
+
+    @property
+    def breakaway_torque(self) -> float:
+        """Largest dry friction at rest, N m."""
+        return self.friction.static_ratio * self.coulomb_torque if self.friction else 0.0
 
     @property
     def drag(self) -> float:
@@ -198,11 +225,24 @@ class Actuator:
         return replace(self, valve_open=False)
 
 
-_SHOULDER = Actuator(60.0, 100.0, 5.0)
-_ELBOW = Actuator(25.0, 60.0, 5.0)
-_WRIST = Actuator(10.0, 40.0, 8.0)
+@dataclass(frozen=True)
+class YawFriction(Friction):
+    """Seals of the shoulder yaw, which rub more than those of the pitches."""
 
-ACTUATORS = dict(zip(JOINTS, (_SHOULDER,) * 3 + (_ELBOW,) + (_WRIST,) * 3, strict=True))
+    coulomb: float = quantity(
+        0.006, "1", "assumed", "part of maximum torque; at small motion it gives the slow printed yaw models"
+    )
+
+
+ACTUATORS = {
+    "shoulder_roll": Actuator(60.0, 455.0, 1.5),
+    "shoulder_yaw": Actuator(60.0, 228.0, 1.5, friction=YawFriction()),
+    "shoulder_pitch": Actuator(60.0, 228.0, 1.5),
+    "elbow_pitch": Actuator(25.0, 80.0, 2.0),
+    "wrist_pitch": Actuator(10.0, 40.0, 3.0),
+    "wrist_yaw": Actuator(10.0, 40.0, 3.0),
+    "wrist_roll": Actuator(10.0, 76.0, 3.0),
+}
 """The actuator of each joint."""
 
 
@@ -255,6 +295,11 @@ class ElectricDrive:
     def coulomb_torque(self) -> float:
         """Coulomb friction, N m."""
         return self.friction.coulomb * self.rated_torque if self.friction else 0.0
+
+    @property
+    def breakaway_torque(self) -> float:
+        """Largest dry friction at rest, N m."""
+        return self.friction.static_ratio * self.coulomb_torque if self.friction else 0.0
 
     @property
     def drag(self) -> float:

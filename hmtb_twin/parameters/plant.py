@@ -11,7 +11,10 @@ ACTUATOR_FORMS = ("linear", "orifice")
 """Fidelities of the actuators: a linear load-flow characteristic, or a servo valve with square-root orifices."""
 
 FRICTIONS = ("none", "viscous", "coulomb", "lugre")
-"""Friction of the joints: none; viscous drag of the oil; drag and Coulomb friction; drag and LuGre friction."""
+"""Friction of the joints: none; viscous drag of the oil; drag and Dahl's model of Coulomb friction; drag and LuGre."""
+
+SERVOS = ("variant", "flow", "torque")
+"""Servo laws: that of the variant; the position error opens the valve; or it asks for a torque."""
 
 
 @dataclass(frozen=True)
@@ -20,6 +23,7 @@ class Plant:
 
     Attributes:
         actuator: One of `ACTUATOR_FORMS`.
+        servo: One of `SERVOS`.
         friction: One of `FRICTIONS`.
         friction_level: Dry friction, in multiples of the variant's.
         supply_pressure: Pressure of the supply, MPa.
@@ -29,6 +33,7 @@ class Plant:
     """
 
     actuator: str = "linear"
+    servo: str = "variant"
     friction: str = "lugre"
     friction_level: float = 1.0
     supply_pressure: float = Hydraulics.supply_pressure
@@ -36,7 +41,7 @@ class Plant:
     process_noise: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, known in (("actuator", ACTUATOR_FORMS), ("friction", FRICTIONS)):
+        for name, known in (("actuator", ACTUATOR_FORMS), ("servo", SERVOS), ("friction", FRICTIONS)):
             choice = getattr(self, name)
             if not isinstance(choice, str) or choice not in known:
                 raise TwinError(f"plant: unknown {name} {choice!r}, available: {', '.join(known)}")
@@ -71,9 +76,9 @@ class Plant:
         return replace(drive, hydraulics=oil, friction=self._friction(drive.friction))
 
     def _check_no_oil(self) -> None:
-        for name in ("actuator", "supply_pressure", "oil_temperature"):
+        for name in ("actuator", "servo", "supply_pressure", "oil_temperature"):
             value, nominal = getattr(self, name), getattr(type(self), name)
-            if value != nominal:
+            if value not in (nominal, "torque"):
                 raise TwinError(
                     f"plant: {name} = {value!r} given, but the drives of this arm are electric, without valves and "
                     f"oil; expected the nominal {nominal!r}. friction, friction_level and process_noise apply"
@@ -83,8 +88,9 @@ class Plant:
         if seals is None or self.friction == "none":
             return None
         dry = 0.0 if self.friction == "viscous" else self.friction_level * seals.coulomb
-        return replace(seals, coulomb=dry, bristles=self.friction == "lugre" and dry > 0.0)
+        # Without Stribeck's peak LuGre friction is Dahl's.
+        return replace(seals, coulomb=dry, static_ratio=1.0 if self.friction == "coulomb" else seals.static_ratio)
 
 
 NOMINAL_PLANT = Plant()
-"""Linear actuators with LuGre friction at the nominal pressure and temperature, without process noise."""
+"""Linear actuators on the variant's servo, LuGre friction, nominal pressure and temperature, no process noise."""

@@ -20,7 +20,7 @@ class ServoValve:
     laminar below the transition pressure.
     """
 
-    frequency: float = quantity(60.0, "Hz", "assumed", "second-order spool; 40 to 100 Hz are plausible")
+    frequency: float = quantity(60.0, "Hz", "assumed", "second-order spool; 60 to 150 Hz are plausible")
     damping: float = quantity(0.7, "1", "assumed", "of the spool; a common choice")
     underlap: float = quantity(0.0, "1", "assumed", "part of the stroke; negative for overlap, a dead band")
     clearance: float = quantity(0.01, "1", "assumed", "radial gap as part of the stroke; null leakage half of it")
@@ -105,7 +105,7 @@ class PowerUnit:
     capacity dp/dt = droop (set pressure - p), between nothing and the pump's largest flow, less what the valves draw.
     """
 
-    largest_flow: float = quantity(500.0, "cm3/s", "assumed", "30 L/min; all joints at full flow would need 76 L/min")
+    largest_flow: float = quantity(500.0, "cm3/s", "assumed", "30 L/min; all joints at full flow take 25 L/min")
     droop: float = quantity(250.0, "cm3/(s MPa)", "assumed", "full flow 2 MPa below the set pressure")
     capacity: float = quantity(20.0, "cm3/MPa", "assumed", "1 L gas-charged to half the pressure, V/(n p)")
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.drives import Drive, ElectricDrive
+from hmtb_twin.parameters.servo_gains import ServoGains
 from hmtb_twin.parameters.values import JOINTS, LINKS, RECORDER, Recorder
 
 LINK_NAMES = tuple(LINKS)
@@ -136,14 +137,11 @@ class Specimen:
         if drive.friction is None or dry == drag == 1.0:
             return drive
         seals = drive.friction
-        coulomb = dry * seals.coulomb
-        seals = replace(seals, coulomb=coulomb, viscous=drag * seals.viscous, bristles=seals.bristles and coulomb > 0.0)
-        return replace(drive, friction=seals)
+        return replace(drive, friction=replace(seals, coulomb=dry * seals.coulomb, viscous=drag * seals.viscous))
 
-    def gains(self, joint: str, tuned: tuple[float, float]) -> tuple[float, float]:
-        """Return kp and kd of a joint's servo on this arm from the tuned ones."""
-        kp, kd = tuned
-        return self._of_joint("kp", joint) * kp, self._of_joint("kd", joint) * kd
+    def gains(self, joint: str, tuned: ServoGains) -> ServoGains:
+        """Return the gains of a joint's servo on this arm from the tuned ones."""
+        return tuned._replace(kp=self._of_joint("kp", joint) * tuned.kp, kd=self._of_joint("kd", joint) * tuned.kd)
 
     def bodies(
         self, masses: np.ndarray, centres: np.ndarray, moments: np.ndarray

@@ -20,6 +20,20 @@ JOINTS = (
 INDEXED_JOINTS = ("shoulder_roll",)
 """Joints held by a pin at an index position [Morris1996, I.2]."""
 
+@dataclass(frozen=True)
+class Pin:
+    """The pin of an indexed joint: a stiff spring, with an inertia beside which the step resolves it.
+
+    Its mode lies at 100 rad/s, critically damped; under the arm's weight it yields some 1e-8 rad.
+    """
+
+    stiffness: float = quantity(1e10, "N m/rad", "assumed", "rigid: a joint yields some 1e-8 rad")
+    inertia: float = quantity(1e6, "kg m2", "assumed", "of no machine part: a constraint would cost a fifth of a step")
+    damping: float = quantity(2e8, "N m s/rad", "assumed", "critical")
+
+
+PIN = Pin()
+
 STUDIED_JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
 """The three joints that the thesis identified."""
 
@@ -71,7 +85,13 @@ class Servo:
 
     slow_pole: float = quantity(-6.7, "rad/s", "derived", "published models: poles near -6..-9, bandwidth about 1 Hz")
     fast_pole: float = quantity(
-        -36.0, "rad/s", "assumed", "published -28..-44; more damping outward, see point 6 above"
+        -36.0, "rad/s", "assumed", "torque servo: published -28..-44; more damping outward, see point 6 above"
+    )
+    torque_lag: float = quantity(
+        0.003, "s", "assumed", "torque servo: longest lag of the load pressure behind its command"
+    )
+    oil_damping: float = quantity(
+        0.7, "1", "assumed", "flow servo: least damping ratio of the oil's resonance, by dynamic pressure feedback"
     )
 
 

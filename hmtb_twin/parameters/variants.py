@@ -19,7 +19,8 @@ from types import MappingProxyType
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.drives import ACTUATORS, Actuator, Drive, ElectricDrive, Friction
 from hmtb_twin.parameters.quantity import quantity
-from hmtb_twin.parameters.values import BUS, JOINTS, LINKS, SERVOS, BusTerminal, Link, Servo
+from hmtb_twin.parameters.servo_valve import POWER_UNIT
+from hmtb_twin.parameters.values import BUS, JOINTS, LINKS, MOTIONS, SERVOS, BusTerminal, Link, Servo
 
 
 @dataclass(frozen=True)
@@ -44,23 +45,23 @@ class LightFriction(Friction):
     """Seals that a soft servo still overcomes."""
 
     coulomb: float = quantity(
-        0.01, "1", "derived", "as the nominal arm's beside the servo's stiffness: the printed DC gain is above one"
+        0.001, "1", "derived", "little beside the servo's stiffness: the printed DC gain is above one"
     )
 
 
 PUBLISHED_SERVOS: Mapping[str, Servo] = MappingProxyType(
     {
         **SERVOS,
-        "shoulder_yaw": FittedServo(-1.004, -34.84),
-        "shoulder_pitch": FittedServo(-6.138, -63.36),
-        "elbow_pitch": FittedServo(-6.450, -55.68),
-        "wrist_pitch": SlowServo(-5.966, SERVOS["wrist_pitch"].fast_pole),
+        "shoulder_yaw": FittedServo(-1.002, -36.50),
+        "shoulder_pitch": FittedServo(-6.320, -54.30),
+        "elbow_pitch": FittedServo(-6.410, -64.87),
+        "wrist_pitch": SlowServo(-5.879, SERVOS["wrist_pitch"].fast_pole),
     }
 )
 """The servo of each joint."""
 
 PUBLISHED_ACTUATORS: Mapping[str, Actuator] = MappingProxyType(
-    {**ACTUATORS, "shoulder_yaw": replace(ACTUATORS["shoulder_yaw"], friction=LightFriction(0.0015))}
+    {**ACTUATORS, "shoulder_yaw": replace(ACTUATORS["shoulder_yaw"], friction=LightFriction(0.0001))}
 )
 """The drive of each joint: nominal but for the shoulder yaw's seals.
 
@@ -126,6 +127,9 @@ FLIGHT_SERVOS: Mapping[str, Servo] = MappingProxyType(
 """The servo of each joint."""
 
 
+LEAST_VOLUME = 1.2
+"""Least trapped volume of an actuator over the volume that its joint sweeps: chambers, ports and lines."""
+
 EARTH = 9.81
 """Acceleration of gravity that the arm feels on the ground, m/s^2."""
 
@@ -142,8 +146,8 @@ class Variant:
         actuators: Drive of each joint.
         servos: Servo of each joint.
         bus: Bus terminal of each joint.
-        step: Physics step in free space, s, a whole part of a tick; servo valves have one of their own. The default is
-            that of the model's file.
+        servo: Servo law, "flow" or "torque"; a `Plant` may ask for the other one.
+        steps: Physics steps of a tick in free space with a servo that asks for a torque.
     """
 
     name: str
@@ -153,14 +157,42 @@ class Variant:
     actuators: Mapping[str, Drive] = field(default_factory=lambda: ACTUATORS)
     servos: Mapping[str, Servo] = field(default_factory=lambda: SERVOS)
     bus: Mapping[str, BusTerminal] = field(default_factory=lambda: BUS)
-    step: float = 0.0005
+    servo: str = "torque"
+    steps: int = 16
+
+    def __post_init__(self) -> None:
+        """Raise `TwinError` for hydraulics that cannot be."""
+        hydraulic = {name: drive for name, drive in self.actuators.items() if isinstance(drive, Actuator)}
+        for name, actuator in hydraulic.items():
+            least = LEAST_VOLUME * actuator.displacement * (MOTIONS[name].upper - MOTIONS[name].lower)
+            if actuator.trapped_volume < least:
+                raise TwinError(
+                    f"{self.name}: trapped volume {actuator.trapped_volume:g} cm3 of the {name.replace('_', ' ')} "
+                    f"given, expected at least {least:.0f}: {LEAST_VOLUME:g} times what the joint sweeps over its range"
+                )
+        flow = sum(actuator.rated_flow for actuator in hydraulic.values())
+        if flow > POWER_UNIT.largest_flow:
+            raise TwinError(
+                f"{self.name}: valves that pass {flow:.0f} cm3/s together given, expected at most the pump's "
+                f"{POWER_UNIT.largest_flow:g}"
+            )
+        for name, drive in self.actuators.items():
+            friction = drive.friction
+            if friction is None:
+                continue
+            damping = friction.bristle_time * drive.coulomb_torque / friction.presliding
+            if damping * (friction.static_ratio - 1.0) > drive.drag:
+                raise TwinError(
+                    f"{self.name}: LuGre damping {damping:.3g} N m s/rad of the {name.replace('_', ' ')} given, expected "
+                    f"at most {drive.drag / (friction.static_ratio - 1.0):.3g}: beyond, the friction is not passive"
+                )
 
 
 VARIANTS: Mapping[str, Variant] = MappingProxyType(
     {
         arm.name: arm
         for arm in (
-            Variant("nominal", "about 1 Hz on every joint, as the spectral estimates of the thesis read"),
+            Variant("nominal", "about 1 Hz on every joint, as the spectral estimates of the thesis read", servo="flow"),
             Variant(
                 "published",
                 "dominant poles of the models that the thesis chose, shoulder yaw at 0.16 Hz",
@@ -174,8 +206,8 @@ VARIANTS: Mapping[str, Variant] = MappingProxyType(
                 links=FLIGHT_LINKS,
                 actuators=FLIGHT_DRIVES,
                 servos=FLIGHT_SERVOS,
-                # Stiff servos on light links: with the heaviest payload 0.25 ms is still too long.
-                step=0.000125,
+                # Their currents lag by 2 ms only.
+                steps=20,
             ),
         )
     }

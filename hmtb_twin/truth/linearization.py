@@ -87,24 +87,17 @@ AMPLITUDES = (1e-5, 1e-4, 1e-3, 1e-2)
 LARGEST_AMPLITUDE = 2.0 * np.pi
 """A whole turn, more than any command of the arm, rad."""
 
-STEP_DIFFERENCES = 1e-4
-"""Step of the centred finite differences: below it rounding shows in the trial at 10 µrad, above it truncation will."""
-
-METHODS = {
-    "linear": "mjd_transitionFD, centred, zero-order hold to 50 Hz",
-    "orifice": "centred differences of the 50 Hz map",
-}
-"""Method of linearisation by form of the actuator."""
+METHOD = "centred differences of the 50 Hz map"
+"""Method of linearisation."""
 
 
 def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: Sequence[float] = AMPLITUDES) -> Truth:
     """Linearise the arm at rest and lift the result to 50 Hz.
 
-    One physics step is x+ = f(x, u) with x joint angles, velocities and load pressures and u commanded angle and
-    feedforward torque of each joint. Its Jacobians, held over the steps of a tick, give the 50 Hz map; the feedforward
-    of the controller's own model folds the torques into the commanded angles, and the bus delays follow the outputs.
-    An arm with servo valves runs by another integrator: there the 50 Hz map itself is differentiated, at rest with the
-    oil settled. Dry friction is off: at rest it would show the stuck arm, not the moving one. The oil's drag stays.
+    One tick is x+ = f(x, u) with x joint angles, velocities and states of the drives and u commanded angle and
+    feedforward torque of each joint. This 50 Hz map of the simulation itself is differentiated, at rest with the oil
+    settled; the feedforward of the controller's own model folds the torques into the commanded angles, and the bus
+    delays follow the outputs. Dry friction is off: at rest it would show the stuck arm, not the moving one. The oil's drag stays.
     Noise of the valve drives is torque held over a tick as the feedforward is, so that it enters by the same columns
     of the map.
 
@@ -141,7 +134,7 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
         pose=pose if isinstance(pose, str) else "given angles",
         angles=angles,
         small_signal_error=errors,
-        provenance={"method": METHODS[arm.plant.actuator], **software_versions()},
+        provenance={"method": METHOD, **software_versions()},
     )
 
 
@@ -172,9 +165,7 @@ def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbanc
                 f"at {arm.plant.supply_pressure:g} MPa the drives let the {name.replace('_', ' ')} sink onto its stop, "
                 f"to {np.degrees(angle):g} deg"
             )
-    # MuJoCo differentiates its own single-step integrators, not the Runge-Kutta method.
-    single = arm.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
-    A, B = _lifted(arm.model, data) if single else sample_map(arm.model, data)
+    A, B = sample_map(arm.model, data)
     states = len(A)
     torques = B[:, 1::2]
     B = B[:, 0::2] + torques @ arm.controller.gravity_gradient(angles)
@@ -185,20 +176,6 @@ def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbanc
     recorder = arm.specimen.recorder
     resolvers = (recorder.noise**2 + recorder.resolver_step**2 / 12.0) * np.eye(len(JOINTS))
     return path, Disturbances(drives, resolvers)
-
-
-def _lifted(original: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
-    """Return the map over a tick from the Jacobians of one physics step."""
-    model = copy(original)
-    # The pin of the shoulder roll is a constraint: solved only to the default tolerance it would blur the differences.
-    model.opt.tolerance = 0.0
-    states = 2 * model.nv + model.na
-    A, B = np.empty((states, states)), np.empty((states, model.nu))
-    mujoco.mjd_transitionFD(model, data, STEP_DIFFERENCES, True, A, B, None, None)
-    # Zero-order hold over the tick: x+ = A^n x + (I + A + ... + A^(n-1)) B u, by the powers of an augmented matrix.
-    held = np.block([[A, B], [np.zeros((model.nu, states)), np.eye(model.nu)]])
-    tick = np.linalg.matrix_power(held, round(SAMPLE_TIME / model.opt.timestep))[:states]
-    return tick[:, :states], tick[:, states:]
 
 
 def _delayed(A: np.ndarray, B: np.ndarray, C: np.ndarray, delays: np.ndarray) -> StateSpace:

@@ -13,7 +13,6 @@ from hmtb_twin import TwinError
 from hmtb_twin.files.atomic_write import make_folder, remove_partial, sync, write_files
 from hmtb_twin.files.hashes import bytes_hash, file_hash
 from hmtb_twin.files.netcdf import Contents
-from hmtb_twin.hydraulics.orifice import require_compiler
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.run.simulation import MOST_THREADS
 from scenarios.datasets.attainable_scores import attainable_files, attainable_pieces
@@ -97,8 +96,6 @@ def build(
     steady_memory()
     final, folder = out / spec.label, out / (spec.label + UNFINISHED)
     plan, report = DataSetPlan(spec), progress or (lambda _: None)
-    if any("orifice" in block.actuators for block in spec.records):
-        require_compiler()  # without it every such experiment would fail
     try:
         if not final.exists() and not final.is_symlink():
             _build_folder(folder, plan, executor, workers, rows, report)

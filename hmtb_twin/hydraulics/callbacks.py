@@ -1,0 +1,49 @@
+"""The drives' equations as MuJoCo's callbacks, compiled once per process."""
+
+from functools import cache
+from typing import Any
+
+import mujoco
+
+from hmtb_twin.files.errors import TwinError
+from hmtb_twin.hydraulics import valve_equations as eq
+from hmtb_twin.hydraulics.struct_offsets import struct_offsets
+
+
+def install_equations() -> tuple[Any, Any]:
+    """Install the drives' equations as MuJoCo's callbacks, again if somebody has removed them.
+
+    Without them MuJoCo simulates drives that never move, without a warning; therefore this is called wherever an arm is
+    loaded or brought to rest.
+
+    Returns:
+        The compiled functions, kept alive by a cache.
+
+    Raises:
+        TwinError: MuJoCo's structures are not recognised, or another callback is installed.
+    """
+    rates, bias = _compiled()
+    places = (
+        ("mjcb_act_dyn", mujoco.get_mjcb_act_dyn(), mujoco.set_mjcb_act_dyn, rates.ctypes),
+        ("mjcb_act_bias", mujoco.get_mjcb_act_bias(), mujoco.set_mjcb_act_bias, bias.ctypes),
+    )
+    for name, present, _, ours in places:
+        if present is not None and present is not ours:
+            raise TwinError(
+                f"another callback is installed as MuJoCo's {name}; the arm's drives need it, and MuJoCo has one per "
+                "process: remove it, or run the arm in a process of its own"
+            )
+    for _, present, install, ours in places:
+        if present is None:
+            install(ours)
+    return rates, bias
+
+
+@cache
+def _compiled() -> tuple[Any, Any]:
+    offsets = struct_offsets()
+    try:
+        return eq.compiled_callbacks(offsets)
+    except RuntimeError:
+        # Neither the folder of the package nor that of the user is writable.
+        return eq.compiled_callbacks(offsets, cached=False)

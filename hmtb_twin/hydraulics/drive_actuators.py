@@ -1,0 +1,193 @@
+"""Drives of an arm as MuJoCo actuators with user dynamics: linear ones, and servo valves on one supply."""
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+
+from hmtb_twin.hydraulics import valve_equations as eq
+from hmtb_twin.hydraulics.callbacks import install_equations
+from hmtb_twin.parameters.drives import RATED_PRESSURE, Actuator, Drive
+from hmtb_twin.parameters.servo_gains import ServoGains
+from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve
+
+ORIFICE_STEP = 0.001
+"""Physics step of an arm with orifice actuators, s, by the Runge-Kutta method of fourth order.
+
+By the first-order integrators of MuJoCo the oil's resonance on a light joint needs a tenth of it."""
+
+FASTEST_BRISTLES = 1000.0
+"""Fastest rate at which bristles settle and damp a joint, 1/s; their stiffness is at most twice the inertia times its
+square, which the step resolves. It matters only for worn seals and for light joints."""
+
+
+def add_linear_drives(spec: mujoco.MjSpec, drives: Mapping[str, Drive], gains: Mapping[str, ServoGains]) -> None:
+    """Replace the actuators of a model by linear drives.
+
+    The control vector holds commanded angle and feedforward torque of each joint in turn; the torque is the control of
+    a second actuator without force that follows each drive.
+
+    Args:
+        spec: The model; its actuators are deleted, its integrator is set to the Runge-Kutta method.
+        drives: Drive of each joint, by the joint's name.
+        gains: Gains of each joint's servo.
+
+    Raises:
+        TwinError: MuJoCo's structures are not recognised.
+    """
+    rows = {name: linear_parameters(drive, gains[name], joints=len(drives)) for name, drive in drives.items()}
+    _add_drives(spec, rows, eq.LINEAR_MARK, eq.LINEAR_STATES, shared=0)
+
+
+def add_orifice_actuators(
+    spec: mujoco.MjSpec,
+    actuators: Mapping[str, Actuator],
+    gains: Mapping[str, ServoGains],
+    *,
+    valve: ServoValve = SERVO_VALVE,
+    power_unit: PowerUnit = POWER_UNIT,
+) -> None:
+    """Replace the actuators of a model by servo valves, with the controls of `add_linear_drives`.
+
+    Args:
+        spec: The model; its actuators are deleted, integrator and step are set to those that servo valves need.
+        actuators: Actuator of each joint, by the joint's name.
+        gains: Gains of each joint's servo.
+        valve: The servo valve, the same in size-free terms for every joint.
+        power_unit: Their common supply.
+
+    Raises:
+        TwinError: MuJoCo's structures are not recognised.
+    """
+    count = len(actuators)
+    rows = {
+        name: valve_parameters(actuator, gains[name], valve, power_unit, joints=count)
+        for name, actuator in actuators.items()
+    }
+    spec.option.timestep = ORIFICE_STEP
+    _add_drives(spec, rows, eq.VALVE_MARK, eq.STATES, shared=1)
+
+
+def _add_drives(spec: mujoco.MjSpec, rows: Mapping[str, np.ndarray], mark: float, states: int, shared: int) -> None:
+    install_equations()
+    rigid = spec.compile()
+    for actuator in list(spec.actuators):
+        spec.delete(actuator)
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    for j, (name, parameters) in enumerate(rows.items()):
+        inertia = 1.0 / rigid.dof_invweight0[rigid.joint(name).dofadr[0]]
+        for place, largest in (
+            (eq.BRISTLE, 2.0 * FASTEST_BRISTLES**2 * inertia),
+            (eq.BRISTLE_DAMPING, FASTEST_BRISTLES * inertia),
+        ):
+            parameters[place] = min(parameters[place], largest)
+        spec.add_actuator(
+            name=name,
+            target=name,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            dyntype=mujoco.mjtDyn.mjDYN_USER,
+            dynprm=[mark] + 9 * [0.0],
+            actdim=states + (shared if j == 0 else 0),
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            gainprm=[parameters[eq.DISPLACEMENT]] + 9 * [0.0],
+            biastype=mujoco.mjtBias.mjBIAS_USER,
+            userdata=parameters,
+        )
+        spec.add_actuator(
+            name=f"{name}_feedforward",
+            target=name,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            gainprm=10 * [0.0],
+        )
+
+
+def linear_parameters(drive: Drive, gains: ServoGains, *, joints: int = 1) -> np.ndarray:
+    """Return the parameters of a linear drive in the order of `valve_equations`.
+
+    Args:
+        drive: The joint's drive.
+        gains: Gains of its servo.
+        joints: Joints of the arm.
+
+    Returns:
+        Parameters (PARAMETERS,), in MPa, cm^3 and s; in A, V and s of an electric drive.
+    """
+    p, motor = _common_parameters(drive, gains, joints), drive.motor
+    p[eq.SLOPE], p[eq.CHAMBER] = motor.resistance, 2.0 * motor.inductance
+    p[eq.FEED] = motor.resistance if gains.feed is None else gains.feed
+    p[eq.LARGEST], p[eq.LIMIT] = motor.largest_input, motor.maximum_torque / motor.constant
+    p[eq.PRESSURE_GAIN], p[eq.DYNAMIC_GAIN], p[eq.COMPENSATED] = gains.pressure, gains.dynamic, gains.compensated
+    p[eq.WASHOUT] = gains.washout
+    return p
+
+
+def valve_parameters(
+    actuator: Actuator,
+    gains: ServoGains,
+    valve: ServoValve = SERVO_VALVE,
+    power_unit: PowerUnit = POWER_UNIT,
+    *,
+    joints: int = 1,
+) -> np.ndarray:
+    """Return the parameters of one joint's valve in the order of `valve_equations`.
+
+    A servo that asks for a torque closes the load-pressure loop of its valve; one whose error opens the valve feeds the
+    load pressure back as far as the linear drive's load-flow line would.
+
+    Args:
+        actuator: The joint's actuator.
+        gains: Gains of its servo.
+        valve: Its servo valve.
+        power_unit: The supply.
+        joints: Joints of the arm.
+
+    Returns:
+        Parameters (PARAMETERS,), in MPa, cm^3 and s.
+    """
+    oil, p = actuator.hydraulics, _common_parameters(actuator, gains, joints)
+    # The valve's size follows from the rating, whatever the supply pressure.
+    rated_flow = actuator.displacement * actuator.no_load_speed
+    p[eq.CHAMBER] = 2.0 * actuator.compliance
+    p[eq.LEAKAGE] = actuator.leakage
+    # The amplifier knows the set pressure: with the flow of the rating, a higher supply would feed forward more
+    # velocity than the joint takes. A sagging supply errs on the safe side.
+    p[eq.RATED] = actuator.rated_flow
+    # Two lands in series share the pressure at no load.
+    p[eq.LAND] = rated_flow / eq.root(RATED_PRESSURE / 2.0, valve.transition_pressure)
+    p[eq.FREQUENCY], p[eq.DAMPING] = valve.angular_frequency, valve.damping
+    p[eq.UNDERLAP], p[eq.CLEARANCE], p[eq.TRANSITION] = valve.underlap, valve.clearance, valve.transition_pressure
+    if gains.feed is None:
+        static = valve.static_gain(actuator, gains.kd)
+        p[eq.PRESSURE_GAIN] = static * actuator.compliance
+        p[eq.DYNAMIC_GAIN] = (valve.loop_gain - static) * actuator.compliance
+        p[eq.WASHOUT], p[eq.COMPENSATED] = valve.washout_time, valve.compensated
+    else:
+        # Near null the lands hardly damp: pressure feedback takes the part of the linear drive's load-flow line.
+        most = valve.loop_gain * actuator.compliance
+        p[eq.PRESSURE_GAIN] = min(gains.feed, most)
+        p[eq.DYNAMIC_GAIN], p[eq.WASHOUT] = min(gains.dynamic, most - p[eq.PRESSURE_GAIN]), gains.washout
+    p[eq.OPEN] = actuator.valve_open
+    p[eq.RETURN], p[eq.RELIEF] = oil.return_pressure, valve.relief * oil.supply_pressure
+    p[eq.CHECK] = valve.check_flow * rated_flow
+    p[eq.SET], p[eq.DROOP] = oil.supply_pressure, power_unit.droop
+    p[eq.PUMP], p[eq.CAPACITY] = power_unit.largest_flow, power_unit.capacity
+    return p
+
+
+def _common_parameters(drive: Drive, gains: ServoGains, joints: int) -> np.ndarray:
+    friction, coulomb = drive.friction, drive.coulomb_torque
+    p = np.zeros(eq.PARAMETERS)
+    p[eq.COUNT], p[eq.DISPLACEMENT] = joints, drive.motor.constant
+    p[eq.STIFFNESS], p[eq.DAMPER] = gains.kp, gains.kd
+    p[eq.STRIBECK], p[eq.SLIP], p[eq.BRISTLE_RATE] = 1.0, 1.0, FASTEST_BRISTLES
+    if friction is not None and coulomb > 0.0:
+        p[eq.COULOMB], p[eq.STATIC] = coulomb, friction.static_ratio * coulomb
+        p[eq.STRIBECK], p[eq.SLIP] = friction.stribeck_velocity, friction.slip_velocity
+        p[eq.BRISTLE], p[eq.BRISTLE_DAMPING] = friction.bristles(coulomb, drive.drag)
+    return p
+
+
+def drive_parameters(model: mujoco.MjModel) -> np.ndarray:
+    """Return the parameters of every drive of a model (n, PARAMETERS)."""
+    return np.array(model.actuator_user[0::2, : eq.PARAMETERS])

@@ -1,0 +1,73 @@
+"""Static equilibrium of an arm with servo valves."""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from hmtb_twin.files.errors import OverloadError
+from hmtb_twin.hydraulics import valve_equations as eq
+from hmtb_twin.hydraulics.drive_actuators import drive_parameters
+from hmtb_twin.hydraulics.equilibrium import PIN_STIFFNESSES, newton
+
+
+def settled_arm(
+    model: mujoco.MjModel,
+    command: np.ndarray,
+    feedforward: np.ndarray,
+    load: Callable[[np.ndarray], np.ndarray],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the equilibrium of an arm with orifice actuators under a constant command: joints at rest, pressures steady.
+
+    The null leakage of a valve that carries a load costs it a little opening, and so the servo a small offset of the
+    joint.
+
+    Args:
+        model: The arm's model.
+        command: Commanded angles (7,), rad.
+        feedforward: Feedforward torques (7,), N m.
+        load: Function from angles (7,), rad, to the torques (7,), N m, that hold the arm against weight and pins.
+
+    Returns:
+        Joint angles (7,) in rad and activations (na,).
+
+    Raises:
+        OverloadError: No equilibrium: the load is more than the valves can carry.
+    """
+    parameters = drive_parameters(model)
+    n, oil = len(parameters), parameters[0]
+    controls = np.column_stack([command, feedforward]).ravel()
+    steady = np.array([eq.SPOOL_VELOCITY, eq.MEAN, eq.LOAD])
+
+    def states(unknown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        joints = np.zeros((n, eq.STATES))
+        joints[:, eq.SPOOL], joints[:, eq.MEAN], joints[:, eq.LOAD] = unknown[1:].reshape(4, n)[:3]
+        joints[:, eq.FILTERED] = joints[:, eq.LOAD]
+        return command + unknown[1 + 3 * n :], np.concatenate([unknown[:1], joints.ravel()])
+
+    def imbalance(unknown: np.ndarray) -> np.ndarray:
+        angles, act = states(unknown)
+        rates = eq.arm_rates(parameters, act, controls, angles, np.zeros(n))
+        joints = rates[1:].reshape(n, eq.STATES)[:, steady] / [oil[eq.FREQUENCY] ** 2, 1e3, 1e3]
+        displacement = parameters[:, eq.DISPLACEMENT]
+        missing = displacement * act[1:].reshape(n, eq.STATES)[:, eq.LOAD] - load(angles)
+        return np.concatenate([rates[:1], joints.ravel(), missing / (displacement + 1e-3 * PIN_STIFFNESSES)])
+
+    start = np.concatenate(
+        [
+            [oil[eq.SET]],
+            np.zeros(n),
+            np.full(n, 0.5 * (oil[eq.SET] + oil[eq.RETURN])),
+            feedforward / parameters[:, eq.DISPLACEMENT],
+            np.zeros(n),
+        ]
+    )
+    solution = newton(imbalance, start)
+    if not np.abs(imbalance(solution)).max() < 1e-9:
+        stall = parameters[:, eq.DISPLACEMENT] * (oil[eq.SET] - oil[eq.RETURN])
+        most = np.max(np.abs(load(command) / stall), where=PIN_STIFFNESSES == 0.0, initial=0.0)
+        raise OverloadError(
+            f"at {oil[eq.SET]:g} MPa the servo valves cannot hold the arm at this pose: the weight takes "
+            f"{100.0 * most:.0f} % of a drive's largest torque, and what leaks through the valves leaves less than that"
+        )
+    return states(solution)

@@ -1,0 +1,121 @@
+"""Servo laws and their gains: the position error asks for a torque, or it opens the valve."""
+
+from math import sqrt
+from typing import NamedTuple
+
+from hmtb_twin.files.errors import TwinError
+from hmtb_twin.parameters.drives import Drive
+from hmtb_twin.parameters.servo_valve import SERVO_VALVE
+from hmtb_twin.parameters.values import Servo
+
+
+class ServoGains(NamedTuple):
+    """Gains of a joint's servo.
+
+    With the position torque u = kp (q_cmd - q) - kd w and the feedforward torque f, both in N m, displacement D and
+    flow-pressure gain K of the drive, load pressure P and its low-pass filtered value P_f, the flow asked for is
+
+        Q = feed u / D + K f / D + pressure ((u + f) / D - P) + compensated D w - dynamic (P - P_f).
+
+    A servo that asks for a torque knows K whatever the oil: it has no `feed` of its own.
+
+    Attributes:
+        kp: Stiffness, N m/rad.
+        kd: Damping, N m s/rad.
+        feed: Flow per position torque over displacement, cm^3/(s MPa); None: the drive's flow-pressure gain.
+        pressure: Gain of the load-pressure loop, cm^3/(s MPa).
+        dynamic: Gain of the dynamic pressure feedback, cm^3/(s MPa).
+        washout: Time constant of P_f, s.
+        compensated: Part of the load flow D w that is fed forward.
+    """
+
+    kp: float
+    kd: float
+    feed: float | None = None
+    pressure: float = 0.0
+    dynamic: float = 0.0
+    washout: float = SERVO_VALVE.washout_time
+    compensated: float = 1.0
+
+
+def servo_gains(inertia: float, servo: Servo, drive: Drive, law: str = "torque") -> ServoGains:
+    """Tune the servo of one joint that is held by its neighbours.
+
+    Args:
+        inertia: Inertia J that the joint sees at the operating pose, kg m^2.
+        servo: The wanted poles, rad/s.
+        drive: The drive.
+        law: "torque" or "flow".
+
+    Returns:
+        The gains.
+
+    Raises:
+        TwinError: The drive is too slow for the wanted poles.
+    """
+    return flow_gains(inertia, servo, drive) if law == "flow" else torque_gains(inertia, servo, drive)
+
+
+def torque_gains(inertia: float, servo: Servo, drive: Drive) -> ServoGains:
+    """Place two poles of a servo that asks for a torque.
+
+    With torque command kp (q_cmd - q) - kd dq/dt and a torque that follows it with the lag T of pressure or current,
+    the joint obeys (J s + B) s (T s + 1) + kd s + kp = J T (s - p1) (s - p2) (s - p3); lag and drag B fix the sum of
+    the poles, -1/T - B/J.
+    Where the oil is slower than the servo's `torque_lag`, a load-pressure loop makes it as fast.
+
+    Args:
+        inertia: Inertia J that the joint sees at the operating pose, kg m^2.
+        servo: The wanted poles p1 and p2, rad/s, and the lag.
+        drive: The drive, whose pressure or current lags.
+
+    Returns:
+        The gains.
+
+    Raises:
+        TwinError: The lag is too long for the wanted poles: the third one would be unstable.
+    """
+    motor = drive.motor
+    lag = min(servo.torque_lag, motor.lag)
+    slow, fast = servo.slow_pole, servo.fast_pole
+    third = -1.0 / lag - drive.drag / inertia - slow - fast
+    if max(slow, fast, third) >= 0.0:
+        raise TwinError(
+            f"wanted poles {slow:g} and {fast:g} rad/s with a lag of {lag:g} s leave the third pole at "
+            f"{third:g} rad/s; expected three negative poles, so -(p1 + p2) below {-(third + slow + fast):g} rad/s"
+        )
+    kp = -inertia * lag * slow * fast * third
+    kd = inertia * lag * (slow * fast + slow * third + fast * third) - drive.drag
+    return ServoGains(kp, kd, pressure=motor.inductance / lag - motor.resistance)
+
+
+def flow_gains(inertia: float, servo: Servo, drive: Drive) -> ServoGains:
+    """Place the slow pole of a servo whose position error opens the valve, and damp the oil's resonance.
+
+    Q = D Kv (q_cmd - q): a hydraulic position servo [Merritt1967, ch. 8], with Kv = kp K / D^2. Dynamic pressure
+    feedback raises the damping ratio of the resonance of oil and inertia to `oil_damping` where leakage and load-flow
+    line damp it less. The faster poles are those that oil and inertia make.
+
+    Args:
+        inertia: Inertia J that the joint sees at the operating pose, kg m^2.
+        servo: The wanted slow pole, rad/s, and damping of the oil.
+        drive: The drive.
+
+    Returns:
+        The gains.
+
+    Raises:
+        TwinError: The oil is too slow for the wanted pole: the error would have to open the valve the wrong way.
+    """
+    motor, s = drive.motor, servo.slow_pole
+    D, K, compliance = motor.constant, motor.resistance, motor.inductance
+    # Two radians of the resonance: the feedback passes four fifths of its damping there, and little at slow motion.
+    washout = 2.0 * sqrt(compliance * inertia) / D
+    dynamic = 1.25 * max(2.0 * servo.oil_damping * D * sqrt(compliance / inertia) - K, 0.0)
+    washed = s * washout / (1.0 + s * washout)
+    kp = -((compliance * s + K + dynamic * washed) * (inertia * s + drive.drag) + D**2) * s / K
+    if not kp > 0.0:
+        raise TwinError(
+            f"wanted slow pole {s:g} rad/s of a flow servo asks for kp = {kp:g} N m/rad, expected above 0: a slower pole"
+        )
+    return ServoGains(kp, 0.0, feed=K, dynamic=dynamic, washout=washout, compensated=0.0)
