@@ -76,7 +76,9 @@ class Hydraulics:
     """The oil and its supply."""
 
     supply_pressure: float = quantity(20.7, "MPa", "analogue", "Titan 4 manual, 1500-3000 psi")
-    return_pressure: float = quantity(0.5, "MPa", "assumed", "0.3 to 0.7 MPa; 500 psi of the Titan 4 manual is a maximum")
+    return_pressure: float = quantity(
+        0.5, "MPa", "assumed", "0.3 to 0.7 MPa; 500 psi of the Titan 4 manual is a maximum"
+    )
     bulk_modulus: float = quantity(700.0, "MPa", "assumed", "other models take 300 (hoses, air) to 1550 (oil)")
     leakage: float = quantity(
         0.015, "1", "assumed", "internal leakage at rated pressure and 40 degrees Celsius, part of the rated flow"

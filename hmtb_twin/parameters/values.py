@@ -20,6 +20,7 @@ JOINTS = (
 INDEXED_JOINTS = ("shoulder_roll",)
 """Joints held by a pin at an index position [Morris1996, I.2]."""
 
+
 @dataclass(frozen=True)
 class Pin:
     """The pin of an indexed joint: a stiff spring, with an inertia beside which the step resolves it.

@@ -15,6 +15,7 @@ import numpy as np
 
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.drives import Actuator
+from hmtb_twin.parameters.servo_gains import ServoGains
 
 
 @dataclass(frozen=True)
@@ -119,21 +120,32 @@ class LinearHydraulics:
         decay = np.exp(np.multiply.outer(np.asarray(times, dtype=float), values))
         return steady + ((decay * weights) @ vectors.T).real
 
-    def servo_poles(self, kp: float, kd: float) -> np.ndarray:
+    def servo_poles(self, gains: ServoGains) -> np.ndarray:
         """Return the poles of the joint under its servo.
 
-        The servo asks for the torque kp (q_cmd - q) - kd w and supplies the load flow D w besides, so that the torque
-        follows with the lag T = V / (4 beta K_ce) alone: (T s + 1)(J s^2 + B s) + kd s + kp = 0.
-
         Args:
-            kp: Stiffness, N m/rad.
-            kd: Damping, N m s/rad.
+            gains: Gains of the servo.
 
         Returns:
-            Poles (3,), rad/s, slowest first.
+            Poles, rad/s, slowest first: (4,) with dynamic pressure feedback, else (3,).
         """
-        lag = self.compliance / self.flow_pressure_gain
-        roots = np.roots([self.inertia * lag, self.inertia + self.drag * lag, self.drag + kd, kp])
+        D, K, J = self.displacement, self.flow_pressure_gain, self.inertia
+        opened = ((K if gains.feed is None else gains.feed) + gains.pressure) / D
+        flow = [
+            -opened * gains.kp,
+            -opened * gains.kd + (gains.compensated - 1.0) * D,
+            -K - gains.pressure - gains.dynamic,
+            gains.dynamic,
+        ]
+        dynamics = np.array(
+            [
+                [0.0, 1.0, 0.0, 0.0],
+                [0.0, -self.drag / J, D / J, 0.0],
+                np.array(flow) / self.compliance,
+                [0.0, 0.0, 1.0 / gains.washout, -1.0 / gains.washout],
+            ]
+        )
+        roots = np.linalg.eigvals(dynamics if gains.dynamic else dynamics[:3, :3]).astype(complex)
         return roots[np.argsort(-roots.real, kind="stable")]
 
 

@@ -36,9 +36,9 @@ OIL = 80.0
 START = """
 import time
 start = time.perf_counter()
-from hmtb_twin.hydraulics.orifice import install_valve_equations
+from hmtb_twin.hydraulics.callbacks import install_equations
 imported = time.perf_counter()
-install_valve_equations()
+install_equations()
 print(imported - start, time.perf_counter() - imported)
 """
 

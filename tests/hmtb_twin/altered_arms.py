@@ -8,7 +8,7 @@ import numpy as np
 
 from hmtb_twin import JOINTS
 from hmtb_twin.hydraulics import valve_equations as eq
-from hmtb_twin.hydraulics.orifice import valve_parameters
+from hmtb_twin.hydraulics.drive_actuators import valve_parameters
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
 from hmtb_twin.parameters.values import INDEXED_JOINTS, MOTIONS, OPERATING_POSE, SAMPLE_TIME
 from hmtb_twin.truth.linearization import sample_map, sliding
@@ -31,7 +31,7 @@ def with_valve(arm, *, valve=SERVO_VALVE, power_unit=POWER_UNIT):
     model = copy(arm.model)
     for j, name in enumerate(JOINTS):
         parameters = valve_parameters(arm.actuators[name], arm.gains[name], valve, power_unit, joints=len(JOINTS))
-        kept = [eq.BRISTLE, eq.BRISTLE_DAMPING]
+        kept = [eq.BRISTLE, eq.BRISTLE_DAMPING, eq.COUNT]
         parameters[kept] = model.actuator_user[2 * j, kept]
         model.actuator_user[2 * j] = parameters
     return replace(arm, model=model)

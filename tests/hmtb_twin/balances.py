@@ -8,7 +8,7 @@ import numpy as np
 
 from hmtb_twin import JOINTS
 from hmtb_twin.hydraulics import valve_equations as eq
-from hmtb_twin.hydraulics.orifice import arm_parameters
+from hmtb_twin.hydraulics.drive_actuators import drive_parameters
 from hmtb_twin.parameters.values import OPERATING_POSE, SAMPLE_TIME
 
 
@@ -20,13 +20,12 @@ class OilBalance:
     leaked: np.ndarray
     swept: np.ndarray
     stored: np.ndarray
-    underway: np.ndarray  # the joint takes the oil one physics step h late: D h (w at the end less w at the start)
     throughput: np.ndarray  # integral of the magnitude of the flow through the load ports
 
     @property
     def residual(self):
         """Oil that came in and is nowhere, (n,) cm^3."""
-        return self.ports - self.leaked - self.swept - self.stored + self.underway
+        return self.ports - self.leaked - self.swept - self.stored
 
     @property
     def closure(self):
@@ -97,68 +96,63 @@ def steps(model, arm, command, *, ends=False):
     assert not any(stat.number for stat in data.warning), "the physics engine warned: the balances mean nothing"
 
 
+class TickIntegral:
+    """Integral over a run by Simpson's rule over each tick, within which all rates are smooth."""
+
+    def __init__(self, model, ticks):
+        self.instants = 1 + round(SAMPLE_TIME / model.opt.timestep)
+        weights = np.full(self.instants, 2.0)
+        weights[1::2], weights[[0, -1]] = 4.0, 1.0
+        self._weights = np.tile(weights, ticks) * model.opt.timestep / 3.0
+
+    def __call__(self, rate):
+        return np.tensordot(self._weights, rate, axes=1)
+
+
 def linear_balances(arm, command, *, refined=1):
     """Run an arm with linear actuators from rest under commands (N, 7) at 50 Hz, rad; return its balances.
 
-    Over a physics step of length h the engine holds valve flow Q and joint velocity w, and integrates
-    V/(4 beta) dP/dt = Q - (K + C) P - D w exactly, so that the oil balance closes to rounding. Semi-implicit Euler is
-    the leapfrog scheme: a velocity belongs to the middle of a step. Torques work on the mean of the velocities before
-    and after, and the links' energy is read half a step before the angle, so that from rest to rest the energy balance
-    closes with the square of the step. `refined` physics steps replace one.
+    Both close with the fourth power of the step where nothing saturates. `refined` physics steps replace one.
     """
-    model = copy(arm.model)
+    model, n = copy(arm.model), len(JOINTS)
     model.opt.timestep /= refined
-    h = model.opt.timestep
-    rows = []
-    for data in steps(model, arm, command):
-        # Coulomb friction without bristles is a constraint to the engine.
-        dry, rubbing = np.zeros(len(JOINTS)), data.efc_type == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF
-        dry[data.efc_id[rubbing]] = data.efc_force[rubbing]
-        state = (data.qpos, data.qvel, data.act[arm.pressure_states])
-        rows.append((*state, data.actuator_force, data.qfrc_constraint, dry, data.ctrl[0::2], data.ctrl[1::2]))
-        rows[-1] = np.array(rows[-1])
-    angles, velocities, pressures, actuator, constraint, dry, angle_control, torque_control = np.stack(rows, axis=1)
-    # What acted over a step stands in the row after it; the controls in the row before.
-    actuator, constraint, dry = actuator[1:], constraint[1:], dry[1:]
-
-    drives = [arm.actuators[name] for name in JOINTS]
-    numbers = ("displacement", "compliance", "leakage", "flow_pressure_gain", "maximum_torque", "drag", "largest_flow")
-    D, compliance, leakage, loss, most, drag, largest_flow = np.array(
-        [[getattr(a, n) for a in drives] for n in numbers]
-    )
-    supply, (kp, kd) = np.array([a.hydraulics.pressure for a in drives]), np.array([arm.gains[j] for j in JOINTS]).T
-    w = velocities[:-1]
-    servo = kp * (angle_control - angles)[:-1] - kd * w + torque_control[:-1]
-    # The servo knows that pressure costs flow and that the joint's velocity takes some.
-    flow = np.clip(servo * loss / D + D * w, -largest_flow, largest_flow)
-    steady, lag = (flow - D * w) / loss, compliance / loss
-    fading = pressures[:-1] - steady
-    pressure = h * steady - fading * lag * np.expm1(-h / lag)
-    squared = h * steady**2 + 2.0 * steady * (pressure - h * steady) - fading**2 * lag / 2.0 * np.expm1(-2.0 * h / lag)
-    ports = h * flow - (loss - leakage) * pressure
+    integral = TickIntegral(model, len(command))
+    rows = [
+        np.concatenate([d.qpos, d.qvel, d.qfrc_constraint + d.qfrc_spring, d.ctrl, d.act])
+        for d in steps(model, arm, command, ends=True)
+    ]
+    angles, velocities, held, control, states = np.split(np.array(rows), [n, 2 * n, 3 * n, 5 * n], axis=1)
+    states, p = states.reshape(-1, n, eq.LINEAR_STATES), drive_parameters(model)
+    load, flow, lost, rubbing = (np.empty((len(rows), n)) for _ in range(4))
+    for k, j in np.ndindex(load.shape):
+        own, q, w = states[k, j], angles[k, j], velocities[k, j]
+        load[k, j], filtered = own[eq.LINEAR_LOAD], own[eq.LINEAR_FILTERED]
+        u, f = eq.position_torque(p[j], control[k, 2 * j], q, w), control[k, 2 * j + 1]
+        asked = eq.servo_flow(p[j], p[j, eq.SLOPE], u, f, load[k, j], filtered, w)
+        flow[k, j] = np.clip(asked, -p[j, eq.LARGEST], p[j, eq.LARGEST])
+        lost[k, j] = eq.beyond_limit(p[j], load[k, j]) * w
+        rubbing[k, j] = eq.friction_torque(p[j], own[eq.LINEAR_BRISTLES], w) * w
+    leakage = np.array([arm.actuators[name].leakage for name in JOINTS])
+    supply = np.array([arm.actuators[name].hydraulics.pressure for name in JOINTS])
+    ports, compliance = flow - (p[:, eq.SLOPE] - leakage) * load, 0.5 * p[:, eq.CHAMBER]
     oil = OilBalance(
-        ports=ports.sum(axis=0),
-        leaked=leakage * pressure.sum(axis=0),
-        swept=D * (angles[-1] - angles[0]),
-        stored=compliance * (pressures[-1] - pressures[0]),
-        underway=D * h * (velocities[-1] - velocities[0]),
-        throughput=np.abs(ports).sum(axis=0),
+        ports=integral(ports),
+        leaked=leakage * integral(load),
+        swept=p[:, eq.DISPLACEMENT] * (angles[-1] - angles[0]),
+        stored=compliance * (load[-1] - load[0]),
+        throughput=integral(np.abs(ports)),
     )
-
-    travel = h * 0.5 * (velocities[:-1] + velocities[1:])
-    torque = D * pressures[1:]
-    held = np.clip(torque, -most, most)
-    supplied = float((supply * np.abs(ports)).sum())
-    before, after = (link_energy(model, angles[k] - 0.5 * h * velocities[k], velocities[k]) for k in (0, -1))
+    supplied = float(integral(np.abs(ports) @ supply))
+    before, after = (link_energy(model, angles[k], velocities[k]) for k in (0, -1))
     energy = EnergyBalance(
         supplied=supplied,
-        throttled=supplied - float((flow * pressure - (loss - leakage) * squared).sum()),
-        leaked=float((leakage * squared).sum()),
-        compressed=float((0.5 * compliance * (pressures[-1] ** 2 - pressures[0] ** 2)).sum()),
-        limited=float(((torque - held) * travel).sum()),
-        rubbed=float(((held - actuator - dry) * travel).sum()),
-        dragged=float((drag * travel**2).sum() / h),
-        constrained=-float(((constraint - dry) * travel).sum()),
+        throttled=supplied - float(integral((ports * load).sum(axis=1))),
+        leaked=float(leakage @ integral(load**2)),
+        compressed=float(0.5 * compliance @ (load[-1] ** 2 - load[0] ** 2)),
+        limited=float(integral(lost).sum()),
+        rubbed=float(integral(rubbing).sum()),
+        dragged=float(model.dof_damping @ integral(velocities**2)),
+        constrained=-float(integral(held * velocities).sum()),
         potential=float(after[0] - before[0]),
         kinetic=float(after[1] - before[1]),
     )
@@ -175,16 +169,13 @@ def orifice_balances(arm, command, *, refined=4):
     """
     model, n = copy(arm.model), len(JOINTS)
     model.opt.timestep /= refined
-    instants = 1 + round(SAMPLE_TIME / model.opt.timestep)
-    rows = [np.concatenate([d.qpos, d.qvel, d.qfrc_constraint, d.act]) for d in steps(model, arm, command, ends=True)]
+    integral = TickIntegral(model, len(command))
+    rows = [
+        np.concatenate([d.qpos, d.qvel, d.qfrc_constraint + d.qfrc_spring, d.act])
+        for d in steps(model, arm, command, ends=True)
+    ]
     angles, velocities, constraint, supply, joints = np.split(np.array(rows), [n, 2 * n, 3 * n, 3 * n + 1], axis=1)
-    supply, joints, p = supply[:, 0], joints.reshape(-1, n, eq.STATES), arm_parameters(model)
-
-    def integral(rate):
-        """Simpson's rule over each tick, within which all rates are smooth."""
-        weights = np.full(instants, 2.0)
-        weights[1::2], weights[[0, -1]] = 4.0, 1.0
-        return np.tensordot(np.tile(weights, len(command)), rate, axes=1) * model.opt.timestep / 3.0
+    supply, joints, p = supply[:, 0], joints.reshape(-1, n, eq.STATES), drive_parameters(model)
 
     load = joints[..., eq.LOAD]
     chambers = np.stack([joints[..., eq.MEAN] + 0.5 * load, joints[..., eq.MEAN] - 0.5 * load], axis=-1)
@@ -208,7 +199,6 @@ def orifice_balances(arm, command, *, refined=4):
         stored=np.append(
             (p[:, [eq.CHAMBER]] * (chambers[-1] - chambers[0])).ravel(), capacity * (supply[-1] - supply[0])
         ),
-        underway=np.zeros(2 * n + 1),
         throughput=np.append(integral(np.abs(inward)).ravel(), integral(pump)),
     )
 

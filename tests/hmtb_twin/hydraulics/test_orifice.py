@@ -10,15 +10,16 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, linearize, load_arm, simulate
-from hmtb_twin.hydraulics import orifice as orifice_module
+from hmtb_twin.hydraulics import callbacks
 from hmtb_twin.hydraulics import valve_equations as eq
-from hmtb_twin.hydraulics.orifice import (
+from hmtb_twin.hydraulics.drive_actuators import (
     add_orifice_actuators,
     arm_parameters,
-    install_valve_equations,
+    install_equations,
     valve_parameters,
 )
 from hmtb_twin.parameters.drives import ACTUATORS
+from hmtb_twin.parameters.servo_gains import ServoGains
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
 from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE
 from tests.hmtb_twin.altered_arms import at_step, natural_poles, with_valve
@@ -26,7 +27,7 @@ from tests.hmtb_twin.balances import binary, orifice_balances
 from tests.refusals import refused
 
 ORIFICE = Plant(actuator="orifice")
-GAINS = {"shaft": (0.0, 0.0), "other": (0.0, 0.0)}
+GAINS = dict.fromkeys(("shaft", "other"), ServoGains(0.0, 0.0))
 SMOOTH = replace(ACTUATORS["elbow_pitch"], friction=None)
 
 
@@ -118,18 +119,18 @@ def test_python_and_mujoco_compute_the_same_rates():
         data.act[1:].reshape(7, -1)[:, eq.SPOOL] += 0.3 * rng.standard_normal(7)
         data.ctrl[0::2] += 0.1 * rng.standard_normal(7)
         mujoco.mj_forward(arm.model, data)
-        rates = eq.arm_rates(arm_parameters(arm.model), data.act, data.ctrl, data.qpos, data.qvel)
+        rates = eq.arm_rates(drive_parameters(arm.model), data.act, data.ctrl, data.qpos, data.qvel)
         np.testing.assert_allclose(data.act_dot, rates, rtol=1e-12, atol=1e-12)
         force = data.actuator_force[0::2]
         for j, name in enumerate(JOINTS):
-            p, own = arm_parameters(arm.model)[j], data.act[1:].reshape(7, -1)[j]
+            p, own = drive_parameters(arm.model)[j], data.act[1:].reshape(7, -1)[j]
             oil = arm.actuators[name].displacement * own[eq.LOAD]
             assert force[j] == pytest.approx(oil - eq.friction_torque(p, own[eq.BRISTLES], data.qvel[j]), rel=1e-12)
 
 
 @given(st.floats(-1.0, 1.0), st.floats(0.0, 25.0), st.floats(0.0, 25.0), st.floats(3.0, 25.0), st.floats(-0.1, 0.1))
 def test_no_valve_gives_energy(spool, a, b, supply, underlap):
-    p = valve_parameters(SMOOTH, (0.0, 0.0), replace(SERVO_VALVE, underlap=underlap))
+    p = valve_parameters(SMOOTH, ServoGains(0.0, 0.0), replace(SERVO_VALVE, underlap=underlap))
     back = p[eq.RETURN]
     flows = eq.land_flows(p, spool, supply, a, b)
     for flow, drop in zip(flows, (supply - a, a - back, supply - b, b - back), strict=True):
@@ -161,14 +162,16 @@ def test_overlap_is_a_dead_band_and_underlap_leaks():
     pressures = {}
     for underlap in (-0.05, 0.0):
         model, data = bench(inertia=1e9, valve=replace(SERVO_VALVE, underlap=underlap, clearance=1e-4))
-        gain = valve_parameters(SMOOTH, (0.0, 0.0))[eq.PRESSURE_GAIN]
+        gain = valve_parameters(SMOOTH, ServoGains(0.0, 0.0))[eq.PRESSURE_GAIN]
         # Asks for 4 % of the stroke: within the overlap nothing reaches the load.
         data.ctrl[1] = 0.04 * SMOOTH.rated_flow / (gain + SMOOTH.leakage) * SMOOTH.displacement
         run(model, data, 0.3)
         pressures[underlap] = states(data)[0, eq.LOAD] / (data.ctrl[1] / SMOOTH.displacement)
     assert pressures[0.0] == pytest.approx(1.0, abs=0.01)
     assert abs(pressures[-0.05]) < 0.02
-    valves = [valve_parameters(SMOOTH, (0.0, 0.0), replace(SERVO_VALVE, underlap=u)) for u in (-0.05, 0.0, 0.05)]
+    valves = [
+        valve_parameters(SMOOTH, ServoGains(0.0, 0.0), replace(SERVO_VALVE, underlap=u)) for u in (-0.05, 0.0, 0.05)
+    ]
     null = [sum(eq.land_flows(p, 0.0, 20.7, 12.05, 12.05)) for p in valves]
     assert null[0] < 0.1 * null[1] < 0.02 * null[2]
     # Null leakage at zero lap: half the clearance open at each of four lands.
@@ -177,7 +180,7 @@ def test_overlap_is_a_dead_band_and_underlap_leaks():
 
 def test_spool_stops_at_full_stroke_and_pressures_stay_within_the_check_valves():
     model, data = bench(ACTUATORS["shoulder_yaw"], inertia=25.0)
-    p, rows = arm_parameters(model)[0], np.empty((2000, eq.STATES))
+    p, rows = drive_parameters(model)[0], np.empty((2000, eq.STATES))
     for k, row in enumerate(rows):
         data.ctrl[1] = 1e5 if k // 200 % 2 else -1e5
         mujoco.mj_step(model, data)
@@ -345,7 +348,7 @@ def test_absent_or_failing_compiler_says_what_is_wrong_and_what_to_install(error
 
 
 def test_without_a_folder_for_machine_code_the_equations_are_compiled_anew(monkeypatch):
-    machine_code, asked = install_valve_equations(), []
+    machine_code, asked = install_equations(), []
 
     def compiled(offsets, *, cached=True):
         asked.append(cached)
@@ -354,7 +357,7 @@ def test_without_a_folder_for_machine_code_the_equations_are_compiled_anew(monke
         return machine_code
 
     monkeypatch.setattr(eq, "compiled_callbacks", compiled)
-    assert orifice_module._compiled.__wrapped__() == machine_code
+    assert callbacks._compiled.__wrapped__() == machine_code
     assert asked == [True, False]
 
 
@@ -378,7 +381,7 @@ def test_removed_equations_are_put_back_wherever_an_arm_moves_and_foreign_ones_r
     setter(lambda model, data, actuator: 0.0)
     theirs = getter()
     try:
-        for use in (*uses, install_valve_equations):
+        for use in (*uses, install_equations):
             refused(f"mjcb_{name}; the orifice valve needs it", use)
             assert getter() is theirs
     finally:
@@ -386,7 +389,7 @@ def test_removed_equations_are_put_back_wherever_an_arm_moves_and_foreign_ones_r
 
 
 def test_other_peoples_user_actuators_are_left_alone():
-    install_valve_equations()
+    install_equations()
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody><body><joint name="j"/><geom size="0.1"/></body></worldbody>
         <actuator><general joint="j" dyntype="user" actdim="2" biastype="user"/></actuator></mujoco>"""

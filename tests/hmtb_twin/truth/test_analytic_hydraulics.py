@@ -1,8 +1,7 @@
 """The simulated actuators against linear hydraulics in closed form, one joint of the arm free and the others held.
 
 The bench is the arm's own compiled model: the other joints carry an enormous armature, gravity, pin and stops are off,
-and the servo's gains are zero, so that its feedforward torque asks for a valve flow. The wrist roll's shaft is light,
-its resonance near 100 Hz: where that is to be seen, its step is a fraction of the arm's, which suits 1 Hz servo loops.
+and the servo's gains are zero, so that its feedforward torque asks for a valve flow.
 """
 
 from copy import copy
@@ -16,9 +15,11 @@ import pytest
 from scipy.linalg import expm
 
 from hmtb_twin import JOINTS, Plant, load_arm
+from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.parameters.drives import Actuator
 from hmtb_twin.parameters.values import OPERATING_POSE
 from hmtb_twin.truth.analytic_hydraulics import LinearHydraulics, linear_hydraulics
+from hmtb_twin.truth.linearization import sample_map
 from tests.refusals import refused
 
 CONDITIONS = {
@@ -27,7 +28,6 @@ CONDITIONS = {
     "high and hot": Plant(supply_pressure=30.0, oil_temperature=80.0),
 }
 EVERY = pytest.mark.parametrize(("name", "conditions"), list(product(JOINTS, CONDITIONS)))
-REFINED = {"wrist_roll": 8}  # steps of the bench in one of the arm, where a shaft's resonance asks for them
 FIXED = 1e9  # armature that holds a joint, kg m^2
 
 
@@ -50,9 +50,12 @@ class Bench:
 
     def ask(self, data, flow):
         """Ask the servo for the torque that makes it open the valve for a flow, cm^3/s."""
-        load_flow = self.actuator.displacement * data.qvel[self.joint]
-        lost = self.actuator.flow_pressure_gain
-        data.ctrl[2 * self.joint + 1] = (flow - load_flow) * self.actuator.displacement / lost
+        data.ctrl[2 * self.joint + 1] = flow * self.actuator.displacement / self.actuator.flow_pressure_gain
+
+    @property
+    def load(self):
+        """Place of the load pressure among the activations."""
+        return eq.LINEAR_STATES * self.joint + eq.LINEAR_LOAD
 
     def run(self, flows):
         """Return velocity and load pressure (N, 2) after each step of a run from rest."""
@@ -60,7 +63,7 @@ class Bench:
         for row, flow in zip(read, flows, strict=True):
             self.ask(data, flow)
             mujoco.mj_step(self.model, data)
-            row[:] = data.qvel[self.joint], data.act[self.joint]
+            row[:] = data.qvel[self.joint], data.act[self.load]
         return read
 
     def stall_torque(self):
@@ -69,18 +72,21 @@ class Bench:
         data = self.start()
         data.ctrl[2 * self.joint + 1] = 10.0 * self.actuator.maximum_torque
         mujoco.mj_step(self.model, data, nstep=round(20.0 * self.actuator.motor.lag / self.model.opt.timestep) + 1)
-        return float(data.actuator_force[self.joint])
+        return float(data.actuator_force[2 * self.joint])
 
 
-def bench(name, plant=CONDITIONS["nominal"], *, valve=True, refined=1):
-    """The bench of one joint, with the servo's gains at zero."""
+def bench(name, plant=CONDITIONS["nominal"], *, valve=True, servo=False):
+    """The bench of one joint, with the servo's gains at zero or as they are."""
     arm = load_arm(plant=plant, friction=False)
     joint, model = JOINTS.index(name), copy(arm.model if valve else arm.unpowered)
     model.opt.gravity[:] = 0.0
-    model.opt.timestep /= refined
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EQUALITY | mujoco.mjtDisableBit.mjDSBL_LIMIT
-    model.dof_armature[np.arange(len(JOINTS)) != joint] = FIXED
-    model.actuator_gainprm[joint, [4, 6]] = 0.0
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
+    model.jnt_stiffness[:] = 0.0
+    model.dof_armature[:], model.dof_damping[0] = FIXED, model.dof_damping[1]
+    model.dof_armature[joint] = 0.0
+    if not servo:
+        gains = [eq.STIFFNESS, eq.DAMPER, eq.PRESSURE_GAIN, eq.DYNAMIC_GAIN, eq.COMPENSATED]
+        model.actuator_user[2 * joint, gains] = 0.0
     angles = arm.pose(OPERATING_POSE)
     actuator = replace(arm.actuators[name], valve_open=valve)
     inertia = arm.controller.inertia_matrix(angles)[joint, joint]
@@ -93,26 +99,14 @@ def oscillator(poles):
     return sqrt(squared), -total / (2.0 * sqrt(squared))
 
 
-def linearized(machine, drift=0.0, gains=None):
-    """Poles of velocity and load pressure by finite differences of one physics step, rad/s, slowest first.
-
-    A closed valve is closed only off its kink at zero, hence the drift in rad/s. With gains of the servo, the pole of
-    the angle is among those returned.
-    """
-    model, data, i = machine.model, machine.start(), machine.joint
-    data.qvel[i] = drift
-    n = model.nv
-    if gains is not None:
-        model.actuator_gainprm[i] = gains
-    A, B = np.empty((2 * n + model.na,) * 2), np.empty((2 * n + model.na, model.nu))
-    mujoco.mjd_transitionFD(model, data, 1e-5, True, A, B, None, None)
-    kept = [n + i, 2 * n + i] if gains is None else [i, n + i, 2 * n + i]
-    step = A[np.ix_(kept, kept)]
-    if machine.actuator.valve_open and gains is None:
-        # The servo makes up for the load flow D w; holding the valve still instead takes that away again.
-        per_speed = machine.actuator.displacement**2 / machine.actuator.flow_pressure_gain
-        step[:, 0] -= B[kept, 2 * i + 1] * per_speed
-    return continuous_poles(step, model.opt.timestep)
+def linearized(machine, servo=None):
+    """Poles of velocity and load pressure, or of the joint under a servo, by the map of one physics step, rad/s."""
+    model, n, i, h = machine.model, machine.model.nv, machine.joint, machine.model.opt.timestep
+    A = sample_map(model, machine.start(), period=h)[0]
+    kept = [n + i, 2 * n + machine.load]
+    if servo is not None:
+        kept = [i, *kept] + ([2 * n + machine.load + eq.LINEAR_FILTERED - eq.LINEAR_LOAD] if servo.dynamic else [])
+    return continuous_poles(A[np.ix_(kept, kept)], h)
 
 
 def continuous_poles(step, period):
@@ -158,13 +152,19 @@ def test_formulas_are_those_of_the_textbook():
     assert theory.stall_torque * leaky == pytest.approx(D * actuator.hydraulics.pressure, rel=1e-12)
 
 
-def test_servo_poles_are_those_that_the_gains_were_placed_for():
-    arm = load_arm(plant=Plant(friction="none"))
+@pytest.mark.parametrize("law", ["flow", "torque"])
+def test_servo_poles_are_those_that_the_gains_were_placed_for(law):
+    arm = load_arm(plant=Plant(servo=law))
     inertia = np.diag(arm.controller.inertia_matrix(arm.pose(OPERATING_POSE)))
     for name, seen in zip(JOINTS, inertia, strict=True):
         theory, servo = linear_hydraulics(arm.actuators[name], seen), arm.servos[name]
-        poles = theory.servo_poles(*arm.gains[name])
-        np.testing.assert_allclose(poles[:2], [servo.slow_pole, servo.fast_pole], rtol=1e-6)
+        poles = theory.servo_poles(arm.gains[name])
+        wanted = [servo.slow_pole] if law == "flow" else [servo.slow_pole, servo.fast_pole]
+        for pole in wanted:
+            assert np.abs(poles / pole - 1.0).min() < 1e-6
+        if law == "flow":
+            swinging = poles[np.abs(poles.imag) > 1e-6]
+            assert (-swinging.real > 0.3 * np.abs(swinging)).all()
 
 
 @EVERY
@@ -182,16 +182,14 @@ def test_linearised_step_has_the_hydraulic_poles(name, conditions):
 
 @EVERY
 def test_step_of_flow(name, conditions):
-    machine = bench(name, CONDITIONS[conditions], refined=REFINED.get(name, 1))
+    machine = bench(name, CONDITIONS[conditions])
     theory, h = machine.theory, machine.model.opt.timestep
     flow = 0.1 * theory.largest_flow
     read = machine.run(np.full(round(0.5 / h), flow))
     ends = h * np.arange(1, len(read) + 1)
     exact = flow * theory.step(ends)
-    # Semi-implicit Euler leaps: its velocities are those half a step later.
-    exact[:, 0] = flow * theory.step(ends + 0.5 * h)[:, 0]
     error = np.abs(read - exact).max(axis=0) / np.abs(exact).max(axis=0)
-    assert error.max() < 2e-3
+    assert error.max() < 1e-4
 
 
 @EVERY
@@ -214,39 +212,26 @@ def test_velocity_gain_no_load_speed_and_stall_torque(name, conditions):
 
 @EVERY
 def test_closed_valve_rings_at_the_hydraulic_resonance(name, conditions):
-    machine = bench(name, CONDITIONS[conditions], valve=False, refined=REFINED.get(name, 1))
+    machine = bench(name, CONDITIONS[conditions], valve=False)
     theory, h = machine.theory, machine.model.opt.timestep
     assert theory.damping_ratio < 0.3
     data = machine.start()
-    data.act[machine.joint] = 1.0
+    data.act[machine.load] = 1.0
     read = np.empty((round(5.0 * 2.0 * pi / theory.natural_frequency / h), 2))
     for row in read:
         mujoco.mj_step(machine.model, data)
-        row[:] = data.qvel[machine.joint], data.act[machine.joint]
+        row[:] = data.qvel[machine.joint], data.act[machine.load]
     # The map from one state to the next, by least squares over the ringing.
     rung = continuous_poles(np.linalg.lstsq(read[:-1], read[1:])[0], h)
     assert oscillator(rung) == pytest.approx((theory.natural_frequency, theory.damping_ratio), rel=1e-2)
-    assert oscillator(linearized(machine, drift=1e-3)) == pytest.approx(oscillator(theory.poles), rel=1e-2)
-
-
-def test_fast_shaft_behind_a_closed_valve_needs_a_finer_step():
-    errors = []
-    for refined in (1, 2, 4):
-        machine = bench("wrist_roll", valve=False, refined=refined)
-        resonance, expected = oscillator(linearized(machine, drift=1e-3))[0], oscillator(machine.theory.poles)[0]
-        errors.append(abs(resonance / expected - 1.0))
-    assert 0.01 < errors[0] < 0.06
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)
-    assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.1)
+    assert oscillator(linearized(machine)) == pytest.approx(oscillator(theory.poles), rel=1e-2)
 
 
 @pytest.mark.parametrize("name", JOINTS)
-def test_servo_of_the_held_joint(name):
-    arm = load_arm(friction=False)
-    for refined, dominant in ((1, 2e-3), (8, 3e-4)):
-        machine = bench(name, refined=refined)
-        poles = linearized(machine, gains=arm.model.actuator_gainprm[machine.joint])
-        expected = machine.theory.servo_poles(*arm.gains[name])
-        assert poles.real.max() == pytest.approx(expected[0].real, rel=dominant)
-    # Two of the wrist roll's nearly coincide: their polynomial is known better than they are.
-    np.testing.assert_allclose(np.poly(poles).real, np.poly(expected).real, rtol=1e-2)
+@pytest.mark.parametrize("law", ["flow", "torque"])
+def test_servo_of_the_held_joint(name, law):
+    machine = bench(name, Plant(servo=law), servo=True)
+    gains = load_arm(plant=Plant(servo=law)).gains[name]
+    expected = machine.theory.servo_poles(gains)
+    # Poles that nearly coincide are known less well than their polynomial.
+    np.testing.assert_allclose(np.poly(linearized(machine, gains)).real, np.poly(expected).real, rtol=2e-3)

@@ -7,7 +7,7 @@ from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, linearize, load_arm
 from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE, POSES
 from hmtb_twin.truth import linearization
 from hmtb_twin.truth.linearization import CLEARANCE, linear, simulated, small_signal_error
-from hmtb_twin.truth.linearization import STEP_DIFFERENCES as STEP
+from hmtb_twin.truth.linearization import STEP
 from tests.refusals import refused
 
 
