@@ -18,7 +18,6 @@ from hmtb_twin.parameters.specimen import Specimen
 from hmtb_twin.parameters.values import HAND_CONTROLLER, INDEXED_JOINTS, JOINTS, OPERATING_POSE, PIN, POSES, SAMPLE_TIME
 from hmtb_twin.parameters.variants import Variant, variant_named
 
-
 FLOW_STEPS = 12
 """Physics steps of a tick in free space with a servo whose error opens the valve; torque servos are faster."""
 
@@ -100,7 +99,7 @@ def tuned_gains(variant: Variant, plant: Plant = NOMINAL_PLANT) -> dict[str, Ser
         dead_zone = drive.breakaway_torque / gains[name].kp
         if dead_zone >= HAND_CONTROLLER.gain and name not in INDEXED_JOINTS:
             raise TwinError(
-                f"{variant.name}: the {name.replace('_', ' ')} stands still up to {1e3 * dead_zone:.3g} mrad of command, "
+                f"{variant.name}: the {name.replace('_', ' ')} stands still up to {1e3 * dead_zone:.3g} mrad, "
                 f"expected less than the {1e3 * HAND_CONTROLLER.gain:.3g} mrad of its smallest test"
             )
     return gains

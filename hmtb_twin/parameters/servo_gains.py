@@ -115,7 +115,5 @@ def flow_gains(inertia: float, servo: Servo, drive: Drive) -> ServoGains:
     washed = s * washout / (1.0 + s * washout)
     kp = -((compliance * s + K + dynamic * washed) * (inertia * s + drive.drag) + D**2) * s / K
     if not kp > 0.0:
-        raise TwinError(
-            f"wanted slow pole {s:g} rad/s of a flow servo asks for kp = {kp:g} N m/rad, expected above 0: a slower pole"
-        )
+        raise TwinError(f"wanted slow pole {s:g} rad/s asks for kp = {kp:g} N m/rad of a flow servo, expected above 0")
     return ServoGains(kp, 0.0, feed=K, dynamic=dynamic, washout=washout, compensated=0.0)

@@ -181,10 +181,11 @@ class Variant:
             if friction is None:
                 continue
             damping = friction.bristle_time * drive.coulomb_torque / friction.presliding
-            if damping * (friction.static_ratio - 1.0) > drive.drag:
+            most = drive.drag / (friction.static_ratio - 1.0)
+            if damping > most:
                 raise TwinError(
-                    f"{self.name}: LuGre damping {damping:.3g} N m s/rad of the {name.replace('_', ' ')} given, expected "
-                    f"at most {drive.drag / (friction.static_ratio - 1.0):.3g}: beyond, the friction is not passive"
+                    f"{self.name}: LuGre damping {damping:.3g} N m s/rad of the {name.replace('_', ' ')} given, "
+                    f"expected at most {most:.3g}: beyond, the friction is not passive"
                 )
 
 

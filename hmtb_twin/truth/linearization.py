@@ -97,9 +97,9 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
     One tick is x+ = f(x, u) with x joint angles, velocities and states of the drives and u commanded angle and
     feedforward torque of each joint. This 50 Hz map of the simulation itself is differentiated, at rest with the oil
     settled; the feedforward of the controller's own model folds the torques into the commanded angles, and the bus
-    delays follow the outputs. Dry friction is off: at rest it would show the stuck arm, not the moving one. The oil's drag stays.
-    Noise of the valve drives is torque held over a tick as the feedforward is, so that it enters by the same columns
-    of the map.
+    delays follow the outputs. Dry friction is off: at rest it would show the stuck arm, not the moving one. The oil's
+    drag stays. Noise of the valve drives is torque held over a tick as the feedforward is, so that it enters by the
+    same columns of the map.
 
     Args:
         arm: The arm, with friction or without, in free space or at the worksite: the truth is the same.

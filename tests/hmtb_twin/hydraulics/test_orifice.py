@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, linearize, load_arm, simulate
 from hmtb_twin.hydraulics import callbacks
 from hmtb_twin.hydraulics import valve_equations as eq
+from hmtb_twin.hydraulics.callbacks import install_equations
 from hmtb_twin.hydraulics.drive_actuators import (
     add_orifice_actuators,
-    arm_parameters,
-    install_equations,
+    drive_parameters,
     valve_parameters,
 )
 from hmtb_twin.parameters.drives import ACTUATORS

@@ -6,8 +6,7 @@ import pytest
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, linearize, load_arm
 from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE, POSES
 from hmtb_twin.truth import linearization
-from hmtb_twin.truth.linearization import CLEARANCE, linear, simulated, small_signal_error
-from hmtb_twin.truth.linearization import STEP
+from hmtb_twin.truth.linearization import CLEARANCE, STEP, linear, simulated, small_signal_error
 from tests.refusals import refused
 
 
