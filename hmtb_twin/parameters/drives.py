@@ -252,7 +252,7 @@ ACTUATORS = {
 class GearFriction(Friction):
     """Friction of a harmonic drive as parts of the rated torque: LuGre or Coulomb, and the lubricant's drag."""
 
-    coulomb: float = quantity(0.02, "1", "assumed", "part of rated torque; harmonic drives lose several percent")
+    coulomb: float = quantity(0.01, "1", "assumed", "part of rated torque; harmonic drives lose several percent")
     static_ratio: float = quantity(1.3, "1", "assumed", "breakaway over Coulomb torque of a greased gear")
     stribeck_velocity: float = quantity(0.02, "rad/s", "assumed", "about 1 deg/s at the joint")
     presliding: float = quantity(1e-3, "rad", "assumed", "deflection of gear and bearings at Coulomb torque")

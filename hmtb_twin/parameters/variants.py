@@ -45,7 +45,7 @@ class LightFriction(Friction):
     """Seals that a soft servo still overcomes."""
 
     coulomb: float = quantity(
-        0.001, "1", "derived", "little beside the servo's stiffness: the printed DC gain is above one"
+        0.0001, "1", "derived", "breakaway within a 1 V command; the printed DC gain of the yaw is above one"
     )
 
 
@@ -61,12 +61,12 @@ PUBLISHED_SERVOS: Mapping[str, Servo] = MappingProxyType(
 """The servo of each joint."""
 
 PUBLISHED_ACTUATORS: Mapping[str, Actuator] = MappingProxyType(
-    {**ACTUATORS, "shoulder_yaw": replace(ACTUATORS["shoulder_yaw"], friction=LightFriction(0.0001))}
+    {
+        **ACTUATORS,
+        **{name: replace(ACTUATORS[name], friction=LightFriction()) for name in ("shoulder_yaw", "wrist_roll")},
+    }
 )
-"""The drive of each joint: nominal but for the shoulder yaw's seals.
-
-Its servo is so soft that nominal seals would hold the joint back by a sixth of a 1 V command.
-"""
+"""The drive of each joint: nominal but for the seals of two joints, whose servos are too soft for nominal ones."""
 
 
 @dataclass(frozen=True)
