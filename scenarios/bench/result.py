@@ -13,7 +13,7 @@ from typing import Any
 from scenarios.bench.metric import Metric, all_pass
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.task import PROTOCOL
-from scenarios.files.codec import structure
+from scenarios.files.codec import plain_numbers, structure
 from scenarios.files.errors import ScenarioError
 from scenarios.files.printable import one_line
 
@@ -73,7 +73,8 @@ class Result:
     def to_json(self) -> str:
         """The text of the file; NaN as null, infinities as text."""
         fields = {IN_FILES.get(key, key): value for key, value in asdict(self).items()}
-        return json.dumps(_plain({"format": FORMAT, "passed": self.passed, **fields}), indent=1, allow_nan=False) + "\n"
+        contents = plain_numbers({"format": FORMAT, "passed": self.passed, **fields})
+        return json.dumps(contents, indent=1, allow_nan=False) + "\n"
 
     @classmethod
     def read(cls, path: Path) -> "Result":
@@ -108,18 +109,6 @@ def _safe(value: Any) -> Any:
     if isinstance(value, dict):
         return {one_line(key): _safe(entry) for key, entry in value.items()}
     return [_safe(entry) for entry in value] if isinstance(value, list) else value
-
-
-def _plain(value: Any) -> Any:
-    if hasattr(value, "tolist"):  # NumPy's
-        value = value.tolist()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None if math.isnan(value) else str(value)
-    if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    return value
 
 
 def machine() -> str:

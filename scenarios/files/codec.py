@@ -55,6 +55,19 @@ def unstructure(record: object) -> dict[str, Any]:
     return table
 
 
+def plain_numbers(value: Any) -> Any:
+    """Replace NumPy's numbers and arrays by Python's, NaN by None, and infinities by the texts inf and -inf."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else str(value)
+    if isinstance(value, Mapping):
+        return {str(key): plain_numbers(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_numbers(entry) for entry in value]
+    return value
+
+
 def changes(record: object, nominal: object) -> dict[str, Any]:
     """Write those fields of a record that differ from those of another record of its type."""
     return {key: value for key, value in unstructure(record).items() if getattr(record, key) != getattr(nominal, key)}

@@ -10,7 +10,7 @@ from scenarios.experiments.campaign import RPCM
 from scenarios.thesis.campaign import plays_identified_sequence
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import AS_IT_IS
-from scenarios.thesis.findings_fits import FAST, FOLLOWS
+from scenarios.thesis.findings_chapter_6 import FAST, FOLLOWS
 from scenarios.thesis.multivariable import WAYS, ThreeJointModel, Way
 from scenarios.thesis.verdicts import MARGIN, WORDS, ahead
 from sysid import IOData, residuals

@@ -16,9 +16,9 @@ from scenarios.thesis.campaign import tests_of_same_sequence
 from scenarios.thesis.comparison import Comparison, JointResult, ModelResult
 from scenarios.thesis.envelope import envelope
 from scenarios.thesis.every_data_set import AUDIBLE, DataSets, distances
+from scenarios.thesis.number_text import p_value
 from scenarios.thesis.order_search import IMPROVES, Searches
 from scenarios.thesis.response_figures import FREQUENCIES, ZOOM, dc_bode, mark_excited, model_response, well_known
-from scenarios.thesis.tally import p_value
 from scenarios.truth.published import PublishedModel
 from sysid import Estimate, StateSpace
 from sysid.plots import (

@@ -11,9 +11,9 @@ from scenarios.report.figure_style import MRAD, WIDTH, dress, short
 from scenarios.report.figures import Gallery
 from scenarios.thesis import chapter_5 as draw
 from scenarios.thesis.comparison import Comparison, JointResult
+from scenarios.thesis.number_text import p_value
 from scenarios.thesis.observer_analysis import LIVE, JointObserver, P, hankel_share
 from scenarios.thesis.response_figures import FREQUENCIES, dc_bode, line_mark, model_response
-from scenarios.thesis.tally import p_value
 from scenarios.truth.published import PERCENT_DESCRIBED, PublishedModel
 from sysid import IOData, ModelFit, StateSpace
 from sysid.plots import BOUND, PALETTE, Curve, Style, Trace, output_comparison, singular_values

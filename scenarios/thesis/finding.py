@@ -1,224 +1,197 @@
-"""Claims of the thesis and the findings that test them [Morris1996]."""
+"""Claims of the thesis with their criteria, the findings that test them, and the rules that give verdicts."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import date
+from importlib.resources import files
 from types import MappingProxyType
 from typing import Literal
+
+Verdict = Literal[
+    "reproduced",
+    "reproduced by construction",
+    "partly",
+    "depends on the reading",
+    "not reproduced",
+    "cannot be told",
+]
+
+Parts = Mapping[str, bool]
+"""Parts of a claim by name, and whether each holds on the twin."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A later change of a criterion.
+
+    Attributes:
+        date: Day of the change.
+        what: The change.
+        why: Its reason.
+        after_results: Whether verdicts by the former criterion had been seen by then.
+    """
+
+    date: date
+    what: str
+    why: str
+    after_results: bool
 
 
 @dataclass(frozen=True)
 class ThesisClaim:
-    """A claim of the thesis.
+    """A claim of the thesis and the criterion that decides it.
 
     Attributes:
         key: F1 to F26.
-        text: What it says.
+        claim: What it says.
         where: Where it says so.
         thesis: Its number or word for it.
-    """
-
-    key: str
-    text: str
-    where: str
-    thesis: str
-
-
-CLAIMS: Mapping[str, ThesisClaim] = MappingProxyType(
-    {
-        entry.key: entry
-        for entry in (
-            ThesisClaim(
-                "F1",
-                "gain below one over the band, low-frequency cutoff near 6 rad/s (yaw) and 7 rad/s (pitches)",
-                "III.2A, III.3",
-                "6 (yaw), 7 and 7 (pitches)",
-            ),
-            ThesisClaim(
-                "F2",
-                "second-order slope from the break to about 10 rad/s, resonances and disturbances above",
-                "III.2A",
-                "second order, -40 dB per decade far above the break",
-            ),
-            ThesisClaim(
-                "F3",
-                "two to five samples of delay from input to output of both pitches",
-                "III.3",
-                "2 to 5 (pitches)",
-            ),
-            ThesisClaim(
-                "F4",
-                "the PRBS input looks white with periodic side peaks",
-                "III.2B",
-                "white, with small periodic peaks",
-            ),
-            ThesisClaim(
-                "F5",
-                "with the bipolar ramping pulse the disturbance spectrum concentrates around and below 1 Hz, the "
-                "output's and the input's in 1-5 Hz",
-                "III.2C",
-                "predominantly around 1 Hz",
-            ),
-            ThesisClaim(
-                "F6",
-                "with two sines at 2.5 and 10 Hz the disturbance lies two orders (yaw) and one order (pitches) below "
-                "the output",
-                "III.2C, III.3",
-                "2 (yaw), 1 (pitches)",
-            ),
-            ThesisClaim(
-                "F7",
-                "measurement disturbances exceed process disturbances",
-                "III.4",
-                "above one, judged from spectra",
-            ),
-            ThesisClaim(
-                "F8",
-                "ARX and IV4 give inconsistent models from one data set to the next, ARMAX and OE do not",
-                "IV.1",
-                "inconsistent; consistent",
-            ),
-            ThesisClaim(
-                "F9",
-                "yaw: ARMAX with 5 poles, 2 zeros, 2 delays has white, independent residuals and a near pole-zero "
-                "cancellation",
-                "IV.3A",
-                "white, independent, one near cancellation",
-            ),
-            ThesisClaim(
-                "F10",
-                "yaw: the residuals of OE (2 poles, 1 zero, 2 delays) are not white; OE with more poles turns unstable",
-                "IV.3A",
-                "not white; unstable",
-            ),
-            ThesisClaim(
-                "F11",
-                "shoulder pitch: OE (2 poles, 1 zero, 1 delay) is best, its residuals independent of the input",
-                "IV.4",
-                "OE best, independent",
-            ),
-            ThesisClaim(
-                "F12",
-                "elbow pitch: ARMAX (2 poles, 1 zero, 2 delays) is best, whiter than OE",
-                "IV.4",
-                "ARMAX best, whiter",
-            ),
-            ThesisClaim("F13", "all models are stable", "IV, V, VI.3", "below one"),
-            ThesisClaim(
-                "F14",
-                "OKID from PRBS with p = 5: order 2 describes 99.87 % (yaw), 96.11 % (shoulder), 98.88 % (elbow) of "
-                "the data",
-                "V.2, V.3",
-                "99.87, 96.11, 98.88",
-            ),
-            ThesisClaim(
-                "F15",
-                "without detrending, OKID needs order 4 for yaw, with extremely poor residuals but fewer observer "
-                "parameters",
-                "V.2",
-                "4; extremely poor; fewer",
-            ),
-            ThesisClaim(
-                "F16",
-                "OKID poles are all real and its transmission zeros complex pairs; the SysID model has complex poles",
-                "VI.3",
-                "0; all; some",
-            ),
-            ThesisClaim("F17", "the Bode plots of the SysID and the OKID model agree", "VI.2", "comparable"),
-            ThesisClaim(
-                "F18",
-                "RPCM data: OKID fits better than SysID on every joint, SysID is worst on shoulder pitch",
-                "VI.4",
-                "OKID better on 3 of 3; SysID worst on shoulder pitch",
-            ),
-            ThesisClaim(
-                "F19",
-                "RPCM residuals: SysID white on yaw and elbow but not shoulder; OKID fairly white on yaw and shoulder, "
-                "less on elbow; yaw residuals correlate with the input at lags below 15",
-                "VI.4",
-                "yaw, elbow; yaw, shoulder; below 15",
-            ),
-            ThesisClaim(
-                "F20",
-                "5-10 Hz multi-input chirp: OKID fits better, slight coupling from the pitch inputs into the yaw "
-                "residuals",
-                "VI.5",
-                "OKID better; slight",
-            ),
-            ThesisClaim(
-                "F21",
-                "low-frequency data: SysID beats OKID on yaw, so a hybrid model is best there",
-                "VI.6",
-                "SysID better on yaw; hybrid best",
-            ),
-            ThesisClaim(
-                "F22",
-                "cutoff about 1 Hz per joint, yet the models follow data with 3-5 Hz content",
-                "VI.6",
-                "follow",
-            ),
-            ThesisClaim("F23", "above 5 Hz OKID is slightly better on every joint", "VI.6", "slightly better"),
-            ThesisClaim("F24", "parsimony: orders 2/2/2 (OKID) against 5/2/3 (SysID)", "VI.6", "2/2/2 suffice"),
-            ThesisClaim("F25", "SysID is robust to bias and outliers, OKID is sensitive", "VI.6", "robust; sensitive"),
-            ThesisClaim("F26", "little coupling between the joints near the operating point", "VI.6", "little"),
-        )
-    }
-)
-"""Every claim, in order."""
-
-
-Verdict = Literal["reproduced", "partly", "not reproduced", "cannot be told"]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A finding with its verdict and the number it rests on.
-
-    Attributes:
-        key: F1 to F26.
-        claim: What the thesis says.
-        where: Where it says so.
-        verdict: Whether the twin shows the same.
-        value: The number, or several by name (joints, as a rule); nothing where it cannot be told. One named `of`, or
-            `of ...`, is the whole of which the number before it counts a part.
-        unit: Its unit and meaning in a few words.
-        thesis: The thesis' number or word.
-        why: One sentence: what the verdict rests on and the most likely reason.
+        unit: Unit and meaning of the twin's numbers.
+        criterion: What has to hold.
+        date: Day on which the criterion was first written.
+        limits: Thresholds of the criterion by name.
+        by_construction: Why a success is no evidence; empty where it is some.
+        changes: Later changes of the criterion.
     """
 
     key: str
     claim: str
     where: str
-    verdict: Verdict
-    value: float | Mapping[str, float]
-    unit: str
     thesis: str
-    why: str
+    unit: str
+    criterion: str
+    date: date
+    limits: Mapping[str, float]
+    by_construction: str = ""
+    changes: tuple[Change, ...] = ()
+
+    @property
+    def changed_after_results(self) -> bool:
+        """Whether the criterion was changed after verdicts by a former one had been seen."""
+        return any(change.after_results for change in self.changes)
 
 
-def decided_finding(key: str, verdict: Verdict, value: float | Mapping[str, float], unit: str, why: str) -> Finding:
-    """Build a finding on the claim with this key.
+def _claims() -> Mapping[str, ThesisClaim]:
+    table = tomllib.loads((files("scenarios") / "data" / "criteria.toml").read_text(encoding="utf-8"))
+    common = table.pop("common")
+    claims = {}
+    for key, entry in table.items():
+        limits = {**common, **entry.pop("limits", {})}
+        entry["criterion"] = entry["criterion"].format(**limits)
+        changes = tuple(Change(**{**one, "what": one["what"].format(**limits)}) for one in entry.pop("changes", ()))
+        claims[key] = ThesisClaim(key, **entry, limits=MappingProxyType(limits), changes=changes)
+    return MappingProxyType(claims)
 
-    Args:
+
+CLAIMS: Mapping[str, ThesisClaim] = _claims()
+"""Every claim, in order; `scenarios/data/criteria.toml` holds the table."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A finding with its verdict and the numbers it rests on.
+
+    Attributes:
         key: F1 to F26.
         verdict: Whether the twin shows the same.
-        value: The number, or several by name.
-        unit: Its unit and meaning.
-        why: What the verdict rests on.
-
-    Returns:
-        The finding.
+        value: Numbers by name (joints, as a rule); empty where it cannot be told. One named `of`, or `of ...`, is the
+            whole of which the number before it counts a part.
+        why: What the verdict rests on, and the cause as far as an experiment shows it.
+        parts: Parts of the claim, under every reading that counts, and whether each holds.
     """
-    claim = CLAIMS[key]
-    return Finding(key, claim.text, claim.where, verdict, value, unit, claim.thesis, why)
+
+    key: str
+    verdict: Verdict
+    value: Mapping[str, float]
+    why: str
+    parts: Parts = field(default_factory=dict)
+
+    @property
+    def claim(self) -> str:
+        """What the thesis says."""
+        return CLAIMS[self.key].claim
+
+    @property
+    def where(self) -> str:
+        """Where it says so."""
+        return CLAIMS[self.key].where
+
+    @property
+    def thesis(self) -> str:
+        """Its number or word for it."""
+        return CLAIMS[self.key].thesis
+
+    @property
+    def unit(self) -> str:
+        """Unit and meaning of the numbers."""
+        return CLAIMS[self.key].unit
 
 
 def undecided_finding(key: str, why: str) -> Finding:
     """Return a finding that cannot be decided, and the reason."""
-    return decided_finding(key, "cannot be told", {}, "", why)
+    return Finding(key, "cannot be told", {}, why)
 
 
-def verdict(passed: int, total: int) -> Verdict:
-    """Verdict from the number of parts that hold: all, some or none."""
-    if passed == total:
-        return "reproduced"
-    return "partly" if passed else "not reproduced"
+def decided_finding(key: str, parts: Parts, value: Mapping[str, float], why: str, *, cause: str = "") -> Finding:
+    """Decide a claim that can be read in one way; see `finding_by_reading`."""
+    return finding_by_reading(key, {"": parts}, value, why, cause=cause)
+
+
+def finding_by_reading(
+    key: str, readings: Mapping[str, Parts], value: Mapping[str, float], why: str, *, cause: str = ""
+) -> Finding:
+    """Decide a claim by its parts under every reading.
+
+    All parts hold: reproduced (by construction where the table says so); none: not reproduced; some: partly, and the
+    reason names them. Readings that give different verdicts: it depends on the reading.
+
+    Args:
+        key: F1 to F26.
+        readings: By reading, in words that follow a verdict, the parts of the claim; the name may be empty.
+        value: Numbers by name.
+        why: What the verdict rests on, sentences without the last full stop.
+        cause: What an experiment shows of why a part fails; without one the finding says "not tried".
+
+    Returns:
+        The finding.
+    """
+    verdicts = {name: verdict(parts, key) for name, parts in readings.items()}
+    agreed = set(verdicts.values())
+    decision: Verdict = agreed.pop() if len(agreed) == 1 else "depends on the reading"
+    decided = "; ".join(
+        f"{verdicts[name]} {name}".strip() + _differing(parts)
+        for name, parts in readings.items()
+        if name or verdicts[name] == "partly"
+    )
+    sentences = [decided[:1].upper() + decided[1:], why]
+    if decision == "reproduced by construction":
+        sentences.append(f"By construction: {CLAIMS[key].by_construction}")
+    elif decision != "reproduced":
+        sentences.append(f"Cause: {cause or 'not tried'}")
+    flat = {f"{part} {name}".strip(): holds for name, parts in readings.items() for part, holds in parts.items()}
+    return Finding(key, decision, value, ". ".join(filter(None, sentences)), flat)
+
+
+def verdict(parts: Parts, key: str) -> Verdict:
+    """Return the verdict on a claim from the parts that hold: all, some or none."""
+    if all(parts.values()):
+        return "reproduced by construction" if CLAIMS[key].by_construction else "reproduced"
+    return "partly" if any(parts.values()) else "not reproduced"
+
+
+def _differing(parts: Parts) -> str:
+    """Name the parts that hold and those that do not, where some do."""
+    holding, failing = ([name for name, holds in parts.items() if holds is kind] for kind in (True, False))
+    if not holding or not failing:
+        return ""
+    return f" (holds: {_grouped(holding)}; fails: {_grouped(failing)})"
+
+
+def _grouped(names: Sequence[str]) -> str:
+    """List parts, the joints of one part together."""
+    places: dict[str, list[str]] = {}
+    for name in names:
+        what, _, place = name.partition(" on ")
+        places.setdefault(what, []).extend([place] if place else [])
+    return ", ".join(f"{what} on {' and '.join(on)}" if on else what for what, on in places.items())

@@ -8,9 +8,6 @@ from scenarios.thesis import findings_chapter_3 as chapter_3
 from scenarios.thesis import findings_chapter_4 as chapter_4
 from scenarios.thesis import findings_chapter_5 as chapter_5
 from scenarios.thesis import findings_chapter_6 as chapter_6
-from scenarios.thesis import findings_fits as fits
-from scenarios.thesis import findings_robustness as robustness
-from scenarios.thesis import findings_spectra as spectra
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import CLAIMS, Finding, undecided_finding
 from sysid import SysidError
@@ -21,8 +18,8 @@ FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
         "F2": chapter_3.slope,
         "F3": chapter_3.delay,
         "F4": chapter_3.prbs_looks_white,
-        "F5": spectra.pulse_spectra,
-        "F6": spectra.sinusoid_disturbance,
+        "F5": chapter_3.pulse_spectra,
+        "F6": chapter_3.sinusoid_disturbance,
         "F7": chapter_3.measurement_against_process,
         "F8": chapter_4.consistency,
         "F9": chapter_4.yaw_armax,
@@ -34,14 +31,14 @@ FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
         "F15": chapter_5.without_detrending,
         "F16": chapter_6.real_poles,
         "F17": chapter_6.bode_agrees,
-        "F18": fits.exchange_fit,
-        "F19": fits.exchange_residuals,
-        "F20": fits.fast_chirp,
-        "F21": fits.slow_data,
-        "F22": fits.follows_5_hz,
-        "F23": fits.above_5_hz,
+        "F18": chapter_6.exchange_fit,
+        "F19": chapter_6.exchange_residuals,
+        "F20": chapter_6.fast_chirp,
+        "F21": chapter_6.slow_data,
+        "F22": chapter_6.follows_5_hz,
+        "F23": chapter_6.above_5_hz,
         "F24": chapter_6.parsimony,
-        "F25": robustness.bias_and_outliers,
+        "F25": chapter_6.bias_and_outliers,
         "F26": chapter_6.coupling,
     }
 )

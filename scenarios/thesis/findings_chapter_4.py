@@ -1,4 +1,4 @@
-"""Findings of chapter 4: prediction-error models of single joints."""
+"""Findings of chapter IV, F8 to F13: prediction-error models of single joints."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,9 +10,8 @@ from scenarios.experiments.campaign import single_joint_test
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.every_data_set import DataSetModel, DataSets, distances
-from scenarios.thesis.finding import Finding, decided_finding, verdict
-from scenarios.thesis.prediction_errors import EDGE
-from scenarios.thesis.tally import p_value
+from scenarios.thesis.finding import CLAIMS, Finding, decided_finding
+from scenarios.thesis.number_text import p_value
 from scenarios.thesis.verdicts import MARGIN, ahead, comparison_word, held_out_one_step, tied
 from scenarios.truth.published import EQUATIONS
 from sysid import StateSpace
@@ -108,36 +107,23 @@ def flexibility(study: Comparison, joint: str) -> Flexibility:
     return Flexibility(fits, tuple(unstable), tests)
 
 
-FURTHER = 1.5
-"""Factor over the distance of ARMAX and OE from which the responses of a method count as inconsistent."""
-
-
 def consistency(study: Comparison) -> Finding:
     """F8: ARX and IV4 give inconsistent models from one data set to the next, ARMAX and OE do not."""
-    passed, notes = 0, []
+    parts: dict[str, bool] = {}
     value: dict[str, float] = {}
+    notes = []
     for joint, entry in study.data_sets.items():
+        name = joint.replace("_", " ")
         spread = {method: data_set_spread(entry, method) for method in (*COMPARED, *DISMISSED)}
         unstable = {method: sum(not m.stable for m in entry.singles(method, enough=True)) for method in spread}
-        worst = max(spread[method] for method in COMPARED)
+        limit = CLAIMS["F8"].limits["further"] * max(spread[method] for method in COMPARED)
         for method in DISMISSED:
-            inconsistent = unstable[method] > 0 or spread[method] >= FURTHER * worst
-            passed += inconsistent and not any(unstable[other] for other in COMPARED)
-        value |= {f"{joint.replace('_', ' ')} {method.upper()}": number for method, number in spread.items()}
-        parts = [f"{count} {method.upper()}" for method, count in unstable.items() if count]
-        notes.append(f"{joint.replace('_', ' ')} {' and '.join(parts) or 'none'}")
-    total = len(DISMISSED) * len(study.data_sets)
-    return decided_finding(
-        "F8",
-        verdict(passed, total),
-        value,
-        "median relative distance between the responses, 0.5 to 10 Hz, of models from two single-joint data sets that "
-        "excite enough; counted as inconsistent: an unstable model among them, or a distance "
-        f"{FURTHER:g} times that of ARMAX and OE, which must be stable throughout",
-        f"{passed} of {total} cases (ARX and IV4 on each joint); unstable models by joint: {', '.join(notes)}. "
-        "Friction and the velocity limit make the best linear model another for every data set, whatever the method: "
-        "that is the distance which all share",
-    )
+            inconsistent = unstable[method] > 0 or spread[method] >= limit
+            parts[f"{method.upper()} on {name}"] = inconsistent and not any(unstable[other] for other in COMPARED)
+        value |= {f"{name} {method.upper()}": number for method, number in spread.items()}
+        counts = [f"{count} {method.upper()}" for method, count in unstable.items() if count]
+        notes.append(f"{name} {' and '.join(counts) or 'none'}")
+    return decided_finding("F8", parts, value, f"Unstable models by joint: {', '.join(notes)}")
 
 
 def data_set_spread(entry: DataSets, method: str) -> float:
@@ -159,24 +145,23 @@ def yaw_armax(study: Comparison) -> Finding:
     model = study.joints["shoulder_yaw"].models["armax"]
     distance, printed = nearest(model.estimate.model), nearest(EQUATIONS["4.7"].model)
     test = model.residual_test
-    parts = [bool(test.white[0]), bool(test.independent[0, 0]), distance <= printed]
-    smooth = _smooth(study, "shoulder_yaw", "armax")
-    small = "" if all(parts[:2]) else ": what is left is small, but so many samples show it"
     return decided_finding(
         "F9",
-        verdict(sum(parts), len(parts)),
+        {
+            "white": bool(test.white[0]),
+            "independent": bool(test.independent[0, 0]),
+            "near cancellation": distance <= printed,
+        },
         {
             "whiteness p": float(test.whiteness_p[0]),
             "independence p": float(test.independence_p[0, 0]),
             "largest autocorrelation over its bound": _excess(model),
             "nearest pole and zero": distance,
         },
-        "p-values at 25 lags (below 0.01: rejected); multiples of the 99 % bound; distance in the z plane (near: no "
-        f"further than {printed:.3f}, that of the printed model)",
-        f"{int(test.outside_whiteness[0])} of 25 lags lie outside the 99 % bounds of whiteness. "
-        + _friction(smooth)
-        + f"The model follows its own record to {model.fits[study.estimation_test].one_step:.1f} % one step ahead"
-        + small,
+        f"{int(test.outside_whiteness[0])} of 25 lags lie outside the 99 % bounds of whiteness. The nearest pole and "
+        f"zero of the printed model are {printed:.3f} apart. The model follows its own record to "
+        f"{model.fits[study.estimation_test].one_step:.1f} % one step ahead",
+        cause=_friction(study, "shoulder_yaw", "armax"),
     )
 
 
@@ -188,13 +173,13 @@ def yaw_oe(study: Comparison) -> Finding:
     own = [entry for entry in models if entry.orders[1] == poles]
     more = [entry for entry in models if entry.orders[1] > poles]
     gone = [entry for entry in more if entry.unstable]
-    parts = [not bool(test.white[0]), 2 * len(gone) > len(more) and not any(entry.unstable for entry in own)]
+    own_unstable = any(entry.unstable for entry in own)
     named = ", ".join(
         f"{nb} zero(s) and {nf} poles" for nb, nf in ((entry.orders[0] - 1, entry.orders[1]) for entry in gone)
     )
     return decided_finding(
         "F10",
-        verdict(sum(parts), len(parts)),
+        {"not white": not bool(test.white[0]), "more poles unstable": 2 * len(gone) > len(more) and not own_unstable},
         {
             "whiteness p": float(test.whiteness_p[0]),
             "structures with more poles that turn unstable": float(len(gone)),
@@ -202,15 +187,11 @@ def yaw_oe(study: Comparison) -> Finding:
             "largest modulus of a pole, kept stable": max(entry.radius for entry in more),
             "largest modulus of a pole, left free": max(entry.free_radius for entry in more),
         },
-        "p-value of whiteness at 25 lags (below 0.01: not white); the thesis says of various tests with more poles, "
-        "without exception, that they were unstable: more than half of the structures tried here have to be, and its "
-        f"own orders not. Unstable: the best stable model has a pole beyond {EDGE:g}, where the search is barred, or "
-        "repeated least squares without a hold on stability leave the circle",
-        "an output-error model leaves all disturbance dynamics in its residuals. Unstable are "
-        f"{len(gone)} of {len(more)} structures with more poles{f' ({named})' if gone else ''}"
-        + (" and the thesis' own orders too" if any(entry.unstable for entry in own) else "")
-        + ". An unstable model cannot follow the whole record in simulation, so what counts here is a superfluous pole "
-        "at the edge or a start beyond it; which of the two the thesis' program met cannot be told",
+        f"Unstable are {len(gone)} of {len(more)} structures with more poles{f' ({named})' if gone else ''}"
+        + (" and the thesis' own orders too" if own_unstable else "")
+        + ". An unstable model cannot follow the whole record in simulation, so what counts is a superfluous pole at "
+        "the edge or a start beyond it",
+        cause=_friction(study, "shoulder_yaw", "oe"),
     )
 
 
@@ -219,18 +200,14 @@ def shoulder_oe(study: Comparison) -> Finding:
     fits = flexibility(study, "shoulder_pitch")
     model = study.joints["shoulder_pitch"].models["oe"]
     independent, p = bool(model.residual_test.independent[0, 0]), float(model.residual_test.independence_p[0, 0])
-    smooth = _smooth(study, "shoulder_pitch", "oe")
-    without = f" (without friction {p_value(smooth.independence_p)})" if smooth else ""
     return decided_finding(
         "F11",
-        verdict(int(fits.best("OE", "ARMAX")) + int(independent), 2),
+        {"OE best": fits.best("OE", "ARMAX"), "independent": independent},
         {**fits.fits, "independence p": p},
-        f"percent, median simulation fit of the models from the PRBS to the {fits.tests} tests not seen, those of "
-        f"other waveforms (OE ahead of ARMAX by {MARGIN:g} points expected, less is a tie; the thesis had dismissed "
-        "ARX and IV4); p-value of the OE residuals' independence of the input at lags 0 to 25 (below 0.01: rejected)",
         f"{fits.words('OE', 'ARMAX')}. The residuals of OE are {'' if independent else 'not '}independent of the "
-        f"input{without}; its two poles leave {100 - model.fits[study.estimation_test].simulation:.1f} % of the answer "
-        "to the PRBS",
+        f"input; its two poles leave {100 - model.fits[study.estimation_test].simulation:.1f} % of the answer to the "
+        "PRBS",
+        cause=_friction(study, "shoulder_pitch", "oe"),
     )
 
 
@@ -239,23 +216,13 @@ def elbow_armax(study: Comparison) -> Finding:
     fits = flexibility(study, "elbow_pitch")
     models = study.joints["elbow_pitch"].models
     colour = {name: _colour(models[name]) for name in COMPARED}
-    ahead = {name: held_out_one_step(study, models[name]) for name in COMPARED}
-    whiter = colour["armax"] < colour["oe"]
+    steps = {name: held_out_one_step(study, models[name]) for name in COMPARED}
     return decided_finding(
         "F12",
-        verdict(int(fits.best("ARMAX", "OE")) + int(whiter), 2),
+        {"ARMAX best": fits.best("ARMAX", "OE"), "whiter": colour["armax"] < colour["oe"]},
         {**fits.fits, **{f"{name.upper()} autocorrelation": number for name, number in colour.items()}},
-        f"percent, median simulation fit of the models from the PRBS to the {fits.tests} tests not seen, those of "
-        f"other waveforms (ARMAX ahead of OE by {MARGIN:g} points expected, less is a tie; the thesis had dismissed "
-        "ARX and IV4); root mean square of the residuals' autocorrelation over 25 lags (ARMAX below OE expected; "
-        "white: 0.01 in a whole record)",
-        f"{fits.words('ARMAX', 'OE')}. One step ahead ARMAX reaches {ahead['armax']:.2f} %, and OE, which has no model "
-        f"of the disturbance, {ahead['oe']:.2f} %. "
-        + (
-            "ARMAX is whiter: it has a C, which OE lacks"
-            if whiter
-            else "ARMAX is no whiter here, though it has a C, which OE lacks"
-        ),
+        f"{fits.words('ARMAX', 'OE')}. One step ahead ARMAX reaches {steps['armax']:.2f} %, and OE, which has no model "
+        f"of the disturbance, {steps['oe']:.2f} %",
     )
 
 
@@ -278,24 +245,20 @@ def stable(study: Comparison) -> Finding:
         for name in groups
         for what, models in (("unstable ", unstable), ("of ", groups))
     }
-    parts = [*(value < 1 for value in radius.values()), not unstable[compared]]
     named = {
         name: ", ".join(f"{model.structure.method.upper()} from {model.record}" for model in models) or "none"
         for name, models in unstable.items()
     }
     return decided_finding(
         "F13",
-        verdict(sum(parts), len(parts)),
+        {
+            **{f"estimation test, {name.replace('_', ' ')}": value < 1 for name, value in radius.items()},
+            "every data set": not unstable[compared],
+        },
         radius | counts,
-        "largest modulus of a pole over the models of the estimation test, by joint; number of unstable ones among the "
-        "models from every single-joint data set whose waveform file excites as much as they need, as the thesis "
-        "counts orders of persistent excitation. Beside the verdict: models from files that excite too little, where "
-        "what the velocity limit adds has to do, and ARX and IV4, which the thesis does not show",
-        f"unstable ARMAX, OE and OKID: {named[compared]}; of those from too little excitation: {named[beyond]}. OE "
-        f"keeps "
-        "its F stable by construction; the A of ARX, ARMAX and IV4 is left free, and a pole and a zero outside the "
-        "circle that all but cancel cost a one-step criterion nothing, so stability is to be looked at, as the thesis "
-        "does",
+        f"Unstable ARMAX, OE and OKID: {named[compared]}; of those from too little excitation: {named[beyond]}. The A "
+        "of ARX, ARMAX and IV4 is left free: a pole and a zero outside the circle that all but cancel cost a one-step "
+        "criterion nothing",
     )
 
 
@@ -307,17 +270,15 @@ def nearest(model: StateSpace) -> float:
     return float(np.abs(poles[:, None] - zeros[None, :]).min(initial=np.inf))
 
 
-def _smooth(study: Comparison, joint: str, method: str) -> DataSetModel | None:
-    """The model from the same test played on the arm without friction, where that was played."""
-    return study.prediction_errors[joint].frictionless.find(single_joint_test(study.estimation_test, joint), method)
-
-
-def _friction(smooth: DataSetModel | None) -> str:
+def _friction(study: Comparison, joint: str, method: str) -> str:
+    """What friction does to the residuals, by the same test on the arm without it; empty where that was not played."""
+    own = single_joint_test(study.estimation_test, joint)
+    smooth = study.prediction_errors[joint].frictionless.find(own, method)
     if smooth is None:
         return ""
     return (
-        f"Identified on the arm without friction the same structure has whiteness {p_value(smooth.whiteness_p)} and "
-        f"independence {p_value(smooth.independence_p)}. "
+        f"identified on the arm without friction the same structure has whiteness {p_value(smooth.whiteness_p)} and "
+        f"independence {p_value(smooth.independence_p)}"
     )
 
 

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from typing import get_args
 
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.identification.recovered_bandwidth import METHODS
 from scenarios.thesis.finding import Finding, Verdict
-from scenarios.thesis.outcome import ALONE
 from scenarios.thesis.tally import BandwidthCoverage, Spread, Tally
 
-ORDER: tuple[Verdict, ...] = ("reproduced", "partly", "not reproduced", "cannot be told")
+ORDER: tuple[Verdict, ...] = get_args(Verdict)
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Chance:
     ranges: dict[str, dict[str, Spread]]
     rows: list[tuple[str, list[tuple[str, BandwidthCoverage]]]]
 
-    def range(self, key: str, name: str = ALONE) -> Spread | None:
+    def range(self, key: str, name: str) -> Spread | None:
         """The range of a number of a finding, if any seed has it."""
         return self.ranges[key].get(name)
 
@@ -80,7 +80,7 @@ def frequency_text(finding: Finding, tally: Tally) -> str:
     if frequency.depends_on_seed(finding.verdict):
         parts = ", ".join(f"{frequency.counts[entry]} {entry}" for entry in ORDER if entry in frequency.counts)
         return f"depends on the seed: of {frequency.seeds} seeds {parts}"
-    return f"{frequency.counts[finding.verdict]} of {frequency.seeds} seeds"
+    return f"same on {frequency.seeds} of {frequency.seeds} seeds"
 
 
 def answer_text(tally: Tally) -> str:

@@ -28,13 +28,14 @@ from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fairness_section import fairness_section
 from scenarios.thesis.figure_map import map_figures
 from scenarios.thesis.figures_overview import arm_picture, bandwidths, exchange, true_responses
-from scenarios.thesis.finding import Finding
+from scenarios.thesis.finding import CLAIMS, Finding, Verdict
 from scenarios.thesis.frequencies import ORDER, chance, frequency_text
+from scenarios.thesis.number_text import limits, parts, root, value_text
 from scenarios.thesis.published_section import assumed_values, assumed_values_of, published_section
 from scenarios.thesis.response_figures import EXCITED_FROM
 from scenarios.thesis.results import answers, departures, friction_in_words, headline
 from scenarios.thesis.robustness_section import robustness
-from scenarios.thesis.tally import Tally, limits, parts, root, value_text
+from scenarios.thesis.tally import Tally
 from sysid.models.bandwidth import half_power_hz
 
 
@@ -61,7 +62,7 @@ class Shortcomings:
 
     Attributes:
         refuted: Findings that are not reproduced.
-        partly: Findings of which a part is.
+        partly: Findings of which a part is, or that depend on the reading.
         open: Findings that cannot be told.
         turned: Findings of which more seeds reached another verdict than that of this run, with how many reached which.
         misses: Intervals that do not hold the truth, the farthest first.
@@ -94,8 +95,8 @@ def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | 
         The lists.
     """
 
-    def with_verdict(verdict: str) -> tuple[Finding, ...]:
-        return tuple(entry for entry in findings if entry.verdict == verdict)
+    def with_verdict(*verdicts: Verdict) -> tuple[Finding, ...]:
+        return tuple(entry for entry in findings if entry.verdict in verdicts)
 
     misses = []
     for name, entry in study.joints.items():
@@ -109,7 +110,7 @@ def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | 
     printed = [(name, model) for name, entry in study.joints.items() for model in entry.published]
     return Shortcomings(
         refuted=with_verdict("not reproduced"),
-        partly=with_verdict("partly"),
+        partly=with_verdict("partly", "depends on the reading"),
         open=with_verdict("cannot be told"),
         turned=() if tally is None else tuple(_changed_verdicts(findings, tally)),
         misses=tuple(sorted(misses, key=lambda miss: -abs(miss.away))),
@@ -164,6 +165,7 @@ def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, ta
         **sections,
         "study": study,
         "findings": findings,
+        "criteria": CLAIMS.values(),
         "verdicts": [(name, counts[name]) for name in ORDER if counts[name]],
         "chance": chance(findings, tally, study.seed),
         "answers": answers(study),

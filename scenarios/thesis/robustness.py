@@ -6,8 +6,8 @@ same sequence, which every model has seen.
 """
 
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -40,9 +40,6 @@ SEED = 25
 PART = 2000
 """Length of the disturbed part in samples, 40 s from the start: twenty periods of the waveform."""
 
-CORE: Mapping[str, tuple[float, ...]] = {"bias": (0.0, 0.1, 0.5), "outliers": (0.5, 2.0)}
-"""Degrees that decide finding F25, with the undisturbed record; the report shows more."""
-
 
 def sysid_method(joint: str) -> str:
     """The prediction-error method that the thesis chose for a joint."""
@@ -62,7 +59,7 @@ def robustness(campaign: Campaign, estimation_test: int, *, thorough: bool = Tru
     Args:
         campaign: The records.
         estimation_test: Number of the test that models are identified from.
-        thorough: Whether to try everything, or only what finding F25 rests on.
+        thorough: Whether to disturb records by degree, or only to find the orders that finding F25 rests on.
 
     Returns:
         What came of it; a joint without the estimation record or any that judges is left out.
@@ -70,7 +67,6 @@ def robustness(campaign: Campaign, estimation_test: int, *, thorough: bool = Tru
     outcomes: list[RobustnessOutcome] = []
     orders: list[OrderNeeded] = []
     judged_by: dict[str, tuple[int, ...]] = {}
-    plan = DISTURBANCES if thorough else _core()
     for joint in STUDIED_JOINTS:
         data = campaign.singles(joint)
         numbers = tuple(number for number in JUDGES if number in data and number != estimation_test)
@@ -82,16 +78,12 @@ def robustness(campaign: Campaign, estimation_test: int, *, thorough: bool = Tru
         with warnings.catch_warnings():
             # Warnings are what this experiment provokes; failures are counted.
             warnings.simplefilter("ignore", SysidWarning)
-            for disturbance in plan.values():
-                also = other_structures(joint) if thorough and disturbance.other_structures else ()
+            for disturbance in DISTURBANCES.values() if thorough else ():
+                also = other_structures(joint) if disturbance.other_structures else ()
                 trial = _Trial(data[estimation_test], judges, campaign.truth.joint(joint), campaign.seed or 0)
                 outcomes += trial.outcomes(disturbance, (*chosen, *also))
             orders += orders_needed(joint, campaign, data[estimation_test], judges)
     return Robustness(tuple(outcomes), tuple(orders), judged_by)
-
-
-def _core() -> dict[str, Disturbance]:
-    return {key: replace(DISTURBANCES[key], degrees=CORE[key], treatments=AS_IT_IS) for key in CORE}
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,8 @@ import sysid
 from scenarios.experiments.log_review import settled
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.thesis.campaign import Campaign
-from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, biased
+from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, biased, frequent_outliers
+from scenarios.thesis.finding import CLAIMS
 from sysid import Estimate, IOData, SysidError, SysidWarning, predict
 from sysid.validation import fit_percent
 
@@ -26,8 +27,8 @@ PART = 1000
 MARGIN = 1.0
 """An order suffices whose fit is at most so far below the best order's on the same record, percent points."""
 
-BIAS = 0.5
-"""Constant in the output of the biased record, standard deviations of the output."""
+BIAS, SHARE = CLAIMS["F25"].limits["bias"], CLAIMS["F25"].limits["outliers"]
+"""Constant in the output of the biased record, standard deviations of the output; outliers in percent of samples."""
 
 DETRENDED = "detrended"
 """Name of the detrended record, as the study uses it."""
@@ -37,6 +38,9 @@ WITH_MEANS = "with its means"
 
 CONSTANT = "with a constant in the output"
 """The detrended record with a constant added to the output alone."""
+
+OUTLIERS = "with outliers"
+"""The detrended record with outliers in the output."""
 
 METHODS: Mapping[str, Callable[[IOData, int, int], Estimate]] = MappingProxyType(
     {
@@ -66,6 +70,10 @@ class OrderNeeded:
     fits: Mapping[int, float]
     needed: int
 
+    def sufficient(self, best: float, points: float) -> int:
+        """Return the smallest order whose fit is within some points of another, or one more than the largest tried."""
+        return min((n for n, fit in self.fits.items() if fit >= best - points), default=max(self.fits) + 1)
+
 
 def orders_needed(joint: str, campaign: Campaign, data: IOData, judges: Sequence[IOData]) -> tuple[OrderNeeded, ...]:
     """Find the order that suffices on the detrended record and on two that are not.
@@ -85,6 +93,7 @@ def orders_needed(joint: str, campaign: Campaign, data: IOData, judges: Sequence
         DETRENDED: part,
         WITH_MEANS: settled(campaign.log(data.name), joint)[:PART],
         CONSTANT: biased(part, BIAS, np.random.default_rng(0)),
+        OUTLIERS: frequent_outliers(part, SHARE, np.random.default_rng(0)),
     }
     orders = []
     for method in METHODS:

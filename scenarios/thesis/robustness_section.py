@@ -13,8 +13,8 @@ from scenarios.report.figures import Gallery
 from scenarios.thesis import robustness_section as draw
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS
-from scenarios.thesis.findings_robustness import statements
-from scenarios.thesis.robustness import CORE, PART, sysid_method
+from scenarios.thesis.findings_chapter_6 import bias_and_outliers
+from scenarios.thesis.robustness import PART, sysid_method
 from scenarios.thesis.robustness_outcome import COMPARABLE, Robustness, Summary, Tolerance, tolerance
 from scenarios.thesis.robustness_outcome import MARGIN as ORDER_MARGIN
 from sysid.plots import BOUND, INK, PALETTE, Style
@@ -237,7 +237,7 @@ def robustness(study: Comparison, gallery: Gallery) -> dict[str, object]:
         "order_margin": ORDER_MARGIN,
         "tolerances": _tolerances(study),
         "orders": results.orders,
-        "statements": statements(study) if results.judged_by else (),
+        "statements": bias_and_outliers(study).parts if results.judged_by else {},
         "coverage": _coverage(study),
         "figures": (),
         "thorough": _thorough(study),
@@ -280,7 +280,7 @@ def robustness(study: Comparison, gallery: Gallery) -> dict[str, object]:
 
 
 def _thorough(study: Comparison) -> bool:
-    return any(entry.disturbance not in CORE for entry in study.robustness.outcomes)
+    return bool(study.robustness.outcomes)
 
 
 def _tolerances(study: Comparison) -> list[tuple[str, str, list[tuple[str, str]]]]:

@@ -1,4 +1,4 @@
-"""Tally of the verdicts over many seeds, and its statistics in words."""
+"""Conclusions of the study over many seeds: verdicts counted, numbers and bandwidths with their ranges."""
 
 import json
 from collections import Counter
@@ -9,16 +9,87 @@ from pathlib import Path
 import numpy as np
 
 from hmtb_twin.files.atomic_write import write_whole
+from scenarios.files.codec import Extended, plain_numbers, structure, unstructure
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import near_1_hz
+from scenarios.thesis.comparison import Comparison, Cost
 from scenarios.thesis.finding import Finding, Verdict
-from scenarios.thesis.outcome import SeedOutcome, outcome_from
-
-STEADY = 0.9
-"""A conclusion that fewer than this part of the seeds share depends on the seed."""
 
 FEW = 40
 """Up to so many seeds a range over 95 % of them leaves none out."""
+
+
+@dataclass(frozen=True)
+class MethodBandwidth:
+    """The bandwidth that one method recovered.
+
+    Attributes:
+        hz: Bandwidth, Hz.
+        ci95: Its 95 % interval, Hz.
+        covers: Whether it agrees with the bandwidth of the truth, as `ModelResult.covers`.
+        half_power_hz: Frequency at which the gain is 0.707, whatever it is at 0 Hz, Hz.
+    """
+
+    hz: Extended
+    ci95: tuple[Extended, Extended]
+    covers: bool
+    half_power_hz: Extended
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeedOutcome:
+    """Conclusions of a study with one seed, without the records.
+
+    Attributes:
+        seed: Of the study, None for the scenarios' own seeds.
+        duration: Length of the records where it was shortened, s; None for the thesis' 240 s.
+        verdicts: By finding.
+        numbers: By finding the numbers that its verdict rests on, by name.
+        true_hz: Small-signal bandwidth by joint, Hz.
+        recovered: Recovered bandwidths by joint and method.
+        failed: Experiments that failed, with the reason.
+        cost: Time spent.
+        versions: Of what it was made with.
+    """
+
+    seed: int | None = None
+    duration: float | None = None
+    verdicts: Mapping[str, Verdict]
+    numbers: Mapping[str, Mapping[str, Extended]]
+    true_hz: Mapping[str, float]
+    recovered: Mapping[str, Mapping[str, MethodBandwidth]]
+    failed: Mapping[str, str]
+    cost: Cost
+    versions: Mapping[str, str]
+
+
+def outcome(study: Comparison, findings: Sequence[Finding]) -> SeedOutcome:
+    """Return the conclusions of a study.
+
+    Args:
+        study: The study.
+        findings: Its findings, decided.
+
+    Returns:
+        Verdicts, numbers and bandwidths.
+    """
+    return SeedOutcome(
+        seed=study.seed,
+        duration=study.duration,
+        verdicts={entry.key: entry.verdict for entry in findings},
+        numbers={entry.key: {name: float(x) for name, x in entry.value.items()} for entry in findings},
+        true_hz={name: float(entry.truth.bandwidth_hz) for name, entry in study.joints.items()},
+        recovered={
+            name: {
+                model.method: MethodBandwidth(model.bandwidth_hz, model.ci95, model.covers, model.half_power_hz)
+                for model in entry.models.values()
+            }
+            for name, entry in study.joints.items()
+        },
+        failed=dict(study.failed),
+        cost=study.cost,
+        versions=dict(study.provenance),
+    )
 
 
 @dataclass(frozen=True)
@@ -44,6 +115,24 @@ class Spread:
     shares: tuple[tuple[float, int], ...] = ()
 
 
+def spread(values: Sequence[float]) -> Spread:
+    """Median, 95 % range and ends of a number over the seeds.
+
+    The ends of the range are values that seeds have, taken outwards: counts stay counts, and of few seeds none lies
+    outside.
+
+    Args:
+        values: One for each seed; where one is not a number, nothing is.
+    """
+    with np.errstate(invalid="ignore"):
+        median = float(np.median(values))
+    low = float(np.quantile(values, 0.025, method="lower"))
+    high = float(np.quantile(values, 0.975, method="higher"))
+    counts = Counter(values)
+    shares = tuple(sorted(counts.items())) if len(counts) == 2 < len(values) else ()
+    return Spread(median, low, high, float(np.min(values)), float(np.max(values)), len(values), shares)
+
+
 @dataclass(frozen=True)
 class Frequency:
     """Frequency of each verdict of a finding.
@@ -64,14 +153,9 @@ class Frequency:
         """The verdict that most seeds share."""
         return next(iter(self.counts))
 
-    @property
-    def depends(self) -> bool:
-        """Whether the verdict depends on the seed: fewer than nine in ten share one."""
-        return self.depends_on_seed(self.usual)
-
     def depends_on_seed(self, verdict: Verdict) -> bool:
-        """Whether a verdict depends on the seed: fewer than nine in ten seeds reach it."""
-        return self.counts.get(verdict, 0) < STEADY * self.seeds
+        """Whether a verdict depends on the seed: not every seed reaches it."""
+        return self.counts.get(verdict, 0) < self.seeds
 
     def against(self, verdict: Verdict) -> bool:
         """Whether more seeds reached another verdict than this one."""
@@ -83,10 +167,10 @@ class BandwidthCoverage:
     """One method's bandwidth on one joint over the seeds.
 
     Attributes:
-        hz: MethodBandwidth bandwidth, Hz.
+        hz: Bandwidth, Hz.
         half_power_hz: Frequency of the gain 0.707, Hz.
         width: Width of the 95 % intervals, Hz.
-        covers: Number of seeds whose interval holds the small-signal truth.
+        covers: Number of seeds that agree with the bandwidth of the truth.
         near: Number of seeds with a bandwidth of about 1 Hz.
     """
 
@@ -148,20 +232,12 @@ class Tally:
         raise ScenarioError(f"no seed {seed} in this tally, it has {[entry.seed for entry in self.outcomes]}")
 
     def frequency(self, key: str) -> Frequency:
-        """Return the frequency of each verdict of a finding.
-
-        Args:
-            key: F1 to F26.
-        """
+        """Return the frequency of each verdict of a finding (F1 to F26)."""
         counts = Counter(entry.verdicts[key] for entry in self.outcomes if key in entry.verdicts)
         return Frequency(dict(counts.most_common()))
 
     def spread(self, key: str) -> dict[str, Spread]:
-        """Return the distributions of the numbers of a finding, by name.
-
-        Args:
-            key: F1 to F26.
-        """
+        """Return the distributions of the numbers of a finding (F1 to F26), by name."""
         values: dict[str, list[float]] = {}
         for entry in self.outcomes:
             for name, value in entry.numbers.get(key, {}).items():
@@ -169,12 +245,7 @@ class Tally:
         return {name: spread(entries) for name, entries in values.items()}
 
     def coverage(self, joint: str, method: str) -> BandwidthCoverage:
-        """Return the distribution of one method's bandwidth on one joint.
-
-        Args:
-            joint: Name of the joint.
-            method: Key of the method.
-        """
+        """Return the distribution of one method's bandwidth on one joint."""
         recoveries = [entry.recovered[joint][method] for entry in self.outcomes]
         return BandwidthCoverage(
             spread([entry.hz for entry in recoveries]),
@@ -185,125 +256,15 @@ class Tally:
         )
 
 
-def spread(values: Sequence[float]) -> Spread:
-    """Median, 95 % range and ends of a number over the seeds.
-
-    The ends of the range are values that seeds have, taken outwards: counts stay counts, and of few seeds none lies
-    outside.
-
-    Args:
-        values: One for each seed; where one is not a number, nothing is.
-    """
-    with np.errstate(invalid="ignore"):
-        median = float(np.median(values))
-    low = float(np.quantile(values, 0.025, method="lower"))
-    high = float(np.quantile(values, 0.975, method="higher"))
-    counts = Counter(values)
-    shares = tuple(sorted(counts.items())) if len(counts) == 2 < len(values) else ()
-    return Spread(median, low, high, float(np.min(values)), float(np.max(values)), len(values), shares)
-
-
 def write_tally(tally: Tally, path: Path) -> None:
-    """Write a tally as JSON, a line for each seed.
-
-    Args:
-        tally: The tally.
-        path: The file.
-    """
-    lines = ",\n".join(json.dumps(entry.record(), allow_nan=False) for entry in tally.outcomes)
+    """Write a tally as JSON, a line for each seed."""
+    lines = ",\n".join(json.dumps(plain_numbers(unstructure(entry)), allow_nan=False) for entry in tally.outcomes)
     failed = json.dumps({str(seed): why for seed, why in tally.failed.items()})
     write_whole(path, f'{{"failed": {failed},\n"seeds": [\n{lines}\n]}}\n')
 
 
 def read_tally(text: str, *, recorded: bool = False) -> Tally:
-    """Read what `write_tally` wrote.
-
-    Args:
-        text: The JSON.
-        recorded: Whether it came with the package.
-
-    Returns:
-        The tally.
-    """
+    """Read the JSON that `write_tally` wrote, and mark whether it came with the package."""
     record = json.loads(text)
-    outcomes = tuple(outcome_from(entry) for entry in record["seeds"])
+    outcomes = tuple(structure(SeedOutcome, entry) for entry in record["seeds"])
     return Tally(outcomes, {int(seed): why for seed, why in record["failed"].items()}, recorded)
-
-
-TINY = 1e-300
-"""Probabilities below this are printed as such: the tail of the distribution is not computed further."""
-
-
-def minus(text: str) -> str:
-    """The text with the minus sign of print for every hyphen; for numbers only."""
-    return text.replace("-", "−")
-
-
-def number(value: float, digits: int = 4) -> str:
-    """A number as text, counts without decimals, all others to the same significant digits."""
-    if not np.isfinite(value):
-        return "–"
-    if value == 0.0 or (float(value).is_integer() and abs(value) < 1000):
-        return minus(f"{value:.0f}")
-    return minus(f"{value:#.{digits}g}".rstrip("."))
-
-
-def p_value(p: float) -> str:
-    """A probability as text."""
-    return f"p < {TINY:g}" if p < TINY else f"p = {p:.2g}"
-
-
-def measure(value: float, finding: Finding) -> str:
-    """A number of a finding; a probability too small to have been computed is said to be so."""
-    return f"< {TINY:g}" if value < TINY and "p-value" in finding.unit else number(value)
-
-
-def parts(finding: Finding) -> list[tuple[str, str, str | None]]:
-    """The numbers of a finding as they are shown, one after the other.
-
-    Args:
-        finding: The finding. A number named `of`, or `of ...`, is the whole of which the one before it counts a part.
-
-    Returns:
-        Name of each number, the number, and the whole that it is a part of; the name is empty where there is one only.
-    """
-    if not isinstance(finding.value, Mapping):
-        return [("", measure(finding.value, finding), None)]
-    parts: list[tuple[str, str, str | None]] = []
-    for name, value in finding.value.items():
-        text = measure(value, finding)
-        if parts and (name == "of" or name.startswith("of ")):
-            parts[-1] = (*parts[-1][:2], text)
-        else:
-            parts.append((name, text, None))
-    return parts
-
-
-def limits(spread: Spread | None, finding: Finding) -> str:
-    """Return the range of a finding's number over the seeds, in brackets; empty where it does not move.
-
-    Args:
-        spread: The number over the seeds, if they have it.
-        finding: The finding.
-    """
-    if spread is None or spread.low == spread.high or np.isnan(spread.low):
-        return ""
-    if spread.shares:
-        return f"({', '.join(f'{measure(value, finding)} with {count}' for value, count in spread.shares)} seeds)"
-    return f"({measure(spread.low, finding)} – {measure(spread.high, finding)})"
-
-
-def root(value: complex, digits: int = 3) -> str:
-    """A pole or zero as text."""
-    value = complex(value)
-    if abs(value.imag) < 0.5 * 10.0**-digits:
-        return minus(f"{value.real:.{digits}f}")
-    sign = "+" if value.imag > 0 else "−"
-    return minus(f"{value.real:.{digits}f}") + f" {sign} {abs(value.imag):.{digits}f}j"
-
-
-def value_text(value: object) -> str:
-    """Value of a parameter as text; several numbers are joined by crosses."""
-    if isinstance(value, tuple | list):
-        return " × ".join(value_text(part) for part in value)
-    return f"{value:.5g}" if isinstance(value, float | int) else str(value)

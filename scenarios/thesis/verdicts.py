@@ -1,17 +1,22 @@
-"""Rules that turn fits into verdicts: the margin of a tie, held-out fits and the multivariable comparison."""
+"""Rules on fits and residuals: the margin of a tie, held-out fits, whiteness, dependence and coupling of residuals."""
 
 from collections.abc import Mapping
 from statistics import median
-from typing import Any
 
+import numpy as np
+
+import sysid
+from hmtb_twin import STUDIED_JOINTS
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, ModelResult
-from scenarios.thesis.estimates import Fits
-from scenarios.thesis.finding import Verdict, verdict
-from scenarios.thesis.multivariable import WAYS, ThreeJointModel, Way
+from scenarios.thesis.finding import CLAIMS
+from scenarios.thesis.multivariable import LAGS, LEVEL, ThreeJointModel, Way
+from sysid import IOData, ResidualTest, StateSpace
 
-MARGIN = 0.2
+MARGIN = CLAIMS["F11"].limits["tie"]
 """Fits that differ by less are tied, percentage points: the thesis reads fits off its plots to no more digits."""
+
+WORDS: Mapping[Way, str] = {"simulation": "in simulation", "one_step": "one step ahead"}
 
 
 def ahead(difference: float) -> bool:
@@ -41,90 +46,19 @@ def comparison_word(difference: float) -> str:
     return "tied" if tied(difference) else ("ahead" if difference > 0 else "behind")
 
 
-def held_out(study: Comparison, model: ModelResult) -> float:
-    """Median fit of simulations to the held-out tests, percent.
-
-    Raises:
-        MissingRecordError: There is no such test.
-    """
-    return median(fit.simulation for fit in _fits(study, model))
-
-
 def held_out_one_step(study: Comparison, model: ModelResult) -> float:
     """Median fit of one-step predictions to the held-out tests, percent.
 
     Raises:
         MissingRecordError: There is no such test.
     """
-    return median(fit.one_step for fit in _fits(study, model))
-
-
-def _fits(study: Comparison, model: ModelResult) -> tuple[Fits, ...]:
     fits = model.held_out(study.estimation_test)
     if not fits:
         raise MissingRecordError(
             f"{model.label} has no test to be judged on: there is none beside test {study.estimation_test} and those "
             "of the same sequence"
         )
-    return fits
-
-
-WORDS: Mapping[Way, str] = {"simulation": "in simulation", "one_step": "one step ahead"}
-
-
-def verdict_by_reading(passed: Mapping[str, tuple[int, int]]) -> tuple[Verdict, str]:
-    """Combine the verdicts of a claim's readings from the parts that hold under each.
-
-    Args:
-        passed: By reading, in words that follow a verdict: the number of parts that hold, and of all.
-
-    Returns:
-        The verdict where all readings agree, else `partly`; and a sentence.
-    """
-    verdicts = {reading: verdict(*counts) for reading, counts in passed.items()}
-    text = ", ".join(
-        f"{verdicts[reading]} {reading} ({count} of {total} parts)" for reading, (count, total) in passed.items()
-    )
-    same = len(set(verdicts.values())) == 1
-    return _common_verdict(verdicts), f"{text}: " + (
-        "the same by every reading" if same else "the verdict depends on the reading"
-    )
-
-
-def verdict_of_readings(verdicts: Mapping[str, Verdict]) -> tuple[Verdict, str]:
-    """Combine the verdicts of several readings: the common verdict, or `partly`, and a sentence.
-
-    Args:
-        verdicts: By reading, in words that follow "is".
-    """
-    text = ", ".join(f"{decision} {reading}" for reading, decision in verdicts.items())
-    same = len(set(verdicts.values())) == 1
-    return _common_verdict(verdicts), f"{text}: the verdict {'does not depend' if same else 'depends'} on the reading"
-
-
-def verdict_by_way(passed: Mapping[Way, int], total: int) -> tuple[Verdict, str]:
-    """Judge a claim on fits in simulation and one step ahead [Morris1996, ch. VI].
-
-    The thesis does not say which of them its fits are. A model with K = 0 cannot predict: beside one that can it looks
-    worse one step ahead for no better reason than that.
-
-    Args:
-        passed: Number of parts that hold each way.
-        total: Number of parts.
-
-    Returns:
-        The verdict where both ways agree, else `partly`; and a sentence.
-    """
-    verdicts = {way: verdict(passed[way], total) for way in WAYS}
-    counts = " and ".join(f"{passed[way]} of {total} parts hold {WORDS[way]}" for way in WAYS)
-    if len(set(verdicts.values())) == 1:
-        return _common_verdict(verdicts), f"{counts}: the verdict does not depend on which of them the thesis means"
-    each = ", ".join(f"{verdicts[way]} {WORDS[way]}" for way in WAYS)
-    return _common_verdict(verdicts), f"{counts}: the verdict depends on which of them the thesis means, {each}"
-
-
-def _common_verdict(verdicts: Mapping[Any, Verdict]) -> Verdict:
-    return next(iter(verdicts.values())) if len(set(verdicts.values())) == 1 else "partly"
+    return median(fit.one_step for fit in fits)
 
 
 def without_noise_model(model: ThreeJointModel) -> str:
@@ -133,3 +67,50 @@ def without_noise_model(model: ThreeJointModel) -> str:
     if not mute:
         return f"every joint of the {model.name} has a noise model"
     return f"the {model.name} has K = 0 on {' and '.join(mute)}, where one step ahead is simulation again"
+
+
+def outside_share(test: ResidualTest) -> dict[str, float]:
+    """Share of the lags of a joint's residual outside the bounds."""
+    lags = len(test.lags) - 1
+    return {joint: float(test.outside_whiteness[i]) / lags for i, joint in enumerate(STUDIED_JOINTS)}
+
+
+def dependence(test: ResidualTest) -> tuple[float, float]:
+    """Share of lags 1 to 14, and from 15 on, at which yaw's residual and its input correlate beyond the bounds."""
+    outside = np.abs(test.cross_correlation[:, 0, 0]) > test.independence_bound[0, 0]
+    early, late = (test.cross_lags >= 1) & (test.cross_lags < 15), test.cross_lags >= 15
+    return float(outside[early].mean()), float(outside[late].mean())
+
+
+def beyond_yaw(u: np.ndarray, inputs: list[int]) -> tuple[np.ndarray, float]:
+    """What pitch inputs have beyond yaw's own input at lags up to `LAGS` before and after.
+
+    Args:
+        u: Commands of the three joints (N, 3).
+        inputs: Columns of the pitches.
+
+    Returns:
+        The remainders (N - 2 LAGS, n), and the least share of an input's variance that remains.
+    """
+    lagged = np.lib.stride_tricks.sliding_window_view(u[:, 0], 2 * LAGS + 1)
+    middle = u[LAGS : len(u) - LAGS, inputs]
+    rest = middle - lagged @ np.linalg.lstsq(lagged, middle, rcond=None)[0]
+    return rest, float((rest.var(axis=0) / middle.var(axis=0)).min())
+
+
+def largest_correlation(errors: np.ndarray, u: np.ndarray, dt: float) -> tuple[float, float]:
+    """Largest correlation of residuals with the past of inputs, and the 99 % bound of that input.
+
+    Args:
+        errors: Residuals (N,).
+        u: Inputs (M, n), the middle of the N samples.
+        dt: Sampling interval, s.
+    """
+    cut = (len(errors) - len(u)) // 2
+    none = StateSpace(
+        np.zeros((0, 0)), np.zeros((0, u.shape[1])), np.zeros((1, 0)), np.zeros((1, u.shape[1])), None, dt
+    )
+    test = sysid.resid(none, IOData(u, errors[cut : cut + len(u), None], dt), lags=LAGS, level=LEVEL)
+    peaks = np.abs(test.cross_correlation[test.cross_lags >= 0, 0]).max(axis=0)
+    largest = int(np.argmax(peaks / test.independence_bound[0]))
+    return float(peaks[largest]), float(test.independence_bound[0, largest])

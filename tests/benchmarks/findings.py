@@ -36,7 +36,7 @@ def main():
 def show(found):
     for key in CLAIMS:
         frequency = found.frequency(key)
-        note = "   depends on the seed" if frequency.depends else ""
+        note = "   depends on the seed" if frequency.depends_on_seed(frequency.usual) else ""
         print(f"{key:4} {', '.join(f'{count} {name}' for name, count in frequency.counts.items())}{note}")
     print("cost", seeds_record(found)["cost"])
     for seed, why in found.failed.items():

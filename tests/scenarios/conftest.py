@@ -77,11 +77,10 @@ def scheduler():
 def study():
     """The whole chain on records of 24 s, of which 20 s remain after settling: ten periods.
 
-    Outliers, on which finding F25 rests, are drawn as often as in every study, the other disturbances once: their
-    further draws would take a third of the time of the study.
+    Disturbances are drawn once: further draws would take a third of the time of the study.
     """
     with pytest.MonkeyPatch.context() as patch:
-        fewer = {key: entry if key == "outliers" else replace(entry, draws=1) for key, entry in DISTURBANCES.items()}
+        fewer = {key: replace(entry, draws=1) for key, entry in DISTURBANCES.items()}
         patch.setattr("scenarios.thesis.robustness.DISTURBANCES", fewer)
         return run_study(seed=11, duration=24.0, conditions=(NOMINAL,))
 

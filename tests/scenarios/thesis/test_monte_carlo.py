@@ -11,16 +11,16 @@ from hmtb_twin import STUDIED_JOINTS
 from scenarios.commands.cli import main
 from scenarios.experiments.campaign import NOMINAL
 from scenarios.experiments.model_structures import STRUCTURES
+from scenarios.files.codec import structure, unstructure
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.journal import Journal
 from scenarios.thesis import monte_carlo
 from scenarios.thesis.campaign import EVERY_TEST
 from scenarios.thesis.comparison import Cost
-from scenarios.thesis.finding import CLAIMS, decided_finding
+from scenarios.thesis.finding import CLAIMS, Finding
 from scenarios.thesis.frequencies import answer_text, chance, finding_record, frequency_text, seeds_record, source_text
-from scenarios.thesis.monte_carlo import contradictions, tally
-from scenarios.thesis.outcome import MethodBandwidth, SeedOutcome, numbers, outcome_from
-from scenarios.thesis.tally import Tally, read_tally, spread, write_tally
+from scenarios.thesis.monte_carlo import tally
+from scenarios.thesis.tally import MethodBandwidth, SeedOutcome, Tally, read_tally, spread, write_tally
 from tests.refusals import refused
 
 
@@ -55,7 +55,7 @@ def whole(seed):
 
 
 def finding(verdict):
-    return decided_finding("F1", verdict, {"shoulder_yaw": 1.0}, "Hz", "because")
+    return Finding("F1", verdict, {"shoulder_yaw": 1.0}, "because")
 
 
 @dataclass(frozen=True)
@@ -90,13 +90,18 @@ def quick(monkeypatch):
     return run
 
 
-def test_every_number_survives_the_file_to_the_last_bit():
+def test_every_number_survives_file_and_journal_to_the_last_bit(tmp_path):
     outcome = made(3, value=1 / 3, hz=0.1 + 0.2)
     odd = replace(outcome, duration=24.0, numbers={"F1": {"a": float("inf"), "b": 1e-300, "c": -float("inf")}})
-    for entry in (outcome, odd, whole(3)):
-        assert outcome_from(json.loads(json.dumps(entry.record(), allow_nan=False))) == entry
-    assert numbers(finding("partly")) == {"shoulder_yaw": 1.0}
-    assert numbers(replace(finding("partly"), value=2.0)) == {"value": 2.0}, "a single number has a name too"
+    many = Tally((outcome, odd, whole(3)), {21: "why"})
+    write_tally(many, tmp_path / "tally.json")
+    again = read_tally((tmp_path / "tally.json").read_text())
+    assert (again.outcomes, again.failed) == (many.outcomes, many.failed)
+    assert "Infinity" not in (tmp_path / "tally.json").read_text()
+    with Journal(tmp_path / "seeds.sqlite", {"format": "thesis seeds"}) as journal:
+        for entry in many.outcomes:
+            journal.add("key", unstructure(entry))
+            assert structure(SeedOutcome, journal.get("key")) == entry
 
 
 def test_a_seed_among_many_is_the_study_on_the_nominal_arm(monkeypatch):
@@ -217,10 +222,9 @@ def test_results_are_there_before_the_logs(no_study, tmp_path, monkeypatch):
 def test_verdicts_are_counted_and_numbers_ranged(twenty):
     frequency = twenty.frequency("F1")
     assert (frequency.usual, frequency.seeds, frequency.counts) == ("reproduced", 20, {"reproduced": 18, "partly": 2})
-    assert not frequency.depends, "nine in ten is enough"
-    less = Tally((*twenty.outcomes[:17], *twenty.outcomes[18:], made(21, "partly")), {})
-    assert less.frequency("F1").counts == {"reproduced": 17, "partly": 3}
-    assert less.frequency("F1").depends
+    assert frequency.depends_on_seed("reproduced"), "not every seed reaches it"
+    same = Tally(twenty.outcomes[:18], {}).frequency("F1")
+    assert not same.depends_on_seed("reproduced")
     limits = twenty.spread("F1")["shoulder_yaw"]
     assert (limits.smallest, limits.median, limits.largest, limits.seeds) == (1.0, 10.5, 20.0, 20)
     assert np.isnan(spread([1.0, np.nan]).median)
@@ -245,11 +249,9 @@ def test_coverage_counts_intervals_that_hold_the_truth():
 
 
 def test_the_tally_says_when_a_verdict_depends_on_the_seed(twenty):
-    assert frequency_text(finding("reproduced"), twenty) == "18 of 20 seeds"
+    assert frequency_text(finding("reproduced"), Tally(twenty.outcomes[:18], {})) == "same on 18 of 18 seeds"
     sentence = "depends on the seed: of 20 seeds 18 reproduced, 2 partly"
-    assert frequency_text(finding("partly"), twenty) == sentence, (
-        "that of this run is held by few, whatever the others do"
-    )
+    assert frequency_text(finding("partly"), twenty) == frequency_text(finding("reproduced"), twenty) == sentence
     assert twenty.frequency("F1").against("partly")
     assert not twenty.frequency("F1").against("reproduced")
     half = Tally(tuple(made(n, "partly" if n % 2 else "reproduced") for n in range(10)), {})
@@ -284,7 +286,7 @@ def test_the_answer_says_how_often_it_comes_out():
 def test_the_report_names_verdicts_that_depend_and_those_that_most_seeds_contradict(twenty):
     assert chance([finding("reproduced")], None) is None
     usual, other = chance([finding("reproduced")], twenty), chance([finding("partly")], twenty)
-    assert (usual.depends, usual.against) == ((), ())
+    assert (usual.depends, usual.against) == (("F1",), ())
     assert (other.depends, other.against) == (("F1",), ("F1",))
     assert other.limits.startswith("from the smallest")
 
@@ -294,34 +296,12 @@ def test_results_carry_frequencies_and_cost(twenty):
     assert record["frequency"] == {
         "seeds": 20,
         "verdicts": {"reproduced": 18, "partly": 2},
-        "depends_on_seed": False,
+        "depends_on_seed": True,
     }
-    assert finding_record(finding("partly"), twenty)["frequency"]["depends_on_seed"] is True
+    steady = finding_record(finding("reproduced"), Tally(twenty.outcomes[:18], {}))
+    assert steady["frequency"]["depends_on_seed"] is False
     assert finding_record(replace(finding("partly"), key="F2"), twenty) == {}
     assert finding_record(finding("partly"), None) == {}
     whole = seeds_record(twenty)
     assert whole["of_this_run"] is True
     assert whole["cost"] == {"physics_s": 200.0, "total_s": 400.0, "ratio": 2.0}
-
-
-def test_a_tally_survives_its_file(twenty, tmp_path):
-    write_tally(replace(twenty, failed={21: "why"}), tmp_path / "tally.json")
-    again = read_tally((tmp_path / "tally.json").read_text())
-    assert again.outcomes == twenty.outcomes
-    assert again.failed == {21: "why"}
-
-
-def test_a_study_that_moved_or_flipped_contradicts_the_tally(twenty):
-    assert contradictions(made(5, value=5.0), twenty) == ()
-    assert contradictions(made(5, value=20.1), twenty) == (), "rounding may move it by a hundredth of the range"
-    assert contradictions(made(5, value=21.0), twenty) == ("F1 shoulder_yaw: 21, recorded 1 to 20",)
-    assert contradictions(made(5, value=float("nan")), twenty) == ("F1 shoulder_yaw: nan, recorded 1 to 20",)
-    assert contradictions(made(5, "partly"), twenty) == ("F1: partly, recorded of seed 5: reproduced",)
-    faster = contradictions(made(5, hz=1.001), twenty)
-    assert len(faster) == 12 and all("bandwidth of" in line for line in faster)
-    bare = replace(made(5), numbers={"F1": {"new": 1.0}})
-    assert contradictions(bare, twenty) == (
-        "F1 shoulder_yaw: not there, but with every seed recorded",
-        "F1 new: 1, not recorded",
-    )
-    refused("no seed 40", contradictions, made(40), twenty)

@@ -10,10 +10,10 @@ from scenarios.report.figures import Gallery
 from scenarios.thesis.finding import Verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.frequencies import ORDER, chance
-from scenarios.thesis.outcome import outcome
+from scenarios.thesis.number_text import limits
 from scenarios.thesis.report import html, write_report
 from scenarios.thesis.results import answers, headline
-from scenarios.thesis.tally import Tally, limits
+from scenarios.thesis.tally import Tally, outcome
 from tests.refusals import refused
 from tests.scenarios.web_page import Page
 
@@ -126,7 +126,7 @@ def test_frequencies_and_ranges_stand_beside_the_findings(text, study, report):
     many = html({**report.context, "chance": chance(decided, both, study.seed)})
     Page(many)
     rows = dict(re.findall(r'<tr id="(F\d+)">(.*?)</tr>', many, flags=re.S))
-    assert '<span class="note">2 of 2 seeds</span>' in rows[first.key]
+    assert '<span class="note">same on 2 of 2 seeds</span>' in rows[first.key]
     for spread in both.spread(first.key).values():
         assert limits(spread, first) in rows[first.key]
     assert any(limits(spread, first) for spread in both.spread(first.key).values())

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.disturbances import DISTURBANCES
-from scenarios.thesis.findings_robustness import bias_and_outliers, statements
-from scenarios.thesis.outcome import numbers
-from scenarios.thesis.robustness import CORE, JUDGES, other_structures, robustness, sysid_method
+from scenarios.thesis.robustness import JUDGES, other_structures, robustness, sysid_method
 from scenarios.thesis.robustness_outcome import (
     CONSTANT,
     DETRENDED,
+    OUTLIERS,
+    WITH_MEANS,
+    OrderNeeded,
     Robustness,
     RobustnessOutcome,
     clean,
@@ -48,7 +48,7 @@ def test_every_disturbance_gives_every_draw_of_every_method(study):
         for key, disturbance in DISTURBANCES.items():
             # Of a record of 20 s there are parts of 10 s and none that are longer.
             degrees = (10.0,) if key == "length" else disturbance.degrees
-            expected = dict.fromkeys(degrees, disturbance.draws if key == "outliers" else 1)
+            expected = dict.fromkeys(degrees, 1)
             for method in (sysid_method(joint), "okid"):
                 for treatment in disturbance.treatments:
                     draws = study.robustness.of(key, joint, method, treatment)
@@ -77,48 +77,11 @@ def test_what_judges_is_another_record_than_what_models_come_from(study):
         assert np.corrcoef(own, twin)[0, 1] > 0.8
 
 
-def test_outliers_cost_okid_more_fit_than_sysid(study):
-    for joint in study.joints:
-        own, okid = (
-            study.robustness.curve("outliers", joint, method)[0].fit[0] for method in (sysid_method(joint), "okid")
-        )
-        assert own > okid
-
-
-def test_what_a_finding_rests_on_does_not_depend_on_what_else_is_tried(study):
+def test_a_finding_rests_on_orders_that_do_not_depend_on_what_else_is_tried(study):
     only = robustness(study.campaign, study.estimation_test, thorough=False)
-    assert {entry.disturbance for entry in only.outcomes} == set(CORE)
-    known = {
-        (e.joint, e.method, e.disturbance, e.treatment, e.degree, e.draw): e.fit for e in study.robustness.outcomes
-    }
-    for entry in only.outcomes:
-        place = (entry.joint, entry.method, entry.disturbance, entry.treatment, entry.degree, entry.draw)
-        assert entry.fit == pytest.approx(known[place], rel=1e-9)
-    assert bias_and_outliers(replace(study, robustness=only)) == bias_and_outliers(study)
-
-
-def test_finding_25_is_the_count_of_its_statements(study):
-    answer = bias_and_outliers(study)
-    tried = statements(study)
-    assert len(tried) == 4
-    held = sum(entry.holds for entry in tried)
-    assert answer.verdict == {0: "not reproduced", 4: "reproduced"}.get(held, "partly")
-    assert all(isinstance(number, float) and np.isfinite(number) for number in numbers(answer).values())
-    orders = {(e.joint, e.method, e.record): e.needed for e in study.robustness.orders}
-    saved = max(orders[joint, "SysID", CONSTANT] - orders[joint, "SysID", DETRENDED] for joint in study.joints)
-    assert numbers(answer)["orders that detrending saves: SysID"] == saved
-
-
-def test_finding_25_cannot_be_told_where_the_clean_record_gives_no_bandwidth(study):
-    def failed(entry):
-        place = (entry.joint, entry.method, entry.disturbance, entry.treatment, entry.degree)
-        if place != ("elbow_pitch", "okid", "bias", "nothing removed", 0.0):
-            return entry
-        return replace(entry, failure="refused", bandwidth_hz=float("nan"), fit=float("nan"))
-
-    spoilt = replace(study.robustness, outcomes=tuple(map(failed, study.robustness.outcomes)))
-    with pytest.raises(MissingRecordError, match=r"elbow_pitch .* okid .*refused"):
-        bias_and_outliers(replace(study, robustness=spoilt))
+    assert only.outcomes == ()
+    assert only.orders == study.robustness.orders
+    assert {entry.record for entry in only.orders} == {DETRENDED, WITH_MEANS, CONSTANT, OUTLIERS}
 
 
 def test_failures_are_counted_and_hold_nothing():
@@ -151,6 +114,8 @@ def test_the_order_that_suffices_is_the_smallest_near_the_best():
     assert needed({1: 80.0, 2: 98.2, 3: 99.0}) == 2
     assert needed({1: 80.0, 2: 97.9, 3: 99.0}) == 3
     assert needed({1: float("-inf"), 2: 60.0}) == 2
+    orders = OrderNeeded("elbow_pitch", "OKID", CONSTANT, {1: 80.0, 2: 93.0, 3: 96.0}, 3)
+    assert [orders.sufficient(best, 5.0) for best in (97.0, 99.0, 102.0)] == [2, 3, 4]
 
 
 def test_the_figure_of_a_record_too_short_for_most_parts_draws_without_a_warning():

@@ -2,21 +2,23 @@
 
 from dataclasses import replace
 
-from scenarios.thesis.finding import decided_finding
+from scenarios.thesis.finding import Finding
 from scenarios.thesis.monte_carlo import recorded
 from scenarios.thesis.report import shortcomings
 
 
 def test_findings_fall_into_their_lists(study):
     entries = [
-        decided_finding("F1", "reproduced", 1.0, "Hz", "so"),
-        decided_finding("F2", "partly", 1.0, "Hz", "so"),
-        decided_finding("F3", "not reproduced", 1.0, "Hz", "so"),
-        decided_finding("F4", "cannot be told", {}, "", "so"),
+        Finding("F1", "reproduced", {}, "so"),
+        Finding("F2", "partly", {}, "so"),
+        Finding("F3", "not reproduced", {}, "so"),
+        Finding("F4", "cannot be told", {}, "so"),
+        Finding("F5", "depends on the reading", {}, "so"),
+        Finding("F6", "reproduced by construction", {}, "so"),
     ]
     lists = shortcomings(replace(study, joints={}), entries)
     assert [entry.key for entry in lists.refuted] == ["F3"]
-    assert [entry.key for entry in lists.partly] == ["F2"]
+    assert [entry.key for entry in lists.partly] == ["F2", "F5"]
     assert [entry.key for entry in lists.open] == ["F4"]
     assert (lists.intervals, lists.misses, lists.printed) == (0, (), 0)
 
@@ -42,8 +44,8 @@ def test_verdicts_that_most_seeds_contradict_are_listed(study):
     bare, many = replace(study, joints={}), recorded()
     other = "partly" if many.frequency("F15").usual != "partly" else "reproduced"
     entries = [
-        decided_finding("F14", many.frequency("F14").usual, 1.0, "", "so"),
-        decided_finding("F15", other, 1.0, "", "so"),
+        Finding("F14", many.frequency("F14").usual, {}, "so"),
+        Finding("F15", other, {}, "so"),
     ]
     turned = shortcomings(bare, entries, many).turned
     assert [entry.key for entry, _ in turned] == ["F15"]

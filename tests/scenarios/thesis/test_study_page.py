@@ -30,7 +30,7 @@ def test_the_verdicts_and_claims_are_all_there():
 
 def test_every_claim_is_listed():
     (listed,) = re.findall(r"<!-- claims: .*?-->\n(.*?)<!-- end of claims -->", PAGE, flags=re.S)
-    rows = [f"| {claim.key} | {claim.text} | {claim.where} |" for claim in CLAIMS.values()]
+    rows = [f"| {claim.key} | {claim.claim} | {claim.where} |" for claim in CLAIMS.values()]
     assert listed.splitlines() == ["| | Claim | Thesis |", "|---|---|---|", *rows]
 
 

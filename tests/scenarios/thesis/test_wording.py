@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from scenarios.thesis.finding import decided_finding
-from scenarios.thesis.tally import limits, measure, number, parts, root, spread, value_text
+from scenarios.thesis.finding import Finding
+from scenarios.thesis.number_text import limits, measure, number, parts, root, value_text
+from scenarios.thesis.tally import spread
 
 
 def test_numbers_roots_and_parameters_as_text():
@@ -14,24 +15,22 @@ def test_numbers_roots_and_parameters_as_text():
 
 
 def test_a_probability_too_small_to_compute_is_said_to_be_so():
-    finding = decided_finding("F9", "partly", 0.0, "p-value of the whiteness", "so")
-    assert measure(0.0, finding).startswith("< 1e")
-    assert measure(0.0, decided_finding("F9", "partly", 0.0, "percent", "so")) == "0"
+    assert measure(0.0, Finding("F9", "partly", {}, "so")).startswith("< 1e"), "its numbers are p-values"
+    assert measure(0.0, Finding("F22", "partly", {}, "so")) == "0"
 
 
 def test_counts_are_shown_with_their_whole():
     value = {"shoulder_yaw": 0.9, "unstable": 1.0, "of": 8.0, "others": 2.0, "of as many as": 48.0}
-    assert parts(decided_finding("F13", "partly", value, "", "so")) == [
+    assert parts(Finding("F13", "partly", value, "so")) == [
         ("shoulder_yaw", "0.9000", None),
         ("unstable", "1", "8"),
         ("others", "2", "48"),
     ]
-    assert parts(decided_finding("F13", "partly", 2.5, "", "so")) == [("", "2.500", None)]
-    assert parts(decided_finding("F13", "cannot be told", {}, "", "so")) == []
+    assert parts(Finding("F13", "cannot be told", {}, "so")) == []
 
 
 def test_ranges_are_counts_for_counts_and_shares_for_two_values():
-    finding = decided_finding("F13", "partly", 1.0, "", "so")
+    finding = Finding("F13", "partly", {}, "so")
     assert limits(spread([1.0, 2.0, 8.0]), finding) == "(1 – 8)"
     assert limits(spread([0.0] * 14 + [100.0] * 6), finding) == "(0 with 14, 100 with 6 seeds)"
     assert limits(spread([3.0, 3.0]), finding) == ""

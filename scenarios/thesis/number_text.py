@@ -1,0 +1,82 @@
+"""Numbers of the study as text: significant digits, probabilities, roots, and the numbers of findings."""
+
+import numpy as np
+
+from scenarios.thesis.finding import Finding
+from scenarios.thesis.tally import Spread
+
+TINY = 1e-300
+"""Probabilities below this are printed as such: the tail of the distribution is not computed further."""
+
+
+def minus(text: str) -> str:
+    """The text with the minus sign of print for every hyphen; for numbers only."""
+    return text.replace("-", "−")
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number as text, counts without decimals, all others to the same significant digits."""
+    if not np.isfinite(value):
+        return "–"
+    if value == 0.0 or (float(value).is_integer() and abs(value) < 1000):
+        return minus(f"{value:.0f}")
+    return minus(f"{value:#.{digits}g}".rstrip("."))
+
+
+def p_value(p: float) -> str:
+    """A probability as text."""
+    return f"p < {TINY:g}" if p < TINY else f"p = {p:.2g}"
+
+
+def measure(value: float, finding: Finding) -> str:
+    """A number of a finding; a probability too small to have been computed is said to be so."""
+    return f"< {TINY:g}" if value < TINY and "p-value" in finding.unit else number(value)
+
+
+def parts(finding: Finding) -> list[tuple[str, str, str | None]]:
+    """The numbers of a finding as they are shown, one after the other.
+
+    Args:
+        finding: The finding. A number named `of`, or `of ...`, is the whole of which the one before it counts a part.
+
+    Returns:
+        Name of each number, the number, and the whole that it is a part of.
+    """
+    parts: list[tuple[str, str, str | None]] = []
+    for name, value in finding.value.items():
+        text = measure(value, finding)
+        if parts and (name == "of" or name.startswith("of ")):
+            parts[-1] = (*parts[-1][:2], text)
+        else:
+            parts.append((name, text, None))
+    return parts
+
+
+def limits(spread: Spread | None, finding: Finding) -> str:
+    """Return the range of a finding's number over the seeds, in brackets; empty where it does not move.
+
+    Args:
+        spread: The number over the seeds, if they have it.
+        finding: The finding.
+    """
+    if spread is None or spread.low == spread.high or np.isnan(spread.low):
+        return ""
+    if spread.shares:
+        return f"({', '.join(f'{measure(value, finding)} with {count}' for value, count in spread.shares)} seeds)"
+    return f"({measure(spread.low, finding)} – {measure(spread.high, finding)})"
+
+
+def root(value: complex, digits: int = 3) -> str:
+    """A pole or zero as text."""
+    value = complex(value)
+    if abs(value.imag) < 0.5 * 10.0**-digits:
+        return minus(f"{value.real:.{digits}f}")
+    sign = "+" if value.imag > 0 else "−"
+    return minus(f"{value.real:.{digits}f}") + f" {sign} {abs(value.imag):.{digits}f}j"
+
+
+def value_text(value: object) -> str:
+    """Value of a parameter as text; several numbers are joined by crosses."""
+    if isinstance(value, tuple | list):
+        return " × ".join(value_text(part) for part in value)
+    return f"{value:.5g}" if isinstance(value, float | int) else str(value)
