@@ -27,6 +27,9 @@ AXES = dict(zip(JOINTS, ((1, 0, 0), (0, 0, 1), (0, -1, 0), (0, 1, 0), (0, -1, 0)
 
 MOVING = [JOINTS.index(name) for name in JOINTS if name not in INDEXED_JOINTS]
 COUNT = len(MOVING)
+FASTEST = 1000.0
+"""R, largest rate of the bristles, 1/s."""
+
 SCALES = np.repeat([1e-3, 1e-2, 1e-2, 1e-2, 1e-4], COUNT)
 """Typical size of q, w, P, Pf and z; absolute tolerances are the relative one of these."""
 
@@ -82,61 +85,50 @@ class IndependentArm:
     """An arm in free space with linear drives, as ordinary differential equations.
 
         M(q) dw/dt + c(q, w) + g(q) = D clip(P, -Pmax, Pmax) - friction - B w
-        tau    = kp (q_cmd - q) - kd w + tau_ff
-        Q      = clip((K + Gp) tau/D - Gp P + c D w - Gd (P - Pf), -Qmax, Qmax)
-        k dP/dt = Q - K P - D w,   dPf/dt = (P - Pf)/Tw
-        r      = s0 |w|/g(w),   dz/dt = (w - r z)/sqrt(1 + (r/r_max)^2),   friction = s0 z + s1 dz/dt
-        g(w)   = Fc + (Fs - Fc) exp(-(w/ws)^2)
+        k dP/dt = clip(Q, -Qmax, Qmax) - K P - D w
+        Q       = F u/D + K f/D + G ((u + f)/D - P) + c D w - H (P - Pf),     u = kp (q_cmd - q) - kd w
+        dPf/dt  = (P - Pf)/T
+        dz/dt   = (w - r z)/sqrt(1 + (r/R)^2),     friction = s0 z + s1 dz/dt
+        r       = s0 v(w)/g(w),     g(w) = Fc + (Fs - Fc) exp(-(w/ws)^2),     v(w) = w^2/sqrt(w^2 + w0^2)
 
-    with K the flow-pressure gain including leakage and tau_ff the weight at the commanded pose by the controller's
-    model. Arguments per joint are numbers or arrays (6,), without the indexed joint.
+    with K the flow-pressure gain including leakage and f the weight at the commanded pose by the controller's model.
+    R bounds s0 to 2 R^2 J and s1 to R J with J the inertia that a joint sees at zero angles while the others are free.
+    All numbers are those of the arm's records, as attributes per moving joint (6,) named as above.
 
     Args:
         arm: The arm whose numbers are taken.
-        velocity_feed: c, part of the flow D w that the servo adds for the motion.
-        pressure_gain: Gp, flow per difference between wanted and present load pressure, cm^3/(s MPa).
-        feedback_gain: Gd of the dynamic pressure feedback, cm^3/(s MPa).
-        washout_time: Tw of that feedback, s.
-        stiffness: s0 of the bristles, N m/rad; by default Coulomb torque over presliding deflection.
-        damping: s1 of the bristles, N m s/rad; by default s0 times bristle time.
-        fastest: r_max, largest rate of the bristles, 1/s.
     """
 
-    def __init__(
-        self,
-        arm: Arm,
-        *,
-        velocity_feed=1.0,
-        pressure_gain=0.0,
-        feedback_gain=0.0,
-        washout_time=1.0,
-        stiffness=None,
-        damping=None,
-        fastest=np.inf,
-    ) -> None:
-        drives = [arm.drives[JOINTS[j]] for j in MOVING]
+    def __init__(self, arm: Arm) -> None:
+        names = [JOINTS[j] for j in MOVING]
+        drives, gains = [arm.drives[name] for name in names], [arm.gains[name] for name in names]
+        self.controller = rigid_bodies(arm.variant, arm.payload)
+        self.model = rigid_bodies(arm.variant, arm.payload, arm.specimen, joints=names)
         motors, seals = [drive.motor for drive in drives], [drive.friction for drive in drives]
-        self.constant, self.resistance, self.compliance, self.largest = np.array(
+        self.D, self.K, self.k, self.largest = np.array(
             [[motor.constant, motor.resistance, motor.inductance, motor.largest_input] for motor in motors]
         ).T
-        self.limit = np.array([motor.maximum_torque for motor in motors]) / self.constant
-        self.kp, self.kd = np.array([arm.gains[JOINTS[j]] for j in MOVING]).T
-        self.drag = np.array([drive.drag for drive in drives])
-        self.c, self.Gp, self.Gd, self.Tw = velocity_feed, pressure_gain, feedback_gain, washout_time
-        self.dry = arm.friction and any(drive.coulomb_torque > 0.0 for drive in drives)
+        self.limit = np.array([motor.maximum_torque for motor in motors]) / self.D
+        self.F = np.array([gain.feed or motor.resistance for gain, motor in zip(gains, motors, strict=True)])
+        self.kp, self.kd, self.G, self.H, self.T, self.c = np.array(
+            [[gain.kp, gain.kd, gain.pressure, gain.dynamic, gain.washout, gain.compensated] for gain in gains]
+        ).T
+        self.B = np.array([drive.drag for drive in drives])
+        self.dry = arm.plant.friction in ("coulomb", "lugre")
         if self.dry:
-            ratio = [seal.static_ratio if arm.plant.friction == "lugre" else 1.0 for seal in seals]
+            ratio = np.array([seal.static_ratio if arm.plant.friction == "lugre" else 1.0 for seal in seals])
             self.coulomb = np.array([drive.coulomb_torque for drive in drives])
-            self.excess = (np.array(ratio) - 1.0) * self.coulomb
+            self.excess = (ratio - 1.0) * self.coulomb
+            self.ws, presliding, bristle_time, self.w0 = np.array(
+                [[seal.stribeck_velocity, seal.presliding, seal.bristle_time, seal.slip_velocity] for seal in seals]
+            ).T
+            free = 1.0 / np.diag(np.linalg.inv(self.inertia(np.zeros(COUNT))))
+            stiffness = self.coulomb / presliding
+            passive = np.divide(self.B, ratio - 1.0, out=np.full(COUNT, np.inf), where=ratio > 1.0)
+            self.s0 = np.minimum(stiffness, 2.0 * FASTEST**2 * free)
+            self.s1 = np.min([stiffness * bristle_time, passive, FASTEST * free], axis=0)
             # A joint without dry friction has bristles of no stiffness: any g but 0 will do.
             self.coulomb[self.coulomb == 0.0] = 1.0
-            self.stribeck = np.array([seal.stribeck_velocity for seal in seals])
-            natural = np.array([drive.coulomb_torque / drive.friction.presliding for drive in drives])
-            self.s0 = natural if stiffness is None else stiffness
-            self.s1 = self.s0 * [seal.bristle_time for seal in seals] if damping is None else damping
-        self.fastest = fastest
-        self.controller = rigid_bodies(arm.variant, arm.payload)
-        self.model = rigid_bodies(arm.variant, arm.payload, arm.specimen, joints=[JOINTS[j] for j in MOVING])
 
     @cached_property
     def _scratch(self) -> tuple[pin.Data, pin.Data]:
@@ -153,27 +145,29 @@ class IndependentArm:
     def rest(self, command: np.ndarray) -> np.ndarray:
         """Return the state (30,) at rest under a commanded pose (7,), rad, with bristles undeflected."""
         ask, ahead = np.asarray(command, float)[MOVING], self.feedforward(command)
-        q = root(lambda q: self.kp * (ask - q) + ahead - self.weight(q), ask, tol=1e-14).x
-        pressure = self.weight(q) / self.constant
+        stiffness = self.kp * (self.F + self.G) / (self.K + self.G)
+        q = root(lambda q: stiffness * (ask - q) + ahead - self.weight(q), ask, tol=1e-14).x
+        pressure = self.weight(q) / self.D
         return np.concatenate([q, np.zeros(COUNT), pressure, pressure, np.zeros(COUNT)])
 
     def slope(self, _t: float, state: np.ndarray, ask: np.ndarray, ahead: np.ndarray) -> np.ndarray:
         """Return the time derivative of the state (30,) under commanded angles and feedforward torques (6,)."""
         q, w, P, slow, z = state.reshape(5, COUNT)
-        D, K = self.constant, self.resistance
-        tau = self.kp * (ask - q) - self.kd * w + ahead
-        Q = (K + self.Gp) * tau / D - self.Gp * P + self.c * D * w - self.Gd * (P - slow)
+        torque = self.kp * (ask - q) - self.kd * w
+        Q = (self.F * torque + self.K * ahead + self.G * (torque + ahead)) / self.D
+        Q += self.c * self.D * w - self.G * P - self.H * (P - slow)
         Q = np.minimum(np.maximum(Q, -self.largest), self.largest)
-        torque = D * np.minimum(np.maximum(P, -self.limit), self.limit) - self.drag * w
+        load = self.D * np.minimum(np.maximum(P, -self.limit), self.limit) - self.B * w
         out = np.zeros((5, COUNT))
         if self.dry:
-            rate = self.s0 * np.abs(w) / (self.coulomb + self.excess * np.exp(-((w / self.stribeck) ** 2)))
-            out[4] = (w - rate * z) / np.sqrt(1.0 + (rate / self.fastest) ** 2)
-            torque -= self.s0 * z + self.s1 * out[4]
+            bound = self.coulomb + self.excess * np.exp(-((w / self.ws) ** 2))
+            rate = self.s0 * w * w / np.sqrt(w * w + self.w0**2) / bound
+            out[4] = (w - rate * z) / np.sqrt(1.0 + (rate / FASTEST) ** 2)
+            load -= self.s0 * z + self.s1 * out[4]
         out[0] = w
-        out[1] = pin.aba(self.model, self._scratch[0], q, w, torque)
-        out[2] = (Q - K * P - D * w) / self.compliance
-        out[3] = (P - slow) / self.Tw
+        out[1] = pin.aba(self.model, self._scratch[0], q, w, load)
+        out[2] = (Q - self.K * P - self.D * w) / self.k
+        out[3] = (P - slow) / self.T
         return out.ravel()
 
     def simulate(self, command: np.ndarray, noise: np.ndarray | None = None, *, rtol: float = 1e-10) -> np.ndarray:
@@ -213,18 +207,19 @@ class IndependentArm:
             command: Commanded pose (7,), rad.
         """
         q, data = self.rest(command)[:COUNT], self._scratch[0]
-        D, K, k, one = self.constant, self.resistance, self.compliance, np.eye(COUNT)
+        D, k, one = self.D, self.k, np.eye(COUNT)
         inverse = np.linalg.inv(self.inertia(q))
         stiffness = np.array(pin.computeGeneralizedGravityDerivatives(self.model, data, q))
         ahead = pin.computeGeneralizedGravityDerivatives(self.controller, self._scratch[1], command)
         A, B = np.zeros((4, COUNT, 4, COUNT)), np.zeros((4, COUNT, COUNT))
         A[0, :, 1] = one
-        A[1, :, 0], A[1, :, 1], A[1, :, 2] = -inverse @ stiffness, -inverse * self.drag, inverse * D
-        valve = (K + self.Gp) / D / k
-        A[2, :, 0], A[2, :, 1] = np.diag(-valve * self.kp), np.diag(-valve * self.kd + (self.c - 1.0) * D / k)
-        A[2, :, 2], A[2, :, 3] = -one * (self.Gp + self.Gd + K) / k, one * self.Gd / k
-        A[3, :, 2], A[3, :, 3] = one / self.Tw, -one / self.Tw
-        B[2] = valve[:, None] * (np.diag(self.kp) + np.array(ahead)[np.ix_(MOVING, MOVING)])
+        A[1, :, 0], A[1, :, 1], A[1, :, 2] = -inverse @ stiffness, -inverse * self.B, inverse * D
+        opened = (self.F + self.G) / D / k
+        A[2, :, 0], A[2, :, 1] = np.diag(-opened * self.kp), np.diag(-opened * self.kd + (self.c - 1.0) * D / k)
+        A[2, :, 2], A[2, :, 3] = -np.diag((self.K + self.G + self.H) / k), np.diag(self.H / k)
+        A[3, :, 2], A[3, :, 3] = np.diag(1.0 / self.T), np.diag(-1.0 / self.T)
+        weight = np.array(ahead)[np.ix_(MOVING, MOVING)]
+        B[2] = np.diag(opened * self.kp) + ((self.K + self.G) / D / k)[:, None] * weight
         size = 4 * COUNT
         whole = np.zeros((size + COUNT,) * 2)
         whole[:size, :size], whole[:size, size:] = A.reshape(size, size), B.reshape(size, COUNT)
