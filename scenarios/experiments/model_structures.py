@@ -46,12 +46,15 @@ def _structures(joint: str, armax: tuple[int, int, int, int], chosen: str) -> tu
 
 
 STRUCTURES: Mapping[str, tuple[Structure, ...]] = {
-    "shoulder_yaw": _structures("shoulder_yaw", (5, 3, 5, 2), "armax"),
+    "shoulder_yaw": _structures("shoulder_yaw", (5, 3, 3, 2), "armax"),
     "shoulder_pitch": _structures("shoulder_pitch", (2, 2, 2, 1), "oe"),
     "elbow_pitch": _structures("elbow_pitch", (2, 2, 2, 2), "armax"),
 }
 """Structures by joint: those of the thesis, further ones so that every joint has all methods, and one of sufficient
-order."""
+order.
+
+Yaw's ARMAX has three coefficients of C: with the printed K of (4.9), C = A + K ends after the third [Morris1996, sec. IV.3A].
+"""
 
 
 def every_structure(joint: str) -> tuple[Structure, ...]:

@@ -10,7 +10,7 @@ from scenarios.thesis.order_search import DELAYS, POLES, search, search_orders
 from sysid import IOData, SysidError
 
 THESIS = {
-    "shoulder_yaw": {"armax": [5, 3, 5, 2], "oe": [2, 2, 2]},
+    "shoulder_yaw": {"armax": [5, 3, 3, 2], "oe": [2, 2, 2]},
     "shoulder_pitch": {"armax": [2, 2, 2, 1], "oe": [2, 2, 1]},
     "elbow_pitch": {"armax": [2, 2, 2, 2], "oe": [2, 2, 2]},
 }

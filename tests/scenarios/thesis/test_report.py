@@ -146,7 +146,7 @@ def test_short_records_are_marked(text):
 
 
 def test_the_report_says_how_to_get_a_row_again(text):
-    assert "hmtb identify siso-5-shoulder_yaw.nc --method armax --orders 5 3 5 2 --skip 4" in text
+    assert "hmtb identify siso-5-shoulder_yaw.nc --method armax --orders 5 3 3 2 --skip 4" in text
     assert "hmtb simulate siso-5-shoulder_yaw --duration 24 --seed 11" in text
 
 

@@ -41,7 +41,7 @@ def test_structures_are_the_thesis_own():
         for joint, entries in STRUCTURES.items()
     }
     assert chosen == {
-        "shoulder_yaw": {"armax": (5, 3, 5, 2), "okid": (2, 5)},
+        "shoulder_yaw": {"armax": (5, 3, 3, 2), "okid": (2, 5)},
         "shoulder_pitch": {"oe": (2, 2, 1), "okid": (2, 5)},
         "elbow_pitch": {"armax": (2, 2, 2, 2), "okid": (2, 5)},
     }
