@@ -12,7 +12,6 @@ from scenarios.commands.output import (
     output_folder,
     print_json,
     print_table,
-    progress,
     say,
     say_each,
 )
@@ -55,13 +54,15 @@ def thesis(
     from hmtb_twin.files.atomic_write import write_whole
     from scenarios.experiments.waveform import seed_range
     from scenarios.files.data_file import write_log
+    from scenarios.jobs.progress import Progress, show_progress
     from scenarios.thesis.campaign import EVERY_TEST
     from scenarios.thesis.findings import findings
     from scenarios.thesis.frequencies import frequency_text, source_text
     from scenarios.thesis.monte_carlo import recorded
     from scenarios.thesis.report import write_report
     from scenarios.thesis.results import answer, results
-    from scenarios.thesis.study import run_study
+    from scenarios.thesis.steps import FIGURES
+    from scenarios.thesis.study import planned_steps, run_study
 
     at_least_one("--threads", threads)
     repeated = seed_range(seeds, 1 if seed is None else seed)
@@ -78,25 +79,27 @@ def thesis(
             many: Tally | None = _run(repeated, duration, threads, stack.enter_context(output_folder(folder / "seeds")))
         else:
             many = None if quick else recorded()  # nothing is recorded of short records
-        with progress("study", lines=True) as bar:
-            comparison = run_study(
-                seed=seed,
+        with show_progress("study") as show:
+            steps = planned_steps(
                 duration=duration,
-                threads=threads,
-                progress=lambda step, done, total: bar(done, total, step),
+                afterwards=("findings", "report"),
+                report=lambda step, done, total: show(Progress(step, done, total, weighted=True)),
             )
+            comparison = run_study(seed=seed, duration=duration, threads=threads, steps=steps)
             begin = perf_counter()
-            verdicts = findings(comparison)
+            with steps.step("findings"):
+                verdicts = findings(comparison)
             comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin))
             begin = perf_counter()
-            report = write_report(
-                comparison,
-                verdicts,
-                folder / "report.html",
-                many,
-                figures=pictures,
-                drawn=lambda number: bar(number, None, "draw"),
-            )
+            with steps.step("report") as part:
+                report = write_report(
+                    comparison,
+                    verdicts,
+                    folder / "report.html",
+                    many,
+                    figures=pictures,
+                    drawn=lambda number: part.of_total(number, FIGURES),
+                )
             comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin, report=True))
         record = results(comparison, verdicts, report, many)
         # Before the logs: a disk that is full with them costs no conclusion.
@@ -135,13 +138,14 @@ def thesis(
 
 def _run(seeds: range, duration: float | None, threads: int | None, folder: Path) -> "Tally":
     """Conclusions of many seeds, computed now."""
+    from scenarios.jobs.progress import Progress, show_progress
     from scenarios.thesis.monte_carlo import tally
 
-    with progress(f"{len(seeds)} seeds", lines=True) as bar:
+    with show_progress(f"{len(seeds)} seeds") as show:
 
         def report(seed: int, before: int, step: str, done: int, whole: int) -> None:
-            if step.startswith("simulate"):
-                bar(before * whole + done, len(seeds) * whole, f"seed {seed}, {before + 1} of {len(seeds)}")
+            name = f"seed {seed}, {before + 1} of {len(seeds)}: {step}"
+            show(Progress(name, before * whole + done, len(seeds) * whole, weighted=True))
 
         try:
             return tally(seeds, duration=duration, threads=threads, folder=folder, progress=report)

@@ -53,7 +53,7 @@ STRUCTURES: Mapping[str, tuple[Structure, ...]] = {
 """Structures by joint: those of the thesis, further ones so that every joint has all methods, and one of sufficient
 order.
 
-Yaw's ARMAX has three coefficients of C: with the printed K of (4.9), C = A + K ends after the third [Morris1996, sec. IV.3A].
+Yaw's ARMAX has three coefficients of C: with the printed K, C = A + K ends after the third [Morris1996, eq. 4.9].
 """
 
 

@@ -26,6 +26,7 @@ class Progress:
         seconds: Simulated time that is done, s.
         seconds_total: Simulated time in all, s; above 0 it measures the work in place of the items.
         note: Shown behind the count in place of rate and remaining time.
+        weighted: Whether the items are units of cost: shown in percent of all steps, which share one rate.
     """
 
     step: str
@@ -35,6 +36,7 @@ class Progress:
     seconds: float = 0.0
     seconds_total: float = 0.0
     note: str = ""
+    weighted: bool = False
 
 
 Report = Callable[[Progress], None]
@@ -60,9 +62,13 @@ def show_progress(label: str, how: How = "auto", *, clock: Callable[[], float] =
         """The state in words, with rate and remaining time of the current step."""
         nonlocal step, begun, start
         now, (at, whole) = clock(), _work(progress)
-        if progress.step != step:
+        current = "" if progress.weighted else progress.step
+        if current != step:
             # What an earlier run has done is not the speed of this one.
-            step, begun, start = progress.step, now, at
+            step, begun, start = current, now, at
+        if progress.weighted and whole:
+            left = duration_text((whole - at) * (now - begun) / (at - start)) if at > start else ""
+            return f"{int(100 * at / whole)} %, {progress.step}" + (f", {left} left" if left else "")
         count = f"{progress.done}" + ("" if progress.total is None else f" of {progress.total}")
         count = f"{count} {progress.items}" if progress.items else f"{progress.step} {count}".strip()
         if progress.note:

@@ -13,7 +13,6 @@ from scenarios.experiments.campaign import (
     RPCM,
     SINGLE_JOINT,
     Condition,
-    campaign_scenario,
     single_joint_test,
 )
 from scenarios.experiments.log_review import prepared
@@ -21,6 +20,9 @@ from scenarios.experiments.registry import load, names
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import MissingRecordError, ScenarioError, unknown
 from sysid import IOData
+
+ESTIMATION_TEST = 5
+"""Models are identified from the PRBS of 1 V and judged on the tests of other waveforms [Morris1996, ch. IV and V]."""
 
 SAME_SEQUENCE = (5, 6)
 """Numbers of the single-joint tests that play the same binary sequence.
@@ -107,6 +109,39 @@ class Campaign:
         return self._prepared[key]
 
 
+@dataclass(frozen=True, eq=False)
+class StudyRecords:
+    """Records that the analyses of a study share.
+
+    Attributes:
+        campaigns: The arm that the study is about, whole, first; the same arm without friction; others.
+        thorough: Whether to analyse too what no finding rests on and only the report shows.
+        estimation_test: Number of the single-joint test that models are identified from.
+    """
+
+    campaigns: tuple[Campaign, ...]
+    thorough: bool = True
+    estimation_test: int = ESTIMATION_TEST
+
+    @property
+    def main(self) -> Campaign:
+        """Campaign on the arm that the study is about."""
+        return self.campaigns[0]
+
+    @property
+    def smooth(self) -> Campaign:
+        """Campaign on the same arm without friction."""
+        return self.campaigns[1]
+
+    def own(self, joint: str) -> IOData:
+        """Return the record that models of a joint are identified from; see `Campaign.single`."""
+        return self.main.single(self.estimation_test, joint)
+
+    def own_name(self, joint: str) -> str:
+        """Return its name."""
+        return single_joint_test(self.estimation_test, joint)
+
+
 def _check_joint(joint: str) -> None:
     if joint not in STUDIED_JOINTS:
         raise ScenarioError(unknown("joint of single-joint tests", joint, STUDIED_JOINTS))
@@ -127,33 +162,30 @@ def tests_of_same_sequence(number: int) -> tuple[int, ...]:
 
 
 def run_campaign(
-    condition: Condition = NOMINAL,
-    tests: Sequence[str] = EVERY_TEST,
+    condition: Condition,
+    scenarios: Sequence[Scenario],
     *,
-    extra: Sequence[Scenario] = (),
     seed: int | None = None,
     duration: float | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Campaign:
-    """Play tests on one arm, all side by side.
+    """Play scenarios on one arm, all side by side.
 
     Args:
         condition: The arm.
-        tests: Names of registered scenarios.
-        extra: Further scenarios, played as they are but on this arm.
-        seed: See `campaign_scenario`.
-        duration: See `campaign_scenario`.
+        scenarios: What is played, as it is but on this arm.
+        seed: Seed that they were drawn with, which the campaign remembers.
+        duration: Shortened length of the tests, likewise, s.
         threads: Threads for the physics.
         progress: Called with the completed ticks and the total.
 
     Returns:
-        The records, in the order of the tests.
+        The records, in the order of the scenarios.
 
     Raises:
-        ScenarioError: Nothing to play, the same name twice, or see `campaign_scenario`; nothing is played then.
+        ScenarioError: Nothing to play, or the same name twice; nothing is played then.
     """
-    scenarios = [*(campaign_scenario(name, seed=seed, duration=duration) for name in tests), *extra]
     if not scenarios:
         raise ScenarioError("no tests given: a campaign plays at least one")
     twice = [name for name, count in Counter(entry.name for entry in scenarios).items() if count > 1]

@@ -14,6 +14,7 @@ from scenarios.experiments.model_structures import Structure, every_structure
 from scenarios.experiments.registry import names
 from scenarios.thesis.campaign import Campaign, plays_identified_sequence
 from scenarios.thesis.estimates import Fits, estimate, fits
+from scenarios.thesis.steps import NO_REPORT, Part
 from sysid import IOData, StateSpace, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 
@@ -159,7 +160,14 @@ class DataSets:
         return next((m for m in self.models if (m.record, m.structure.method) == (record, method)), None)
 
 
-def every_data_set(joint: str, campaign: Campaign, *, judged: Collection[str] = (), thorough: bool = False) -> DataSets:
+def every_data_set(
+    joint: str,
+    campaign: Campaign,
+    *,
+    judged: Collection[str] = (),
+    thorough: bool = False,
+    part: Part = NO_REPORT,
+) -> DataSets:
     """Identify a joint from every record.
 
     Args:
@@ -168,6 +176,7 @@ def every_data_set(joint: str, campaign: Campaign, *, judged: Collection[str] = 
         judged: Names of records whose models are laid beside every other single-joint record, all of it.
         thorough: Whether to take the joint's own channel of the tests of several joints too, and to lay every model
             beside every single-joint record, a minute of it.
+        part: This part of the work.
 
     Returns:
         Models, and what could not be identified with the reason.
@@ -179,7 +188,7 @@ def every_data_set(joint: str, campaign: Campaign, *, judged: Collection[str] = 
     minutes = {name: record[: round(MINUTE / record.dt)] for name, record in judges.items()} if thorough else {}
     excited = {name: _excited(name, record, campaign) for name, record in data.items()}
     models, refused = [], []
-    for name, record in data.items():
+    for (name, record), _ in part.split(tuple(data.items())):
         for structure in every_structure(joint):
             others = judges if name in judged else minutes
             try:

@@ -15,6 +15,7 @@ from scenarios.experiments.campaign import RPCM, Condition
 from scenarios.experiments.model_structures import STRUCTURES, every_structure
 from scenarios.thesis.campaign import Campaign, tests_of_same_sequence
 from scenarios.thesis.estimates import Fits, estimate, fits
+from scenarios.thesis.steps import NO_REPORT, Part
 from scenarios.truth.published import published
 from sysid import IOData, StateSpace, SysidError, SysidWarning
 
@@ -126,12 +127,13 @@ class Fairness:
     estimation_test: int
 
 
-def fairness(campaigns: Sequence[Campaign], estimation_test: int) -> Fairness:
+def fairness(campaigns: Sequence[Campaign], estimation_test: int, part: Part = NO_REPORT) -> Fairness:
     """Identify and judge every model on every arm.
 
     Args:
         campaigns: One for each arm.
         estimation_test: Number of the test that models are identified from.
+        part: This part of the work.
 
     Returns:
         The tables.
@@ -139,7 +141,8 @@ def fairness(campaigns: Sequence[Campaign], estimation_test: int) -> Fairness:
     with warnings.catch_warnings():
         # what is wrong with a model shows in its fits
         warnings.simplefilter("ignore", SysidWarning)
-        return Fairness(tuple(_arm(campaign, estimation_test) for campaign in campaigns), estimation_test)
+        arms = tuple(_arm(campaign, estimation_test) for campaign, _ in part.split(campaigns))
+    return Fairness(arms, estimation_test)
 
 
 def _arm(campaign: Campaign, own: int) -> ArmFairness:

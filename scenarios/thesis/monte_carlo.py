@@ -17,7 +17,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import fingerprint, versions
 from scenarios.jobs.journal import Journal
 from scenarios.thesis.findings import findings
-from scenarios.thesis.study import run_study
+from scenarios.thesis.study import planned_steps, run_study
 from scenarios.thesis.tally import SeedOutcome, Tally, outcome, read_tally
 from sysid import SysidError
 
@@ -88,9 +88,9 @@ def _run_seed(
     seed: int, duration: float | None, threads: int | None, report: Callable[[str, int, int], None]
 ) -> SeedOutcome:
     """Run one seed from excitation to conclusions; its records are released on return."""
-    study = run_study(
-        seed=seed, duration=duration, conditions=(NOMINAL,), thorough=False, threads=threads, progress=report
-    )
+    arms = (NOMINAL,)
+    steps = planned_steps(arms, duration, thorough=False, report=report)
+    study = run_study(seed=seed, duration=duration, conditions=arms, thorough=False, threads=threads, steps=steps)
     begin = perf_counter()
     decided = findings(study)
     return outcome(replace(study, cost=study.cost.later(perf_counter() - begin)), decided)

@@ -15,7 +15,7 @@ from hmtb_twin import STUDIED_JOINTS, Truth
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis import estimates
-from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.campaign import Campaign, StudyRecords
 from sysid import Estimate, IOData, ModelFit, ResidualTest, SysidWarning
 
 P = 5
@@ -174,14 +174,11 @@ class Observers:
     several: tuple[SeveralObserver, ...]
 
 
-def observers(campaign: Campaign, estimates: Mapping[str, Estimate], number: int, *, thorough: bool) -> Observers:
-    """Analyse the observers of the study.
+def observers(records: StudyRecords) -> Observers:
+    """Analyse the observers of the study: p = 5 and two states, from the estimation test of each joint.
 
     Args:
-        campaign: The records.
-        estimates: OKID models with p = 5 and two states, from the estimation test, by joint.
-        number: Number of the estimation test.
-        thorough: Whether to identify from every other record too.
+        records: Those of the study.
 
     Returns:
         What chapter V shows.
@@ -192,11 +189,11 @@ def observers(campaign: Campaign, estimates: Mapping[str, Estimate], number: int
     with warnings.catch_warnings():
         # The diagnostics of the estimates hold the same warnings.
         warnings.simplefilter("ignore", SysidWarning)
-        joints = {joint: _joint(campaign, joint, estimate, number, thorough) for joint, estimate in estimates.items()}
-        if not thorough:
+        joints = {joint: _joint(records, joint) for joint in STUDIED_JOINTS}
+        if not records.thorough:
             return Observers(joints, {}, ())
-        records = {joint: _records(campaign.singles(joint), number) for joint in estimates}
-        return Observers(joints, records, _several(campaign))
+        every = {joint: _records(records.main.singles(joint), records.own(joint)) for joint in STUDIED_JOINTS}
+        return Observers(joints, every, _several(records.main))
 
 
 def observer_errors(data: IOData, numbers: tuple[int, ...] = NUMBERS) -> tuple[ObserverError, ...]:
@@ -240,8 +237,9 @@ def live(markov: NDArray[np.float64]) -> int:
     return int(np.flatnonzero(size > LIVE * size.max())[-1]) + 1
 
 
-def _joint(campaign: Campaign, joint: str, estimate: Estimate, number: int, thorough: bool) -> JointObserver:
-    own = campaign.single(number, joint)
+def _joint(records: StudyRecords, joint: str) -> JointObserver:
+    own, campaign = records.own(joint), records.main
+    estimate = observer(own)
     chirp = campaign.single(CHIRP, joint) if single_joint_test(CHIRP, joint) in campaign.logs else None
     system = np.asarray(estimate.diagnostics["system_markov"])
     parts = [np.asarray(estimate.diagnostics[f"observer_markov_{name}"]) for name in "uy"]
@@ -251,7 +249,7 @@ def _joint(campaign: Campaign, joint: str, estimate: Estimate, number: int, thor
         true_markov=campaign.truth.joint(joint).model.markov(len(system))[:, 0, 0],
         live=(live(system), live(np.concatenate(parts, axis=2))),
         shares=tuple(_share(own, order) for order in range(1, P + 1)),
-        errors=observer_errors(own) if thorough else (),
+        errors=observer_errors(own) if records.thorough else (),
         own=sysid.compare({"OKID": estimate}, own)[0],
         chirp=None if chirp is None else sysid.compare({"OKID": estimate}, chirp)[0],
     )
@@ -277,8 +275,8 @@ def _smoothed(data: IOData, p: int) -> float:
     return float(np.std(target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]))
 
 
-def _records(data: Mapping[int, IOData], number: int) -> tuple[RecordObserver, ...]:
-    return tuple(_record(test, record, data[number]) for test, record in data.items())
+def _records(data: Mapping[int, IOData], prbs: IOData) -> tuple[RecordObserver, ...]:
+    return tuple(_record(test, record, prbs) for test, record in data.items())
 
 
 def _record(test: int, record: IOData, prbs: IOData) -> RecordObserver:

@@ -10,6 +10,7 @@ search ends at the first step that passes and that the next does not improve on 
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from statistics import median
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 import sysid
 from scenarios.thesis.campaign import tests_of_same_sequence
 from scenarios.thesis.estimates import estimate
+from scenarios.thesis.steps import NO_REPORT, Part
 from sysid import IOData, SysidError, SysidWarning
 from sysid.validation import StructureTable
 
@@ -114,7 +116,9 @@ class Searches:
     arx: StructureTable
 
 
-def search_orders(joint: str, data: Mapping[int, IOData], own: int, thesis: Mapping[str, tuple[int, ...]]) -> Searches:
+def search_orders(
+    joint: str, data: Mapping[int, IOData], own: int, thesis: Mapping[str, tuple[int, ...]], part: Part = NO_REPORT
+) -> Searches:
     """Search for the orders of a joint's models.
 
     Args:
@@ -122,6 +126,7 @@ def search_orders(joint: str, data: Mapping[int, IOData], own: int, thesis: Mapp
         data: Prepared records by number of the test.
         own: Number of the test that models are identified from; those of other waveforms judge.
         thesis: Orders of the thesis' ARMAX and OE, by method.
+        part: This part of the work.
 
     Returns:
         The searches.
@@ -140,11 +145,15 @@ def search_orders(joint: str, data: Mapping[int, IOData], own: int, thesis: Mapp
         # Warnings are suppressed: orders far too large give many.
         warnings.simplefilter("ignore", SysidWarning)
         table = sysid.selstruc(data[own], *ARX_GRID, validation=others)
-        armax, oe = (search(method, data[own], others, thesis[method]) for method in ("armax", "oe"))
+        armax, oe = (
+            search(method, data[own], others, thesis[method], share) for method, share in part.split(("armax", "oe"))
+        )
     return Searches(joint, armax, oe, table)
 
 
-def search(method: str, data: IOData, others: Sequence[IOData], thesis: tuple[int, ...]) -> Search:
+def search(
+    method: str, data: IOData, others: Sequence[IOData], thesis: tuple[int, ...], part: Part = NO_REPORT
+) -> Search:
     """Iterate over the structures of one kind.
 
     Args:
@@ -152,6 +161,7 @@ def search(method: str, data: IOData, others: Sequence[IOData], thesis: tuple[in
         data: Where models are identified and their residuals tested.
         others: What judges them.
         thesis: Orders of the thesis.
+        part: This part of the work.
 
     Returns:
         Every iteration, and the choice.
@@ -162,12 +172,9 @@ def search(method: str, data: IOData, others: Sequence[IOData], thesis: tuple[in
     iterations: list[Iteration] = []
     best: list[Iteration] = []
     delays: tuple[int, ...] = DELAYS
-    for poles in POLES:
-        step = [
-            _iteration(method, poles, zeros, delay, data, others)
-            for zeros in range(max(poles - 1 - FEWER_ZEROS, 0), poles)
-            for delay in delays
-        ]
+    for poles, share in part.split(POLES):
+        structures = list(product(range(max(poles - 1 - FEWER_ZEROS, 0), poles), delays))
+        step = [_iteration(method, poles, zeros, delay, data, others) for (zeros, delay), _ in share.split(structures)]
         iterations += step
         best.append(max(step, key=lambda entry: (entry.passes, entry.held_out)))
         if poles >= DELAYS_UP_TO:

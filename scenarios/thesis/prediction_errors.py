@@ -1,19 +1,18 @@
 """Prediction-error models of single joints: every structure, data set and order."""
 
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
 
 import sysid
-from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.model_structures import every_structure
-from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.campaign import StudyRecords
 from scenarios.thesis.estimates import estimate
 from scenarios.thesis.every_data_set import DataSets, every_data_set
 from scenarios.thesis.order_search import Searches, search_orders
+from scenarios.thesis.steps import NO_REPORT, Part
 from sysid import IOData, SysidWarning
 
 ORDERS = ((2, 2), (2, 3), (3, 3), (2, 4), (4, 4), (2, 5), (5, 5), (2, 6), (6, 6))
@@ -117,35 +116,32 @@ class PredictionErrors:
     searches: Searches | None
 
 
-def prediction_errors(
-    joint: str,
-    data: Mapping[int, IOData],
-    own: int,
-    main: Campaign,
-    smooth: Campaign,
-    *,
-    thorough: bool,
-) -> PredictionErrors:
+def prediction_errors(joint: str, records: StudyRecords, part: Part = NO_REPORT) -> PredictionErrors:
     """Analyse a joint beyond the models of the estimation test.
 
     Args:
         joint: Name of the joint.
-        data: Its prepared records by number of the test.
-        own: Number of the estimation test.
-        main: The campaign that the study is about.
-        smooth: The one without friction.
-        thorough: Whether to analyse too what no finding rests on.
+        records: Those of the study.
+        part: This part of the work.
 
     Returns:
         The analyses.
     """
-    test = single_joint_test(own, joint)
     structures = {entry.method: entry for entry in every_structure(joint)}
+    whole, frictionless, search = part.shares(0.6, 0.1, 0.3)
+    test = records.own_name(joint)
+    sets = every_data_set(joint, records.main, judged=(test,), thorough=records.thorough, part=whole)
     return PredictionErrors(
-        data_sets=every_data_set(joint, main, judged=(test,), thorough=thorough),
-        frictionless=every_data_set(joint, smooth),
-        more_poles=more_poles(data[own], structures["oe"].orders[2]) if joint == LARGE else (),
-        searches=search_orders(joint, data, own, {name: structures[name].orders for name in ("armax", "oe")})
-        if thorough
+        data_sets=sets,
+        frictionless=every_data_set(joint, records.smooth, part=frictionless),
+        more_poles=more_poles(records.own(joint), structures["oe"].orders[2]) if joint == LARGE else (),
+        searches=search_orders(
+            joint,
+            records.main.singles(joint),
+            records.estimation_test,
+            {name: structures[name].orders for name in ("armax", "oe")},
+            search,
+        )
+        if records.thorough
         else None,
     )

@@ -24,6 +24,7 @@ from scenarios.thesis.robustness_outcome import (
     orders_needed,
     simulated_fit,
 )
+from scenarios.thesis.steps import NO_REPORT, Part
 from sysid import IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 
@@ -53,13 +54,16 @@ def other_structures(joint: str) -> tuple[Structure, ...]:
     )
 
 
-def robustness(campaign: Campaign, estimation_test: int, *, thorough: bool = True) -> Robustness:
+def robustness(
+    campaign: Campaign, estimation_test: int, *, thorough: bool = True, part: Part = NO_REPORT
+) -> Robustness:
     """Disturb the estimation records and identify models from them.
 
     Args:
         campaign: The records.
         estimation_test: Number of the test that models are identified from.
         thorough: Whether to disturb records by degree, or only to find the orders that finding F25 rests on.
+        part: This part of the work.
 
     Returns:
         What came of it; a joint without the estimation record or any that judges is left out.
@@ -67,7 +71,7 @@ def robustness(campaign: Campaign, estimation_test: int, *, thorough: bool = Tru
     outcomes: list[RobustnessOutcome] = []
     orders: list[OrderNeeded] = []
     judged_by: dict[str, tuple[int, ...]] = {}
-    for joint in STUDIED_JOINTS:
+    for joint, of_joint in part.split(STUDIED_JOINTS):
         data = campaign.singles(joint)
         numbers = tuple(number for number in JUDGES if number in data and number != estimation_test)
         if not numbers or estimation_test not in data:
@@ -78,10 +82,10 @@ def robustness(campaign: Campaign, estimation_test: int, *, thorough: bool = Tru
         with warnings.catch_warnings():
             # Warnings are what this experiment provokes; failures are counted.
             warnings.simplefilter("ignore", SysidWarning)
-            for disturbance in DISTURBANCES.values() if thorough else ():
+            for disturbance, share in of_joint.split(tuple(DISTURBANCES.values()) if thorough else ()):
                 also = other_structures(joint) if disturbance.other_structures else ()
                 trial = _Trial(data[estimation_test], judges, campaign.truth.joint(joint), campaign.seed or 0)
-                outcomes += trial.outcomes(disturbance, (*chosen, *also))
+                outcomes += trial.outcomes(disturbance, (*chosen, *also), share)
             orders += orders_needed(joint, campaign, data[estimation_test], judges)
     return Robustness(tuple(outcomes), tuple(orders), judged_by)
 
@@ -95,11 +99,13 @@ class _Trial:
     truth: JointTruth
     seed: int
 
-    def outcomes(self, disturbance: Disturbance, structures: Sequence[Structure]) -> list[RobustnessOutcome]:
+    def outcomes(
+        self, disturbance: Disturbance, structures: Sequence[Structure], part: Part
+    ) -> list[RobustnessOutcome]:
         outcomes = []
         clean = self.data if disturbance.whole else self.data[:PART].detrend()
-        for treatment in disturbance.treatments:
-            for degree in disturbance.degrees:
+        for treatment, of_treatment in part.split(disturbance.treatments):
+            for degree, _ in of_treatment.split(disturbance.degrees):
                 for draw in range(self._draws(disturbance, degree)):
                     disturbed = TREATMENTS[treatment](
                         disturbance.spoil(clean, degree, self._chance(disturbance, degree, draw))

@@ -2,9 +2,10 @@
 
 import warnings
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,13 +20,16 @@ from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
 from scenarios.thesis.attribution import attribute, order_effects, scaled
-from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, Campaign, run_campaign
-from scenarios.thesis.comparison import (
-    Comparison,
-    Cost,
-    JointResult,
-    ModelResult,
+from scenarios.thesis.campaign import (
+    CONDITIONS,
+    ESTIMATION_TEST,
+    EVERY_TEST,
+    FAIRNESS_TESTS,
+    Campaign,
+    StudyRecords,
+    run_campaign,
 )
+from scenarios.thesis.comparison import Comparison, Cost, JointResult, ModelResult
 from scenarios.thesis.estimates import estimate, fits
 from scenarios.thesis.fairness_table import fairness
 from scenarios.thesis.multivariable import multivariable
@@ -33,18 +37,21 @@ from scenarios.thesis.nonparametric import nonparametric
 from scenarios.thesis.observer_analysis import observers
 from scenarios.thesis.prediction_errors import prediction_errors
 from scenarios.thesis.robustness import robustness
+from scenarios.thesis.steps import COSTS, TICK, Report, Steps
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 
-ESTIMATION_TEST = 5
-"""Models are identified from the PRBS of 1 V and judged on the tests of other waveforms [Morris1996, ch. IV and V]."""
-
 SHORTEST = 20.0
 """Length of the shortest record that the study's estimators take, s."""
 
-Progress = Callable[[str, int, int], None]
-"""Called with the name of the step, what is done and what there is in all."""
+JUDGING = 64.0
+"""Length of tests that only judge models, on other arms than that of the study, s: one minute after settling."""
+
+ANALYSES = ("identify", "spectra", "data sets", "observers", "three joints", "robustness", "other arms")
+"""Steps after the simulation; only a thorough study takes the last."""
+
+T = TypeVar("T")
 
 
 def run_study(
@@ -54,7 +61,7 @@ def run_study(
     conditions: Sequence[Condition] = CONDITIONS,
     thorough: bool = True,
     threads: int | None = None,
-    progress: Progress | None = None,
+    steps: Steps | None = None,
 ) -> Comparison:
     """Run the whole study.
 
@@ -65,7 +72,7 @@ def run_study(
             friction. What explains its intervals is played on the same arm without friction, whether or not given.
         thorough: See `draw_conclusions`.
         threads: Threads of the simulation.
-        progress: Told of every step.
+        steps: Those of `planned_steps`, which report the progress.
 
     Returns:
         Models beside the truth and beside held-out data.
@@ -76,9 +83,15 @@ def run_study(
     """
     begin = perf_counter()
     _check(conditions, duration)
-    report = progress or (lambda step, done, total: None)
-    campaigns = _campaigns(conditions, seed, duration, threads, report)
-    study = draw_conclusions(campaigns, thorough=thorough, progress=report)
+    steps = steps or planned_steps(conditions, duration, thorough=thorough)
+    campaigns = []
+    for condition, scenarios in plan(conditions, seed=seed, duration=duration):
+        with steps.step(simulation_of(condition)) as part:
+            ran = run_campaign(
+                condition, scenarios, seed=seed, duration=duration, threads=threads, progress=part.of_total
+            )
+        campaigns.append(ran)
+    study = draw_conclusions(campaigns, thorough=thorough, steps=steps)
     return replace(study, cost=replace(study.cost, total_s=perf_counter() - begin))
 
 
@@ -97,74 +110,82 @@ def _check(conditions: Sequence[Condition], duration: float | None) -> None:
         raise ScenarioError(f"duration = {duration} s given, the study needs records of {SHORTEST:g} s or more")
 
 
-def plan(conditions: Sequence[Condition]) -> tuple[tuple[Condition, tuple[str, ...]], ...]:
-    """Return the plan of a study: the campaigns in their order, with the tests of each arm.
+def plan(
+    conditions: Sequence[Condition] = CONDITIONS, *, seed: int | None = None, duration: float | None = None
+) -> tuple[tuple[Condition, tuple[Scenario, ...]], ...]:
+    """Return what a study plays: for each arm its scenarios.
 
     Args:
         conditions: The arms that are laid side by side, the one that the study is about first.
+        seed: See `campaign_scenario`.
+        duration: See `campaign_scenario`.
 
     Returns:
-        Arms and names of the tests: the first arm with all, second the same without friction, then the others.
+        First the arm that the study is about, with all tests. Second the same without friction, with the tests that
+        models are identified from, also at small amplitude. Then the others. Other arms play the tests that only judge
+        models for `JUDGING` at most.
+
+    Raises:
+        ScenarioError: See `campaign_scenario`.
     """
     first, *others = conditions
     smooth = replace(first, friction=False)
-    estimation = [single_joint_test(ESTIMATION_TEST, joint) for joint in STUDIED_JOINTS]
+    own = tuple(single_joint_test(ESTIMATION_TEST, joint) for joint in STUDIED_JOINTS)
+    short = JUDGING if duration is None else min(duration, JUDGING)
+
+    def played(tests: Sequence[str], judging: float | None) -> tuple[Scenario, ...]:
+        return tuple(
+            campaign_scenario(name, seed=seed, duration=duration if name in own else judging) for name in tests
+        )
+
+    small = tuple(scaled(scenario) for scenario in played(own, duration))
     beside = FAIRNESS_TESTS if smooth in others else ()
     return (
-        (first, EVERY_TEST),
-        (smooth, tuple(dict.fromkeys((*estimation, *beside)))),
-        *((condition, FAIRNESS_TESTS) for condition in others if condition != smooth),
+        (first, played(EVERY_TEST, duration)),
+        (smooth, (*played(tuple(dict.fromkeys((*own, *beside))), short), *small)),
+        *((condition, played(FAIRNESS_TESTS, short)) for condition in others if condition != smooth),
     )
 
 
-def _campaigns(
-    conditions: Sequence[Condition],
-    seed: int | None,
-    duration: float | None,
-    threads: int | None,
-    report: Progress,
-) -> tuple[Campaign, ...]:
-    """Simulate everything: the first arm's campaign whole, and the other arms' tests that it is compared with."""
-    played = plan(conditions)
-    estimation = [single_joint_test(ESTIMATION_TEST, joint) for joint in STUDIED_JOINTS]
-    small = [scaled(campaign_scenario(name, seed=seed, duration=duration)) for name in estimation]
-    # Those at small amplitude go with the arm without friction, the second.
-    extras: list[list[Scenario]] = [small if number == 1 else [] for number in range(len(played))]
-    lengths = [
-        _ticks(tests, duration) + sum(round(entry.duration * SAMPLE_RATE) for entry in extra)
-        for (_, tests), extra in zip(played, extras, strict=True)
-    ]
-    campaigns: list[Campaign] = []
-
-    def report_step(part: int, whole: int) -> None:
-        # A campaign counts by the length of its records: they cost what they are long.
-        now = len(campaigns)
-        step = f"simulate, arm {now + 1} of {len(lengths)}"
-        report(step, sum(lengths[:now]) + round(lengths[now] * part / whole), sum(lengths))
-
-    for (condition, tests), extra in zip(played, extras, strict=True):
-        campaigns.append(
-            run_campaign(
-                condition, tests, extra=extra, seed=seed, duration=duration, threads=threads, progress=report_step
-            )
-        )
-    return tuple(campaigns)
+def simulation_of(condition: Condition) -> str:
+    """Return the name of the step that plays the campaign on an arm."""
+    return f"simulate the arm {condition}"
 
 
-def _ticks(tests: Sequence[str], duration: float | None) -> int:
-    """Samples of these tests together."""
-    return sum(round(campaign_scenario(name, duration=duration).duration * SAMPLE_RATE) for name in tests)
+def planned_steps(
+    conditions: Sequence[Condition] = CONDITIONS,
+    duration: float | None = None,
+    *,
+    thorough: bool = True,
+    afterwards: Sequence[str] = (),
+    report: Report | None = None,
+) -> Steps:
+    """Plan the steps of a study by their measured costs.
+
+    Args:
+        conditions: See `run_study`.
+        duration: See `run_study`.
+        thorough: See `draw_conclusions`.
+        afterwards: Steps of `COSTS` that the caller takes after the study.
+        report: Called as the work goes on.
+    """
+    arms = plan(conditions, duration=duration)
+    costs = {
+        simulation_of(condition): TICK * SAMPLE_RATE * sum(entry.duration for entry in scenarios)
+        for condition, scenarios in arms
+    }
+    minutes = max(entry.duration for entry in arms[1][1]) / 60.0
+    names = (*(ANALYSES if thorough else ANALYSES[:-1]), *afterwards)
+    return Steps(costs | {name: COSTS[name].seconds(minutes, thorough=thorough) for name in names}, report)
 
 
-def draw_conclusions(
-    campaigns: Sequence[Campaign], *, thorough: bool = True, progress: Progress | None = None
-) -> Comparison:
+def draw_conclusions(campaigns: Sequence[Campaign], *, thorough: bool = True, steps: Steps | None = None) -> Comparison:
     """Run the analyses of the study on existing campaigns.
 
     Args:
         campaigns: The arm that the study is about, whole, first; then the same arm without friction, and others.
         thorough: Whether to analyse too what no finding rests on and only the report shows; one seed of many does not.
-        progress: Told of every step.
+        steps: Those of `planned_steps`, which report the progress.
 
     Returns:
         Models beside the truth and beside held-out data.
@@ -174,55 +195,54 @@ def draw_conclusions(
             are identified from is missing, or gives no model.
     """
     begin = perf_counter()
-    report = progress or (lambda step, done, total: None)
     arms = [entry.condition for entry in campaigns]
     if len(arms) < 2 or not arms[0].friction or arms[1] != replace(arms[0], friction=False):
         raise ScenarioError(
             "expected campaigns of an arm with friction, of the same without, and of others; given "
             + ("; ".join(map(str, arms)) or "none")
         )
-    main, smooth = campaigns[0], campaigns[1]
+    records = StudyRecords(tuple(campaigns), thorough)
+    steps = steps or planned_steps(arms, campaigns[0].duration, thorough=thorough)
     joints, attribution, orders = {}, {}, {}
-    steps = len(STUDIED_JOINTS)
-    for number, joint in enumerate(STUDIED_JOINTS):
-        report("identify", number, steps)
-        truth = main.truth.joint(joint)
-        joints[joint] = study_joint(joint, main)
-        attribution[joint] = attribute(
-            single_joint_test(ESTIMATION_TEST, joint), joint, main, smooth, truth.bandwidth_hz, SUFFICIENT[joint]
-        )
-        orders[joint] = order_effects(joints[joint].data[ESTIMATION_TEST], SUFFICIENT[joint][2])
-    report("identify", steps, steps)
-    return Comparison(
-        campaigns=tuple(campaigns),
-        joints=joints,
-        multivariable=multivariable(
+    with steps.step("identify") as part:
+        for joint, _ in part.split(STUDIED_JOINTS):
+            joints[joint] = study_joint(joint, records.main)
+            true_hz, sufficient = records.main.truth.joint(joint).bandwidth_hz, SUFFICIENT[joint]
+            attribution[joint] = attribute(
+                records.own_name(joint), joint, records.main, records.smooth, true_hz, sufficient
+            )
+            orders[joint] = order_effects(records.own(joint), sufficient[2])
+    with steps.step("spectra") as part:
+        spectra = {
+            joint: nonparametric(joint, records.main, summaries=thorough) for joint, _ in part.split(STUDIED_JOINTS)
+        }
+    with steps.step("data sets") as part:
+        others = {joint: prediction_errors(joint, records, share) for joint, share in part.split(STUDIED_JOINTS)}
+    with steps.step("observers"):
+        observed = observers(records)
+    with steps.step("three joints"):
+        several = multivariable(
             {name: entry.chosen.estimate.model for name, entry in joints.items()},
             {name: entry.models["okid"].estimate.model for name, entry in joints.items()},
-            main,
-        ),
+            records.main,
+        )
+    with steps.step("robustness") as part:
+        robust = robustness(records.main, ESTIMATION_TEST, thorough=thorough, part=part)
+    table = None
+    if thorough:
+        with steps.step("other arms") as part:
+            table = fairness(campaigns, ESTIMATION_TEST, part=part)
+    return Comparison(
+        campaigns=records.campaigns,
+        joints=joints,
+        multivariable=several,
         attribution=attribution,
         orders=orders,
-        nonparametric={joint: nonparametric(joint, main, summaries=thorough) for joint in joints},
-        prediction_errors={
-            joint: prediction_errors(
-                joint,
-                entry.data,
-                ESTIMATION_TEST,
-                main,
-                smooth,
-                thorough=thorough,
-            )
-            for joint, entry in joints.items()
-        },
-        observers=observers(
-            main,
-            {joint: entry.models["okid"].estimate for joint, entry in joints.items()},
-            ESTIMATION_TEST,
-            thorough=thorough,
-        ),
-        robustness=robustness(main, ESTIMATION_TEST, thorough=thorough),
-        fairness=fairness(campaigns, ESTIMATION_TEST) if thorough else None,
+        nonparametric=spectra,
+        prediction_errors=others,
+        observers=observed,
+        robustness=robust,
+        fairness=table,
         cost=Cost(
             sum(entry.physics_s for entry in campaigns),
             sum(entry.simulation_s for entry in campaigns),

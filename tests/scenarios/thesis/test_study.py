@@ -9,7 +9,7 @@ import pytest
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, linearize, load_arm
 from hmtb_twin.parameters.values import HAND_CONTROLLER, MOTIONS
-from scenarios.experiments.campaign import NOMINAL, SINGLE_JOINT, Condition, campaign_scenario, single_joint_test
+from scenarios.experiments.campaign import NOMINAL, RPCM, SINGLE_JOINT, Condition, campaign_scenario, single_joint_test
 from scenarios.experiments.log_review import SETTLING, prepared, swing, velocity_limited_share
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.registry import load
@@ -18,7 +18,7 @@ from scenarios.thesis.attribution import ORDERS, conditions, half_power_spread, 
 from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, OTHER_WAVEFORMS, Campaign
 from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, METHODS, full_models, three_joint_truth
 from scenarios.thesis.nonparametric import period_spectra
-from scenarios.thesis.study import ESTIMATION_TEST, draw_conclusions, plan, run_study, study_joint
+from scenarios.thesis.study import ESTIMATION_TEST, JUDGING, draw_conclusions, plan, run_study, study_joint
 from sysid import IOData, SysidError
 from tests.refusals import refused
 
@@ -159,12 +159,25 @@ def test_the_second_campaign_is_always_the_same_arm_without_friction(given):
     assert set(arms) == {*given, SMOOTH}
     assert len(set(arms)) == len(arms)
     estimation = {single_joint_test(ESTIMATION_TEST, joint) for joint in STUDIED_JOINTS}
-    for condition, tests in played:
-        assert len(set(tests)) == len(tests)
-        assert estimation <= set(tests)
+    small = {f"{name}-small" for name in estimation}
+    for condition, scenarios in played:
+        lengths = {scenario.name: scenario.duration for scenario in scenarios}
+        assert len(lengths) == len(scenarios)
+        assert estimation <= set(lengths)
         if condition in given[1:]:
-            assert set(tests) == set(FAIRNESS_TESTS)
-    assert played[0][1] == EVERY_TEST
+            assert set(lengths) - small == set(FAIRNESS_TESTS)
+        if condition != NOMINAL:
+            # Models are identified from whole records; those that only judge repeat themselves.
+            assert {name for name, length in lengths.items() if length == 240.0} - small == estimation
+            assert set(lengths.values()) <= {240.0, JUDGING, load(RPCM).duration}
+        assert (small <= set(lengths)) == (condition == SMOOTH)
+    assert tuple(scenario.name for scenario in played[0][1]) == EVERY_TEST
+    assert {scenario.duration for scenario in played[0][1]} == {240.0, load(RPCM).duration}
+
+
+def test_short_records_are_no_longer_on_other_arms():
+    lengths = {scenario.duration for _, scenarios in plan(CONDITIONS, duration=24.0) for scenario in scenarios}
+    assert lengths == {24.0, load(RPCM).duration}
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,136 @@
+"""Progress of a study by the measured cost of its steps: equal shares take about equal time."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from types import MappingProxyType
+from typing import TypeVar
+
+T = TypeVar("T")
+
+Report = Callable[[str, int, int], None]
+"""Called with the name of the step, the work that is done and that in all, both in hundredths of a second as measured
+when `COSTS` was written."""
+
+HUNDREDTHS = 100
+
+FIGURES = 133
+"""Figures of the report of a whole study."""
+
+TICK = 2.0e-4
+"""Processor time of a simulated sample of 0.02 s of one experiment, s."""
+
+
+@dataclass(frozen=True)
+class StepCost:
+    """Processor time of a step.
+
+    Attributes:
+        fixed: Whatever the length of the records, s.
+        each_minute: For each minute of every record, s.
+        brief: Share of it in a study that is not thorough.
+    """
+
+    fixed: float
+    each_minute: float
+    brief: float = 1.0
+
+    def seconds(self, minutes: float, *, thorough: bool = True) -> float:
+        """Return the cost with records of so many minutes, s."""
+        return (self.fixed + minutes * self.each_minute) * (1.0 if thorough else self.brief)
+
+
+COSTS: Mapping[str, StepCost] = MappingProxyType(
+    {
+        "identify": StepCost(1.5, 1.0),
+        "spectra": StepCost(0.1, 0.2, brief=0.5),
+        "data sets": StepCost(8.0, 10.0, brief=0.3),
+        "observers": StepCost(0.1, 0.2, brief=0.5),
+        "three joints": StepCost(0.3, 0.5),
+        "robustness": StepCost(38.0, 0.0, brief=0.1),
+        "other arms": StepCost(0.5, 0.5),
+        "findings": StepCost(0.1, 0.1),
+        "report": StepCost(40.0, 1.0),
+    }
+)
+"""Costs of the steps after the simulation."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Part of the work of a step.
+
+    Attributes:
+        report: Called with the share of the step that is done.
+        start: Share of the step at which the part begins.
+        end: Share at which it ends.
+    """
+
+    report: Callable[[float], None] = lambda share: None
+    start: float = 0.0
+    end: float = 1.0
+
+    def __call__(self, share: float) -> None:
+        """Report the share of this part that is done, 0 to 1."""
+        self.report(self.start + (self.end - self.start) * min(share, 1.0))
+
+    def of_total(self, done: int, total: int) -> None:
+        """Report how many items of this part are done."""
+        self(done / total)
+
+    def shares(self, *shares: float) -> tuple["Part", ...]:
+        """Divide the work into consecutive parts of these shares, whose sum is one."""
+        ends = (0.0, *accumulate(shares))
+        width = self.end - self.start
+        return tuple(Part(self.report, self.start + width * a, self.start + width * b) for a, b in pairwise(ends))
+
+    def split(self, items: Sequence[T]) -> Iterator[tuple[T, "Part"]]:
+        """Go through items of about equal cost, each with its part, done when the next begins."""
+        for item, part in zip(items, self.shares(*[1.0 / len(items)] * len(items)) if items else (), strict=True):
+            yield item, part
+            part(1.0)
+
+
+NO_REPORT = Part()
+"""Work that nobody watches."""
+
+
+class Steps:
+    """Steps of known cost, one after the other; all of the work is done only when the last has ended."""
+
+    def __init__(self, costs: Mapping[str, float], report: Report | None = None) -> None:
+        """Plan steps.
+
+        Args:
+            costs: Cost of each step, s, in the sequence of the work.
+            report: Called after each part of a step.
+        """
+        self.costs = {name: max(round(HUNDREDTHS * cost), 1) for name, cost in costs.items()}
+        self._report = report or (lambda step, done, total: None)
+        self._done = 0
+        self.total = sum(self.costs.values())
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[Part]:
+        """Report a step: its start, what it reports of itself, and its end.
+
+        Args:
+            name: One of the planned steps, which come in their sequence.
+
+        Yields:
+            All of the step's work.
+        """
+        before = latest = self._done
+        cost = self.costs[name]
+        self._report(name, before, self.total)
+
+        def move(share: float) -> None:
+            nonlocal latest
+            # One hundredth is left for the end, so that no step is shown as finished while it runs.
+            latest = max(latest, before + min(int(share * cost), cost - 1))
+            self._report(name, latest, self.total)
+
+        yield Part(move)
+        self._done = before + cost
+        self._report(name, self._done, self.total)

@@ -1,0 +1,105 @@
+"""Progress of a study: it never stands still for long, and all is done only at the end."""
+
+import itertools
+
+import pytest
+
+from scenarios.experiments.campaign import NOMINAL
+from scenarios.jobs.progress import Progress, show_progress
+from scenarios.thesis.campaign import CONDITIONS, StudyRecords
+from scenarios.thesis.prediction_errors import prediction_errors
+from scenarios.thesis.robustness import robustness
+from scenarios.thesis.steps import COSTS, FIGURES, HUNDREDTHS, Part, Steps
+from scenarios.thesis.study import ANALYSES, planned_steps
+
+STILL = 10.0
+"""Longest time without a move, s."""
+
+
+class Clock:
+    """Time that passes as the work says."""
+
+    now = 0.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_the_bar_of_a_whole_study_moves_with_the_clock(capsys):
+    clock, moves = Clock(), []
+    with show_progress("study", "lines", clock=clock) as show:
+
+        def report(step, done, total):
+            moves.append((clock.now, done, total))
+            show(Progress(step, done, total, weighted=True))
+
+        steps = planned_steps(afterwards=("findings", "report"), report=report)
+        total = steps.total / HUNDREDTHS
+        for name, cost in steps.costs.items():
+            with steps.step(name) as part:
+                # Twice as slow a machine, and work in as many parts as the longest steps report at least.
+                for _, share in part.split(range(3)):
+                    for _ in share.split(range(max(int(cost / HUNDREDTHS), 1))):
+                        clock.now += 2.0 * cost / HUNDREDTHS / 3 / max(int(cost / HUNDREDTHS), 1)
+    times, shares = zip(*((now, done / whole) for now, done, whole in moves), strict=True)
+    assert shares[-1] == 1.0
+    assert all(share < 1.0 for share in shares[:-1])
+    assert list(shares) == sorted(shares)
+    assert times[-1] == pytest.approx(2.0 * total)
+    # As far as the clock is, so far is the bar.
+    assert all(abs(share - now / times[-1]) < 0.01 for now, share in zip(times, shares, strict=True))
+    still = [b for a, b in itertools.pairwise(moves) if b[1] > a[1]]
+    assert max(b[0] - a[0] for a, b in zip([(0.0,), *still], still, strict=False)) < STILL
+    lines = capsys.readouterr().err.splitlines()
+    assert lines
+    assert all(line.startswith("study: ") and " %, " in line and line.endswith(" left") for line in lines)
+    assert not any("100 %" in line for line in lines)
+
+
+def test_a_step_that_says_too_much_waits_for_its_end():
+    reports = []
+    steps = Steps({"one": 1.0, "two": 3.0}, lambda *report: reports.append(report))
+    for name in ("one", "two"):
+        with steps.step(name) as part:
+            part.of_total(7, 5)
+            part(0.1)
+    assert [done for _, done, _ in reports] == [0, 99, 99, 100, 100, 399, 399, 400]
+    assert {total for *_, total in reports} == {400}
+
+
+def test_parts_add_up_to_the_whole():
+    shares = []
+    first, second = Part(shares.append).shares(0.75, 0.25)
+    for _, part in first.split("abc"):
+        part(0.5)
+    second(0.5)
+    assert shares == pytest.approx([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875])
+    assert list(first.split(())) == []
+
+
+def test_every_analysis_is_planned_and_other_arms_only_of_a_thorough_study():
+    for thorough in (True, False):
+        steps = planned_steps((NOMINAL,), 24.0, thorough=thorough)
+        assert [name for name in steps.costs if not name.startswith("simulate")] == [
+            name for name in ANALYSES if thorough or name != "other arms"
+        ]
+    assert set(COSTS) == {*ANALYSES, "findings", "report"}
+    assert len([name for name in planned_steps(CONDITIONS).costs if name.startswith("simulate")]) == len(CONDITIONS)
+
+
+@pytest.mark.slow
+def test_long_analyses_report_in_steps_of_less_than_ten_seconds(study):
+    records = StudyRecords(study.campaigns)
+    for joint in study.joints:
+        shares = [0.0]
+        prediction_errors(joint, records, Part(shares.append))
+        assert max(b - a for a, b in itertools.pairwise(shares)) * COSTS["data sets"].seconds(4.0) / 3 < STILL
+        assert shares[-1] == pytest.approx(1.0)
+    shares = [0.0]
+    robustness(study.campaign, study.estimation_test, part=Part(shares.append))
+    assert max(b - a for a, b in itertools.pairwise(shares)) * COSTS["robustness"].seconds(4.0) < STILL
+
+
+@pytest.mark.slow
+def test_the_report_has_the_figures_that_its_progress_expects(report):
+    assert 0.5 * FIGURES < len(report.gallery.pictures) <= FIGURES
