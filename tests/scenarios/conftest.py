@@ -16,7 +16,7 @@ from scenarios.datasets.withhold import build_withheld
 from scenarios.experiments.campaign import NOMINAL
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.thesis.disturbances import DISTURBANCES
-from scenarios.thesis.study import run_study
+from scenarios.thesis.study import planned_steps, run_study
 
 
 @pytest.fixture
@@ -74,15 +74,23 @@ def scheduler():
 
 
 @pytest.fixture(scope="session")
-def study():
-    """The whole chain on records of 24 s, of which 20 s remain after settling: ten periods.
+def study_run():
+    """The whole chain on records of 24 s, of which 20 s remain after settling, ten periods; and its progress.
 
     Disturbances are drawn once: further draws would take a third of the time of the study.
     """
     with pytest.MonkeyPatch.context() as patch:
         fewer = {key: replace(entry, draws=1) for key, entry in DISTURBANCES.items()}
         patch.setattr("scenarios.thesis.robustness.DISTURBANCES", fewer)
-        return run_study(seed=11, duration=24.0, conditions=(NOMINAL,))
+        moves = []
+        steps = planned_steps((NOMINAL,), 24.0, report=lambda *move: moves.append(move))
+        return run_study(seed=11, duration=24.0, conditions=(NOMINAL,), steps=steps), moves
+
+
+@pytest.fixture(scope="session")
+def study(study_run):
+    """The study of `study_run`."""
+    return study_run[0]
 
 
 @pytest.fixture(scope="session")

@@ -81,7 +81,7 @@ def test_the_test_of_the_same_sequence_judges_nothing(monkeypatch):
     data = {number: record(number, coloured=False, samples=200) for number in range(1, 9)}
     judges = []
     monkeypatch.setattr(sysid, "selstruc", lambda *_, validation: judges.append(validation))
-    monkeypatch.setattr(order_search, "search", lambda _, __, others, ___: judges.append(others))
+    monkeypatch.setattr(order_search, "search", lambda _, __, others, *___: judges.append(others))
     order_search.search_orders("elbow_pitch", data, 5, {"armax": (2, 2, 2, 2), "oe": (2, 2, 2)})
     assert len(judges) == 3
     for others in judges:
