@@ -26,6 +26,9 @@ TOGETHER = 7
 """Most periods in a block. The noise of the wires moves the joint beyond the end of a block, so that short blocks show
 gains too small and disturbances too large, by a share that falls with their length."""
 
+FEWEST = 3
+"""Fewest periods of a record whose disturbance is told from its response."""
+
 BLOCKS = 6
 """Fewest blocks, where there are enough periods."""
 
@@ -101,8 +104,8 @@ def period_spectra(data: IOData, period: int = POINTS) -> PeriodSpectra:
     if data.nu != 1 or data.ny != 1:
         raise ScenarioError(f"expected one input and one output, given {data.nu} and {data.ny}")
     periods = len(data) // period
-    if periods < 3:
-        raise ScenarioError(f"expected at least three periods of {period} samples, given {len(data)} samples")
+    if periods < FEWEST:
+        raise ScenarioError(f"expected at least {FEWEST} periods of {period} samples, given {len(data)} samples")
     # Odd, so that as many lines of a block lie to either side of a line of the waveform.
     together = max((k for k in range(1, TOGETHER + 1, 2) if periods // k >= BLOCKS), default=1)
     count, length = periods // together, together * period
@@ -288,13 +291,15 @@ def period_of(name: str) -> int:
 
 
 def _summaries(joint: str, campaign: Campaign) -> dict[str, RecordSummary]:
-    """All records that move the joint and repeat: its own tests and those of several joints."""
+    """All records that move the joint and repeat often enough: its own tests and those of several joints."""
     summaries = {}
     for name in campaign.logs:
         own = name.startswith("siso-")
         if name == RPCM or (own and not name.endswith(f"-{joint}")):
             continue
-        summaries[name] = summary(campaign.several(name, [joint]), period_of(name))
+        record, period = campaign.record(name, joint), period_of(name)
+        if len(record) >= FEWEST * period:
+            summaries[name] = summary(record, period)
     return summaries
 
 

@@ -93,9 +93,9 @@ def test_every_record_that_repeats_has_a_row(study):
         assert 0.0 < row.disturbance_percent < 1.0
 
 
-def test_periods_are_those_of_the_waveforms():
-    assert period_of("siso-5-shoulder_yaw") == 100
-    assert period_of("siso-2-shoulder_yaw") == 200, "1.25 Hz completes five cycles in 4 s"
+def test_periods_are_those_of_the_waveforms_as_the_hold_samples_them():
+    assert period_of("siso-5-shoulder_yaw") == np.lcm(100, HAND_CONTROLLER.hold)
+    assert period_of("siso-2-shoulder_yaw") == np.lcm(200, HAND_CONTROLLER.hold), "1.25 Hz takes 4 s for five cycles"
 
 
 def test_a_row_says_what_was_put_in():
