@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hmtb_twin.parameters.values import HAND_CONTROLLER
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.nonparametric import (
     GRID,
