@@ -55,6 +55,13 @@ def error(angles, reference, joint):
     return np.sqrt(((angles - reference)[:, MOVING] ** 2).mean(axis=0)).max() / np.sqrt((moved**2).mean())
 
 
+def altered(arm, name):
+    """Return the independent arm with a tenth more of one of its numbers."""
+    independent = IndependentArm(arm)
+    setattr(independent, name, 1.1 * getattr(independent, name))
+    return independent
+
+
 @pytest.mark.parametrize(("variant", "payload"), list(product(VARIANTS, PAYLOADS)))
 @pytest.mark.parametrize("specimen", [Specimen(), HEAVY], ids=["designed", "deviating"])
 def test_rigid_bodies(variant, payload, specimen):
@@ -109,17 +116,17 @@ def test_angles(joint, kind, size, variant, payload, friction, servo):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("servo", ["flow", "torque"])
-def test_angles_of_a_deviating_arm_with_noise_and_large_commands(servo):
-    """Bodies, gains and oil unknown to the controller; the valve opens fully and the torque reaches its limit."""
+def test_angles_of_a_deviating_arm_with_noise_at_its_limits(servo):
+    """Bodies and oil unknown to the controller, and a jump that opens the valve fully and takes all torque."""
     plant = Plant(servo=servo, supply_pressure=14.0, oil_temperature=20.0, process_noise=0.01)
-    arm, command = (
-        load_arm("nominal", "mdm", plant=plant, specimen=HEAVY),
-        np.tile(load_arm().pose(OPERATING_POSE), (100, 1)),
-    )
-    command[10:, JOINTS.index("elbow_pitch")] += 0.4
+    arm = load_arm("nominal", "mdm", plant=plant, specimen=HEAVY)
+    command = np.tile(arm.pose(OPERATING_POSE), (75, 1))
+    command[10:, JOINTS.index("elbow_pitch")] += 0.8
     noise = arm.process_noise * np.random.default_rng(4).normal(size=command.shape)
-    reference = IndependentArm(arm).simulate(command, noise)
-    assert error(simulated(arm, command, noise), reference, "elbow_pitch") < PRECISION
+    angles = simulated(arm, command, noise)
+    assert error(angles, IndependentArm(arm).simulate(command, noise), "elbow_pitch") < PRECISION
+    for name in ("largest", "limit"):
+        assert error(angles, altered(arm, name).simulate(command, noise, rtol=1e-8), "elbow_pitch") > 3.0 * PRECISION
 
 
 def test_angles_with_worn_seals():
@@ -131,16 +138,21 @@ def test_angles_with_worn_seals():
     assert error(simulated(arm, command), independent.simulate(command), "wrist_roll") < PRECISION
 
 
+NUMBERS = {
+    "flow": ("D", "K", "k", "F", "kp", "T", "H", "B", "s0", "s1", "w0", "coulomb", "excess", "ws"),
+    "torque": ("G", "c", "kd"),
+}
+
+
 @pytest.mark.slow
-def test_every_number_of_the_equations_shows():
-    """The comparison is sharp: a tenth more of any one number exceeds the precision."""
-    arm = load_arm(plant=Plant(servo="flow"))
+@pytest.mark.parametrize("servo", NUMBERS)
+def test_every_number_of_the_equations_shows(servo):
+    """The comparison is sharp: a tenth more of any one number exceeds the precision by far."""
+    arm = load_arm(plant=Plant(servo=servo))
     command = commands(arm, "shoulder_yaw", "binary", 0.004, ticks=75)
     angles = simulated(arm, command)
-    for name in ("D", "K", "k", "F", "kp", "T", "H", "B", "s0", "s1", "w0", "coulomb", "excess", "ws"):
-        altered = IndependentArm(arm)
-        setattr(altered, name, 1.1 * getattr(altered, name))
-        assert error(angles, altered.simulate(command, rtol=1e-8), "shoulder_yaw") > 3.0 * PRECISION, name
+    for name in NUMBERS[servo]:
+        assert error(angles, altered(arm, name).simulate(command, rtol=1e-8), "shoulder_yaw") > 3.0 * PRECISION, name
 
 
 @pytest.mark.slow
