@@ -109,7 +109,8 @@ def configure_joint(joint: mujoco.MjsJoint, drive: Drive) -> None:
     """Write rotor inertia, drag, brake and pin into a joint."""
     joint.armature, joint.damping = drive.motor.armature, [drive.drag, 0.0, 0.0]
     if joint.name in INDEXED_JOINTS:
-        joint.armature, joint.damping, joint.stiffness = PIN.inertia, [PIN.damping, 0.0, 0.0], [PIN.stiffness, 0.0, 0.0]
+        joint.armature += PIN.inertia
+        joint.damping, joint.stiffness = [PIN.damping, 0.0, 0.0], [PIN.stiffness, 0.0, 0.0]
     joint.frictionloss = drive.motor.brake
     # The hardest possible constraint: the softer default lets a stuck joint creep.
     joint.solref_friction, joint.solimp_friction = [0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0]

@@ -9,10 +9,10 @@ import mujoco
 from hmtb_twin.files.errors import TwinError
 
 MODEL_ARRAYS = ("actuator_dynprm", "actuator_user")
-"""Arrays of `mjModel` that the valve's equations read."""
+"""Arrays of `mjModel` that the drives' equations read."""
 
 DATA_ARRAYS = ("act", "act_dot", "ctrl", "actuator_length", "actuator_velocity")
-"""Arrays of `mjData` that the valve's equations read and write."""
+"""Arrays of `mjData` that the drives' equations read and write."""
 
 LARGEST_STRUCT = 1 << 20
 """Bytes after which the search for a pointer stops."""
@@ -95,7 +95,7 @@ def pointer_offsets(struct: Any, names: tuple[str, ...], read: Callable[[int], i
     return {name: offsets[address][-1] for name, address in addresses.items()}
 
 
-_REMEDY = 'the orifice valve cannot run on it: use another version, or actuator = "linear"'
+_REMEDY = "the arm's drives cannot run on it: use another version"
 
 
 def _mujoco() -> str:

@@ -14,6 +14,7 @@ brushless motors, brakes that hold without power, no weight to carry.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import inf
 from types import MappingProxyType
 
 from hmtb_twin.files.errors import TwinError
@@ -181,7 +182,7 @@ class Variant:
             if friction is None:
                 continue
             damping = friction.bristle_time * drive.coulomb_torque / friction.presliding
-            most = drive.drag / (friction.static_ratio - 1.0)
+            most = drive.drag / (friction.static_ratio - 1.0) if friction.static_ratio > 1.0 else inf
             if damping > most:
                 raise TwinError(
                     f"{self.name}: LuGre damping {damping:.3g} N m s/rad of the {name.replace('_', ' ')} given, "

@@ -43,12 +43,12 @@ def clear_of_stops(joint: str, angle: float) -> bool:
     return MOTIONS[joint].lower + CLEARANCE <= angle <= MOTIONS[joint].upper - CLEARANCE
 
 
-STEP = 1e-6
-"""Step of the centred differences: far within the spool's null, and rounding errors stay near 1e-9."""
+STEP, SPOOL_STEP = 1e-5, 1e-6
+"""Step of the centred differences, and that with servo valves: far within the spool's null, at more rounding."""
 
 
 def sample_map(
-    model: mujoco.MjModel, rest: mujoco.MjData, *, period: float = SAMPLE_TIME
+    model: mujoco.MjModel, rest: mujoco.MjData, *, period: float = SAMPLE_TIME, step: float = SPOOL_STEP
 ) -> tuple[np.ndarray, np.ndarray]:
     """Differentiate the state after one tick by the state before it and by the controls held over it.
 
@@ -56,12 +56,13 @@ def sample_map(
         model: The model; all joints are hinges.
         rest: The state about which to differentiate, at rest, with its controls.
         period: Another length than that of a tick, s: a whole number of physics steps.
+        step: Step of the differences, in the units of the states and controls.
 
     Returns:
         A (n, n) and B (n, nu) of the map, with n = 2 nv + na: angles, velocities, activations.
     """
     precise = copy(model)
-    # The pin of the shoulder roll is a constraint: solved only to the default tolerance it would blur the differences.
+    # Brakes of electric drives are constraints: solved only to the default tolerance they would blur the differences.
     precise.opt.tolerance = 0.0
     data = mujoco.MjData(precise)
     substeps = round(period / precise.opt.timestep)
@@ -76,7 +77,7 @@ def sample_map(
         mujoco.mj_step(precise, data, nstep=substeps)
         return np.concatenate([data.qpos, data.qvel, data.act])
 
-    columns = [(after(point + e) - after(point - e)) / (2.0 * STEP) for e in STEP * np.eye(len(point))]
+    columns = [(after(point + e) - after(point - e)) / (2.0 * step) for e in step * np.eye(len(point))]
     jacobian = np.column_stack(columns)
     return jacobian[:, :states], jacobian[:, states:]
 
@@ -165,7 +166,7 @@ def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbanc
                 f"at {arm.plant.supply_pressure:g} MPa the drives let the {name.replace('_', ' ')} sink onto its stop, "
                 f"to {np.degrees(angle):g} deg"
             )
-    A, B = sample_map(arm.model, data)
+    A, B = sample_map(arm.model, data, step=SPOOL_STEP if arm.plant.actuator == "orifice" else STEP)
     states = len(A)
     torques = B[:, 1::2]
     B = B[:, 0::2] + torques @ arm.controller.gravity_gradient(angles)

@@ -74,7 +74,7 @@ def truth(
         payload: What the end effector holds: rpcm (the module, when not given), none, ballast or mdm.
         pose: Operating point: rpcm_holster_out_approach (when not given) or home, or the seven joint angles in degrees,
             separated by commas.
-        actuator: Linear law of load and flow (when not given), or servo valves with square-root orifices (needs numba).
+        actuator: Linear law of load and flow (when not given), or servo valves with square-root orifices.
         friction: Friction of the joints, lugre when not given. The small-signal truth keeps only its viscous part.
         friction_level: Dry friction, in multiples of the variant's; 1 when not given.
         supply_pressure: Pressure of the supply, MPa; 20.7 when not given.

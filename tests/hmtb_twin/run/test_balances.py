@@ -9,10 +9,9 @@ from hmtb_twin import JOINTS, Plant, load_arm
 from hmtb_twin.parameters.values import OPERATING_POSE
 from tests.hmtb_twin.balances import binary, linear_balances
 
-OIL, ENERGY = 1e-6, 1e-4
+OIL, ENERGY = 1e-7, 1e-6
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("friction", ["none", "viscous", "coulomb", "lugre"])
 def test_books_of_a_binary_test_balance(friction):
     arm = load_arm(plant=Plant(friction=friction))
@@ -22,33 +21,38 @@ def test_books_of_a_binary_test_balance(friction):
     assert energy.closure < ENERGY
     assert min(energy.throttled, energy.leaked) > 0.0
     assert energy.dragged > 0.0 or friction == "none"
-    assert energy.rubbed > 0.0 if friction in ("coulomb", "lugre") else energy.rubbed == pytest.approx(0.0, abs=1e-9)
-    # The pin and the stops give nothing: what they take is the softness of a constraint.
+    assert energy.rubbed > 0.0 if friction in ("coulomb", "lugre") else energy.rubbed == 0.0
+    # The pin's spring gives back what it takes.
     assert abs(energy.constrained) < ENERGY * energy.supplied
 
 
 def test_books_balance_with_all_joints_moving_and_in_the_middle_of_a_motion():
     arm = load_arm(plant=Plant(supply_pressure=15.0, oil_temperature=25.0))
     oil, energy = linear_balances(arm, binary(arm, JOINTS[1:], 0.1, rest=0.0))
-    assert np.abs(oil.underway).max() > 0.0
-    assert oil.closure < OIL
-    assert energy.kinetic > 0.0
-    assert energy.closure < ENERGY
+    # The oil of the wrist roll, at 71 Hz, is what the step resolves least.
+    assert oil.closure < 1e-5
+    assert energy.kinetic > 1.0
+    assert energy.closure < 1e-5
 
 
-def test_energy_closes_with_the_square_of_the_step():
-    arm = load_arm()
-    command = binary(arm, ("shoulder_pitch", "elbow_pitch"))[:120]
+@pytest.mark.parametrize("friction", ["viscous", "lugre"])
+def test_both_close_with_the_fourth_power_of_the_step(friction):
+    arm = load_arm(plant=Plant(friction=friction))
+    command = binary(arm, ("shoulder_pitch", "elbow_pitch"), 0.02)[:120]
     command[40:] = command[0]
-    coarse, fine = (linear_balances(arm, command, refined=n)[1].closure for n in (1, 3))
-    assert coarse / fine == pytest.approx(9.0, rel=0.25)
-    # What does not balance shows.
+    coarse, fine = (linear_balances(arm, command, refined=n) for n in (1, 2))
+    for one, other in zip(coarse, fine, strict=True):
+        assert one.closure / other.closure == pytest.approx(16.0, rel=0.1)
+
+
+def test_what_does_not_balance_shows():
+    arm = load_arm()
     oil, energy = linear_balances(arm, binary(arm, ("elbow_pitch",), rest=0.0)[:50])
     assert replace(oil, leaked=0.99 * oil.leaked).closure > 10.0 * OIL
-    large = [item.name for item in fields(energy) if abs(getattr(energy, item.name)) > 2e-3 * energy.supplied]
-    assert len(large) >= 5
+    large = [item.name for item in fields(energy) if abs(getattr(energy, item.name)) > 1e-4 * energy.supplied]
+    assert len(large) >= 7
     for name in large:
-        assert replace(energy, **{name: 1.1 * getattr(energy, name)}).closure > ENERGY
+        assert replace(energy, **{name: 1.1 * getattr(energy, name)}).closure > 5.0 * ENERGY
 
 
 def test_lowered_arm_gives_its_height_to_the_oil():
@@ -65,10 +69,10 @@ def test_lowered_arm_gives_its_height_to_the_oil():
 
 
 def test_torque_limit_is_in_the_books():
-    # All joints jump at half the pressure: violent enough to need a finer step than the commands of the study.
-    arm = load_arm(plant=Plant(supply_pressure=10.0), friction=False)
-    command = np.tile(arm.pose("home"), (75, 1))
-    command[1:25] += 0.2
-    energy = linear_balances(arm, command, refined=4)[1]
-    assert abs(energy.limited) > 0.005 * energy.supplied
-    assert energy.closure < ENERGY
+    # Lowered fast at a third of the pressure, the arm overruns its drives.
+    arm = load_arm(plant=Plant(supply_pressure=7.0), friction=False)
+    command = np.tile(arm.pose(OPERATING_POSE), (75, 1))
+    command[1:25, 2:4] -= 0.5
+    energy = linear_balances(arm, command)[1]
+    assert energy.limited < -0.05 * energy.supplied
+    assert energy.closure < 5.0 * ENERGY

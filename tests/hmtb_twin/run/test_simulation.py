@@ -127,7 +127,7 @@ def test_other_steps_and_other_valves_stand_in_batches_of_their_own(experiment, 
         experiment(duration=0.5),
     ]
     together = assert_same_alone(mixed, batches, [1, 1, 2])
-    assert together.steps == 25 * 160 + (25 + 20) * 20 + 25 * 40
+    assert together.steps == 25 * 20 + (25 + 20) * 20 + 25 * 12
 
 
 @pytest.mark.parametrize("worksite", [False, True])
@@ -184,7 +184,7 @@ def test_what_cannot_be_run_fails_by_itself_where_asked(experiment, monkeypatch)
         return load_arm(variant, payload, **options)
 
     monkeypatch.setattr("hmtb_twin.run.simulation.load_arm", broken)
-    weak = experiment(name="weak", plant=Plant(supply_pressure=6.0))
+    weak = experiment(name="weak", plant=Plant(supply_pressure=4.0))
     unknown, uncompiled = experiment(name="unknown", variant="lunar"), experiment(name="uncompiled", payload="mdm")
     good, other = experiment(duration=1.0), experiment(name="other", seed=2, duration=0.5)
     # Failures of one name are listed by their seeds, and by their places where the seeds agree too.
@@ -193,19 +193,19 @@ def test_what_cannot_be_run_fails_by_itself_where_asked(experiment, monkeypatch)
     logs = simulate(mixed, keep_going=True, progress=lambda *counts: ticks.append(counts))
     assert [log.name for log in logs] == ["binary", "other"]
     assert list(logs.failed) == ["weak@1#0", "weak@2", "unknown", "uncompiled", "weak@1#6"]
-    assert logs.failed["weak@2"].startswith("at 6 MPa the drives cannot hold the arm")
+    assert logs.failed["weak@2"].startswith("at 4 MPa the drives cannot hold the arm")
     assert logs.failed["weak@2"].endswith("(rpcm_holster_out_approach)")
     assert "unknown variant 'lunar'" in logs.failed["unknown"]
     assert "A + B >= C" in logs.failed["uncompiled"]
     assert ticks[-1] == (75, 75)
     assert equal(logs[0], simulate([good])[0])
     ticks.clear()
-    servo_valves = replace(weak, plant=Plant(actuator="orifice", supply_pressure=6.0))
+    servo_valves = replace(weak, plant=Plant(actuator="orifice", supply_pressure=4.0))
     errors = OverloadError, OverloadError, TwinError, ValueError
     for one, error in zip((weak, servo_valves, unknown, uncompiled), errors, strict=True):
         with pytest.raises(error):
             simulate([good, one], progress=lambda *counts: ticks.append(counts))
-    with pytest.raises(OverloadError, match=r"^weak: at 6 MPa the drives .* \(rpcm_holster_out_approach\)$"):
+    with pytest.raises(OverloadError, match=r"^weak: at 4 MPa the drives .* \(rpcm_holster_out_approach\)$"):
         simulate([good, weak], progress=lambda *counts: ticks.append(counts))
     assert ticks == []
 
@@ -223,7 +223,7 @@ def test_divergence_or_an_error_of_the_engine_fails_its_row_not_the_batch(experi
     def broken(*arguments, plant, **options):
         loaded = load_arm(*arguments, plant=plant, **options)
         if plant.friction_level == 2.0:
-            loaded.unpowered.opt.solver = 99
+            loaded.unpowered.opt.integrator = 99
         return loaded if plant.friction_level == 2.0 else replace(loaded, controller=Diverging())
 
     monkeypatch.setattr("hmtb_twin.run.simulation.load_arm", broken)

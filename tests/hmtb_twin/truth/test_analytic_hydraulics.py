@@ -29,6 +29,8 @@ CONDITIONS = {
 }
 EVERY = pytest.mark.parametrize(("name", "conditions"), list(product(JOINTS, CONDITIONS)))
 FIXED = 1e9  # armature that holds a joint, kg m^2
+REFINED = {"wrist_roll": 4}
+"""Steps in place of one, where the oil rings so fast on so little inertia that the arm's own step shows."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,7 @@ def bench(name, plant=CONDITIONS["nominal"], *, valve=True, servo=False):
     arm = load_arm(plant=plant, friction=False)
     joint, model = JOINTS.index(name), copy(arm.model if valve else arm.unpowered)
     model.opt.gravity[:] = 0.0
+    model.opt.timestep /= REFINED.get(name, 1)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
     model.jnt_stiffness[:] = 0.0
     model.dof_armature[:], model.dof_damping[0] = FIXED, model.dof_damping[1]
@@ -175,7 +178,7 @@ def test_linearised_step_has_the_hydraulic_poles(name, conditions):
     frequency, damping = oscillator(poles)
     assert frequency == pytest.approx(theory.natural_frequency * sqrt(1.0 + theory.leak_ratio), rel=5e-3)
     assert damping == pytest.approx(oscillator(theory.poles)[1], rel=5e-3)
-    if theory.damping_ratio > 1.0:
+    if oscillator(theory.poles)[1] > 1.0:
         np.testing.assert_allclose(poles.imag, 0.0, atol=1e-9)
     np.testing.assert_allclose(poles, theory.poles, rtol=1e-2)
 
@@ -196,7 +199,8 @@ def test_step_of_flow(name, conditions):
 def test_velocity_gain_no_load_speed_and_stall_torque(name, conditions):
     machine = bench(name, CONDITIONS[conditions])
     theory = machine.theory
-    steps = round(10.0 / abs(theory.poles[0].real) / machine.model.opt.timestep)
+    # Poles that nearly coincide, or swing, settle to 1e-5 in fifteen time constants.
+    steps = round(15.0 / abs(theory.poles[0].real) / machine.model.opt.timestep)
     for part in (0.1, 5.0):
         data = machine.start()
         # Far beyond its limit the valve is fully open whatever the joint does.

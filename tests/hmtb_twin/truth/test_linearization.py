@@ -6,7 +6,7 @@ import pytest
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, linearize, load_arm
 from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE, POSES
 from hmtb_twin.truth import linearization
-from hmtb_twin.truth.linearization import CLEARANCE, STEP, linear, simulated, small_signal_error
+from hmtb_twin.truth.linearization import CLEARANCE, SPOOL_STEP, STEP, linear, simulated, small_signal_error
 from tests.refusals import refused
 
 
@@ -23,16 +23,19 @@ def test_joints_have_their_bandwidths_gains_and_published_delays(truth):
     assert bare.joint("elbow_pitch").bandwidth_hz != pytest.approx(elbow, rel=1e-3)
 
 
-def test_dominant_poles_are_real_and_where_they_were_wanted(truth):
+@pytest.mark.parametrize("law", ["flow", "torque"])
+def test_dominant_poles_are_damped_and_where_they_were_wanted(law):
+    truth = linearize(load_arm(plant=Plant(servo=law)), amplitudes=())
     for name in STUDIED_JOINTS:
         poles = truth.joint(name).dominant_poles
-        assert np.abs(poles.imag).max() < 1e-6 or (np.abs(poles[np.abs(poles.imag) > 1e-6]) > 150).all()
-        visible = poles.real[poles.real > -60.0]
-        slow, fast = visible[visible > -10.0], visible[visible <= -10.0]
-        assert ((slow >= -9.5) & (slow <= -5.5)).all()
+        slow = poles[np.abs(poles) < 10.0]
         assert len(slow) >= 1
-        assert ((fast >= -44.0) & (fast <= -20.0)).all()
-        assert len(fast) == 1
+        # Each joint alone has its slow pole at -6.7; together the pitches of a flow servo, soft against the weight of
+        # the others, swing a little, while those of a torque servo stay real.
+        assert (-slow.real > (0.6 if law == "flow" else 1.0 - 1e-9) * np.abs(slow)).all()
+        assert ((slow.real >= -9.5) & (slow.real <= -4.5)).all()
+        others = poles[np.abs(poles) >= 10.0]
+        assert (-others.real > 0.45 * np.abs(others)).all()
 
 
 @pytest.mark.slow
@@ -40,20 +43,22 @@ def test_dominant_poles_are_real_and_where_they_were_wanted(truth):
 def test_error_against_simulation_is_proportional_to_amplitude_over_three_decades(variant, payload):
     errors = linearize(load_arm(variant, payload)).small_signal_error
     assert list(errors) == [1e-5, 1e-4, 1e-3, 1e-2]
-    assert errors[1e-5] < 1e-6
+    assert errors[1e-5] < 1.5e-6
     for amplitude, error in errors.items():
         assert error / amplitude == pytest.approx(errors[1e-3] / 1e-3, rel=0.03)
 
 
 def test_whole_map_predicts_all_joints_at_once_and_divergence_shows(truth, monkeypatch):
     arm = load_arm(friction=False)
-    rng = np.random.default_rng(3)
-    offsets = 1e-5 * rng.choice([-1.0, 1.0], (200, 7))
-    offsets[:, 0] = 0.0
-    angles = arm.pose("rpcm_holster_out_approach")
-    response = linear(truth.model, offsets)
-    difference = simulated(arm, angles, angles + offsets) - response
-    assert np.linalg.norm(difference[:, 1:]) < 2e-6 * np.linalg.norm(response[:, 1:])
+    bits = np.random.default_rng(3).choice([-1.0, 1.0], (200, 7))
+    bits[:, 0] = 0.0
+    angles, errors = arm.pose("rpcm_holster_out_approach"), []
+    for amplitude in (1e-5, 1e-4):
+        response = linear(truth.model, amplitude * bits)
+        difference = simulated(arm, angles, angles + amplitude * bits) - response
+        errors.append(np.linalg.norm(difference[:, 1:]) / np.linalg.norm(response[:, 1:]))
+    assert errors[0] < 3e-6
+    assert errors[1] / errors[0] == pytest.approx(10.0, rel=0.05)
     with pytest.raises(ValueError, match="read-only"):
         truth.angles[0] = 1.0
     with pytest.raises(TypeError):
@@ -83,13 +88,13 @@ def test_whole_map_predicts_all_joints_at_once_and_divergence_shows(truth, monke
 )
 def test_poses_out_of_range_or_on_a_stop_are_refused(arm, changes, expected):
     pose, amplitude = np.array([changes.get(j, at) for j, at in zip(JOINTS, POSES[OPERATING_POSE], strict=True)]), 1e-3
-    pin = arm.model.equality("shoulder_roll_index").data[0]
+    pin = arm.model.joint("shoulder_roll").qpos_spring[0]
     assert {angles[0] for angles in POSES.values()} == {pin} == {0.0}
     if expected is None:
         # The nearest pose to a stop is clear of it.
-        assert CLEARANCE >= 10 * STEP
+        assert CLEARANCE >= 10 * max(STEP, SPOOL_STEP)
         amplitude = 0.1 * CLEARANCE
-        assert linearize(arm, pose, amplitudes=(amplitude,)).small_signal_error[amplitude] < 1e-5
+        assert linearize(arm, pose, amplitudes=(amplitude,)).small_signal_error[amplitude] < 0.2 * amplitude
     else:
         refused(expected, linearize, arm, pose, amplitudes=())
 
@@ -179,4 +184,5 @@ def test_poles_zeros_gain_and_delay_are_the_response(truths):
         ratio = np.prod(z - joint.zeros, axis=1) / np.prod(z - joint.poles, axis=1)
         gain = joint.dc_gain * np.prod(1.0 - joint.poles) / np.prod(1.0 - joint.zeros)
         response = truth.channel(name, name).frequency_response(FREQUENCIES)[:, 0, 0]
-        np.testing.assert_allclose(gain * ratio, response, rtol=1e-5)
+        # Of unit gain at rest: poles of equal spools coincide, and are known the less well.
+        np.testing.assert_allclose(gain * ratio, response, rtol=1e-5, atol=1e-6)
