@@ -92,7 +92,7 @@ def test_poses_out_of_range_or_on_a_stop_are_refused(arm, changes, expected):
     assert {angles[0] for angles in POSES.values()} == {pin} == {0.0}
     if expected is None:
         # The nearest pose to a stop is clear of it.
-        assert CLEARANCE >= 10 * max(STEP, SPOOL_STEP)
+        assert 10 * max(STEP, SPOOL_STEP) <= CLEARANCE
         amplitude = 0.1 * CLEARANCE
         assert linearize(arm, pose, amplitudes=(amplitude,)).small_signal_error[amplitude] < 0.2 * amplitude
     else:
