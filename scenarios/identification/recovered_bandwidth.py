@@ -82,6 +82,19 @@ class Recording:
     setting: Scenario
 
 
+def intervals_agree(one: Interval, other: Interval) -> bool:
+    """Whether two bandwidths, each with the ends of its interval, differ by no more than both intervals allow together.
+
+    Both are estimates with errors of their own: half-widths on the logarithmic scale, of the ends that face each other,
+    add as squares. Unknown numbers never agree.
+    """
+    if not np.isfinite([*one, *other]).all():
+        return False
+    (mine, low, high), (hz, other_low, other_high) = one, other
+    facing = (high / mine, hz / other_low) if hz > mine else (mine / low, other_high / hz)
+    return bool(abs(np.log(mine / hz)) <= np.hypot(*np.log(facing)))
+
+
 @dataclass(frozen=True, kw_only=True)
 class RecoveredBandwidth:
     """A bandwidth that a method recovered, beside the truth.
@@ -143,16 +156,11 @@ class RecoveredBandwidth:
     def covers_best_linear(self) -> bool | None:
         """Whether it differs from the best linear bandwidth by no more than both intervals together allow.
 
-        Both are estimates with errors of their own: half-widths on the logarithmic scale, of the ends that face each
-        other, add as squares. None where there is no best linear bandwidth to compare with.
+        See `intervals_agree`; None where there is no best linear bandwidth to compare with.
         """
         if self.best_linear is None or not np.isfinite(self.best_linear).all():
             return None
-        if not np.isfinite([self.hz, *self.ci95]).all():
-            return False
-        (low, high), (hz, bla_low, bla_high) = self.ci95, self.best_linear
-        facing = (high / self.hz, hz / bla_low) if hz > self.hz else (self.hz / low, bla_high / hz)
-        return bool(abs(np.log(self.hz / hz)) <= np.hypot(*np.log(facing)))
+        return intervals_agree((self.hz, *self.ci95), self.best_linear)
 
     @property
     def published_hz(self) -> float:

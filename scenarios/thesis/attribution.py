@@ -3,21 +3,44 @@
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from types import MappingProxyType
 from typing import cast
 
 import numpy as np
 
+from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
+from scenarios.experiments.campaign import Condition, campaign_scenario, single_joint_test
 from scenarios.experiments.excitation_computer import Excitation
+from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import MissingRecordError, ScenarioError
 from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.estimates import estimate
+from scenarios.truth.bla_of_test import BestLinearOfTest, best_linear_of_test, joint_command
 from sysid import IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 
 ORDERS = ((2, 2), (3, 3), (3, 4), (4, 3), (5, 3), (4, 4), (5, 4))
 """nb, nf of the output-error models that are compared, the sufficient one included."""
+
+
+@cache
+def best_linear_of(condition: Condition, joint: str, test: int) -> BestLinearOfTest:
+    """Best linear approximation of a joint under a multisine as strong as the command of a single-joint test.
+
+    It is the truth that a linear model of the test's record can find: friction and velocity limit are in it. Measured
+    once in a process, for it depends on the arm and the test, not on the seed of a record.
+
+    Args:
+        condition: The arm.
+        joint: The joint.
+        test: Number of the test.
+    """
+    scenario = condition.applied(campaign_scenario(single_joint_test(test, joint)))
+    command = joint_command(scenario)[round(SETTLING * SAMPLE_RATE) :]
+    record = IOData(command - command.mean(), command, SAMPLE_TIME)
+    return best_linear_of_test(scenario, [record], test=scenario.name)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from scenarios.thesis.observer_analysis import Observers
 from scenarios.thesis.order_search import Searches
 from scenarios.thesis.prediction_errors import PredictionErrors
 from scenarios.thesis.robustness_outcome import Robustness
+from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import PublishedModel
 from sysid import Estimate, FrequencyResponse, IOData, ResidualTest
 
@@ -30,7 +31,7 @@ class ModelResult:
         chosen: Whether the thesis takes this structure into one of its three-joint models.
         bandwidth_hz: Recovered bandwidth, Hz.
         ci95: Its 95 % interval, Hz.
-        covers: Whether the interval holds the small-signal truth.
+        covers: Whether it agrees with the bandwidth of the best linear truth, both intervals together.
         dc_gain: Gain at 0 Hz, which the bandwidth is relative to.
         half_power_hz: Frequency at which the gain is 0.707, whatever it is at 0 Hz, Hz.
         fits: Fits to all eight tests, by number.
@@ -61,7 +62,8 @@ class JointResult:
 
     Attributes:
         joint: Name.
-        truth: Small-signal truth.
+        truth: Small-signal truth, without friction.
+        best_linear: Best linear truth under a command as strong as that of the estimation test, with friction.
         data: Detrended records by number of the test.
         models: Identified models by method.
         spa: Spectral estimate from the data of estimation.
@@ -73,6 +75,7 @@ class JointResult:
 
     joint: str
     truth: JointTruth
+    best_linear: BestLinearOfTest
     data: Mapping[int, IOData]
     models: Mapping[str, ModelResult]
     spa: FrequencyResponse

@@ -106,10 +106,10 @@ def answer_text(tally: Tally) -> str:
     parts += [f"with none {', '.join(none)}"] if none else []
     covered = [coverage.covers for coverage in models]
     intervals = (
-        f"{sum(covered)} of their {seeds * len(models)} intervals hold the truth, by model between {min(covered)} and "
-        f"{max(covered)} of {seeds}"
+        f"{sum(covered)} of their {seeds * len(models)} bandwidths agree with the best linear truth, by model "
+        f"between {min(covered)} and {max(covered)} of {seeds}"
         if any(covered)
-        else f"None of their {seeds * len(models)} intervals holds the truth"
+        else f"None of their {seeds * len(models)} bandwidths agrees with the best linear truth"
     )
     return f"Over {seeds} seeds {'; '.join(parts)}. {intervals}."
 

@@ -100,7 +100,7 @@ def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | 
 
     misses = []
     for name, entry in study.joints.items():
-        true = entry.truth.bandwidth_hz
+        true = entry.best_linear.hz
         for model in entry.models.values():
             if not model.covers:
                 half = (model.ci95[1] - model.ci95[0]) / 2

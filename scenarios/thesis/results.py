@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from scenarios.identification.one_hertz import held_in_words, look, published_in_words
+from scenarios.identification.one_hertz import look, published_in_words
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, SMOOTH, half_power_spread, spread
 from scenarios.thesis.categories import categories
@@ -84,6 +84,8 @@ def results(
         "bandwidth": {
             name: {
                 "true_hz": entry.truth.bandwidth_hz,
+                "best_linear_hz": entry.best_linear.hz,
+                "best_linear_ci95": list(entry.best_linear.ci95),
                 "true_half_power_hz": half_power_hz(entry.truth.model),
                 "recovered": {
                     model.method: {
@@ -235,7 +237,7 @@ def headline(study: Comparison) -> str:
     low, high = ABOUT_1_HZ
     return (
         f"Near 1 Hz ({low:g} to {high:g} Hz): {near} of {len(models)} models. "
-        f"Interval holds the truth: {covered} of {len(models)}"
+        f"Agrees with the best linear truth: {covered} of {len(models)}"
     )
 
 
@@ -270,7 +272,7 @@ def answers(study: Comparison) -> tuple[str, ...]:
     settled = max(high - low for low, high in (half_power_spread(effects) for effects in study.orders.values()))
     gains = [part.dc_gain for part in orders]
     second = (
-        f"{held_in_words(sum(model.covers for model in models), len(models))} the small-signal truth. "
+        f"{sum(model.covers for model in models)} of {len(models)} bandwidths agree with the best linear truth. "
         f"{friction_in_words(study)} What "
         "models of higher order miss beyond that is extrapolation: the PRBS file repeats every 2 s, so nothing below "
         "0.5 Hz is excited, while the bandwidth is "

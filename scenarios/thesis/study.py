@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 import sysid
-from hmtb_twin import STUDIED_JOINTS, JointTruth
+from hmtb_twin import STUDIED_JOINTS
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.campaign import Condition, campaign_scenario, single_joint_test
 from scenarios.experiments.log_review import swing, velocity_limited_share
@@ -19,7 +19,8 @@ from scenarios.experiments.scenario import Scenario
 from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
-from scenarios.thesis.attribution import attribute, order_effects, scaled
+from scenarios.identification.recovered_bandwidth import intervals_agree
+from scenarios.thesis.attribution import attribute, best_linear_of, order_effects, scaled
 from scenarios.thesis.campaign import (
     CONDITIONS,
     ESTIMATION_TEST,
@@ -38,6 +39,7 @@ from scenarios.thesis.observer_analysis import observers
 from scenarios.thesis.prediction_errors import prediction_errors
 from scenarios.thesis.robustness import robustness
 from scenarios.thesis.steps import COSTS, TICK, Report, Steps
+from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
@@ -269,11 +271,13 @@ def study_joint(joint: str, campaign: Campaign) -> JointResult:
     """
     own, data, truth = campaign.single(ESTIMATION_TEST, joint), campaign.singles(joint), campaign.truth.joint(joint)
     logs = {number: campaign.log(single_joint_test(number, joint)) for number in data}
-    models = {entry.method: _identify(entry, data, truth) for entry in STRUCTURES[joint]}
+    best_linear = best_linear_of(campaign.condition, joint, ESTIMATION_TEST)
+    models = {entry.method: _identify(entry, data, best_linear) for entry in STRUCTURES[joint]}
     spa, etfe = _nonparametric(own)
     return JointResult(
         joint,
         truth,
+        best_linear,
         data,
         models,
         spa,
@@ -284,7 +288,7 @@ def study_joint(joint: str, campaign: Campaign) -> JointResult:
     )
 
 
-def _identify(structure: Structure, data: Mapping[int, IOData], truth: JointTruth) -> ModelResult:
+def _identify(structure: Structure, data: Mapping[int, IOData], truth: BestLinearOfTest) -> ModelResult:
     own = data[ESTIMATION_TEST]
     with warnings.catch_warnings():
         # They stand in the estimate's diagnostics, from where the report takes them.
@@ -298,14 +302,15 @@ def _identify(structure: Structure, data: Mapping[int, IOData], truth: JointTrut
                 f"{own.name} gives no model {structure.label}, which the study is about: {error}"
             ) from error
         followed = {number: fits(model, record) for number, record in data.items()}
+    hz, ci95 = float(band.hz[0, 0]), (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
     return ModelResult(
         method=structure.method,
         label=structure.label,
         estimate=model,
         chosen=structure.chosen,
-        bandwidth_hz=float(band.hz[0, 0]),
-        ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
-        covers=bool(band.covers(truth.bandwidth_hz)[0, 0]),
+        bandwidth_hz=hz,
+        ci95=ci95,
+        covers=intervals_agree((hz, *ci95), (truth.hz, *truth.ci95)),
         dc_gain=float(model.model.dc_gain()[0, 0]),
         half_power_hz=half_power_hz(model.model),
         fits=followed,

@@ -3,7 +3,7 @@
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ class MethodBandwidth:
     Attributes:
         hz: Bandwidth, Hz.
         ci95: Its 95 % interval, Hz.
-        covers: Whether it agrees with the bandwidth of the truth, as `ModelResult.covers`.
+        covers: Whether it agrees with the best linear truth, see `ModelResult.covers`.
         half_power_hz: Frequency at which the gain is 0.707, whatever it is at 0 Hz, Hz.
     """
 
@@ -46,6 +46,7 @@ class SeedOutcome:
         verdicts: By finding.
         numbers: By finding the numbers that its verdict rests on, by name.
         true_hz: Small-signal bandwidth by joint, Hz.
+        best_linear_hz: Best linear bandwidth by joint, Hz.
         recovered: Recovered bandwidths by joint and method.
         failed: Experiments that failed, with the reason.
         cost: Time spent.
@@ -57,6 +58,7 @@ class SeedOutcome:
     verdicts: Mapping[str, Verdict]
     numbers: Mapping[str, Mapping[str, Extended]]
     true_hz: Mapping[str, float]
+    best_linear_hz: Mapping[str, Extended] = field(default_factory=dict)
     recovered: Mapping[str, Mapping[str, MethodBandwidth]]
     failed: Mapping[str, str]
     cost: Cost
@@ -79,6 +81,7 @@ def outcome(study: Comparison, findings: Sequence[Finding]) -> SeedOutcome:
         verdicts={entry.key: entry.verdict for entry in findings},
         numbers={entry.key: {name: float(x) for name, x in entry.value.items()} for entry in findings},
         true_hz={name: float(entry.truth.bandwidth_hz) for name, entry in study.joints.items()},
+        best_linear_hz={name: entry.best_linear.hz for name, entry in study.joints.items()},
         recovered={
             name: {
                 model.method: MethodBandwidth(model.bandwidth_hz, model.ci95, model.covers, model.half_power_hz)
@@ -170,7 +173,7 @@ class BandwidthCoverage:
         hz: Bandwidth, Hz.
         half_power_hz: Frequency of the gain 0.707, Hz.
         width: Width of the 95 % intervals, Hz.
-        covers: Number of seeds that agree with the bandwidth of the truth.
+        covers: Number of seeds that agree with the best linear truth.
         near: Number of seeds with a bandwidth of about 1 Hz.
     """
 

@@ -128,8 +128,8 @@ def test_answer_says_whether_1_hz_stands(study):
     assert ("the finding stands on the twin" in text) == finding_stands(study)
     assert "the yaw models have bandwidths of 0.12 to 0.47 Hz, and only OE (4.8) reaches 0.707 at 0.94 Hz" in text
     held = sum(model.covers for entry in study.joints.values() for model in entry.models.values())
-    assert f"{held} of 12 intervals at 95 % hold the small-signal truth" in text
-    assert headline(whole).endswith(f"Interval holds the truth: {held} of 12")
+    assert f"{held} of 12 bandwidths agree with the best linear truth" in text
+    assert headline(whole).endswith(f"Agrees with the best linear truth: {held} of 12")
 
 
 def test_short_records_give_no_verdict_on_1_hz(study):

@@ -277,7 +277,7 @@ def test_the_answer_says_how_often_it_comes_out():
     sentence = answer_text(outcomes)
     assert sentence.startswith("Over 3 seeds 0 of ")
     assert "OE with 2" in sentence
-    assert "intervals hold the truth, by model between " in sentence
+    assert "agree with the best linear truth, by model between " in sentence
     assert "None of their " in answer_text(Tally((made(1, hz=1.6),), {}))
     assert "models are near 1 Hz with every seed" in answer_text(Tally((made(1, hz=1.0),), {}))
 

@@ -182,4 +182,4 @@ def test_whole_records_are_not_marked(study, report):
     text = html({**report.context, "study": whole, "headline": headline(whole), "answers": answers(whole)})
     Page(text)
     assert "quick run" not in text.lower()
-    assert "Interval holds the truth:" in text
+    assert "Agrees with the best linear truth:" in text

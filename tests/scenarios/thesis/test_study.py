@@ -13,6 +13,7 @@ from scenarios.experiments.campaign import NOMINAL, RPCM, SINGLE_JOINT, Conditio
 from scenarios.experiments.log_review import SETTLING, prepared, swing, velocity_limited_share
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.registry import load
+from scenarios.identification.recovered_bandwidth import intervals_agree
 from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
 from scenarios.thesis.attribution import ORDERS, conditions, half_power_spread, order_effects, spread
 from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, OTHER_WAVEFORMS, Campaign
@@ -54,7 +55,8 @@ def test_bandwidths_are_recovered_to_what_friction_allows(study):
             if model.method != "oe_high":  # Its gain at 0 Hz, which nothing excites, may be anything.
                 assert model.bandwidth_hz == pytest.approx(entry.truth.bandwidth_hz, rel=0.2)
                 assert model.ci95[0] < model.bandwidth_hz < model.ci95[1]
-            assert model.covers == (model.ci95[0] <= entry.truth.bandwidth_hz <= model.ci95[1])
+            best = entry.best_linear
+            assert model.covers == intervals_agree((model.bandwidth_hz, *model.ci95), (best.hz, *best.ci95))
 
 
 def test_without_friction_and_at_small_amplitude_the_truth_comes_back(study):
