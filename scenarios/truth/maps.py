@@ -25,7 +25,7 @@ INSET = np.radians(1.0)
 PLANE = ("shoulder_pitch", "elbow_pitch")
 """The two joints that bend the arm: the axes of the map over the workspace."""
 
-PRESSURES = (7.0, 35.0)
+PRESSURES = (5.0, 35.0)
 """Range of supply pressures, MPa: from a third of the nominal one to the 350 bar of industrial hydraulics."""
 
 LEVEL_AMPLITUDE = 1e-2

@@ -83,7 +83,7 @@ def test_an_interrupted_build_says_how_to_go_on_and_goes_on(run, printed, least,
 
 def test_failures_are_told_and_the_exit_code_is_one(result, printed, least, tmp_path):
     # Drives of which some hold the arm and others do not.
-    weak = Twins(3, TwinDistributions(supply_pressure=Distribution("uniform", 2.5, 8.0)))
+    weak = Twins(3, TwinDistributions(supply_pressure=Distribution("uniform", 2.5, 5.5)))
     least.write_text(replace(DataSetSpec.from_toml(least.read_text()), twins=weak).to_toml())
     words = ("dataset", "build", least, "--out", tmp_path)
     output = result(*words, code=1)

@@ -76,10 +76,10 @@ VALUES = [
     ("truth --actuator servo", "available: linear, orifice"),
     ("truth --friction stick", "available: none, viscous, coulomb, lugre"),
     ("truth --friction-level -1", "friction_level = -1.0 given, expected 0 to 100"),
-    ("truth --supply-pressure 2", "supply_pressure = 2.0 given"),
+    ("truth --supply-pressure 0.5", "supply_pressure = 0.5 given"),
     (
-        "truth --supply-pressure 6",
-        "at 6 MPa the drives cannot hold the arm at this pose: shoulder pitch needs 296 N m and has 155",
+        "truth --supply-pressure 5",
+        "at 5 MPa the drives cannot hold the arm at this pose: shoulder pitch needs 296 N m and has 268",
     ),
     ("truth --oil-temperature 120", "oil_temperature = 120.0 given"),
     ("truth --process-noise nan", "process_noise = nan given"),

@@ -69,7 +69,8 @@ def test_a_row_is_the_truth_of_its_pose(pose):
         slow = poles[np.abs(poles) < 62.8]
         assert row.damping[0, column] == pytest.approx(min((-slow.real / np.abs(slow)).tolist()), abs=1e-4)
     assert row.stable.all()
-    assert (row.damping.min() == 1.0) == (pose is HERE)
+    # The oil swings beside the slow poles, wherever the arm stands.
+    assert 0.4 < row.damping[0, : len(STUDIED_JOINTS)].min() < 1.0
     response = np.abs(truth.model.frequency_response(np.linspace(0.0, 5.0, 501)))[:, COLUMNS[:, None], COLUMNS]
     largest = response.max(axis=0) / np.diagonal(response[0])[:, None]
     off = ~np.eye(M, dtype=bool)
@@ -85,8 +86,8 @@ def test_a_row_is_the_truth_of_its_pose(pose):
 
 
 def test_an_arm_that_cannot_hold_itself_has_no_bandwidth():
-    weak = load_arm(plant=replace(NOMINAL_PLANT, supply_pressure=7.0))
-    refused(r"at 7 MPa the drives cannot hold", linearize, weak, amplitudes=())
+    weak = load_arm(plant=replace(NOMINAL_PLANT, supply_pressure=5.0))
+    refused(r"at 5 MPa the drives cannot hold", linearize, weak, amplitudes=())
     hanging = np.radians([0.0, 0.0, -89.0, 1.0, 0.0, 0.0, 0.0])
     rows = stacked([linear_row("near", 0.0, weak, HERE), linear_row("near", 0.0, weak, hanging)])
     assert rows.stable.tolist() == rows.held.tolist() == [False, True]
@@ -155,13 +156,13 @@ def test_every_condition_is_varied_alone(small):
     assert loads.value[0] == "none"
     bare = linearize(load_arm(payload="none"), amplitudes=()).joint("elbow_pitch").bandwidth_hz
     assert loads.of("elbow_pitch")[0] == pytest.approx(bare, rel=1e-7)
-    assert pressures.value.tolist() == [7.0, 21.0, 35.0]
-    assert np.isnan(pressures.bandwidth[0]).all(), "at 7 MPa the drives cannot hold the arm"
+    assert pressures.value.tolist() == [5.0, 20.0, 35.0]
+    assert np.isnan(pressures.bandwidth[0]).all(), "at 5 MPa the drives cannot hold the arm"
     assert np.isfinite(pressures.bandwidth[1:]).all()
-    # Thick oil drags most where drive and inertia are small.
+    # Thick oil drags most where drive and inertia are small; a flow servo feels little of it.
     roll = oil.of("wrist_roll")
     assert (np.diff(roll) > 0.0).all()
-    assert roll[0] < 0.6 * roll[-1]
+    assert 0.9 < roll[0] / roll[-1] < 0.97
 
 
 def test_servo_valves_have_the_same_gap_at_low_pressure_and_electric_drives_no_oil():
@@ -242,7 +243,7 @@ def test_sentences_hold_computed_numbers(small, found):
     assert len(texts) == 5 + 3 + 2
     lowest = float(found.table.rows("workspace", "anywhere").damping[:, :3].min())
     assert f"damping ratios go down to {lowest:.2f}" in text or "stay real" in text
-    assert "At 7 MPa the drives cannot hold the arm." in text
+    assert "At 5 MPa the drives cannot hold the arm." in text
     assert "shoulder yaw from 0.01 to 0.1 rad" in text
     assert "1.03 Hz (0.93 to 1.13) at 0, not visible at 8" in text
     assert f"of its {found.here.of('shoulder_yaw')[0]:.3f} Hz" in text
@@ -257,7 +258,7 @@ def test_what_is_unstable_is_not_called_too_heavy(found):
     bandwidth[2] = np.nan
     unstable = changed(found, "supply pressure", stable=pressures.stable & [True, True, False], bandwidth=bandwidth)
     text = "\n".join(findings(unstable))
-    assert "At 7 MPa the drives cannot hold the arm. At 35 MPa the arm is unstable." in text
+    assert "At 5 MPa the drives cannot hold the arm. At 35 MPa the arm is unstable." in text
 
 
 @pytest.mark.slow
@@ -288,7 +289,7 @@ def test_page_and_table_are_complete(found, tmp_path):
     assert len(rows) == M * len(found.table) == M * (1 + 12 + 18 + 24 + len(PAYLOADS) + 6 + 5)
     yaw = [row for row in rows if row["joint"] == "shoulder_yaw"]
     weak = next(row for row in yaw if row["varied"] == "supply pressure")
-    assert (weak["value"], weak["unit"], weak["stable"], weak["bandwidth_hz"]) == ("7", "MPa", "0", "")
+    assert (weak["value"], weak["unit"], weak["stable"], weak["bandwidth_hz"]) == ("5", "MPa", "0", "")
     elbow = next(row for row in rows if row["varied"] == "workspace" and row["joint"] == "elbow_pitch")
     assert float(elbow["shoulder_pitch_deg"]) == pytest.approx(-89.0)
     assert float(elbow["bandwidth_hz"]) == pytest.approx(found.table.rows("workspace").of("elbow_pitch")[0], rel=1e-5)
