@@ -198,8 +198,9 @@ def scattered_model(name: TwinName, truth: StateSpace, best: BestLinear, seed: i
     errors = errors + normal_errors(seed, best.noise_variance / periods)
     missing = best.response - path.frequency_response(best.frequencies)[:, 0, 0]
     inverse = np.linalg.pinv(basis)
-    # A projection of equal, independent errors onto few directions keeps only their share of the power.
-    factor = np.sqrt(len(basis) / FUNCTIONS)
+    # A projection onto few directions keeps of independent errors the share of their power in these.
+    power = np.tile(best.distortion_variance + best.noise_variance / periods, 2)
+    factor = np.sqrt(power.sum() / (np.diagonal(basis @ inverse) @ power))
     fits = [inverse @ np.concatenate([part.real, part.imag]) for part in (missing, errors)]
     weights = fits[0] + factor * fits[1]
     return StateSpace(

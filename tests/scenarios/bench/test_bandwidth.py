@@ -78,7 +78,7 @@ def test_without_any_model_it_says_so(outcomes):
 
 def test_truth_is_that_of_the_arm():
     lowest, truth = true_bandwidths(sequence_class("elbow_pitch"))
-    assert truth["small_signal"] == pytest.approx(1.086, abs=1e-3)
+    assert truth["small_signal"] == pytest.approx(1.035, abs=1e-3)
     low, high = truth["best_linear_ci95"]
     assert 1.0 < low < truth["best_linear"] < high < truth["small_signal"]
     assert lowest == 0.5

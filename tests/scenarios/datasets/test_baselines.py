@@ -29,7 +29,8 @@ def small(tiny_spec, tmp_path_factory):
     """With friction and without."""
     common = {"axes": ("elbow_pitch",), "each_axis": False, "frictions": ("viscous", "lugre")}
     prbs = Excitation("prbs", {"amplitude": 1.0, "clock": 2, "register": 15})
-    noise = Excitation("white_noise", {"amplitude": 1.0})
+    # Small enough for linear dynamics, whose error grows with the motion: half a percent at 1 V.
+    noise = Excitation("white_noise", {"amplitude": 0.3})
     train, test = tiny_spec.records
     methods = ("hold", "gain", "arx:4/4", "armax:3/3/3", "iv4:2/2", "oe:2/2", "okid:2/5", "n4sid:3", "truth")
     spec = replace(
