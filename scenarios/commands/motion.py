@@ -1,0 +1,48 @@
+"""`hmtb motion`: how far did the arm of the thesis move, and against what friction?"""
+
+from pathlib import Path
+
+from scenarios.commands.output import at_least_one, draw, json_text, output_folder, print_json, progress, say_each
+
+FILES = ("motion.json", "motion.csv", "motion.png", "motion.svg")
+"""Files of --out beside the journal."""
+
+
+def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | None = None, json: bool = False) -> int:
+    """How far did the arm of the thesis move, against what friction, by what servo?
+
+    The thesis prints neither the unit of the hand controller's gain nor friction, servo and noise. Every setting of
+    these is tried on the three joints with 20 binary sequences; the models that the thesis' methods recover are scored
+    against everything that it prints. The answer: which settings explain it, whether one arm explains all joints, and
+    the map of recovered bandwidth over motion and friction.
+
+    It takes about an hour of two processors. Finished settings are saved; an interrupted run resumes.
+
+    Args:
+        out: Folder for motion.json, motion.csv (a row for every cell), the map, motion.png and .svg, and the journal.
+        quick: A coarse look within a minute, no result: one servo, few levels, two seeds.
+        workers: Processes; all processors when not given. The results do not depend on it.
+        json: Print JSON.
+    """
+    from scenarios.jobs.executor import LocalProcesses
+    from scenarios.thesis.motion import Campaign, run_campaign
+    from scenarios.thesis.motion_answer import MotionStudy, motion_map
+
+    at_least_one("--workers", workers)
+    campaign = Campaign.quick() if quick else Campaign()
+    with output_folder(out, *FILES) as folder, progress("settings", lines=True) as bar:
+        try:
+            with LocalProcesses(workers) as executor:
+                results = run_campaign(campaign, executor, folder, bar)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"finished settings are saved in {folder}") from None
+        study = MotionStudy.of(campaign, results)
+        record = study.record()
+        files = study.write(folder, json_text(record))
+        files += draw(lambda: motion_map(study), folder / "motion.png", folder / "motion.svg")
+    if json:
+        print_json({**record, "files": files})
+    else:
+        say_each("- ", study.answers())
+        say_each("written: ", files)
+    return 0

@@ -1,0 +1,316 @@
+"""Campaign over how far the arm moves, against what friction, by what servo: records, models, and what they show.
+
+The thesis prints neither the unit of the hand controller's gain nor the friction, the servo or the noise. Each setting
+of these is tried on each joint alone; `motion_score` compares what comes out with all that the thesis prints.
+"""
+
+import itertools
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+
+import sysid
+from hmtb_twin import STUDIED_JOINTS, HandController, JointLog, Plant, TwinError, simulate
+from hmtb_twin.parameters.drives import ACTUATORS
+from hmtb_twin.parameters.values import GAINS
+from scenarios.experiments.campaign import campaign_scenario, single_joint_test
+from scenarios.experiments.log_review import prepared, velocity_limited_share
+from scenarios.experiments.model_structures import STRUCTURES
+from scenarios.experiments.multisines import MultisineExperiment, Multisines
+from scenarios.experiments.scenario import Scenario
+from scenarios.files.errors import ScenarioError
+from scenarios.files.provenance import fingerprint, versions
+from scenarios.identification.methods import ESTIMATORS
+from scenarios.jobs.executor import Executor
+from scenarios.jobs.journal import Journal
+from scenarios.thesis.nonparametric import GRID, SINES, WHITENING
+from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
+from sysid.models.bandwidth import HALF_POWER, gain_crossing
+
+METHODS = ("armax", "oe", "okid")
+"""Methods of the printed models, with the thesis' orders."""
+
+TESTS = {1.0: 5, 2.0: 6}
+"""Number of the single-joint test by the amplitude of its binary sequence, V."""
+
+UP_TO = 10.0
+"""Upper end of spectra, Hz: the upper of the two sines."""
+
+RESPONSE = np.geomspace(0.02, 24.0, 300)
+"""Frequencies at which models are read, Hz."""
+
+JOURNAL = "motion.sqlite"
+"""Name of the file of finished settings."""
+
+Progress = Callable[[int, int], None]
+"""Called with the finished settings and their total."""
+
+Row = dict[str, Any]
+"""What one record shows, by name."""
+
+
+@dataclass(frozen=True, order=True)
+class Setting:
+    """One setting of the laboratory and one joint.
+
+    Attributes:
+        servo: Servo law, of `Plant.servo`.
+        gain: Of the hand controller, rad/V.
+        friction: Coulomb friction of the joint, part of its stall torque.
+        hold: Of the hand controller, samples.
+        noise: Of the hand controller's wires, V.
+        joint: The joint.
+    """
+
+    servo: str
+    gain: float
+    friction: float
+    hold: int
+    noise: float
+    joint: str
+
+    def __str__(self) -> str:
+        return " ".join(map(str, asdict(self).values()))
+
+    def applied(self, scenario: Scenario) -> Scenario:
+        """Return the same experiment in this setting."""
+        # The level multiplies what the variant has, so that the joint in question gets the wanted friction.
+        actuator = ACTUATORS[self.joint]
+        level = self.friction * actuator.rated_torque / actuator.coulomb_torque
+        interface = HandController(gain=self.gain, hold=self.hold, noise=self.noise)
+        law: dict[str, Any] = {"servo": self.servo} if "servo" in Plant.__dataclass_fields__ else {}
+        return replace(scenario, hand_controller=interface, plant=Plant(friction_level=level, **law))
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Levels of every factor, and how the records are taken.
+
+    Attributes:
+        servos: Servo laws.
+        gains: Gains of the hand controller, rad/V.
+        frictions: Coulomb friction, parts of stall torque.
+        holds: Holds of the hand controller, samples.
+        noises: Noise of the wires, V.
+        logged: White noise on the logged command alone, in multiples of the command's root mean square.
+        volts: Amplitudes, V; multisines have that root mean square.
+        seeds: Binary sequences, each with other noise, for every setting and amplitude.
+        duration: Of these records, s.
+        sines: Records of two sines, of 1 V, for the spectra of chapter III.
+        sines_duration: Length of these, s.
+        multisines: Multisines of 0.05 to 5 Hz, two periods of 20.4 s each.
+    """
+
+    servos: tuple[str, ...] = ("flow", "torque")
+    gains: tuple[float, ...] = tuple(sorted(GAINS.values()))
+    frictions: tuple[float, ...] = (0.0007, 0.002, 0.006, 0.02)
+    holds: tuple[int, ...] = (1, 3)
+    noises: tuple[float, ...] = (0.0, 0.1)
+    logged: tuple[float, ...] = (0.0, 1.0, 2.0)
+    volts: tuple[float, ...] = (1.0, 2.0)
+    seeds: int = 20
+    duration: float = 24.0
+    sines: int = 3
+    sines_duration: float = 64.0
+    multisines: int = 3
+
+    @classmethod
+    def quick(cls) -> "Campaign":
+        """Return a coarse look: one servo, the nominal chain, two frictions, two seeds, no multisines."""
+        return cls(
+            servos=("flow",), frictions=(0.0007, 0.006), holds=(3,), noises=(0.1,), seeds=2, sines=1, multisines=0
+        )
+
+    def settings(self) -> tuple[Setting, ...]:
+        """Return every setting, joint by joint."""
+        levels = (self.servos, self.gains, self.frictions, self.holds, self.noises, STUDIED_JOINTS)
+        return tuple(Setting(*values) for values in itertools.product(*levels))
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A record and what it is called.
+
+    Attributes:
+        excitation: `prbs`, `sines` or `multisine`.
+        volts: Its amplitude, V.
+        seed: Of noise and waveform.
+    """
+
+    excitation: str
+    volts: float
+    seed: int
+
+    def experiment(self, campaign: Campaign, setting: Setting) -> Scenario | MultisineExperiment:
+        """Return the experiment, named after the record."""
+        name = f"{self.excitation}-{self.volts:g}-{self.seed}"
+        if self.excitation != "multisine":
+            binary = self.excitation == "prbs"
+            test = single_joint_test(TESTS[self.volts] if binary else SINES, setting.joint)
+            duration = campaign.duration if binary else campaign.sines_duration
+            return replace(setting.applied(campaign_scenario(test, seed=self.seed, duration=duration)), name=name)
+        # Any scenario lends its laboratory; the binary test of this amplitude has noise of its own for every seed.
+        like = setting.applied(campaign_scenario(single_joint_test(TESTS[self.volts], setting.joint), seed=self.seed))
+        multisines = Multisines(rms=setting.gain * self.volts, f_min=0.04, f_max=5.0, period=20.4, seed=self.seed)
+        shared = {key: getattr(like, key) for key in ("plant", "hand_controller", "seed")}
+        return MultisineExperiment(name, (setting.joint,), multisines, **shared)
+
+
+def records_of(campaign: Campaign) -> tuple[Recorded, ...]:
+    """Return the records of every setting."""
+    numbers = {"prbs": campaign.seeds, "multisine": campaign.multisines}
+    played = [
+        Recorded(kind, volts, seed)
+        for kind, count in numbers.items()
+        for volts in campaign.volts
+        for seed in range(1, count + 1)
+    ]
+    return (*played, *(Recorded("sines", 1.0, seed) for seed in range(1, campaign.sines + 1)))
+
+
+def run_campaign(
+    campaign: Campaign, executor: Executor[Any], folder: Path, progress: Progress
+) -> dict[Setting, list[Row]]:
+    """Run a campaign, or what an interrupted run has left of it.
+
+    Args:
+        campaign: The campaign.
+        executor: Runs the settings; the results have the same bits on any number of workers.
+        folder: Of the journal of finished settings.
+        progress: Called with the finished settings.
+
+    Returns:
+        The rows of every setting, in the order of `Campaign.settings`.
+
+    Raises:
+        ScenarioError: The journal cannot be used, or a worker cannot run.
+    """
+    made_with = {"format": "motion 1", "source": fingerprint(), **versions(), "campaign": str(campaign)}
+    settings = {str(setting): setting for setting in campaign.settings()}
+    with closing(Journal(folder / JOURNAL, made_with)) as journal:
+        left = [setting for key, setting in settings.items() if key not in journal]
+        done = len(settings) - len(left)
+        progress(done, len(settings))
+        for key, rows in executor.run(run_settings, campaign, ((one,) for one in left), items="settings"):
+            journal.add(key, rows)
+            done += 1
+            progress(done, len(settings))
+        return {setting: journal.get(key) for key, setting in settings.items()}
+
+
+def run_settings(campaign: Campaign, settings: tuple[Setting, ...]) -> Iterator[tuple[str, list[Row]]]:
+    """Simulate and analyse settings; for workers.
+
+    Args:
+        campaign: The campaign.
+        settings: The settings.
+
+    Yields:
+        The text of each setting, and a row for every record and level of noise on the logged command.
+    """
+    for setting in settings:
+        records = {str(one.experiment(campaign, setting).name): one for one in records_of(campaign)}
+        experiments = [one.experiment(campaign, setting) for one in records.values()]
+        try:
+            logs = simulate(experiments, threads=1, keep_going=True)
+        except TwinError as error:
+            raise ScenarioError(f"{setting}: {error}") from error
+        yield str(setting), [row for log in logs for row in _rows(setting, records[log.name], log, campaign.logged)]
+
+
+def _rows(setting: Setting, record: Recorded, log: JointLog, levels: Sequence[float]) -> Iterator[Row]:
+    data = prepared(log, setting.joint)
+    if record.excitation == "multisine":
+        data = data[-2 * round(20.4 / data.dt) :].detrend()
+    spread = float(data.u.std())
+    facts = {
+        **asdict(record),
+        "command_rms": spread,
+        "output_rms": float(data.y.std()),
+        "slewing": velocity_limited_share(log),
+    }
+    # One draw for all levels: what differs between them is its size alone.
+    noise = np.random.default_rng([record.seed, crc32(f"{setting.joint} {log.name}".encode())])
+    white = noise.standard_normal(data.u.shape)
+    for level in levels:
+        logged = replace(data, u=data.u + level * spread * white).detrend()
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore", SysidWarning)
+            found = _spectra(logged) if record.excitation == "sines" else _models(setting.joint, logged)
+        yield {name: _plain(value) for name, value in {**facts, "logged": level, **found}.items()}
+
+
+def _plain(value: Any) -> Any:
+    """Return a number with seven digits, None where it is not finite; anything else as it is."""
+    if isinstance(value, float):
+        return float(f"{value:.7g}") if np.isfinite(value) else None
+    return value
+
+
+def _spectra(data: IOData) -> Row:
+    """Break frequency and disturbance by the thesis' own estimator [Morris1996, sec. III.2A and III.2C]."""
+    spectrum = sysid.spa(data, frequencies=GRID[GRID <= UP_TO])
+    known = np.isfinite(spectrum.response[:, 0, 0])
+    response = FrequencyResponse(spectrum.frequencies[known], spectrum.response[known], data.dt, "spa")
+    powers = []
+    for density in (spectrum.output_spectrum, spectrum.noise_spectrum):
+        values = np.zeros(1) if density is None else density[:, 0, 0].real
+        powers.append(np.nansum(np.maximum(values, 0.0)))
+    return {
+        "break_rad_s": 2 * np.pi * gain_crossing(response, HALF_POWER),
+        "disturbance_orders": float(np.log10(powers[0] / powers[1])) if powers[1] > 0.0 else float("nan"),
+    }
+
+
+def _models(joint: str, data: IOData) -> Row:
+    """Read the models of a record by the thesis' methods, and its delay."""
+    correlations = sysid.delayest(data, whitening=WHITENING).correlations[:, 0, 0]
+    row: Row = {"peak_lag": int(np.argmax(correlations))}
+    for structure in STRUCTURES[joint]:
+        if structure.method not in METHODS:
+            continue
+        name = structure.method
+        try:
+            estimate = ESTIMATORS[structure.estimator].run(data, structure.orders)
+            row |= {f"{name}_{key}": value for key, value in model_numbers(estimate.model).items()}
+            if name == "okid":
+                values = np.asarray(estimate.diagnostics["hankel_singular_values"], dtype=float) ** 2
+                row["okid_tail_percent"] = float(100.0 * values[2:].sum() / values.sum())
+                continue
+            test = sysid.resid(estimate, data)
+        except (SysidError, np.linalg.LinAlgError):
+            continue  # no model: every number of it is missing
+        row[f"{name}_white"] = bool(test.whiteness_p[0] > 0.01)
+        row[f"{name}_independent"] = bool(np.min(test.independence_p) > 0.01)
+        row[f"{name}_correlation"] = float(np.sum(test.autocorrelation[1:, 0, 0] ** 2))
+    return row
+
+
+def model_numbers(model: sysid.StateSpace) -> dict[str, float]:
+    """Return the numbers by which models are compared.
+
+    Args:
+        model: One input and one output.
+
+    Returns:
+        Decay rates of the two slowest poles, rad/s; gain at 0 Hz and at 0.5 Hz; frequency of the gain 0.707, rad/s;
+        bandwidth, Hz. NaN where there is none.
+    """
+    # A pole at the origin has decayed after one sample: any rate beyond that of the fastest printed one stands for it.
+    rates = np.sort(-np.log(np.maximum(np.abs(model.poles()), 1e-4)) / model.dt)
+    response = FrequencyResponse(RESPONSE, model.frequency_response(RESPONSE), model.dt, "model")
+    gains = response.magnitude[:, 0, 0]
+    return {
+        "slow_pole": float(rates[0]) if len(rates) else float("nan"),
+        "second_pole": float(rates[1]) if len(rates) > 1 else float("nan"),
+        "dc_gain": float(model.dc_gain()[0, 0]),
+        "gain_half_hz": float(np.interp(np.log(0.5), np.log(RESPONSE), gains)),
+        "half_power": 2 * np.pi * gain_crossing(response, HALF_POWER),
+        "bandwidth_hz": float(model.bandwidth()[0, 0]),
+    }

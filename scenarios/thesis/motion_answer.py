@@ -1,0 +1,243 @@
+"""What a motion campaign says: answers in words, tables and the map of recovered bandwidth over motion and friction."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hmtb_twin import STUDIED_JOINTS
+from hmtb_twin.files.atomic_write import write_whole
+from hmtb_twin.parameters.drives import ACTUATORS
+from hmtb_twin.parameters.plant import NOMINAL_PLANT
+from hmtb_twin.parameters.values import HAND_CONTROLLER
+from scenarios.datasets.tables import table_text
+from scenarios.identification.recovered_bandwidth import METHODS as NAMES
+from scenarios.report.figure_style import short
+from scenarios.thesis.motion import METHODS, Campaign, Row, Setting
+from scenarios.thesis.motion_score import EXPLAINS, ArmScore, Cell, arms, cells, factors, items, profile
+from scenarios.truth.published import published
+
+NEAR = np.log(1.25)
+"""A recovered bandwidth counts as the printed one within a quarter."""
+
+SHOWN = 20
+"""Arms in the results, the best first."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionStudy:
+    """A motion campaign with its scores.
+
+    Attributes:
+        campaign: Its factors.
+        cells: Its cells, setting by setting.
+    """
+
+    campaign: Campaign
+    cells: tuple[Cell, ...]
+
+    @classmethod
+    def of(cls, campaign: Campaign, results: Mapping[Setting, Sequence[Row]]) -> "MotionStudy":
+        """Score the results of a campaign."""
+        return cls(campaign, cells(results))
+
+    @cached_property
+    def arms(self) -> tuple[ArmScore, ...]:
+        """Every arm, the best first; see `motion_score.arms`."""
+        return arms(self.cells)
+
+    @cached_property
+    def nominal(self) -> ArmScore:
+        """The arm of the campaign that is nearest to the nominal one, its friction too."""
+        wanted = {
+            "gain": HAND_CONTROLLER.gain,
+            "hold": HAND_CONTROLLER.hold,
+            "noise": HAND_CONTROLLER.noise,
+            "volts": 1.0,
+            "logged": 0.0,
+        }
+
+        def away(cell: Cell) -> tuple[float, ...]:
+            own = factors(cell)
+            actuator = ACTUATORS[cell.setting.joint]
+            rubs = cell.setting.friction * actuator.rated_torque / actuator.coulomb_torque
+            servo = float(cell.setting.servo == getattr(NOMINAL_PLANT, "servo", "torque"))
+            numbers = (abs(float(str(own[name])) - value) for name, value in wanted.items())
+            return (-servo, *numbers, abs(np.log(rubs)))
+
+        return ArmScore(tuple(min(self._tests(joint), key=away) for joint in STUDIED_JOINTS))
+
+    def best(self, joint: str) -> Cell:
+        """The cell of a joint with the least score."""
+        return min(self._tests(joint), key=lambda cell: cell.score)
+
+    def _tests(self, joint: str) -> list[Cell]:
+        return [cell for cell in self.cells if cell.setting.joint == joint and cell.excitation == "prbs"]
+
+    def answers(self) -> tuple[str, ...]:
+        """Say what explains the thesis' models: each joint alone, one arm for all, what each factor is worth."""
+        best, nominal = self.arms[0], self.nominal
+        texts = []
+        for joint in STUDIED_JOINTS:
+            cell, tried = self.best(joint), self._tests(joint)
+            explained = sum(one.score <= EXPLAINS for one in tried)
+            texts.append(
+                f"{joint.replace('_', ' ').capitalize()} alone: {explained} of {len(tried)} cells explain it. Nearest "
+                f"is {_cell_text(cell)}; farthest off there: {'; '.join(_worst(cell))}."
+            )
+        as_good = [arm for arm in self.arms if arm.score <= best.score + 2.0 * float(np.hypot(arm.error, best.error))]
+        explains = [joint.replace("_", " ") for joint in best.explains]
+        texts.append(
+            f"One arm for all three joints: the best explains {' and '.join(explains) or 'no joint'}, with a score of "
+            f"{best.score:.2f} ± {best.error:.2f}: {_arm_text(best)}. Of {len(self.arms)} arms {len(as_good)} are as "
+            f"good within two standard errors; {sum(len(arm.explains) == 3 for arm in self.arms)} explain all joints."
+        )
+        texts.append(f"The nominal arm scores {nominal.score:.2f} ± {nominal.error:.2f}: {_arm_text(nominal)}.")
+        worth = [
+            f"{name} " + ", ".join(f"{level}: {score:.2f}" for level, score in levels.items())
+            for name, levels in profile(self.arms).items()
+            if len(levels) > 1
+        ]
+        texts.append(f"Score of the best arm where one factor is fixed: {'; '.join(worth)}.")
+        return tuple(texts)
+
+    def record(self) -> dict[str, Any]:
+        """Return all that the campaign says, for JSON."""
+        return {
+            "answers": self.answers(),
+            "decided": "2026-11-23, before results",
+            "explains": EXPLAINS,
+            "campaign": vars(self.campaign),
+            "items": {joint: [item.name for item in items(joint)] for joint in STUDIED_JOINTS},
+            "best": {joint: _record(self.best(joint)) for joint in STUDIED_JOINTS},
+            "arms": [_arm_record(arm) for arm in self.arms[:SHOWN]],
+            "nominal": _arm_record(self.nominal),
+            "profile": profile(self.arms),
+            "map": [_record(cell, distances=False) for cell in self.map_cells()],
+        }
+
+    def map_cells(self) -> list[Cell]:
+        """Return the cells of the map: those of the best arm's servo and chain, over motion and friction."""
+        fixed = {name: factors(self.arms[0].cells[0])[name] for name in ("servo", "hold", "noise", "logged")}
+        return [
+            cell
+            for joint in STUDIED_JOINTS
+            for cell in self._tests(joint)
+            if all(factors(cell)[name] == level for name, level in fixed.items())
+        ]
+
+    def write(self, folder: Path, text: str) -> list[Path]:
+        """Write `motion.json` with a text, and a row for every cell as `motion.csv`; return the files."""
+        result, table = folder / "motion.json", folder / "motion.csv"
+        rows = [cell.record() for cell in self.cells]
+        write_whole(result, text)
+        write_whole(table, table_text(dict.fromkeys(name for row in rows for name in row), rows))
+        return [result, table]
+
+
+def _cell_text(cell: Cell) -> str:
+    setting, logged = cell.setting, f"logged noise {cell.logged:g}x"
+    return (
+        f"servo {setting.servo}, {1000 * setting.gain:g} mrad/V, {cell.volts:g} V, friction "
+        f"{100 * setting.friction:g} %, hold {setting.hold}, noise {setting.noise:g} V, {logged}: score "
+        f"{cell.score:.2f} ± {cell.spread:.2f}, {cell.within} of {len(cell.distances)} items within tolerance"
+    )
+
+
+def _arm_text(arm: ArmScore) -> str:
+    cell = arm.cells[0]
+    setting = cell.setting
+    of = ", ".join(
+        f"{one.setting.joint.replace('_', ' ')} {100 * one.setting.friction:g} % ({one.score:.2f}, {one.within} of "
+        f"{len(one.distances)})"
+        for one in arm.cells
+    )
+    return (
+        f"servo {setting.servo}, {1000 * setting.gain:g} mrad/V, {cell.volts:g} V, hold {setting.hold}, noise "
+        f"{setting.noise:g} V, logged noise {cell.logged:g}x; friction of {of}"
+    )
+
+
+def _worst(cell: Cell, count: int = 3) -> list[str]:
+    names = [item.name for item in items(cell.setting.joint)]
+    order = np.argsort(cell.distances)[::-1][:count]
+    return [f"{names[k]} ({cell.distances[k]:.1f})" for k in order]
+
+
+def _record(cell: Cell, *, distances: bool = True) -> dict[str, object]:
+    names = [item.name for item in items(cell.setting.joint)]
+    return {**cell.record(), **({"distances": dict(zip(names, cell.distances, strict=True))} if distances else {})}
+
+
+def _arm_record(arm: ArmScore) -> dict[str, object]:
+    own = factors(arm.cells[0])
+    return {
+        **{name: level for name, level in own.items() if name != "friction"},
+        "score": arm.score,
+        "error": arm.error,
+        "explains": arm.explains,
+        "joints": {
+            cell.setting.joint: {"friction": cell.setting.friction, "score": cell.score, "within": cell.within}
+            for cell in arm.cells
+        },
+    }
+
+
+def motion_map(study: MotionStudy) -> Figure:
+    """Draw the recovered bandwidth over motion and friction: a column for each joint, a row for each method.
+
+    Numbers are medians over seeds, Hz. Where the thesis prints a model, a frame marks cells within a quarter of its
+    bandwidth.
+
+    Args:
+        study: The campaign.
+    """
+    shown = study.map_cells()
+    motions = sorted({cell.motion for cell in shown})
+    frictions = sorted({cell.setting.friction for cell in shown})
+    figure = Figure(figsize=(7.2, 6.4), layout="constrained")
+    grid = figure.subplots(len(METHODS), len(STUDIED_JOINTS), sharex=True, sharey=True, squeeze=False)
+    for row, method in zip(grid, METHODS, strict=True):
+        for axes, joint in zip(row, STUDIED_JOINTS, strict=True):
+            values = np.full((len(frictions), len(motions)), np.nan)
+            for cell in (cell for cell in shown if cell.setting.joint == joint):
+                place = frictions.index(cell.setting.friction), motions.index(cell.motion)
+                values[place] = cell.medians.get(f"{method}_bandwidth_hz", np.nan)
+            image = _panel(axes, values, [one.bandwidth_hz for one in published(joint) if one.method == method])
+            axes.set_title(f"{short(joint)}, {NAMES[method]}{_printed(joint, method)}", loc="left", fontsize=8)
+            axes.set_xticks(range(len(motions)), [f"{1000 * motion:.3g}" for motion in motions], fontsize=7)
+            axes.set_yticks(range(len(frictions)), [f"{100 * one:g}" for one in frictions], fontsize=7)
+    figure.colorbar(image, ax=grid, label="recovered bandwidth / Hz, median", shrink=0.6)
+    figure.supxlabel("amplitude of the stick's motion / mrad", fontsize=9)
+    figure.supylabel("Coulomb friction / % of stall torque", fontsize=9)
+    setting, logged = shown[0].setting, shown[0].logged
+    figure.suptitle(
+        f"Servo {setting.servo}, hold {setting.hold}, noise {setting.noise:g} V, logged noise {logged:g}x; framed: "
+        "within a quarter of a printed bandwidth",
+        fontsize=9,
+    )
+    return figure
+
+
+def _printed(joint: str, method: str) -> str:
+    values = [f"{one.bandwidth_hz:.2f}" for one in published(joint) if one.method == method]
+    return f" (printed {' and '.join(values)} Hz)" if values else ""
+
+
+def _panel(axes: Axes, values: np.ndarray, printed: Sequence[float]) -> Any:
+    from matplotlib.colors import LogNorm
+    from matplotlib.patches import Rectangle
+
+    image = axes.imshow(values, norm=LogNorm(0.1, 3.0), cmap="viridis", origin="lower", aspect="auto")
+    for (y, x), value in np.ndenumerate(values):
+        if not np.isfinite(value):
+            continue
+        axes.text(x, y, f"{value:.2f}", ha="center", va="center", fontsize=6, color="k" if value > 0.7 else "w")
+        if any(abs(np.log(value / one)) <= NEAR for one in printed):
+            axes.add_patch(Rectangle((x - 0.47, y - 0.45), 0.94, 0.9, fill=False, ec="#d62728", lw=1.8))
+    return image
