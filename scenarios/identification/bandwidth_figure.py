@@ -13,19 +13,13 @@ from scenarios.identification.bandwidth_study import BandwidthStudy
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, METHODS, RecoveredBandwidth
 from scenarios.report.figure_style import NOT_EXCITED, dress, method_style, short
 from scenarios.truth.published import published
-from sysid.plots import BOUND, INK, PALETTE, Style
+from sysid.plots import BOUND, PALETTE
 
 WIDTH = 7.0
 """Width, inch."""
 
 ROW = 0.27
 """Height of a row, inch."""
-
-REACH = (0.5, 2.0)
-"""Bandwidths beyond this are told by a number at the edge, so that those about 1 Hz are told apart, Hz."""
-
-SPARE = 0.06
-"""Room on either side of the outermost value, Hz."""
 
 BEST_LINEAR = "#6baed6"
 """Band of the best linear approximation."""
@@ -47,12 +41,12 @@ def bandwidth_figure(study: BandwidthStudy) -> Figure:
     heights = [len(rows) + len(published(joint)) + 1.4 for joint, rows in groups]
     figure = Figure(figsize=(WIDTH, ROW * sum(heights) + 1.5), layout="constrained")
     panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
-    values = [value for row in study.rows for value in (row.hz, row.true_hz)]
-    values += [one.bandwidth_hz for joint in study.joints for one in published(joint)]
-    within = [*ABOUT_1_HZ, *(value for value in values if REACH[0] <= value <= REACH[1])]
     for axes, (joint, rows) in zip(panels, groups, strict=True):
-        axes.set_xlim(min(within) - SPARE, max(within) + SPARE)
         _panel(axes, study, joint, rows)
+    ticks = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0]
+    panels[0].set_xscale("log")
+    panels[0].set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    panels[0].minorticks_off()
     panels[-1].set_xlabel("bandwidth / Hz")
     figure.suptitle(f"Bandwidths on the arm {study.condition}", fontsize=10, x=0.01, ha="left")
     figure.legend(handles=_legend(study), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
@@ -73,7 +67,8 @@ def _panel(axes: Axes, study: BandwidthStudy, joint: str, rows: Sequence[Sequenc
         if bla is not None and np.isfinite(bla).all():
             axes.fill_betweenx([y - 0.5, y + 0.5], bla[1], bla[2], color=BEST_LINEAR, lw=0.6, zorder=1)
     for printed in published(joint):
-        _mark(axes, printed.bandwidth_hz, len(labels), PALETTE["published"], 8)
+        style = PALETTE["published"]
+        axes.plot(printed.bandwidth_hz, len(labels), style.marker, color=style.colour, ms=8, ls="none", zorder=6)
         labels.append(f"published {printed.label}")
     truth = study.truth.joint(joint).bandwidth_hz
     axes.axvspan(*ABOUT_1_HZ, color=NOT_EXCITED, lw=0, zorder=0)
@@ -103,27 +98,7 @@ def _draw(axes: Axes, group: Sequence[RecoveredBandwidth], y: int) -> None:
         axes.plot([row.hz for row in claimed], y + spread, "o", color=style.colour, ms=3, alpha=0.35, mew=0, zorder=3)
     if np.isfinite(middle.ci95).all():
         axes.plot(middle.ci95, [y, y], "-", color=style.colour, lw=1.6, zorder=5)
-    _mark(axes, middle.hz, y, style, 5.5)
-
-
-def _mark(axes: Axes, hz: float, y: int, style: Style, size: float) -> None:
-    """A mark at a bandwidth, or at the edge with its number where the panel does not reach it."""
-    low, high = axes.get_xlim()
-    if low <= hz <= high:
-        axes.plot(hz, y, style.marker, color=style.colour, ms=size, ls="none", zorder=6)
-        return
-    left = hz < low
-    axes.annotate(
-        f"{hz:.2f} Hz",
-        (0.0 if left else 1.0, y),
-        (0.05 if left else 0.95, y),
-        xycoords=axes.get_yaxis_transform(),
-        va="center",
-        ha="left" if left else "right",
-        fontsize=8,
-        color=INK,
-        arrowprops={"arrowstyle": "-|>", "color": style.colour, "lw": 1.6},
-    )
+    axes.plot(middle.hz, y, style.marker, color=style.colour, ms=5.5, ls="none", zorder=6)
 
 
 def _legend(study: BandwidthStudy) -> list[Line2D | Patch]:

@@ -25,7 +25,6 @@ from scenarios.identification.one_hertz import (
     look,
     published_in_words,
     recovered_in_words,
-    truth_in_words,
     verdict,
 )
 from scenarios.identification.recovered_bandwidth import METHODS, Recording, RecoveredBandwidth, recover, structure
@@ -97,7 +96,6 @@ class BandwidthStudy:
         texts = (
             "" if self.duration is None or self.duration >= FULL else f"{look(self.duration)}.",
             verdict(self.rows),
-            truth_in_words({row.joint: row.true_hz for row in self.rows}),
             best_linear_in_words(self.rows),
             recovered_in_words(self.rows),
             coverage_in_words(self.rows),

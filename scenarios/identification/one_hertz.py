@@ -18,8 +18,8 @@ Key = TypeVar("Key", bound=Hashable)
 def verdict(rows: Rows) -> str:
     """Answer in one sentence: for the arm, by method, for the printed models."""
     truths = {row.joint: row.true_hz for row in rows}
-    outside = {joint: hz for joint, hz in truths.items() if not near_1_hz(hz)}
-    arm = f"does not stand for the arm itself: {_of_joints(outside)}" if outside else "stands for the arm itself"
+    stands = all(map(near_1_hz, truths.values()))
+    arm = f"{'stands' if stands else 'does not stand'} for the arm itself, {_of_joints(truths)}"
     groups = {METHODS[method]: group for method, group in grouped(rows, attrgetter("method")).items()}
     kept = [name for name, group in groups.items() if all(row.near for row in group)]
     none = [name for name, group in groups.items() if all(row.refused for row in group)]
@@ -37,50 +37,29 @@ def verdict(rows: Rows) -> str:
     return "; ".join(clauses) + "."
 
 
-def truth_in_words(truths: Mapping[str, float]) -> str:
-    """Describe the small-signal bandwidths (Hz) by joint."""
-    near = sum(map(near_1_hz, truths.values()))
-    count = f"{near} of {len(truths)} {_are(truths)} about 1 Hz"
-    return f"Truth: the small-signal bandwidths are {_of_joints(truths)}; {count}."
-
-
 def best_linear_in_words(rows: Rows) -> str:
     """Describe the best linear bandwidths under commands as strong as the tests'; empty where not measured."""
     tests = {(row.joint, row.test): row for row in rows if row.best_linear is not None}
     if not tests:
         return ""
-    shown, near, shifts = [], 0, []
+    shown, near = [], 0
     for (joint, test), row in tests.items():
         hz, low, high = row.best_linear or (np.nan,) * 3
         name = joint.replace("_", " ") + (f", test {test}" if len({test for _, test in tests}) > 1 else "")
         shown.append(f"{hz:.2f} ({low:.2f} to {high:.2f}, {name})" if np.isfinite(hz) else f"none shows ({name})")
         near += near_1_hz(hz)
-        shifts.append(100.0 * (hz / row.true_hz - 1.0))
-    moved = [shift for shift in shifts if np.isfinite(shift)]
     return (
         "Best linear: commands as strong as the tests', with all that the arm is not linear in, make it "
-        f"{', '.join(shown)} Hz; {near} of {len(tests)} {_are(tests)} about 1 Hz"
-        + (f", {min(moved):+.1f} to {max(moved):+.1f} % from the small-signal ones." if moved else ".")
+        f"{', '.join(shown)} Hz; {near} of {len(tests)} {_are(tests)} about 1 Hz."
     )
 
 
 def recovered_in_words(rows: Rows) -> str:
-    """Count the recovered bandwidths that are about 1 Hz, by method, test, joint and seed."""
+    """Count the recovered bandwidths that are about 1 Hz, by method."""
     parts = []
     for method, group in grouped(rows, attrgetter("method")).items():
         values = [row.hz for row in group if not row.refused]
-        notes = [f"{between(values)} Hz" if values else "none claimed"]
-        if values and not all(row.near for row in group):
-            for name, prefix in (("test", "test "), ("joint", "")):
-                if len(several := grouped(group, attrgetter(name))) > 1:
-                    notes.append(
-                        ", ".join(f"{prefix}{key.replace('_', ' ')} {_near(of)}" for key, of in several.items())
-                    )
-            together = grouped(group, attrgetter("seed")).values()
-            if len(together) > 1 and max(map(len, together)) > 1:
-                every = sum(all(row.near for row in of) for of in together)
-                notes.append(f"all of a seed in {every} of {len(together)} seeds")
-        parts.append(f"{METHODS[method]} {_near(group)} ({'; '.join(notes)})")
+        parts.append(f"{METHODS[method]} {_near(group)} ({between(values) + ' Hz' if values else 'none claimed'})")
     levels = [row.half_power_hz for row in rows]
     known = [level for level in levels if np.isfinite(level)]
     return (
@@ -101,13 +80,7 @@ def coverage_in_words(rows: Rows) -> str:
     if measured:
         agree = sum(bool(row.covers_best_linear) for row in measured)
         text += f", and {agree} of {len(measured)} agree with the best linear bandwidth within both intervals"
-    by = [
-        f"{METHODS[method]} {sum(row.covers for row in group)}"
-        + (f" and {sum(bool(row.covers_best_linear) for row in group)}" if measured else "")
-        + f" of {len(group)}"
-        for method, group in grouped(rows, attrgetter("method")).items()
-    ]
-    text += f" ({', '.join(by)})."
+    text += "."
     wrong = sum(row.near and not row.covers for row in rows)
     if wrong:
         text += f" {wrong} of those near 1 Hz are too sure of themselves: their intervals miss the small-signal truth."

@@ -84,8 +84,7 @@ class Setting:
         actuator = ACTUATORS[self.joint]
         level = self.friction * actuator.rated_torque / actuator.coulomb_torque
         interface = HandController(gain=self.gain, hold=self.hold, noise=self.noise)
-        law: dict[str, Any] = {"servo": self.servo} if "servo" in Plant.__dataclass_fields__ else {}
-        return replace(scenario, hand_controller=interface, plant=Plant(friction_level=level, **law))
+        return replace(scenario, hand_controller=interface, plant=Plant(servo=self.servo, friction_level=level))
 
 
 @dataclass(frozen=True)

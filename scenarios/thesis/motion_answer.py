@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from hmtb_twin import STUDIED_JOINTS
 from hmtb_twin.files.atomic_write import write_whole
 from hmtb_twin.parameters.drives import ACTUATORS
-from hmtb_twin.parameters.plant import NOMINAL_PLANT
 from hmtb_twin.parameters.values import HAND_CONTROLLER
+from hmtb_twin.parameters.variants import VARIANTS
 from scenarios.datasets.tables import table_text
 from scenarios.identification.recovered_bandwidth import METHODS as NAMES
 from scenarios.report.figure_style import short
@@ -66,9 +66,8 @@ class MotionStudy:
             own = factors(cell)
             actuator = ACTUATORS[cell.setting.joint]
             rubs = cell.setting.friction * actuator.rated_torque / actuator.coulomb_torque
-            servo = float(cell.setting.servo == getattr(NOMINAL_PLANT, "servo", "torque"))
             numbers = (abs(float(str(own[name])) - value) for name, value in wanted.items())
-            return (-servo, *numbers, abs(np.log(rubs)))
+            return (float(cell.setting.servo != VARIANTS["nominal"].servo), *numbers, abs(np.log(rubs)))
 
         return ArmScore(tuple(min(self._tests(joint), key=away) for joint in STUDIED_JOINTS))
 
@@ -209,7 +208,7 @@ def motion_map(study: MotionStudy) -> Figure:
                 place = frictions.index(cell.setting.friction), motions.index(cell.motion)
                 values[place] = cell.medians.get(f"{method}_bandwidth_hz", np.nan)
             image = _panel(axes, values, [one.bandwidth_hz for one in published(joint) if one.method == method])
-            axes.set_title(f"{short(joint)}, {NAMES[method]}{_printed(joint, method)}", loc="left", fontsize=8)
+            axes.set_title(f"{short(joint)}, {NAMES[method]}{_printed(joint, method)}", loc="left", fontsize=7)
             axes.set_xticks(range(len(motions)), [f"{1000 * motion:.3g}" for motion in motions], fontsize=7)
             axes.set_yticks(range(len(frictions)), [f"{100 * one:g}" for one in frictions], fontsize=7)
     figure.colorbar(image, ax=grid, label="recovered bandwidth / Hz, median", shrink=0.6)
@@ -226,7 +225,7 @@ def motion_map(study: MotionStudy) -> Figure:
 
 def _printed(joint: str, method: str) -> str:
     values = [f"{one.bandwidth_hz:.2f}" for one in published(joint) if one.method == method]
-    return f" (printed {' and '.join(values)} Hz)" if values else ""
+    return f"\nprinted {' and '.join(values)} Hz" if values else "\nnone printed"
 
 
 def _panel(axes: Axes, values: np.ndarray, printed: Sequence[float]) -> Any:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, Chain, simulate
+from hmtb_twin import JOINTS, Chain, linearize, load_arm, simulate
 from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios.experiments.registry import load
 
@@ -32,8 +32,8 @@ def test_rows_of_every_method_and_seed(result, tmp_path, log):
     assert [(row["seed"], row["method"]) for row in rows] == [(1, "oe"), (1, "spa"), (2, "oe"), (2, "spa")]
     assert {"joint", "method", "scenario", "seed", "hz", "ci95", "true_hz", "bla_hz", "published_hz"} <= set(rows[0])
     assert rows[0]["scenario"] == "siso-5-elbow_pitch"
-    assert rows[0]["true_hz"] == pytest.approx(1.086, abs=0.001)
-    assert rows[0]["hz"] == pytest.approx(rows[0]["true_hz"], rel=0.15)
+    assert rows[0]["true_hz"] == linearize(load_arm(), amplitudes=()).joint("elbow_pitch").bandwidth_hz
+    assert 0.7 < rows[0]["hz"] < rows[0]["true_hz"]  # friction takes some of it at milliradians
     assert rows[0]["ci95"][0] < rows[0]["hz"] < rows[0]["ci95"][1]
     assert rows[0]["hz"] != rows[2]["hz"]  # another sequence, other noise
     assert rows[0]["bla_hz"] is None
@@ -67,7 +67,7 @@ def test_the_table_says_what_is_not_claimed(printed, tmp_path):
     assert "shoulder_yaw, published, without friction" in text
     assert "not claimed (model: 0.1" in text
     assert "excites nothing below 0.5 Hz" in text
-    assert "does not stand for the arm itself: 0.16 Hz (shoulder yaw)" in text
+    assert "does not stand for the arm itself, 0.16 Hz (shoulder yaw)" in text
 
 
 @pytest.mark.slow
