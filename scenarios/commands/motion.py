@@ -44,5 +44,6 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
         print_json({**record, "files": files})
     else:
         say_each("- ", study.answers())
+        say_each("failed: ", study.failed)
         say_each("written: ", files)
-    return 0
+    return 1 if study.failed else 0

@@ -1,6 +1,6 @@
 """Does the 1 Hz finding hold? The answer in words for the arm, for recovered models and for the printed ones."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence, Sized
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from operator import attrgetter
 from typing import TypeVar
 
@@ -50,7 +50,7 @@ def best_linear_in_words(rows: Rows) -> str:
         near += near_1_hz(hz)
     return (
         "Best linear: commands as strong as the tests', with all that the arm is not linear in, make it "
-        f"{', '.join(shown)} Hz; {near} of {len(tests)} {_are(tests)} about 1 Hz."
+        f"{', '.join(shown)} Hz; {near} of {len(tests)} {'is' if len(tests) == 1 else 'are'} about 1 Hz."
     )
 
 
@@ -143,10 +143,6 @@ def joined(parts: Sequence[str]) -> str:
 
 def _near(rows: Rows) -> str:
     return f"{sum(row.near for row in rows)} of {len(rows)}"
-
-
-def _are(things: Sized) -> str:
-    return "is" if len(things) == 1 else "are"
 
 
 def _of_joints(values: Mapping[str, float]) -> str:

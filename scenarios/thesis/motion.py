@@ -211,7 +211,8 @@ def run_settings(campaign: Campaign, settings: tuple[Setting, ...]) -> Iterator[
         settings: The settings.
 
     Yields:
-        The text of each setting, and a row for every record and level of noise on the logged command.
+        The text of each setting, and a row for every record and level of noise on the logged command; of an experiment
+        that failed a row with the reason.
     """
     for setting in settings:
         records = {str(one.experiment(campaign, setting).name): one for one in records_of(campaign)}
@@ -220,7 +221,8 @@ def run_settings(campaign: Campaign, settings: tuple[Setting, ...]) -> Iterator[
             logs = simulate(experiments, threads=1, keep_going=True)
         except TwinError as error:
             raise ScenarioError(f"{setting}: {error}") from error
-        yield str(setting), [row for log in logs for row in _rows(setting, records[log.name], log, campaign.logged)]
+        rows = [row for log in logs for row in _rows(setting, records[log.name], log, campaign.logged)]
+        yield str(setting), [*rows, *({"failed": f"{name}: {why}"} for name, why in logs.failed.items())]
 
 
 def _rows(setting: Setting, record: Recorded, log: JointLog, levels: Sequence[float]) -> Iterator[Row]:

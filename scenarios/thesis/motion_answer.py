@@ -36,15 +36,18 @@ class MotionStudy:
     Attributes:
         campaign: Its factors.
         cells: Its cells, setting by setting.
+        failed: Experiments that failed, with the reasons.
     """
 
     campaign: Campaign
     cells: tuple[Cell, ...]
+    failed: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, campaign: Campaign, results: Mapping[Setting, Sequence[Row]]) -> "MotionStudy":
         """Score the results of a campaign."""
-        return cls(campaign, cells(results))
+        failed = (f"{one}, {row['failed']}" for one, rows in results.items() for row in rows if "failed" in row)
+        return cls(campaign, cells(results), tuple(failed))
 
     @cached_property
     def arms(self) -> tuple[ArmScore, ...]:
@@ -117,6 +120,7 @@ class MotionStudy:
             "arms": [_arm_record(arm) for arm in self.arms[:SHOWN]],
             "nominal": _arm_record(self.nominal),
             "profile": profile(self.arms),
+            "failed": self.failed,
             "map": [_record(cell, distances=False) for cell in self.map_cells()],
         }
 

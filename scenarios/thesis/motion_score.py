@@ -152,7 +152,7 @@ def cells(results: Mapping[Setting, Sequence[Row]]) -> tuple[Cell, ...]:
 def _cells(setting: Setting, rows: Sequence[Row]) -> Iterator[Cell]:
     groups: dict[tuple[str, float, float], list[dict[str, float]]] = {}
     spectra: dict[float, list[dict[str, float]]] = {}
-    for row in rows:
+    for row in (row for row in rows if "failed" not in row):
         numbers = {
             name: float("nan") if value is None else float(value) for name, value in row.items() if name != "excitation"
         }

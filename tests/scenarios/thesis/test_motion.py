@@ -1,0 +1,166 @@
+"""The motion campaign: settings as stated, scores by hand, the same bits on any number of workers, and its files."""
+
+import csv
+import json
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+from hmtb_twin import STUDIED_JOINTS, load_arm
+from scenarios import load
+from scenarios.jobs.executor import LocalProcesses
+from scenarios.thesis.motion import Campaign, Recorded, Setting, model_numbers, records_of, run_campaign, run_settings
+from scenarios.thesis.motion_answer import MotionStudy
+from scenarios.thesis.motion_score import EXPLAINS, FARTHEST, TOLERANCES, arms, cells, items, profile
+from scenarios.truth.published import BREAK_FREQUENCY, PERCENT_DESCRIBED, published
+
+SMALL = Campaign(
+    servos=("flow",),
+    gains=(4e-3,),
+    frictions=(0.002,),
+    holds=(3,),
+    noises=(0.1,),
+    logged=(0.0, 1.0),
+    volts=(1.0,),
+    seeds=2,
+    duration=16.0,
+    sines=1,
+    sines_duration=16.0,
+    multisines=1,
+)
+YAW = Setting("flow", 4e-3, 0.006, 3, 0.1, "shoulder_yaw")
+
+
+@pytest.mark.parametrize("joint", STUDIED_JOINTS)
+def test_a_setting_is_what_it_says(joint):
+    setting = Setting("torque", 1.17e-3, 0.02, 1, 0.0, joint)
+    scenario = setting.applied(load(f"siso-5-{joint}"))
+    interface = scenario.hand_controller
+    assert (interface.gain, interface.hold, interface.noise, scenario.plant.servo) == (1.17e-3, 1, 0.0, "torque")
+    drive = load_arm(plant=scenario.plant).drives[joint]
+    assert drive.coulomb_torque == pytest.approx(0.02 * drive.rated_torque)
+
+
+def test_multisines_are_as_strong_as_binary_sequences():
+    multisine = Recorded("multisine", 2.0, 1).experiment(Campaign(), YAW)
+    volts = multisine.volts()
+    assert volts.std() == pytest.approx(2.0, rel=1e-3)
+    power = np.abs(np.fft.rfft(multisine.offsets()[:1020, 0])) ** 2
+    excited = np.flatnonzero(power > 1e-6 * power.max()) / 20.4
+    assert (excited[0], excited[-1]) == (pytest.approx(0.05, abs=2e-3), pytest.approx(5.0, abs=0.06))
+    assert multisine.multisines.samples % 3 == 0
+
+
+def printed_row(joint):
+    """Numbers that are what the thesis prints, of each method the last model."""
+    row = {"excitation": "prbs", "volts": 1.0, "seed": 1, "logged": 0.0, "peak_lag": 3}
+    for model in published(joint):
+        row |= {f"{model.method}_{key}": value for key, value in model_numbers(model.model).items()}
+    row |= {"armax_white": True, "armax_independent": True, "oe_white": False, "oe_independent": True}
+    row |= {"armax_correlation": 0.1, "oe_correlation": 0.2, "okid_tail_percent": 100.0 - PERCENT_DESCRIBED[joint]}
+    orders = 2.0 if joint == "shoulder_yaw" else 1.0
+    return row | {"break_rad_s": BREAK_FREQUENCY[joint], "disturbance_orders": orders}
+
+
+def distances(joint, **changes):
+    """By item; the row is a binary test and one of two sines at once."""
+    setting = replace(YAW, joint=joint)
+    row = printed_row(joint) | changes
+    (cell,) = cells({setting: [row, row | {"excitation": "sines"}]})
+    assert cell.score == pytest.approx(np.mean(cell.distances))
+    assert cell.within == sum(value <= 1.0 for value in cell.distances)
+    return dict(zip([item.name for item in items(joint)], cell.distances, strict=True))
+
+
+@pytest.mark.parametrize("joint", STUDIED_JOINTS)
+def test_the_thesis_to_the_letter_scores_zero(joint):
+    twice = "ARMAX (4.7), "  # printed again as (4.9), whose digits the row has
+    zero = {name: value for name, value in distances(joint).items() if not name.startswith(twice)}
+    assert max(zero.values()) < 1e-12
+    assert len(zero) == len(items(joint)) - 5 * (joint == "shoulder_yaw")
+
+
+def test_distances_are_in_tolerances():
+    joint = "elbow_pitch"
+    numbers = model_numbers(published(joint)[0].model)
+    for key, (name, tolerance) in TOLERANCES.items():
+        for sign in (-1, 1):
+            off = distances(joint, **{f"armax_{key}": numbers[key] * np.exp(2 * sign * tolerance)})
+            assert off[f"ARMAX (4.12), {name}"] == pytest.approx(2.0)
+            assert sum(off.values()) == pytest.approx(2.0)
+    off = distances(joint, peak_lag=7, disturbance_orders=0.5, armax_correlation=0.3, okid_tail_percent=100.0)
+    assert (off["delay"], off["disturbance"]) == (2.0, 1.0)
+    assert off["residuals of ARMAX whiter than of OE"] == off["tail of OKID"] == FARTHEST
+    assert distances(joint, peak_lag=1)["delay"] == 1.0
+
+
+@pytest.mark.parametrize("value", [None, 0.0, -1.0, 1e9])
+def test_what_is_missing_or_absurd_counts_as_farthest(value):
+    off = distances("shoulder_pitch", oe_half_power=value, break_rad_s=value)
+    assert off["OE (4.10), gain 0.707 at"] == off["break of the spectrum"] == FARTHEST
+
+
+def test_joints_of_an_arm_share_all_but_their_friction():
+    """Two servos; under each the yaw is best with much friction, the pitches with little."""
+    results = {}
+    for servo, friction, joint in product(("flow", "torque"), (0.001, 0.01), STUDIED_JOINTS):
+        row = printed_row(joint)
+        wrong = (friction == 0.001) == (joint == "shoulder_yaw")
+        row["break_rad_s"] *= 2.0 if wrong else 1.05 if servo == "torque" else 1.0
+        results[replace(YAW, servo=servo, friction=friction, joint=joint)] = [row, row | {"excitation": "sines"}]
+    best, other = arms(cells(results))
+    for arm, servo in ((best, "flow"), (other, "torque")):
+        assert [(cell.setting.servo, cell.setting.friction) for cell in arm.cells] == [
+            (servo, 0.01),
+            (servo, 0.001),
+            (servo, 0.001),
+        ]
+    assert best.score < other.score < EXPLAINS
+    assert best.explains == STUDIED_JOINTS
+    assert profile((best, other))["servo"] == {"flow": best.score, "torque": other.score}
+    study = MotionStudy(replace(SMALL, frictions=(0.001, 0.01)), cells(results))
+    assert "1 of 1" not in study.answers()[0]
+    assert "the best explains shoulder yaw and shoulder pitch and elbow pitch" in study.answers()[3]
+    assert [cell.setting.friction for cell in study.nominal.cells] == [0.01, 0.001, 0.001]
+
+
+@pytest.mark.slow
+def test_noise_on_the_logged_command_takes_gain_away_and_needs_no_other_record():
+    ((_, rows),) = run_settings(SMALL, (YAW,))
+    assert len(rows) == 2 * len(records_of(SMALL))
+    kinds = {kind: [row for row in rows if row["excitation"] == kind] for kind in ("prbs", "sines", "multisine")}
+    for clean, noisy in zip(kinds["prbs"][::2], kinds["prbs"][1::2], strict=True):
+        assert (clean["logged"], noisy["logged"]) == (0.0, 1.0)
+        assert clean["output_rms"] == noisy["output_rms"]
+        assert noisy["okid_gain_half_hz"] < 0.8 * clean["okid_gain_half_hz"]
+    assert kinds["prbs"][0]["armax_dc_gain"] != kinds["prbs"][2]["armax_dc_gain"]
+    assert kinds["sines"][0]["disturbance_orders"] > 0.0
+    assert kinds["multisine"][0]["command_rms"] == pytest.approx(4e-3, rel=0.05)
+
+
+@pytest.mark.slow
+def test_workers_change_no_bit_and_an_interrupted_campaign_resumes(tmp_path):
+    seen = []
+    with LocalProcesses(1) as executor:
+        one = run_campaign(SMALL, executor, tmp_path / "one", lambda *now: seen.append(now))
+        again = run_campaign(SMALL, executor, tmp_path / "one", lambda *now: seen.append(now))
+    with LocalProcesses(2) as executor:
+        two = run_campaign(SMALL, executor, tmp_path / "two", lambda *_: None)
+    assert one == again == two
+    assert seen == [(0, 3), (1, 3), (2, 3), (3, 3), (3, 3)]
+
+
+@pytest.mark.slow
+def test_the_command_writes_scores_and_the_map(printed, result, tmp_path, monkeypatch):
+    monkeypatch.setattr(Campaign, "quick", classmethod(lambda _: replace(SMALL, seeds=1, multisines=0)))
+    text = printed("motion", "--quick", "--out", tmp_path / "made", "--workers", 1)
+    assert "One arm for all three joints" in text
+    record = json.loads((tmp_path / "made" / "motion.json").read_text())
+    assert len(record["arms"]) == 2 and set(record["best"]) == set(STUDIED_JOINTS)
+    with (tmp_path / "made" / "motion.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["joint"] for row in rows] == [joint for joint in STUDIED_JOINTS for _ in range(2)]
+    assert (tmp_path / "made" / "motion.png").stat().st_size > 10_000
+    assert result("motion", "--quick", "--out", tmp_path / "made")["arms"] == record["arms"]
