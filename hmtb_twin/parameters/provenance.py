@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from hmtb_twin.parameters.drives import ACTUATORS, Friction, GearFriction, Hydraulics
+from hmtb_twin.parameters.drives import ACTUATORS, Friction, GearFriction, Hydraulics, YawFriction
 from hmtb_twin.parameters.payloads import LATCH, PAYLOADS, SEATS, TOUCH
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
-from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, LINKS, MOTIONS, RECORDER, SERVOS
+from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, LINKS, MOTIONS, PIN, RECORDER, SERVOS
 from hmtb_twin.parameters.variants import FLIGHT_DRIVES, FLIGHT_LINKS, FLIGHT_SERVOS
 
 # Records by the name of their rows: one record, or a table of records by joint, body, payload or seat.
@@ -20,11 +20,13 @@ _RECORDS: Mapping[str, Any] = {
     "payload": PAYLOADS,
     "hydraulics": Hydraulics(),
     "friction": Friction(),
+    "shoulder yaw friction": YawFriction(),
     "actuator": ACTUATORS,
     "servo valve": SERVO_VALVE,
     "power unit": POWER_UNIT,
     "servo": SERVOS,
     "motion": MOTIONS,
+    "pin": PIN,
     "bus terminal": BUS,
     "hand controller": HAND_CONTROLLER,
     "recorder": RECORDER,

@@ -86,6 +86,9 @@ def test_the_plant_has_the_bodies_of_pinocchio():
         inertial = written[BODIES[name]]
         numbers = {"mass": [mass], "pos": centre, "fullinertia": inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]}
         inertial.attrib = {key: " ".join(repr(float(part)) for part in parts) for key, parts in numbers.items()}
+    for joint in root.iter("joint"):
+        # The pin of the shoulder roll is no part of the bodies.
+        joint.attrib.pop("armature", None)
     unit = written["rpcm"]
     unit.set("mass", repr(1.2 * float(unit.get("mass", ""))))
     unit.set("diaginertia", " ".join(repr(1.2 * float(part)) for part in unit.get("diaginertia", "").split()))
@@ -98,8 +101,9 @@ def test_the_plant_has_the_bodies_of_pinocchio():
 def test_the_controller_knows_the_variant_and_is_shared():
     arm, other = load_arm(), load_arm(specimen=deviating(1))
     assert other.controller is arm.controller
-    tuned, factors = np.array(list(arm.gains.values())), np.column_stack([other.specimen.kp, other.specimen.kd])
-    np.testing.assert_allclose(np.array(list(other.gains.values())), factors * tuned, rtol=1e-15)
+    for name, kp, kd in zip(JOINTS, other.specimen.kp, other.specimen.kd, strict=True):
+        tuned = arm.gains[name]
+        assert other.gains[name] == tuned._replace(kp=kp * tuned.kp, kd=kd * tuned.kd)
     # What is loaded anew, without friction or without power, is the same arm.
     assert sliding(other).specimen == other.specimen
     np.testing.assert_array_equal(other.unpowered.body_mass, other.model.body_mass)
@@ -110,10 +114,10 @@ def test_the_controller_knows_the_variant_and_is_shared():
 def test_what_the_drives_rub_and_run_on():
     """The same seals and the same oil, asked for in two ways."""
     worn, level = load_arm(specimen=Specimen(dry_friction=(2.0,) * 7)), load_arm(plant=Plant(friction_level=2.0))
-    np.testing.assert_array_equal(worn.model.actuator_biasprm, level.model.actuator_biasprm)
-    np.testing.assert_array_equal(worn.model.actuator_dynprm, level.model.actuator_dynprm)
+    np.testing.assert_array_equal(worn.model.actuator_user, level.model.actuator_user)
+    assert not np.array_equal(worn.model.actuator_user, load_arm().model.actuator_user)
     smooth, quiet = load_arm(specimen=Specimen(dry_friction=(0.0,) * 7)), load_arm(friction=False)
-    assert smooth.model.na == quiet.model.na < worn.model.na
+    np.testing.assert_array_equal(smooth.model.actuator_user, quiet.model.actuator_user)
     thick = Specimen(drag=(3.0,) * 7, bulk_modulus=0.5, leakage=4.0).applied("elbow_pitch", ACTUATORS["elbow_pitch"])
     plain = ACTUATORS["elbow_pitch"]
     assert thick.drag == pytest.approx(3.0 * plain.drag)
@@ -145,7 +149,16 @@ def test_a_drooping_arm_stands_still_where_it_rests(variant, payload, plant, fri
     for _ in range(50):
         mujoco.mj_step(arm.model, data, nstep=round(0.02 / arm.model.opt.timestep))
         assert np.abs(data.qpos - rest)[:7].max() < still
-    kp = np.array([arm.gains[name][0] for name in JOINTS])
+    # Leakage that its servo does not know makes it softer.
+    springs = [(arm.gains[name], arm.actuators[name]) for name in JOINTS]
+    kp = np.array(
+        [
+            gains.kp
+            * ((gains.feed or drive.flow_pressure_gain) + gains.pressure)
+            / (drive.flow_pressure_gain + gains.pressure)
+            for gains, drive in springs
+        ]
+    )
     excess = arm.weight(angles + droop) - arm.controller.gravity_torque(angles[None])[0]
     if plant.actuator == "linear":
         np.testing.assert_allclose(-kp[1:] * droop[1:], excess[1:], atol=1e-9)
@@ -156,20 +169,20 @@ def test_a_drooping_arm_stands_still_where_it_rests(variant, payload, plant, fri
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("variant", "pose", "form", "seed", "amplitude", "error"),
+    ("variant", "pose", "form", "seed", "amplitude"),
     [
-        # At these amplitudes the nominal arm's error is 2.5e-6, 3.4e-6 and 6.0e-5.
-        ("nominal", OPERATING_POSE, "linear", 3, 1e-4, 4e-6),
-        ("nominal", OPERATING_POSE, "linear", 4, 1e-4, 4e-6),
-        ("published", "home", "linear", 3, 1e-4, 5e-6),
-        ("nominal", OPERATING_POSE, "orifice", 3, 1e-5, 8e-5),
+        ("nominal", OPERATING_POSE, "linear", 3, 1e-4),
+        ("nominal", OPERATING_POSE, "linear", 4, 1e-4),
+        ("published", "home", "linear", 3, 1e-4),
+        ("nominal", OPERATING_POSE, "orifice", 3, 1e-5),
     ],
 )
-def test_the_truth_of_a_drooping_arm_is_as_good_as_that_of_a_nominal_one(variant, pose, form, seed, amplitude, error):
+def test_the_truth_of_a_drooping_arm_is_as_good_as_that_of_a_nominal_one(variant, pose, form, seed, amplitude):
     arm = load_arm(variant, plant=Plant(form), specimen=deviating(seed))
-    truth, nominal = linearize(arm, pose, amplitudes=(amplitude,)), linearize(load_arm(variant), pose, amplitudes=())
+    designed = load_arm(variant, plant=Plant(form))
+    truth, nominal = (linearize(one, pose, amplitudes=(amplitude,)) for one in (arm, designed))
     assert truth.specimen == arm.specimen
-    assert truth.small_signal_error[amplitude] < error
+    assert truth.small_signal_error[amplitude] < 1.5 * nominal.small_signal_error[amplitude]
     if form == "linear":
         assert small_signal_error(sliding(arm), nominal.model, nominal.angles, amplitude) > 0.01
     # The static gain is what it is because gravity pulls on the drooping arm otherwise than fed forward.

@@ -11,7 +11,7 @@ from hmtb_twin.arm.rigid_bodies import BODIES
 from hmtb_twin.parameters.provenance import markdown, provenance, provenance_table
 from hmtb_twin.parameters.quantity import TAGS, quantity
 from hmtb_twin.parameters.resources import model_file, models_directory
-from hmtb_twin.parameters.values import LINKS, SERVOS
+from hmtb_twin.parameters.values import HAND_CONTROLLER, LINKS, PIN, SERVOS
 from hmtb_twin.parameters.variants import FLIGHT_DRIVES, FLIGHT_LINKS, PUBLISHED_ACTUATORS, PUBLISHED_SERVOS
 from hmtb_twin.truth.linearization import linear
 from tests.refusals import refused
@@ -34,7 +34,8 @@ def test_links_are_the_ground_arms_but_lighter_in_plant_and_controller(flight, a
     # The controller's inertia matrix is the plant's, rotors included.
     data, plants = flight.rest(flight.pose("home")), np.empty((7, 7))
     mujoco.mj_fullM(flight.model, data, plants)
-    np.testing.assert_allclose(flight.controller.inertia_matrix(flight.pose("home")), plants, atol=1e-12)
+    plants[0, 0] -= PIN.inertia
+    np.testing.assert_allclose(flight.controller.inertia_matrix(flight.pose("home")), plants, atol=1e-9)
 
 
 def test_nothing_weighs_anything(flight):
@@ -103,8 +104,8 @@ def test_drives_have_their_limits_friction_and_noise_and_the_record_holds_curren
     smooth = load_arm("flight", friction=False)
     data = smooth.rest(flight.pose("home"))
     data.ctrl[2] += 1.0
-    mujoco.mj_step(smooth.model, data, nstep=40)
-    assert data.actuator_force[1] == pytest.approx(FLIGHT_DRIVES["shoulder_yaw"].maximum_torque, rel=1e-3)
+    mujoco.mj_step(smooth.model, data, nstep=round(0.01 / smooth.model.opt.timestep))
+    assert data.actuator_force[2] == pytest.approx(FLIGHT_DRIVES["shoulder_yaw"].maximum_torque, rel=1e-3)
     log = simulate([experiment(variant="flight", duration=1.0, plant=Plant(friction="none"))])[0]
     assert log.provenance["drives"] == "electric"
     with xr.open_dataset(log.save(tmp_path / "flight.nc")) as stored:
@@ -149,7 +150,7 @@ def slow():
 
 
 def test_bandwidths_gain_at_rest_and_delays(slow, truth):
-    assert [slow.joint(name).bandwidth_hz for name in STUDIED_JOINTS] == pytest.approx([0.159, 0.96, 1.05], abs=0.01)
+    assert [slow.joint(name).bandwidth_hz for name in STUDIED_JOINTS] == pytest.approx([0.159, 0.984, 1.051], abs=0.005)
     for name in STUDIED_JOINTS:
         assert slow.joint(name).dc_gain == pytest.approx(1.0, abs=2e-6)
         assert slow.joint(name).delay_samples == truth.joint(name).delay_samples
@@ -159,13 +160,14 @@ def test_numbers_that_differ_are_derived():
     changed = {name: servo for name, servo in PUBLISHED_SERVOS.items() if servo != SERVOS[name]}
     assert set(changed) == {*STUDIED_JOINTS, "wrist_pitch"}
     for name in STUDIED_JOINTS:
-        assert [line.tag for line in provenance(name, changed[name])] == ["derived", "derived"]
+        tags = {line.parameter: line.tag for line in provenance(name, changed[name])}
+        assert tags["slow_pole"] == tags["fast_pole"] == "derived"
     friction = PUBLISHED_ACTUATORS["shoulder_yaw"].friction
     assert [line.tag for line in provenance("friction", friction) if line.parameter == "coulomb"] == ["derived"]
-    # Its seals hold the yaw back by as little as on the nominal arm.
-    arms = load_arm("published"), load_arm()
-    bands = [arm.actuators["shoulder_yaw"].coulomb_torque / arm.gains["shoulder_yaw"][0] for arm in arms]
-    assert bands[0] == pytest.approx(bands[1], rel=0.03)
+    # Seals let every joint through the smallest test.
+    for arm in map(load_arm, ("published", "nominal")):
+        zones = {name: arm.drives[name].breakaway_torque / arm.gains[name].kp for name in JOINTS[1:]}
+        assert max(zones.values()) < HAND_CONTROLLER.gain, zones
 
 
 README = (models_directory() / "hmtb" / "README.md").read_text(encoding="utf-8").splitlines()
@@ -181,6 +183,8 @@ def test_readme_holds_every_number_with_unit_tag_and_source_and_no_other():
 
 
 def test_readme_holds_the_gains():
-    rows = {line.split(" | ")[0]: line for line in README if line.count("|") == 4}
-    for name, (kp, kd) in load_arm().gains.items():
-        assert f"| {kp:.5g} | {kd:.5g} |" in rows[f"| {name.replace('_', ' ')}"]
+    rows = {line.split(" | ")[0]: line for line in README if line.count("|") == 6}
+    flow, torque = (load_arm(plant=Plant(servo=law)).gains for law in ("flow", "torque"))
+    for name in JOINTS:
+        expected = flow[name].kp, flow[name].dynamic, torque[name].kp, torque[name].kd
+        assert rows[f"| {name.replace('_', ' ')}"].endswith("".join(f" | {gain:.5g}" for gain in expected) + " |")
