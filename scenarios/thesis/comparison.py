@@ -14,7 +14,7 @@ from scenarios.thesis.nonparametric import Nonparametric
 from scenarios.thesis.observer_analysis import Observers
 from scenarios.thesis.order_search import Searches
 from scenarios.thesis.prediction_errors import PredictionErrors
-from scenarios.thesis.robustness_outcome import Robustness
+from scenarios.thesis.robustness import Robustness
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import PublishedModel
 from sysid import Estimate, FrequencyResponse, IOData, ResidualTest

@@ -8,6 +8,8 @@ from importlib.resources import files
 from types import MappingProxyType
 from typing import Literal
 
+from hmtb_twin import STUDIED_JOINTS
+
 Verdict = Literal[
     "reproduced",
     "reproduced by construction",
@@ -164,7 +166,7 @@ def finding_by_reading(
         for name, parts in readings.items()
         if name or verdicts[name] == "partly"
     )
-    sentences = [decided[:1].upper() + decided[1:], why]
+    sentences = [decided[:1].upper() + decided[1:], why[:1].upper() + why[1:]]
     if decision == "reproduced by construction":
         sentences.append(f"By construction: {CLAIMS[key].by_construction}")
     elif decision != "reproduced":
@@ -194,4 +196,5 @@ def _grouped(names: Sequence[str]) -> str:
     for name in names:
         what, _, place = name.partition(" on ")
         places.setdefault(what, []).extend([place] if place else [])
-    return ", ".join(f"{what} on {' and '.join(on)}" if on else what for what, on in places.items())
+    every = {what: "every joint" if len(on) == len(STUDIED_JOINTS) else " and ".join(on) for what, on in places.items()}
+    return ", ".join(f"{what} on {on}" if on else what for what, on in every.items())

@@ -15,11 +15,11 @@ from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.waveform import POINTS
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.finding import CLAIMS, Finding, Parts, decided_finding, finding_by_reading
-from scenarios.thesis.nonparametric import GRID, PULSE, SINES, excited_lines, half_power
+from scenarios.thesis.nonparametric import GRID, PULSE, SINES, WHITENING, excited_lines, half_power, period_of
 from scenarios.truth.published import BREAK_FREQUENCY, PUBLISHED
 from sysid import FrequencyResponse
-from sysid.frequency import CovarianceFunction
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
+from sysid.polynomial.correlation import prewhitened
 
 FASTEST = CLAIMS["F1"].limits["fastest"]
 """Upper end of the band that the thesis excites, Hz: the upper of the two sines."""
@@ -164,14 +164,14 @@ def prbs_looks_white(study: Comparison) -> Finding:
     values: dict[str, float] = {}
     plain, filtered = "as recorded", "made white, as the toolbox of the thesis does before it correlates"
     readings: dict[str, dict[str, bool]] = {plain: {}, filtered: {}}
-    for joint, result in study.nonparametric.items():
-        for way, short, function in (
-            (plain, "as recorded", result.covariances),
-            (filtered, "made white", result.whitened),
-        ):
-            r = _input_correlation(function)
-            half = r[: POINTS // 2 + 1]
-            spread, period = float(np.sqrt(np.mean(half[1:] ** 2))), float(r[POINTS])
+    for joint in study.joints:
+        record = study.joints[joint].data[study.estimation_test]
+        repeats = period_of(record.name)
+        ((white, _),) = prewhitened([record], 0, WHITENING)
+        for way, short, command in ((plain, "as recorded", record.u), (filtered, "made white", white[WHITENING:])):
+            half = correlation(command[:, 0], range(POINTS // 2 + 1))
+            spread = float(np.sqrt(np.mean(half[1:] ** 2)))
+            period = float(correlation(command[:, 0], [repeats])[0])
             beyond = half[int(np.argmax(half <= 0.0)) :] if (half <= 0.0).any() else half[-1:]
             peak = float(np.abs(beyond).max())
             values |= {
@@ -189,15 +189,15 @@ def prbs_looks_white(study: Comparison) -> Finding:
         "F4",
         readings,
         values,
-        f"The command moves at its velocity limit in up to {100 * limited:.0f} % of the samples. A file repeats "
-        f"exactly, so that one period ({POINTS} samples) later the command correlates with itself fully but for noise; "
-        "up to which lag the thesis' graph goes its text does not say",
+        f"The command moves at its velocity limit in up to {100 * limited:.0f} % of the samples. It repeats every "
+        f"{repeats} samples, file and hold of the hand controller together, and then correlates with itself fully but "
+        "for noise; up to which lag the thesis' graph goes its text does not say",
     )
 
 
-def _input_correlation(function: CovarianceFunction) -> np.ndarray:
-    """Correlation coefficients of the input at lags 0, 1, ..."""
-    return np.asarray(function.normalised[function.lags >= 0, function.ny, function.ny])
+def correlation(signal: np.ndarray, lags: Sequence[int]) -> np.ndarray:
+    """Correlation coefficients of a signal of zero mean (N,) with itself at some lags."""
+    return np.array([np.mean(signal[lag:] * signal[: len(signal) - lag]) for lag in lags]) / np.mean(signal**2)
 
 
 def pulse_spectra(study: Comparison) -> Finding:

@@ -19,6 +19,9 @@ from sysid import StateSpace
 COMPARED = ("armax", "oe")
 """Methods that the thesis chooses between."""
 
+REJECTED = 0.01
+"""p-value below which whiteness or independence is rejected."""
+
 DISMISSED = ("arx", "iv4")
 """Methods that it had dismissed before."""
 
@@ -161,7 +164,7 @@ def yaw_armax(study: Comparison) -> Finding:
         f"{int(test.outside_whiteness[0])} of 25 lags lie outside the 99 % bounds of whiteness. The nearest pole and "
         f"zero of the printed model are {printed:.3f} apart. The model follows its own record to "
         f"{model.fits[study.estimation_test].one_step:.1f} % one step ahead",
-        cause=_friction(study, "shoulder_yaw", "armax"),
+        cause=_friction(study, "shoulder_yaw", "armax", "whiteness_p", "independence_p"),
     )
 
 
@@ -191,7 +194,6 @@ def yaw_oe(study: Comparison) -> Finding:
         + (" and the thesis' own orders too" if own_unstable else "")
         + ". An unstable model cannot follow the whole record in simulation, so what counts is a superfluous pole at "
         "the edge or a start beyond it",
-        cause=_friction(study, "shoulder_yaw", "oe"),
     )
 
 
@@ -207,7 +209,7 @@ def shoulder_oe(study: Comparison) -> Finding:
         f"{fits.words('OE', 'ARMAX')}. The residuals of OE are {'' if independent else 'not '}independent of the "
         f"input; its two poles leave {100 - model.fits[study.estimation_test].simulation:.1f} % of the answer to the "
         "PRBS",
-        cause=_friction(study, "shoulder_pitch", "oe"),
+        cause=_friction(study, "shoulder_pitch", "oe", "independence_p"),
     )
 
 
@@ -270,15 +272,18 @@ def nearest(model: StateSpace) -> float:
     return float(np.abs(poles[:, None] - zeros[None, :]).min(initial=np.inf))
 
 
-def _friction(study: Comparison, joint: str, method: str) -> str:
-    """What friction does to the residuals, by the same test on the arm without it; empty where that was not played."""
+def _friction(study: Comparison, joint: str, method: str, *tests: str) -> str:
+    """What friction does to tests of residuals, by models of the arm without it; empty where that was not played."""
     own = single_joint_test(study.estimation_test, joint)
     smooth = study.prediction_errors[joint].frictionless.find(own, method)
     if smooth is None:
         return ""
+    values = {name.removesuffix("_p"): float(getattr(smooth, name)) for name in tests}
+    passed = min(values.values()) >= REJECTED
     return (
-        f"identified on the arm without friction the same structure has whiteness {p_value(smooth.whiteness_p)} and "
-        f"independence {p_value(smooth.independence_p)}"
+        f"identified on the arm without friction the same structure has "
+        f"{', '.join(f'{name} {p_value(p)}' for name, p in values.items())}, so friction "
+        f"{'makes the residuals fail' if passed else 'is not all that makes residuals fail'}"
     )
 
 

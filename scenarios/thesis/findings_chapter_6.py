@@ -20,7 +20,7 @@ from scenarios.thesis.multi_input import pushed_by_others
 from scenarios.thesis.multivariable import FAST_CHIRP, LAGS, LEVEL, WAYS, Kind, Multivariable, ThreeJointModel, Way
 from scenarios.thesis.record_fits import fits_to_records, held_out_fit, shortfall, ties, within_reach
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL
-from scenarios.thesis.robustness_outcome import CONSTANT, DETRENDED, OUTLIERS
+from scenarios.thesis.robustness import CONSTANT, DETRENDED, OUTLIERS
 from scenarios.thesis.verdicts import (
     WORDS,
     ahead,

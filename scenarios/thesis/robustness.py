@@ -1,45 +1,260 @@
-"""Robustness of methods: models from records with disturbances of rising degree [Morris1996, sec. VI.6].
+"""Robustness of methods: models from records with disturbances of rising degree, and the orders that suffice.
 
-Every model is identified from a record of the PRBS test, disturbed; its bandwidth is compared with the truth and its
-simulation with clean records of other waveforms. The PRBS of twice the amplitude is none of them: it plays the
-same sequence, which every model has seen.
+Every model is identified from a part of the estimation record, disturbed [Morris1996, sec. VI.6]; its bandwidth is
+compared with the best linear truth and its simulation with clean records of other waveforms. The PRBS of twice the
+amplitude is none of them: it plays the same sequence, which every model has seen.
 """
 
 import warnings
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import median
+from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
-from hmtb_twin import STUDIED_JOINTS, JointTruth
+import sysid
+from hmtb_twin import STUDIED_JOINTS
+from scenarios.experiments.log_review import settled
 from scenarios.experiments.model_structures import STRUCTURES, Structure, every_structure
 from scenarios.identification.methods import estimate
+from scenarios.identification.recovered_bandwidth import intervals_agree
+from scenarios.thesis.attribution import best_linear_of
 from scenarios.thesis.campaign import Campaign
-from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS, Disturbance
-from scenarios.thesis.robustness_outcome import (
-    Failure,
-    OrderNeeded,
-    Robustness,
-    RobustnessOutcome,
-    orders_needed,
-    simulated_fit,
-)
+from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS, Disturbance, biased, frequent_outliers
+from scenarios.thesis.finding import CLAIMS
 from scenarios.thesis.steps import NO_REPORT, Part
-from sysid import IOData, SysidError, SysidWarning
-from sysid.models.bandwidth import half_power_hz
+from scenarios.truth.bla_of_test import BestLinearOfTest
+from sysid import Estimate, IOData, SysidError, SysidWarning, predict
+from sysid.validation import fit_percent
 
 JUDGES = (2, 7, 8)
 """Tests that judge a model by its median fit to those that there are: two tones, pulses, chirp, one of each waveform
 that the single-joint tests have beside binary sequences (a single tone is one of the two)."""
 
 JUDGED = 3000
-"""Samples of them that a model is compared with, a minute: every waveform file repeats in 2 s."""
+"""Samples of them that a model is compared with, a minute: every waveform repeats in a few seconds."""
 
 SEED = 25
 """Second seed of all random draws here, beside the study's own."""
 
-PART = 2000
-"""Length of the disturbed part in samples, 40 s from the start: twenty periods of the waveform."""
+PART, SHORT_PART = 2000, 1000
+"""Samples of the disturbed part, from the start; of the part for orders: larger ones than needed take long to fit."""
+
+ORDERS: Mapping[str, tuple[int, ...]] = MappingProxyType({"SysID": (1, 2, 3), "OKID": (1, 2, 3, 4)})
+"""Numbers of states compared, by kind of model, up to the largest in the thesis."""
+
+MARGIN = 1.0
+"""An order suffices whose fit is at most so far below the best order's on the same record, percent points."""
+
+DETRENDED, WITH_MEANS = "detrended", "with its means"
+"""The record as the study uses it; the same with the angle about which the joint moves, in command and measurement."""
+
+CONSTANT, OUTLIERS = "with a constant in the output", "with outliers"
+"""The detrended record with a constant added to the output alone, and with outliers in the output."""
+
+METHODS: Mapping[str, Callable[[IOData, int, int], Estimate]] = MappingProxyType(
+    {
+        "SysID": lambda data, n, nk: sysid.oe(data, n, n, nk),
+        "OKID": lambda data, n, _: sysid.okid(data, n, p=5),
+    }
+)
+"""Output error with as many zeros' coefficients as poles, the one structure that has a single order; and OKID."""
+
+COMPARABLE = (10.0, 5.0)
+"""A model is comparable to the one from the clean record when its bandwidth moves by at most so many percent (never
+where it has none) and its median fit in simulation to records of other waveforms falls by at most so many points."""
+
+Failure = Literal["", "refused", "unstable", "no bandwidth"]
+"""Failures: the estimator raised an error, the model is unstable, its gain never falls by 3 dB."""
+
+
+@dataclass(frozen=True)
+class OrderNeeded:
+    """Number of sufficient states on one record.
+
+    Attributes:
+        joint: The joint.
+        method: `SysID` or `OKID`.
+        record: What the record is like.
+        fits: In simulation to records of other waveforms, percent, median, by order; minus infinity where there is no
+            stable model.
+    """
+
+    joint: str
+    method: str
+    record: str
+    fits: Mapping[int, float]
+
+    @property
+    def needed(self) -> int:
+        """The smallest order whose fit is within `MARGIN` of the best on the same record."""
+        return self.sufficient(max(self.fits.values()), MARGIN)
+
+    def sufficient(self, best: float, points: float) -> int:
+        """Return the smallest order whose fit is within some points of another, or one more than the largest tried."""
+        return min((n for n, fit in self.fits.items() if fit >= best - points), default=max(self.fits) + 1)
+
+
+@dataclass(frozen=True)
+class RobustnessOutcome:
+    """One model from one disturbed record.
+
+    Attributes:
+        joint: The joint.
+        method: Of the structure, as in `STRUCTURES`.
+        chosen: Whether the thesis took the structure.
+        disturbance: Key in `DISTURBANCES`.
+        treatment: Key in `TREATMENTS`.
+        degree: How much, in the disturbance's unit.
+        draw: Number of the draw.
+        failure: What went wrong, or nothing.
+        bandwidth_hz: Bandwidth, Hz; NaN after a failure.
+        error: What it departs from the best linear truth by, percent; NaN after a failure.
+        covers: Whether it agrees with the best linear truth.
+        fit: In simulation to the records that judge, percent, their median, also of a model that is unstable; NaN where
+            the estimator refused.
+    """
+
+    joint: str
+    method: str
+    chosen: bool
+    disturbance: str
+    treatment: str
+    degree: float
+    draw: int
+    failure: Failure
+    bandwidth_hz: float
+    error: float
+    covers: bool
+    fit: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Summary of all draws at one degree.
+
+    Attributes:
+        degree: How much.
+        draws: How many.
+        failures: How many failed, by what went wrong.
+        error: Median, smallest and largest error of the bandwidths that there are, percent; NaN if there is none.
+        fit: The same of the fits in simulation, percent.
+        covered: Share of the draws that agree with the best linear truth; a failure agrees with nothing.
+    """
+
+    degree: float
+    draws: int
+    failures: Mapping[str, int]
+    error: tuple[float, float, float]
+    fit: tuple[float, float, float]
+    covered: float
+
+
+@dataclass(frozen=True, eq=False)
+class Robustness:
+    """Results of the whole robustness experiment.
+
+    Attributes:
+        outcomes: Every model; none where only the orders were asked for.
+        orders: How many states suffice, on the detrended record and on others.
+        judged_by: Numbers of the tests that judge, by joint.
+    """
+
+    outcomes: tuple[RobustnessOutcome, ...]
+    orders: tuple[OrderNeeded, ...]
+    judged_by: Mapping[str, tuple[int, ...]]
+
+    def of(
+        self, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]
+    ) -> dict[float, tuple[RobustnessOutcome, ...]]:
+        """Draws by degree, of one disturbance, joint, method and treatment."""
+        asked = (disturbance, joint, method, treatment)
+        draws: dict[float, tuple[RobustnessOutcome, ...]] = {}
+        for entry in self.outcomes:
+            if (entry.disturbance, entry.joint, entry.method, entry.treatment) == asked:
+                draws[entry.degree] = (*draws.get(entry.degree, ()), entry)
+        return draws
+
+    def curve(self, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]) -> tuple[Summary, ...]:
+        """Medians and spreads by degree; see `of`."""
+        return tuple(
+            Summary(
+                degree,
+                len(entries),
+                Counter(entry.failure for entry in entries if entry.failure),
+                _spread(entry.error for entry in entries),
+                _spread(entry.fit for entry in entries),
+                sum(entry.covers for entry in entries) / len(entries),
+            )
+            for degree, entries in self.of(disturbance, joint, method, treatment).items()
+        )
+
+
+def _spread(values: Iterable[float]) -> tuple[float, float, float]:
+    known = [value for value in values if not np.isnan(value)]
+    return (median(known), min(known), max(known)) if known else (float("nan"),) * 3
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Tolerance of a method to a disturbance on one joint.
+
+    Attributes:
+        degree: The largest degree up to which every one tried is tolerated, in the disturbance's unit; None where the
+            smallest is not.
+        everything: Whether the largest one tried is tolerated.
+    """
+
+    degree: float | None
+    everything: bool
+
+
+def clean(robustness: Robustness, joint: str, method: str) -> RobustnessOutcome:
+    """The model from the undisturbed record."""
+    return robustness.of("bias", joint, method)[0.0][0]
+
+
+def comparable(entries: tuple[RobustnessOutcome, ...], reference: RobustnessOutcome) -> bool:
+    """Whether the median draw stays comparable; a failed estimate is not comparable."""
+    percent, points = COMPARABLE
+    if any(entry.failure == "refused" for entry in entries):
+        return False
+    shifts = [
+        np.inf if entry.failure else 100 * abs(entry.bandwidth_hz / reference.bandwidth_hz - 1) for entry in entries
+    ]
+    return median(shifts) <= percent and median(reference.fit - entry.fit for entry in entries) <= points
+
+
+def tolerance(
+    robustness: Robustness, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]
+) -> Tolerance | None:
+    """Find the largest tolerated degree of a disturbance.
+
+    Args:
+        robustness: The experiment.
+        disturbance: Key of the disturbance.
+        joint: The joint.
+        method: The method.
+        treatment: What is taken off the record before.
+
+    Returns:
+        The tolerance; None where it was not tried.
+    """
+    kind = DISTURBANCES[disturbance]
+    draws = robustness.of(disturbance, joint, method, treatment)
+    levels = sorted((d for d in draws if d or kind.decibel), reverse=kind.falling)
+    if not levels:
+        return None
+    reference = clean(robustness, joint, method)
+    last = None
+    for degree in levels:
+        if not comparable(draws[degree], reference):
+            return Tolerance(last, False)
+        last = degree
+    return Tolerance(last, True)
 
 
 def sysid_method(joint: str) -> str:
@@ -79,14 +294,15 @@ def robustness(
         judged_by[joint] = numbers
         judges = tuple(data[number][:JUDGED] for number in numbers)
         chosen = tuple(entry for entry in STRUCTURES[joint] if entry.chosen)
+        truth = best_linear_of(campaign.condition, joint, estimation_test)
+        trial = _Trial(data[estimation_test], judges, truth, campaign.seed or 0)
         with warnings.catch_warnings():
             # Warnings are what this experiment provokes; failures are counted.
             warnings.simplefilter("ignore", SysidWarning)
             for disturbance, share in of_joint.split(tuple(DISTURBANCES.values()) if thorough else ()):
                 also = other_structures(joint) if disturbance.other_structures else ()
-                trial = _Trial(data[estimation_test], judges, campaign.truth.joint(joint), campaign.seed or 0)
                 outcomes += trial.outcomes(disturbance, (*chosen, *also), share)
-            orders += orders_needed(joint, campaign, data[estimation_test], judges)
+            orders += trial.orders(settled(campaign.log(data[estimation_test].name), joint))
     return Robustness(tuple(outcomes), tuple(orders), judged_by)
 
 
@@ -96,7 +312,7 @@ class _Trial:
 
     data: IOData
     judges: Sequence[IOData]
-    truth: JointTruth
+    truth: BestLinearOfTest
     seed: int
 
     def outcomes(
@@ -127,7 +343,7 @@ class _Trial:
 
     def _chance(self, disturbance: Disturbance, degree: float, draw: int) -> np.random.Generator:
         """Seed of a draw: the same for every structure and treatment."""
-        joint, kind = STUDIED_JOINTS.index(self.truth.name), list(DISTURBANCES).index(disturbance.key)
+        joint, kind = STUDIED_JOINTS.index(self.truth.joint), list(DISTURBANCES).index(disturbance.key)
         if disturbance.key.endswith("drop-outs"):
             # Held and marked lose the same samples.
             kind = list(DISTURBANCES).index("held drop-outs")
@@ -137,36 +353,48 @@ class _Trial:
     def _outcome(
         self, structure: Structure, disturbed: IOData, key: str, treatment: str, degree: float, draw: int
     ) -> RobustnessOutcome:
-        hz = fit = level = slowest = float("nan")
-        failure: Failure = ""
-        covers = False
+        place = (self.truth.joint, structure.method, structure.chosen, key, treatment, degree, draw)
+        nan = float("nan")
         try:
             model = estimate(disturbed, structure.estimator, structure.orders)
         except SysidError:
-            failure = "refused"
-        else:
-            band = model.bandwidth()
-            if not model.model.is_stable():
-                failure = "unstable"
-            elif np.isnan(band.hz[0, 0]):
-                failure = "no bandwidth"
-            else:
-                hz, covers = float(band.hz[0, 0]), bool(band.covers(self.truth.bandwidth_hz)[0, 0])
-            slowest = float(np.abs(model.poles()).max(initial=0.0))
-            fit, level = simulated_fit(model, self.judges), half_power_hz(model.model)
-        return RobustnessOutcome(
-            joint=self.truth.name,
-            method=structure.method,
-            chosen=structure.chosen,
-            disturbance=key,
-            treatment=treatment,
-            degree=degree,
-            draw=draw,
-            failure=failure,
-            bandwidth_hz=hz,
-            error=100 * (hz / self.truth.bandwidth_hz - 1),
-            covers=covers,
-            fit=fit,
-            half_power_hz=level,
-            slowest=slowest,
-        )
+            return RobustnessOutcome(*place, "refused", nan, nan, False, nan)
+        fit, band = self._simulated(model), model.bandwidth().path()
+        if not model.model.is_stable() or np.isnan(band[0]):
+            failure: Failure = "no bandwidth" if model.model.is_stable() else "unstable"
+            return RobustnessOutcome(*place, failure, nan, nan, False, fit)
+        agrees = intervals_agree(band, (self.truth.hz, *self.truth.ci95))
+        return RobustnessOutcome(*place, "", band[0], 100 * (band[0] / self.truth.hz - 1), agrees, fit)
+
+    def _simulated(self, model: Estimate) -> float:
+        """Median fit in simulation, percent; minus infinity where the model grows beyond all numbers."""
+        fits = []
+        for judge in self.judges:
+            with np.errstate(all="ignore"):
+                simulated = np.nan_to_num(predict(model, judge, steps=None), nan=np.inf, posinf=np.inf, neginf=-np.inf)
+            fits.append(float(fit_percent(judge.y, simulated)[0]))
+        return median(fits)
+
+    def orders(self, with_means: IOData) -> list[OrderNeeded]:
+        """Order that suffices on the detrended record and on three that are disturbed, for both methods."""
+        joint, limits = self.truth.joint, CLAIMS["F25"].limits
+        nk = next(entry.orders[-1] for entry in STRUCTURES[joint] if entry.method == "oe")
+        part = self.data[:SHORT_PART].detrend()
+        records = {
+            DETRENDED: part,
+            WITH_MEANS: with_means[:SHORT_PART],
+            CONSTANT: biased(part, limits["bias"], np.random.default_rng(0)),
+            OUTLIERS: frequent_outliers(part, limits["outliers"], np.random.default_rng(0)),
+        }
+        return [
+            OrderNeeded(joint, method, name, {n: self._fit(method, record, n, nk) for n in ORDERS[method]})
+            for method in METHODS
+            for name, record in records.items()
+        ]
+
+    def _fit(self, method: str, record: IOData, n: int, nk: int) -> float:
+        try:
+            model = METHODS[method](record, n, nk)
+        except SysidError:
+            return float("-inf")
+        return self._simulated(model) if model.model.is_stable() else float("-inf")

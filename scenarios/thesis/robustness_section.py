@@ -14,9 +14,8 @@ from scenarios.thesis import robustness_section as draw
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS
 from scenarios.thesis.findings_chapter_6 import bias_and_outliers
-from scenarios.thesis.robustness import PART, sysid_method
-from scenarios.thesis.robustness_outcome import COMPARABLE, Robustness, Summary, Tolerance, tolerance
-from scenarios.thesis.robustness_outcome import MARGIN as ORDER_MARGIN
+from scenarios.thesis.robustness import COMPARABLE, PART, Robustness, Summary, Tolerance, sysid_method, tolerance
+from scenarios.thesis.robustness import MARGIN as ORDER_MARGIN
 from sysid.plots import BOUND, INK, PALETTE, Style
 
 CROSSED = ("bias", "drift", "sway")

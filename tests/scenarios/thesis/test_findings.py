@@ -29,7 +29,7 @@ def test_verdict_follows_from_the_parts_and_names_those_that_differ():
         "partly",
         "not reproduced",
     ]
-    assert "Partly (holds: part 0; fails: part 1). so" in decided("F9", True, False).why
+    assert "Partly (holds: part 0; fails: part 1). So" in decided("F9", True, False).why
     joints = {"white on shoulder yaw": True, "white on elbow pitch": True, "small": False}
     assert "(holds: white on shoulder yaw and elbow pitch; fails: small)" in decided_finding("F9", joints, {}, "so").why
 
@@ -49,16 +49,16 @@ def test_readings_that_differ_make_the_verdict_depend_on_them():
 
     both = read({"a": True}, {"a": False})
     assert both.verdict == "depends on the reading"
-    assert both.why.startswith("Reproduced one way; not reproduced another way. so")
+    assert both.why.startswith("Reproduced one way; not reproduced another way. So")
     assert both.parts == {"a one way": True, "a another way": False}
     assert read({"a": True}, {"a": True}).verdict == "reproduced"
     assert read({"a": True, "b": False}, {"a": False, "b": True}).verdict == "partly"
 
 
 def test_a_cause_rests_on_an_experiment_or_was_not_tried(study):
-    assert decided("F9", False).why == "so. Cause: not tried"
+    assert decided("F9", False).why == "So. Cause: not tried"
     tried = decided_finding("F9", {"a": False}, {}, "so", cause="without friction it holds")
-    assert tried.why == "so. Cause: without friction it holds"
+    assert tried.why == "So. Cause: without friction it holds"
     for entry in findings(study):
         told = entry.verdict in ("reproduced", "reproduced by construction", "cannot be told")
         assert ("Cause: " in entry.why) != told, entry.key

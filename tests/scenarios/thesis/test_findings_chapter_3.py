@@ -116,31 +116,26 @@ def test_the_peak_of_the_correlation_of_the_pitches_decides_on_the_delay(study, 
     assert chapter.delay(replace(study, nonparametric=entries)).verdict == expected
 
 
-def correlated(study, lag, peak, *, period=1.0):
-    """The study with a command that is white but for a side peak at a lag, and for its repetition."""
-    entries = {}
-    for joint, entry in study.nonparametric.items():
-        functions = {}
-        for name in ("covariances", "whitened"):
-            own = getattr(entry, name)
-            values = np.zeros_like(own.values)
-            values[:, 0, 0] = values[own.lags == 0, 1, 1] = 1.0
-            values[np.abs(own.lags) == 100, 1, 1] = period
-            values[np.abs(own.lags) == lag, 1, 1] = peak
-            functions[name] = replace(own, values=values)
-        entries[joint] = replace(entry, **functions)
-    return replace(study, nonparametric=entries)
+def commanded(study, command):
+    """The study with another command in every PRBS test, repeated (N,)."""
+    joints = {}
+    for joint, entry in study.joints.items():
+        own = entry.data[study.estimation_test]
+        u = np.resize(command, len(own))
+        joints[joint] = replace(entry, data={**entry.data, study.estimation_test: replace(own, u=u - u.mean())})
+    return replace(study, joints=joints)
 
 
 def test_an_exactly_repeating_white_command_with_small_peaks_passes(study):
-    assert chapter.prbs_looks_white(correlated(study, 30, 0.3)).verdict == "reproduced"
-    for changed, fails in (
-        (correlated(study, 30, 0.8), "fails: small peaks on "),
-        (correlated(study, 30, 0.3, period=0.0), "fails: periodic on "),
-    ):
-        decided = chapter.prbs_looks_white(changed)
-        assert decided.verdict == "partly"
-        assert fails in decided.why
+    rng = np.random.default_rng(5)
+    white = rng.choice([-1.0, 1.0], 300)
+    assert chapter.prbs_looks_white(commanded(study, white)).verdict == "reproduced"
+    never = chapter.prbs_looks_white(commanded(study, rng.choice([-1.0, 1.0], 5000)))
+    assert never.verdict == "partly"
+    assert "fails: periodic on every joint" in never.why
+    echo = chapter.prbs_looks_white(commanded(study, np.tile(white[:30], 10)))
+    assert "fails: small peaks on every joint" in echo.why
+    assert chapter.correlation(np.array([1.0, -1.0, 1.0, -1.0]), [0, 1, 2]) == pytest.approx([1.0, -1.0, 1.0])
 
 
 def test_what_the_window_leaks_does_not_count_where_the_input_has_power():

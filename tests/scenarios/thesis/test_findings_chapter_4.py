@@ -125,7 +125,7 @@ def test_an_unstable_model_loses_and_is_told(study):
         )
         tipped_over = with_sets(study, {joint: models})
         decided = finding(tipped_over)
-        assert "the ARMAX model from the estimation test is unstable" in decided.why
+        assert "The ARMAX model from the estimation test is unstable" in decided.why
         assert "ARMAX" not in decided.value
         assert flexibility(tipped_over, joint).best("OE", "ARMAX")
         assert not flexibility(tipped_over, joint).best("ARMAX", "OE")

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from scenarios.thesis.disturbances import DISTURBANCES
-from scenarios.thesis.robustness import JUDGES, other_structures, robustness, sysid_method
-from scenarios.thesis.robustness_outcome import (
+from scenarios.thesis.robustness import (
     CONSTANT,
     DETRENDED,
+    JUDGES,
     OUTLIERS,
     WITH_MEANS,
     OrderNeeded,
@@ -18,7 +18,9 @@ from scenarios.thesis.robustness_outcome import (
     RobustnessOutcome,
     clean,
     comparable,
-    needed,
+    other_structures,
+    robustness,
+    sysid_method,
     tolerance,
 )
 from scenarios.thesis.robustness_section import errors
@@ -38,8 +40,6 @@ def outcome(degree, *, hz=1.0, fit=99.0, failure="", draw=0):
         error=float("nan") if failure else 100 * (hz - 1),
         covers=not failure,
         fit=fit,
-        half_power_hz=hz,
-        slowest=0.9,
     )
 
 
@@ -54,8 +54,9 @@ def test_every_disturbance_gives_every_draw_of_every_method(study):
                     draws = study.robustness.of(key, joint, method, treatment)
                     assert {degree: len(entries) for degree, entries in draws.items()} == expected
         others = {entry.method for entry in other_structures(joint)}
-        assert others < set(study.robustness.methods("outliers", joint))
-        assert not others & set(study.robustness.methods("drift", joint))
+        for key, expected in (("outliers", others), ("drift", set())):
+            tried = {one.method for one in study.robustness.outcomes if (one.joint, one.disturbance) == (joint, key)}
+            assert tried == {sysid_method(joint), "okid"} | expected
 
 
 def test_the_record_as_it_is_gives_the_model_without_harm(study):
@@ -110,11 +111,15 @@ def test_tolerance_ends_at_the_first_degree_that_is_too_much():
     assert tolerance(shifts, "drift", "elbow_pitch", "oe") is None
 
 
-def test_the_order_that_suffices_is_the_smallest_near_the_best():
-    assert needed({1: 80.0, 2: 98.2, 3: 99.0}) == 2
-    assert needed({1: 80.0, 2: 97.9, 3: 99.0}) == 3
-    assert needed({1: float("-inf"), 2: 60.0}) == 2
-    orders = OrderNeeded("elbow_pitch", "OKID", CONSTANT, {1: 80.0, 2: 93.0, 3: 96.0}, 3)
+@pytest.mark.parametrize(
+    ("fits", "needed"), [({1: 80.0, 2: 98.2, 3: 99.0}, 2), ({1: 80.0, 2: 97.9, 3: 99.0}, 3), ({1: -np.inf, 2: 60.0}, 2)]
+)
+def test_the_order_that_suffices_is_the_smallest_near_the_best(fits, needed):
+    assert OrderNeeded("elbow_pitch", "OKID", CONSTANT, fits).needed == needed
+
+
+def test_an_order_suffices_near_the_best_of_another_record_or_none_does():
+    orders = OrderNeeded("elbow_pitch", "OKID", CONSTANT, {1: 80.0, 2: 93.0, 3: 96.0})
     assert [orders.sufficient(best, 5.0) for best in (97.0, 99.0, 102.0)] == [2, 3, 4]
 
 
