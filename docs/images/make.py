@@ -1,4 +1,4 @@
-"""Make the pictures of the README: the arm, and the bandwidths that the study recovers. Run by `make images`."""
+"""Make the pictures of the README: the arm, and the answer of the study. Run by `make images`."""
 
 from pathlib import Path
 
@@ -7,7 +7,8 @@ import matplotlib.image
 
 from hmtb_twin import load_arm, render
 from scenarios.experiments.campaign import NOMINAL
-from scenarios.thesis.figures_overview import bandwidths
+from scenarios.thesis.answer import answer_chart, measure_answer
+from scenarios.thesis.chart import draw
 from scenarios.thesis.study import run_study
 
 FOLDER = Path(__file__).parent
@@ -18,7 +19,9 @@ def main() -> None:
     matplotlib.use("Agg")
     matplotlib.image.imsave(FOLDER / "arm.png", render(load_arm(), "overview", 1200, 900))
     study = run_study(conditions=(NOMINAL,), thorough=False)
-    bandwidths(study).savefig(FOLDER / "result.png", dpi=130, bbox_inches="tight")
+    chart = answer_chart(measure_answer(study))
+    (panels,) = chart.views.values()
+    draw(panels, chart.columns).savefig(FOLDER / "result.png", dpi=130, bbox_inches="tight")
 
 
 if __name__ == "__main__":

@@ -39,7 +39,8 @@ def thesis(
     the published models, and each of the thesis' findings gets a verdict.
 
     Args:
-        out: Folder for report.html and results.json; those of an earlier run are replaced.
+        out: Folder for report.html, results.json and the folder tables with the long tables as CSV; those of an
+            earlier run are replaced.
         seed: Seed of the noise; when not given, each scenario has its own.
         seeds: Repeat the study on the nominal arm with so many seeds, counted from --seed or from 1, and report how
             often each verdict is reached and how far numbers vary. A seed takes some minutes on two processors; it is
@@ -47,7 +48,7 @@ def thesis(
             how often each verdict came out in the repetition that this version ships with.
         quick: Records of 40 s instead of 240 s: a preview, not a result.
         threads: Threads of the simulation; the results do not depend on it.
-        figures: Keep every figure too, as SVG and PNG in the folder figures.
+        figures: Keep every figure too, as SVG and PNG and its values as CSV in the folder figures.
         logs: Keep the logs too, as NetCDF4.
         json: Print the results as JSON.
     """
@@ -55,12 +56,13 @@ def thesis(
     from scenarios.experiments.waveform import seed_range
     from scenarios.files.data_file import write_log
     from scenarios.jobs.progress import Progress, show_progress
+    from scenarios.thesis.answer import measure_answer, sentences
     from scenarios.thesis.campaign import EVERY_TEST
     from scenarios.thesis.findings import findings
     from scenarios.thesis.frequencies import frequency_text, source_text
     from scenarios.thesis.monte_carlo import recorded
     from scenarios.thesis.report import write_report
-    from scenarios.thesis.results import answer, results
+    from scenarios.thesis.results import results
     from scenarios.thesis.steps import FIGURES
     from scenarios.thesis.study import planned_steps, run_study
 
@@ -72,7 +74,7 @@ def thesis(
         folder = stack.enter_context(output_folder(out, *names))
         pictures = folder / "figures" if figures else None
         if pictures is not None:
-            earlier = [path.name for ending in ("svg", "png") for path in pictures.glob(f"*.{ending}")]
+            earlier = [path.name for ending in ("svg", "png", "csv") for path in pictures.glob(f"*.{ending}")]
             stack.enter_context(output_folder(pictures, *earlier))
         if seeds > 1:
             # First, because each seed is saved as it ends: an interruption later costs none of them.
@@ -82,11 +84,13 @@ def thesis(
         with show_progress("study") as show:
             steps = planned_steps(
                 duration=duration,
-                afterwards=("findings", "report"),
+                afterwards=("answer", "findings", "report"),
                 report=lambda step, done, total: show(Progress(step, done, total, weighted=True)),
             )
             comparison = run_study(seed=seed, duration=duration, threads=threads, steps=steps)
             begin = perf_counter()
+            with steps.step("answer") as part:
+                answer = measure_answer(comparison, threads=threads, progress=part.of_total)
             with steps.step("findings"):
                 verdicts = findings(comparison)
             comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin))
@@ -95,13 +99,15 @@ def thesis(
                 report = write_report(
                     comparison,
                     verdicts,
+                    answer,
                     folder / "report.html",
                     many,
                     figures=pictures,
                     drawn=lambda number: part.of_total(number, FIGURES),
                 )
             comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin, report=True))
-        record = results(comparison, verdicts, report, many)
+        record = {**results(comparison, verdicts, report, many), "answer": " ".join(sentences(answer))}
+        record["responses"] = answer.record()
         # Before the logs: a disk that is full with them costs no conclusion.
         write_whole(folder / "results.json", json_text(record))
         for log in comparison.logs.values() if logs else ():
@@ -131,7 +137,7 @@ def thesis(
     print_table("Findings", ("", "verdict", "seeds", "claim"), lines)
     if many:
         say(source_text(many, seed))
-    say(answer(comparison))
+    say_each("", sentences(answer))
     say(f"Report: {report}")
     say_each("failed: ", failures)
     return 1 if failures else 0

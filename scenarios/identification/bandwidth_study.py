@@ -114,7 +114,10 @@ class BandwidthStudy:
                 joint: {"hz": truth.bandwidth_hz, "half_power_hz": half_power_hz(truth.model)}
                 for joint, truth in truths.items()
             },
-            "best_linear": [{**vars(one), "excitation": one.described} for one in self.best_linear.values()],
+            "best_linear": [
+                {**{name: value for name, value in vars(one).items() if name != "response"}, "excitation": one.described}
+                for one in self.best_linear.values()
+            ],
             "published": {joint: {one.label: one.bandwidth_hz for one in published(joint)} for joint in self.joints},
             "failed": dict(self.failed),
             "duration": self.duration,

@@ -3,7 +3,7 @@
 import base64
 import io
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -88,7 +88,6 @@ class Picture:
         name: Its name as a file, without suffix: lower case, words apart by hyphens.
         svg: The element.
         caption: What it shows and how to read it.
-        thesis: Figures of the thesis whose counterpart it is, e.g. ``("22", "A2", "A17")``.
         shape: Width over height: what the page keeps free until the figure comes into view.
     """
 
@@ -96,7 +95,6 @@ class Picture:
     name: str
     svg: str
     caption: str
-    thesis: tuple[str, ...]
     shape: float
 
 
@@ -118,14 +116,13 @@ class Gallery:
         self._drawn = drawn or (lambda number: None)
         self.pictures: list[Picture] = []
 
-    def add(self, figure: Figure, caption: str, *, name: str, thesis: Sequence[str] = ()) -> Picture:
+    def add(self, figure: Figure, caption: str, *, name: str) -> Picture:
         """Take a figure.
 
         Args:
             figure: The figure.
             caption: What it shows and how to read it: also its description for those who cannot see it.
             name: Its name as a file; each once.
-            thesis: Figures of the thesis whose counterpart it is.
 
         Returns:
             The figure as the page holds it.
@@ -142,15 +139,10 @@ class Gallery:
                 save_figure(figure, self.folder / f"{name}.{kind}", dpi=200)
         text = caption[:1].upper() + caption[1:]
         width, height = figure.get_size_inches()
-        picture = Picture(number, name, svg(figure, text, f"f{number}"), text, tuple(thesis), width / height)
+        picture = Picture(number, name, svg(figure, text, f"f{number}"), text, width / height)
         self.pictures.append(picture)
         self._drawn(number)
         return picture
-
-    def counterparts(self) -> Mapping[str, tuple[Picture, ...]]:
-        """Pictures by figure of the thesis."""
-        entries = dict.fromkeys(entry for picture in self.pictures for entry in picture.thesis)
-        return {entry: tuple(one for one in self.pictures if entry in one.thesis) for entry in entries}
 
 
 def _lay_out(figure: Figure) -> None:

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from scenarios.report.figures import Picture
-
 
 class Page:
     """A page of which several templates are parts.
@@ -47,9 +45,9 @@ class Page:
         """
         return Markup(self._environment.get_template(template).render(context))
 
-    def number(self, picture: Picture) -> int:
+    def number(self, name: str) -> int:
         """Number of a figure: its place on the page among those that were rendered before."""
-        return self._numbers.setdefault(picture.name, len(self._numbers) + 1)
+        return self._numbers.setdefault(name, len(self._numbers) + 1)
 
     def part(self, name: str) -> str:
         """Begin a part of the page; return its name."""

@@ -1,13 +1,11 @@
 """Report section on published values: those the twin assumes and those it reproduces."""
 
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import degrees
 
 import numpy as np
 
-import sysid
 from hmtb_twin import STUDIED_JOINTS
 from hmtb_twin.parameters.drives import Friction
 from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, MOTIONS, SERVOS
@@ -15,10 +13,8 @@ from scenarios.experiments.campaign import RPCM
 from scenarios.experiments.registry import names as tests
 from scenarios.files.errors import MissingRecordError
 from scenarios.identification.recovered_bandwidth import near_1_hz
-from scenarios.report.figure_style import short
-from scenarios.report.figures import Gallery
-from scenarios.thesis.chapter_5 import printed_outputs
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.estimates import Fits, fits
 from scenarios.thesis.finding import Finding
 from scenarios.truth.published import (
     DRAWS,
@@ -29,7 +25,7 @@ from scenarios.truth.published import (
     PublishedModel,
     published,
 )
-from sysid import IOData, SysidWarning
+from sysid import IOData
 
 
 @dataclass(frozen=True)
@@ -92,23 +88,6 @@ def _span(values: Iterable[float]) -> str:
     return texts[0] if len(texts) == 1 else f"{texts[0]} to {texts[-1]}"
 
 
-SHOWN = (5, 4)
-"""Single-joint tests in the figures: PRBS, two sines."""
-
-
-@dataclass(frozen=True)
-class PrintedFit:
-    """Fit of a printed model to a record of the twin.
-
-    Attributes:
-        simulation: Fit in simulation, percent.
-        one_step: Fit one step ahead with the printed gain, percent.
-    """
-
-    simulation: float
-    one_step: float
-
-
 @dataclass(frozen=True, eq=False)
 class PrintedRow:
     """A printed model in the table.
@@ -126,51 +105,23 @@ class PrintedRow:
     digits: DigitRange
     near: bool
     observer: float
-    singles: dict[int, PrintedFit]
-    several: dict[str, PrintedFit]
+    singles: dict[int, Fits]
+    several: dict[str, Fits]
 
 
-def published_section(study: Comparison, gallery: Gallery) -> dict[str, object]:
-    """Figures and numbers of the section.
+def published_section(study: Comparison) -> dict[str, object]:
+    """Numbers of the section.
 
     Args:
         study: The study.
-        gallery: Takes the figures, in the order of the page.
 
     Returns:
-        What the template shows.
+        Variables of the template.
     """
     records = several_records(study)
     rows = [printed_row(study, entry, records) for entry in (*PUBLISHED, EQUATIONS["4.7+4.9"])]
     rows.sort(key=lambda row: (STUDIED_JOINTS.index(row.printed.joint), row.printed.method))
-    # Second prints of one model lie on each other; the first is drawn.
-    printed_rows = [row.printed for row in rows if row.printed.name not in ("4.9", "4.7+4.9")]
-    return {
-        "rows": rows,
-        "records": list(records),
-        "draws": DRAWS,
-        "systems": SYSTEMS,
-        "figures": [
-            gallery.add(
-                printed_outputs(
-                    study.joints[joint].data[number],
-                    {
-                        printed: sysid.compare(printed.model, study.joints[joint].data[number])[0]
-                        for printed in printed_rows
-                        if printed.joint == joint
-                    },
-                    f"{short(joint)}, test {number}",
-                    length=4.0 if number == SHOWN[0] else 2.0,
-                ),
-                f"{short(joint)}: the printed models simulated on the twin's command of test {number}, with their fits "
-                "over the whole record. They were identified from the real arm, so the twin owes them nothing.",
-                name=f"published-{number}-{joint.replace('_', '-')}",
-            )
-            for joint in study.joints
-            for number in SHOWN
-            if number in study.joints[joint].data
-        ],
-    }
+    return {"rows": rows, "records": list(records), "draws": DRAWS, "systems": SYSTEMS}
 
 
 def printed_row(study: Comparison, printed: PublishedModel, records: dict[str, IOData]) -> PrintedRow:
@@ -191,8 +142,8 @@ def printed_row(study: Comparison, printed: PublishedModel, records: dict[str, I
         digits=printed.digit_range,
         near=near_1_hz(printed.bandwidth_hz),
         observer=float(np.abs(np.roots(printed.noise_polynomial)).max(initial=0.0)),
-        singles={number: _fit(printed, data) for number, data in singles.items()},
-        several={name: _fit(printed, data.select(inputs=[k], outputs=[k])) for name, data in records.items()},
+        singles={number: fits(printed.model, data) for number, data in singles.items()},
+        several={name: fits(printed.model, data.select(inputs=[k], outputs=[k])) for name, data in records.items()},
     )
 
 
@@ -205,10 +156,3 @@ def several_records(study: Comparison, names: Sequence[str] | None = None) -> di
         except MissingRecordError:
             continue
     return records
-
-
-def _fit(printed: PublishedModel, data: IOData) -> PrintedFit:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SysidWarning)
-        (fit,) = sysid.compare(printed.model, data)
-    return PrintedFit(float(fit.simulation[0]), float(fit.one_step[0]))

@@ -1,12 +1,12 @@
-"""HTML report of the study: context of its template, shortcomings and rendering."""
+"""HTML report of the study: context of its templates, shortcomings and rendering."""
 
+import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
-import matplotlib
 import numpy as np
 
 from hmtb_twin.files.atomic_write import check_place, write_whole
@@ -17,8 +17,8 @@ from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
-from scenarios.report.figures import SETTINGS, Gallery, Picture
 from scenarios.report.page import Page
+from scenarios.thesis.answer import Answer, sentences
 from scenarios.thesis.attribution import CONDITIONS, COVERAGE
 from scenarios.thesis.chapter_3 import chapter_3
 from scenarios.thesis.chapter_4 import chapter_4
@@ -26,34 +26,25 @@ from scenarios.thesis.chapter_5 import chapter_5
 from scenarios.thesis.chapter_6 import chapter_6
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fairness_section import fairness_section
-from scenarios.thesis.figure_map import map_figures
-from scenarios.thesis.figures_overview import arm_picture, bandwidths, exchange, true_responses
-from scenarios.thesis.finding import CLAIMS, Finding, Verdict
+from scenarios.thesis.figures import ReportFigure, report_figures, without_counterpart, write_figures
+from scenarios.thesis.finding import CLAIMS, Finding
 from scenarios.thesis.frequencies import ORDER, chance, frequency_text
+from scenarios.thesis.long_tables import LongTables
 from scenarios.thesis.number_text import limits, parts, root, value_text
+from scenarios.thesis.pictures import arm_picture, exchange, film
+from scenarios.thesis.plotting_library import compressed_plotly
 from scenarios.thesis.published_section import assumed_values, assumed_values_of, published_section
-from scenarios.thesis.response_figures import EXCITED_FROM
-from scenarios.thesis.results import answers, departures, friction_in_words, headline
+from scenarios.thesis.response_charts import EXCITED_FROM
+from scenarios.thesis.results import departures, friction_in_words
 from scenarios.thesis.robustness_section import robustness
 from scenarios.thesis.tally import Tally
 from sysid.models.bandwidth import half_power_hz
 
-
-@dataclass(frozen=True)
-class Miss:
-    """An interval that does not hold the truth.
-
-    Attributes:
-        joint: Name of the joint.
-        label: The model.
-        away: Of the estimate from the truth, percent.
-        widths: The same in half widths of the interval.
-    """
-
-    joint: str
-    label: str
-    away: float
-    widths: float
+SECTIONS: Mapping[str, Callable[[Comparison], object]] = {
+    **{"chapter_3": chapter_3, "chapter_4": chapter_4, "chapter_5": chapter_5, "chapter_6": chapter_6},
+    **{"published": published_section, "fairness": fairness_section, "robustness": robustness},
+}
+"""Variables of the sections, by the name that their templates know."""
 
 
 @dataclass(frozen=True)
@@ -61,22 +52,19 @@ class Shortcomings:
     """Claims and numbers of the report that do not hold.
 
     Attributes:
-        refuted: Findings that are not reproduced.
-        partly: Findings of which a part is, or that depend on the reading.
-        open: Findings that cannot be told.
+        findings: Findings by verdict, those that are reproduced left out.
         turned: Findings of which more seeds reached another verdict than that of this run, with how many reached which.
-        misses: Intervals that do not hold the truth, the farthest first.
+        misses: Bandwidths that disagree with the best linear truth, the farthest first: joint, model, and distance from
+            it in percent and in half widths of the interval.
         intervals: Number of intervals in all.
-        far: Identified models that are not near 1 Hz, as joint and label.
-        printed_far: The thesis' printed models that are not near 1 Hz.
+        far: Identified models that are not near 1 Hz: joint, label and bandwidth, Hz.
+        printed_far: The same of the thesis' printed models.
         printed: Number of printed models.
     """
 
-    refuted: tuple[Finding, ...]
-    partly: tuple[Finding, ...]
-    open: tuple[Finding, ...]
+    findings: Mapping[str, tuple[Finding, ...]]
     turned: tuple[tuple[Finding, str], ...]
-    misses: tuple[Miss, ...]
+    misses: tuple[tuple[str, str, float, float], ...]
     intervals: int
     far: tuple[tuple[str, str, float], ...]
     printed_far: tuple[tuple[str, str, float], ...]
@@ -90,30 +78,30 @@ def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | 
         study: The study.
         findings: Its findings, decided.
         tally: Many seeds.
-
-    Returns:
-        The lists.
     """
-
-    def with_verdict(*verdicts: Verdict) -> tuple[Finding, ...]:
-        return tuple(entry for entry in findings if entry.verdict in verdicts)
-
-    misses = []
-    for name, entry in study.joints.items():
-        true = entry.best_linear.hz
-        for model in entry.models.values():
-            if not model.covers:
-                half = (model.ci95[1] - model.ci95[0]) / 2
-                away = model.bandwidth_hz - true
-                misses.append(Miss(name, model.label, 100 * away / true, abs(away) / half))
     models = [(name, model) for name, entry in study.joints.items() for model in entry.models.values()]
     printed = [(name, model) for name, entry in study.joints.items() for model in entry.published]
+    misses = []
+    for name, model in models:
+        if not model.covers:
+            true, half = study.joints[name].best_linear.hz, (model.ci95[1] - model.ci95[0]) / 2
+            away = model.bandwidth_hz - true
+            misses.append((name, model.label, 100 * away / true, abs(away) / half))
+    turned = []
+    for entry in findings:
+        if tally is None:
+            break
+        frequency = tally.frequency(entry.key)
+        if frequency.counts and frequency.against(entry.verdict):
+            turned.append((entry, frequency_text(entry, tally)))
     return Shortcomings(
-        refuted=with_verdict("not reproduced"),
-        partly=with_verdict("partly", "depends on the reading"),
-        open=with_verdict("cannot be told"),
-        turned=() if tally is None else tuple(_changed_verdicts(findings, tally)),
-        misses=tuple(sorted(misses, key=lambda miss: -abs(miss.away))),
+        findings={
+            verdict: tuple(entry for entry in findings if entry.verdict == verdict)
+            for verdict in ORDER
+            if not verdict.startswith("reproduced")
+        },
+        turned=tuple(turned),
+        misses=tuple(sorted(misses, key=lambda miss: -abs(miss[2]))),
         intervals=len(models),
         far=tuple((name, m.label, m.bandwidth_hz) for name, m in models if not near_1_hz(m.bandwidth_hz)),
         printed_far=tuple((name, m.label, m.bandwidth_hz) for name, m in printed if not near_1_hz(m.bandwidth_hz)),
@@ -121,57 +109,46 @@ def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | 
     )
 
 
-def _changed_verdicts(findings: Sequence[Finding], tally: Tally) -> Iterator[tuple[Finding, str]]:
-    for entry in findings:
-        frequency = tally.frequency(entry.key)
-        if frequency.counts and frequency.against(entry.verdict):
-            yield entry, frequency_text(entry, tally)
-
-
-SECTIONS: tuple[tuple[str, Callable[[Comparison, Gallery], object]], ...] = (
-    ("overview", lambda study, gallery: _overview(study, gallery)),
-    ("truth_figure", lambda study, gallery: _truth(study, gallery)),
-    ("chapter_3", chapter_3),
-    ("chapter_4", chapter_4),
-    ("chapter_5", chapter_5),
-    ("chapter_6", chapter_6),
-    ("published", published_section),
-    ("fairness", fairness_section),
-    ("robustness", robustness),
-)
-"""Sections of the report with figures, by template name."""
-
-
-def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, tally: Tally | None) -> dict[str, object]:
-    """Return the context of the templates.
+def context(
+    study: Comparison,
+    findings: Sequence[Finding],
+    answer: Answer,
+    tally: Tally | None = None,
+    drawn: Callable[[int], None] | None = None,
+) -> dict[str, object]:
+    """Return the variables of the templates by name.
 
     Args:
         study: The study.
         findings: Its findings, decided.
-        gallery: Takes the figures.
+        answer: Responses on the first screen.
         tally: Conclusions of many seeds, if the page is to speak of chance.
-
-    Returns:
-        By name.
+        drawn: Called with the number of figures drawn after each.
     """
     arm, no_arm = arm_picture()
     moments, outcome = exchange(study)
-    sections = {name: section(study, gallery) for name, section in SECTIONS}
-    counterparts = map_figures(gallery.counterparts())
-    expected = [number for entry in counterparts if not entry.kind.instead for number in entry.kind.numbers]
+    figures = report_figures(study, answer, drawn)
     parameters = _parameters()
     counts = Counter(entry.verdict for entry in findings)
+    logs = [log for campaign in study.campaigns for log in campaign.logs.values()]
     return {
-        **sections,
+        **{name: section(study) for name, section in SECTIONS.items()},
         "study": study,
         "findings": findings,
         "criteria": CLAIMS.values(),
         "verdicts": [(name, counts[name]) for name in ORDER if counts[name]],
         "chance": chance(findings, tally, study.seed),
-        "answers": answers(study),
-        "headline": headline(study),
+        "sentences": sentences(answer),
+        "answer": answer,
+        "figures": figures,
+        "without": without_counterpart(),
         "about": ABOUT_1_HZ,
-        "extent": _extent(study),
+        "extent": {
+            "experiments": len(logs),
+            "arms": len(study.campaigns),
+            "hours": sum(len(log) * log.dt for log in logs) / 3600.0,
+            "rate": SAMPLE_RATE,
+        },
         "lowest": EXCITED_FROM,
         "points": POINTS,
         "settling": SETTLING,
@@ -181,6 +158,7 @@ def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, ta
         "friction": friction_in_words(study),
         "arm": arm,
         "no_arm": no_arm,
+        "film": film(study),
         "moments": moments,
         "exchange_outcome": outcome,
         "assumed_values": assumed_values(),
@@ -189,42 +167,6 @@ def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, ta
         "tags": Counter(entry["tag"] for entry in parameters).most_common(),
         "joints": [{"result": entry, "attribution": study.attribution[name]} for name, entry in study.joints.items()],
         "short": shortcomings(study, findings, tally),
-        "figure_map": counterparts,
-        "mapped_total": len(expected),
-        "mapped_count": len(expected) - sum(len(entry.missing) for entry in counterparts),
-        "figure_count": len(gallery.pictures),
-    }
-
-
-def _overview(study: Comparison, gallery: Gallery) -> Picture:
-    low, high = ABOUT_1_HZ
-    return gallery.add(
-        bandwidths(study),
-        "Bandwidth of each joint, 3.01 dB below the gain at 0 Hz: recovered by every method with its 95 % interval "
-        "(markers), and of the published models (stars), against the true value of the twin (black line). Bars: where "
-        f"the gain is 0.707, whatever it is at 0 Hz. Grey: what counts as about 1 Hz, {low:g} to {high:g} Hz; dotted: "
-        "1 Hz.",
-        name="bandwidths",
-    )
-
-
-def _truth(study: Comparison, gallery: Gallery) -> Picture:
-    return gallery.add(
-        true_responses(study),
-        "The true joints: gain and phase from command to measured angle of the same joint. Dots: 3.01 dB below the "
-        "gain at 0 Hz; dotted: 1 Hz.",
-        name="truth",
-    )
-
-
-def _extent(study: Comparison) -> dict[str, float]:
-    """Return the amount of records, over all arms."""
-    logs = [log for campaign in study.campaigns for log in campaign.logs.values()]
-    return {
-        "experiments": len(logs),
-        "arms": len(study.campaigns),
-        "hours": sum(len(log) * log.dt for log in logs) / 3600.0,
-        "rate": SAMPLE_RATE,
     }
 
 
@@ -262,20 +204,22 @@ def _parameters() -> list[dict[str, str]]:
 def write_report(
     study: Comparison,
     findings: Sequence[Finding],
+    answer: Answer,
     path: Path,
     tally: Tally | None = None,
     *,
     figures: Path | None = None,
     drawn: Callable[[int], None] | None = None,
 ) -> Path:
-    """Write the report.
+    """Write the report, and its long tables as CSV files in the folder `tables` beside it.
 
     Args:
         study: The study.
         findings: The decided findings.
+        answer: Responses on the first screen.
         path: The HTML file.
         tally: Conclusions of many seeds; without them the report does not speak of chance.
-        figures: Folder for every figure as SVG and PNG too, which must exist; none are written if None.
+        figures: Folder for every figure as SVG, PNG and CSV too, which must exist; none are written if None.
         drawn: Called with the number of figures drawn after each.
 
     Returns:
@@ -288,22 +232,27 @@ def write_report(
     if not path.parent.is_dir():
         raise ScenarioError(f"cannot write the report {str(path)!r}: there is no folder {str(path.parent)!r}")
     begin = perf_counter()
-    with matplotlib.rc_context(SETTINGS):
-        values = context(study, findings, Gallery(figures, drawn), tally)
+    values = context(study, findings, answer, tally, drawn)
     values["study"] = replace(study, cost=study.cost.later(perf_counter() - begin, report=True))
+    text, tables = html(values)
     try:
-        write_whole(path, html(values))
+        tables.write(path.parent / "tables")
+        if figures is not None:
+            known: Mapping[str, ReportFigure] = values["figures"]  # type: ignore[assignment]
+            write_figures(known.values(), figures)
+        write_whole(path, text)
     except OSError as error:
         raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
     return path
 
 
-def html(values: Mapping[str, object]) -> str:
-    """The page as text.
+def html(values: Mapping[str, object]) -> tuple[str, LongTables]:
+    """The page as text, and the tables that are too long for it.
 
     Args:
         values: Variables of the templates, see `context`.
     """
+    tables = LongTables()
     page = Page(
         {
             "si": lambda value, digits=4: "–" if not np.isfinite(value) else f"{value:.{digits}g}",
@@ -313,9 +262,14 @@ def html(values: Mapping[str, object]) -> str:
             "level": half_power_hz,
             "root": root,
             "words": lambda name: name.replace("_", " "),
+            "csv": tables.take,
         }
     )
+    figures: Mapping[str, ReportFigure] = values["figures"]  # type: ignore[assignment]
+    charts = json.dumps({name: one.chart.data() for name, one in figures.items()}, separators=(",", ":"))
     # On paper the answer comes first and then the contents, which are known once all sections are rendered.
     answer = page.render("answer.html.j2", values)
     body = page.render("body.html.j2", values)
-    return page.render("report.html.j2", {**values, "answer": answer, "body": body})
+    # An end tag inside a string would end the script.
+    scripts = {"charts": charts.replace("</", "<\\/"), "plotly": compressed_plotly()}
+    return page.render("report.html.j2", {**values, **scripts, "answer": answer, "body": body}), tables

@@ -1,7 +1,7 @@
 """Best linear approximation for a test, measured under a multisine of the same band and strength as its command."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from hmtb_twin.parameters.values import SAMPLE_TIME
 from hmtb_twin.run.experiment_row import experiment_arm, prepare
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.truth.best_linear import REALISATIONS, best_linear, cautions
-from sysid import IOData
+from sysid import FrequencyResponse, IOData
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 from sysid.records.arrays import FloatArray
 
@@ -48,6 +48,7 @@ class BestLinearOfTest:
         distortion_percent: Nonlinear distortion, percent of the linear part.
         physics_s: Wall time in the physics, s.
         cautions: Reasons not to rely on it, in words.
+        response: The response from commanded to measured angle, with its uncertainty.
     """
 
     joint: str
@@ -64,6 +65,7 @@ class BestLinearOfTest:
     distortion_percent: float
     physics_s: float
     cautions: tuple[str, ...]
+    response: FrequencyResponse = field(repr=False, compare=False)
 
     @property
     def described(self) -> str:
@@ -114,6 +116,7 @@ def best_linear_of_test(
         distortion_percent=float(approximation.distortion_percent[0]),
         physics_s=approximation.physics_seconds,
         cautions=cautions(approximation, linearize(experiment_arm(base), setting.pose, amplitudes=())),
+        response=response,
     )
 
 

@@ -1,14 +1,11 @@
-"""Records that cost no simulation, and the report of the study, drawn once."""
+"""Records that cost no simulation, and the report of the study, made once."""
 
-from dataclasses import dataclass
-
-import matplotlib
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from hmtb_twin import JOINTS, JointLog
-from scenarios.report.figures import SETTINGS, Gallery
+from scenarios.thesis.answer import measure_answer
 from scenarios.thesis.findings import findings
 from scenarios.thesis.report import context
 
@@ -48,17 +45,16 @@ def synthetic_logs():
     return made
 
 
-@dataclass(frozen=True)
-class Report:
-    """Variables of the report's templates, and its figures."""
-
-    context: dict[str, object]
-    gallery: Gallery
+@pytest.fixture(scope="session")
+def answer(study):
+    """Responses of the first screen, from fewer records than a study has."""
+    return measure_answer(study, seeds=(1, 2))
 
 
 @pytest.fixture(scope="session")
-def report(study):
-    """The report of the study: drawn once, because a hundred figures take half a minute."""
-    gallery = Gallery()
-    with matplotlib.rc_context(SETTINGS):
-        return Report(context(study, findings(study), gallery, None), gallery)
+def report(study, answer):
+    """Variables of the report's templates: computed once."""
+    with pytest.MonkeyPatch.context() as patch:
+        # Two frames show as much as fifty.
+        patch.setattr("scenarios.thesis.pictures.SPAN", (20.0, 20.1))
+        return context(study, findings(study), answer)

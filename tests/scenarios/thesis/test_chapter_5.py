@@ -1,17 +1,11 @@
-"""Chapter V on the page: counterparts of its figures, the realisation beside the print, the printed models."""
+"""Chapter V on the page: the realisation beside the print, the printed models."""
 
+import numpy as np
 import pytest
 
 from scenarios.thesis.chapter_5 import realisation
-from scenarios.thesis.published_section import PrintedFit, printed_row, several_records
+from scenarios.thesis.published_section import printed_row, several_records
 from scenarios.truth.published import BY_NAME
-
-
-def test_every_figure_of_the_chapter_has_its_counterpart(report, study):
-    expected = {*(str(n) for n in range(50, 56)), *(f"A{n}" for n in range(52, 64))}
-    numbers = [picture.thesis for picture in report.gallery.pictures if expected.intersection(picture.thesis)]
-    assert sorted(numbers) == sorted((number,) for number in expected)
-    assert report.context["chapter_5"]["several"] == study.observers.several
 
 
 def test_realisation_is_laid_beside_the_print(study):
@@ -32,7 +26,7 @@ def test_printed_models_are_simulated_on_our_inputs(study):
     for name, row in rows.items():
         assert set(row.singles) == set(range(1, 9))
         assert set(row.several) == {"mimo-10", "rpcm"}
-        assert all(isinstance(fit, PrintedFit) for fit in row.singles.values())
+        assert all(np.isfinite((fit.simulation, fit.one_step)).all() for fit in row.singles.values())
         assert row.near == (name == "4.10")
         assert row.observer < 1.0
     # Without an observer the prediction is the simulation; with one it is better whatever the dynamics.

@@ -10,7 +10,7 @@ from scenarios.identification.methods import estimate
 from scenarios.thesis import fairness_table
 from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.estimates import Fits
-from scenarios.thesis.fairness_section import changes_text, conclusions, dumbbells, percent
+from scenarios.thesis.fairness_section import changes_text, conclusions, percent
 from scenarios.thesis.fairness_table import ArmFairness, FairModel, Fairness, ThreeJointFits
 from sysid import SysidError
 
@@ -100,7 +100,6 @@ def test_a_refused_model_leaves_out_what_it_is_part_of(synthetic_logs, monkeypat
         "SysID or OKID better on single-joint tests not seen, in simulation",
     ):
         assert by_name[question] is None
-    dumbbells(Fairness((first,), 5))
 
 
 def test_conclusions_that_change_are_told_from_those_that_stay():
@@ -119,7 +118,6 @@ def test_conclusions_that_change_are_told_from_those_that_stay():
     assert changes_text(alone) == ""
 
 
-def test_fits_without_bound_are_printed_as_such(study):
+def test_fits_without_bound_are_printed_as_such():
     assert percent(98.123) == "98.1"
     assert percent(float("-inf")) == percent(-3e150) == "< −1000"
-    assert len(dumbbells(study.fairness).axes) == 3 * sum(bool(entry.joints) for entry in study.fairness.arms)

@@ -1,0 +1,237 @@
+"""Charts of the report: panels of curves in views to switch between, as data for the page and as drawings for files."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+from math import isfinite
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from scenarios.report.figure_style import WIDTH, dress
+from sysid import StateSpace
+from sysid.plots import BOUND, PALETTE, Style
+
+Kind = Literal["line", "step", "stem"]
+
+DASHES = {"-": "solid", "--": "dash", "-.": "dashdot", ":": "dot", "": ""}
+SYMBOLS = {
+    **{"o": "circle", "s": "square", "^": "triangle-up", "D": "diamond", "v": "triangle-down", "P": "cross"},
+    **{"X": "x", "*": "star", ".": "circle", "h": "hexagon", "d": "diamond-tall", "x": "x-thin-open"},
+}
+"""Plotly's names of line patterns and markers."""
+
+COLUMNS = 250
+"""Columns of a long record: more than the eye resolves in a panel."""
+
+JOINT = "Joint"
+"""Name of the choice of a joint."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A curve or a set of marks.
+
+    Attributes:
+        label: Name in the legend, where each stands once; entries of one name are switched together.
+        x: Values on the x axis (N,), or names.
+        y: Values on the y axis (N,), or names.
+        style: How it looks; without a line pattern, marks alone.
+        low: Lower end of a band or of bars round each value (N,).
+        high: Upper end.
+        kind: A line through the values, steps that hold each until the next, or a bar from zero to each.
+        along: Whether low and high are ends in x, not in y.
+    """
+
+    label: str
+    x: Any
+    y: Any
+    style: Style
+    low: Any = None
+    high: Any = None
+    kind: Kind = "line"
+    along: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Axes with what is drawn on them.
+
+    Attributes:
+        x: Label of the x axis, with its unit.
+        y: Label of the y axis, with its unit.
+        series: What is drawn.
+        title: Text above.
+        log: Which axes are logarithmic.
+        x_limits: Ends of the x axis.
+        y_limits: Ends of the y axis.
+        marks: Lines across: the axis that they stand on, x or y, the value there, a text.
+        equal: Whether a unit has the same length on both axes.
+    """
+
+    x: str
+    y: str
+    series: tuple[Series, ...]
+    title: str = ""
+    log: Literal["", "x", "y", "xy"] = ""
+    x_limits: tuple[float, float] | None = None
+    y_limits: tuple[float, float] | None = None
+    marks: tuple[tuple[str, float, str], ...] = ()
+    equal: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """Panels, one set for each view.
+
+    Attributes:
+        views: Panels by what was chosen; the first is shown first.
+        choices: What can be chosen, such as the joint: one name for each part of a view's key.
+        columns: Panels side by side where the page is wide enough.
+        height: Of a row of panels, pixels.
+    """
+
+    views: Mapping[tuple[str, ...], tuple[Panel, ...]]
+    choices: tuple[str, ...] = (JOINT,)
+    columns: int = 1
+    height: int = 250
+
+    def data(self) -> dict[str, Any]:
+        """The chart as plain lists and mappings: numbers to four digits, equal lists of x once."""
+        shared: dict[tuple[Any, ...], int] = {}
+        views = {"|".join(key): [_panel(panel, shared) for panel in panels] for key, panels in self.views.items()}
+        options = [list(dict.fromkeys(key[k] for key in self.views)) for k in range(len(self.choices))]
+        return {
+            "choices": list(zip(self.choices, options, strict=True)),
+            "columns": self.columns,
+            "height": self.height,
+            "views": views,
+            "x": [list(values) for values in shared],
+        }
+
+
+def by_view(draw: Callable[..., tuple[Panel, ...]], *options: Mapping[str, Any]) -> dict[tuple[str, ...], Any]:
+    """Panels of every combination of options; combinations without panels are left out.
+
+    Args:
+        draw: Called with one value of each.
+        options: Values by the name that is shown.
+    """
+    views = {
+        tuple(name for name, _ in chosen): draw(*(value for _, value in chosen))
+        for chosen in product(*(entry.items() for entry in options))
+    }
+    return {key: panels for key, panels in views.items() if panels}
+
+
+def _numbers(values: Any) -> tuple[Any, ...]:
+    items = np.asarray(values).ravel().tolist()
+    return tuple(
+        value if isinstance(value, str) else (float(f"{value:.4g}") if isfinite(value) else None) for value in items
+    )
+
+
+def _panel(panel: Panel, shared: dict[tuple[Any, ...], int]) -> dict[str, Any]:
+    series = []
+    for entry in panel.series:
+        ends = {name: _numbers(end) for name, end in (("lo", entry.low), ("hi", entry.high)) if end is not None}
+        series.append(
+            {
+                "n": entry.label,
+                "x": shared.setdefault(_numbers(entry.x), len(shared)),
+                "y": _numbers(entry.y),
+                "c": entry.style.colour,
+                "d": DASHES.get(entry.style.line, "longdashdot")
+                if isinstance(entry.style.line, str)
+                else "longdashdot",
+                "w": entry.style.width,
+                "m": "" if entry.style.line else SYMBOLS.get(entry.style.marker, "circle"),
+                "k": entry.kind,
+                "along": entry.along,
+                **ends,
+            }
+        )
+    return {
+        **{"t": panel.title, "x": panel.x, "y": panel.y, "log": panel.log, "equal": panel.equal},
+        **{"xr": panel.x_limits, "yr": panel.y_limits, "marks": panel.marks, "s": series},
+    }
+
+
+def draw(panels: Sequence[Panel], columns: int = 1) -> Figure:
+    """Draw the panels of one view as a figure of a fixed size, for files."""
+    rows = -(-len(panels) // columns)
+    figure = Figure(figsize=(WIDTH * max(1.0, 0.6 * columns), 0.6 + 2.3 * rows), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid[len(panels) :]:
+        axes.axis("off")
+    handles: dict[str, Any] = {}
+    for axes, panel in zip(grid, panels, strict=False):
+        for entry in panel.series:
+            handles.setdefault(entry.label, _draw_series(axes, entry))
+        for axis, value, text in panel.marks:
+            line = axes.axvline if axis == "x" else axes.axhline
+            line(value, color=BOUND.colour, ls=":", lw=1.0, label=text)
+        axes.set(xlabel=panel.x, ylabel=panel.y, xlim=panel.x_limits, ylim=panel.y_limits)
+        axes.set_xscale("log" if "x" in panel.log else "linear") if panel.log else None
+        axes.set_yscale("log") if "y" in panel.log else None
+        axes.set_aspect("equal") if panel.equal else None
+        axes.set_title(panel.title, loc="left", fontsize=8.5)
+    dress(grid[: len(panels)])
+    figure.legend(
+        handles.values(), handles.keys(), loc="outside upper left", ncols=1 + columns, frameon=False, fontsize=8
+    )
+    return figure
+
+
+def _draw_series(axes: Axes, entry: Series) -> Any:
+    look, x, y = entry.style, np.asarray(entry.x), np.asarray(entry.y)
+    if entry.low is not None and look.line and not entry.along:
+        axes.fill_between(x, np.asarray(entry.low), np.asarray(entry.high), color=look.colour, alpha=0.2, lw=0)
+    elif entry.low is not None:
+        lines = axes.hlines if entry.along else axes.vlines
+        lines(y if entry.along else x, entry.low, entry.high, color=look.colour, lw=0.9)
+    if entry.kind == "stem":
+        axes.vlines(x, 0.0, y, color=look.colour, lw=look.width)
+    steps: Any = "steps-post" if entry.kind == "step" else "default"
+    marker = "" if look.line else look.marker
+    (line,) = axes.plot(x, y, color=look.colour, ls=look.line, lw=look.width, marker=marker, ms=4, drawstyle=steps)
+    return line
+
+
+def gain_series(
+    label: str, model: StateSpace, frequencies: np.ndarray, style: Style, channel: tuple[int, int] = (0, 0)
+) -> Series:
+    """Gain of a model's channel, from input to output, over frequency (F,), Hz."""
+    row, column = channel
+    return Series(label, frequencies, np.abs(model.frequency_response(frequencies)[:, row, column]), style)
+
+
+def record_series(
+    label: str, values: np.ndarray, dt: float, style: Style, *, start: float = 0.0, held: bool = False
+) -> Series:
+    """A record (N,) over time: a long one as the band between minimum and maximum of each column, a short one as it is.
+
+    Args:
+        label: Name in the legend.
+        values: One channel (N,).
+        dt: Sampling interval, s.
+        style: How it looks.
+        start: Time of the first sample, s.
+        held: Whether a short record is drawn as steps, as a held command is.
+    """
+    if len(values) <= 2 * COLUMNS:
+        return Series(label, start + dt * np.arange(len(values)), values, style, kind="step" if held else "line")
+    edges = np.linspace(0, len(values) - 1, COLUMNS + 1).round().astype(int)
+    # A column takes the first sample of the next with it, so that neighbours meet as the line through the samples does.
+    parts = [values[a : b + 1] for a, b in pairwise(edges)]
+    time = start + 0.5 * dt * (edges[:-1] + edges[1:])
+    # fmin and fmax take the value that is known where others are missing.
+    low, high = (np.array([find.reduce(part) for part in parts]) for find in (np.fmin, np.fmax))
+    return Series(label, time, 0.5 * (low + high), Style(style.colour, "-", 0.6), low, high)
+
+
+def truth_series(x: np.ndarray, y: np.ndarray, label: str = "truth") -> Series:
+    """A curve of what is true."""
+    return Series(label, x, y, PALETTE["truth"])

@@ -1,0 +1,114 @@
+"""Figures of the report: charts by name with captions, the thesis' figures that they answer, and their files."""
+
+import csv
+import io
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+
+import matplotlib
+
+from hmtb_twin.files.atomic_write import write_whole
+from scenarios.report.figures import SETTINGS, save_figure
+from scenarios.thesis import model_charts, record_charts, response_charts
+from scenarios.thesis.answer import Answer, answer_chart
+from scenarios.thesis.chart import Chart, draw
+from scenarios.thesis.comparison import Comparison
+
+CHARTS: Mapping[str, Callable[[Comparison], Chart]] = {
+    function.__name__: function
+    for function in (
+        *(record_charts.waveforms, record_charts.records, record_charts.outputs, record_charts.residuals),
+        *(record_charts.correlations, record_charts.observers, record_charts.several),
+        *(response_charts.responses, response_charts.transfer_function, response_charts.four_spectra),
+        *(response_charts.roots, response_charts.coupling),
+        *(model_charts.data_sets, model_charts.orders, model_charts.disturbed),
+    )
+}
+"""Functions that draw the figures of `report_figures.toml`, but for that of the answer."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReportFigure:
+    """A figure of the report.
+
+    Attributes:
+        name: Its name in templates and as a file.
+        chart: Its panels.
+        caption: What it shows and how to read it.
+        thesis: Figures of the thesis that show the same.
+    """
+
+    name: str
+    chart: Chart
+    caption: str
+    thesis: tuple[str, ...] = ()
+
+
+@cache
+def _table() -> Mapping[str, list[dict[str, str]]]:
+    text = resources.files("scenarios").joinpath("data", "report_figures.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def thesis_numbers(text: str) -> tuple[str, ...]:
+    """Numbers of thesis figures, such as `11-13 A2`, one by one."""
+    numbers = []
+    for letter, first, last in re.findall(r"(A?)(\d+)(?:-A?(\d+))?", text):
+        numbers += [f"{letter}{number}" for number in range(int(first), int(last or first) + 1)]
+    return tuple(numbers)
+
+
+def without_counterpart() -> tuple[tuple[tuple[str, ...], str], ...]:
+    """Figures of the thesis that have no counterpart in the report, with the reason."""
+    return tuple((thesis_numbers(entry["thesis"]), entry["reason"]) for entry in _table()["without"])
+
+
+def report_figures(
+    study: Comparison, answer: Answer, drawn: Callable[[int], None] | None = None
+) -> dict[str, ReportFigure]:
+    """Every figure of the table for which the study has data, by name.
+
+    Args:
+        study: The study.
+        answer: Responses on the first screen.
+        drawn: Called with the number of figures after each.
+    """
+    figures: dict[str, ReportFigure] = {}
+    for entry in _table()["figure"]:
+        name = entry["chart"]
+        chart = answer_chart(answer) if name == "answer" else CHARTS[name](study)
+        if chart.views:
+            figures[name] = ReportFigure(name, chart, entry["caption"], thesis_numbers(entry["thesis"]))
+        if drawn is not None:
+            drawn(len(figures))
+    return figures
+
+
+def write_figures(figures: Iterable[ReportFigure], folder: Path) -> None:
+    """Write every view of every figure as SVG and PNG, and the figure's values as CSV.
+
+    Args:
+        figures: The figures.
+        folder: Where to; it must exist.
+    """
+    with matplotlib.rc_context(SETTINGS):
+        for figure in figures:
+            text = io.StringIO()
+            rows = csv.writer(text, lineterminator="\n")
+            rows.writerow([*figure.chart.choices, "panel", "x axis", "y axis", "curve", "x", "y", "low", "high"])
+            for key, panels in figure.chart.views.items():
+                name = re.sub(r"[^a-z0-9]+", "-", " ".join((figure.name, *key)).lower()).strip("-")
+                drawing = draw(panels, figure.chart.columns)
+                for kind in ("svg", "png"):
+                    save_figure(drawing, folder / f"{name}.{kind}", dpi=150)
+                for number, panel in enumerate(panels, start=1):
+                    for one in panel.series:
+                        ends = ([None] * len(one.y) if end is None else end for end in (one.low, one.high))
+                        for values in zip(one.x, one.y, *ends, strict=True):
+                            rows.writerow([*key, panel.title or number, panel.x, panel.y, one.label, *values])
+            write_whole(folder / f"{figure.name}.csv", text.getvalue())

@@ -1,0 +1,157 @@
+"""Pictures of the report: the arm, moments of the exchange, and a film of a joint that plays the PRBS."""
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from hmtb_twin import JOINTS, JointLog, TwinError, load_arm, render
+from hmtb_twin.arm.rendering import Stage
+from hmtb_twin.run.playback import frames, pictured_arm
+from scenarios.experiments.campaign import RPCM, single_joint_test
+from scenarios.experiments.film import write_film
+from scenarios.experiments.rpcm import rpcm_outcome
+from scenarios.files.errors import ScenarioError
+from scenarios.report.figure_style import MRAD, short
+from scenarios.report.figures import photograph
+from scenarios.thesis.comparison import Comparison
+
+PHASES = ("approach", "draw out", "transfer", "insert")
+"""Phases of the exchange that are shown; the picture is of the middle of each."""
+
+SIZE = (480, 360)
+"""Width and height of a moment and of the film, pixels."""
+
+FILMED = "shoulder_pitch"
+"""Joint that the film shows."""
+
+SPAN = (20.0, 24.0)
+"""First and last time of the film, s: two periods of the waveform."""
+
+RATE = 12.5
+"""Frames of the film per second."""
+
+VISIBLE = 0.12
+"""Motion that the eye follows on the arm, rad: the film enlarges smaller ones to about this."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A picture of the exchange.
+
+    Attributes:
+        phase: What is being done.
+        time: When, s.
+        picture: The picture as the address of an image, or nothing where none could be drawn.
+    """
+
+    phase: str
+    time: float
+    picture: str
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film of the arm.
+
+    Attributes:
+        address: The film as the address of a video; empty where there is none.
+        caption: What it shows, or why there is none.
+    """
+
+    address: str
+    caption: str
+
+
+def arm_picture() -> tuple[str, str]:
+    """Picture of the arm as a data URL; without one, an empty string and the reason."""
+    try:
+        return photograph(render(load_arm(), width=960, height=600)), ""
+    except TwinError as error:
+        return "", _sentence(error)
+
+
+def _sentence(error: Exception) -> str:
+    message = str(error)
+    return message[:1].upper() + message[1:]
+
+
+def enlargement(motion: np.ndarray) -> int:
+    """Whole number by which the film enlarges a motion (N,), rad: 1, 2 or 5 times a power of ten, one if it is seen."""
+    peak = float(np.abs(motion).max())
+    if peak == 0.0 or peak >= VISIBLE:
+        return 1
+    wanted = VISIBLE / peak
+    decade = 10.0 ** np.floor(np.log10(wanted))
+    return max(1, round(max(step * decade for step in (1, 2, 5) if step * decade <= wanted)))
+
+
+def film(study: Comparison) -> Film:
+    """Film of one joint that plays the PRBS, its motion enlarged where it is too small to be seen.
+
+    Args:
+        study: The study.
+
+    Returns:
+        The film, or the reason why there is none: no record, no OpenGL, or no encoder.
+    """
+    log = study.logs.get(single_joint_test(study.estimation_test, FILMED))
+    if log is None:
+        return Film("", f"There is no film: the PRBS test of the {short(FILMED)} has no record.")
+    angles = np.asarray(log.true_angles)
+    home = angles[0]
+    factor = enlargement((angles - home)[:, JOINTS.index(FILMED)])
+    shown = replace(log, true_angles=home + factor * (angles - home))
+    last = min(SPAN[1], (len(log) - 1) * log.dt)
+    span = (max(0.0, last - (SPAN[1] - SPAN[0])), last)
+    try:
+        with TemporaryDirectory() as folder:
+            pictures = frames(shown, ["overview"], size=SIZE, rate=RATE, speed=1.0, span=span)
+            data = write_film(pictures, Path(folder) / "film.mp4", rate=RATE).read_bytes()
+    except (TwinError, ScenarioError) as error:
+        return Film("", f"There is no film. {_sentence(error)}.")
+    swing = MRAD * float(np.ptp((angles - home)[:, JOINTS.index(FILMED)])) / 2.0
+    size = (
+        f"Every angle is enlarged {factor} times: the joint moves by ±{swing:.2g} mrad"
+        if factor > 1
+        else f"Not enlarged: the joint moves by ±{swing:.2g} mrad"
+    )
+    return Film(
+        "data:video/mp4;base64," + base64.b64encode(data).decode("ascii"),
+        f"The {short(FILMED)} plays the pseudorandom binary sequence that models are identified from, in real time. "
+        f"{size}.",
+    )
+
+
+def exchange(study: Comparison, phases: Sequence[str] = PHASES) -> tuple[tuple[Moment, ...], str]:
+    """Moments of the exchange and how it ended.
+
+    Args:
+        study: The study.
+        phases: Which phases to show, of those that the exchange reached.
+
+    Returns:
+        The moments, and the outcome in words; none and nothing where there is no record or nothing to draw with.
+    """
+    log = study.logs.get(RPCM)
+    if log is None or log.unit_pose is None:
+        return (), ""
+    outcome = rpcm_outcome(log)
+    times = {name: sum(outcome.phases[name]) / 2 for name in phases if name in outcome.phases}
+    try:
+        return _moments(log, log.unit_pose, times), str(outcome)
+    except TwinError:
+        return (), str(outcome)
+
+
+def _moments(log: JointLog, unit_pose: np.ndarray, times: dict[str, float]) -> tuple[Moment, ...]:
+    moments = []
+    with Stage(pictured_arm(log), *SIZE) as stage:
+        for phase, time in times.items():
+            tick = min(round(time / log.dt), len(log) - 1)
+            picture = stage.picture("seats", log.true_angles[tick], unit_pose[tick])
+            moments.append(Moment(phase, time, photograph(picture)))
+    return tuple(moments)

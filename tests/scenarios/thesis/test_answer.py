@@ -1,0 +1,88 @@
+"""The first screen: the comparator moves as strongly as the test, and the sentences say what came out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.thesis.answer import FREQUENCIES, METHODS, answer_chart, drawn_models, sentences
+from sysid.models.bandwidth import HALF_POWER
+
+
+def test_the_comparator_moves_as_strongly_as_the_test_with_friction(answer, study):
+    for one in answer.joints:
+        truth = one.best_linear
+        assert truth.wanted_rms == pytest.approx(float(np.std(study.joints[one.joint].data[5].u)), rel=0.1)
+        # The converter may clip a multisine, whose peaks are higher than those of a binary sequence.
+        assert 0.5 * truth.wanted_rms < truth.command_rms < 1.05 * truth.wanted_rms
+        assert truth.half_power_hz < one.small_signal_hz, "dry friction takes from the gain of a joint that moves little"
+
+
+def test_every_method_gives_a_model_from_every_seed(answer):
+    for one in answer.joints:
+        assert set(one.gains) == set(one.levels) == set(METHODS)
+        for method in METHODS:
+            assert one.gains[method].shape == (len(answer.seeds), len(FREQUENCIES))
+            for gain, level in zip(one.gains[method], one.levels[method], strict=True):
+                if np.isfinite(level) and level > FREQUENCIES[0]:
+                    drawn = np.interp(np.log(level), np.log(FREQUENCIES), np.log(gain))
+                    assert np.exp(drawn) == pytest.approx(HALF_POWER, rel=0.02)
+                else:
+                    assert gain[0] < HALF_POWER or gain.min() > HALF_POWER
+
+
+def test_the_picture_has_truth_methods_prints_and_the_thesis_breaks(answer):
+    ((_, panels),) = answer_chart(answer).views.items()
+    assert [panel.title for panel in panels] == ["shoulder yaw", "shoulder pitch", "elbow pitch"]
+    for panel, one, radians in zip(panels, answer.joints, (6.0, 7.0, 7.0), strict=True):
+        labels = [series.label for series in panel.series]
+        assert labels[0] == "best linear truth (95 %)"
+        printed = [method for method in METHODS if method in drawn_models(one.joint)]
+        assert [label for label in labels if "1996" in label] == [f"{name.upper()} printed in 1996" for name in printed]
+        assert ("x", pytest.approx(radians / (2 * np.pi)), f"thesis: {radians:g} rad/s") in panel.marks
+        assert ("y", HALF_POWER, "0.707") in panel.marks
+
+
+def changed(answer, factor):
+    joints = tuple(
+        replace(
+            one,
+            levels={name: tuple(factor * one.best_linear.half_power_hz for _ in levels) for name, levels in one.levels.items()},
+        )
+        for one in answer.joints
+    )
+    return replace(answer, joints=joints)
+
+
+def test_sentences_follow_the_outcome(answer):
+    put_in, recovered, meaning = sentences(changed(answer, 1.05))
+    assert all(f"{one.best_linear.half_power_hz:.2f}" in put_in for one in answer.joints)
+    assert recovered.endswith("within 10 % of that response on every joint.")
+    assert "no reason to doubt them" in meaning
+    assert "shoulder yaw OE (4.8), shoulder pitch OE (4.10) and elbow pitch ARMAX (4.12)" in meaning
+    assert "was given it" in meaning
+
+    _, recovered, meaning = sentences(changed(answer, 0.4))
+    assert "never within 10 %" in recovered
+    assert "miss here by −60 to −60 %" in meaning
+
+    first = changed(answer, 0.4).joints[0]
+    mixed = replace(changed(answer, 1.0), joints=(first, *changed(answer, 1.0).joints[1:]))
+    _, recovered, _ = sentences(mixed)
+    assert "in 6 of 9 cases (ARMAX on 2 of 3 joints, OE on 2 of 3 joints and OKID on 2 of 3 joints)" in recovered
+
+    _, recovered, meaning = sentences(changed(answer, np.nan))
+    assert "no value, in 9 of 9 cases at none" in recovered
+    assert "nothing supports a printed figure" in meaning
+
+
+def test_a_method_without_a_crossing_on_most_seeds_has_no_frequency(answer):
+    one = replace(answer.joints[0], levels={"oe": (1.0, np.nan, np.nan)})
+    assert np.isnan(one.recovered_hz("oe")) and not one.agrees("oe")
+    assert replace(one, levels={"oe": (1.0, 1.2, np.nan)}).recovered_hz("oe") == pytest.approx(1.1)
+
+
+def test_numbers_of_the_answer_are_in_the_record(answer):
+    levels = answer.record()["half_power_hz"]
+    assert {len(entry["okid"]) for entry in levels.values()} == {len(answer.seeds)}
+    assert levels["elbow_pitch"]["best_linear"] == answer.joints[2].best_linear.half_power_hz

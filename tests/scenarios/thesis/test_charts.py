@@ -1,0 +1,181 @@
+"""Charts hold what was measured, in the unit of their axes, and every figure of the thesis has its place."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from scenarios.experiments.registry import load
+from scenarios.thesis.chart import COLUMNS, Chart, Panel, Series, by_view, draw, record_series
+from scenarios.thesis.figures import ReportFigure, report_figures, thesis_numbers, without_counterpart, write_figures
+from scenarios.thesis.long_tables import LongTables
+from scenarios.thesis.nonparametric import PULSE, SINES
+from sysid.plots import PALETTE
+from tests.refusals import refused
+
+LOOK = PALETTE["measured"]
+
+
+@pytest.fixture(scope="module")
+def figures(report):
+    return report["figures"]
+
+
+def curve(panel, label):
+    (found,) = (one for one in panel.series if one.label == label)
+    return found
+
+
+def test_every_figure_of_the_thesis_is_answered_once_or_has_a_reason(figures):
+    numbers = [number for figure in figures.values() for number in figure.thesis]
+    numbers += [number for entry, reason in without_counterpart() for number in entry if reason]
+    assert len(numbers) == len(set(numbers))
+    assert set(numbers) == {str(n) for n in range(1, 89)} | {f"A{n}" for n in range(1, 64)}
+    assert thesis_numbers("11-13 A2 A4-A5") == ("11", "12", "13", "A2", "A4", "A5")
+
+
+def test_no_peak_of_a_record_is_lost_and_neighbouring_columns_meet():
+    values = np.sin(np.arange(12_000) / 7.0)
+    values[[3_333, 11_999]] = 5.0, -4.0
+    drawn = record_series("measured", values, 0.02, LOOK, start=4.0)
+    assert len(drawn.x) == len(drawn.low) == len(drawn.high) == COLUMNS
+    assert (drawn.high.max(), drawn.low.min()) == (5.0, -4.0)
+    assert abs(drawn.x[drawn.high.argmax()] - 4.0 - 3_333 * 0.02) <= 12_000 / COLUMNS * 0.02
+    rising = record_series("measured", np.arange(5_000.0), 0.02, LOOK)
+    assert np.array_equal(rising.high[:-1], rising.low[1:])
+
+
+def test_missing_samples_leave_a_gap_only_where_nothing_is_known():
+    values = np.ones(12_000)
+    values[::3] = np.nan
+    values[6_000:6_100] = np.nan
+    drawn = record_series("measured", values, 0.02, LOOK)
+    assert 0 < np.isnan(drawn.low).sum() <= 3
+    assert np.all(drawn.low[np.isfinite(drawn.low)] == 1.0)
+
+
+def test_a_short_record_is_drawn_as_it_is():
+    values = np.random.default_rng(1).standard_normal(2 * COLUMNS)
+    drawn = record_series("commanded", values, 0.02, LOOK, held=True)
+    assert np.array_equal(drawn.y, values) and drawn.kind == "step" and drawn.low is None
+
+
+def test_data_of_a_chart_are_rounded_shared_and_gaps_are_null():
+    time = np.array([0.0, 1.0])
+    series = (Series("a", time, np.array([1 / 3, np.nan]), LOOK), Series("b", time, time, LOOK, -time, time))
+    data = Chart(by_view(lambda n: (Panel("time / s", "y", series * n),), {"one": 1, "none": 0, "two": 2})).data()
+    first, second = data["views"]["one"][0]["s"]
+    assert (first["y"], first["x"], second["x"]) == ((0.3333, None), 0, 0)
+    assert (data["x"], second["hi"]) == ([[0.0, 1.0]], (0.0, 1.0))
+    assert data["choices"] == [("Joint", ["one", "none", "two"])]
+    assert json.loads(json.dumps(data, allow_nan=False))["columns"] == 1
+    assert not Chart(by_view(lambda n: (), {"one": 1})).views
+
+
+def test_tones_of_the_waveforms_lie_where_the_thesis_puts_them(figures):
+    views = figures["waveforms"].chart.views
+
+    def lines(name):
+        volts, power = views[(name,)]
+        assert len(volts.series[0].y) == 101
+        return power.series[0].x[np.asarray(power.series[0].y) > 1e-9]
+
+    np.testing.assert_allclose(lines("two sines"), [0.5, 2.0])
+    assert lines("chirp (2.15) as printed") == pytest.approx([5.0])
+    np.testing.assert_allclose(lines("pulse") % 2.0, 1.0, atol=1e-9)
+    for name, number in (("PRBS", 5), ("pulse", 7)):
+        played = load(f"siso-{number}-elbow_pitch").excitation[0].waveform()
+        assert np.array_equal(views[(name,)][0].series[0].y[:-1], played.points)
+
+
+def test_phase_of_the_window_is_drawn_only_where_the_input_has_power(figures, study):
+    _, phase = figures["transfer_function"].chart.views["elbow pitch",]
+    tones = curve(phase, "where the input has power")
+    assert {2.5, 10.0} <= set(np.round(tones.x, 6))
+    assert len(tones.x) < 0.2 * len(study.nonparametric["elbow_pitch"].spectra[SINES].frequencies)
+    assert not any("window" in one.label for one in phase.series)
+
+
+def test_spectra_are_in_milliradians(figures, study):
+    panels = figures["four_spectra"].chart.views["shoulder pitch", "pulse"]
+    assert [panel.title for panel in panels] == ["disturbance", "output", "input", "cross, magnitude"]
+    expected = 1e6 * study.nonparametric["shoulder_pitch"].repeated[PULSE].output
+    np.testing.assert_allclose(curve(panels[1], "by repetition").y, expected)
+
+
+def test_three_joint_models_have_their_own_fits_and_correlations(figures, study):
+    views = figures["several"].chart.views
+    assert {key[1] for key in views} == {"exchange", "5–10 Hz chirp"}
+    angles, _, _, *tests = views["shoulder yaw", "5–10 Hz chirp"]
+    for entry in study.multivariable.pair():
+        fit = entry.fit("mimo-12")
+        simulated, ahead = fit.simulation["shoulder_yaw"], fit.one_step["shoulder_yaw"]
+        label = f"{entry.kind}: {simulated:.1f} % simulated, {ahead:.1f} % one step ahead"
+        assert curve(angles, label).x[-1] <= 24.0, "a record shorter than what is asked for is shown to its end"
+        drawn = [one for panel in tests for one in panel.series if one.label == label]
+        np.testing.assert_array_equal(drawn[0].y, entry.residual_test("mimo-12").autocorrelation[1:, 0, 0])
+        np.testing.assert_array_equal(drawn[1].y, entry.residual_test("mimo-12").cross_correlation[:, 0, 0])
+
+
+def test_roots_beyond_the_map_are_counted(figures, study):
+    (panel,) = figures["roots"].chart.views["three joints",]
+    okid = study.multivariable.model("OKID").model
+    outside = sum(max(abs(z.real), abs(z.imag)) >= panel.x_limits[1] for z in okid.zeros())
+    name = "OKID model, zeros" + (f" ({outside} beyond)" if outside else "")
+    assert len(curve(panel, name).x) == len(okid.zeros()) - outside
+
+
+def test_every_model_of_every_data_set_has_a_mark(figures, study):
+    for joint, sets in study.data_sets.items():
+        (panel,) = figures["data_sets"].chart.views[joint.replace("_", " "),]
+        assert sum(len(one.x) for one in panel.series) == len(sets.models)
+
+
+def test_files_hold_every_view_and_every_value(figures, tmp_path):
+    chart = figures["waveforms"].chart
+    write_figures([ReportFigure("waveforms", chart, "Waveforms.")], tmp_path)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"waveforms.csv"} | {
+        f"waveforms-{view}.{kind}"
+        for view in ("white-noise", "two-sines", "prbs", "chirp-as-played", "chirp-2-15-as-printed", "pulse")
+        for kind in ("svg", "png")
+    }
+    head, *rows = csv.reader((tmp_path / "waveforms.csv").read_text(encoding="utf-8").splitlines())
+    assert head == ["Waveform", "panel", "x axis", "y axis", "curve", "x", "y", "low", "high"]
+    panels = [panel for view in chart.views.values() for panel in view]
+    assert len(rows) == sum(len(one.y) for panel in panels for one in panel.series)
+
+
+def test_every_chart_can_be_drawn(figures):
+    for figure in figures.values():
+        panels = next(iter(figure.chart.views.values()))
+        drawing = draw(panels, figure.chart.columns)
+        shown = [axes for axes in drawing.axes if axes.axison]
+        assert [axes.get_xlabel() for axes in shown] == [panel.x for panel in panels], figure.name
+
+
+def test_a_study_without_a_record_leaves_its_figure_out(study, answer):
+    known = report_figures(study, answer)
+    counted: list[int] = []
+    bare = report_figures(
+        study.__class__(**{**vars(study), "prediction_errors": {}, "joints": {}}), answer, counted.append
+    )
+    assert set(known) - set(bare) >= {"responses", "orders", "outputs"}
+    assert counted[-1] == len(bare)
+
+
+def test_long_tables_become_files_with_plain_numbers():
+    tables = LongTables()
+    table = (
+        "<table><caption>Fits &amp; more</caption><thead><tr><th>Model</th><th>Test<br>1</th></tr></thead><tbody>"
+        '<tr class="group"><th colspan="2">yaw</th></tr><tr><td>OE</td><td>−1.5<br>2</td></tr></tbody></table>'
+    )
+    link = tables.take(table + table.replace("yaw", "elbow"), "fits")
+    assert str(link) == (
+        '<p class="file">Table <a href="tables/fits.csv">tables/fits.csv</a>, 2 rows: Fits &amp; more</p>'
+    )
+    assert tables.texts == {"fits": ",Model,Test 1\nyaw,OE,-1.5 / 2\nelbow,OE,-1.5 / 2\n"}
+    tables.take(table.replace('<tr class="group"><th colspan="2">yaw</th></tr>', ""), "plain")
+    assert tables.texts["plain"] == "Model,Test 1\nOE,-1.5 / 2\n"
+    refused("each name once", tables.take, table, "fits")
