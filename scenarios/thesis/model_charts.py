@@ -100,6 +100,8 @@ def disturbed(study: Comparison) -> Chart:
         for name, method in (("SysID", sysid_method(joint)), ("OKID", "okid")):
             for treatment in treatments:
                 points = results.curve(kind, joint, method, treatment)
+                if not points:
+                    continue
                 middle, low, high = _values(points, fit)
                 look = Style(PALETTE["armax" if name == "SysID" else "okid"].colour, LINES[treatment], 1.4)
                 label = name if len(treatments) == 1 else f"{name}, {treatment}"

@@ -130,5 +130,5 @@ def test_the_figure_of_a_record_too_short_for_most_parts_has_what_is_known():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         error, rest = disturbed(SimpleNamespace(robustness=shifts)).views["length",]
-    assert [list(series.x) for series in error.series] == [[10.0], [10.0]]
+    assert [(series.label, series.x) for series in error.series] == [("OKID", [10.0])]
     assert rest.series[0].y.tolist() == [100.0 - one.fit]
