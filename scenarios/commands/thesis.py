@@ -63,7 +63,6 @@ def thesis(
     from scenarios.thesis.monte_carlo import recorded
     from scenarios.thesis.report import write_report
     from scenarios.thesis.results import results
-    from scenarios.thesis.steps import FIGURES
     from scenarios.thesis.study import planned_steps, run_study
 
     at_least_one("--threads", threads)
@@ -103,7 +102,7 @@ def thesis(
                     folder / "report.html",
                     many,
                     figures=pictures,
-                    drawn=lambda number: part.of_total(number, FIGURES),
+                    progress=part.of_total,
                 )
             comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin, report=True))
         record = {**results(comparison, verdicts, report, many), "answer": " ".join(sentences(answer))}

@@ -69,23 +69,24 @@ def without_counterpart() -> tuple[tuple[tuple[str, ...], str], ...]:
 
 
 def report_figures(
-    study: Comparison, answer: Answer, drawn: Callable[[int], None] | None = None
+    study: Comparison, answer: Answer, progress: Callable[[int, int], None] | None = None
 ) -> dict[str, ReportFigure]:
     """Every figure of the table for which the study has data, by name.
 
     Args:
         study: The study.
         answer: Responses on the first screen.
-        drawn: Called with the number of figures after each.
+        progress: Called with the figures made and those in all.
     """
     figures: dict[str, ReportFigure] = {}
-    for entry in _table()["figure"]:
+    entries = _table()["figure"]
+    for number, entry in enumerate(entries, start=1):
         name = entry["chart"]
         chart = answer_chart(answer) if name == "answer" else CHARTS[name](study)
         if chart.views:
             figures[name] = ReportFigure(name, chart, entry["caption"], thesis_numbers(entry["thesis"]))
-        if drawn is not None:
-            drawn(len(figures))
+        if progress is not None:
+            progress(number, len(entries))
     return figures
 
 

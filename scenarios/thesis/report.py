@@ -114,7 +114,7 @@ def context(
     findings: Sequence[Finding],
     answer: Answer,
     tally: Tally | None = None,
-    drawn: Callable[[int], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, object]:
     """Return the variables of the templates by name.
 
@@ -123,11 +123,11 @@ def context(
         findings: Its findings, decided.
         answer: Responses on the first screen.
         tally: Conclusions of many seeds, if the page is to speak of chance.
-        drawn: Called with the number of figures drawn after each.
+        progress: Called with the figures made and those in all.
     """
     arm, no_arm = arm_picture()
     moments, outcome = exchange(study)
-    figures = report_figures(study, answer, drawn)
+    figures = report_figures(study, answer, progress)
     parameters = _parameters()
     counts = Counter(entry.verdict for entry in findings)
     logs = [log for campaign in study.campaigns for log in campaign.logs.values()]
@@ -209,7 +209,7 @@ def write_report(
     tally: Tally | None = None,
     *,
     figures: Path | None = None,
-    drawn: Callable[[int], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Path:
     """Write the report, and its long tables as CSV files in the folder `tables` beside it.
 
@@ -220,7 +220,7 @@ def write_report(
         path: The HTML file.
         tally: Conclusions of many seeds; without them the report does not speak of chance.
         figures: Folder for every figure as SVG, PNG and CSV too, which must exist; none are written if None.
-        drawn: Called with the number of figures drawn after each.
+        progress: Called with the figures made and those in all.
 
     Returns:
         The path.
@@ -232,7 +232,7 @@ def write_report(
     if not path.parent.is_dir():
         raise ScenarioError(f"cannot write the report {str(path)!r}: there is no folder {str(path.parent)!r}")
     begin = perf_counter()
-    values = context(study, findings, answer, tally, drawn)
+    values = context(study, findings, answer, tally, progress)
     values["study"] = replace(study, cost=study.cost.later(perf_counter() - begin, report=True))
     text, tables = html(values)
     try:

@@ -15,9 +15,6 @@ when `COSTS` was written."""
 
 HUNDREDTHS = 100
 
-FIGURES = 133
-"""Figures of the report of a whole study."""
-
 TICK = 2.0e-4
 """Processor time of a simulated sample of 0.02 s of one experiment, s."""
 
@@ -50,8 +47,9 @@ COSTS: Mapping[str, StepCost] = MappingProxyType(
         "three joints": StepCost(0.3, 0.5),
         "robustness": StepCost(38.0, 0.0, brief=0.1),
         "other arms": StepCost(0.5, 0.5),
+        "answer": StepCost(15.0, 0.0),
         "findings": StepCost(0.1, 0.1),
-        "report": StepCost(40.0, 1.0),
+        "report": StepCost(16.0, 0.5),
     }
 )
 """Costs of the steps after the simulation."""
