@@ -115,7 +115,10 @@ class BandwidthStudy:
                 for joint, truth in truths.items()
             },
             "best_linear": [
-                {**{name: value for name, value in vars(one).items() if name != "response"}, "excitation": one.described}
+                {
+                    **{name: value for name, value in vars(one).items() if name != "response"},
+                    "excitation": one.described,
+                }
                 for one in self.best_linear.values()
             ],
             "published": {joint: {one.label: one.bandwidth_hz for one in published(joint)} for joint in self.joints},

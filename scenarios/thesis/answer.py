@@ -184,7 +184,8 @@ def sentences(answer: Answer) -> tuple[str, str, str]:
 
 def _put_in(answer: Answer) -> str:
     moved, test = (
-        f"{MRAD * np.mean([getattr(one.best_linear, name) for one in answer.joints]):.2g}" for name in ("command_rms", "wanted_rms")
+        f"{MRAD * np.mean([getattr(one.best_linear, name) for one in answer.joints]):.2g}"
+        for name in ("command_rms", "wanted_rms")
     )
     levels = ", ".join(_hertz(one.best_linear.half_power_hz) for one in answer.joints)
     names = ", ".join(short(one.joint) for one in answer.joints)

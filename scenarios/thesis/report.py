@@ -256,6 +256,7 @@ def html(values: Mapping[str, object]) -> tuple[str, LongTables]:
     page = Page(
         {
             "si": lambda value, digits=4: "–" if not np.isfinite(value) else f"{value:.{digits}g}",
+            "hz": lambda value: "none" if not np.isfinite(value) else f"{value:.3f}",
             "parts": parts,
             "limits": limits,
             "near": near_1_hz,

@@ -186,22 +186,22 @@ def _four_spectra(study: Comparison, entry: JointResult, test: int) -> tuple[Pan
         if expected is not None:
             series.append(Series("true answer to the input", again.frequencies[lines], scale * expected[lines], look))
         elif title == "disturbance":
-            left = scale * _known_disturbance(study, entry, test)
+            left = scale * _known_disturbance(study, entry, test, 2 * len(again.frequencies) + 2)
             series.append(Series("left by the linear truth", again.frequencies, left, PALETTE["truth"]))
         panels.append(Panel(HZ, "density / (mrad²/Hz)", tuple(series), title, "xy", (0.1, 25.0)))
     return tuple(panels)
 
 
-def _known_disturbance(study: Comparison, entry: JointResult, test: int) -> np.ndarray:
-    """Density on the lines of the measurement minus the linear true response to the command."""
+def _known_disturbance(study: Comparison, entry: JointResult, test: int, period: int) -> np.ndarray:
+    """Density, on the lines of a period of so many samples, of the measurement minus the true answer to the command."""
     data = entry.data[test]
     log = study.logs[data.name]
     column = JOINTS.index(entry.joint)
     expected = sysid.simulate(entry.truth.model, log.commanded[:, column] - log.commanded[0, column])[:, 0]
     residual = (log.measured[:, column] - expected)[len(expected) - len(data) :]
-    count = len(residual) // POINTS
-    lines = np.fft.rfft(residual[: count * POINTS].reshape(count, POINTS))[:, 1 : POINTS // 2]
-    return np.asarray(data.dt / POINTS * np.mean(np.abs(lines) ** 2, axis=0))
+    count = len(residual) // period
+    lines = np.fft.rfft(residual[: count * period].reshape(count, period))[:, 1 : period // 2]
+    return np.asarray(data.dt / period * np.mean(np.abs(lines) ** 2, axis=0))
 
 
 def roots(study: Comparison) -> Chart:

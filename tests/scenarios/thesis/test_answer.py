@@ -15,7 +15,9 @@ def test_the_comparator_moves_as_strongly_as_the_test_with_friction(answer, stud
         assert truth.wanted_rms == pytest.approx(float(np.std(study.joints[one.joint].data[5].u)), rel=0.1)
         # The converter may clip a multisine, whose peaks are higher than those of a binary sequence.
         assert 0.5 * truth.wanted_rms < truth.command_rms < 1.05 * truth.wanted_rms
-        assert truth.half_power_hz < one.small_signal_hz, "dry friction takes from the gain of a joint that moves little"
+        assert truth.half_power_hz < one.small_signal_hz, (
+            "dry friction takes from the gain of a joint that moves little"
+        )
 
 
 def test_every_method_gives_a_model_from_every_seed(answer):
@@ -47,7 +49,10 @@ def changed(answer, factor):
     joints = tuple(
         replace(
             one,
-            levels={name: tuple(factor * one.best_linear.half_power_hz for _ in levels) for name, levels in one.levels.items()},
+            levels={
+                name: tuple(factor * one.best_linear.half_power_hz for _ in levels)
+                for name, levels in one.levels.items()
+            },
         )
         for one in answer.joints
     )

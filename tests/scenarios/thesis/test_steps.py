@@ -81,7 +81,7 @@ def test_every_analysis_is_planned_and_other_arms_only_of_a_thorough_study():
         assert [name for name in steps.costs if not name.startswith("simulate")] == [
             name for name in ANALYSES if thorough or name != "other arms"
         ]
-    assert set(COSTS) == {*ANALYSES, "findings", "report"}
+    assert set(COSTS) == {*ANALYSES, "answer", "findings", "report"}
     assert len([name for name in planned_steps(CONDITIONS).costs if name.startswith("simulate")]) == len(CONDITIONS)
 
 
