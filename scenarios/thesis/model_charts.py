@@ -10,7 +10,6 @@ from scenarios.thesis.chart import Chart, Panel, Series, by_view
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES
 from scenarios.thesis.response_charts import joints
-
 from scenarios.thesis.robustness import Summary, sysid_method
 from sysid.plots import PALETTE, Style
 
