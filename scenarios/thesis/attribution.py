@@ -15,7 +15,7 @@ from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import MissingRecordError, ScenarioError
-from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.campaign import StudyRecords
 from scenarios.thesis.estimates import estimate
 from scenarios.truth.bla_of_test import BestLinearOfTest, best_linear_of_test, joint_command
 from sysid import IOData, SysidError, SysidWarning
@@ -203,23 +203,21 @@ def _scaled(excitation: Excitation, factor: float) -> Excitation:
     return replace(excitation, parameters={**excitation.parameters, "amplitude": factor * amplitude})
 
 
-def attribute(
-    name: str, joint: str, campaign: Campaign, smooth: Campaign, true_hz: float, orders: Sequence[int]
-) -> Attributions:
-    """Estimate the bandwidth under every condition.
+def attribute(joint: str, records: StudyRecords, orders: Sequence[int]) -> Attributions:
+    """Estimate the bandwidth of a joint under every condition.
 
     Args:
-        name: Of the experiment that models are identified from.
         joint: The joint.
-        campaign: Holds its record.
-        smooth: Holds those of the arm without friction: the same, and at three tenths of the amplitude.
-        true_hz: Small-signal bandwidth, Hz.
+        records: Those of the study; the arm without friction has the estimation test also at three tenths of its
+            amplitude.
         orders: nb, nf, nk of the output-error model.
 
     Returns:
         What was found, and the conditions whose experiment failed or gave no model.
     """
-    sources = {AS_IT_IS: (campaign, name), SMOOTH: (smooth, name), GENTLE: (smooth, f"{name}-small")}
+    name, main, smooth = records.own_name(joint), records.main, records.smooth
+    sources = {AS_IT_IS: (main, name), SMOOTH: (smooth, name), GENTLE: (smooth, f"{name}-small")}
+    true_hz = main.truth.joint(joint).bandwidth_hz
     attributions: list[Attribution] = []
     missing: dict[str, str] = {}
     for condition, (source, record) in sources.items():

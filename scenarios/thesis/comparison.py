@@ -11,7 +11,7 @@ from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.fairness_table import Fairness
 from scenarios.thesis.multivariable import Multivariable, ThreeJointModel
 from scenarios.thesis.nonparametric import Nonparametric
-from scenarios.thesis.observer_analysis import Observers
+from scenarios.thesis.observer_analysis import JointObserver
 from scenarios.thesis.order_search import Searches
 from scenarios.thesis.prediction_errors import PredictionErrors
 from scenarios.thesis.robustness import Robustness
@@ -133,7 +133,7 @@ class Comparison:
         orders: What the choice of order does to the bandwidth, by joint.
         nonparametric: What the records say without a model, by joint.
         prediction_errors: Other data sets, orders and the arm without friction, by joint.
-        observers: OKID's observers [Morris1996, ch. V].
+        observers: OKID's observers by joint [Morris1996, ch. V].
         robustness: Models from disturbed records; all of it only when thorough.
         fairness: The same table of fits for every arm; None where the study is not thorough.
         cost: Time spent.
@@ -148,7 +148,7 @@ class Comparison:
     orders: Mapping[str, tuple[OrderEffect, ...]]
     nonparametric: Mapping[str, Nonparametric]
     prediction_errors: Mapping[str, PredictionErrors]
-    observers: Observers
+    observers: Mapping[str, JointObserver]
     robustness: Robustness
     fairness: Fairness | None
     cost: Cost

@@ -1,7 +1,9 @@
 """Disturbances of a record by degree, and the detrending that an analyst may apply before identification."""
 
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from importlib.resources import files
 from types import MappingProxyType
 
 import numpy as np
@@ -160,103 +162,32 @@ class Disturbance:
     whole: bool = False
 
 
-DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
+SPOILS: Mapping[str, Spoil] = MappingProxyType(
     {
-        entry.key: entry
-        for entry in (
-            Disturbance(
-                "bias",
-                "constant added to the output",
-                "standard deviations",
-                (0.0, 0.02, 0.1, 0.5, 2.0),
-                biased,
-                tuple(TREATMENTS),
-                other_structures=True,
-            ),
-            Disturbance(
-                "drift",
-                "even rise of the output over the record",
-                "standard deviations",
-                (0.2, 0.5, 2.0),
-                add_drift,
-                tuple(TREATMENTS),
-            ),
-            Disturbance(
-                "sway",
-                "slow sine, 60 s long, added to the output",
-                "standard deviations",
-                (0.1, 0.3, 1.0),
-                add_slow_sine,
-                tuple(TREATMENTS),
-            ),
-            Disturbance(
-                "outliers",
-                f"outliers of {OUTLIER_SIZE:g} standard deviations",
-                "percent of samples",
-                (0.2, 0.5, 2.0, 5.0),
-                frequent_outliers,
-                draws=3,
-                other_structures=True,
-            ),
-            Disturbance(
-                "outlier size",
-                f"outliers, {OUTLIER_SHARE:g} % of the samples",
-                "size, standard deviations",
-                (3.0, 10.0, 30.0),
-                large_outliers,
-                draws=3,
-            ),
-            Disturbance(
-                "held drop-outs",
-                "samples lost in bursts, the last one held",
-                "percent of samples",
-                (1.0, 3.0, 10.0),
-                held_dropouts,
-                draws=3,
-                whole=True,
-            ),
-            Disturbance(
-                "marked drop-outs",
-                "samples lost in bursts, marked missing",
-                "percent of samples",
-                (1.0, 3.0, 10.0),
-                marked_dropouts,
-                draws=3,
-                whole=True,
-            ),
-            Disturbance(
-                "length",
-                "length of the record",
-                "s",
-                (10.0, 30.0, 90.0, 236.0),
-                shortened,
-                draws=3,
-                falling=True,
-                whole=True,
-            ),
-            Disturbance(
-                "white noise",
-                "white noise added to the output",
-                "signal over noise, dB",
-                (30.0, 20.0, 10.0, 0.0),
-                white_noise,
-                decibel=True,
-                falling=True,
-                draws=3,
-                other_structures=True,
-            ),
-            Disturbance(
-                "coloured noise",
-                f"noise with a pole at {POLE:g} added to the output",
-                "signal over noise, dB",
-                (30.0, 20.0, 10.0, 0.0),
-                coloured_noise,
-                decibel=True,
-                falling=True,
-                draws=3,
-                other_structures=True,
-            ),
-        )
+        "bias": biased,
+        "drift": add_drift,
+        "sway": add_slow_sine,
+        "outliers": frequent_outliers,
+        "outlier size": large_outliers,
+        "held drop-outs": held_dropouts,
+        "marked drop-outs": marked_dropouts,
+        "length": shortened,
+        "white noise": white_noise,
+        "coloured noise": coloured_noise,
     }
 )
-"""Every kind of disturbance, by key."""
+
+
+def _listed() -> Mapping[str, Disturbance]:
+    table = tomllib.loads((files("scenarios") / "data" / "disturbances.toml").read_text(encoding="utf-8"))
+    sizes = {"size": OUTLIER_SIZE, "share": OUTLIER_SHARE, "pole": POLE}
+    entries = {}
+    for key, row in table.items():
+        label, degrees = row.pop("label").format(**sizes), tuple(row.pop("degrees"))
+        detrended = tuple(TREATMENTS) if row.pop("detrended", False) else AS_IT_IS
+        entries[key] = Disturbance(key, label=label, degrees=degrees, spoil=SPOILS[key], treatments=detrended, **row)
+    return MappingProxyType(entries)
+
+
+DISTURBANCES = _listed()
+"""Every kind of disturbance, by key; `scenarios/data/disturbances.toml` holds the table."""

@@ -1,5 +1,6 @@
 """Estimates and fits of a study, each computed once: a result is kept as long as the record that it belongs to."""
 
+import warnings
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -9,7 +10,7 @@ import numpy as np
 
 import sysid
 from scenarios.identification import methods
-from sysid import Estimate, IOData, StateSpace
+from sysid import Estimate, IOData, StateSpace, SysidWarning
 
 T = TypeVar("T")
 
@@ -60,5 +61,8 @@ def fits(model: Estimate | StateSpace, record: IOData) -> Fits:
 def _once(record: IOData, key: Hashable, compute: Callable[[], T]) -> T:
     results = _RESULTS.setdefault(record, {})
     if key not in results:
-        results[key] = compute()
+        with warnings.catch_warnings():
+            # The diagnostics of an estimate hold them too; what is wrong with a model shows in its fits.
+            warnings.simplefilter("ignore", SysidWarning)
+            results[key] = compute()
     return results[key]

@@ -15,7 +15,7 @@ from sysid import IOData
 
 def percent_described(study: Comparison) -> Finding:
     """F14: order 2 describes 96 to 99.9 percent in OKID's own measure."""
-    entries = study.observers.joints
+    entries = study.observers
     shares = {name: hankel_share(entry.estimate, ORDER) for name, entry in entries.items()}
     factor = CLAIMS["F14"].limits["factor"]
     left = {name: (100 - value, 100 - PERCENT_DESCRIBED[name]) for name, value in shares.items()}

@@ -1,6 +1,5 @@
 """Multivariable models of the three joints and their fits to exchange tests."""
 
-import warnings
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from scenarios.experiments.registry import names
 from scenarios.experiments.rpcm import rpcm_outcome
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.estimates import Fits, fits
 from scenarios.thesis.multi_input import (
     INDEPENDENT,
     SHARED,
@@ -27,7 +27,7 @@ from scenarios.thesis.multi_input import (
 )
 from scenarios.thesis.reference_fits import Reference, reference_fits
 from scenarios.truth.published import PUBLISHED
-from sysid import IOData, ResidualTest, StateSpace, SysidError, SysidWarning
+from sysid import ResidualTest, StateSpace, SysidError
 from sysid.models import block_diagonal
 
 
@@ -149,19 +149,27 @@ LAGS = 25
 
 @dataclass(frozen=True)
 class JointFits:
-    """Fits of a model to one record, joint by joint, in simulation and one step ahead.
+    """Fits of a model to one record, joint by joint.
 
     Attributes:
-        simulation: 100 (1 - |y - yhat| / |y - mean y|) of the simulated output by joint, percent.
-        one_step: The same of the one-step prediction; where K = 0 it is the simulation again.
+        joints: By joint; where K = 0, one step ahead is the simulation again.
     """
 
-    simulation: Mapping[str, float]
-    one_step: Mapping[str, float]
+    joints: Mapping[str, Fits]
+
+    @property
+    def simulation(self) -> Mapping[str, float]:
+        """Fits in simulation by joint, percent."""
+        return self.of("simulation")
+
+    @property
+    def one_step(self) -> Mapping[str, float]:
+        """Fits one step ahead by joint, percent."""
+        return self.of("one_step")
 
     def of(self, way: Way) -> Mapping[str, float]:
         """Fits by joint, of one kind, percent."""
-        return self.simulation if way == "simulation" else self.one_step
+        return {joint: getattr(entry, way) for joint, entry in self.joints.items()}
 
     def mean(self, way: Way) -> float:
         """Mean fit over the joints, percent."""
@@ -277,7 +285,7 @@ def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace],
         All models with their fits and tests.
     """
     truth = three_joint_truth(campaign.truth)
-    data = {name: campaign.several(name) for name in RECORDS if name in campaign.logs}
+    there = tuple(name for name in RECORDS if name in campaign.logs)
     printed = [entry for entry in PUBLISHED if entry.chosen]
     sources = {
         False: (own, okid),
@@ -287,33 +295,28 @@ def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace],
         ),
     }
     models: list[ThreeJointModel] = []
-    with warnings.catch_warnings():
-        # Warnings are suppressed: fits reveal unstable predictors, and shared waveforms are intended here.
-        warnings.simplefilter("ignore", SysidWarning)
-        for as_printed, (first, second) in sources.items():
-            fits = [_fits(blocks, data) for blocks in (first, second)]
-            models += [
-                _compared_model("SysID", as_printed, first, fits[0], truth, data),
-                _compared_model("OKID", as_printed, second, fits[1], truth, data),
-                _compared_model("hybrid", as_printed, _mixed(first, second), _mixed_fits(*fits), truth, data),
-            ]
-        full = tuple(
-            model for name in (SHARED, INDEPENDENT) if name in data for model in full_models(name, campaign, truth)
-        )
-        phases = exchange(campaign, {entry.name: entry.model for entry in models}) if RPCM in data else None
-    references = reference_fits(campaign, tuple(data), truth)
-    return Multivariable(tuple(models), tuple(data), full, truth, off_diagonal(truth), phases, references)
+    for as_printed, (first, second) in sources.items():
+        hybrid = {**second, STUDIED_JOINTS[0]: first[STUDIED_JOINTS[0]]}
+        kinds: dict[Kind, Mapping[str, StateSpace]] = {"SysID": first, "OKID": second, "hybrid": hybrid}
+        models += [_compared(kind, as_printed, blocks, truth, campaign) for kind, blocks in kinds.items()]
+    full = tuple(
+        model for name in (SHARED, INDEPENDENT) if name in there for model in full_models(name, campaign, truth)
+    )
+    phases = exchange(campaign, {entry.name: entry.model for entry in models}) if RPCM in there else None
+    references = reference_fits(campaign, there, truth)
+    return Multivariable(tuple(models), there, full, truth, off_diagonal(truth), phases, references)
 
 
-def _compared_model(
-    kind: Kind,
-    printed: bool,
-    blocks: Mapping[str, StateSpace],
-    fits: Mapping[str, JointFits],
-    truth: StateSpace,
-    data: Mapping[str, IOData],
+def _compared(
+    kind: Kind, printed: bool, blocks: Mapping[str, StateSpace], truth: StateSpace, campaign: Campaign
 ) -> ThreeJointModel:
+    """A model with its fits: block-diagonal, it follows each joint as that joint's block does."""
     model = block_diagonal([blocks[joint] for joint in STUDIED_JOINTS])
+    followed = {
+        name: {joint: fits(blocks[joint], campaign.record(name, joint)) for joint in STUDIED_JOINTS}
+        for name in RECORDS
+        if name in campaign.logs
+    }
     return ThreeJointModel(
         f"printed {kind} model" if printed else f"{kind} model",
         kind,
@@ -322,44 +325,19 @@ def _compared_model(
         model,
         relative_error(model, truth),
         relative_error(model, truth, diagonal=True),
-        fits,
-        _residual_tests(model, data),
+        {name: JointFits(joints) for name, joints in followed.items()},
+        _residual_tests(model, campaign),
     )
 
 
-def _residual_tests(model: StateSpace, data: Mapping[str, IOData]) -> dict[str, ResidualTest]:
+def _residual_tests(model: StateSpace, campaign: Campaign) -> dict[str, ResidualTest]:
     """Return the residual tests that exist: an unstable predictor leaves residuals too large for any test."""
     tests = {}
     for name in TESTED:
-        if name in data:
+        if name in campaign.logs:
             with suppress(SysidError):
-                tests[name] = sysid.resid(model, data[name], lags=LAGS, level=LEVEL)
+                tests[name] = sysid.resid(model, campaign.several(name), lags=LAGS, level=LEVEL)
     return tests
-
-
-def _fits(blocks: Mapping[str, StateSpace], data: Mapping[str, IOData]) -> dict[str, JointFits]:
-    """Fits to every record: a block-diagonal model follows each joint as that joint's block does."""
-    fits = {}
-    for name, record in data.items():
-        scores = {
-            joint: sysid.compare(blocks[joint], IOData(record.u[:, i], record.y[:, i], record.dt))[0]
-            for i, joint in enumerate(STUDIED_JOINTS)
-        }
-        fits[name] = JointFits(
-            {joint: float(score.simulation[0]) for joint, score in scores.items()},
-            {joint: float(score.one_step[0]) for joint, score in scores.items()},
-        )
-    return fits
-
-
-def _mixed(own: Mapping[str, T], okid: Mapping[str, T]) -> dict[str, T]:
-    """The yaw joint of the SysID model, the pitches of the OKID model."""
-    yaw, *pitches = STUDIED_JOINTS
-    return {yaw: own[yaw], **{joint: okid[joint] for joint in pitches}}
-
-
-def _mixed_fits(own: Mapping[str, JointFits], okid: Mapping[str, JointFits]) -> dict[str, JointFits]:
-    return {name: JointFits(*(_mixed(own[name].of(way), okid[name].of(way)) for way in WAYS)) for name in own}
 
 
 def _result_of(results: Mapping[str, T], record: str) -> T:

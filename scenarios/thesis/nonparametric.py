@@ -1,6 +1,5 @@
 """Nonparametric estimates of the frequency response, with spectra averaged over periods."""
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -14,7 +13,7 @@ from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import MissingRecordError, ScenarioError
 from scenarios.thesis.campaign import Campaign
-from sysid import FrequencyResponse, IOData, SysidWarning
+from sysid import FrequencyResponse, IOData
 from sysid.frequency import CovarianceFunction, DelayEstimate, ImpulseResponse
 from sysid.models.bandwidth import HALF_POWER
 from sysid.polynomial.correlation import prewhitened
@@ -228,26 +227,19 @@ def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> 
     """
     binary = campaign.single(PRBS, joint)
     data = {n: campaign.single(n, joint) for n in (SINES, PULSE) if single_joint_test(n, joint) in campaign.logs}
-    with warnings.catch_warnings():
-        # Two tones do not excite every estimated frequency; the report marks where.
-        warnings.simplefilter("ignore", SysidWarning)
-        spectra = {n: sysid.spa(record, frequencies=GRID) for n, record in data.items()}
-        positive = sysid.spa(data[SINES], window=parzen, frequencies=GRID) if SINES in data else None
-        pulse = sysid.cra(binary, lags=PULSE_LAGS, whitening=WHITENING)
-        delay = sysid.delayest(binary, whitening=WHITENING)
     return Nonparametric(
         joint=joint,
-        spectra=spectra,
+        spectra={n: sysid.spa(record, frequencies=GRID) for n, record in data.items()},
         lags={n: len(record) // 10 for n, record in data.items()},
         repeated={
             n: period_spectra(record, period_of(single_joint_test(n, joint)))
             for n, record in {PRBS: binary, **data}.items()
         },
-        positive=positive,
+        positive=sysid.spa(data[SINES], window=parzen, frequencies=GRID) if SINES in data else None,
         covariances=sysid.covf(binary, lags=LAGS),
         whitened=sysid.covf(_white(binary), lags=LAGS),
-        pulse=pulse,
-        delay=delay,
+        pulse=sysid.cra(binary, lags=PULSE_LAGS, whitening=WHITENING),
+        delay=sysid.delayest(binary, whitening=WHITENING),
         tests=_summaries(joint, campaign) if summaries else {},
     )
 

@@ -7,7 +7,6 @@ has a model of the disturbance, white (an output-error model has none: the thesi
 search ends at the first step that passes and that the next does not improve on in cross-validation.
 """
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -19,7 +18,7 @@ import sysid
 from scenarios.thesis.campaign import tests_of_same_sequence
 from scenarios.thesis.estimates import estimate
 from scenarios.thesis.steps import NO_REPORT, Part
-from sysid import IOData, SysidError, SysidWarning
+from sysid import IOData, SysidError
 from sysid.validation import StructureTable
 
 POLES = (1, 2, 3, 4, 5)
@@ -141,13 +140,10 @@ def search_orders(
     ]
     if not others:
         raise SysidError("a search for orders needs other data sets to judge on, got none")
-    with warnings.catch_warnings():
-        # Warnings are suppressed: orders far too large give many.
-        warnings.simplefilter("ignore", SysidWarning)
-        table = sysid.selstruc(data[own], *ARX_GRID, validation=others)
-        armax, oe = (
-            search(method, data[own], others, thesis[method], share) for method, share in part.split(("armax", "oe"))
-        )
+    table = sysid.selstruc(data[own], *ARX_GRID, validation=others)
+    armax, oe = (
+        search(method, data[own], others, thesis[method], share) for method, share in part.split(("armax", "oe"))
+    )
     return Searches(joint, armax, oe, table)
 
 

@@ -1,6 +1,5 @@
 """Prediction-error models of single joints: every structure, data set and order."""
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +12,7 @@ from scenarios.thesis.estimates import estimate
 from scenarios.thesis.every_data_set import DataSets, every_data_set
 from scenarios.thesis.order_search import Searches, search_orders
 from scenarios.thesis.steps import NO_REPORT, Part
-from sysid import IOData, SysidWarning
+from sysid import IOData
 
 ORDERS = ((2, 2), (2, 3), (3, 3), (2, 4), (4, 4), (2, 5), (5, 5), (2, 6), (6, 6))
 """nb, nf: the orders of the thesis, more poles with its one zero, as many numerator as denominator coefficients."""
@@ -69,12 +68,9 @@ def more_poles(data: IOData, nk: int) -> tuple[MorePoles, ...]:
         One record for each of `ORDERS`.
     """
     models = []
-    with warnings.catch_warnings():
-        # The edge of stability is what is looked for.
-        warnings.simplefilter("ignore", SysidWarning)
-        for nb, nf in ORDERS:
-            radius = float(np.abs(estimate(data, "oe", (nb, nf, nk)).poles()).max())
-            models.append(MorePoles((nb, nf, nk), radius, *_repeated_least_squares(data, nb, nf, nk)))
+    for nb, nf in ORDERS:
+        radius = float(np.abs(estimate(data, "oe", (nb, nf, nk)).poles()).max())
+        models.append(MorePoles((nb, nf, nk), radius, *_repeated_least_squares(data, nb, nf, nk)))
     return tuple(models)
 
 

@@ -67,13 +67,7 @@ def impulse_response(truth: StateSpace) -> np.ndarray:
         Samples (K, ny, nu).
     """
     slowest = float(np.abs(truth.poles()).max())
-    length = 2 + int(np.ceil(np.log(SETTLED) / np.log(slowest))) + truth.order
-    columns = []
-    for j in range(truth.nu):
-        pulse = np.zeros((length, truth.nu))
-        pulse[0, j] = 1.0
-        columns.append(sysid.simulate(truth, pulse))
-    return np.stack(columns, axis=2)
+    return truth.markov(2 + int(np.ceil(np.log(SETTLED) / np.log(slowest))) + truth.order)
 
 
 def _fits_of_record(campaign: Campaign, name: str, pulses: np.ndarray) -> dict[str, dict[str, float]]:

@@ -40,7 +40,9 @@ class StepCost:
 
 COSTS: Mapping[str, StepCost] = MappingProxyType(
     {
-        "identify": StepCost(1.5, 1.0),
+        "identify": StepCost(0.5, 0.4),
+        "causes": StepCost(0.1, 0.2),
+        "orders": StepCost(0.7, 0.4),
         "spectra": StepCost(0.1, 0.2, brief=0.5),
         "data sets": StepCost(8.0, 10.0, brief=0.3),
         "observers": StepCost(0.1, 0.2, brief=0.5),

@@ -2,7 +2,7 @@
 
 import warnings
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import TypeVar
@@ -16,7 +16,6 @@ from scenarios.experiments.campaign import Condition, campaign_scenario, single_
 from scenarios.experiments.log_review import swing, velocity_limited_share
 from scenarios.experiments.model_structures import STRUCTURES, SUFFICIENT, Structure
 from scenarios.experiments.scenario import Scenario
-from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
 from scenarios.identification.recovered_bandwidth import intervals_agree
@@ -34,11 +33,11 @@ from scenarios.thesis.comparison import Comparison, Cost, JointResult, ModelResu
 from scenarios.thesis.estimates import estimate, fits
 from scenarios.thesis.fairness_table import fairness
 from scenarios.thesis.multivariable import multivariable
-from scenarios.thesis.nonparametric import nonparametric
-from scenarios.thesis.observer_analysis import observers
+from scenarios.thesis.nonparametric import nonparametric, period_of
+from scenarios.thesis.observer_analysis import observe
 from scenarios.thesis.prediction_errors import prediction_errors
 from scenarios.thesis.robustness import robustness
-from scenarios.thesis.steps import COSTS, TICK, Report, Steps
+from scenarios.thesis.steps import COSTS, TICK, Part, Report, Steps
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
@@ -50,7 +49,17 @@ SHORTEST = 20.0
 JUDGING = 64.0
 """Length of tests that only judge models, on other arms than that of the study, s: one minute after settling."""
 
-ANALYSES = ("identify", "spectra", "data sets", "observers", "three joints", "robustness", "other arms")
+ANALYSES = (
+    "identify",
+    "causes",
+    "orders",
+    "spectra",
+    "data sets",
+    "observers",
+    "three joints",
+    "robustness",
+    "other arms",
+)
 """Steps after the simulation; only a thorough study takes the last."""
 
 T = TypeVar("T")
@@ -203,37 +212,42 @@ def draw_conclusions(campaigns: Sequence[Campaign], *, thorough: bool = True, st
             "expected campaigns of an arm with friction, of the same without, and of others; given "
             + ("; ".join(map(str, arms)) or "none")
         )
-    records = StudyRecords(tuple(campaigns), thorough)
     steps = steps or planned_steps(arms, campaigns[0].duration, thorough=thorough)
-    joints, attribution, orders = {}, {}, {}
-    with steps.step("identify") as part:
-        for joint, _ in part.split(STUDIED_JOINTS):
-            joints[joint] = study_joint(joint, records.main)
-            true_hz, sufficient = records.main.truth.joint(joint).bandwidth_hz, SUFFICIENT[joint]
-            attribution[joint] = attribute(
-                records.own_name(joint), joint, records.main, records.smooth, true_hz, sufficient
-            )
-            orders[joint] = order_effects(records.own(joint), sufficient[2])
-    with steps.step("spectra") as part:
-        spectra = {
-            joint: nonparametric(joint, records.main, summaries=thorough) for joint, _ in part.split(STUDIED_JOINTS)
-        }
-    with steps.step("data sets") as part:
-        others = {joint: prediction_errors(joint, records, share) for joint, share in part.split(STUDIED_JOINTS)}
-    with steps.step("observers"):
-        observed = observers(records)
+    with warnings.catch_warnings():
+        # The diagnostics of the estimates hold them, from where the report takes them.
+        warnings.simplefilter("ignore", SysidWarning)
+        study = _analyse(StudyRecords(tuple(campaigns), thorough), steps)
+    return replace(study, cost=replace(study.cost, total_s=perf_counter() - begin))
+
+
+def _analyse(records: StudyRecords, steps: Steps) -> Comparison:
+    main = records.main
+
+    def of_joints(step: str, analysis: Callable[[str, Part], T]) -> dict[str, T]:
+        with steps.step(step) as part:
+            return {joint: analysis(joint, share) for joint, share in part.split(STUDIED_JOINTS)}
+
+    joints = of_joints("identify", lambda joint, _: study_joint(joint, main))
+    attribution = of_joints("causes", lambda joint, _: attribute(joint, records, SUFFICIENT[joint]))
+    orders = of_joints("orders", lambda joint, _: order_effects(records.own(joint), SUFFICIENT[joint][2]))
+    spectra = of_joints("spectra", lambda joint, _: nonparametric(joint, main, summaries=records.thorough))
+    sets = of_joints("data sets", lambda joint, part: prediction_errors(joint, records, part))
+    observed = of_joints("observers", lambda joint, _: observe(joint, records))
     with steps.step("three joints"):
         several = multivariable(
             {name: entry.chosen.estimate.model for name, entry in joints.items()},
             {name: entry.models["okid"].estimate.model for name, entry in joints.items()},
-            records.main,
+            main,
         )
     with steps.step("robustness") as part:
-        robust = robustness(records.main, ESTIMATION_TEST, thorough=thorough, part=part)
+        robust = robustness(main, ESTIMATION_TEST, thorough=records.thorough, part=part)
     table = None
-    if thorough:
+    if records.thorough:
         with steps.step("other arms") as part:
-            table = fairness(campaigns, ESTIMATION_TEST, part=part)
+            table = fairness(records.campaigns, ESTIMATION_TEST, part=part)
+    physics_s, simulation_s = (
+        sum(getattr(entry, name) for entry in records.campaigns) for name in ("physics_s", "simulation_s")
+    )
     return Comparison(
         campaigns=records.campaigns,
         joints=joints,
@@ -241,15 +255,11 @@ def draw_conclusions(campaigns: Sequence[Campaign], *, thorough: bool = True, st
         attribution=attribution,
         orders=orders,
         nonparametric=spectra,
-        prediction_errors=others,
+        prediction_errors=sets,
         observers=observed,
         robustness=robust,
         fairness=table,
-        cost=Cost(
-            sum(entry.physics_s for entry in campaigns),
-            sum(entry.simulation_s for entry in campaigns),
-            perf_counter() - begin,
-        ),
+        cost=Cost(physics_s, simulation_s, 0.0),
         estimation_test=ESTIMATION_TEST,
         provenance=versions(),
     )
@@ -290,39 +300,36 @@ def study_joint(joint: str, campaign: Campaign) -> JointResult:
 
 def _identify(structure: Structure, data: Mapping[int, IOData], truth: BestLinearOfTest) -> ModelResult:
     own = data[ESTIMATION_TEST]
-    with warnings.catch_warnings():
-        # They stand in the estimate's diagnostics, from where the report takes them.
-        warnings.simplefilter("ignore", SysidWarning)
-        try:
-            model = estimate(own, structure.estimator, structure.orders)
-            band = model.bandwidth()
-            test = sysid.resid(model, own)
-        except SysidError as error:
-            raise ScenarioError(
-                f"{own.name} gives no model {structure.label}, which the study is about: {error}"
-            ) from error
-        followed = {number: fits(model, record) for number, record in data.items()}
-    hz, ci95 = float(band.hz[0, 0]), (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
+    try:
+        model = estimate(own, structure.estimator, structure.orders)
+        band = model.bandwidth()
+        test = sysid.resid(model, own)
+    except SysidError as error:
+        raise ScenarioError(
+            f"{own.name} gives no model {structure.label}, which the study is about: {error}"
+        ) from error
+    hz, *ci95 = band.path()
     return ModelResult(
         method=structure.method,
         label=structure.label,
         estimate=model,
         chosen=structure.chosen,
         bandwidth_hz=hz,
-        ci95=ci95,
-        covers=intervals_agree((hz, *ci95), (truth.hz, *truth.ci95)),
+        ci95=(ci95[0], ci95[1]),
+        covers=intervals_agree((hz, ci95[0], ci95[1]), (truth.hz, *truth.ci95)),
         dc_gain=float(model.model.dc_gain()[0, 0]),
         half_power_hz=half_power_hz(model.model),
-        fits=followed,
+        fits={number: fits(model, record) for number, record in data.items()},
         residual_test=test,
     )
 
 
 def _nonparametric(own: IOData) -> tuple[FrequencyResponse, FrequencyResponse]:
-    """Spectral and empirical estimates where the periodic input has power: on the lines of the 2 s file.
+    """Spectral and empirical estimates where the periodic input has power: on the lines of the held file.
 
     Between the lines there is nothing but noise and leakage, and a curve through it would mean nothing.
     """
-    lines = np.arange(1, POINTS // 2) * SAMPLE_RATE / POINTS
-    periods = [own[start : start + POINTS] for start in range(0, len(own) - POINTS + 1, POINTS)]
+    period = period_of(own.name)
+    lines = np.arange(1, period // 2) * SAMPLE_RATE / period
+    periods = [own[start : start + period] for start in range(0, len(own) - period + 1, period)]
     return sysid.spa(own, frequencies=lines), sysid.etfe(periods)

@@ -8,7 +8,7 @@ import sysid
 from hmtb_twin import linearize
 from scenarios.experiments.campaign import NOMINAL, Condition
 from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, GENTLE, SMOOTH, Attribution, Attributions, attribute
-from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.campaign import Campaign, StudyRecords
 from scenarios.thesis.results import departures, friction_effect, friction_in_words
 from sysid import SysidError
 
@@ -18,7 +18,7 @@ TRUTH = linearize(NOMINAL.arm())
 
 def found(rough, smooth, failed):
     campaigns = Campaign(NOMINAL, TRUTH, rough, {}), Campaign(Condition(friction=False), TRUTH, smooth, failed)
-    return attribute(NAME, JOINT, *campaigns, 1.0, (2, 2, 1))
+    return attribute(JOINT, StudyRecords(campaigns), (2, 2, 1))
 
 
 def test_a_record_that_is_missing_is_named_and_the_others_keep_their_places(synthetic_logs):
