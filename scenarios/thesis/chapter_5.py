@@ -20,13 +20,11 @@ class Quantity:
         name: What it is.
         ours: Its value in the model of the study.
         printed: Its value in the printed model.
-        coordinates: Whether it depends on the coordinates of the state, so that the two cannot be compared.
     """
 
     name: str
     ours: str
     printed: str
-    coordinates: bool
 
 
 def chapter_5(study: Comparison) -> dict[str, object]:
@@ -38,7 +36,6 @@ def chapter_5(study: Comparison) -> dict[str, object]:
     Returns:
         Variables of the template.
     """
-    observers = study.observers
     return {
         "p": P,
         "live": 100 * LIVE,
@@ -46,14 +43,12 @@ def chapter_5(study: Comparison) -> dict[str, object]:
         "joints": [
             {
                 "result": entry,
-                "observer": observers.joints[joint],
-                "whiteness": p_value(observers.joints[joint].test.whiteness_p[0]),
-                "realisation": realisation(entry, observers.joints[joint]),
-                "records": observers.records.get(joint, ()),
+                "observer": study.observers[joint],
+                "whiteness": p_value(study.observers[joint].test.whiteness_p[0]),
+                "realisation": realisation(entry, study.observers[joint]),
             }
             for joint, entry in study.joints.items()
         ],
-        "several": observers.several,
     }
 
 
@@ -62,22 +57,21 @@ def realisation(entry: JointResult, observer: JointObserver) -> tuple[Quantity, 
     printed = next(model for model in entry.published if model.method == "okid")
     ours = observer.estimate.model
     pairs = [
-        ("A", _matrix(ours.A), _matrix(printed.model.A), True),
-        ("B", _matrix(ours.B.T), _matrix(printed.model.B.T), True),
-        ("C", _matrix(ours.C), _matrix(printed.model.C), True),
-        ("D", _matrix(ours.D), _matrix(printed.model.D), False),
-        ("G", _matrix(-ours.gain.T), _matrix(-printed.model.gain.T), True),
-        ("CB, CAB", _markov(ours), _markov(printed.model), False),
-        ("poles", _roots(ours.poles()), _roots(printed.model.poles()), False),
-        ("zeros", _roots(ours.zeros()), _roots(printed.model.zeros()), False),
-        ("eigenvalues of A + G C", _roots(observer.observer_poles), _roots(_observer_poles(printed)), False),
-        ("gain at 0 Hz", f"{ours.dc_gain()[0, 0]:.4f}", f"{printed.dc_gain:.4f}", False),
-        ("bandwidth, Hz", f"{float(ours.bandwidth()[0, 0]):.3f}", f"{printed.bandwidth_hz:.3f}", False),
+        ("A", _matrix(ours.A), _matrix(printed.model.A)),
+        ("B", _matrix(ours.B.T), _matrix(printed.model.B.T)),
+        ("C", _matrix(ours.C), _matrix(printed.model.C)),
+        ("D", _matrix(ours.D), _matrix(printed.model.D)),
+        ("G", _matrix(-ours.gain.T), _matrix(-printed.model.gain.T)),
+        ("CB, CAB", _markov(ours), _markov(printed.model)),
+        ("poles", _roots(ours.poles()), _roots(printed.model.poles())),
+        ("zeros", _roots(ours.zeros()), _roots(printed.model.zeros())),
+        ("eigenvalues of A + G C", _roots(observer.observer_poles), _roots(_observer_poles(printed))),
+        ("gain at 0 Hz", f"{ours.dc_gain()[0, 0]:.4f}", f"{printed.dc_gain:.4f}"),
+        ("bandwidth, Hz", f"{float(ours.bandwidth()[0, 0]):.3f}", f"{printed.bandwidth_hz:.3f}"),
         (
             "described by two states, %",
             f"{hankel_share(observer.estimate, ours.order):.4f}",
             f"{PERCENT_DESCRIBED[entry.joint]:.4f}",
-            False,
         ),
     ]
     return tuple(Quantity(*pair) for pair in pairs)

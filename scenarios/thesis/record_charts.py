@@ -199,7 +199,7 @@ def observers(study: Comparison) -> Chart:
     """OKID: Markov parameters of observer and system, errors over p, Hankel singular values."""
 
     def panels(entry: JointResult) -> tuple[Panel, ...]:
-        known, look = study.observers.joints[entry.joint], PALETTE["okid"]
+        known, look = study.observers[entry.joint], PALETTE["okid"]
         diagnostics = known.estimate.diagnostics
         ours = []
         for name, label, shift, colour in (
