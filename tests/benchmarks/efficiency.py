@@ -52,13 +52,13 @@ def harder(problem, samples, snr_db):
     return replace(shorter, variance=shorter.variance * ratio)
 
 
-def measure(problem, estimator, orders, draws, first):
+def measure(problem, estimator, orders, draws):
     """Run one problem over `draws` noise realisations."""
     information, hz = problem.information(), problem.model.bandwidth()[0, 0]
     figures: dict[str, list[float]] = {name: [] for name in FIGURES}
     f = np.geomspace(0.01, 0.8, 12) * 0.5 / problem.model.dt
     magnitude = np.abs(problem.model.frequency_response(f))
-    for seed in range(first, first + draws):
+    for seed in range(draws):
         data = problem.draw(seed)
         estimate, seconds = timed(estimator, data, *orders)
         error, m = estimate.parameters - problem.parameters, estimate.model
@@ -86,12 +86,11 @@ def main():
     parser.add_argument("draws", nargs="?", type=int, default=400, help="noise realisations of each problem")
     parser.add_argument("--samples", type=int, help="length of the records; by default each problem's own")
     parser.add_argument("--snr", type=float, metavar="DB", help="signal to noise; by default each problem's own")
-    parser.add_argument("--seed", type=int, default=0, help="first seed of the noise")
     asked = parser.parse_args()
     warnings.simplefilter("ignore", sysid.SysidWarning)
     for name, (estimator, orders) in STRUCTURES.items():
         problem = harder(getattr(problems, f"make_{name}")(), asked.samples, asked.snr)
-        for figure, value in measure(problem, estimator, orders, asked.draws, asked.seed).items():
+        for figure, value in measure(problem, estimator, orders, asked.draws).items():
             print(f"{name} {estimator.__name__:6s}{figure:24s}{value:10.3f}", flush=True)
 
 

@@ -7,17 +7,24 @@ initial state fitted to each half for every model alike. A loss is the root mean
 the fourth root of the determinant of their covariance.
 """
 
+import contextlib
+import os
 import sys
 import warnings
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 
-from tests.benchmarks.peers import jax_sysid, pysib, silence, sippy, versions  # isort: skip - sets the number of threads first
-import numpy as np
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
-import sysid
-from scenarios.estimators.task import Task
-from tests.benchmarks.tables import heading, row
+import numpy as np  # noqa: E402 - BLAS reads its number of threads when it loads
+
+import sysid  # noqa: E402
+from scenarios.estimators.task import Task  # noqa: E402
+from sysid.polynomial.structures import STRUCTURES as ORDER_NAMES  # noqa: E402
+from tests.benchmarks.tables import heading, row  # noqa: E402
 
 SETS = {
     "robot arm": ("robot_arm.dat", (0,), (1,), 1.0),
@@ -40,6 +47,58 @@ STRUCTURES = (
 ORDERS = (2, 4, 6, 8, 10)
 BLOCK_ROWS = (10, 15, 20, 30, 40)
 """Of the N4SID models among which prediction-error fits begin."""
+
+
+@contextlib.contextmanager
+def silence():
+    """Send what compiled code prints to nowhere."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+            os.dup2(kept, 1)
+            os.close(kept)
+
+
+def adapted(function, method, orders):
+    """A peer as the test bench calls it."""
+    task = Task(method, dict(zip(ORDER_NAMES[method], orders, strict=True)), max(orders), np.ones(1))
+
+    def fit(u, y):
+        answer = function(sysid.IOData(u, y, 0.02), task)
+        return answer.polynomials or from_states(answer.model)
+
+    return fit
+
+
+def from_states(model):
+    """The output-error model of a state-space model with one input and one output."""
+    F = np.poly(model.A)
+    return sysid.Polynomials(B=np.convolve(F, model.markov(len(F))[:, 0, 0])[: len(F)], F=F)
+
+
+def pysib(method, orders):
+    from scenarios.estimators import polynomial_peers
+
+    return adapted(getattr(polynomial_peers, f"pysib_{method}"), method, orders)
+
+
+def sippy(method, orders, *, mode="OPT"):
+    """SIPPY, by optimisation if not said otherwise."""
+    from scenarios.estimators.polynomial_peers import sippy_polynomials
+
+    return adapted(lambda data, task: sippy_polynomials(method, data, task, mode=mode), method, orders)
+
+
+def jax_sysid(method, orders):
+    """jax-sysid, double precision: an output-error fit of the same order."""
+    from scenarios.estimators.state_space_peers import jax_sysid_oe
+
+    return adapted(jax_sysid_oe, method, orders)
 
 
 def halves(folder, name):
@@ -139,7 +198,7 @@ def main():
     folder = Path(sys.argv[1])
     warnings.simplefilter("ignore")
     names = ("numpy", "scipy", "pysib", "sippy-unipi", "jax-sysid", "nfoursid", "ctrlsys", "control")
-    print(versions(*names) + "\n")
+    print(", ".join(f"{name} {version(name)}" for name in names) + "\n")
     scored = ("one-step loss", "held out", "simulation loss", "simulation fit, held out")
     heading("data", "structure", "method", *scored)
     for name, method, orders in STRUCTURES:

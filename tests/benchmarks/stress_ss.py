@@ -3,8 +3,7 @@
 Systems have order 2 to 6, 1 to 3 inputs and outputs, poles up to 0.985, binary inputs held for 1, 2 or 5 samples, and
 disturbances through the gain of a Kalman filter, 5 to 20 dB below the outputs. A fit from the default `n4sid` counts as
 off where N (V - V*) > 20, V the logarithm of the determinant of the errors' covariance and V* the least that was
-reached from n4sid with other horizons, from OKID and from the truth. With `--coverage`, how often 95 % bands of the
-frequency response hold the truth.
+reached from n4sid with other horizons, from OKID and from the truth.
 """
 
 import warnings
@@ -17,7 +16,6 @@ from scipy.linalg import block_diag, solve_discrete_are
 import sysid
 from tests.benchmarks.stress import BURN_IN, OFF, random_roots, summary
 from tests.benchmarks.tables import options, timed
-from tests.sysid.systems import covered
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,37 +105,13 @@ def measure(systems, samples, gain):
     return {**summary(fits), "median iterations": float(np.median(steps))}
 
 
-def coverage(draws, samples):
-    """Bands of one 2 x 2 system of order 4 over many draws of the disturbance."""
-    rng = np.random.default_rng(4)
-    truth = draw_system(rng, 4, 2, 2)
-    f = np.array([0.01, 0.03, 0.1, 0.2, 0.35])
-    g = truth.frequency_response(f)
-    hits = {"magnitude": [], "real part": [], "imaginary part": []}
-    for seed in range(draws):
-        data = make_record(np.random.default_rng(1000 + seed), truth, samples, 2, 10.0).data
-        response = sysid.pem_ss(data, sysid.n4sid(data, 4)).frequency_response(f)
-        hits["magnitude"].append(covered(response.magnitude_ci95(), np.abs(g)))
-        error = response.response - g
-        covariance = np.asarray(response.covariance)
-        for i, (name, part) in enumerate((("real part", error.real), ("imaginary part", error.imag))):
-            hits[name].append(np.abs(part) <= 1.959964 * np.sqrt(covariance[..., i, i]))
-    return {f"coverage, {name}": float(np.mean(part)) for name, part in hits.items()}
-
-
 def main():
     parser = options(__doc__)
     parser.add_argument("--systems", type=int, default=200)
     parser.add_argument("--samples", type=int, nargs=2, default=(200, 500), metavar="N", help="shortest and longest")
     parser.add_argument("--fits", choices=("free", "zero"), nargs="+", default=["free", "zero"], help="the gain K")
-    parser.add_argument("--coverage", type=int, default=0, metavar="DRAWS", help="coverage over so many draws instead")
     asked = parser.parse_args()
     warnings.simplefilter("ignore", sysid.SysidWarning)
-    if asked.coverage:
-        for samples in sorted(set(asked.samples)):
-            for figure, value in coverage(asked.coverage, samples).items():
-                print(f"N = {samples:5d}  {figure:26s}{value:10.4g}")
-        return
     for fit in asked.fits:
         label = "K free" if fit == "free" else "K = 0"
         for figure, value in measure(asked.systems, tuple(asked.samples), fit == "free").items():

@@ -1,25 +1,46 @@
 """A build that SIGKILL ends resumes, and the workers of a Dask scheduler build the same bytes as this process."""
 
+import signal
+import subprocess
+import sys
+
 import pytest
 
 from scenarios.datasets.build import build
 from scenarios.jobs.cluster import Cluster
-from tests.benchmarks import dataset_kills
+from scenarios.jobs.journal import Journal, read_fingerprint
+from tests.scenarios.datasets.test_build import files
+
+CHILD = """
+import os, signal, sys
+at, calls, fsync = int(sys.argv.pop(1)), 0, os.fsync
+def counted(descriptor):
+    global calls
+    calls += 1
+    if calls == at:
+        os.kill(os.getpid(), signal.SIGKILL)
+    fsync(descriptor)
+os.fsync = counted
+from scenarios.commands.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+"""The command line, which kills itself at a numbered wait for the disk."""
 
 
 @pytest.mark.slow
 def test_a_killed_build_ends_in_the_bytes_of_one_that_nobody_disturbed(tiny, tiny_spec, tmp_path):
-    """The benchmark kills often, this test twice."""
-    spec = tmp_path / "tiny.toml"
+    spec, out = tmp_path / "tiny.toml", tmp_path / "out"
     spec.write_text(tiny_spec.to_toml())
-    out = tmp_path / "out"
-    out.mkdir()
-    # In the midst of the second record, and, the third being there, of what comes after.
-    for wait, there in ((18, "1 experiments"), (16, "3 experiments")):
-        assert dataset_kills.run(spec, out, wait=wait, rows=1).killed
-        assert there in dataset_kills.state(out)
+    words = ["dataset", "build", str(spec), "--out", str(out), "--rows", "1", "--progress", "none"]
+    # Before the first record, in the midst of the second, and, the third being there, of what comes after.
+    for wait, there in ((5, 0), (18, 1), (16, 3)):
+        killed = subprocess.run([sys.executable, "-c", CHILD, str(wait), *words], capture_output=True, check=False)
+        assert killed.returncode == -signal.SIGKILL, killed.stderr
+        path = out / f"{tiny.name}.unfinished" / "journal.sqlite"
+        with Journal(path, read_fingerprint(path)) as journal:
+            assert len(journal.keys("experiment")) == there
         assert not (out / tiny.name).exists()
-    assert dataset_kills.contents(build(tiny_spec, out).folder) == dataset_kills.contents(tiny)
+    assert files(build(tiny_spec, out).folder) == files(tiny)
 
 
 @pytest.mark.slow
@@ -29,5 +50,4 @@ def test_one_thread_two_threads_and_two_workers_make_the_same_bytes(tiny, tiny_s
     with distributed.LocalCluster(**workers) as local, Cluster(local.scheduler_address, patience=60.0) as executor:
         on_workers = build(tiny_spec, tmp_path / "workers", rows=1, executor=executor)
     two_threads = build(tiny_spec, tmp_path / "threads", workers=2)
-    expected = dataset_kills.contents(tiny)
-    assert dataset_kills.contents(on_workers.folder) == dataset_kills.contents(two_threads.folder) == expected
+    assert files(on_workers.folder) == files(two_threads.folder) == files(tiny)

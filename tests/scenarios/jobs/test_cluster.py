@@ -31,7 +31,10 @@ def test_batches_run_on_workers(scheduler):
 
 
 @pytest.mark.slow
-def test_a_dead_worker_is_replaced_and_a_scheduler_that_has_gone_is_waited_for(tmp_path):
+@pytest.mark.parametrize("deaths", [3, 0])
+def test_a_dead_worker_is_replaced_and_a_scheduler_that_has_gone_is_waited_for(tmp_path, deaths):
+    """After so many deaths of workers the scheduler gives a batch up, whose items then run one by one."""
+    lines = []
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     address = f"tcp://127.0.0.1:{port}"
@@ -40,13 +43,15 @@ def test_a_dead_worker_is_replaced_and_a_scheduler_that_has_gone_is_waited_for(t
     with ExitStack() as stack:
 
         def start(*command):
-            environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+            allowed = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": str(deaths)}
+            environment = {**os.environ, "PYTHONPATH": str(ROOT), **allowed}
             process = subprocess.Popen([sys.executable, "-m", *command], env=environment, stderr=subprocess.DEVNULL)
             stack.callback(process.wait)
             stack.callback(process.kill)
             return process
 
         def report(line):
+            lines.append(line)
             if "has gone; waiting up to" in line:  # the workers with it
                 start(*scheduler)
                 start(*worker)
@@ -60,7 +65,8 @@ def test_a_dead_worker_is_replaced_and_a_scheduler_that_has_gone_is_waited_for(t
                 break
             sleep(0.1)
         with Cluster(address, patience=60.0, report=report) as executor:
-            assert sorted(executor.run(tasks.mortal, str(tmp_path), [("a",), ("once",)])) == ["a", "once"]
+            assert sorted(executor.run(tasks.mortal, str(tmp_path), [("a",), ("once", "b")])) == ["a", "b", "once"]
+            assert any("they run one by one" in line for line in lines) == (deaths == 0)
             results = executor.run(tasks.slow, 0.2, ((number,) for number in range(10)))
             done = [next(results)]
             first.kill()

@@ -4,39 +4,31 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData, armax, arx, bj, oe
+from sysid import IOData, armax, bj, oe
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.prediction_error import minimise
+from tests.benchmarks.efficiency import STRUCTURES, measure
 
-# problem, estimator, draws, deviation of the mean normalised error from 1 and range of the coverage (about three
-# standard deviations of a mean of so many chi-squares and correlated hits), least coverage of the bandwidth
+# of each problem: draws, deviation of the mean normalised error from 1 and range of the coverage (about three standard
+# deviations of a mean of so many chi-squares and correlated hits), least coverage of the bandwidth
 CASES = {
-    "arx": ("p5", lambda d: arx(d, 3, 3, 2), 150, 0.15, (0.92, 0.975), 0.90),
-    "armax": ("p3", lambda d: armax(d, 2, 2, 2, 1), 150, 0.15, (0.92, 0.975), 0.90),
-    "oe": ("p2", lambda d: oe(d, 2, 2, 1), 100, 0.22, (0.90, 1.0), 0.88),
-    "bj": ("p4", lambda d: bj(d, 2, 2, 2, 2), 100, 0.15, (0.92, 0.975), 0.88),
+    "p5": (150, 0.15, (0.92, 0.975), 0.90),
+    "p3": (150, 0.15, (0.92, 0.975), 0.90),
+    "p2": (100, 0.22, (0.90, 1.0), 0.88),
+    "p4": (100, 0.15, (0.92, 0.975), 0.88),
 }
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", CASES)
-def test_efficient_and_covered(method, request):
+@pytest.mark.parametrize("name", CASES)
+def test_efficient_and_covered(name, request):
     """The normalised error of the parameters is chi-square over the Cramer-Rao bound."""
-    name, identify, draws, tolerance, (lowest, highest), least = CASES[method]
-    problem = request.getfixturevalue(name)
-    information, true_hz = problem.information(), problem.model.bandwidth()[0, 0]
-    normalised, hits, bandwidths = [], [], []
-    for seed in range(draws):
-        estimate = identify(problem.draw(seed))
-        error = estimate.parameters - problem.parameters
-        normalised.append(error @ information @ error / len(error))
-        hits.append(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance)))
-        bandwidths.append(bool(estimate.bandwidth().covers(true_hz)[0, 0]))
-        assert method in ("arx", "oe") or estimate.diagnostics["converged"]
-        assert method != "bj" or estimate.model.is_stable()
-    assert abs(np.mean(normalised) - 1.0) < tolerance
-    assert lowest < np.mean(hits) < highest
-    assert np.mean(bandwidths) > least
+    draws, tolerance, (lowest, highest), least = CASES[name]
+    figures = measure(request.getfixturevalue(name), *STRUCTURES[name], draws)
+    assert abs(figures["error' J error / p"] - 1.0) < tolerance
+    assert lowest < figures["coverage, parameters"] < highest
+    assert figures["coverage, bandwidth"] > least
+    assert figures["not converged"] == figures["model unstable"] == 0.0
 
 
 @pytest.mark.parametrize(
