@@ -247,8 +247,8 @@ def test_small_signals_without_imperfections_obey_the_linear_truth(mode, axes, a
         response = linear(truth.model, log.commanded - truth.angles)
         error = log.measured - truth.angles - response
         errors.append((np.linalg.norm(error, axis=0) / np.linalg.norm(response, axis=0))[joints].max())
-    # One joint: `hmtb truth` prints 3e-5 at this amplitude. Several at once also turn the arm's plane while it bends.
-    assert errors[0] < (1e-4 if mode == "cartesian" else 2.0 * truth.small_signal_error[1e-3])
+    # One joint: `hmtb truth` prints 5e-5 at this amplitude. Several at once also turn the arm's plane while it bends.
+    assert errors[0] < (5e-4 if mode == "cartesian" else 2.0 * truth.small_signal_error[1e-3])
     # What is left is the arm's geometry, in proportion to the amplitude; a yaw alone changes nothing of it.
     if axes == ("shoulder_yaw",):
         assert max(errors) < 1e-6

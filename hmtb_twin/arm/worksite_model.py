@@ -32,6 +32,8 @@ def worksite_spec(timestep: float) -> mujoco.MjSpec:
     for key in list(spec.keys):
         spec.delete(key)
     spec.option.timestep = timestep
+    # Beside the inertia of the pin the default would end the search for contact forces too early for a light joint.
+    spec.option.tolerance = 1e-16
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     _free(spec)
     _fingers(spec)

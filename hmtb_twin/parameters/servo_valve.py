@@ -26,7 +26,9 @@ class ServoValve:
     clearance: float = quantity(0.01, "1", "assumed", "radial gap as part of the stroke; null leakage half of it")
     transition_pressure: float = quantity(1.0, "MPa", "assumed", "laminar to turbulent, small openings in VG 32 oil")
     relief: float = quantity(1.05, "1", "assumed", "relief valve of a chamber opens at this part of supply pressure")
-    check_flow: float = quantity(0.3, "1/MPa", "assumed", "relief and anti-cavitation valves, rated flows per MPa")
+    check_flow: float = quantity(
+        1.0, "1/MPa", "assumed", "relief and anti-cavitation valves, rated flows per MPa; no vacuum in fastest moves"
+    )
     loop_gain: float = quantity(
         120.0, "rad/s", "derived", "load-pressure loop above the washout: gain margin over 4 with the 60 Hz spool"
     )
