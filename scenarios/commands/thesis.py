@@ -60,7 +60,7 @@ def thesis(
     from scenarios.experiments.waveform import seed_range
     from scenarios.files.data_file import write_log
     from scenarios.jobs.progress import Progress, show_progress
-    from scenarios.thesis.answer import measure_answer, sentences
+    from scenarios.thesis.answer import certainty, measure_answer, sentences
     from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST
     from scenarios.thesis.findings import findings
     from scenarios.thesis.frequencies import frequency_text, source_text
@@ -114,7 +114,7 @@ def thesis(
                 )
             comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin, report=True))
         record = {**results(comparison, verdicts, report, many), "answer": " ".join(sentences(answer))}
-        record["responses"] = answer.record()
+        record |= {"certainty": certainty(answer), "responses": answer.record()}
         # Before the logs: a disk that is full with them costs no conclusion.
         write_whole(folder / "results.json", json_text(record))
         for log in comparison.logs.values() if logs else ():
@@ -144,7 +144,7 @@ def thesis(
     print_table("Findings", ("", "verdict", "seeds", "claim"), lines)
     if many:
         say(source_text(many, seed))
-    say_each("", sentences(answer))
+    say_each("", (*sentences(answer), certainty(answer)))
     say(f"Report: {report}")
     say_each("failed: ", failures)
     return 1 if failures else 0

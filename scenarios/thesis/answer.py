@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
+from scipy.stats import binomtest
 
 from hmtb_twin import simulate
 from scenarios.experiments.campaign import campaign_scenario, single_joint_test
@@ -180,6 +181,27 @@ def answer_chart(answer: Answer) -> Chart:
 def sentences(answer: Answer) -> tuple[str, str, str]:
     """What was put in, what the methods recover, and what the figures of 1996 can mean."""
     return _put_in(answer), _recovered(answer), _meaning(answer)
+
+
+def certainty(answer: Answer) -> str:
+    """What so few records can show of the answer, by exact binomial limits, and what they cannot."""
+    seeds = len(answer.seeds)
+    agreeing = [
+        sum(abs(level / one.best_linear.half_power_hz - 1.0) <= CLOSE for level in levels)
+        for one in answer.joints
+        for levels in one.levels.values()
+    ]
+    same = sum(count in (0, seeds) for count in agreeing)
+    limits = binomtest(seeds, seeds).proportion_ci(0.95, "exact")
+    mixed = len(agreeing) - same
+    differ = f" In the other {mixed} they differ, and {seeds} cannot tell how often." if mixed else ""
+    return (
+        f"How sure: {seeds} records of {answer.length:g} s of each joint. In {same} of {len(agreeing)} cases of a "
+        "joint and a method all of them say the same, that it agrees with the best linear truth or that it does not; "
+        f"this shows that at least {100 * limits.low:.0f} % of all such records would (95 % confidence), no "
+        f"more.{differ} The verdicts of findings rest on one record of each test: how often others reach them, "
+        "hmtb thesis --seeds counts."
+    )
 
 
 def _put_in(answer: Answer) -> str:

@@ -18,7 +18,7 @@ from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.report.page import Page
-from scenarios.thesis.answer import Answer, sentences
+from scenarios.thesis.answer import Answer, certainty, sentences
 from scenarios.thesis.attribution import CONDITIONS, COVERAGE
 from scenarios.thesis.chapter_3 import chapter_3
 from scenarios.thesis.chapter_4 import chapter_4
@@ -139,6 +139,7 @@ def context(
         "verdicts": [(name, counts[name]) for name in ORDER if counts[name]],
         "chance": chance(findings, tally, study.seed),
         "sentences": sentences(answer),
+        "certainty": certainty(answer),
         "answer": answer,
         "figures": figures,
         "without": without_counterpart(),

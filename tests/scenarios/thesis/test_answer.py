@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.thesis.answer import FREQUENCIES, METHODS, answer_chart, drawn_models, sentences
+from scenarios.thesis.answer import FREQUENCIES, METHODS, answer_chart, certainty, drawn_models, sentences
 from sysid.models.bandwidth import HALF_POWER
 
 
@@ -79,6 +79,19 @@ def test_sentences_follow_the_outcome(answer):
     _, recovered, meaning = sentences(changed(answer, np.nan))
     assert "no value, in 9 of 9 cases at none" in recovered
     assert "nothing supports a printed figure" in meaning
+
+
+def test_few_records_show_no_more_than_the_binomial_limit(answer):
+    seeds = len(answer.seeds)
+    text = certainty(changed(answer, 1.0))
+    # The share of which that many successes in a row still have a chance of 2.5 %.
+    assert "In 9 of 9 cases" in text and f"at least {100 * 0.025 ** (1 / seeds):.0f} % of all" in text
+    assert "differ, and" not in text
+    first = changed(answer, 1.0).joints[0]
+    level = first.best_linear.half_power_hz
+    split = replace(first, levels={name: (np.nan, *[level] * (seeds - 1)) for name in first.levels})
+    text = certainty(replace(answer, joints=(split, *changed(answer, 1.0).joints[1:])))
+    assert "In 6 of 9 cases" in text and f"In the other 3 they differ, and {seeds} cannot tell" in text
 
 
 def test_a_method_without_a_crossing_on_most_seeds_has_no_frequency(answer):

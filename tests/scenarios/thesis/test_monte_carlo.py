@@ -194,9 +194,12 @@ def no_study(monkeypatch):
     logs = {"one": SimpleNamespace(name="one")}
     monkeypatch.setattr("scenarios.thesis.study.run_study", lambda **_: Study(logs))
     monkeypatch.setattr("scenarios.thesis.findings.findings", lambda study: ())
-    monkeypatch.setattr("scenarios.thesis.report.write_report", lambda study, outcome, path, *_, **__: path)
+    monkeypatch.setattr("scenarios.thesis.report.write_report", lambda study, outcome, _, path, *__, **___: path)
     monkeypatch.setattr("scenarios.thesis.results.results", lambda *_: {"findings": {}})
-    monkeypatch.setattr("scenarios.thesis.results.answer", lambda study: "the answer")
+    answer = SimpleNamespace(record=lambda: {"seeds": []})
+    monkeypatch.setattr("scenarios.thesis.answer.measure_answer", lambda *_, **__: answer)
+    monkeypatch.setattr("scenarios.thesis.answer.sentences", lambda _: ("the answer",))
+    monkeypatch.setattr("scenarios.thesis.answer.certainty", lambda _: "not very")
 
 
 def test_a_seed_that_failed_is_a_difference(quick, no_study, tmp_path, capsys):
@@ -215,7 +218,12 @@ def test_results_are_there_before_the_logs(no_study, tmp_path, monkeypatch):
 
     monkeypatch.setattr("scenarios.files.data_file.write_log", full)
     assert main(["thesis", "--logs", "--out", str(tmp_path)]) == 2
-    assert json.loads((tmp_path / "results.json").read_text()) == {"findings": {}}
+    assert json.loads((tmp_path / "results.json").read_text()) == {
+        "findings": {},
+        "answer": "the answer",
+        "certainty": "not very",
+        "responses": {"seeds": []},
+    }
 
 
 def test_verdicts_are_counted_and_numbers_ranged(twenty):
