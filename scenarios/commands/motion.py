@@ -16,7 +16,7 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
     against everything that it prints. The answer: which settings explain it, whether one arm explains all joints, and
     the map of recovered bandwidth over motion and friction.
 
-    It takes about an hour of two processors. Finished settings are saved; an interrupted run resumes.
+    It takes about 50 minutes of two processors. Finished settings are saved; an interrupted run resumes.
 
     Args:
         out: Folder for motion.json, motion.csv (a row for every cell), the map, motion.png and .svg, and the journal.

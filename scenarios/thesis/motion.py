@@ -102,7 +102,7 @@ class Campaign:
         seeds: Binary sequences, each with other noise, for every setting and amplitude.
         duration: Of these records, s.
         sines: Records of two sines, of 1 V, for the spectra of chapter III.
-        sines_duration: Length of these, s.
+        sines_duration: Length of these, s; what the window leaks, and so the disturbance, depends on it.
         multisines: Multisines of 0.05 to 5 Hz, two periods of 20.4 s each.
     """
 
@@ -115,15 +115,21 @@ class Campaign:
     volts: tuple[float, ...] = (1.0, 2.0)
     seeds: int = 20
     duration: float = 24.0
-    sines: int = 3
-    sines_duration: float = 64.0
+    sines: int = 1
+    sines_duration: float = 240.0
     multisines: int = 3
 
     @classmethod
     def quick(cls) -> "Campaign":
         """Return a coarse look: one servo, the nominal chain, two frictions, two seeds, no multisines."""
         return cls(
-            servos=("flow",), frictions=(0.0007, 0.006), holds=(3,), noises=(0.1,), seeds=2, sines=1, multisines=0
+            servos=("flow",),
+            frictions=(0.0007, 0.006),
+            holds=(3,),
+            noises=(0.1,),
+            seeds=2,
+            sines_duration=64.0,
+            multisines=0,
         )
 
     def settings(self) -> tuple[Setting, ...]:

@@ -90,22 +90,34 @@ class MotionStudy:
             explained = sum(one.score <= EXPLAINS for one in tried)
             texts.append(
                 f"{joint.replace('_', ' ').capitalize()} alone: {explained} of {len(tried)} cells explain it. Nearest "
-                f"is {_cell_text(cell)}; farthest off there: {'; '.join(_worst(cell))}."
+                f"is {_common_text(cell)}, {_joint_text(cell)}; farthest off there: {_worst(cell)}."
             )
         as_good = [arm for arm in self.arms if arm.score <= best.score + 2.0 * float(np.hypot(arm.error, best.error))]
         explains = [joint.replace("_", " ") for joint in best.explains]
         texts.append(
-            f"One arm for all three joints: the best explains {' and '.join(explains) or 'no joint'}, with a score of "
-            f"{best.score:.2f} ± {best.error:.2f}: {_arm_text(best)}. Of {len(self.arms)} arms {len(as_good)} are as "
-            f"good within two standard errors; {sum(len(arm.explains) == 3 for arm in self.arms)} explain all joints."
+            f"One arm for all three joints: the best explains {' and '.join(explains) or 'no joint'}, "
+            f"{_arm_text(best)}. Of {len(self.arms)} arms {len(as_good)} are as good within two standard errors; "
+            f"{sum(len(arm.explains) == 3 for arm in self.arms)} explain all joints."
         )
-        texts.append(f"The nominal arm scores {nominal.score:.2f} ± {nominal.error:.2f}: {_arm_text(nominal)}.")
+        texts.append(f"The nominal arm: {_arm_text(nominal)}.")
+        pairs = [
+            f"{cell.setting.joint.replace('_', ' ')} {_bandwidths(cell)} and {_bandwidths(other)}"
+            for cell in nominal.cells
+            for other in self.cells
+            if other.excitation == "multisine" and (other.setting, factors(other)) == (cell.setting, factors(cell))
+        ]
+        if pairs:
+            texts.append(
+                "Bandwidths that ARMAX/OE/OKID recover there, from binary sequences and from multisines of 0.05 to 5 "
+                f"Hz: {', '.join(pairs)} Hz."
+            )
         worth = [
             f"{name} " + ", ".join(f"{level}: {score:.2f}" for level, score in levels.items())
             for name, levels in profile(self.arms).items()
             if len(levels) > 1
         ]
-        texts.append(f"Score of the best arm where one factor is fixed: {'; '.join(worth)}.")
+        if worth:
+            texts.append(f"Score of the best arm where one factor is fixed: {'; '.join(worth)}.")
         return tuple(texts)
 
     def record(self) -> dict[str, Any]:
@@ -143,33 +155,33 @@ class MotionStudy:
         return [result, table]
 
 
-def _cell_text(cell: Cell) -> str:
-    setting, logged = cell.setting, f"logged noise {cell.logged:g}x"
+def _common_text(cell: Cell) -> str:
+    setting = cell.setting
     return (
-        f"servo {setting.servo}, {1000 * setting.gain:g} mrad/V, {cell.volts:g} V, friction "
-        f"{100 * setting.friction:g} %, hold {setting.hold}, noise {setting.noise:g} V, {logged}: score "
-        f"{cell.score:.2f} ± {cell.spread:.2f}, {cell.within} of {len(cell.distances)} items within tolerance"
+        f"servo {setting.servo}, {1000 * setting.gain:g} mrad/V, {cell.volts:g} V, hold {setting.hold}, noise "
+        f"{setting.noise:g} V, logged noise {cell.logged:g}x"
     )
+
+
+def _joint_text(cell: Cell) -> str:
+    within = f"{cell.within} of {len(cell.distances)} items within tolerance"
+    return f"friction {100 * cell.setting.friction:g} % (score {cell.score:.2f} ± {cell.spread:.2f}, {within})"
 
 
 def _arm_text(arm: ArmScore) -> str:
-    cell = arm.cells[0]
-    setting = cell.setting
-    of = ", ".join(
-        f"{one.setting.joint.replace('_', ' ')} {100 * one.setting.friction:g} % ({one.score:.2f}, {one.within} of "
-        f"{len(one.distances)})"
-        for one in arm.cells
-    )
-    return (
-        f"servo {setting.servo}, {1000 * setting.gain:g} mrad/V, {cell.volts:g} V, hold {setting.hold}, noise "
-        f"{setting.noise:g} V, logged noise {cell.logged:g}x; friction of {of}"
-    )
+    joints = (f"{one.setting.joint.replace('_', ' ')} {_joint_text(one)}" for one in arm.cells)
+    return f"score {arm.score:.2f} ± {arm.error:.2f} with {_common_text(arm.cells[0])}; {', '.join(joints)}"
 
 
-def _worst(cell: Cell, count: int = 3) -> list[str]:
+def _worst(cell: Cell) -> str:
     names = [item.name for item in items(cell.setting.joint)]
-    order = np.argsort(cell.distances)[::-1][:count]
-    return [f"{names[k]} ({cell.distances[k]:.1f})" for k in order]
+    order = np.argsort(cell.distances)[:-4:-1]
+    return "; ".join(f"{names[k]} ({cell.distances[k]:.1f})" for k in order)
+
+
+def _bandwidths(cell: Cell) -> str:
+    values = (cell.medians.get(f"{method}_bandwidth_hz", np.nan) for method in METHODS)
+    return "/".join(f"{value:.2f}" if np.isfinite(value) else "none" for value in values)
 
 
 def _record(cell: Cell, *, distances: bool = True) -> dict[str, object]:

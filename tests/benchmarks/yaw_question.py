@@ -17,7 +17,7 @@ import sysid
 from docs.images.published_servos import YAW_PLANE, coupled
 from hmtb_twin import simulate
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
-from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, JOINTS, RECORDER, SAMPLE_TIME, SERVOS, HandController
+from hmtb_twin.parameters.values import BUS, JOINTS, LARGE_MOTION, RECORDER, SAMPLE_TIME, SERVOS, HandController
 from scenarios import Scenario, load
 from scenarios.experiments.log_review import settled
 from scenarios.truth.published import EQUATIONS
@@ -38,7 +38,7 @@ class Record:
 
     variant: str = "nominal"
     plant: Plant = NOMINAL_PLANT
-    hand_controller: HandController = HAND_CONTROLLER
+    hand_controller: HandController = LARGE_MOTION
     amplitude: float = 1.0
     clock: int = 2
     repeat: float = 0.5
@@ -82,7 +82,7 @@ def limited(speed):
     """The velocity limit, deg/s, acts behind the log instead of before it."""
 
     def signal(volts):
-        step = np.radians(speed) * SAMPLE_TIME / HAND_CONTROLLER.gain
+        step = np.radians(speed) * SAMPLE_TIME / LARGE_MOTION.gain
         passed, last = np.empty_like(volts), np.zeros(volts.shape[1])
         for k, wanted in enumerate(volts):
             last = passed[k] = last + np.clip(wanted - last, -step, step)
@@ -162,8 +162,8 @@ ROWS = (
     Row("output wanders, 0.3 mrad per sample", NOMINAL, wandering(3e-4)),
     Row("output wanders, 1 mrad per sample", NOMINAL, wandering(1e-3)),
     Row("valve noise, 3 % of maximum torque", replace(NOMINAL, plant=Plant(process_noise=0.03))),
-    Row("hand-controller bias 0.5 V", replace(NOMINAL, hand_controller=HandController(bias=0.5))),
-    Row("hand controller holds 5 samples", replace(NOMINAL, hand_controller=HandController(hold=5))),
+    Row("hand-controller bias 0.5 V", replace(NOMINAL, hand_controller=replace(LARGE_MOTION, bias=0.5))),
+    Row("hand controller holds 5 samples", replace(NOMINAL, hand_controller=replace(LARGE_MOTION, hold=5))),
     Row("supply at 9 MPa, which just holds the arm", replace(NOMINAL, plant=Plant(supply_pressure=9.0))),
     Row("servo gets 1.18 times the logged command", replace(NOMINAL, hidden=scaled)),
     Row("integral action, reset time 1 s, without friction", NOMINAL, integrating),
@@ -236,7 +236,7 @@ def records(wanted, seeds, duration):
             # A constant apart, which is removed from both angles or is the same in both.
             start = log.commanded[0, JOINTS.index(JOINT)]
             logged = record.logged(Scenario.volts(run))[-len(data) :]
-            data = replace(data, u=start + HAND_CONTROLLER.gain * logged)
+            data = replace(data, u=start + LARGE_MOTION.gain * logged)
         settled_records[record].append(data)
     return settled_records
 
