@@ -1,8 +1,7 @@
 """What is attainable on the thesis' records, what estimators attain, and whether any goes below a floor.
 
-Low orders are fitted to the record of
-test 5 of each joint and scored on fresh records of all tests, whose noise other seeds draw; an ARX model of order 200
-is fitted to another record of the very test that it is scored on. `--level 8` multiplies friction.
+Low orders are fitted to the record of test 5 of each joint and scored on fresh records of all tests, whose noise other
+seeds draw; an ARX model of order 200 is fitted to another record of the very test that it is scored on.
 """
 
 import warnings
@@ -10,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hmtb_twin import STUDIED_JOINTS, Chain, Plant, simulate
+from hmtb_twin import STUDIED_JOINTS, simulate
 from scenarios import load
 from scenarios.truth.attainable import attainable
 from sysid import Estimate, armax, arx, compare, oe
@@ -31,23 +30,17 @@ def main():
     parser = options(__doc__)
     parser.add_argument("--duration", type=float, default=240.0)
     parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--no-friction", action="store_true")
-    parser.add_argument("--level", type=float, default=1.0, help="of friction")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
-    chain, plant = Chain(friction=not arguments.no_friction), Plant(friction_level=arguments.level)
     simulated = ("any model, %", "best linear", "right order", "small signal", "OE 5 5", "ARX 200 200, same test")
     predicted = ("best linear, one step", "ARMAX 5 5 5, one step", "ARX 200 200, one step")
     heading("joint", "test", *simulated, *predicted)
     below, compared = 0, 0
     for joint in STUDIED_JOINTS:
-        own = replace(load(f"siso-5-{joint}"), duration=arguments.duration, chain=chain, plant=plant)
+        own = replace(load(f"siso-5-{joint}"), duration=arguments.duration)
         data = simulate([replace(own, seed=10**6)])[0].iodata().detrend()
         models: list[Estimate] = [oe(data, 5, 5), armax(data, 5, 5, 5)]
-        tests = [
-            replace(load(f"siso-{number}-{joint}"), duration=arguments.duration, chain=chain, plant=plant)
-            for number in range(1, 9)
-        ]
+        tests = [replace(load(f"siso-{number}-{joint}"), duration=arguments.duration) for number in range(1, 9)]
         others = simulate([replace(test, seed=10**6) for test in tests])
         long = [arx(log.iodata().detrend(), LONG, LONG) for log in others]
         for seed in range(arguments.seeds):

@@ -1,19 +1,16 @@
 """What a data set costs as it grows: memory and cost per twin, and cost against the bare physics.
 
-    python tests/benchmarks/dataset_scale.py                  # 100 against 1,000 twins with short records, then physics
-    python tests/benchmarks/dataset_scale.py --seconds 20     # the records as long as those of hmtb-fleet-v1
-    python tests/benchmarks/dataset_scale.py --twins 20 60    # a quick look
-
-Every build is a process of its own, its physics on one thread: peak memory and the ratio of costs are its own. Costs
-are processor times of all that a build does, so that a busy machine tells the same; the physics are the steps of the
-records alone.
+First 100 against 1,000 twins with short records, then whole data sets against their physics. Every build is a process
+of its own, its physics on one thread: peak memory and the ratio of costs are its own. Costs are processor times of all
+that a build does, so that a busy machine tells the same; the physics are the steps of the records alone.
 """
 
-import json
-import subprocess
+import os
 import sys
 import tempfile
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
 
@@ -23,12 +20,15 @@ FLEET, PART = "hmtb-fleet-v1", 100
 """Twins of the fleet against physics; floors and baselines are of ten, as they are of its thousand."""
 
 WHOLE = ("hmtb-siso-v1", "hmtb-mimo-v1", "hmtb-nonlinear-v1", "hmtb-thesis-v1")
+GROWTH, SECONDS = (100, 1000), 4.0
+"""Twins of the fleets that are compared as they grow, and the most that their records last, s."""
+
 STEPS = {"records": "Records, truth of arms", "best-linear": "Best linear", "attainable": "Floors"}
 STEPS |= {"baselines": "Baselines", "finish": "Papers"}
 """Steps of a build, and their names in the table."""
 
 
-def one(label, twins, seconds, rows, models):
+def one(label, twins, seconds=0.0, *, models=True):
     """Build a data set in this process, and return what it cost."""
     from hmtb_twin.run import batch_run
     from scenarios.datasets import chunk
@@ -64,7 +64,7 @@ def one(label, twins, seconds, rows, models):
     batch_run.perf_counter = process_time
     with tempfile.TemporaryDirectory() as out:
         begin = since = process_time()
-        built = build(spec, Path(out), workers=1, rows=rows, progress=note)
+        built = build(spec, Path(out), workers=1, progress=note)
         total = process_time() - begin
         size = sum(path.stat().st_size for path in built.folder.rglob("*") if path.is_file())
     if built.incomplete:
@@ -75,51 +75,41 @@ def one(label, twins, seconds, rows, models):
     return {"ratio": total / physics, "peak": int(peak.split()[1]) / 1024, "size": size / 2**20, **ratios}
 
 
-def measured(label, twins, seconds, rows, *more):
-    """The same in a process of its own."""
-    words = ["--one", label, "--twins", str(twins), "--seconds", str(seconds), "--rows", str(rows), *more]
-    run = subprocess.run([sys.executable, __file__, *words], env=environment(), capture_output=True, text=True)
-    if run.returncode:
-        raise RuntimeError(run.stderr.strip().splitlines()[-1])
-    return json.loads(run.stdout)
+def measured(*arguments, **options):
+    """The same in a process of its own, which begins anew and computes on one thread."""
+    os.environ.update(environment())
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+        return process.submit(one, *arguments, **options).result()
 
 
 def main():
     """Print both tables; True where a limit is broken."""
     parser = options(__doc__)
-    parser.add_argument("--twins", type=int, nargs="+", default=[100, 1000])
-    parser.add_argument("--seconds", type=float, default=4.0, help="length of the fleet's records at most, s")
-    parser.add_argument("--rows", type=int, default=256, help="experiments side by side at most")
-    parser.add_argument("--one", help="build this one and print what it cost as JSON")
-    parser.add_argument("--no-models", action="store_true", help="with --one: no baselines")
     parser.add_argument("--only", choices=("growth", "physics"), help="one table only")
     asked = parser.parse_args()
-    if asked.one:
-        print(json.dumps(one(asked.one, asked.twins[0], asked.seconds, asked.rows, not asked.no_models)))
-        return False
-    wrong = asked.only != "physics" and growth(asked.twins, asked.seconds, asked.rows)
+    wrong = asked.only != "physics" and growth()
     print()
-    return (asked.only != "growth" and against_physics(asked.rows)) or wrong
+    return (asked.only != "growth" and against_physics()) or wrong
 
 
-def growth(twins, seconds, rows):
+def growth():
     """Memory and cost of a few twins and of many, without baselines."""
-    heading(f"Twins, records of {seconds:g} s", "Peak memory, MiB", "Cost per twin / its physics", "On disk, MiB")
+    heading(f"Twins, records of {SECONDS:g} s", "Peak memory, MiB", "Cost per twin / its physics", "On disk, MiB")
     costs = []
-    for count in twins:
-        costs.append(measured(FLEET, count, seconds, rows, "--no-models"))
+    for count in GROWTH:
+        costs.append(measured(FLEET, count, SECONDS, models=False))
         row(count, f"{costs[-1]['peak']:.0f}", f"{costs[-1]['ratio']:.2f}", f"{costs[-1]['size']:.0f}")
     memory, cost = (costs[-1][name] / costs[0][name] for name in ("peak", "ratio"))
     row("ratio", f"{memory:.2f} (limit 1.2)", f"{cost:.2f} (limit 1.1)", "")
     return memory > 1.2 or cost > 1.1
 
 
-def against_physics(rows):
+def against_physics():
     """Cost of whole builds against the steps of their records' physics alone."""
     heading("Cost / physics alone", *STEPS.values(), "Together (limit 1.5)")
     wrong = False
     for label, twins, name in (*((label, 1, label) for label in WHOLE), (FLEET, PART, f"{FLEET}, {PART} twins")):
-        cost = measured(label, twins, 0.0, rows)
+        cost = measured(label, twins)
         row(name, *(f"{cost.get(step, 0.0):.2f}" for step in STEPS), f"{cost['ratio']:.2f}")
         wrong |= cost["ratio"] > 1.5
     return wrong

@@ -15,16 +15,20 @@ from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
-for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
-os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+import numpy as np
 
-import numpy as np  # noqa: E402 - BLAS reads its number of threads when it loads
-
-import sysid  # noqa: E402
-from scenarios.estimators.task import Task  # noqa: E402
-from sysid.polynomial.structures import STRUCTURES as ORDER_NAMES  # noqa: E402
-from tests.benchmarks.tables import heading, row  # noqa: E402
+import sysid
+from scenarios.estimators import polynomial_peers
+from scenarios.estimators.state_space_peers import (
+    jax_output_error,
+    jax_sysid_oe,
+    nfoursid_n4sid,
+    sippy_n4sid,
+    slicot_n4sid,
+)
+from scenarios.estimators.task import Task
+from sysid.polynomial.structures import STRUCTURES as ORDER_NAMES
+from tests.benchmarks.tables import heading, row
 
 SETS = {
     "robot arm": ("robot_arm.dat", (0,), (1,), 1.0),
@@ -62,43 +66,6 @@ def silence():
             sys.stdout.flush()
             os.dup2(kept, 1)
             os.close(kept)
-
-
-def adapted(function, method, orders):
-    """A peer as the test bench calls it."""
-    task = Task(method, dict(zip(ORDER_NAMES[method], orders, strict=True)), max(orders), np.ones(1))
-
-    def fit(u, y):
-        answer = function(sysid.IOData(u, y, 0.02), task)
-        return answer.polynomials or from_states(answer.model)
-
-    return fit
-
-
-def from_states(model):
-    """The output-error model of a state-space model with one input and one output."""
-    F = np.poly(model.A)
-    return sysid.Polynomials(B=np.convolve(F, model.markov(len(F))[:, 0, 0])[: len(F)], F=F)
-
-
-def pysib(method, orders):
-    from scenarios.estimators import polynomial_peers
-
-    return adapted(getattr(polynomial_peers, f"pysib_{method}"), method, orders)
-
-
-def sippy(method, orders, *, mode="OPT"):
-    """SIPPY, by optimisation if not said otherwise."""
-    from scenarios.estimators.polynomial_peers import sippy_polynomials
-
-    return adapted(lambda data, task: sippy_polynomials(method, data, task, mode=mode), method, orders)
-
-
-def jax_sysid(method, orders):
-    """jax-sysid, double precision: an output-error fit of the same order."""
-    from scenarios.estimators.state_space_peers import jax_sysid_oe
-
-    return adapted(jax_sysid_oe, method, orders)
 
 
 def halves(folder, name):
@@ -142,19 +109,19 @@ def scores(model, first, second):
     return *losses, f"{loss(first.y - ours.simulated):.6g}", fits
 
 
-def polynomial_fits(name, method, orders, data):
+def polynomial_fits(method, orders, data):
     """Who fitted a polynomial structure, and the model in innovations form."""
-    peers = {"sippy-unipi": sippy(method, orders)}
+    task = Task(method, dict(zip(ORDER_NAMES[method], orders, strict=True)), max(orders), np.ones(1))
+    peers = {"sippy-unipi": partial(polynomial_peers.sippy_polynomials, method)}
     if data.nu == 1:
-        peers["pysib"] = pysib(method, orders)
+        peers["pysib"] = getattr(polynomial_peers, f"pysib_{method}")
     if method == "armax" and data.nu > 1:
-        peers["sippy-unipi, ILLS"] = sippy(method, orders, mode="ILLS")
+        peers["sippy-unipi, ILLS"] = partial(polynomial_peers.sippy_polynomials, method, mode="ILLS")
     if method == "oe" and orders[-1] == 1:
-        peers["jax-sysid"] = jax_sysid(method, orders)
+        peers["jax-sysid"] = jax_sysid_oe
     yield "this package", attempt(lambda: getattr(sysid, method)(data, *orders).model)
-    u, y = data.u if data.nu > 1 else data.u[:, 0].copy(), data.y[:, 0].copy()
     for peer, fit in peers.items():
-        yield peer, attempt(lambda fit=fit: sysid.models.innovations_form(fit(u, y), data.dt))
+        yield peer, attempt(lambda fit=fit: fit(data, task).model)
 
 
 def states(order):
@@ -176,7 +143,6 @@ def state_space_fits(data, order):
 
     SLICOT's options that ask for the gain are left alone (`test_state_space.py`).
     """
-    from scenarios.estimators.state_space_peers import jax_output_error, nfoursid_n4sid, sippy_n4sid, slicot_n4sid
 
     def starts():
         return [sysid.n4sid(data, order, block_rows=rows, stable=True) for rows in BLOCK_ROWS]
@@ -203,7 +169,7 @@ def main():
     heading("data", "structure", "method", *scored)
     for name, method, orders in STRUCTURES:
         first, second = halves(folder, name)
-        for who, model in polynomial_fits(name, method, orders, first):
+        for who, model in polynomial_fits(method, orders, first):
             row(name, f"{method} {orders}", who, *scores(model, first, second))
     print()
     heading("data", "order", "method", *scored)

@@ -111,14 +111,13 @@ def measure(kind, first, systems, samples, snr_db):
 
 def main():
     parser = options(__doc__)
-    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     parser.add_argument("--systems", type=int, default=100, help="random systems of each kind")
     parser.add_argument("--seed", type=int, default=0, help="of the first system; the others follow")
     parser.add_argument("--samples", type=int, default=2000)
     parser.add_argument("--snr", type=float, nargs=2, default=(5.0, 20.0), metavar="DB", help="lowest and highest")
     asked = parser.parse_args()
     warnings.simplefilter("ignore", sysid.SysidWarning)
-    for kind in asked.kinds:
+    for kind in KINDS:
         for figure, value in measure(kind, asked.seed, asked.systems, asked.samples, tuple(asked.snr)).items():
             print(f"{kind:6s}{figure:20s}{value:10.4g}", flush=True)
 

@@ -11,17 +11,15 @@ On a quiet machine it takes some ten minutes. It writes a Markdown table for eac
 The reference is Richardson's extrapolation of two steps far below the default.
 """
 
-import sys
 from collections import namedtuple
 from dataclasses import replace
-from importlib.util import find_spec
 
 import mujoco
 import numpy as np
 
 from hmtb_twin import JOINTS, NOMINAL_PLANT, STUDIED_JOINTS, load_arm
 from hmtb_twin.parameters.values import OPERATING_POSE, SAMPLE_TIME
-from tests.benchmarks.tables import heading, options, row, timed
+from tests.benchmarks.tables import heading, row, timed
 from tests.hmtb_twin.altered_arms import at_step, bandwidths
 
 INTEGRATORS = {
@@ -108,15 +106,9 @@ def table(form):
 
 
 def main():
-    parser = options(__doc__)
-    parser.add_argument("--form", choices=tuple(REFERENCE), help="one form of the actuator only")
-    form = parser.parse_args().form
     # Steps too coarse diverge, as the table tells; the engine need not write that to a file.
     mujoco.set_mju_user_warning(lambda text: None)
-    for name in [form] if form else REFERENCE:
-        if name == "orifice" and not find_spec("numba"):
-            sys.stdout.write("orifice: left out, it needs Numba (the extra `orifice`)\n")
-            continue
+    for name in REFERENCE:
         table(name)
 
 
