@@ -15,7 +15,7 @@ from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.waveform import POINTS
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.finding import CLAIMS, Finding, Parts, decided_finding, finding_by_reading
-from scenarios.thesis.nonparametric import GRID, PULSE, SINES, WHITENING, excited_lines, half_power, period_of
+from scenarios.thesis.nonparametric import GRID, PULSE, SINES, WHITENING, excited_lines, period_of
 from scenarios.truth.published import BREAK_FREQUENCY, PUBLISHED
 from sysid import FrequencyResponse
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
@@ -39,30 +39,21 @@ SHORT = {TONES: "two sines", LINES: "PRBS lines", WHOLE: "all frequencies", POWE
 
 def gain_and_cutoff(study: Comparison) -> Finding:
     """F1: the gain stays below one and falls off at 6 to 7 rad/s."""
-    cutoff: dict[str, float] = {}
+    values: dict[str, float] = {}
     readings: dict[str, dict[str, bool]] = {TONES: {}, LINES: {}}
-    largest: dict[str, list[float]] = {TONES: [], LINES: []}
-    again: list[float] = []
     for joint in study.joints:
         for way, response in _estimates(study, joint).items():
             top, at = float(response.magnitude.max()), 2 * np.pi * gain_crossing(response, HALF_POWER)
-            readings[way][f"gain on {_words(joint)}"] = top < 1.0
             near = abs(at / BREAK_FREQUENCY[joint] - 1) <= CLAIMS["F1"].limits["near"]
-            readings[way][f"cutoff on {_words(joint)}"] = bool(near)
-            if np.isfinite(at):
-                cutoff[f"{joint}, {SHORT[way]}"] = at
-            largest[way].append(top)
-        crossing = half_power(study.nonparametric[joint].repeated[SINES].reliable_response())
-        again.append(float("nan") if crossing is None else 2 * np.pi * crossing)
-    true = [2 * np.pi * gain_crossing(_true_response(entry), HALF_POWER) for entry in study.joints.values()]
+            readings[way] |= {f"gain on {_words(joint)}": top < 1.0, f"cutoff on {_words(joint)}": bool(near)}
+            values |= {f"{joint}, {SHORT[way]}": at} if np.isfinite(at) else {}
+            values[f"{joint}, {SHORT[way]}, largest gain"] = top
+    best = [2 * np.pi * entry.best_linear.half_power_hz for entry in study.joints.values()]
     return finding_by_reading(
         "F1",
         readings,
-        cutoff,
-        f"The largest gains are {_list_text(largest[TONES], '.2f')} by the two sines and "
-        f"{_list_text(largest[LINES], '.2f')} on the lines; the arm itself, without friction, falls below 0.707 at "
-        f"{_list_text(true, '.2f')} rad/s, and comparing the periods of the two sines gives "
-        f"{_list_text(again, '.1f')}. {printed_breaks()}",
+        values,
+        f"The best linear truth falls below 0.707 at {_list_text(best, '.2f')} rad/s. {printed_breaks()}",
         cause=f"the two sines have power at {_powered(study, SINES)} % of the frequencies only; elsewhere their "
         "estimate consists of side lobes of the window",
     )
@@ -85,33 +76,31 @@ def _rounds_to_break(joint: str, at: float) -> bool:
 
 
 def slope(study: Comparison) -> Finding:
-    """F2: a second-order slope between the break and 10 rad/s, resonances and disturbances above."""
-    slopes: dict[str, float] = {}
+    """F2: a second-order slope from the break to 10 rad/s, resonances and disturbances above."""
+    values: dict[str, float] = {}
     readings: dict[str, dict[str, bool]] = {TONES: {}, LINES: {}}
-    seen, weak = ({way: [0] * len(study.joints) for way in readings} for _ in range(2))
-    for number, joint in enumerate(study.joints):
+    for joint in study.joints:
         for way, response in _estimates(study, joint).items():
             steep, peaks = gain_slope(response), _resonances(response)
-            seen[way][number], weak[way][number] = len(peaks), int((~excited_lines(response)[peaks]).sum())
             first_order = first_order_slope(gain_crossing(response, HALF_POWER))
-            readings[way][f"slope on {_words(joint)}"] = bool(steep < first_order)
-            readings[way][f"resonance on {_words(joint)}"] = len(peaks) > 0
-            if np.isfinite(steep):
-                slopes[f"{joint}, {SHORT[way]}"] = steep
-                slopes[f"{joint}, {SHORT[way]}, first order"] = first_order
+            readings[way] |= {
+                f"slope on {_words(joint)}": bool(steep < first_order),
+                f"resonance on {_words(joint)}": len(peaks) > 0,
+            }
+            name = f"{joint}, {SHORT[way]}"
+            values |= {name: steep, f"{name}, first order": first_order} if np.isfinite(steep) else {}
+            values |= {
+                f"{name}, peaks where the input is weak": float((~excited_lines(response)[peaks]).sum()),
+                f"of {name}": float(len(peaks)),
+            }
     true = [_true_response(entry) for entry in study.joints.values()]
-    peaks_seen = "; ".join(
-        f"{SHORT[way]} {', '.join(map(str, counts))} by joint"
-        + (f" ({sum(weak[way])} of {sum(counts)} where the input is weak: below side lobes)" if sum(counts) else "")
-        for way, counts in seen.items()
-    )
     return finding_by_reading(
         "F2",
         readings,
-        slopes,
-        f"The truth falls by {_list_text([gain_slope(entry) for entry in true], '.0f')} dB per decade there and has "
-        f"{sum(len(_resonances(_up_to(entry, FASTEST))) for entry in true)} resonances. Peaks seen: {peaks_seen}",
-        cause="the windows leak where the input is weak, as the counts show",
+        values,
+        f"The small-signal truth falls by {_list_text([gain_slope(entry) for entry in true], '.0f')} dB per decade "
+        f"there and has {sum(len(_resonances(_up_to(entry, FASTEST))) for entry in true)} resonances",
+        cause="peaks where the input is weak are leakage of the window, as their counts show",
     )
 
 
@@ -203,10 +192,8 @@ def correlation(signal: np.ndarray, lags: Sequence[int]) -> np.ndarray:
 def pulse_spectra(study: Comparison) -> Finding:
     """F5: with the bipolar ramping pulse the disturbance lies around and below 1 Hz."""
     limits = CLAIMS["F5"].limits
-    low: dict[str, float] = {}
+    values: dict[str, float] = {}
     readings: dict[str, dict[str, bool]] = {WHOLE: {}, POWERED: {}}
-    bands: dict[str, list[float]] = {WHOLE: [], POWERED: []}
-    repeated = []
     for joint, result in study.nonparametric.items():
         spectrum = spectrum_of(study, PULSE, joint)
         reach = result.resolution_hz(PULSE)
@@ -214,21 +201,22 @@ def pulse_spectra(study: Comparison) -> Finding:
         # The window widens a line by its resolution; those at 1 and at 5 Hz count whole.
         inside = (f >= 1.0 - reach) & (f <= 5.0 + reach)
         for way, mask in frequency_masks(spectrum).items():
-            below = _share(f <= limits["around"], mask * _power(spectrum.noise_spectrum))
-            shares = [_share(inside, mask * _power(s)) for s in (spectrum.input_spectrum, spectrum.output_spectrum)]
-            low[f"{joint}, {SHORT[way]}"] = below
-            bands[way] += shares
-            named = zip(("disturbance", "input", "output"), (below, *shares), strict=True)
-            readings[way] |= {f"{what} on {_words(joint)}": value > limits["most"] for what, value in named}
-        again = result.repeated[PULSE]
-        repeated.append(_share(again.frequencies <= limits["around"], again.disturbance))
+            shares = {
+                "disturbance": _share(f <= limits["around"], mask * _power(spectrum.noise_spectrum)),
+                "input": _share(inside, mask * _power(spectrum.input_spectrum)),
+                "output": _share(inside, mask * _power(spectrum.output_spectrum)),
+            }
+            values |= {f"{joint} {what}, {SHORT[way]}": share for what, share in shares.items()}
+            readings[way] |= {f"{what} on {_words(joint)}": share > limits["most"] for what, share in shares.items()}
+    repeated = [
+        _share(again.frequencies <= limits["around"], again.disturbance)
+        for again in (result.repeated[PULSE] for result in study.nonparametric.values())
+    ]
     return finding_by_reading(
         "F5",
         readings,
-        low,
-        f"From 1 to 5 Hz lie {_span(bands[WHOLE])} % of input and output over all frequencies, "
-        f"{_span(bands[POWERED])} % where the input has power. Told apart by repetition instead, {_span(repeated)} % "
-        f"of the disturbance lies up to {limits['around']:g} Hz",
+        values,
+        f"Told apart by repetition instead, {_span(repeated)} % of the disturbance lies up to {limits['around']:g} Hz",
         cause=_leaks(study, PULSE),
     )
 
@@ -238,7 +226,6 @@ def sinusoid_disturbance(study: Comparison) -> Finding:
     limits = CLAIMS["F6"].limits
     values: dict[str, float] = {}
     readings: dict[str, dict[str, bool]] = {WHOLE: {}, POWERED: {}}
-    repeated = []
     for joint, result in study.nonparametric.items():
         spectrum = spectrum_of(study, SINES, joint)
         # The line at 10 Hz counts whole.
@@ -246,15 +233,12 @@ def sinusoid_disturbance(study: Comparison) -> Finding:
         for way, mask in frequency_masks(spectrum).items():
             orders = values[f"{joint}, {SHORT[way]}"] = orders_below(spectrum, near & mask)
             readings[way][_words(joint)] = orders >= limits["pitch" if joint in CLAIMED_DELAY else "yaw"]
-        again = result.repeated[SINES]
-        lines = again.frequencies <= FASTEST + result.resolution_hz(SINES)
-        repeated.append(float(np.log10(again.output[lines].sum() / again.disturbance[lines].sum())))
+    repeated = [-float(np.log10(entry.repeated[SINES].disturbance_share)) for entry in study.nonparametric.values()]
     return finding_by_reading(
         "F6",
         readings,
         values,
-        "Told apart by repetition from period to period the disturbance lies "
-        f"{_span(repeated, '.1f')} orders below the output",
+        f"Told apart by repetition the disturbance lies {_span(repeated, '.1f')} orders below the output",
         cause=_leaks(study, SINES),
     )
 

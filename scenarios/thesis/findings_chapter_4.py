@@ -1,7 +1,6 @@
 """Findings of chapter IV, F8 to F13: prediction-error models of single joints."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
@@ -12,7 +11,7 @@ from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.every_data_set import DataSetModel, DataSets, distances
 from scenarios.thesis.finding import CLAIMS, Finding, decided_finding
 from scenarios.thesis.number_text import p_value
-from scenarios.thesis.verdicts import MARGIN, ahead, comparison_word, held_out_one_step, tied
+from scenarios.thesis.verdicts import MARGIN, ahead, held_out_one_step
 from scenarios.truth.published import EQUATIONS
 from sysid import StateSpace
 
@@ -26,88 +25,45 @@ DISMISSED = ("arx", "iv4")
 """Methods that it had dismissed before."""
 
 
-@dataclass(frozen=True)
-class Flexibility:
-    """Fits of the methods' models of one joint to unseen tests.
-
-    Attributes:
-        fits: Median fit in simulation of each stable model, percent, by method in capitals.
-        unstable: Methods whose model is unstable: what it simulates grows beyond all numbers.
-        tests: How many tests there are that the models have not seen.
-    """
-
-    fits: Mapping[str, float]
-    unstable: tuple[str, ...]
-    tests: int
-
-    def lead(self, method: str, other: str) -> float:
-        """By how much one method fits better than another, percentage points.
-
-        An unstable model is worse than any stable one; two unstable ones are level.
-        """
-        if method in self.unstable or other in self.unstable:
-            apart = (other in self.unstable) - (method in self.unstable)
-            return float("inf") * apart if apart else 0.0
-        return self.fits[method] - self.fits[other]
-
-    def best(self, method: str, other: str) -> bool:
-        """Whether one of two methods is ahead of the other by more than a tie."""
-        return ahead(self.lead(method, other))
-
-    def words(self, method: str, other: str) -> str:
-        """Comparison of two methods in words, with a note on dismissed methods that are better."""
-        apart = self.lead(method, other)
-        gone = [name for name in (method, other) if name in self.unstable]
-        if gone:
-            text = (
-                f"the {' and the '.join(f'{name} model' for name in gone)} from the estimation test "
-                f"{'is' if len(gone) == 1 else 'are'} unstable, which counts as worse than any stable one"
-            )
-        elif tied(apart):
-            text = (
-                f"{method} and {other} are tied on the {self.tests} tests not seen: {apart:+.2f} points, less than "
-                f"{MARGIN:g}"
-            )
-        else:
-            text = f"{method} follows the {self.tests} tests not seen {abs(apart):.2f} points "
-            text += f"{'better' if apart > 0 else 'worse'} than {other}"
-        above = {
-            name.upper(): self.lead(name.upper(), method)
-            for name in DISMISSED
-            if name.upper() in self.fits and method in self.fits and self.lead(name.upper(), method) > 0
-        }
-        if above:
-            leads = [f"{name} by {lead:.3f} points ({comparison_word(lead)})" for name, lead in above.items()]
-            text += f". Above it lie, of the methods that the thesis had dismissed, {' and '.join(leads)}"
-        return text
-
-
-def flexibility(study: Comparison, joint: str) -> Flexibility:
-    """Compare the models of the estimation test with the held-out tests.
+def flexibility(study: Comparison, joint: str) -> dict[str, float]:
+    """Median fits in simulation of the models of the estimation test to tests of other waveforms.
 
     Args:
         study: The study.
         joint: Name of the joint.
 
     Returns:
-        How each method fares.
+        By method in capitals, percent; minus infinity where the model is unstable: what it simulates grows beyond all
+        numbers.
 
     Raises:
-        MissingRecordError: A method that the thesis compares gave no model, or nothing is left to judge on.
+        MissingRecordError: A method gave no model, or nothing is left to judge on.
     """
     own = single_joint_test(study.estimation_test, joint)
     fits: dict[str, float] = {}
-    unstable, tests = [], 0
     for method in (*COMPARED, *DISMISSED):
         model = study.data_sets[joint].find(own, method)
         if model is None or not model.others:
             raise MissingRecordError(f"{joint.replace('_', ' ')}: no {method.upper()} model to judge on other tests")
-        tests = len(model.others)
-        if model.stable:
-            fits[method.upper()] = median(fit.simulation for fit in model.others.values())
-        else:
-            unstable.append(method.upper())
-    return Flexibility(fits, tuple(unstable), tests)
+        medians = median(fit.simulation for fit in model.others.values())
+        fits[method.upper()] = medians if model.stable else -np.inf
+    return fits
+
+
+def best(fits: Mapping[str, float], method: str, other: str) -> bool:
+    """Whether one of two methods is ahead of the other by more than a tie; two unstable models are level."""
+    return fits[method] > fits[other] and ahead(fits[method] - fits[other])
+
+
+def comparison_text(fits: Mapping[str, float], method: str) -> str:
+    """A method against the others, percentage points, in words."""
+    leads = [
+        f"{name} is {'unstable' if np.isinf(fit) else f'{fit - fits[method]:+.2f} points from it'}"
+        for name, fit in fits.items()
+        if name != method
+    ]
+    own = "unstable" if np.isinf(fits[method]) else f"at {fits[method]:.2f} %"
+    return f"{method} is {own} on the tests not seen; {', '.join(leads)}; less than {MARGIN:g} points are a tie"
 
 
 def consistency(study: Comparison) -> Finding:
@@ -204,9 +160,9 @@ def shoulder_oe(study: Comparison) -> Finding:
     independent, p = bool(model.residual_test.independent[0, 0]), float(model.residual_test.independence_p[0, 0])
     return decided_finding(
         "F11",
-        {"OE best": fits.best("OE", "ARMAX"), "independent": independent},
-        {**fits.fits, "independence p": p},
-        f"{fits.words('OE', 'ARMAX')}. The residuals of OE are {'' if independent else 'not '}independent of the "
+        {"OE best": best(fits, "OE", "ARMAX"), "independent": independent},
+        {**_finite(fits), "independence p": p},
+        f"{comparison_text(fits, 'OE')}. The residuals of OE are {'' if independent else 'not '}independent of the "
         f"input; its two poles leave {100 - model.fits[study.estimation_test].simulation:.1f} % of the answer to the "
         "PRBS",
         cause=_friction(study, "shoulder_pitch", "oe", "independence_p"),
@@ -221,10 +177,10 @@ def elbow_armax(study: Comparison) -> Finding:
     steps = {name: held_out_one_step(study, models[name]) for name in COMPARED}
     return decided_finding(
         "F12",
-        {"ARMAX best": fits.best("ARMAX", "OE"), "whiter": colour["armax"] < colour["oe"]},
-        {**fits.fits, **{f"{name.upper()} autocorrelation": number for name, number in colour.items()}},
-        f"{fits.words('ARMAX', 'OE')}. One step ahead ARMAX reaches {steps['armax']:.2f} %, and OE, which has no model "
-        f"of the disturbance, {steps['oe']:.2f} %",
+        {"ARMAX best": best(fits, "ARMAX", "OE"), "whiter": colour["armax"] < colour["oe"]},
+        {**_finite(fits), **{f"{name.upper()} autocorrelation": number for name, number in colour.items()}},
+        f"{comparison_text(fits, 'ARMAX')}. One step ahead ARMAX reaches {steps['armax']:.2f} %, and OE, which has "
+        f"no model of the disturbance, {steps['oe']:.2f} %",
     )
 
 
@@ -262,6 +218,10 @@ def stable(study: Comparison) -> Finding:
         "of ARX, ARMAX and IV4 is left free: a pole and a zero outside the circle that all but cancel cost a one-step "
         "criterion nothing",
     )
+
+
+def _finite(fits: Mapping[str, float]) -> dict[str, float]:
+    return {name: fit for name, fit in fits.items() if np.isfinite(fit)}
 
 
 def nearest(model: StateSpace) -> float:

@@ -54,7 +54,7 @@ def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = 
     pairs = [(entry, tally.frequency(entry.key)) for entry in findings]
     return Chance(
         source_text(tally, seed),
-        "from the smallest to the largest of all seeds" if tally.all_seeds else "where 95 % of the seeds lie",
+        "from the smallest to the largest of all seeds",
         answer_text(tally),
         {entry.key: frequency_text(entry, tally) for entry in findings},
         tuple(entry.key for entry, frequency in pairs if frequency.counts and frequency.depends_on_seed(entry.verdict)),
@@ -207,4 +207,4 @@ def seeds_record(tally: Tally) -> dict[str, object]:
 
 
 def _range(spread: Spread) -> dict[str, object]:
-    return {name: value for name, value in asdict(spread).items() if name != "shares"}
+    return asdict(spread)

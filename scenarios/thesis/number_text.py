@@ -61,8 +61,6 @@ def limits(spread: Spread | None, finding: Finding) -> str:
     """
     if spread is None or spread.low == spread.high or np.isnan(spread.low):
         return ""
-    if spread.shares:
-        return f"({', '.join(f'{measure(value, finding)} with {count}' for value, count in spread.shares)} seeds)"
     return f"({measure(spread.low, finding)} – {measure(spread.high, finding)})"
 
 

@@ -15,9 +15,6 @@ from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.thesis.comparison import Comparison, Cost
 from scenarios.thesis.finding import Finding, Verdict
 
-FEW = 40
-"""Up to so many seeds a range over 95 % of them leaves none out."""
-
 
 @dataclass(frozen=True)
 class MethodBandwidth:
@@ -97,43 +94,18 @@ def outcome(study: Comparison, findings: Sequence[Finding]) -> SeedOutcome:
 
 @dataclass(frozen=True)
 class Spread:
-    """Distribution of a number over the seeds.
-
-    Attributes:
-        median: Its median.
-        low: Lower end of what 95 % of the seeds lie in: a value that a seed has, the smallest of all up to 40 seeds.
-        high: Upper end, likewise.
-        smallest: The smallest of all.
-        largest: The largest of all.
-        seeds: How many seeds have it.
-        shares: Where the seeds have two values only, each with the number of seeds; else empty.
-    """
+    """Distribution of a number over the seeds: its median, smallest and largest value, and how many seeds have it."""
 
     median: float
     low: float
     high: float
-    smallest: float
-    largest: float
     seeds: int
-    shares: tuple[tuple[float, int], ...] = ()
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Median, 95 % range and ends of a number over the seeds.
-
-    The ends of the range are values that seeds have, taken outwards: counts stay counts, and of few seeds none lies
-    outside.
-
-    Args:
-        values: One for each seed; where one is not a number, nothing is.
-    """
+    """Distribution of a number, one value for each seed; where one is not a number, nothing is."""
     with np.errstate(invalid="ignore"):
-        median = float(np.median(values))
-    low = float(np.quantile(values, 0.025, method="lower"))
-    high = float(np.quantile(values, 0.975, method="higher"))
-    counts = Counter(values)
-    shares = tuple(sorted(counts.items())) if len(counts) == 2 < len(values) else ()
-    return Spread(median, low, high, float(np.min(values)), float(np.max(values)), len(values), shares)
+        return Spread(float(np.median(values)), float(np.min(values)), float(np.max(values)), len(values))
 
 
 @dataclass(frozen=True)
@@ -207,11 +179,6 @@ class Tally:
     def duration(self) -> float | None:
         """Length of the records where it was shortened, s."""
         return self.outcomes[0].duration
-
-    @property
-    def all_seeds(self) -> bool:
-        """Whether ranges span all seeds: for so few seeds the 95 % range is the full range."""
-        return len(self.outcomes) <= FEW
 
     @property
     def physics_s(self) -> float:

@@ -20,30 +20,13 @@ WORDS: Mapping[Way, str] = {"simulation": "in simulation", "one_step": "one step
 
 
 def ahead(difference: float) -> bool:
-    """Whether a fit is ahead of another by more than a tie.
-
-    Args:
-        difference: The fit less the other, percentage points.
-    """
+    """Whether a fit, less another, percentage points, is ahead of it by more than a tie."""
     return difference >= MARGIN
 
 
 def tied(difference: float) -> bool:
-    """Whether two fits are tied.
-
-    Args:
-        difference: One fit less the other, percentage points.
-    """
+    """Whether two fits that differ by so many percentage points are tied."""
     return abs(difference) < MARGIN
-
-
-def comparison_word(difference: float) -> str:
-    """`ahead`, `tied` or `behind` in words.
-
-    Args:
-        difference: One fit less the other, percentage points.
-    """
-    return "tied" if tied(difference) else ("ahead" if difference > 0 else "behind")
 
 
 def held_out_one_step(study: Comparison, model: ModelResult) -> float:

@@ -14,7 +14,7 @@ from scenarios.thesis.record_fits import (
     ties,
     within_reach,
 )
-from scenarios.thesis.verdicts import MARGIN, ahead, comparison_word, tied
+from scenarios.thesis.verdicts import MARGIN, ahead, tied
 from tests.scenarios.thesis.altered import without_log
 
 YAW = "shoulder_yaw"
@@ -81,6 +81,5 @@ def test_what_coupling_costs_is_said_beside_what_models_differ_by(study):
     [(0.006, "tied"), (-0.19, "tied"), (0.21, "ahead"), (-0.21, "behind"), (MARGIN, "ahead"), (-MARGIN, "behind")],
 )
 def test_a_small_difference_is_a_tie(difference, word):
-    assert comparison_word(difference) == word
     assert tied(difference) == (word == "tied")
     assert ahead(difference) == (word == "ahead")

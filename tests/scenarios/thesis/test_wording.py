@@ -29,10 +29,9 @@ def test_counts_are_shown_with_their_whole():
     assert parts(Finding("F13", "cannot be told", {}, "so")) == []
 
 
-def test_ranges_are_counts_for_counts_and_shares_for_two_values():
+def test_ranges_are_counts_for_counts():
     finding = Finding("F13", "partly", {}, "so")
     assert limits(spread([1.0, 2.0, 8.0]), finding) == "(1 – 8)"
-    assert limits(spread([0.0] * 14 + [100.0] * 6), finding) == "(0 with 14, 100 with 6 seeds)"
     assert limits(spread([3.0, 3.0]), finding) == ""
     assert limits(spread([3.0, np.nan]), finding) == ""
     assert limits(None, finding) == ""
