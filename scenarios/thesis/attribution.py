@@ -1,7 +1,7 @@
 """Causes of the bandwidth error: sensitivity to order and delay, and attribution to parts of the plant."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from types import MappingProxyType
@@ -11,7 +11,6 @@ import numpy as np
 
 from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
 from scenarios.experiments.campaign import Condition, campaign_scenario, single_joint_test
-from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import MissingRecordError, ScenarioError
@@ -23,6 +22,17 @@ from sysid.models.bandwidth import half_power_hz
 
 ORDERS = ((2, 2), (3, 3), (3, 4), (4, 3), (5, 3), (4, 4), (5, 4))
 """nb, nf of the output-error models that are compared, the sufficient one included."""
+
+AS_IT_IS, SMOOTH = "as on the arm", "seal friction off"
+
+GENTLE = "seal friction off, three tenths of the amplitude"
+
+CONDITIONS = (AS_IT_IS, SMOOTH, GENTLE)
+"""Conditions, each switches off one more effect: friction, then what changes with the pose, the arm's geometry,
+inertia and gravity load; their share falls with the square of the amplitude. Noise and rounding stay on."""
+
+SMALL = 0.3
+"""The smaller amplitude, as a part of the test's own."""
 
 
 @cache
@@ -44,8 +54,8 @@ def best_linear_of(condition: Condition, joint: str, test: int) -> BestLinearOfT
 
 
 @dataclass(frozen=True)
-class OrderEffect:
-    """Model of one order, identified from the estimation data.
+class OutputErrorBandwidth:
+    """Bandwidth of an output-error model.
 
     Attributes:
         orders: nb, nf, nk.
@@ -54,6 +64,7 @@ class OrderEffect:
         dc_gain: Gain at 0 Hz, which the bandwidth is relative to.
         half_power_hz: Frequency at which the gain is 0.707, whatever it is at 0 Hz, Hz.
         residual: Standard deviation of the residuals, output units.
+        condition: What was switched off, in words; one of `CONDITIONS`.
     """
 
     orders: tuple[int, int, int]
@@ -62,9 +73,14 @@ class OrderEffect:
     dc_gain: float
     half_power_hz: float
     residual: float
+    condition: str = AS_IT_IS
+
+    def holds(self, hz: float) -> bool:
+        """Whether its interval holds a frequency, Hz."""
+        return self.ci95[0] <= hz <= self.ci95[1]
 
 
-def order_effects(data: IOData, nk: int) -> tuple[OrderEffect, ...]:
+def order_effects(data: IOData, nk: int) -> tuple[OutputErrorBandwidth, ...]:
     """Identify output-error models of every order in `ORDERS`.
 
     Args:
@@ -77,62 +93,26 @@ def order_effects(data: IOData, nk: int) -> tuple[OrderEffect, ...]:
     Raises:
         ScenarioError: There is none of any.
     """
-    effects: list[OrderEffect] = []
+    effects: list[OutputErrorBandwidth] = []
     refused: list[str] = []
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SysidWarning)
-        for nb, nf in ORDERS:
-            try:
-                model = estimate(data, "oe", (nb, nf, nk))
-                band = model.bandwidth()
-            except SysidError as error:
-                refused.append(f"{nb}, {nf}, {nk}: {error}")
-                continue
-            ci95 = (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
-            effects.append(
-                OrderEffect(
-                    (nb, nf, nk),
-                    float(band.hz[0, 0]),
-                    ci95,
-                    float(model.dc_gain()[0, 0]),
-                    half_power_hz(model.model),
-                    float(np.std(model.residuals)),
-                )
-            )
+    for nb, nf in ORDERS:
+        try:
+            effects.append(_recovered(data, (nb, nf, nk)))
+        except SysidError as error:
+            refused.append(f"{nb}, {nf}, {nk}: {error}")
     if not effects:
         raise ScenarioError(f"{data.name} gives no output-error model of any order: {'; '.join(refused)}")
     return tuple(effects)
 
 
-def spread(effects: Sequence[OrderEffect]) -> tuple[float, float]:
-    """Smallest and largest bandwidth over the orders, Hz."""
-    values = [entry.bandwidth_hz for entry in effects]
-    return min(values), max(values)
-
-
-def half_power_spread(effects: Sequence[OrderEffect]) -> tuple[float, float]:
-    """Smallest and largest frequency of the gain 0.707 over the orders, Hz."""
-    values = [entry.half_power_hz for entry in effects]
-    return min(values), max(values)
-
-
-@dataclass(frozen=True)
-class Attribution:
-    """The recovered bandwidth under one condition.
-
-    Attributes:
-        condition: What was switched off, in words.
-        bandwidth_hz: Recovered bandwidth of the output-error model whose order suffices without friction, Hz.
-        ci95: Its 95 % interval, Hz.
-        covers: Whether the interval holds the small-signal truth.
-        half_power_hz: Frequency at which the gain is 0.707, whatever it is at 0 Hz, Hz.
-    """
-
-    condition: str
-    bandwidth_hz: float
-    ci95: tuple[float, float]
-    covers: bool
-    half_power_hz: float
+def _recovered(data: IOData, orders: tuple[int, int, int], condition: str = AS_IT_IS) -> OutputErrorBandwidth:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SysidWarning)
+        model = estimate(data, "oe", orders)
+        hz, *ci95 = model.bandwidth().path()
+    residual = float(np.std(model.residuals))
+    level, gain = half_power_hz(model.model), float(model.dc_gain()[0, 0])
+    return OutputErrorBandwidth(orders, hz, (ci95[0], ci95[1]), gain, level, residual, condition)
 
 
 @dataclass(frozen=True)
@@ -140,40 +120,16 @@ class Attributions:
     """Bandwidths of one joint under every condition.
 
     Attributes:
-        parts: What was found, in the order of `CONDITIONS`.
+        parts: Of the output-error model whose order suffices without friction, in the order of `CONDITIONS`.
         missing: Conditions of which nothing is known, with the reason.
     """
 
-    parts: tuple[Attribution, ...]
+    parts: tuple[OutputErrorBandwidth, ...]
     missing: Mapping[str, str] = field(default_factory=dict)
 
-    def find(self, condition: str) -> Attribution | None:
+    def find(self, condition: str) -> OutputErrorBandwidth | None:
         """Return the result under a condition; None where it is missing."""
         return next((part for part in self.parts if part.condition == condition), None)
-
-
-AS_IT_IS = "as on the arm"
-
-SMOOTH = "seal friction off"
-
-GENTLE = "seal friction off, three tenths of the amplitude"
-
-CONDITIONS = (AS_IT_IS, SMOOTH, GENTLE)
-"""Conditions, each switches off one more effect: friction, then what changes with the pose, the arm's geometry,
-inertia and gravity load; their share falls with the square of the amplitude. Noise and rounding stay on."""
-
-SMALL = 0.3
-"""The smaller amplitude, as a part of the test's own."""
-
-COVERAGE = (
-    ((0, 0.8386), (0, 0.9058), (0, 1.0236)),
-    ((18, 1.0259), (0, 1.0287), (5, 1.0865)),
-    ((20, 1.0257), (20, 1.0302), (20, 1.0859)),
-)
-"""By condition and joint, over twenty seeds: intervals that hold the truth, and mean bandwidth, Hz.
-
-`make bench` (`tests/benchmarks/test_coverage.py`) measures them; it takes too long for every study.
-"""
 
 
 def conditions(scenario: Scenario) -> tuple[Scenario, ...]:
@@ -191,19 +147,14 @@ def conditions(scenario: Scenario) -> tuple[Scenario, ...]:
 
 def scaled(scenario: Scenario) -> Scenario:
     """The experiment at three tenths of its amplitude, with its noise."""
-    return replace(
-        scenario,
-        name=f"{scenario.name}-small",
-        excitation=tuple(_scaled(entry, SMALL) for entry in scenario.excitation),
+    excitation = tuple(
+        replace(one, parameters={**one.parameters, "amplitude": SMALL * cast(float, one.parameters["amplitude"])})
+        for one in scenario.excitation
     )
+    return replace(scenario, name=f"{scenario.name}-small", excitation=excitation)
 
 
-def _scaled(excitation: Excitation, factor: float) -> Excitation:
-    amplitude = cast(float, excitation.parameters["amplitude"])
-    return replace(excitation, parameters={**excitation.parameters, "amplitude": factor * amplitude})
-
-
-def attribute(joint: str, records: StudyRecords, orders: Sequence[int]) -> Attributions:
+def attribute(joint: str, records: StudyRecords, orders: tuple[int, int, int]) -> Attributions:
     """Estimate the bandwidth of a joint under every condition.
 
     Args:
@@ -213,30 +164,15 @@ def attribute(joint: str, records: StudyRecords, orders: Sequence[int]) -> Attri
         orders: nb, nf, nk of the output-error model.
 
     Returns:
-        What was found, and the conditions whose experiment failed or gave no model.
+        The bandwidths, and the conditions whose experiment failed or gave no model.
     """
     name, main, smooth = records.own_name(joint), records.main, records.smooth
     sources = {AS_IT_IS: (main, name), SMOOTH: (smooth, name), GENTLE: (smooth, f"{name}-small")}
-    true_hz = main.truth.joint(joint).bandwidth_hz
-    attributions: list[Attribution] = []
+    parts: list[OutputErrorBandwidth] = []
     missing: dict[str, str] = {}
     for condition, (source, record) in sources.items():
         try:
-            attributions.append(_recovered(condition, source.record(record, joint), true_hz, orders))
+            parts.append(_recovered(source.record(record, joint), orders, condition))
         except (MissingRecordError, SysidError) as error:
             missing[condition] = str(error)
-    return Attributions(tuple(attributions), MappingProxyType(missing))
-
-
-def _recovered(condition: str, data: IOData, true_hz: float, orders: Sequence[int]) -> Attribution:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SysidWarning)
-        model = estimate(data, "oe", orders)
-        band = model.bandwidth()
-    return Attribution(
-        condition,
-        float(band.hz[0, 0]),
-        (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
-        bool(band.covers(true_hz)[0, 0]),
-        half_power_hz(model.model),
-    )
+    return Attributions(tuple(parts), MappingProxyType(missing))

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from hmtb_twin import JointLog, JointTruth, Truth
-from scenarios.thesis.attribution import Attributions, OrderEffect
+from scenarios.thesis.attribution import Attributions, OutputErrorBandwidth
 from scenarios.thesis.campaign import Campaign, tests_of_same_sequence
 from scenarios.thesis.estimates import Fits
 from scenarios.thesis.every_data_set import DataSets
@@ -145,7 +145,7 @@ class Comparison:
     joints: Mapping[str, JointResult]
     multivariable: Multivariable
     attribution: Mapping[str, Attributions]
-    orders: Mapping[str, tuple[OrderEffect, ...]]
+    orders: Mapping[str, tuple[OutputErrorBandwidth, ...]]
     nonparametric: Mapping[str, Nonparametric]
     prediction_errors: Mapping[str, PredictionErrors]
     observers: Mapping[str, JointObserver]

@@ -19,7 +19,6 @@ from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.report.page import Page
 from scenarios.thesis.answer import Answer, certainty, sentences
-from scenarios.thesis.attribution import CONDITIONS, COVERAGE
 from scenarios.thesis.chapter_3 import chapter_3
 from scenarios.thesis.chapter_4 import chapter_4
 from scenarios.thesis.chapter_5 import chapter_5
@@ -155,7 +154,6 @@ def context(
         "settling": SETTLING,
         "reproduce": _reproduction_commands(study),
         "departures": departures(study),
-        "coverage": tuple(zip(CONDITIONS, COVERAGE, strict=True)),
         "friction": friction_in_words(study),
         "arm": arm,
         "no_arm": no_arm,

@@ -6,9 +6,9 @@ amplitude is none of them: it plays the same sequence, which every model has see
 """
 
 import warnings
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from statistics import median
 from types import MappingProxyType
 from typing import Literal
@@ -134,23 +134,17 @@ class RobustnessOutcome:
 
 @dataclass(frozen=True)
 class Summary:
-    """Summary of all draws at one degree.
+    """Summary of all draws at one degree: median, smallest and largest, NaN where there is none.
 
     Attributes:
         degree: How much.
-        draws: How many.
-        failures: How many failed, by what went wrong.
-        error: Median, smallest and largest error of the bandwidths that there are, percent; NaN if there is none.
-        fit: The same of the fits in simulation, percent.
-        covered: Share of the draws that agree with the best linear truth; a failure agrees with nothing.
+        error: Of the bandwidths that there are, percent.
+        fit: Of the fits in simulation, percent.
     """
 
     degree: float
-    draws: int
-    failures: Mapping[str, int]
     error: tuple[float, float, float]
     fit: tuple[float, float, float]
-    covered: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,36 +174,16 @@ class Robustness:
 
     def curve(self, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]) -> tuple[Summary, ...]:
         """Medians and spreads by degree; see `of`."""
+        draws = self.of(disturbance, joint, method, treatment)
         return tuple(
-            Summary(
-                degree,
-                len(entries),
-                Counter(entry.failure for entry in entries if entry.failure),
-                _spread(entry.error for entry in entries),
-                _spread(entry.fit for entry in entries),
-                sum(entry.covers for entry in entries) / len(entries),
-            )
-            for degree, entries in self.of(disturbance, joint, method, treatment).items()
+            Summary(degree, _spread(entry.error for entry in entries), _spread(entry.fit for entry in entries))
+            for degree, entries in draws.items()
         )
 
 
 def _spread(values: Iterable[float]) -> tuple[float, float, float]:
     known = [value for value in values if not np.isnan(value)]
     return (median(known), min(known), max(known)) if known else (float("nan"),) * 3
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """Tolerance of a method to a disturbance on one joint.
-
-    Attributes:
-        degree: The largest degree up to which every one tried is tolerated, in the disturbance's unit; None where the
-            smallest is not.
-        everything: Whether the largest one tried is tolerated.
-    """
-
-    degree: float | None
-    everything: bool
 
 
 def clean(robustness: Robustness, joint: str, method: str) -> RobustnessOutcome:
@@ -228,10 +202,8 @@ def comparable(entries: tuple[RobustnessOutcome, ...], reference: RobustnessOutc
     return median(shifts) <= percent and median(reference.fit - entry.fit for entry in entries) <= points
 
 
-def tolerance(
-    robustness: Robustness, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]
-) -> Tolerance | None:
-    """Find the largest tolerated degree of a disturbance.
+def tolerance(robustness: Robustness, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]) -> str:
+    """Describe the largest degree of a disturbance up to which every one tried leaves a comparable model.
 
     Args:
         robustness: The experiment.
@@ -241,20 +213,19 @@ def tolerance(
         treatment: What is taken off the record before.
 
     Returns:
-        The tolerance; None where it was not tried.
+        Such as "up to 2", "all, up to 5", "none", or a dash where it was not tried.
     """
     kind = DISTURBANCES[disturbance]
     draws = robustness.of(disturbance, joint, method, treatment)
     levels = sorted((d for d in draws if d or kind.decibel), reverse=kind.falling)
     if not levels:
-        return None
+        return "–"
     reference = clean(robustness, joint, method)
-    last = None
-    for degree in levels:
-        if not comparable(draws[degree], reference):
-            return Tolerance(last, False)
-        last = degree
-    return Tolerance(last, True)
+    tolerated = list(takewhile(lambda degree: comparable(draws[degree], reference), levels))
+    if not tolerated:
+        return "none"
+    largest = f"{'down' if kind.falling else 'up'} to {tolerated[-1]:g}"
+    return f"all, {largest}" if tolerated == levels else largest
 
 
 def sysid_method(joint: str) -> str:

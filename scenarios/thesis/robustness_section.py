@@ -6,7 +6,7 @@ from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS
 from scenarios.thesis.findings_chapter_6 import bias_and_outliers
-from scenarios.thesis.robustness import COMPARABLE, PART, Tolerance, sysid_method, tolerance
+from scenarios.thesis.robustness import COMPARABLE, PART, sysid_method, tolerance
 from scenarios.thesis.robustness import MARGIN as ORDER_MARGIN
 
 
@@ -44,24 +44,13 @@ def _tolerances(study: Comparison) -> list[tuple[str, str, list[tuple[str, str]]
             label = disturbance.label if disturbance.treatments == AS_IT_IS else f"{disturbance.label}; {treatment}"
             cells = [
                 (
-                    _tolerance_text(
-                        tolerance(results, key, joint, sysid_method(joint), treatment), disturbance.falling
-                    ),
-                    _tolerance_text(tolerance(results, key, joint, "okid", treatment), disturbance.falling),
+                    tolerance(results, key, joint, sysid_method(joint), treatment),
+                    tolerance(results, key, joint, "okid", treatment),
                 )
                 for joint in results.judged_by
             ]
             rows.append((label, disturbance.unit, cells))
     return rows
-
-
-def _tolerance_text(known: Tolerance | None, falling: bool) -> str:
-    if known is None:
-        return "–"
-    if known.degree is None:
-        return "none"
-    word = "down to" if falling else "up to"
-    return f"all, {word} {known.degree:g}" if known.everything else f"{word} {known.degree:g}"
 
 
 def _coverage(study: Comparison) -> list[tuple[str, int, int]]:

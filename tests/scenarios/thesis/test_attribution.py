@@ -7,9 +7,17 @@ import pytest
 import sysid
 from hmtb_twin import linearize
 from scenarios.experiments.campaign import NOMINAL, Condition
-from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, GENTLE, SMOOTH, Attribution, Attributions, attribute
+from scenarios.thesis.attribution import (
+    AS_IT_IS,
+    CONDITIONS,
+    GENTLE,
+    SMOOTH,
+    Attributions,
+    OutputErrorBandwidth,
+    attribute,
+)
 from scenarios.thesis.campaign import Campaign, StudyRecords
-from scenarios.thesis.results import departures, friction_effect, friction_in_words
+from scenarios.thesis.results import departures, friction_in_words
 from sysid import SysidError
 
 NAME, JOINT = "siso-5-elbow_pitch", "elbow_pitch"
@@ -56,7 +64,10 @@ def study(**rows):
         joints=dict.fromkeys(rows, truth),
         attribution={
             joint: Attributions(
-                tuple(Attribution(name, hz, (hz, hz), False, level) for name, (hz, level) in parts.items())
+                tuple(
+                    OutputErrorBandwidth((2, 2, 1), hz, (hz, hz), 1.0, level, 0.0, name)
+                    for name, (hz, level) in parts.items()
+                )
             )
             for joint, parts in rows.items()
         },
@@ -67,8 +78,7 @@ def test_friction_is_what_lies_between_the_first_two_conditions_and_no_others():
     whole = {AS_IT_IS: (0.9, 0.8), SMOOTH: (1.02, 1.0), GENTLE: (1.0, 1.6)}
     gap = {AS_IT_IS: (0.7, 0.9), GENTLE: (1.01, 1.8)}
     both = study(yaw=whole, elbow=gap)
-    assert friction_effect(both) == pytest.approx((-20.0, -20.0))
-    assert friction_in_words(both).startswith("Friction lowers ")
+    assert "by −20.0 to −20.0 %" in friction_in_words(both)
     assert "on 1 of 2 joints" in friction_in_words(both)
     assert departures(both) == pytest.approx({AS_IT_IS: 30.0, SMOOTH: 2.0, GENTLE: 1.0})
 
@@ -76,8 +86,7 @@ def test_friction_is_what_lies_between_the_first_two_conditions_and_no_others():
 def test_where_nothing_is_known_it_is_said():
     rough = study(yaw={AS_IT_IS: (0.9, 0.8)}, elbow={})
     assert departures(rough) == pytest.approx({AS_IT_IS: 10.0})
-    assert friction_effect(rough) is None
-    assert "is unknown: no joint has a model both with friction and without" in friction_in_words(rough)
+    assert "is unknown: no joint has a model that reaches it both with friction and without" in friction_in_words(rough)
     assert departures(study(yaw={})) == {}
 
 

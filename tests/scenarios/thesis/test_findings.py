@@ -1,6 +1,5 @@
 """Verdicts follow from numbers."""
 
-from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import get_args
@@ -12,7 +11,7 @@ import scenarios.thesis.findings
 from scenarios.thesis.finding import CLAIMS, Verdict, decided_finding, finding_by_reading
 from scenarios.thesis.findings import findings
 from scenarios.thesis.number_text import p_value
-from scenarios.thesis.results import answer, finding_stands, headline, results
+from scenarios.thesis.results import results
 from scenarios.truth.published import EQUATIONS
 from sysid import FrequencyResponse, StateSpace, SysidError
 from sysid.models.bandwidth import gain_crossing, half_power_hz
@@ -120,23 +119,6 @@ def test_results_have_the_promised_keys(study, tmp_path):
     assert yaw["published"]["OKID (5.8)"] == pytest.approx(0.13, abs=0.006)
     assert set(record["findings"]["F1"]) >= {"verdict", "value", "thesis", "why"}
     assert set(record["cost"]) >= {"physics_s", "total_s"}
-
-
-def test_answer_says_whether_1_hz_stands(study):
-    whole = replace(study, campaigns=(replace(study.campaign, duration=None), *study.campaigns[1:]))
-    text = answer(whole)
-    assert ("the finding stands on the twin" in text) == finding_stands(study)
-    assert "the yaw models have bandwidths of 0.12 to 0.47 Hz, and only OE (4.8) reaches 0.707 at 0.94 Hz" in text
-    held = sum(model.covers for entry in study.joints.values() for model in entry.models.values())
-    assert f"{held} of 12 bandwidths agree with the best linear truth" in text
-    assert headline(whole).endswith(f"Agrees with the best linear truth: {held} of 12")
-
-
-def test_short_records_give_no_verdict_on_1_hz(study):
-    assert study.duration == 24.0
-    for text in (answer(study), headline(study)):
-        assert "a look, not a result" in text
-        assert "stands" not in text
 
 
 def test_all_26_findings_are_there_and_one_without_its_record_says_so(study):
