@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass
 from typing import get_args
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.identification.recovered_bandwidth import METHODS
 from scenarios.thesis.finding import Finding, Verdict
 from scenarios.thesis.tally import BandwidthCoverage, Spread, Tally
 
@@ -84,34 +83,14 @@ def frequency_text(finding: Finding, tally: Tally) -> str:
 
 
 def answer_text(tally: Tally) -> str:
-    """Describe how often the answer holds: methods near 1 Hz with every, some or no seed, and interval coverage.
-
-    Args:
-        tally: Many seeds.
-    """
-    seeds = len(tally.outcomes)
-    every, some, none = [], [], []
-    for joint, rows in coverage_rows(tally):
-        for method, coverage in rows:
-            name = f"{joint.replace('_', ' ')} {METHODS[method]}"
-            if coverage.near == seeds:
-                every.append(name)
-            elif coverage.near:
-                some.append(f"{name} with {coverage.near}")
-            else:
-                none.append(name)
+    """Count the bandwidths near 1 Hz, and those that agree with the best linear truth, over all seeds."""
     models = [coverage for _, rows in coverage_rows(tally) for _, coverage in rows]
-    parts = [f"{len(every)} of {len(models)} models are near 1 Hz with every seed"]
-    parts += [f"{', '.join(some)}"] if some else []
-    parts += [f"with none {', '.join(none)}"] if none else []
-    covered = [coverage.covers for coverage in models]
-    intervals = (
-        f"{sum(covered)} of their {seeds * len(models)} bandwidths agree with the best linear truth, by model "
-        f"between {min(covered)} and {max(covered)} of {seeds}"
-        if any(covered)
-        else f"None of their {seeds * len(models)} bandwidths agrees with the best linear truth"
+    seeds = len(tally.outcomes)
+    near, agree = sum(one.near for one in models), sum(one.covers for one in models)
+    return (
+        f"Over {seeds} seeds {near} of {seeds * len(models)} bandwidths of {len(models)} models are near 1 Hz, and "
+        f"{agree} agree with the best linear truth."
     )
-    return f"Over {seeds} seeds {'; '.join(parts)}. {intervals}."
 
 
 def source_text(tally: Tally, seed: int | None = None) -> str:
