@@ -11,6 +11,7 @@ from scenarios.experiments.campaign import RPCM
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis import findings_chapter_6 as findings
 from scenarios.thesis import verdicts
+from scenarios.thesis.estimates import Fits
 from scenarios.thesis.findings import FINDINGS
 from scenarios.thesis.multivariable import JointFits
 from scenarios.thesis.reference_fits import COUPLED
@@ -86,8 +87,7 @@ def _moved(simulation, one_step=None):
     """Change all fits in simulation, and those one step ahead by as much or by another number."""
     other = simulation if one_step is None else one_step
     return lambda fits: JointFits(
-        {joint: value + simulation for joint, value in fits.simulation.items()},
-        {joint: value + other for joint, value in fits.one_step.items()},
+        {joint: Fits(one.simulation + simulation, one.one_step + other) for joint, one in fits.joints.items()}
     )
 
 
