@@ -53,9 +53,9 @@
     const seen = new Set(), data = panels.flatMap((panel, number) => traces(chart, panel, number ? number + 1 : 0, seen));
     const entries = [...seen].map((n) => 46 + 6.6 * n.length), widest = Math.max(...entries);
     const legend = 12 + 20 * Math.ceil(entries.length / Math.max(1, Math.floor(width / widest)));
-    const height = rows * chart.height * (paper ? 0.85 : 1), gapx = 62 / width, gapy = 62 / height, wide = (1 - gapx * (columns - 1)) / columns;
+    const height = rows * chart.height * (paper ? 0.74 : 1), gapx = 84 / width, gapy = 62 / height, wide = (1 - gapx * (columns - 1)) / columns;
     const high = (1 - gapy * (rows - 1)) / rows;
-    const layout = { font: { ...font, size: paper ? 14 : 12 }, height: height + legend + 52, margin: { l: 58, r: 12, t: legend + 18, b: 42 }, paper_bgcolor: "#fff",
+    const layout = { font: { ...font, size: paper ? 14 : 12 }, width, height: height + legend + 52, margin: { l: 58, r: 12, t: legend + 18, b: 42 }, paper_bgcolor: "#fff",
       plot_bgcolor: "#fff", hovermode: "closest", uirevision: "kept", annotations: [], shapes: [], bargap: 0.6,
       hoverlabel: { font: { size: 12 }, namelength: -1 },
       legend: { orientation: "h", y: 1 + 26 / height, yanchor: "bottom", x: 0, xanchor: "left", font: { size: paper ? 14 : 12 } } };

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 
 import numpy as np
@@ -22,7 +22,7 @@ from scenarios.thesis.comparison import Comparison
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import BREAK_FREQUENCY, PublishedModel, published
 from sysid import StateSpace, SysidError, SysidWarning
-from sysid.models.bandwidth import HALF_POWER, half_power_hz
+from sysid.models.bandwidth import HALF_POWER, gain_crossing, half_power_hz
 from sysid.plots import PALETTE, Style
 
 SEEDS = (1, 2, 3, 4, 5)
@@ -35,7 +35,7 @@ METHODS = ("armax", "oe", "okid")
 """Methods of the thesis that give a model."""
 
 CLOSE = 0.1
-"""Two frequencies at which the gain is 0.707 agree when they differ by at most this fraction."""
+"""Two frequencies at which the gain is 0.707 agree when they differ by at most this fraction, or by less than known."""
 
 FREQUENCIES = np.geomspace(0.1, 10.0, 70)
 
@@ -63,13 +63,27 @@ class JointAnswer:
         known = [level for level in self.levels[method] if np.isfinite(level)]
         return median(known) if known and 2 * len(known) >= len(self.levels[method]) else float("nan")
 
+    @property
+    def best_linear_range(self) -> tuple[float, float]:
+        """Where the ends of the best linear response's 95 % band are 0.707, Hz; NaN where one never is."""
+        truth = self.best_linear.response
+        low, high = (
+            gain_crossing(replace(truth, response=end.astype(complex)), HALF_POWER) for end in truth.magnitude_ci95()
+        )
+        return low, high
+
     def departure(self, method: str) -> float:
         """Departure of a method's median level from the best linear one, as a fraction of it; NaN without either."""
         return self.recovered_hz(method) / self.best_linear.half_power_hz - 1.0
 
+    def near(self, level: float) -> bool:
+        """Whether a level (Hz) agrees with the best linear one, whose own uncertainty is allowed for."""
+        low, high = self.best_linear_range
+        return low <= level <= high or abs(level / self.best_linear.half_power_hz - 1.0) <= CLOSE
+
     def agrees(self, method: str) -> bool:
-        """Whether a method's median level agrees with the best linear one."""
-        return abs(self.departure(method)) <= CLOSE
+        """Whether the median level of a method agrees with the best linear one."""
+        return self.near(self.recovered_hz(method))
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +201,7 @@ def certainty(answer: Answer) -> str:
     """What so few records can show of the answer, by exact binomial limits, and what they cannot."""
     seeds = len(answer.seeds)
     agreeing = [
-        sum(abs(level / one.best_linear.half_power_hz - 1.0) <= CLOSE for level in levels)
+        sum(one.near(level) for level in levels)
         for one in answer.joints
         for levels in one.levels.values()
     ]
@@ -205,39 +219,39 @@ def certainty(answer: Answer) -> str:
 
 
 def _put_in(answer: Answer) -> str:
-    moved, test = (
-        f"{MRAD * np.mean([getattr(one.best_linear, name) for one in answer.joints]):.2g}"
-        for name in ("command_rms", "wanted_rms")
-    )
-    levels = ", ".join(_hertz(one.best_linear.half_power_hz) for one in answer.joints)
-    names = ", ".join(short(one.joint) for one in answer.joints)
+    truths = [one.best_linear for one in answer.joints]
+    moved = f"{MRAD * np.mean([truth.command_rms for truth in truths]):.2g}"
+    test = f"{MRAD * np.mean([truth.wanted_rms for truth in truths]):.2g}"
+    levels = [
+        f"{truth.half_power_hz:.2f} Hz ({short(truth.joint)})"
+        if np.isfinite(truth.half_power_hz)
+        else f"no frequency ({short(truth.joint)})"
+        for truth in truths
+    ]
     return (
-        "Put in: the simulated joints were built to respond up to about 1 Hz, as the thesis says; with friction, moved "
-        f"by {moved} mrad rms (its test: {test}), the linear response closest to theirs falls to 0.707 at {levels} Hz "
-        f"({names})."
+        "Put in: joints that follow commands up to about 1 Hz, as the thesis says; with friction, moved by "
+        f"{moved} mrad rms {'as in its test' if moved == test else f'(its test: {test})'}, their gain, the best linear "
+        f"truth, falls to 0.707 at {joined(levels)}."
     )
 
 
 def _recovered(answer: Answer) -> str:
     pairs = [(one, method) for one in answer.joints for method in one.levels]
-    agree = sum(one.agrees(method) for one, method in pairs)
+    agree, count = sum(one.agrees(method) for one, method in pairs), len(answer.joints)
     known = [hz for one, method in pairs if np.isfinite(hz := one.recovered_hz(method))]
-    near = f"within {100 * CLOSE:.0f} % of that response"
     if agree == len(pairs):
-        verdict = f"{near} on every joint"
+        verdict = "which agrees with the truth in all cases"
     elif agree:
-        by = [
-            f"{method.upper()} on {sum(one.agrees(method) for one in answer.joints)} of {len(answer.joints)} joints"
-            for method in METHODS
-        ]
-        verdict = f"{near} in {agree} of {len(pairs)} cases ({joined(by)})"
+        by = joined([f"{method.upper()} on {sum(one.agrees(method) for one in answer.joints)}" for method in METHODS])
+        verdict = f"which agrees with the truth in {agree} of {len(pairs)} cases ({by} of {count} joints)"
     else:
-        verdict = f"never {near}"
+        verdict = "which never agrees with the truth"
     missing = len(pairs) - len(known)
-    none = f", in {missing} of {len(pairs)} cases at none" if missing else ""
     return (
         f"Recovered: from {len(answer.seeds)} records of each joint, the thesis’ methods ARMAX, OE and OKID put that "
-        f"frequency at {f'{between(known)} Hz' if known else 'no value'}{none}: {verdict}."
+        f"frequency at {f'{between(known)} Hz' if known else 'no value'}"
+        + (f" and find none in {missing} of {len(pairs)} cases" if missing else "")
+        + f", {verdict}."
     )
 
 
@@ -248,22 +262,18 @@ def _meaning(answer: Answer) -> str:
         for joint, model in printed
         if abs(model.half_power_hz / (BREAK_FREQUENCY[joint] / (2 * np.pi)) - 1.0) <= CLOSE
     ]
-    departures = [one.departure(method) for one in answer.joints for method in one.levels]
-    known = [100 * value for value in departures if np.isfinite(value)]
-    if len(known) == len(departures) and max(map(abs, known)) <= 100 * CLOSE:
-        trust = "the methods recover here what is there, so this study gives no reason to doubt them"
+    pairs = [(one, method) for one in answer.joints for method in one.levels]
+    known = [100 * away for one, method in pairs if np.isfinite(away := one.departure(method))]
+    if all(one.agrees(method) for one, method in pairs):
+        trust = "the methods recover here what is there, which gives no reason to doubt them"
     elif known:
         ends = f"{min(known):+.0f} to {max(known):+.0f} %".replace("-", "−")
-        trust = f"the methods miss here by {ends}, so a printed figure can be as far off"
+        trust = f"here the methods miss the truth by {ends}, and a printed figure can be as far off"
     else:
-        trust = "the methods recover nothing here, so nothing supports a printed figure"
+        trust = "here the methods recover nothing, and nothing supports a printed figure"
     return (
         f"The figures of 1996: {len(same)} of {len(printed)} printed models ({joined(same) if same else 'none'}) "
         f"{'falls' if len(same) == 1 else 'fall'} to 0.707 at the 6, 7 and 7 rad/s, about 1 Hz, that the thesis reads "
-        f"from spectra, {len(printed) - len(same)} do not; {trust}, but whether the real arm had 1 Hz cannot be told "
-        "by a simulation that was given it."
+        f"from spectra, {len(printed) - len(same)} do not; {trust}; a simulation that was given 1 Hz cannot tell "
+        "whether the real arm had it."
     )
-
-
-def _hertz(value: float) -> str:
-    return f"{value:.2f}" if np.isfinite(value) else "no"

@@ -1,9 +1,12 @@
 """Report section on chapters II and III: tables of records and nonparametric estimates."""
 
 from dataclasses import dataclass
+from math import degrees
 
+from hmtb_twin.parameters.values import HAND_CONTROLLER, MOTIONS
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.registry import load
+from scenarios.report.figure_style import MRAD
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.nonparametric import RecordSummary
 from sysid.models.bandwidth import half_power_hz
@@ -34,6 +37,9 @@ def chapter_3(study: Comparison) -> dict[str, object]:
         Variables of the template.
     """
     return {
+        "limit": degrees(max(MOTIONS[joint].velocity_limit for joint in study.joints)),
+        "gain": MRAD * HAND_CONTROLLER.gain,
+        "slewing": 100 * max(share for entry in study.joints.values() for share in entry.slewing.values()),
         "numbered": _waveforms_by_number(study),
         "single": _single(study),
         "several": _several(study),

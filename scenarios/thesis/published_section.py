@@ -7,8 +7,8 @@ from math import degrees
 import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS
-from hmtb_twin.parameters.drives import Friction
-from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, MOTIONS, SERVOS
+from hmtb_twin.parameters.drives import ACTUATORS
+from hmtb_twin.parameters.values import BUS, GAINS, HAND_CONTROLLER, MOTIONS, SERVOS
 from scenarios.experiments.campaign import RPCM
 from scenarios.experiments.registry import names as tests
 from scenarios.files.errors import MissingRecordError
@@ -48,12 +48,12 @@ def assumed_values() -> tuple[AssumedValue, ...]:
     servos = [SERVOS[name] for name in STUDIED_JOINTS]
     delays = sorted({BUS[name].delay for name in STUDIED_JOINTS})
     limits = [degrees(MOTIONS[name].velocity_limit) for name in STUDIED_JOINTS]
+    frictions = [ACTUATORS[name].coulomb_torque / ACTUATORS[name].rated_torque for name in STUDIED_JOINTS]
     printed = [model for name in STUDIED_JOINTS for model in published(name)]
     return (
         AssumedValue(
-            f"servo poles: a slow one at {_span(s.slow_pole for s in servos)} rad/s, fast ones at "
-            f"{_span(s.fast_pole for s in servos)} rad/s",
-            f"after the dominant poles of the {len(printed)} printed models: a bandwidth near 1 Hz is put in",
+            f"slow pole of the servos: {_span(s.slow_pole for s in servos)} rad/s",
+            f"after the slow poles of the {len(printed)} printed models: a bandwidth near 1 Hz is put in",
             ("F1", "F16", "F22"),
         ),
         AssumedValue(
@@ -62,14 +62,15 @@ def assumed_values() -> tuple[AssumedValue, ...]:
             ("F3",),
         ),
         AssumedValue(
-            f"seal friction: {100 * Friction().coulomb:g} % of the greatest torque",
-            "gains of the printed pitch models near one allow little more; it bears on every interval that misses",
+            f"dry friction of the joints: {_span(100 * friction for friction in frictions)} % of the greatest torque",
+            "gains of the printed pitch models near one allow little; the slow poles of the printed yaw models suggest "
+            "more there",
             ("F7", "F9"),
         ),
         AssumedValue(
             f"gain of the hand controller: {HAND_CONTROLLER.gain:g} rad/V",
-            f"from the printed OKID matrices; with the assumed limit of {_span(limits)} deg/s it decides how much of a "
-            "test is spent at the velocity limit",
+            f"the largest round one at which a PRBS of 1 V keeps below the assumed limit of {_span(limits)} deg/s; the "
+            f"printed OKID matrices suggest {_span(GAINS.values())} rad/V, by the unit that they are read in",
             ("F4", "F5"),
         ),
     )

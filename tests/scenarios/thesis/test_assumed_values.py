@@ -1,5 +1,6 @@
 """What was put in from the thesis is told with the arm's own numbers."""
 
+from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.values import HAND_CONTROLLER, SERVOS
 from scenarios.thesis.finding import CLAIMS
 from scenarios.thesis.findings import findings
@@ -9,9 +10,13 @@ from scenarios.thesis.published_section import assumed_values, assumed_values_of
 def test_the_numbers_are_those_of_the_arm():
     servos, delays, friction, gain = assumed_values()
     slow = f"{SERVOS['shoulder_yaw'].slow_pole:g}".replace("-", "−")
-    assert f"a slow one at {slow} rad/s, fast ones at −36 to −80 rad/s" in servos.what
+    assert servos.what == f"slow pole of the servos: {slow} rad/s"
     assert delays.what == "bus delays of 0 to 1 samples"
-    assert friction.what.startswith("seal friction: 1 %")
+    yaw, pitch = (
+        f"{100 * ACTUATORS[name].coulomb_torque / ACTUATORS[name].rated_torque:g}"
+        for name in ("shoulder_yaw", "shoulder_pitch")
+    )
+    assert f" {pitch} to {yaw} % of the greatest torque" in friction.what
     assert f"{HAND_CONTROLLER.gain:g} rad/V" in gain.what
     assert "limit of 25 deg/s" in gain.why
 
