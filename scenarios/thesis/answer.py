@@ -200,11 +200,7 @@ def sentences(answer: Answer) -> tuple[str, str, str]:
 def certainty(answer: Answer) -> str:
     """What so few records can show of the answer, by exact binomial limits, and what they cannot."""
     seeds = len(answer.seeds)
-    agreeing = [
-        sum(one.near(level) for level in levels)
-        for one in answer.joints
-        for levels in one.levels.values()
-    ]
+    agreeing = [sum(one.near(level) for level in levels) for one in answer.joints for levels in one.levels.values()]
     same = sum(count in (0, seeds) for count in agreeing)
     limits = binomtest(seeds, seeds).proportion_ci(0.95, "exact")
     mixed = len(agreeing) - same
