@@ -25,11 +25,11 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
         json: Print JSON.
     """
     from scenarios.jobs.executor import LocalProcesses
-    from scenarios.thesis.motion import Campaign, run_campaign
+    from scenarios.thesis.motion import MotionCampaign, run_campaign
     from scenarios.thesis.motion_answer import MotionStudy, motion_map
 
     at_least_one("--workers", workers)
-    campaign = Campaign.quick() if quick else Campaign()
+    campaign = MotionCampaign.quick() if quick else MotionCampaign()
     with output_folder(out, *FILES) as folder, progress("settings", lines=True) as bar:
         try:
             with LocalProcesses(workers) as executor:

@@ -88,7 +88,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Campaign:
+class MotionCampaign:
     """Levels of every factor, and how the records are taken.
 
     Attributes:
@@ -120,7 +120,7 @@ class Campaign:
     multisines: int = 3
 
     @classmethod
-    def quick(cls) -> "Campaign":
+    def quick(cls) -> "MotionCampaign":
         """Return a coarse look: one servo, the nominal chain, two frictions, two seeds, no multisines."""
         return cls(
             servos=("flow",),
@@ -152,7 +152,7 @@ class Recorded:
     volts: float
     seed: int
 
-    def experiment(self, campaign: Campaign, setting: Setting) -> Scenario | MultisineExperiment:
+    def experiment(self, campaign: MotionCampaign, setting: Setting) -> Scenario | MultisineExperiment:
         """Return the experiment, named after the record."""
         name = f"{self.excitation}-{self.volts:g}-{self.seed}"
         if self.excitation != "multisine":
@@ -167,7 +167,7 @@ class Recorded:
         return MultisineExperiment(name, (setting.joint,), multisines, **shared)
 
 
-def records_of(campaign: Campaign) -> tuple[Recorded, ...]:
+def records_of(campaign: MotionCampaign) -> tuple[Recorded, ...]:
     """Return the records of every setting."""
     numbers = {"prbs": campaign.seeds, "multisine": campaign.multisines}
     played = [
@@ -180,7 +180,7 @@ def records_of(campaign: Campaign) -> tuple[Recorded, ...]:
 
 
 def run_campaign(
-    campaign: Campaign, executor: Executor[Any], folder: Path, progress: Progress
+    campaign: MotionCampaign, executor: Executor[Any], folder: Path, progress: Progress
 ) -> dict[Setting, list[Row]]:
     """Run a campaign, or what an interrupted run has left of it.
 
@@ -191,7 +191,7 @@ def run_campaign(
         progress: Called with the finished settings.
 
     Returns:
-        The rows of every setting, in the order of `Campaign.settings`.
+        The rows of every setting, in the order of `MotionCampaign.settings`.
 
     Raises:
         ScenarioError: The journal cannot be used, or a worker cannot run.
@@ -209,7 +209,7 @@ def run_campaign(
         return {setting: journal.get(key) for key, setting in settings.items()}
 
 
-def run_settings(campaign: Campaign, settings: tuple[Setting, ...]) -> Iterator[tuple[str, list[Row]]]:
+def run_settings(campaign: MotionCampaign, settings: tuple[Setting, ...]) -> Iterator[tuple[str, list[Row]]]:
     """Simulate and analyse settings; for workers.
 
     Args:

@@ -18,8 +18,8 @@ from hmtb_twin.parameters.variants import VARIANTS
 from scenarios.datasets.tables import table_text
 from scenarios.identification.recovered_bandwidth import METHODS as NAMES
 from scenarios.report.figure_style import short
-from scenarios.thesis.motion import METHODS, Campaign, Row, Setting
-from scenarios.thesis.motion_score import EXPLAINS, ArmScore, Cell, arms, cells, factors, items, profile
+from scenarios.thesis.motion import METHODS, MotionCampaign, Row, Setting
+from scenarios.thesis.motion_score import COMMON, EXPLAINS, ArmScore, Cell, arms, cells, factors, items, profile
 from scenarios.truth.published import published
 
 NEAR = np.log(1.25)
@@ -39,12 +39,12 @@ class MotionStudy:
         failed: Experiments that failed, with the reasons.
     """
 
-    campaign: Campaign
+    campaign: MotionCampaign
     cells: tuple[Cell, ...]
     failed: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, campaign: Campaign, results: Mapping[Setting, Sequence[Row]]) -> "MotionStudy":
+    def of(cls, campaign: MotionCampaign, results: Mapping[Setting, Sequence[Row]]) -> "MotionStudy":
         """Score the results of a campaign."""
         failed = (f"{one}, {row['failed']}" for one, rows in results.items() for row in rows if "failed" in row)
         return cls(campaign, cells(results), tuple(failed))
@@ -57,19 +57,13 @@ class MotionStudy:
     @cached_property
     def nominal(self) -> ArmScore:
         """The arm of the campaign that is nearest to the nominal one, its friction too."""
-        wanted = {
-            "gain": HAND_CONTROLLER.gain,
-            "hold": HAND_CONTROLLER.hold,
-            "noise": HAND_CONTROLLER.noise,
-            "volts": 1.0,
-            "logged": 0.0,
-        }
+        own = HAND_CONTROLLER
+        wanted = {"gain": own.gain, "hold": own.hold, "noise": own.noise, "volts": 1.0, "logged": 0.0}
 
         def away(cell: Cell) -> tuple[float, ...]:
-            own = factors(cell)
-            actuator = ACTUATORS[cell.setting.joint]
+            levels, actuator = factors(cell), ACTUATORS[cell.setting.joint]
             rubs = cell.setting.friction * actuator.rated_torque / actuator.coulomb_torque
-            numbers = (abs(float(str(own[name])) - value) for name, value in wanted.items())
+            numbers = (abs(float(str(levels[name])) - value) for name, value in wanted.items())
             return (float(cell.setting.servo != VARIANTS["nominal"].servo), *numbers, abs(np.log(rubs)))
 
         return ArmScore(tuple(min(self._tests(joint), key=away) for joint in STUDIED_JOINTS))
@@ -133,7 +127,7 @@ class MotionStudy:
             "nominal": _arm_record(self.nominal),
             "profile": profile(self.arms),
             "failed": self.failed,
-            "map": [_record(cell, distances=False) for cell in self.map_cells()],
+            "map": [cell.record() for cell in self.map_cells()],
         }
 
     def map_cells(self) -> list[Cell]:
@@ -184,23 +178,15 @@ def _bandwidths(cell: Cell) -> str:
     return "/".join(f"{value:.2f}" if np.isfinite(value) else "none" for value in values)
 
 
-def _record(cell: Cell, *, distances: bool = True) -> dict[str, object]:
-    names = [item.name for item in items(cell.setting.joint)]
-    return {**cell.record(), **({"distances": dict(zip(names, cell.distances, strict=True))} if distances else {})}
+def _record(cell: Cell) -> dict[str, object]:
+    names = (item.name for item in items(cell.setting.joint))
+    return {**cell.record(), "distances": dict(zip(names, cell.distances, strict=True))}
 
 
 def _arm_record(arm: ArmScore) -> dict[str, object]:
-    own = factors(arm.cells[0])
-    return {
-        **{name: level for name, level in own.items() if name != "friction"},
-        "score": arm.score,
-        "error": arm.error,
-        "explains": arm.explains,
-        "joints": {
-            cell.setting.joint: {"friction": cell.setting.friction, "score": cell.score, "within": cell.within}
-            for cell in arm.cells
-        },
-    }
+    own = {name: factors(arm.cells[0])[name] for name in COMMON}
+    joints = {cell.setting.joint: {"friction": cell.setting.friction, "score": cell.score} for cell in arm.cells}
+    return {**own, "score": arm.score, "error": arm.error, "explains": arm.explains, "joints": joints}
 
 
 def motion_map(study: MotionStudy) -> Figure:

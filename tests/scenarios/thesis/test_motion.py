@@ -11,12 +11,20 @@ import pytest
 from hmtb_twin import STUDIED_JOINTS, load_arm
 from scenarios import load
 from scenarios.jobs.executor import LocalProcesses
-from scenarios.thesis.motion import Campaign, Recorded, Setting, model_numbers, records_of, run_campaign, run_settings
+from scenarios.thesis.motion import (
+    MotionCampaign,
+    Recorded,
+    Setting,
+    model_numbers,
+    records_of,
+    run_campaign,
+    run_settings,
+)
 from scenarios.thesis.motion_answer import MotionStudy
 from scenarios.thesis.motion_score import EXPLAINS, FARTHEST, TOLERANCES, arms, cells, items, profile
 from scenarios.truth.published import BREAK_FREQUENCY, PERCENT_DESCRIBED, published
 
-SMALL = Campaign(
+SMALL = MotionCampaign(
     servos=("flow",),
     gains=(4e-3,),
     frictions=(0.002,),
@@ -44,7 +52,7 @@ def test_a_setting_is_what_it_says(joint):
 
 
 def test_multisines_are_as_strong_as_binary_sequences():
-    multisine = Recorded("multisine", 2.0, 1).experiment(Campaign(), YAW)
+    multisine = Recorded("multisine", 2.0, 1).experiment(MotionCampaign(), YAW)
     volts = multisine.volts()
     assert volts.std() == pytest.approx(2.0, rel=1e-3)
     power = np.abs(np.fft.rfft(multisine.offsets()[:1020, 0])) ** 2
@@ -154,7 +162,7 @@ def test_workers_change_no_bit_and_an_interrupted_campaign_resumes(tmp_path):
 
 @pytest.mark.slow
 def test_the_command_writes_scores_and_the_map(printed, result, tmp_path, monkeypatch):
-    monkeypatch.setattr(Campaign, "quick", classmethod(lambda _: replace(SMALL, seeds=1, multisines=0)))
+    monkeypatch.setattr(MotionCampaign, "quick", classmethod(lambda _: replace(SMALL, seeds=1, multisines=0)))
     text = printed("motion", "--quick", "--out", tmp_path / "made", "--workers", 1)
     assert "One arm for all three joints" in text
     record = json.loads((tmp_path / "made" / "motion.json").read_text())
