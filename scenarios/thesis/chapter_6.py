@@ -1,11 +1,10 @@
 """Report section on chapter VI: tables of the three-joint models."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from hmtb_twin import STUDIED_JOINTS
+from hmtb_twin import JOINTS, STUDIED_JOINTS, Status
 from scenarios.experiments.campaign import RPCM
+from scenarios.experiments.log_review import SETTLING
 from scenarios.thesis.campaign import plays_identified_sequence
 from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison
@@ -49,17 +48,19 @@ def chapter_6(study: Comparison) -> dict[str, object]:
     }
 
 
+def departure(study: Comparison) -> dict[str, float]:
+    """Largest distance of each joint from the operating point in the settled part of the exchange, rad."""
+    log = study.campaign.log(RPCM)
+    away = np.abs(log.true_angles[round(SETTLING / log.dt) :] - study.truth.angles).max(axis=0)
+    return dict(zip(JOINTS, map(float, away), strict=True))
+
+
 def _exchange(study: Comparison) -> dict[str, object]:
-    exchange = study.multivariable.exchange
-    away: Mapping[str, float] = {} if exchange is None else exchange.departure
+    log = study.campaign.log(RPCM)
+    held = (log.status[round(SETTLING / log.dt) :] & Status.UNIT_HELD) > 0
     return {
-        "away": {joint: float(np.degrees(value)) for joint, value in away.items()},
-        "loaded": 0.0 if exchange is None else 100 * exchange.loaded,
-        "phases": [
-            {"phase": entry, "swing": {joint: float(np.degrees(value)) for joint, value in entry.swing.items()}}
-            for entry in (() if exchange is None else exchange.phases)
-        ],
-        "kinds": [entry.name for entry in study.multivariable.pair()],
+        "away": {joint: float(np.degrees(value)) for joint, value in departure(study).items()},
+        "loaded": 100.0 * float(held.mean()),
     }
 
 

@@ -1,4 +1,4 @@
-"""Multivariable models of the three joints and their fits to exchange tests."""
+"""Models of three joints and their fits to records of several joints."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -8,11 +8,9 @@ from typing import Literal, TypeVar
 import numpy as np
 
 import sysid
-from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, Status
+from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM
-from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.registry import names
-from scenarios.experiments.rpcm import rpcm_outcome
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.estimates import Fits, fits
@@ -25,102 +23,10 @@ from scenarios.thesis.multi_input import (
     relative_error,
     three_joint_truth,
 )
-from scenarios.thesis.reference_fits import Reference, reference_fits
+from scenarios.thesis.reference_fits import References, reference_fits
 from scenarios.truth.published import PUBLISHED
 from sysid import ResidualTest, StateSpace, SysidError
 from sysid.models import block_diagonal
-
-
-@dataclass(frozen=True)
-class Phase:
-    """Part of the exchange.
-
-    Attributes:
-        name: What is done.
-        start: Its start in the log, s.
-        end: Its end, s.
-        loaded: Share of it in which the unit is in the end effector.
-        swing: Half of the measured angle's range by joint, rad.
-        simulation: By model and joint, root mean square of the simulation's error, rad.
-        one_step: By model and joint, root mean square of the one-step prediction's error, rad.
-    """
-
-    name: str
-    start: float
-    end: float
-    loaded: float
-    swing: Mapping[str, float]
-    simulation: Mapping[str, Mapping[str, float]]
-    one_step: Mapping[str, Mapping[str, float]]
-
-
-@dataclass(frozen=True)
-class Exchange:
-    """Differences of the exchange from the experiments that models are identified from.
-
-    Attributes:
-        departure: Largest distance of each of the seven joints from the operating point, rad.
-        loaded: Share of the record in which the unit is in the end effector.
-        phases: Those that came to their end, in order.
-    """
-
-    departure: Mapping[str, float]
-    loaded: float
-    phases: tuple[Phase, ...]
-
-
-def exchange(campaign: Campaign, models: Mapping[str, StateSpace]) -> Exchange:
-    """Split the exchange into its phases.
-
-    Within a phase the joints move little as a rule, so that a fit in percent would compare errors with next to nothing:
-    errors are given in rad.
-
-    Args:
-        campaign: The records.
-        models: Models of the studied joints, by name.
-
-    Returns:
-        Departure from the operating point and errors by phase; each model runs through the whole record at once.
-
-    Raises:
-        MissingRecordError: There is no record of the exchange.
-    """
-    log, data = campaign.log(RPCM), campaign.several(RPCM)
-    fits = dict(zip(models, sysid.compare(models, data), strict=True))
-    skipped = len(log) - len(data)
-    mask = (log.status[skipped:] & Status.UNIT_HELD) > 0
-    phases = []
-    for name, (start, end) in rpcm_outcome(log).phases.items():
-        part = slice(max(round(start / log.dt) - skipped, 0), round(end / log.dt) - skipped)
-        if part.stop - part.start < 2:
-            continue
-        phases.append(
-            Phase(
-                name,
-                start,
-                end,
-                float(mask[part].mean()),
-                _by_joint(0.5 * np.ptp(data.y[part], axis=0)),
-                {key: _by_joint(_rms(data.y[part] - fit.simulated[part])) for key, fit in fits.items()},
-                {key: _by_joint(_rms(data.y[part] - fit.predicted[part])) for key, fit in fits.items()},
-            )
-        )
-    return Exchange(_departure(log, campaign), float(mask.mean()), tuple(phases))
-
-
-def _departure(log: JointLog, campaign: Campaign) -> dict[str, float]:
-    """Largest distance of each joint from the pose of the linearisation, rad."""
-    away = np.abs(log.true_angles[round(SETTLING / log.dt) :] - campaign.truth.angles).max(axis=0)
-    return dict(zip(JOINTS, map(float, away), strict=True))
-
-
-def _rms(errors: np.ndarray) -> np.ndarray:
-    return np.asarray(np.sqrt(np.mean(errors**2, axis=0)))
-
-
-def _by_joint(values: np.ndarray) -> dict[str, float]:
-    return dict(zip(STUDIED_JOINTS, map(float, values), strict=True))
-
 
 T = TypeVar("T")
 
@@ -242,8 +148,7 @@ class Multivariable:
         full: Models with every input on every output, from a shared and from independent waveforms.
         truth: The true response of the three joints.
         coupling: What lies off its diagonal, relative to all of it, 0.1 to 10 Hz.
-        exchange: Fits by phase of the exchange; None where its record is missing.
-        references: What the truth without and with coupling, and the true angles themselves, follow of every record.
+        references: Fits of the truth without and with coupling, and of the true angles, by kind, record and joint.
     """
 
     models: tuple[ThreeJointModel, ...]
@@ -251,8 +156,7 @@ class Multivariable:
     full: tuple[FullModel, ...]
     truth: StateSpace
     coupling: float
-    exchange: Exchange | None
-    references: tuple[Reference, ...]
+    references: References
 
     def reference(self, name: str, record: str) -> Mapping[str, float]:
         """Fits by joint of one kind of knowledge of the twin to a record, percent.
@@ -260,7 +164,7 @@ class Multivariable:
         Raises:
             MissingRecordError: There is no such record.
         """
-        return _result_of(next(entry.fits for entry in self.references if entry.name == name), record)
+        return _result_of(self.references[name], record)
 
     def model(self, kind: Kind, *, printed: bool = False) -> ThreeJointModel:
         """One of the models."""
@@ -302,9 +206,8 @@ def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace],
     full = tuple(
         model for name in (SHARED, INDEPENDENT) if name in there for model in full_models(name, campaign, truth)
     )
-    phases = exchange(campaign, {entry.name: entry.model for entry in models}) if RPCM in there else None
     references = reference_fits(campaign, there, truth)
-    return Multivariable(tuple(models), there, full, truth, off_diagonal(truth), phases, references)
+    return Multivariable(tuple(models), there, full, truth, off_diagonal(truth), references)
 
 
 def _compared(

@@ -125,10 +125,9 @@ def shortfall(study: Comparison, joint: str, record: str, fit: float) -> str:
 def missing_fit_shares(study: Comparison, joint: str, record: str, fit: float) -> dict[str, float]:
     """Shares that `shortfall` describes, percentage points; their sum is 100 minus the fit."""
     name = f"{record}-{joint}" if record.startswith("siso") else record
-    fits = {entry.name: entry.fits for entry in study.multivariable.references}
+    fits = study.multivariable.references
     if name not in fits[DIAGONAL]:
-        truth = study.multivariable.truth
-        fits = {entry.name: entry.fits for entry in reference_fits(study.campaign, (name,), truth)}
+        fits = reference_fits(study.campaign, (name,), study.multivariable.truth)
     steps = [fit, *(fits[kind][name][joint] for kind in (DIAGONAL, COUPLED, NOISELESS)), 100.0]
     names = ("the model's own error", "coupling", "all that is not linear", "the noise of reading")
     return {what: high - low for what, low, high in zip(names, steps, steps[1:], strict=False)}

@@ -1,7 +1,6 @@
 """Fits of the truth to a record: the best that a model without coupling, or any linear model, can reach."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import fftconvolve
@@ -18,24 +17,14 @@ READS_LATE = 3
 """Most samples that a bus may read an angle late."""
 
 
-@dataclass(frozen=True)
-class Reference:
-    """Fits of one reference prediction from the true twin.
-
-    Attributes:
-        name: The knowledge.
-        fits: 100 (1 - |y - yhat| / |y - mean y|), simulated, by record and joint, percent.
-    """
-
-    name: str
-    fits: Mapping[str, Mapping[str, float]]
-
+References = Mapping[str, Mapping[str, Mapping[str, float]]]
+"""By kind of reference, record and joint: 100 (1 - |y - yhat| / |y - mean y|), simulated, percent."""
 
 DIAGONAL, COUPLED, NOISELESS = "truth without coupling", "truth with coupling", "true angles"
 """References: linear truth driven by its own command, by all three commands, and true angles without sensor noise."""
 
 
-def reference_fits(campaign: Campaign, records: Sequence[str], truth: StateSpace) -> tuple[Reference, ...]:
+def reference_fits(campaign: Campaign, records: Sequence[str], truth: StateSpace) -> References:
     """Compute the fits of the truth to records.
 
     Args:
@@ -51,10 +40,7 @@ def reference_fits(campaign: Campaign, records: Sequence[str], truth: StateSpace
     """
     pulses = impulse_response(truth)
     responses = {name: _fits_of_record(campaign, name, pulses) for name in records}
-    return tuple(
-        Reference(kind, {name: fits[kind] for name, fits in responses.items()})
-        for kind in (DIAGONAL, COUPLED, NOISELESS)
-    )
+    return {kind: {name: fits[kind] for name, fits in responses.items()} for kind in (DIAGONAL, COUPLED, NOISELESS)}
 
 
 def impulse_response(truth: StateSpace) -> np.ndarray:

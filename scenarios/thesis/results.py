@@ -77,7 +77,7 @@ def results(
             }
             for entry in models.models
         },
-        "references": {entry.name: dict(entry.fits) for entry in models.references},
+        "references": dict(models.references),
         "full_models": [
             _picked(entry, f"record condition method {ERRORS} off_diagonal=coupling") for entry in models.full
         ],

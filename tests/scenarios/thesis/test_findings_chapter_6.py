@@ -69,10 +69,8 @@ def test_coupling_counts_by_what_it_is_worth_in_the_exchange(study):
     share = decided.value["elbow_pitch, percent of the gain 3 to 5 Hz"]
     assert share >= 99.9 * (gain[joint].sum() / gain[joint, joint] - 1)
     better = {name: fit + 5.0 for name, fit in study.multivariable.reference(COUPLED, RPCM).items()}
-    references = tuple(
-        replace(one, fits={**one.fits, RPCM: better}) if one.name == COUPLED else one
-        for one in study.multivariable.references
-    )
+    known = study.multivariable.references
+    references = {**known, COUPLED: {**known[COUPLED], RPCM: better}}
     worth = replace(study.multivariable, references=references)
     assert findings.coupling(replace(study, multivariable=worth)).verdict == "not reproduced"
 
