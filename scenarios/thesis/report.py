@@ -34,7 +34,7 @@ from scenarios.thesis.pictures import arm_picture, exchange, film
 from scenarios.thesis.plotting_library import compressed_plotly
 from scenarios.thesis.published_section import assumed_values, assumed_values_of, published_section
 from scenarios.thesis.response_charts import EXCITED_FROM
-from scenarios.thesis.results import departures, friction_in_words
+from scenarios.thesis.results import friction_in_words
 from scenarios.thesis.robustness_section import robustness
 from scenarios.thesis.tally import Tally
 from sysid.models.bandwidth import half_power_hz
@@ -153,7 +153,6 @@ def context(
         "points": POINTS,
         "settling": SETTLING,
         "reproduce": _reproduction_commands(study),
-        "departures": departures(study),
         "friction": friction_in_words(study),
         "arm": arm,
         "no_arm": no_arm,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, SMOOTH
+from scenarios.thesis.attribution import AS_IT_IS, SMOOTH
 from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
@@ -99,24 +99,6 @@ def _picked(entry: object, names: str) -> dict[str, object]:
     """Attributes of a record by name; `name=attribute` gives one another name."""
     pairs = (name.split("=") for name in names.split())
     return {name: getattr(entry, attribute[0] if attribute else name) for name, *attribute in pairs}
-
-
-def departures(study: Comparison) -> dict[str, float]:
-    """Largest departure of a bandwidth from the small-signal truth over the joints, percent, by condition.
-
-    Conditions of which nothing is known on any joint are left out.
-    """
-    values: dict[str, float] = {}
-    for condition in CONDITIONS:
-        parts = {name: entry.find(condition) for name, entry in study.attribution.items()}
-        away = [
-            100 * abs(part.bandwidth_hz / study.joints[name].truth.bandwidth_hz - 1)
-            for name, part in parts.items()
-            if part is not None
-        ]
-        if away:
-            values[condition] = max(away)
-    return values
 
 
 def friction_in_words(study: Comparison) -> str:
