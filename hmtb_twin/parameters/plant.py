@@ -26,6 +26,7 @@ class Plant:
         servo: One of `SERVOS`.
         friction: One of `FRICTIONS`.
         friction_level: Dry friction, in multiples of the variant's.
+        presliding: Deflection at which the bristles of dry friction carry Coulomb torque, rad.
         supply_pressure: Pressure of the supply, MPa.
         oil_temperature: Temperature of the oil, which sets its viscosity, and so drag and leakage, degrees Celsius.
         process_noise: Standard deviation of the torque noise of the valve drives, as a fraction of each joint's rated
@@ -36,6 +37,7 @@ class Plant:
     servo: str = "variant"
     friction: str = "lugre"
     friction_level: float = 1.0
+    presliding: float = Friction.presliding
     supply_pressure: float = Hydraulics.supply_pressure
     oil_temperature: float = Hydraulics.oil_temperature
     process_noise: float = 0.0
@@ -50,6 +52,7 @@ class Plant:
         lowest = 1.5 * Hydraulics.return_pressure
         ranges: Mapping[str, tuple[float, float, str]] = {
             "friction_level": (0.0, 100.0, "0 to 100"),
+            "presliding": (1e-6, 0.1, "1e-6 to 0.1 rad"),
             "supply_pressure": (lowest, 100.0, f"{lowest:g} MPa, well above the return pressure, to 100 MPa"),
             "oil_temperature": (COLDEST, HOTTEST, f"{COLDEST:g} to {HOTTEST:g} degrees Celsius"),
             "process_noise": (0.0, 1.0, "0 to 1, a part of the rated torque"),
@@ -81,7 +84,7 @@ class Plant:
             if value not in (nominal, "torque"):
                 raise TwinError(
                     f"plant: {name} = {value!r} given, but the drives of this arm are electric, without valves and "
-                    f"oil; expected the nominal {nominal!r}. friction, friction_level and process_noise apply"
+                    f"oil; expected the nominal {nominal!r}. dry friction and process noise apply"
                 )
 
     def _friction(self, seals: Friction | None) -> Friction | None:
@@ -89,7 +92,8 @@ class Plant:
             return None
         dry = 0.0 if self.friction == "viscous" else self.friction_level * seals.coulomb
         # Without Stribeck's peak LuGre friction is Dahl's.
-        return replace(seals, coulomb=dry, static_ratio=1.0 if self.friction == "coulomb" else seals.static_ratio)
+        ratio = 1.0 if self.friction == "coulomb" else seals.static_ratio
+        return replace(seals, coulomb=dry, presliding=self.presliding, static_ratio=ratio)
 
 
 NOMINAL_PLANT = Plant()

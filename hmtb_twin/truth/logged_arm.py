@@ -68,8 +68,9 @@ def check_truth(log: JointLog, arm: Arm, truth: Truth) -> None:
     Raises:
         TwinError: The truth is of another arm, of other conditions, or of another pose.
     """
-    # Truths are without dry friction, so that its level must not count as a difference.
-    truth_plant, log_plant = (vars(replace(plant.sliding, friction_level=1.0)) for plant in (truth.plant, arm.plant))
+    # Truths are without dry friction, so that its level and bristles must not count as a difference.
+    dry = {name: getattr(Plant, name) for name in ("friction_level", "presliding")}
+    truth_plant, log_plant = (vars(replace(plant.sliding, **dry)) for plant in (truth.plant, arm.plant))
     pairs = {
         "variant": (truth.variant, arm.variant),
         "payload": (truth.payload, arm.payload),

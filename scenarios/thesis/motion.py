@@ -63,6 +63,7 @@ class Setting:
         servo: Servo law, of `Plant.servo`.
         gain: Of the hand controller, rad/V.
         friction: Coulomb friction of the joint, part of its stall torque.
+        presliding: Deflection at which it is reached, rad.
         hold: Of the hand controller, samples.
         noise: Of the hand controller's wires, V.
         joint: The joint.
@@ -71,6 +72,7 @@ class Setting:
     servo: str
     gain: float
     friction: float
+    presliding: float
     hold: int
     noise: float
     joint: str
@@ -84,7 +86,8 @@ class Setting:
         actuator = ACTUATORS[self.joint]
         level = self.friction * actuator.rated_torque / actuator.coulomb_torque
         interface = HandController(gain=self.gain, hold=self.hold, noise=self.noise)
-        return replace(scenario, hand_controller=interface, plant=Plant(servo=self.servo, friction_level=level))
+        plant = Plant(servo=self.servo, friction_level=level, presliding=self.presliding)
+        return replace(scenario, hand_controller=interface, plant=plant)
 
 
 @dataclass(frozen=True)
@@ -95,6 +98,7 @@ class MotionCampaign:
         servos: Servo laws.
         gains: Gains of the hand controller, rad/V.
         frictions: Coulomb friction, parts of stall torque.
+        presliding: Deflections at which it is reached, rad; with the torque servo the first alone.
         holds: Holds of the hand controller, samples.
         noises: Noise of the wires, V.
         logged: White noise on the logged command alone, in multiples of the command's root mean square.
@@ -109,6 +113,7 @@ class MotionCampaign:
     servos: tuple[str, ...] = ("flow", "torque")
     gains: tuple[float, ...] = tuple(sorted(GAINS.values()))
     frictions: tuple[float, ...] = (0.0007, 0.002, 0.006, 0.02)
+    presliding: tuple[float, ...] = (1e-3, 1e-4)
     holds: tuple[int, ...] = (1, 3)
     noises: tuple[float, ...] = (0.0, 0.1)
     logged: tuple[float, ...] = (0.0, 1.0, 2.0)
@@ -125,6 +130,7 @@ class MotionCampaign:
         return cls(
             servos=("flow",),
             frictions=(0.0007, 0.006),
+            presliding=(1e-3,),
             holds=(3,),
             noises=(0.1,),
             seeds=2,
@@ -134,8 +140,9 @@ class MotionCampaign:
 
     def settings(self) -> tuple[Setting, ...]:
         """Return every setting, joint by joint."""
-        levels = (self.servos, self.gains, self.frictions, self.holds, self.noises, STUDIED_JOINTS)
-        return tuple(Setting(*values) for values in itertools.product(*levels))
+        levels = (self.servos, self.gains, self.frictions, self.presliding, self.holds, self.noises, STUDIED_JOINTS)
+        every = (Setting(*values) for values in itertools.product(*levels))
+        return tuple(one for one in every if one.servo == "flow" or one.presliding == self.presliding[0])
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from hmtb_twin import STUDIED_JOINTS
 from hmtb_twin.files.atomic_write import write_whole
-from hmtb_twin.parameters.drives import ACTUATORS
+from hmtb_twin.parameters.drives import ACTUATORS, Friction
 from hmtb_twin.parameters.values import HAND_CONTROLLER
 from hmtb_twin.parameters.variants import VARIANTS
 from scenarios.datasets.tables import table_text
@@ -59,6 +59,7 @@ class MotionStudy:
         """The arm of the campaign that is nearest to the nominal one, its friction too."""
         own = HAND_CONTROLLER
         wanted = {"gain": own.gain, "hold": own.hold, "noise": own.noise, "volts": 1.0, "logged": 0.0}
+        wanted["presliding"] = Friction.presliding
 
         def away(cell: Cell) -> tuple[float, ...]:
             levels, actuator = factors(cell), ACTUATORS[cell.setting.joint]
@@ -132,7 +133,9 @@ class MotionStudy:
 
     def map_cells(self) -> list[Cell]:
         """Return the cells of the map: those of the best arm's servo and chain, over motion and friction."""
-        fixed = {name: factors(self.arms[0].cells[0])[name] for name in ("servo", "hold", "noise", "logged")}
+        fixed = {
+            name: factors(self.arms[0].cells[0])[name] for name in ("servo", "presliding", "hold", "noise", "logged")
+        }
         return [
             cell
             for joint in STUDIED_JOINTS
@@ -152,8 +155,9 @@ class MotionStudy:
 def _common_text(cell: Cell) -> str:
     setting = cell.setting
     return (
-        f"servo {setting.servo}, {1000 * setting.gain:g} mrad/V, {cell.volts:g} V, hold {setting.hold}, noise "
-        f"{setting.noise:g} V, logged noise {cell.logged:g}x"
+        f"servo {setting.servo}, {1000 * setting.gain:g} mrad/V, {cell.volts:g} V, presliding "
+        f"{1000 * setting.presliding:g} mrad, hold {setting.hold}, noise {setting.noise:g} V, logged noise "
+        f"{cell.logged:g}x"
     )
 
 
@@ -218,8 +222,8 @@ def motion_map(study: MotionStudy) -> Figure:
     figure.supylabel("Coulomb friction / % of stall torque", fontsize=9)
     setting, logged = shown[0].setting, shown[0].logged
     figure.suptitle(
-        f"Servo {setting.servo}, hold {setting.hold}, noise {setting.noise:g} V, logged noise {logged:g}x; framed: "
-        "within a quarter of a printed bandwidth",
+        f"Servo {setting.servo}, presliding {1000 * setting.presliding:g} mrad, hold {setting.hold}, noise "
+        f"{setting.noise:g} V, logged noise {logged:g}x; framed: within a quarter of a printed bandwidth",
         fontsize=9,
     )
     return figure

@@ -225,7 +225,7 @@ class ArmScore:
         return tuple(cell.setting.joint for cell in self.cells if cell.score <= EXPLAINS)
 
 
-COMMON = ("servo", "gain", "hold", "noise", "volts", "logged")
+COMMON = ("servo", "gain", "presliding", "hold", "noise", "volts", "logged")
 """What the joints of one arm have in common; friction each has its own."""
 
 

@@ -28,6 +28,7 @@ SMALL = MotionCampaign(
     servos=("flow",),
     gains=(4e-3,),
     frictions=(0.002,),
+    presliding=(1e-3,),
     holds=(3,),
     noises=(0.1,),
     logged=(0.0, 1.0),
@@ -38,17 +39,18 @@ SMALL = MotionCampaign(
     sines_duration=16.0,
     multisines=1,
 )
-YAW = Setting("flow", 4e-3, 0.006, 3, 0.1, "shoulder_yaw")
+YAW = Setting("flow", 4e-3, 0.006, 1e-3, 3, 0.1, "shoulder_yaw")
 
 
 @pytest.mark.parametrize("joint", STUDIED_JOINTS)
 def test_a_setting_is_what_it_says(joint):
-    setting = Setting("torque", 1.17e-3, 0.02, 1, 0.0, joint)
+    setting = Setting("torque", 1.17e-3, 0.02, 1e-4, 1, 0.0, joint)
     scenario = setting.applied(load(f"siso-5-{joint}"))
     interface = scenario.hand_controller
     assert (interface.gain, interface.hold, interface.noise, scenario.plant.servo) == (1.17e-3, 1, 0.0, "torque")
     drive = load_arm(plant=scenario.plant).drives[joint]
     assert drive.coulomb_torque == pytest.approx(0.02 * drive.rated_torque)
+    assert drive.friction.presliding == 1e-4
 
 
 def test_multisines_are_as_strong_as_binary_sequences():
