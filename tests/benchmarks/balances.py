@@ -1,4 +1,4 @@
-"""Books of oil and energy of a binary test on the elbow, by kind of friction and by step."""
+"""Balances of oil and energy of a binary test on the elbow, by kind of friction and by step."""
 
 from dataclasses import asdict, replace
 
@@ -12,14 +12,14 @@ def main():
     heading("friction", "step, ms", "oil", "energy", *(f"{term}, J" for term in terms))
     for friction in ("none", "viscous", "coulomb", "lugre"):
         arm = load_arm(plant=replace(NOMINAL_PLANT, friction=friction))
-        for refined in (1, 2, 4):
+        for refined in (1, 2):
             oil, energy = linear_balances(arm, binary(arm, ("elbow_pitch",)), refined=refined)
             stored = energy.compressed + energy.kinetic + energy.potential
             residual = 2.0 * energy.supplied - sum(asdict(energy).values())
             losses = [f"{x:.2f}" for x in (energy.throttled, energy.leaked, energy.rubbed, energy.dragged, stored)]
-            step = f"{1e3 * arm.model.opt.timestep / refined:g}"
-            closures = f"{oil.closure:.0e}", f"{energy.closure:.1e}"
-            row(friction, step, *closures, f"{energy.supplied:.1f}", *losses, f"{residual:+.3f}")
+            step = f"{1e3 * arm.model.opt.timestep / refined:.3g}"
+            closures = f"{oil.closure:.1e}", f"{energy.closure:.1e}"
+            row(friction, step, *closures, f"{energy.supplied:.1f}", *losses, f"{residual:+.1e}")
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ def main():
         cells += [percent(driven(machine, small), theory.velocity_gain * small)]
         cells += [f"{theory.no_load_speed:.3f}", percent(speed, theory.no_load_speed)]
         cells += [f"{theory.stall_torque:.1f}", percent(machine.stall_torque(), theory.stall_torque)]
-        ringing = benches.oscillator(benches.linearized(shut, drift=1e-3))
+        ringing = benches.oscillator(benches.linearized(shut))
         cells += [f"{closed.natural_frequency / (2.0 * pi):.2f}", percent(ringing[0], closed.natural_frequency)]
         cells += [f"{closed.damping_ratio:.4f}", percent(ringing[1], closed.damping_ratio)]
         row(*cells)

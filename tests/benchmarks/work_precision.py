@@ -1,37 +1,39 @@
-"""Work against precision of the physics: integrators and steps for both forms of the actuator.
+"""Work against precision of the physics: integrators and steps for each kind of drive.
 
-On a quiet machine it takes some ten minutes. It writes a Markdown table for each form:
+It takes two minutes and writes a Markdown table for each kind:
 
-* error of the log: a studied joint follows pseudo-random binary commands of 0.067 rad for 6 s, one joint at a time,
+* error of the log: a studied joint follows pseudo-random binary commands of 4 mrad for 6 s, one joint at a time,
   with LuGre friction; root mean square of the difference between its angles at 50 Hz and the reference's over that of
   its deviation from the pose, the worst of the three;
 * change of bandwidth: of the small-signal arm against the reference, the worst of six joints;
-* cost: processor time over that of the form's default, both measured in turns in this run.
+* cost: processor time over that of the kind's default, both measured in turns in this run.
 
-The reference is Richardson's extrapolation of two steps far below the default.
+The reference is Richardson's extrapolation of two runs by RK4 far below the default step.
 """
 
 from collections import namedtuple
-from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from hmtb_twin import JOINTS, NOMINAL_PLANT, STUDIED_JOINTS, load_arm
+from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, load_arm
 from hmtb_twin.parameters.values import OPERATING_POSE, SAMPLE_TIME
 from tests.benchmarks.tables import heading, row, timed
 from tests.hmtb_twin.altered_arms import at_step, bandwidths
 
-INTEGRATORS = {
-    "Euler": mujoco.mjtIntegrator.mjINT_EULER,
-    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
-    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-    "RK4": mujoco.mjtIntegrator.mjINT_RK4,
+KINDS = {
+    "linear, flow servo": ("nominal", Plant()),
+    "linear, torque servo": ("nominal", Plant(servo="torque")),
+    "electric": ("flight", Plant()),
+    "orifice, flow servo": ("nominal", Plant("orifice")),
 }
-STEPS = (4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4)
-REFERENCE = {"linear": ("implicitfast", 1.0 / 64e3, 1), "orifice": ("RK4", 1.0 / 16e3, 4)}
-"""Integrator, the coarser of the two steps in s, and the order by which their difference is extrapolated."""
-AMPLITUDE, SECONDS, TURNS = 0.067, 6.0, 5
+"""Variant and plant of each kind of drive."""
+INTEGRATORS = {"Euler": mujoco.mjtIntegrator.mjINT_EULER, "RK4": mujoco.mjtIntegrator.mjINT_RK4}
+TICK_STEPS = {"Euler": (20, 80), "RK4": (6, 8, 12, 16, 20, 40)}
+"""Physics steps of a tick."""
+FINEST = 160
+"""Physics steps of a tick of the finer of the reference's two runs."""
+AMPLITUDE, SECONDS, TURNS = 4e-3, 6.0, 3
 
 
 Result = namedtuple("Result", "logs bandwidths")
@@ -65,14 +67,10 @@ def result(arm):
     return Result(logs, np.array(list(bandwidths(arm).values())))
 
 
-def reference(arm, form):
+def reference(arm):
     """The limit of small steps."""
-    name, step, order = REFERENCE[form]
-    coarse, fine = (result(at_step(arm, s, INTEGRATORS[name])) for s in (step, step / 2.0))
-    part = 1.0 / (2.0**order - 1.0)
-    return Result(
-        fine.logs + part * (fine.logs - coarse.logs), fine.bandwidths + part * (fine.bandwidths - coarse.bandwidths)
-    )
+    coarse, fine = (result(at_step(arm, SAMPLE_TIME * k / FINEST, INTEGRATORS["RK4"])) for k in (2, 1))
+    return Result(*(b + (b - a) / 15.0 for a, b in zip(coarse, fine, strict=True)))
 
 
 def cost(arm, other):
@@ -82,33 +80,34 @@ def cost(arm, other):
     return min(b for _, b in turns) / min(a for a, _ in turns)
 
 
-def table(form):
-    """Print the table of one form of the actuator."""
-    arm = load_arm(plant=replace(NOMINAL_PLANT, actuator=form))
-    limit = reference(arm, form)
+def table(kind):
+    """Print the table of one kind of drive."""
+    variant, plant = KINDS[kind]
+    arm = load_arm(variant, plant=plant)
+    limit = reference(arm)
     moved = np.linalg.norm(limit.logs - limit.logs[:, :1], axis=1)
-    heading(f"{form}: integrator", "step, ms", "error of the log", "change of bandwidth", "cost")
-    default = (mujoco.mjtIntegrator(arm.model.opt.integrator), arm.model.opt.timestep)
+    heading(f"{kind}: integrator", "steps of a tick", "error of the log", "change of bandwidth", "cost")
+    default = (INTEGRATORS["RK4"], round(SAMPLE_TIME / arm.model.opt.timestep))
     for name, integrator in INTEGRATORS.items():
-        for step in STEPS:
-            other = at_step(arm, step, integrator)
+        for steps in TICK_STEPS[name]:
+            other = at_step(arm, SAMPLE_TIME / steps, integrator)
             outcome = result(other)
             error = float((np.linalg.norm(outcome.logs - limit.logs, axis=1) / moved).max())
             changes = outcome.bandwidths / limit.bandwidths - 1.0
             worst = float(changes[np.argmax(np.abs(changes))])
             moved_by = f"{100 * worst:+.4f} %" if np.isfinite(worst) else "unstable at rest"
-            label = f"**{name}**" if (integrator, step) == default else name
+            label = f"**{name}**" if (integrator, steps) == default else name
             cells = ["diverges", "", ""]
             if np.isfinite(error):
                 cells = [f"{error:.1e}", moved_by, f"{cost(arm, other):.2f}"]
-            row(label, f"{1e3 * step:g}", *cells)
+            row(label, f"{steps}", *cells)
     print()
 
 
 def main():
     # Steps too coarse diverge, as the table tells; the engine need not write that to a file.
     mujoco.set_mju_user_warning(lambda text: None)
-    for name in REFERENCE:
+    for name in KINDS:
         table(name)
 
 

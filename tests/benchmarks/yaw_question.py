@@ -16,8 +16,18 @@ from scipy.signal import cont2discrete, dlsim, lfilter
 import sysid
 from docs.images.published_servos import YAW_PLANE, coupled
 from hmtb_twin import simulate
+from hmtb_twin.parameters.drives import YawFriction
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
-from hmtb_twin.parameters.values import BUS, JOINTS, LARGE_MOTION, RECORDER, SAMPLE_TIME, SERVOS, HandController
+from hmtb_twin.parameters.values import (
+    BUS,
+    GAINS,
+    HAND_CONTROLLER,
+    JOINTS,
+    RECORDER,
+    SAMPLE_TIME,
+    SERVOS,
+    HandController,
+)
 from scenarios import Scenario, load
 from scenarios.experiments.log_review import settled
 from scenarios.truth.published import EQUATIONS
@@ -25,7 +35,7 @@ from tests.benchmarks.tables import heading, row
 
 JOINT = "shoulder_yaw"
 DURATION = 60.0
-SEEDS = 12
+SEEDS = 4
 
 
 @dataclass(frozen=True)
@@ -38,7 +48,7 @@ class Record:
 
     variant: str = "nominal"
     plant: Plant = NOMINAL_PLANT
-    hand_controller: HandController = LARGE_MOTION
+    hand_controller: HandController = HAND_CONTROLLER
     amplitude: float = 1.0
     clock: int = 2
     repeat: float = 0.5
@@ -82,7 +92,7 @@ def limited(speed):
     """The velocity limit, deg/s, acts behind the log instead of before it."""
 
     def signal(volts):
-        step = np.radians(speed) * SAMPLE_TIME / LARGE_MOTION.gain
+        step = np.radians(speed) * SAMPLE_TIME / HAND_CONTROLLER.gain
         passed, last = np.empty_like(volts), np.zeros(volts.shape[1])
         for k, wanted in enumerate(volts):
             last = passed[k] = last + np.clip(wanted - last, -step, step)
@@ -96,8 +106,8 @@ def means_in(data, seed):
 
 
 def offset_left_in(data, seed):
-    """Both angles from the start pose, the measured one 5 mrad off, and no detrending."""
-    return data.subtract(u=data.u.mean(axis=0), y=data.y.mean(axis=0) - 5e-3)
+    """Both angles from the start pose, the measured one 0.3 mrad off, and no detrending."""
+    return data.subtract(u=data.u.mean(axis=0), y=data.y.mean(axis=0) - 3e-4)
 
 
 def wandering(step):
@@ -111,15 +121,15 @@ def wandering(step):
 
 
 def drifting(data, seed):
-    """The measured angle drifts in a straight line, by 20 mrad from start to end."""
-    return replace(data, y=data.y + 0.02 * np.linspace(0.0, 1.0, len(data))[:, None]).detrend()
+    """The measured angle drifts in a straight line, by 1.2 mrad from start to end."""
+    return replace(data, y=data.y + 1.2e-3 * np.linspace(0.0, 1.0, len(data))[:, None]).detrend()
 
 
 def backlash(data, seed):
-    """Backlash of 30 mrad between joint and resolver."""
+    """Backlash of 1.8 mrad between joint and resolver."""
     shown, last = np.empty_like(data.y), data.y[0]
     for k, angle in enumerate(data.y):
-        last = shown[k] = np.clip(last, angle - 0.015, angle + 0.015)
+        last = shown[k] = np.clip(last, angle - 9e-4, angle + 9e-4)
     return replace(data, y=shown).detrend()
 
 
@@ -141,57 +151,67 @@ def integrating(data, seed):
 NOMINAL, SLOW = Record(), Record("published")
 
 
+YAW_FRICTION = 100.0 * YawFriction.coulomb
+"""Dry friction of the nominal yaw, percent of the maximum torque."""
+
+
 def rubbing(percent):
-    """The nominal arm with that dry friction, percent of the maximum torque."""
-    return Record(plant=Plant(friction_level=float(percent)))
+    """The nominal arm with that dry friction of the yaw, percent of the maximum torque."""
+    return Record(plant=Plant(friction_level=percent / YAW_FRICTION))
 
 
-def behind(percent, speed):
+def behind(record, speed):
     """The same with a velocity limit, deg/s, behind the log instead of before it."""
-    return replace(rubbing(percent), hidden=limited(speed), limit_logged=False)
+    return replace(record, hidden=limited(speed), limit_logged=False)
 
 
-WORN = rubbing(22)
+def reading(name, percent=YAW_FRICTION):
+    """The same with another reading of the hand controller's gain, and perhaps other seals."""
+    return replace(rubbing(percent), hand_controller=HandController(gain=GAINS[name]))
+
+
+WORN = rubbing(1.2)
 
 
 ROWS = (
-    Row("as it is (dry friction 1 %)", NOMINAL, group="The nominal arm, truly 1.0 Hz"),
+    Row("as it is (dry friction 0.6 %)", NOMINAL, group="The nominal arm, truly 1.07 Hz, 4 mrad/V"),
+    Row("torque servo", replace(NOMINAL, plant=Plant(servo="torque"))),
     Row("means left in", NOMINAL, means_in),
-    Row("zero of the resolver 5 mrad off, left in", NOMINAL, offset_left_in),
-    Row("output drifts by 20 mrad", NOMINAL, drifting),
-    Row("output wanders, 0.3 mrad per sample", NOMINAL, wandering(3e-4)),
-    Row("output wanders, 1 mrad per sample", NOMINAL, wandering(1e-3)),
-    Row("valve noise, 3 % of maximum torque", replace(NOMINAL, plant=Plant(process_noise=0.03))),
-    Row("hand-controller bias 0.5 V", replace(NOMINAL, hand_controller=replace(LARGE_MOTION, bias=0.5))),
-    Row("hand controller holds 5 samples", replace(NOMINAL, hand_controller=replace(LARGE_MOTION, hold=5))),
-    Row("supply at 9 MPa, which just holds the arm", replace(NOMINAL, plant=Plant(supply_pressure=9.0))),
+    Row("zero of the resolver 0.3 mrad off, left in", NOMINAL, offset_left_in),
+    Row("output drifts by 1.2 mrad", NOMINAL, drifting),
+    Row("output wanders, 0.02 mrad per sample", NOMINAL, wandering(2e-5)),
+    Row("output wanders, 0.06 mrad per sample", NOMINAL, wandering(6e-5)),
+    Row("valve noise, 0.2 % of maximum torque", replace(NOMINAL, plant=Plant(process_noise=0.002))),
+    Row("hand-controller bias 0.5 V", replace(NOMINAL, hand_controller=HandController(bias=0.5))),
+    Row("hand controller holds 1 sample, no noise", replace(NOMINAL, hand_controller=HandController(hold=1, noise=0))),
+    Row("supply at 6 MPa, which just holds the arm", replace(NOMINAL, plant=Plant(supply_pressure=6.0))),
     Row("servo gets 1.18 times the logged command", replace(NOMINAL, hidden=scaled)),
-    Row("integral action, reset time 1 s, without friction", NOMINAL, integrating),
+    Row("integral action, reset time 1 s, torque servo without friction", NOMINAL, integrating),
     Row("velocity feedforward, 50 ms", replace(NOMINAL, hidden=led)),
-    *(Row(f"velocity limit behind the log, {speed} deg/s", behind(1, speed)) for speed in (100, 50, 25, 5)),
+    *(Row(f"velocity limit behind the log, {speed} deg/s", behind(NOMINAL, speed)) for speed in (6, 3, 1.5, 0.3)),
     Row("command smoothed behind the log, 1 rad/s", replace(NOMINAL, hidden=smoothed)),
-    Row("backlash 30 mrad", NOMINAL, backlash),
+    Row("backlash 1.8 mrad", NOMINAL, backlash),
     Row("delay taken as 1", NOMINAL, armax=(5, 3, 3, 1), oe=(2, 2, 1)),
     Row("delay taken as 4", NOMINAL, armax=(5, 3, 3, 4), oe=(2, 2, 4)),
     Row("orders too high: ARMAX 8/8/8, OE 5/5", NOMINAL, armax=(8, 8, 8, 2), oe=(5, 5, 2)),
     Row("the first 8 s only", NOMINAL, lambda data, seed: data[: round(8.0 / SAMPLE_TIME)].detrend()),
-    Row("dry friction 8 %", rubbing(8), group="The nominal arm with the seals of a worn hydraulic arm"),
-    *(Row(f"dry friction {percent} %", rubbing(percent)) for percent in (15, 18, 20, 22, 25, 30)),
-    Row("dry friction 22 %, Coulomb alone", replace(NOMINAL, plant=Plant(friction="coulomb", friction_level=22.0))),
-    Row("dry friction 22 %, 2 V", replace(WORN, amplitude=2.0)),
-    Row("dry friction 22 %, 3 samples per bit", replace(WORN, clock=3)),
-    Row("dry friction 22 %, file played at 0.1 instead of 0.5 Hz", replace(WORN, repeat=0.1)),
-    Row("dry friction 22 %, file played at 0.05 Hz", replace(WORN, repeat=0.05)),
-    Row("dry friction 22 %, servo gets 1.18 times the logged command", replace(WORN, hidden=scaled)),
-    Row("dry friction 22 %, means left in", WORN, means_in),
-    Row("dry friction 22 %, output wanders, 0.3 mrad per sample", WORN, wandering(3e-4)),
-    *(Row(f"dry friction {p} %, velocity limit behind the log, 50 deg/s", behind(p, 50.0)) for p in (22, 15)),
+    Row("2 V", replace(NOMINAL, amplitude=2.0)),
+    Row("file played at 0.05 instead of 0.5 Hz", replace(NOMINAL, repeat=0.05)),
+    Row("dry friction 0.1 %", rubbing(0.1), group="Other seals, other readings of the gain"),
+    *(Row(f"dry friction {percent} %", rubbing(percent)) for percent in (0.3, 0.9, 1.2, 1.8)),
+    Row("dry friction 1.2 %, Coulomb alone", replace(WORN, plant=replace(WORN.plant, friction="coulomb"))),
+    Row("dry friction 1.2 %, file played at 0.05 Hz", replace(WORN, repeat=0.05)),
+    Row("dry friction 1.2 %, servo gets 1.18 times the logged command", replace(WORN, hidden=scaled)),
+    Row("dry friction 1.2 %, velocity limit behind the log, 3 deg/s", behind(WORN, 3.0)),
+    Row("gain read in degrees, 1.17 mrad/V, dry friction 0.1 %", reading("degrees", 0.1)),
+    Row("gain read in radians, 67 mrad/V", reading("radians")),
+    *(Row(f"67 mrad/V, dry friction {p} %", reading("radians", p)) for p in (8, 12, 15, 18, 22)),
+    Row("67 mrad/V, dry friction 15 %, file played at 0.05 Hz", replace(reading("radians", 15), repeat=0.05)),
     Row("as it is", SLOW, group="The published variant, truly 0.16 Hz with a DC gain of 1.00"),
     Row("means left in", SLOW, means_in),
-    Row("nominal seals (1 %)", replace(SLOW, plant=Plant(friction_level=1 / 0.15))),
-    Row("valve noise, 3 % of maximum torque", replace(SLOW, plant=Plant(process_noise=0.03))),
-    Row("output wanders, 0.3 mrad per sample", SLOW, wandering(3e-4)),
-    Row("velocity limit behind the log, 25 deg/s", replace(SLOW, hidden=limited(25.0), limit_logged=False)),
+    Row("valve noise, 0.2 % of maximum torque", replace(SLOW, plant=Plant(process_noise=0.002))),
+    Row("output wanders, 0.02 mrad per sample", SLOW, wandering(2e-5)),
+    Row("velocity limit behind the log, 1.5 deg/s", behind(SLOW, 1.5)),
 )
 
 
@@ -236,7 +256,7 @@ def records(wanted, seeds, duration):
             # A constant apart, which is removed from both angles or is the same in both.
             start = log.commanded[0, JOINTS.index(JOINT)]
             logged = record.logged(Scenario.volts(run))[-len(data) :]
-            data = replace(data, u=start + LARGE_MOTION.gain * logged)
+            data = replace(data, u=start + HAND_CONTROLLER.gain * logged)
         settled_records[record].append(data)
     return settled_records
 
