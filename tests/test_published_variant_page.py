@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from docs.images.published_servos import PITCH_PLANE, TARGETS, YAW_PLANE, coupled, dominant_poles, solved_servos, tables
-from hmtb_twin import linearize, load_arm, simulate
+from hmtb_twin import linearize, load_arm
 from hmtb_twin.parameters.variants import PUBLISHED_SERVOS
-from scenarios.experiments.log_review import settled
 from scenarios.truth.published import EQUATIONS
 from tests.benchmarks import yaw_question as question
 
@@ -52,8 +51,7 @@ def test_every_dominant_pole_of_the_targets_is_as_close_as_the_page_says(truth):
         for pole in dominant_poles(model)
     ]
     assert len(missed) == 5
-    assert max(missed) < 0.025
-    assert np.sort(missed)[-2] < 0.002
+    assert max(missed) < 0.002
 
 
 def test_shoulder_pitch_shares_its_gain_with_its_neighbours_as_the_page_says(truth):
@@ -62,7 +60,7 @@ def test_shoulder_pitch_shares_its_gain_with_its_neighbours_as_the_page_says(tru
     # What each mode adds to the final value of a step response.
     start = np.linalg.solve(vectors, joint.model.B[:, 0].astype(complex)) / (1.0 - z)
     shares = np.abs(joint.model.C[0] @ vectors * start) / joint.dc_gain
-    percents = {-5.91: 38.6, -5.64: 46.9, -8.46: 35.5, -22.00: 17.1, -117.95: 4.5}
+    percents = {-5.93: 51.7, -5.68: 28.0, -8.47: 47.3, -22.02: 22.8, -120.97: 6.5}
     for pole, percent in percents.items():
         assert 100.0 * shares[np.argmin(np.abs(np.log(z) / 0.02 - pole))] == pytest.approx(percent, abs=0.1)
         assert f"{percent} %" in PAGE
@@ -76,19 +74,21 @@ def test_servos_gains_and_seals_are_those_of_the_arm():
         name = joint.replace(" ", "_")
         servo, gains, actuator = arm.servos[name], arm.gains[name], arm.actuators[name]
         assert poles == f"{servo.slow_pole:.3f}, {servo.fast_pole:.2f}"
-        assert (kp, kd) == tuple(f"{gain:.0f}" for gain in gains)
+        assert (kp, kd) == (f"{gains.kp:.0f}", f"{gains.kd:.0f}")
         assert coulomb == f"{100 * actuator.friction.coulomb:.2f}"
-        assert band == f"{1e3 * actuator.coulomb_torque / gains[0]:.1f}"
+        assert band == f"{1e3 * actuator.coulomb_torque / gains.kp:.2f}"
 
 
 def test_what_the_complex_pair_would_take():
     poles = np.log(EQUATIONS["4.7"].model.poles().astype(complex)) / 0.02
     pair = poles[(np.abs(poles.imag) > 1.0) & (np.abs(poles.imag) < 100.0)]
     lag = -1.0 / (pair.sum().real + dominant_poles(EQUATIONS["4.7"])[0].real)
-    actuator = load_arm("published").actuators["shoulder_yaw"]
+    arm = load_arm("published")
+    actuator = arm.actuators["shoulder_yaw"]
     assert 1e3 * lag == pytest.approx(30.0, abs=0.5)
-    assert lag / actuator.motor.lag == pytest.approx(15.0, abs=0.5)
-    assert actuator.hydraulics.bulk_modulus * actuator.motor.lag / lag == pytest.approx(48.0, abs=0.5)
+    assert lag / arm.servos["shoulder_yaw"].torque_lag == pytest.approx(10.0, abs=0.2)
+    assert lag / actuator.motor.lag == pytest.approx(1.6, abs=0.05)
+    assert actuator.hydraulics.bulk_modulus * actuator.motor.lag / lag == pytest.approx(425.0, abs=0.5)
 
 
 @pytest.mark.parametrize("plane", [YAW_PLANE, PITCH_PLANE], ids=["yaw", "pitch"])
@@ -122,36 +122,31 @@ def read_again(label: str) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_the_arm_as_it_is_reads_one_hertz():
-    label = "as it is (dry friction 1 %)"
+def test_the_arm_as_it_is_reads_slow_with_a_gain_below_one():
+    label = "as it is (dry friction 0.6 %)"
     page = np.array([float(cell) for cell in rows()[label][:9]]).reshape(3, 3)
-    np.testing.assert_allclose(read_again(label).mean(axis=0), page, rtol=0.08)
+    read = read_again(label).mean(axis=0)
+    # Bandwidth and DC gain lie below the lowest line: they differ between sequences more than the gain there.
+    np.testing.assert_allclose(read[:, 2], page[:, 2], rtol=0.08)
+    np.testing.assert_allclose(read[:, :2], page[:, :2], rtol=0.25)
 
 
 @pytest.mark.slow
-def test_with_worn_seals_it_reads_slow_with_a_gain_above_one():
-    hz, dc_gain, gain = np.moveaxis(read_again("dry friction 22 %"), -1, 0)
-    assert (hz < 0.3).all()
-    assert (dc_gain > 1.05).all()
-    assert (gain < 0.5).all()
-
-
-@pytest.mark.slow
-def test_one_sequence_reads_like_the_printed_armax_in_poles_and_zeros_too():
-    (log,) = simulate([question.scenario(question.WORN, 3, question.DURATION)])
-    model = next(question.models(question.Row("", question.WORN), settled(log, question.JOINT), 3))
-    poles, zeros = model.poles(), model.zeros()
-    for pole in (0.988, 0.614 + 0.396j):
-        assert np.abs(poles - pole).min() < 0.01
-    for zero in (-1.60, 0.66):
-        assert np.abs(zeros - zero).min() < 0.02
+def test_with_some_more_friction_and_a_drift_armax_reads_like_the_printed_one():
+    hz, dc_gain, gain = read_again("dry friction 0.9 %, output drifts by 1.2 mrad")[:, 0].T
+    assert (hz < 0.35).all()
+    assert (dc_gain > 0.9).all()
+    assert dc_gain.max() > 1.0
+    np.testing.assert_allclose(gain, 0.39, atol=0.05)
 
 
 def test_the_three_estimators_agree_where_the_file_excites():
+    """But for outputs that move by themselves, wrong delays, and commands other than the logged ones."""
+    exceptions = ("printed", "behind", "wanders", "delay", "feedforward", "backlash")
     for label, cells in rows().items():
-        if "printed" not in label and cells[0]:
+        if cells[0] and not any(word in label for word in exceptions):
             gains = [float(cells[3 * method + 2]) for method in range(3)]
-            assert max(gains) < 1.4 * min(gains), label
+            assert max(gains) <= 1.4 * min(gains), label
 
 
 def test_every_hypothesis_stands_on_the_page():

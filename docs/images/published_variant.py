@@ -102,10 +102,11 @@ def _response(
 
 def friction(page: str) -> Figure:
     """What the three estimators read off the nominal arm against its dry friction, from the page's table."""
-    rows = re.findall(r"^\| dry friction (\d+) % \|((?: +-?[\d.a-z]+ \|){9})", page, re.M)
-    first = re.findall(r"^\| as it is \(dry friction (1) %\) \|((?: +-?[\d.a-z]+ \|){9})", page, re.M)
-    level = [float(percent) for percent, _ in first + rows]
-    values = np.array([[float(cell) for cell in cells.split("|")[:9]] for _, cells in first + rows]).reshape(-1, 3, 3)
+    label = r"(?:as it is \()?dry friction ([\d.]+) %\)?"
+    rows = re.findall(rf"^\| {label} \|((?: +-?[\d.a-z]+ \|){{9}})", page, re.M)
+    rows.sort(key=lambda one: float(one[0]))
+    level = [float(percent) for percent, _ in rows]
+    values = np.array([[float(cell) for cell in cells.split("|")[:9]] for _, cells in rows]).reshape(-1, 3, 3)
     figure = Figure(figsize=(9.6, 3.2), layout="constrained")
     titles = ("bandwidth / Hz", "DC gain", "gain at 0.5 Hz")
     for i, (axes, title) in enumerate(zip(figure.subplots(1, 3), titles, strict=True)):

@@ -1,8 +1,9 @@
 """The servo valves' loops, and the truth of an arm that has them.
 
 It takes a minute and writes Markdown tables: margins of each load-pressure loop and damping of the whole arm with
-other amplifiers and spools, with torque servos; damping over supply pressures with both servo laws; bandwidths beside those of linear actuators; the tangent's
-error by amplitude; the cost of the compiler, in a process of its own, with an empty cache and a full one.
+other amplifiers and spools, with torque servos; damping over supply pressures with both servo laws; bandwidths beside
+those of linear actuators; the tangent's error by amplitude; the cost of the compiler, in a process of its own, with an
+empty cache and a full one.
 """
 
 import os
