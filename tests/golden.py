@@ -30,7 +30,7 @@ if __name__ == "__main__":
 import numpy as np  # noqa: E402
 
 import sysid  # noqa: E402
-from tests.sysid import conftest as problems  # noqa: E402
+from scenarios.problems.registry import problem as problem_named  # noqa: E402
 
 REFERENCE = Path(__file__).parent / "reference" / "golden.json"
 # Keys whose values depend on the machine, the time or the place.
@@ -99,7 +99,7 @@ def thesis() -> object:
 
 def estimators(problem: str) -> object:
     """Every estimator on one record of a problem."""
-    data = getattr(problems, f"make_{problem}")().draw(1)
+    data = problem_named(problem).draw(1)
     na, nb, nc, nk = {"p1": (5, 3, 5, 2), "p2": (2, 2, 2, 1), "p3": (2, 2, 2, 1)}[problem]
     nf = 2
     frequencies = np.array([0.1, 0.5, 1.0, 2.0, 5.0])

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 import sysid
+from scenarios.problems.linear_problem import noise_variance
+from scenarios.problems.registry import problem
 from tests.benchmarks.tables import options, timed
-from tests.sysid import conftest as problems
 from tests.sysid.systems import covered
 
-BURN_IN = 500
 STRUCTURES = {
     "p1": (sysid.armax, (5, 3, 5, 2)),
     "p2": (sysid.oe, (2, 2, 1)),
@@ -42,26 +42,25 @@ FIGURES: dict[str, Callable[[list[float]], Any]] = {
 """Figures of a problem, and how each is computed from those of its draws."""
 
 
-def harder(problem, samples, snr_db):
+def harder(name, samples, snr_db):
     """The same system in a record of another length, its disturbance of another power."""
-    shorter = problem if samples is None else replace(problem, samples=samples)
+    system = problem(name if samples is None else f"{name}@{samples}")
     if snr_db is None:
-        return shorter
-    disturbance = shorter.output(shorter.innovations(0)) - shorter.noise_free
-    ratio = float(np.var(shorter.noise_free[BURN_IN:]) / np.var(disturbance)) / 10.0 ** (snr_db / 10.0)
-    return replace(shorter, variance=shorter.variance * ratio)
+        return system
+    return replace(system, variance=noise_variance(system.polynomials, system.reference, snr_db))
 
 
-def measure(problem, estimator, orders, draws):
+def measure(system, estimator, orders, draws):
     """Run one problem over `draws` noise realisations."""
-    information, hz = problem.information(), problem.model.bandwidth()[0, 0]
+    bound, truth = system.bound(None), system.truth
+    information, hz = np.linalg.inv(bound.covariance), truth.bandwidth()[0, 0]
     figures: dict[str, list[float]] = {name: [] for name in FIGURES}
-    f = np.geomspace(0.01, 0.8, 12) * 0.5 / problem.model.dt
-    magnitude = np.abs(problem.model.frequency_response(f))
+    f = np.geomspace(0.01, 0.8, 12) * 0.5 / truth.dt
+    magnitude = np.abs(truth.frequency_response(f))
     for seed in range(draws):
-        data = problem.draw(seed)
+        data = system.draw(seed)
         estimate, seconds = timed(estimator, data, *orders)
-        error, m = estimate.parameters - problem.parameters, estimate.model
+        error, m = estimate.parameters - bound.parameters, estimate.model
         cost = estimate.diagnostics.get("sum_of_squares", float(np.sum(estimate.residuals**2)))
         of_draw = (
             error @ information @ error / len(error),
@@ -89,8 +88,8 @@ def main():
     asked = parser.parse_args()
     warnings.simplefilter("ignore", sysid.SysidWarning)
     for name, (estimator, orders) in STRUCTURES.items():
-        problem = harder(getattr(problems, f"make_{name}")(), asked.samples, asked.snr)
-        for figure, value in measure(problem, estimator, orders, asked.draws).items():
+        system = harder(name, asked.samples, asked.snr)
+        for figure, value in measure(system, estimator, orders, asked.draws).items():
             print(f"{name} {estimator.__name__:6s}{figure:24s}{value:10.3f}", flush=True)
 
 

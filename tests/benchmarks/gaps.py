@@ -19,10 +19,11 @@ from scipy.linalg import solve_triangular, toeplitz
 from scipy.signal import lfilter
 
 import sysid
+from scenarios.problems.registry import problem
 from sysid.models.delta_method import spread
+from sysid.polynomial.structures import layout
 from tests.benchmarks.efficiency import STRUCTURES
 from tests.benchmarks.tables import heading, row, timed
-from tests.sysid import conftest as problems
 from tests.sysid.systems import CORRELATED_OUTPUTS, bursts_of_loss
 
 SAMPLES = 2500
@@ -40,24 +41,23 @@ def lose(data, lost):
     return replace(data, y=y, missing=True)
 
 
-def information(problem, known):
+def information(system, known):
     """Fisher information of the parameters in the known outputs, from their joint normal distribution alone.
 
     Mean and covariance are differentiated numerically. The variance of the innovation is unknown too, and eliminated.
     """
-    sizes = np.cumsum([len(problem.A) - 1, len(problem.B) - problem.nk, len(problem.C) - 1, len(problem.D) - 1])
+    orders = layout(system.structure, system.task(None).orders)
     pulse = np.zeros(20_000)
     pulse[0] = 1.0
 
     def moments(theta):
-        parts = np.split(theta, sizes)
-        a, c, d, f = (np.concatenate(([1.0], parts[i])) for i in (0, 2, 3, 4))
-        moved = replace(problem, A=a, B=np.concatenate((np.zeros(problem.nk), parts[1])), C=c, D=d, F=f)
-        response = lfilter(c, np.convolve(a, d), pulse)
-        products = np.fft.irfft(np.abs(np.fft.rfft(response, 2 * len(pulse))) ** 2)[: problem.samples]
-        return moved.noise_free[-problem.samples :][known], products
+        moved = orders.polynomials(theta)
+        response = lfilter(moved.C, np.convolve(moved.A, moved.D), pulse)
+        products = np.fft.irfft(np.abs(np.fft.rfft(response, 2 * len(pulse))) ** 2)[:SAMPLES]
+        output = lfilter(moved.B, np.convolve(moved.A, moved.F), system.reference[:, 0])
+        return output[-SAMPLES:][known], products
 
-    theta = problem.parameters
+    theta = system.bound(None).parameters
     root = np.linalg.cholesky(toeplitz(moments(theta)[1])[np.ix_(known, known)])
     means, spreads = [], []
     for i in range(len(theta)):
@@ -69,23 +69,23 @@ def information(problem, known):
         if moved.any():
             moved = solve_triangular(root, solve_triangular(root, moved, lower=True).T, lower=True)
         spreads.append(moved)
-    by_mean = np.array(means) @ np.array(means).T / problem.variance
+    by_mean = np.array(means) @ np.array(means).T / system.variance
     by_spread = np.array([[np.vdot(a, b) for b in spreads] for a in spreads])
     traces = np.array([np.trace(a) for a in spreads])
     return by_mean + 0.5 * by_spread - 0.5 * np.outer(traces, traces) / known.sum()
 
 
-def polynomial_draws(problem, estimator, orders, draws, bursts):
+def polynomial_draws(system, estimator, orders, draws, bursts):
     """Figures of a polynomial model in each noise realisation; the same samples are lost in all."""
-    lost = holes(0, (problem.samples,), bursts)
-    bound = information(problem, ~lost)
+    lost = holes(0, (SAMPLES,), bursts)
+    bound, truth = information(system, ~lost), system.bound(None).parameters
     for seed in range(draws):
-        data = problem.draw(seed)
+        data = system.draw(seed)
         _, whole = timed(estimator, data, *orders, clock=perf_counter)
         estimate, gapped = timed(estimator, lose(data, lost), *orders, clock=perf_counter)
-        error = estimate.parameters - problem.parameters
+        error = estimate.parameters - truth
         covered = np.mean(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance)))
-        variance = estimate.noise_variance[0, 0] / problem.variance
+        variance = estimate.noise_variance[0, 0] / system.variance
         failed = not estimate.diagnostics["converged"]
         yield error @ bound @ error / len(error), covered, variance, failed, gapped / whole
 
@@ -125,14 +125,14 @@ def print_row(name, lost, draws):
 
 def main():
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 400
-    models = {"ss1": problems.make_p3().model, "ss2": CORRELATED_OUTPUTS}
+    models = {"ss1": problem("p3").truth, "ss2": CORRELATED_OUTPUTS}
     errors = ("squared error", "its standard error", "coverage", "variance")
     heading("problem", "lost", *errors, "not converged", "time")
     lost = {"at random": False, "bursts": True}
     for name, (estimator, orders) in list(STRUCTURES.items())[:4]:
-        problem = replace(getattr(problems, f"make_{name}")(), samples=SAMPLES)
+        system = problem(f"{name}@{SAMPLES}")
         for how, bursts in lost.items():
-            print_row(f"{name} {estimator.__name__}", how, polynomial_draws(problem, estimator, orders, draws, bursts))
+            print_row(f"{name} {estimator.__name__}", how, polynomial_draws(system, estimator, orders, draws, bursts))
     for name, model in models.items():
         for how, bursts in lost.items():
             print_row(f"{name} pem_ss", how, state_space_draws(model, max(draws // 4, 2), bursts))

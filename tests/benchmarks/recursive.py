@@ -11,23 +11,23 @@ from time import perf_counter
 import numpy as np
 
 import sysid
+from scenarios.problems.registry import problem
 from tests.benchmarks.tables import heading, row, timed
-from tests.sysid.conftest import make_p1, make_p2, make_p3
 from tests.sysid.systems import excess_loss
 
 CASES = [
-    ("P1 rarmax", make_p1, sysid.rarmax, sysid.armax, (5, 3, 5, 2)),
-    ("P3 rarmax", make_p3, sysid.rarmax, sysid.armax, (2, 2, 2, 1)),
-    ("P2 roe", make_p2, sysid.roe, sysid.oe, (2, 2, 1)),
-    ("P1 rarx", make_p1, sysid.rarx, sysid.arx, (5, 3, 2)),
+    ("P1 rarmax", "p1", sysid.rarmax, sysid.armax, (5, 3, 5, 2)),
+    ("P3 rarmax", "p3", sysid.rarmax, sysid.armax, (2, 2, 2, 1)),
+    ("P2 roe", "p2", sysid.roe, sysid.oe, (2, 2, 1)),
+    ("P1 rarx", "p1", sysid.rarx, sysid.arx, (5, 3, 2)),
 ]
 
 
 def main():
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     heading("problem", "begins with", "N dV/V, median", "90 %", "deviations by batch's", "warned", "us per sample")
-    for label, make, recursive, batch, orders in CASES:
-        records = [make().draw(seed) for seed in range(draws)]
+    for label, name, recursive, batch, orders in CASES:
+        records = [problem(name).draw(seed) for seed in range(draws)]
         wholes = [batch(data, *orders) for data in records]
         # Samples of the record that an estimate to begin with is made of.
         for first in (0, 300, 600, 1000):

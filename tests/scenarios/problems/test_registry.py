@@ -5,7 +5,6 @@ import pytest
 
 from scenarios.problems.registry import names, problem
 from tests.refusals import refused
-from tests.sysid import conftest
 
 FEW = ("p2", "quiet-3-2", "published-4.8", "random-hard-2", "feedback", "shared", "shared-alone", "mimo@1000")
 
@@ -71,15 +70,3 @@ def test_another_length():
 def test_unknown_names(name, message):
     """Say what was probably meant."""
     refused(message, problem, name)
-
-
-def test_equal_to_those_of_the_analyst():
-    """Records bit by bit, parameters, and the information to what five noise draws tell of it."""
-    for name in ("p1", "p2", "p3", "p4", "p5"):
-        ours, theirs = problem(name), getattr(conftest, f"make_{name}")()
-        record, other = ours.draw(5), theirs.draw(5)
-        assert np.array_equal(record.u, other.u) and np.array_equal(record.y, other.y)
-        bound = ours.bound(None)
-        assert np.array_equal(bound.parameters, theirs.parameters)
-        deviation = np.sqrt(np.diag(np.linalg.inv(theirs.information())))
-        assert np.sqrt(np.diag(bound.covariance)) == pytest.approx(deviation, rel=0.02)

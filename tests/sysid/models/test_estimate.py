@@ -148,7 +148,7 @@ def test_draws_agree_with_the_delta_method(p2):
 
 @pytest.mark.slow
 def test_bands_cover(p2):
-    truth = p2.model
+    truth = p2.truth
     response, poles, zeros = step(truth), truth.poles(), truth.zeros()
     hits = []
     for seed in range(100):

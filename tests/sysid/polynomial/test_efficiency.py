@@ -64,14 +64,14 @@ def test_noise_variance_is_unbiased(p3):
 @pytest.mark.slow
 def test_published_yaw_model(p1):
     """Single coefficients of it are hardly known; the joint error is as it should be, and so is the bandwidth."""
-    information = p1.information()
+    information = np.linalg.inv(p1.bound(None).covariance)
     normalised = []
     for seed in range(20):
         estimate = armax(p1.draw(seed), 5, 3, 5, 2)
-        error = estimate.parameters - p1.parameters
+        error = estimate.parameters - p1.bound(None).parameters
         normalised.append(error @ information @ error / len(error))
         hz = estimate.bandwidth()
-        assert hz.hz[0, 0] == pytest.approx(p1.model.bandwidth()[0, 0], rel=0.15)
+        assert hz.hz[0, 0] == pytest.approx(p1.truth.bandwidth()[0, 0], rel=0.15)
         assert np.all(np.abs(np.roots(estimate.polynomials.C)) < 1.0)
     assert 0.6 < np.mean(normalised) < 1.4
 
@@ -79,6 +79,6 @@ def test_published_yaw_model(p1):
 def test_stops_at_the_optimum_from_any_start(p3):
     data = p3.draw(7)
     estimate = armax(data, 2, 2, 2, 1)
-    best = minimise([data], make_orders(1, na=2, nb=2, nc=2, nk=1), p3.parameters)
+    best = minimise([data], make_orders(1, na=2, nb=2, nc=2, nk=1), p3.bound(None).parameters)
     assert estimate.diagnostics["sum_of_squares"] <= best.at.cost * (1 + 1e-8)
     np.testing.assert_allclose(estimate.parameters, best.at.theta, rtol=1e-3)

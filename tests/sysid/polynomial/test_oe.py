@@ -14,7 +14,7 @@ def test_clustered_real_poles(p2, order):
     a = np.poly(poles)
     b = np.concatenate(([0.0], np.linspace(1.0, 0.2, 9)))
     b *= a.sum() / b.sum()
-    data = IOData(p2.input, lfilter(b, a, p2.input), 0.02)[300:]
+    data = IOData(p2.reference, lfilter(b, a, p2.reference[:, 0]), 0.02)[300:]
     f = np.linspace(0.0, 10.0, 50)
     z = np.exp(-2j * np.pi * f * 0.02)
     expected = np.polyval(b[::-1], z) / np.polyval(a[::-1], z)

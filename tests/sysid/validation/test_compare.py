@@ -26,7 +26,7 @@ def test_fit_by_hand():
 def test_both_fits_for_every_model(p3):
     data, fresh = p3.draw(0), p3.draw(1)
     a, o = armax(data, 2, 2, 2), oe(data, 2, 2)
-    fits = compare({"armax": a, "oe": o, "truth": p3.model}, fresh)
+    fits = compare({"armax": a, "oe": o, "truth": p3.truth}, fresh)
     assert [f.name for f in fits] == ["armax", "oe", "truth"]
     for f in fits:
         np.testing.assert_allclose(f.one_step, fit_percent(fresh.y, f.predicted))
@@ -36,7 +36,7 @@ def test_both_fits_for_every_model(p3):
     np.testing.assert_array_equal(by_name["oe"].simulation, by_name["oe"].one_step)
     assert by_name["armax"].one_step[0] > by_name["armax"].simulation[0] + 5
     assert by_name["armax"].one_step[0] == pytest.approx(by_name["truth"].one_step[0], abs=0.5)
-    assert [f.name for f in compare([a, p3.model], fresh)] == ["1: armax", "2: model"]
+    assert [f.name for f in compare([a, p3.truth], fresh)] == ["1: armax", "2: model"]
     assert compare(a, fresh)[0].simulation == by_name["armax"].simulation
 
 
@@ -46,30 +46,30 @@ def test_the_window_is_not_scored(p3):
     spoilt[:200] += 1e3 * np.random.default_rng(0).standard_normal((200, 1))
     whole = IOData(data.u, spoilt, data.dt, window=0)
     window = IOData(data.u, spoilt, data.dt, window=200)
-    (scored,) = compare(p3.model, window)
-    expected = predict(p3.model, window, steps=None)[200:]
+    (scored,) = compare(p3.truth, window)
+    expected = predict(p3.truth, window, steps=None)[200:]
     np.testing.assert_allclose(scored.simulation, fit_percent(data.y[200:], expected))
-    assert scored.simulation[0] > compare(p3.model, whole)[0].simulation[0] + 20
+    assert scored.simulation[0] > compare(p3.truth, whole)[0].simulation[0] + 20
 
 
 def test_any_horizon_lies_between_one_step_and_simulation(p3):
     data = p3.draw(0)
-    (near,), (far,) = (compare(p3.model, data, steps=steps) for steps in (1, 5))
+    (near,), (far,) = (compare(p3.truth, data, steps=steps) for steps in (1, 5))
     np.testing.assert_array_equal(near.ahead, near.one_step)
-    np.testing.assert_array_equal(far.predicted_ahead, predict(p3.model, data, steps=5))
+    np.testing.assert_array_equal(far.predicted_ahead, predict(p3.truth, data, steps=5))
     np.testing.assert_allclose(far.ahead, fit_percent(data.y, far.predicted_ahead))
     assert far.simulation[0] < far.ahead[0] < far.one_step[0]
     assert str(far).endswith(f"{far.ahead[0]:.2f} % 5 steps ahead")
     assert "steps ahead" not in str(near)
     for wrong in (0, None, 2.5, True):
-        refused("steps", partial(compare, steps=wrong), p3.model, data)
+        refused("steps", partial(compare, steps=wrong), p3.truth, data)
 
 
 def test_several_experiments_are_scored_together_and_apart(p3):
     first, second = p3.draw(0)[:300], p3.draw(1)[:500]
     second = IOData(second.u, second.y + 7.0, second.dt, window=50, name="later")
-    (fit,) = compare(p3.model, [first, second], steps=3)
-    alone = [compare({name: p3.model}, one, steps=3)[0] for name, one in (("experiment 1", first), ("later", second))]
+    (fit,) = compare(p3.truth, [first, second], steps=3)
+    alone = [compare({name: p3.truth}, one, steps=3)[0] for name, one in (("experiment 1", first), ("later", second))]
     for one, apart in zip(fit.by_experiment, alone, strict=True):
         assert one.name == apart.name
         np.testing.assert_array_equal(one.simulation, apart.simulation)
@@ -80,4 +80,4 @@ def test_several_experiments_are_scored_together_and_apart(p3):
     expected = 100 * (1 - np.sqrt(sum(np.sum(e**2) for e in errors) / sum(np.sum(d**2) for d in deviations)))
     assert fit.simulation[0] == pytest.approx(expected)
     assert str(fit).count("\n") == 2
-    assert compare(p3.model, [first])[0].by_experiment == ()
+    assert compare(p3.truth, [first])[0].by_experiment == ()

@@ -12,7 +12,7 @@ ONE = np.ones(1)
 
 @pytest.mark.slow
 def test_true_model_is_rejected_at_the_nominal_rate(p3):
-    model = p3.model
+    model = p3.truth
     tests = [resid(model, p3.draw(seed), level=0.9) for seed in range(200)]
     # 10 % of 200 is 20, standard deviation 4.2
     assert 8 <= sum(not t.white[0] for t in tests) <= 33
@@ -62,7 +62,7 @@ def test_independence_keeps_its_size_on_short_records():
 def test_experiments_are_tested_together(p3):
     data = p3.draw(0)
     parts = [data[:700], data[700:]]
-    both, whole = resid(p3.model, parts), resid(p3.model, data)
+    both, whole = resid(p3.truth, parts), resid(p3.truth, data)
     assert len(both.residuals) == 2000
     np.testing.assert_allclose(both.autocorrelation, whole.autocorrelation, atol=0.03)
     assert both.whiteness_p[0] == pytest.approx(whole.whiteness_p[0], abs=0.2)
@@ -91,10 +91,10 @@ def test_bounds():
 
 def test_refusals(p3):
     data = p3.draw(0)
-    refused("level", lambda: resid(p3.model, data, level=99.0))
-    refused("lags", lambda: resid(p3.model, data, lags=5000))
+    refused("level", lambda: resid(p3.truth, data, level=99.0))
+    refused("lags", lambda: resid(p3.truth, data, lags=5000))
     perfect = IOData(data.u, lfilter([0, 1, 0.5], [1, -1.5, 0.7], data.u[:, 0]), data.dt)
-    refused("residuals are zero", lambda: resid(p3.model, perfect))
+    refused("residuals are zero", lambda: resid(p3.truth, perfect))
 
 
 @pytest.mark.filterwarnings("ignore:the predictor is unstable")
