@@ -198,3 +198,8 @@ def _grouped(names: Sequence[str]) -> str:
         places.setdefault(what, []).extend([place] if place else [])
     every = {what: "every joint" if len(on) == len(STUDIED_JOINTS) else " and ".join(on) for what, on in places.items()}
     return ", ".join(f"{what} on {on}" if on else what for what, on in every.items())
+
+
+def words(name: str) -> str:
+    """A name, of a joint as a rule, with spaces for underscores."""
+    return name.replace("_", " ")

@@ -14,7 +14,7 @@ from hmtb_twin import JOINTS
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.waveform import POINTS
 from scenarios.thesis.comparison import Comparison, JointResult
-from scenarios.thesis.finding import CLAIMS, Finding, Parts, decided_finding, finding_by_reading
+from scenarios.thesis.finding import CLAIMS, Finding, Parts, decided_finding, finding_by_reading, words
 from scenarios.thesis.nonparametric import GRID, PULSE, SINES, WHITENING, excited_lines, period_of
 from scenarios.truth.published import BREAK_FREQUENCY, PUBLISHED
 from sysid import FrequencyResponse
@@ -45,7 +45,7 @@ def gain_and_cutoff(study: Comparison) -> Finding:
         for way, response in _estimates(study, joint).items():
             top, at = float(response.magnitude.max()), 2 * np.pi * gain_crossing(response, HALF_POWER)
             near = abs(at / BREAK_FREQUENCY[joint] - 1) <= CLAIMS["F1"].limits["near"]
-            readings[way] |= {f"gain on {_words(joint)}": top < 1.0, f"cutoff on {_words(joint)}": bool(near)}
+            readings[way] |= {f"gain on {words(joint)}": top < 1.0, f"cutoff on {words(joint)}": bool(near)}
             values |= {f"{joint}, {SHORT[way]}": at} if np.isfinite(at) else {}
             values[f"{joint}, {SHORT[way]}, largest gain"] = top
     best = [2 * np.pi * entry.best_linear.half_power_hz for entry in study.joints.values()]
@@ -84,8 +84,8 @@ def slope(study: Comparison) -> Finding:
             steep, peaks = gain_slope(response), _resonances(response)
             first_order = first_order_slope(gain_crossing(response, HALF_POWER))
             readings[way] |= {
-                f"slope on {_words(joint)}": bool(steep < first_order),
-                f"resonance on {_words(joint)}": len(peaks) > 0,
+                f"slope on {words(joint)}": bool(steep < first_order),
+                f"resonance on {words(joint)}": len(peaks) > 0,
             }
             name = f"{joint}, {SHORT[way]}"
             values |= {name: steep, f"{name}, first order": first_order} if np.isfinite(steep) else {}
@@ -139,7 +139,7 @@ def delay(study: Comparison) -> Finding:
     own = [str(entry.truth.delay_samples) for entry in study.joints.values()]
     return decided_finding(
         "F3",
-        {_words(joint): limits["shortest"] <= peaks[joint] <= limits["longest"] for joint in CLAIMED_DELAY},
+        {words(joint): limits["shortest"] <= peaks[joint] <= limits["longest"] for joint in CLAIMED_DELAY},
         peaks,
         f"The correlation leaves its 99 % bounds at {', '.join(map(str, first))} samples first (yaw, shoulder pitch, "
         f"elbow pitch); the twin's own delays are {', '.join(own)}, "
@@ -169,9 +169,9 @@ def prbs_looks_white(study: Comparison) -> Finding:
                 f"{joint}, {short}, largest peak": peak,
             }
             readings[way] |= {
-                f"white on {_words(joint)}": spread <= limits["white"],
-                f"periodic on {_words(joint)}": period >= limits["white"],
-                f"small peaks on {_words(joint)}": peak <= limits["small"],
+                f"white on {words(joint)}": spread <= limits["white"],
+                f"periodic on {words(joint)}": period >= limits["white"],
+                f"small peaks on {words(joint)}": peak <= limits["small"],
             }
     limited = max(entry.slewing[study.estimation_test] for entry in study.joints.values())
     return finding_by_reading(
@@ -207,7 +207,7 @@ def pulse_spectra(study: Comparison) -> Finding:
                 "output": _share(inside, mask * _power(spectrum.output_spectrum)),
             }
             values |= {f"{joint} {what}, {SHORT[way]}": share for what, share in shares.items()}
-            readings[way] |= {f"{what} on {_words(joint)}": share > limits["most"] for what, share in shares.items()}
+            readings[way] |= {f"{what} on {words(joint)}": share > limits["most"] for what, share in shares.items()}
     repeated = [
         _share(again.frequencies <= limits["around"], again.disturbance)
         for again in (result.repeated[PULSE] for result in study.nonparametric.values())
@@ -232,7 +232,7 @@ def sinusoid_disturbance(study: Comparison) -> Finding:
         near = spectrum.frequencies <= FASTEST + result.resolution_hz(SINES)
         for way, mask in frequency_masks(spectrum).items():
             orders = values[f"{joint}, {SHORT[way]}"] = orders_below(spectrum, near & mask)
-            readings[way][_words(joint)] = orders >= limits["pitch" if joint in CLAIMED_DELAY else "yaw"]
+            readings[way][words(joint)] = orders >= limits["pitch" if joint in CLAIMED_DELAY else "yaw"]
     repeated = [-float(np.log10(entry.repeated[SINES].disturbance_share)) for entry in study.nonparametric.values()]
     return finding_by_reading(
         "F6",
@@ -257,7 +257,7 @@ def measurement_against_process(study: Comparison) -> Finding:
     ranges = [f"{a:.3f} to {b:.3f} mrad" for a, b in zip(low, high, strict=True)]
     least = CLAIMS["F7"].limits["ratio"]
     readings: dict[str, Parts] = {
-        f"if process disturbance is {way}": {_words(joint): values[f"{joint}, {way}"] > least for joint in study.joints}
+        f"if process disturbance is {way}": {words(joint): values[f"{joint}, {way}"] > least for joint in study.joints}
         for way in (whole, other)
     }
     return finding_by_reading(
@@ -370,7 +370,3 @@ def _span(values: Sequence[float], form: str = ".0f") -> str:
 
 def _list_text(values: Sequence[float], form: str) -> str:
     return ", ".join(format(value, form) if np.isfinite(value) else "nothing" for value in values)
-
-
-def _words(joint: str) -> str:
-    return joint.replace("_", " ")

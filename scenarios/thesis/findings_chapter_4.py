@@ -9,7 +9,7 @@ from scenarios.experiments.campaign import single_joint_test
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.every_data_set import DataSetModel, DataSets, distances
-from scenarios.thesis.finding import CLAIMS, Finding, decided_finding
+from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, words
 from scenarios.thesis.number_text import p_value
 from scenarios.thesis.verdicts import MARGIN, ahead, held_out_one_step
 from scenarios.truth.published import EQUATIONS
@@ -44,7 +44,7 @@ def flexibility(study: Comparison, joint: str) -> dict[str, float]:
     for method in (*COMPARED, *DISMISSED):
         model = study.data_sets[joint].find(own, method)
         if model is None or not model.others:
-            raise MissingRecordError(f"{joint.replace('_', ' ')}: no {method.upper()} model to judge on other tests")
+            raise MissingRecordError(f"{words(joint)}: no {method.upper()} model to judge on other tests")
         medians = median(fit.simulation for fit in model.others.values())
         fits[method.upper()] = medians if model.stable else -np.inf
     return fits
@@ -72,7 +72,7 @@ def consistency(study: Comparison) -> Finding:
     value: dict[str, float] = {}
     notes = []
     for joint, entry in study.data_sets.items():
-        name = joint.replace("_", " ")
+        name = words(joint)
         spread = {method: data_set_spread(entry, method) for method in (*COMPARED, *DISMISSED)}
         unstable = {method: sum(not m.stable for m in entry.singles(method, enough=True)) for method in spread}
         limit = CLAIMS["F8"].limits["further"] * max(spread[method] for method in COMPARED)
@@ -94,7 +94,7 @@ def data_set_spread(entry: DataSets, method: str) -> float:
     apart = distances(entry.singles(method, enough=True))
     if not len(apart):
         raise MissingRecordError(
-            f"{entry.joint.replace('_', ' ')}: fewer than two data sets from which {method.upper()} was identified"
+            f"{words(entry.joint)}: fewer than two data sets from which {method.upper()} was identified"
         )
     return float(np.median(apart))
 
@@ -210,7 +210,7 @@ def stable(study: Comparison) -> Finding:
     return decided_finding(
         "F13",
         {
-            **{f"estimation test, {name.replace('_', ' ')}": value < 1 for name, value in radius.items()},
+            **{f"estimation test, {words(name)}": value < 1 for name, value in radius.items()},
             "every data set": not unstable[compared],
         },
         radius | counts,

@@ -7,7 +7,7 @@ import numpy as np
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.log_review import settled
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import CLAIMS, Finding, decided_finding
+from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, words
 from scenarios.thesis.observer_analysis import ORDER, P, hankel_share, observer
 from scenarios.truth.published import PERCENT_DESCRIBED
 from sysid import IOData
@@ -23,7 +23,7 @@ def percent_described(study: Comparison) -> Finding:
     single = ", ".join(f"{hankel_share(entry.estimate, 1):.1f}" for entry in entries.values())
     return decided_finding(
         "F14",
-        {name.replace("_", " "): printed / factor <= own <= printed * factor for name, (own, printed) in left.items()},
+        {words(name): printed / factor <= own <= printed * factor for name, (own, printed) in left.items()},
         shares,
         f"What two states leave is {', '.join(f'{own:.2g} (printed {printed:.2g})' for own, printed in left.values())} "
         f"% of the squares. One state alone holds {single} %, two hold {plain} % of the values unsquared; with p = {P} "

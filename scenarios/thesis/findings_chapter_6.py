@@ -15,7 +15,7 @@ from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, finding_by_reading
+from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, finding_by_reading, words
 from scenarios.thesis.multi_input import pushed_by_others
 from scenarios.thesis.multivariable import FAST_CHIRP, LAGS, LEVEL, WAYS, Kind, Multivariable, ThreeJointModel, Way
 from scenarios.thesis.record_fits import fits_to_records, held_out_fit, shortfall, ties, within_reach
@@ -104,12 +104,12 @@ def bode_agrees(study: Comparison) -> Finding:
     )
     own, okid = study.multivariable.pair()
     differences = ", ".join(
-        f"{gain:.1f} dB and {phase:.0f} degrees on {_words(joint)}" for joint, (gain, phase) in printed.items()
+        f"{gain:.1f} dB and {phase:.0f} degrees on {words(joint)}" for joint, (gain, phase) in printed.items()
     )
     return decided_finding(
         "F17",
         {
-            _words(joint): gain < limits["decibel"] and phase < limits["degrees"]
+            words(joint): gain < limits["decibel"] and phase < limits["degrees"]
             for joint, (gain, phase) in apart.items()
         },
         {
@@ -137,7 +137,7 @@ def exchange_fit(study: Comparison) -> Finding:
     lead = {way: _lead(own, okid, RPCM, way) for way in WAYS}
     parts = {
         way: {
-            **{f"OKID ahead on {_words(joint)}": ahead(points) for joint, points in lead[way].items()},
+            **{f"OKID ahead on {words(joint)}": ahead(points) for joint, points in lead[way].items()},
             "SysID worst on shoulder pitch": all(
                 ahead(fit - own.fit(RPCM).of(way)[SHOULDER])
                 for joint, fit in own.fit(RPCM).of(way).items()
@@ -216,7 +216,7 @@ def fast_chirp(study: Comparison) -> Finding:
     data = study.campaign.several(FAST_CHIRP)
     own, okid = study.multivariable.pair()
     lead = {way: _lead(own, okid, FAST_CHIRP, way) for way in WAYS}
-    parts = {f"OKID ahead on {_words(joint)}": ahead(points) for joint, points in lead["one_step"].items()}
+    parts = {f"OKID ahead on {words(joint)}": ahead(points) for joint, points in lead["one_step"].items()}
     value = _values_by_name(lead)
     limits = CLAIMS["F20"].limits
     shares = {}
@@ -247,11 +247,7 @@ def slow_data(study: Comparison) -> Finding:
     hybrid = study.multivariable.model("hybrid").fit(SLOW)
     yaw = {way: -_lead(own, okid, SLOW, way)[YAW] for way in WAYS}
     best = {way: hybrid.mean(way) - max(entry.fit(SLOW).mean(way) for entry in (own, okid)) for way in WAYS}
-    value = {
-        f"{what}, {way.replace('_', ' ')}": points[way]
-        for what, points in (("yaw", yaw), ("hybrid", best))
-        for way in WAYS
-    }
+    value = {f"{what}, {words(way)}": points[way] for what, points in (("yaw", yaw), ("hybrid", best)) for way in WAYS}
     gains = [np.abs(entry.blocks[YAW].frequency_response(np.array([0.05]))[0, 0, 0]) for entry in (own, okid)]
     return finding_by_reading(
         "F21",
@@ -280,11 +276,11 @@ def follows_5_hz(study: Comparison) -> Finding:
     shares = []
     for joint, entry in fits["simulation"].items():
         (kind, name), fit = min(entry.items(), key=lambda item: item[1])
-        shares.append(f"{_words(joint)} of {kind} on {name} {fit:.0f} %: {shortfall(study, joint, name, fit)}")
+        shares.append(f"{words(joint)} of {kind} on {name} {fit:.0f} %: {shortfall(study, joint, name, fit)}")
     bands = (f"{e.chosen.bandwidth_hz:.2f} and {e.models['okid'].bandwidth_hz:.2f}" for e in study.joints.values())
     return finding_by_reading(
         "F22",
-        {WORDS[way]: {_words(joint): fit > FOLLOWS for joint, fit in worst[way].items()} for way in WAYS},
+        {WORDS[way]: {words(joint): fit > FOLLOWS for joint, fit in worst[way].items()} for way in WAYS},
         _values_by_name(worst),
         f"The cutoffs are {', '.join(bands)} Hz for SysID and OKID",
         cause=f"worst in simulation, with where the points of fit go: {'; '.join(shares)}",
@@ -302,7 +298,7 @@ def above_5_hz(study: Comparison) -> Finding:
     return finding_by_reading(
         "F23",
         {
-            WORDS[way]: {_words(joint): ahead(points) and points <= most for joint, points in lead[way].items()}
+            WORDS[way]: {words(joint): ahead(points) and points <= most for joint, points in lead[way].items()}
             for way in WAYS
         },
         _values_by_name(lead),
@@ -324,7 +320,7 @@ def parsimony(study: Comparison) -> Finding:
     orders = ("/".join(str(block.order) for block in entry.blocks.values()) for entry in study.multivariable.pair())
     return finding_by_reading(
         "F24",
-        {WORDS[way]: {_words(joint): points >= -most for joint, points in apart[way].items()} for way in WAYS},
+        {WORDS[way]: {words(joint): points >= -most for joint, points in apart[way].items()} for way in WAYS},
         _values_by_name(apart),
         f"The orders are {' (SysID) and '.join(orders)} (OKID); {ties(_values_by_name(apart))}",
     )
@@ -348,7 +344,7 @@ def bias_and_outliers(study: Comparison) -> Finding:
                 disturbed = entries[joint, method, record].sufficient(best, limits["points"])
                 extra = disturbed - clean.sufficient(best, limits["points"])
                 more.setdefault(method, []).append(extra)
-                value[f"{kind}: {method} on {_words(joint)}"] = float(extra)
+                value[f"{kind}: {method} on {words(joint)}"] = float(extra)
         robust = sum(extra <= limits["more"] for extra in more["SysID"])
         sensitive = sum(okid > own for own, okid in zip(more["SysID"], more["OKID"], strict=True))
         parts[f"SysID robust to {kind}"] = 2 * robust > len(joints)
@@ -377,7 +373,7 @@ def coupling(study: Comparison) -> Finding:
     }
     return decided_finding(
         "F26",
-        {_words(joint): points < limits["points"] for joint, points in worth.items()},
+        {words(joint): points < limits["points"] for joint, points in worth.items()},
         {**{f"{joint}, points in the exchange": points for joint, points in worth.items()}, **gains},
         f"Beside the exchange, the gains of the other joints' commands are at most {max(gains.values()):.0f} % of the "
         "own command's up to 10 Hz",
@@ -390,8 +386,4 @@ def _lead(own: ThreeJointModel, okid: ThreeJointModel, record: str, way: Way) ->
 
 
 def _values_by_name(values: Mapping[Way, Mapping[str, float]]) -> dict[str, float]:
-    return {f"{name}, {way.replace('_', ' ')}": value for way in WAYS for name, value in values[way].items()}
-
-
-def _words(joint: str) -> str:
-    return joint.replace("_", " ")
+    return {f"{name}, {words(way)}": value for way in WAYS for name, value in values[way].items()}
