@@ -7,8 +7,8 @@ import numpy as np
 
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.number_text import p_value
-from scenarios.thesis.observer_analysis import LIVE, JointObserver, P, hankel_share
-from scenarios.truth.published import PERCENT_DESCRIBED, PublishedModel
+from scenarios.thesis.observer_analysis import JointObserver, P, hankel_share, observer_poles
+from scenarios.truth.published import PERCENT_DESCRIBED
 from sysid import StateSpace
 
 
@@ -38,13 +38,12 @@ def chapter_5(study: Comparison) -> dict[str, object]:
     """
     return {
         "p": P,
-        "live": 100 * LIVE,
         "printed_percent": PERCENT_DESCRIBED,
         "joints": [
             {
                 "result": entry,
                 "observer": study.observers[joint],
-                "whiteness": p_value(study.observers[joint].test.whiteness_p[0]),
+                "whiteness": p_value(entry.models["okid"].residual_test.whiteness_p[0]),
                 "realisation": realisation(entry, study.observers[joint]),
             }
             for joint, entry in study.joints.items()
@@ -65,7 +64,7 @@ def realisation(entry: JointResult, observer: JointObserver) -> tuple[Quantity, 
         ("CB, CAB", _markov(ours), _markov(printed.model)),
         ("poles", _roots(ours.poles()), _roots(printed.model.poles())),
         ("zeros", _roots(ours.zeros()), _roots(printed.model.zeros())),
-        ("eigenvalues of A + G C", _roots(observer.observer_poles), _roots(_observer_poles(printed))),
+        ("eigenvalues of A + G C", _roots(observer_poles(ours)), _roots(observer_poles(printed.model))),
         ("gain at 0 Hz", f"{ours.dc_gain()[0, 0]:.4f}", f"{printed.dc_gain:.4f}"),
         ("bandwidth, Hz", f"{float(ours.bandwidth()[0, 0]):.3f}", f"{printed.bandwidth_hz:.3f}"),
         (
@@ -75,11 +74,6 @@ def realisation(entry: JointResult, observer: JointObserver) -> tuple[Quantity, 
         ),
     ]
     return tuple(Quantity(*pair) for pair in pairs)
-
-
-def _observer_poles(printed: PublishedModel) -> np.ndarray:
-    values = np.linalg.eigvals(printed.model.A - printed.model.gain @ printed.model.C).astype(complex)
-    return values[np.argsort(-np.abs(values), kind="stable")]
 
 
 def _markov(model: StateSpace) -> str:

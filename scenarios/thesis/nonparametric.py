@@ -15,7 +15,7 @@ from scenarios.files.errors import MissingRecordError, ScenarioError
 from scenarios.thesis.campaign import Campaign
 from sysid import FrequencyResponse, IOData
 from sysid.frequency import CovarianceFunction, DelayEstimate, ImpulseResponse
-from sysid.models.bandwidth import HALF_POWER
+from sysid.models.bandwidth import HALF_POWER, gain_crossing
 from sysid.polynomial.correlation import prewhitened
 
 TOLD = 0.2
@@ -267,14 +267,9 @@ def half_power(response: FrequencyResponse) -> float | None:
     Returns:
         Frequency, Hz; None where the lines do not bracket it within an octave.
     """
-    f, gain = response.frequencies, response.magnitude[:, 0, 0]
-    below = np.flatnonzero(gain < HALF_POWER)
-    if not len(below) or below[0] == 0:
-        return None
-    k = int(below[0])
-    if f[k] > OCTAVE * f[k - 1]:
-        return None
-    return float(np.exp(np.interp(-np.log(HALF_POWER), -np.log(gain[[k - 1, k]]), np.log(f[[k - 1, k]]))))
+    hz, f = gain_crossing(response, HALF_POWER), response.frequencies
+    k = int(np.searchsorted(f, hz))
+    return hz if np.isfinite(hz) and f[k] <= OCTAVE * f[k - 1] else None
 
 
 def period_of(name: str) -> int:

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-import sysid
-from scenarios.experiments.campaign import single_joint_test
 from scenarios.thesis.campaign import StudyRecords
 from scenarios.thesis.estimates import estimate, fits
-from sysid import Estimate, IOData, ModelFit, ResidualTest
+from sysid import Estimate, IOData, StateSpace
 
 P = 5
 """Observer Markov parameters of the thesis [Morris1996, sec. V.2A]."""
@@ -22,12 +20,6 @@ ORDER = 2
 
 NUMBERS = (1, 2, 3, 4, 5, 6, 8, 10)
 """Numbers of observer Markov parameters whose prediction errors are compared."""
-
-CHIRP = 8
-"""Number of the single-joint test that the thesis cross-validates its observers on."""
-
-LIVE = 0.05
-"""A Markov parameter below this fraction of the largest counts as zero."""
 
 
 @dataclass(frozen=True)
@@ -70,30 +62,15 @@ class JointObserver:
 
     Attributes:
         estimate: The model.
-        test: Residual test on its own record: K = -G is a Kalman gain only where the residuals are white.
         true_markov: Markov parameters of the small-signal truth (K,), as many as the estimate's.
-        live: Number of system Markov parameters before the response has died away, and of the observer's.
         shares: What one to five states hold.
         errors: Prediction errors over the number of observer Markov parameters; none unless the study is thorough.
-        own: Fits to its own record, with the traces.
-        chirp: Fits to the 5-10 Hz chirp, test 8; None where there is no such record.
     """
 
     estimate: Estimate
-    test: ResidualTest
     true_markov: NDArray[np.float64]
-    live: tuple[int, int]
     shares: tuple[Share, ...]
     errors: tuple[ObserverError, ...]
-    own: ModelFit
-    chirp: ModelFit | None
-
-    @property
-    def observer_poles(self) -> NDArray[np.complex128]:
-        """Eigenvalues of A + G C, largest modulus first; all at the origin for a deadbeat observer."""
-        model = self.estimate.model
-        values = np.linalg.eigvals(model.A - model.gain @ model.C).astype(complex)
-        return values[np.argsort(-np.abs(values), kind="stable")]
 
 
 def observe(joint: str, records: StudyRecords) -> JointObserver:
@@ -109,20 +86,14 @@ def observe(joint: str, records: StudyRecords) -> JointObserver:
     Raises:
         MissingRecordError: The record of the estimation test.
     """
-    own, campaign = records.own(joint), records.main
+    own = records.own(joint)
     model = observer(own)
-    chirp = campaign.single(CHIRP, joint) if single_joint_test(CHIRP, joint) in campaign.logs else None
-    system = np.asarray(model.diagnostics["system_markov"])
-    parts = [np.asarray(model.diagnostics[f"observer_markov_{name}"]) for name in "uy"]
+    count = len(np.asarray(model.diagnostics["system_markov"]))
     return JointObserver(
         estimate=model,
-        test=sysid.resid(model, own),
-        true_markov=campaign.truth.joint(joint).model.markov(len(system))[:, 0, 0],
-        live=(live(system), live(np.concatenate(parts, axis=2))),
+        true_markov=records.main.truth.joint(joint).model.markov(count)[:, 0, 0],
         shares=tuple(_share(own, order) for order in range(1, P + 1)),
         errors=observer_errors(own) if records.thorough else (),
-        own=sysid.compare({"OKID": model}, own)[0],
-        chirp=None if chirp is None else sysid.compare({"OKID": model}, chirp)[0],
     )
 
 
@@ -159,10 +130,10 @@ def hankel_share(model: Estimate, order: int, power: int = 2) -> float:
     return float(100.0 * values[:order].sum() / values.sum())
 
 
-def live(markov: NDArray[np.float64]) -> int:
-    """Number of Markov parameters up to the last whose size is more than `LIVE` of the largest."""
-    size = np.linalg.norm(markov.reshape(len(markov), -1), axis=1)
-    return int(np.flatnonzero(size > LIVE * size.max())[-1]) + 1
+def observer_poles(model: StateSpace) -> NDArray[np.complex128]:
+    """Eigenvalues of A + G C, largest modulus first; all at the origin for a deadbeat observer."""
+    values = np.linalg.eigvals(model.A - model.gain @ model.C).astype(complex)
+    return values[np.argsort(-np.abs(values), kind="stable")]
 
 
 def _share(data: IOData, order: int) -> Share:

@@ -15,7 +15,7 @@ when `COSTS` was written."""
 
 HUNDREDTHS = 100
 
-TICK = 2.0e-4
+TICK = 1.7e-4
 """Processor time of a simulated sample of 0.02 s of one experiment, s."""
 
 
@@ -40,18 +40,18 @@ class StepCost:
 
 COSTS: Mapping[str, StepCost] = MappingProxyType(
     {
-        "identify": StepCost(0.5, 0.4),
-        "causes": StepCost(0.1, 0.2),
-        "orders": StepCost(0.7, 0.4),
-        "spectra": StepCost(0.1, 0.2, brief=0.5),
-        "data sets": StepCost(8.0, 10.0, brief=0.3),
-        "observers": StepCost(0.1, 0.2, brief=0.5),
-        "three joints": StepCost(0.3, 0.5),
-        "robustness": StepCost(38.0, 0.0, brief=0.1),
-        "other arms": StepCost(0.5, 0.5),
-        "answer": StepCost(15.0, 0.0),
-        "findings": StepCost(0.1, 0.1),
-        "report": StepCost(16.0, 0.5),
+        "identify": StepCost(6.5, 0.2),
+        "causes": StepCost(0.3, 0.1),
+        "orders": StepCost(0.5, 0.2),
+        "spectra": StepCost(0.1, 0.3, brief=0.7),
+        "data sets": StepCost(6.0, 5.0, brief=0.35),
+        "observers": StepCost(0.1, 0.1),
+        "three joints": StepCost(0.5, 0.2),
+        "robustness": StepCost(24.0, 0.0, brief=0.03),
+        "other arms": StepCost(1.0, 0.4),
+        "answer": StepCost(8.0, 0.0),
+        "findings": StepCost(0.2, 0.1),
+        "report": StepCost(10.0, 0.5),
     }
 )
 """Costs of the steps after the simulation."""
