@@ -19,12 +19,10 @@ from tests.benchmarks.tables import ROOT, options
 def main():
     parser = options(__doc__)
     parser.add_argument("--seeds", type=int, default=20, help="how many, counted from 1")
-    parser.add_argument("--duration", type=float, help="length of the records instead of 240 s, for a trial")
     parser.add_argument("--out", type=Path, default=ROOT / "scenarios" / "data" / FILE)
     chosen = parser.parse_args()
     outcomes = tally(
         range(1, chosen.seeds + 1),
-        duration=chosen.duration,
         folder=ROOT / "build" / "findings",
         progress=lambda seed, before, step, done, whole: done == whole and print(f"seed {seed}: {step}", flush=True),
     )
