@@ -66,8 +66,8 @@ def printed_breaks() -> str:
     other = [f"{at:.2f} ({label})" for label, (joint, at) in crossings.items() if not _rounds_to_break(joint, at)]
     breaks = ", ".join(f"{value:g}" for value in BREAK_FREQUENCY.values())
     return (
-        f"Printed models cross 0.707 exactly where the thesis' spectra break ({breaks} rad/s for yaw, shoulder and "
-        f"elbow pitch): {', '.join(same)}; the others at {', '.join(other)}"
+        f"{len(same)} printed models cross 0.707 where the thesis' spectra break, to the nearest rad/s ({breaks} "
+        f"for yaw, shoulder and elbow pitch): {', '.join(same)}; the others at {', '.join(other)}"
     )
 
 

@@ -10,7 +10,7 @@ from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.every_data_set import DataSetModel, DataSets, distances
 from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, words
-from scenarios.thesis.number_text import p_value
+from scenarios.thesis.number_text import minus, p_value
 from scenarios.thesis.verdicts import MARGIN, ahead, held_out_one_step
 from scenarios.truth.published import EQUATIONS
 from sysid import StateSpace
@@ -58,7 +58,7 @@ def best(fits: Mapping[str, float], method: str, other: str) -> bool:
 def comparison_text(fits: Mapping[str, float], method: str) -> str:
     """A method against the others, percentage points, in words."""
     leads = [
-        f"{name} is {'unstable' if np.isinf(fit) else f'{fit - fits[method]:+.2f} points from it'}"
+        f"{name} is {'unstable' if np.isinf(fit) else minus(f'{fit - fits[method]:+.2f} points from it')}"
         for name, fit in fits.items()
         if name != method
     ]

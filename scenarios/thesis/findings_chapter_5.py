@@ -49,7 +49,7 @@ def without_detrending(study: Comparison) -> Finding:
         "with": max(_markov_parameters_needed(with_mean), order),
         "without": max(_markov_parameters_needed(without_mean), ORDER),
     }
-    reached = [what for what, does in (("order", bias_needs >= order), ("residuals", bias_ratio >= poor)) if does]
+    reached = [what for what, does in (("an order", bias_needs >= order), ("residuals", bias_ratio >= poor)) if does]
     return decided_finding(
         "F15",
         {
@@ -69,8 +69,8 @@ def without_detrending(study: Comparison) -> Finding:
         "thesis' data held is not known",
         cause=f"with a bias of {limits['bias']:g} standard deviations added to the measurement "
         f"{f'order {bias_needs}' if bias_needs <= P else f'an order above {P}'} is needed and the residual of order "
-        f"{order} is {bias_ratio:.3g} times that detrended: such a bias leads to {' and '.join(reached) or 'neither'} "
-        "as the thesis reports",
+        f"{order} is {bias_ratio:.3g} times that detrended, so such a bias gives "
+        f"{' and '.join(reached) or 'neither order nor residuals'} as the thesis reports",
     )
 
 

@@ -106,7 +106,7 @@ def with_fits(study, joint, method, percent):
 
 def test_best_is_ahead_by_more_than_a_tie(study):
     level = with_fits(study, "elbow_pitch", "oe", 90.0)
-    for lead, verdict, message in ((5.0, "reproduced", "-5.00"), (0.1, "partly", "-0.10"), (-5.0, "partly", "+5.00")):
+    for lead, verdict, message in ((5.0, "reproduced", "−5.00"), (0.1, "partly", "−0.10"), (-5.0, "partly", "+5.00")):
         decided = chapter.elbow_armax(with_fits(level, "elbow_pitch", "armax", 90.0 + lead))
         assert decided.verdict == verdict, "ARMAX has a C and is whiter than OE"
         assert f"OE is {message} points from it" in decided.why
@@ -166,7 +166,7 @@ FITS = {"ARMAX": 97.60, "OE": 97.55, "ARX": 96.9, "IV4": 97.61}
 def test_a_small_lead_is_a_tie_and_wins_nothing():
     assert not chapter.best(FITS, "ARMAX", "OE")
     assert not chapter.best(FITS, "OE", "ARMAX")
-    assert "OE is -0.05 points from it, ARX is -0.70 points from it" in chapter.comparison_text(FITS, "ARMAX")
+    assert "OE is −0.05 points from it, ARX is −0.70 points from it" in chapter.comparison_text(FITS, "ARMAX")
     ahead = {**FITS, "OE": 97.2}
     assert chapter.best(ahead, "ARMAX", "OE")
     assert not chapter.best(ahead, "OE", "ARMAX")
