@@ -31,6 +31,7 @@ def thesis(
     quick: bool = False,
     threads: int | None = None,
     figures: bool = False,
+    motion: Path | None = None,
     logs: bool = False,
     json: bool = False,
 ) -> int:
@@ -53,6 +54,7 @@ def thesis(
             searches for orders and the disturbed records. The answer says how sure it is.
         threads: Threads of the simulation; the results do not depend on it.
         figures: Keep every figure too, as SVG and PNG and its values as CSV in the folder figures.
+        motion: A motion.json of hmtb motion: its answers and its map become a section of the report.
         logs: Keep the logs too, as NetCDF4.
         json: Print the results as JSON.
     """
@@ -65,11 +67,13 @@ def thesis(
     from scenarios.thesis.findings import findings
     from scenarios.thesis.frequencies import frequency_text, source_text
     from scenarios.thesis.monte_carlo import recorded
+    from scenarios.thesis.motion_section import read_motion
     from scenarios.thesis.report import write_report
     from scenarios.thesis.results import results
     from scenarios.thesis.study import planned_steps, run_study
 
     at_least_one("--threads", threads)
+    moved = None if motion is None else read_motion(motion)
     repeated = seed_range(seeds, 1 if seed is None else seed)
     duration, arms = (QUICK, CONDITIONS[:1]) if quick else (None, CONDITIONS)
     with ExitStack() as stack:
@@ -110,6 +114,7 @@ def thesis(
                     folder / "report.html",
                     many,
                     figures=pictures,
+                    motion=moved,
                     progress=part.of_total,
                 )
             comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin, report=True))

@@ -10,7 +10,7 @@
   packed.remove();
   const charts = JSON.parse(document.getElementById("charts").textContent);
   const font = { family: "Inter, Segoe UI, Helvetica Neue, Arial, sans-serif", size: 12, color: "#1d2327" };
-  const grid = "#e3e6e9";
+  const grid = "#e3e6e9", labels = new Map();
 
   const axis = (label, log, limits) => ({
     title: { text: label, standoff: 6 }, type: log ? "log" : undefined, gridcolor: grid, zeroline: false, linecolor: grid,
@@ -24,11 +24,14 @@
     return panel.s.flatMap((s) => {
       const x = chart.x[s.x], first = !seen.has(s.n), out = [];
       seen.add(s.n);
-      const common = { ...at, name: s.n, legendgroup: s.n, uid: s.n + number };
+      // Plotly makes class names of identifiers, so that they must be words.
+      labels.has(s.n) || labels.set(s.n, labels.size);
+      const uid = `c${labels.get(s.n)}p${number}`;
+      const common = { ...at, name: s.n, legendgroup: s.n, uid };
       const hover = `%{x}${unit(panel.x)}: %{y}${unit(panel.y)}<extra>${s.n}</extra>`;
       const band = s.lo && !s.m && !s.along;
       if (band) {
-        out.push({ ...common, uid: s.n + number + "b", x: x.concat([...x].reverse()), y: s.hi.concat([...s.lo].reverse()),
+        out.push({ ...common, uid: uid + "b", x: x.concat([...x].reverse()), y: s.hi.concat([...s.lo].reverse()),
           fill: "toself", fillcolor: s.c + "38", line: { width: 0 }, hoverinfo: "skip", showlegend: false, mode: "lines" });
       }
       if (s.k === "stem") {

@@ -4,11 +4,12 @@ import csv
 import io
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -18,6 +19,7 @@ from scenarios.thesis import model_charts, record_charts, response_charts
 from scenarios.thesis.answer import Answer, answer_chart
 from scenarios.thesis.chart import Chart, draw
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.motion_section import motion_chart
 
 CHARTS: Mapping[str, Callable[[Comparison], Chart]] = {
     function.__name__: function
@@ -29,7 +31,7 @@ CHARTS: Mapping[str, Callable[[Comparison], Chart]] = {
         *(model_charts.data_sets, model_charts.orders, model_charts.disturbed),
     )
 }
-"""Functions that draw the figures of `report_figures.toml`, but for that of the answer."""
+"""Functions that draw the figures of `report_figures.toml`, but for those of the answer and of the motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +71,11 @@ def without_counterpart() -> tuple[tuple[tuple[str, ...], str], ...]:
 
 
 def report_figures(
-    study: Comparison, answer: Answer, progress: Callable[[int, int], None] | None = None
+    study: Comparison,
+    answer: Answer,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    motion: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, ReportFigure]:
     """Every figure of the table for which the study has data, by name.
 
@@ -77,12 +83,14 @@ def report_figures(
         study: The study.
         answer: Responses on the first screen.
         progress: Called with the figures made and those in all.
+        motion: Cells of the map of a campaign of `hmtb motion`.
     """
+    charts = {**CHARTS, "answer": lambda _: answer_chart(answer), "motion": lambda _: motion_chart(motion)}
     figures: dict[str, ReportFigure] = {}
     entries = _table()["figure"]
     for number, entry in enumerate(entries, start=1):
         name = entry["chart"]
-        chart = answer_chart(answer) if name == "answer" else CHARTS[name](study)
+        chart = charts[name](study)
         if chart.views:
             figures[name] = ReportFigure(name, chart, entry["caption"], thesis_numbers(entry["thesis"]))
         if progress is not None:

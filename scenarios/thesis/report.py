@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -114,6 +115,8 @@ def context(
     answer: Answer,
     tally: Tally | None = None,
     progress: Callable[[int, int], None] | None = None,
+    *,
+    motion: Mapping[str, Any] | None = None,
 ) -> dict[str, object]:
     """Return the variables of the templates by name.
 
@@ -123,10 +126,11 @@ def context(
         answer: Responses on the first screen.
         tally: Conclusions of many seeds, if the page is to speak of chance.
         progress: Called with the figures made and those in all.
+        motion: Results of `hmtb motion`, if the page is to have them.
     """
     arm, no_arm = arm_picture()
     moments, outcome = exchange(study)
-    figures = report_figures(study, answer, progress)
+    figures = report_figures(study, answer, progress, motion=motion["map"] if motion else ())
     parameters = _parameters()
     counts = Counter(entry.verdict for entry in findings)
     logs = [log for campaign in study.campaigns for log in campaign.logs.values()]
@@ -141,6 +145,7 @@ def context(
         "certainty": certainty(answer),
         "answer": answer,
         "figures": figures,
+        "motion": motion,
         "without": without_counterpart(),
         "about": ABOUT_1_HZ,
         "extent": {
@@ -207,6 +212,7 @@ def write_report(
     tally: Tally | None = None,
     *,
     figures: Path | None = None,
+    motion: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
     """Write the report, and its long tables as CSV files in the folder `tables` beside it.
@@ -218,6 +224,7 @@ def write_report(
         path: The HTML file.
         tally: Conclusions of many seeds; without them the report does not speak of chance.
         figures: Folder for every figure as SVG, PNG and CSV too, which must exist; none are written if None.
+        motion: Results of `hmtb motion`, whose answers and map are then a section of the page.
         progress: Called with the figures made and those in all.
 
     Returns:
@@ -230,7 +237,7 @@ def write_report(
     if not path.parent.is_dir():
         raise ScenarioError(f"cannot write the report {str(path)!r}: there is no folder {str(path.parent)!r}")
     begin = perf_counter()
-    values = context(study, findings, answer, tally, progress)
+    values = context(study, findings, answer, tally, progress, motion=motion)
     values["study"] = replace(study, cost=study.cost.later(perf_counter() - begin, report=True))
     text, tables = html(values)
     try:

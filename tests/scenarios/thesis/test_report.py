@@ -179,7 +179,7 @@ def test_it_is_light(text):
 
 
 def test_the_report_is_written_whole_with_its_tables_and_cost(study, answer, report, tmp_path, monkeypatch):
-    monkeypatch.setattr("scenarios.thesis.report.context", lambda *_: dict(report))
+    monkeypatch.setattr("scenarios.thesis.report.context", lambda *_, **__: dict(report))
     path = write_report(study, (), answer, tmp_path / "report.html")
     assert path == tmp_path / "report.html"
     row = re.search(r"All of it</th><td>([\d.]+) s", path.read_text(encoding="utf-8"))

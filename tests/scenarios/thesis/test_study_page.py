@@ -16,7 +16,7 @@ PAGE = (Path(__file__).parents[3] / "docs/study.md").read_text(encoding="utf-8")
 
 def test_the_switches_exist():
     used = set(re.findall(r"hmtb thesis --(\w+)", PAGE))
-    assert used == {"seed", "seeds", "figures", "quick"}
+    assert used == {"seed", "seeds", "figures", "motion", "quick"}
     assert used < set(signature(thesis).parameters)
 
 

@@ -1,0 +1,69 @@
+"""Report section on how far the arm moved: answers and map of a campaign of `hmtb motion`, where there is one."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from scenarios.files.errors import ScenarioError
+from scenarios.report.figure_style import MRAD, short
+from scenarios.thesis.chart import Chart, Panel, Series, by_view
+from scenarios.truth.published import published
+from sysid.plots import PALETTE, Style
+
+METHODS = ("armax", "oe", "okid")
+
+
+def read_motion(path: Path) -> Mapping[str, Any]:
+    """Read a `motion.json` of `hmtb motion`.
+
+    Args:
+        path: The file.
+
+    Raises:
+        ScenarioError: It cannot be read, or is no such file.
+    """
+    try:
+        results = json.loads(path.read_text(encoding="utf-8"))
+        missing = {"answers", "map"} - set(results)
+    except (OSError, ValueError, TypeError) as error:
+        raise ScenarioError(f"cannot read {str(path)!r}, expected a motion.json of hmtb motion: {error}") from error
+    if missing:
+        raise ScenarioError(f"{str(path)!r} has no {', '.join(sorted(missing))}; expected a motion.json of hmtb motion")
+    return dict(results)
+
+
+def motion_chart(cells: Sequence[Mapping[str, Any]]) -> Chart:
+    """Bandwidth that the methods recover over friction and motion, with the printed models marked.
+
+    Args:
+        cells: Those of the map of `motion.json`: one joint, gain, friction and amplitude each.
+    """
+    joints = {short(joint): joint for joint in dict.fromkeys(cell["joint"] for cell in cells)}
+
+    def panels(joint: str) -> tuple[Panel, ...]:
+        own = [cell for cell in cells if cell["joint"] == joint]
+        motions = sorted({cell["gain"] * cell["volts"] for cell in own})
+        marks = tuple(("y", one.bandwidth_hz, f"printed {one.label}") for one in published(joint))
+        return tuple(
+            Panel(
+                "friction / % of stall torque", "bandwidth / Hz", _curves(own, motion), title, "xy", None, None, marks
+            )
+            for motion in motions
+            for title in [f"{MRAD * motion:.3g} mrad"]
+        )
+
+    return Chart(by_view(panels, joints), columns=3, height=240)
+
+
+def _curves(cells: Sequence[Mapping[str, Any]], motion: float) -> tuple[Series, ...]:
+    rows = sorted((cell for cell in cells if cell["gain"] * cell["volts"] == motion), key=lambda cell: cell["friction"])
+    return tuple(
+        Series(
+            method.upper(),
+            [100 * cell["friction"] for cell in rows],
+            [float("nan") if (hz := cell[f"{method}_bandwidth_hz"]) is None else hz for cell in rows],
+            Style(PALETTE[method].colour, "-", 1.6),
+        )
+        for method in METHODS
+    )
