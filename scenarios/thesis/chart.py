@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from scenarios.report.figure_style import WIDTH, dress
 from sysid import StateSpace
-from sysid.plots import BOUND, PALETTE, Style
+from sysid.plots import BOUND, Style
 
 Kind = Literal["line", "step", "stem"]
 
@@ -230,8 +230,3 @@ def record_series(
     # fmin and fmax take the value that is known where others are missing.
     low, high = (np.array([find.reduce(part) for part in parts]) for find in (np.fmin, np.fmax))
     return Series(label, time, 0.5 * (low + high), Style(style.colour, "-", 0.6), low, high)
-
-
-def truth_series(x: np.ndarray, y: np.ndarray, label: str = "truth") -> Series:
-    """A curve of what is true."""
-    return Series(label, x, y, PALETTE["truth"])

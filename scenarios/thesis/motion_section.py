@@ -7,11 +7,9 @@ from typing import Any
 
 from scenarios.files.errors import ScenarioError
 from scenarios.report.figure_style import MRAD, short
+from scenarios.thesis.answer import METHODS, drawn_models
 from scenarios.thesis.chart import Chart, Panel, Series, by_view
-from scenarios.truth.published import published
 from sysid.plots import PALETTE, Style
-
-METHODS = ("armax", "oe", "okid")
 
 
 def read_motion(path: Path) -> Mapping[str, Any]:
@@ -44,7 +42,7 @@ def motion_chart(cells: Sequence[Mapping[str, Any]]) -> Chart:
     def panels(joint: str) -> tuple[Panel, ...]:
         own = [cell for cell in cells if cell["joint"] == joint]
         motions = sorted({cell["gain"] * cell["volts"] for cell in own})
-        marks = tuple(("y", one.bandwidth_hz, f"printed {one.label}") for one in published(joint))
+        marks = tuple(("y", one.bandwidth_hz, f"printed {one.label}") for one in drawn_models(joint).values())
         return tuple(
             Panel(
                 "friction / % of stall torque", "bandwidth / Hz", _curves(own, motion), title, "xy", None, None, marks

@@ -12,7 +12,7 @@ from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import Waveform
 from scenarios.report.figure_style import MRAD, method_style, short
-from scenarios.thesis.chart import JOINT, Chart, Panel, Series, by_view, record_series, truth_series
+from scenarios.thesis.chart import JOINT, Chart, Panel, Series, by_view, record_series
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.multivariable import FAST_CHIRP
 from scenarios.thesis.nonparametric import PRBS, PULSE, SINES
@@ -188,7 +188,7 @@ def correlations(study: Comparison) -> Chart:
             "from correlations", lags, known.pulse.response[:, 0, 0], Style(PALETTE["oe"].colour, "", 1.0, "^")
         )
         first = int(known.delay.correlation[0, 0])
-        truth = truth_series(lags, entry.truth.model.markov(len(lags))[:, 0, 0])
+        truth = Series("truth", lags, entry.truth.model.markov(len(lags))[:, 0, 0], PALETTE["truth"])
         text = f"pulse response (first lag beyond ±{bound:.2g}, 99 % of chance: {first})"
         return (*drawn, Panel("lag / samples", "rad/rad", (truth, pulse), text, marks=(("x", first, ""),)))
 
@@ -226,7 +226,7 @@ def observers(study: Comparison) -> Chart:
                 "sample after the pulse",
                 "rad/rad",
                 (
-                    truth_series(numbers, true),
+                    Series("truth", numbers, true, PALETTE["truth"]),
                     Series("from the observer", numbers, system, Style(look.colour, "", 1.0, "D")),
                 ),
                 "Markov parameters of the system",

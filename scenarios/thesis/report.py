@@ -131,7 +131,8 @@ def context(
     arm, no_arm = arm_picture()
     moments, outcome = exchange(study)
     figures = report_figures(study, answer, progress, motion=motion["map"] if motion else ())
-    parameters = _parameters()
+    # The flight arm has a table of its own in its documentation.
+    parameters = [line for line in provenance_table() if not line.owner.startswith("flight")]
     counts = Counter(entry.verdict for entry in findings)
     logs = [log for campaign in study.campaigns for log in campaign.logs.values()]
     return {
@@ -167,7 +168,7 @@ def context(
         "assumed_values": assumed_values(),
         "assumed_values_of": assumed_values_of(findings),
         "parameters": parameters,
-        "tags": Counter(entry["tag"] for entry in parameters).most_common(),
+        "tags": Counter(line.tag for line in parameters).most_common(),
         "joints": [{"result": entry, "attribution": study.attribution[name]} for name, entry in study.joints.items()],
         "short": shortcomings(study, findings, tally),
     }
@@ -186,22 +187,6 @@ def _reproduction_commands(study: Comparison) -> dict[str, str]:
         f"hmtb identify {name}.nc --method {structure.estimator} --orders {' '.join(map(str, structure.orders))} "
         f"--skip {SETTLING:g}",
     }
-
-
-def _parameters() -> list[dict[str, str]]:
-    """Every number of the arm that the study is about; the flight arm has a table of its own in its documentation."""
-    return [
-        {
-            "owner": line.owner.replace("_", " "),
-            "parameter": line.parameter.replace("_", " "),
-            "value": value_text(line.value),
-            "unit": line.unit,
-            "tag": line.tag,
-            "source": line.source,
-        }
-        for line in provenance_table()
-        if not line.owner.startswith("flight")
-    ]
 
 
 def write_report(
@@ -267,6 +252,7 @@ def html(values: Mapping[str, object]) -> tuple[str, LongTables]:
             "near": near_1_hz,
             "level": half_power_hz,
             "root": root,
+            "value": value_text,
             "words": lambda name: name.replace("_", " "),
             "csv": tables.take,
         }
