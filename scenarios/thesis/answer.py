@@ -163,7 +163,10 @@ def measure_answer(
 
 def drawn_models(joint: str) -> dict[str, PublishedModel]:
     """The printed models of a joint by method, the first print where there are two."""
-    return {one.method: one for one in reversed(published(joint))}
+    models: dict[str, PublishedModel] = {}
+    for one in published(joint):
+        models.setdefault(one.method, one)
+    return models
 
 
 def answer_chart(answer: Answer) -> Chart:
