@@ -94,8 +94,10 @@ class Search:
 
     @property
     def own(self) -> Iteration | None:
-        """The iteration with the thesis' orders; None where the search ended before it."""
-        return next((entry for entry in self.iterations if entry.orders == self.thesis), None)
+        """The iteration with the thesis' poles, zeros and delay; None where the search ended before it."""
+        # An iteration has as many coefficients of C as of A.
+        *own, _, delay = self.thesis if self.method == "armax" else (*self.thesis[:2], 0, self.thesis[2])
+        return next((one for one in self.iterations if (*one.orders[:2], one.delay) == (*own, delay)), None)
 
 
 @dataclass(frozen=True)
@@ -103,25 +105,22 @@ class Searches:
     """Choices of the searches for one joint.
 
     Attributes:
-        joint: Name of the joint.
         armax: The iterations of ARMAX.
         oe: Those of OE.
         arx: Every ARX structure of a grid with its criteria, validated on the other data sets.
     """
 
-    joint: str
     armax: Search
     oe: Search
     arx: StructureTable
 
 
 def search_orders(
-    joint: str, data: Mapping[int, IOData], own: int, thesis: Mapping[str, tuple[int, ...]], part: Part = NO_REPORT
+    data: Mapping[int, IOData], own: int, thesis: Mapping[str, tuple[int, ...]], part: Part = NO_REPORT
 ) -> Searches:
     """Search for the orders of a joint's models.
 
     Args:
-        joint: Name of the joint.
         data: Prepared records by number of the test.
         own: Number of the test that models are identified from; those of other waveforms judge.
         thesis: Orders of the thesis' ARMAX and OE, by method.
@@ -144,7 +143,7 @@ def search_orders(
     armax, oe = (
         search(method, data[own], others, thesis[method], share) for method, share in part.split(("armax", "oe"))
     )
-    return Searches(joint, armax, oe, table)
+    return Searches(armax, oe, table)
 
 
 def search(

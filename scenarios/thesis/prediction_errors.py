@@ -132,7 +132,6 @@ def prediction_errors(joint: str, records: StudyRecords, part: Part = NO_REPORT)
         frictionless=every_data_set(joint, records.smooth, part=frictionless),
         more_poles=more_poles(records.own(joint), structures["oe"].orders[2]) if joint == LARGE else (),
         searches=search_orders(
-            joint,
             records.main.singles(joint),
             records.estimation_test,
             {name: structures[name].orders for name in ("armax", "oe")},
