@@ -207,13 +207,12 @@ def certainty(answer: Answer) -> str:
     same = sum(count in (0, seeds) for count in agreeing)
     limits = binomtest(seeds, seeds).proportion_ci(0.95, "exact")
     mixed = len(agreeing) - same
-    differ = f" In the other {mixed} they differ, and {seeds} cannot tell how often." if mixed else ""
+    differ = f"; in the other {mixed} they differ, and {seeds} records cannot tell how often" if mixed else ""
     return (
-        f"How sure: {seeds} records of {answer.length:g} s of each joint. In {same} of {len(agreeing)} cases of a "
-        "joint and a method all of them say the same, that it agrees with the best linear truth or that it does not; "
-        f"this shows that at least {100 * limits.low:.0f} % of all such records would (95 % confidence), no "
-        f"more.{differ} The verdicts of findings rest on one record of each test: how often others reach them, "
-        "hmtb thesis --seeds counts."
+        f"How sure: in {same} of {len(agreeing)} cases, a joint and a method each, all {seeds} records of "
+        f"{answer.length:g} s say the same, agreement with the best linear truth or none. That shows that at least "
+        f"{100 * limits.low:.0f} % of all such records would (95 % confidence), no more{differ}. Verdicts of findings "
+        "rest on one record of each test; hmtb thesis --seeds counts how often others reach them."
     )
 
 
