@@ -1,14 +1,11 @@
-"""Rules on fits and residuals: the margin of a tie, held-out fits, whiteness, dependence and coupling of residuals."""
+"""Rules on fits and residuals: the margin of a tie, whiteness, dependence and coupling of residuals."""
 
 from collections.abc import Mapping
-from statistics import median
 
 import numpy as np
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.files.errors import MissingRecordError
-from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.finding import CLAIMS
 from scenarios.thesis.multivariable import LAGS, LEVEL, ThreeJointModel, Way
 from sysid import IOData, ResidualTest, StateSpace
@@ -27,21 +24,6 @@ def ahead(difference: float) -> bool:
 def tied(difference: float) -> bool:
     """Whether two fits that differ by so many percentage points are tied."""
     return abs(difference) < MARGIN
-
-
-def held_out_one_step(study: Comparison, model: ModelResult) -> float:
-    """Median fit of one-step predictions to the held-out tests, percent.
-
-    Raises:
-        MissingRecordError: There is no such test.
-    """
-    fits = model.held_out(study.estimation_test)
-    if not fits:
-        raise MissingRecordError(
-            f"{model.label} has no test to be judged on: there is none beside test {study.estimation_test} and those "
-            "of the same sequence"
-        )
-    return median(fit.one_step for fit in fits)
 
 
 def without_noise_model(model: ThreeJointModel) -> str:

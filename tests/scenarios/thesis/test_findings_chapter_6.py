@@ -254,3 +254,9 @@ def test_what_has_no_record_is_not_decided(study, record, keys):
     for key in keys:
         with pytest.raises(MissingRecordError, match=f"{record}: the arm met the worksite"):
             FINDINGS[key](poor)
+
+
+def test_joints_that_cannot_predict_are_named(study):
+    own, okid = study.multivariable.pair()
+    assert "K = 0 on shoulder pitch" in verdicts.without_noise_model(own)
+    assert verdicts.without_noise_model(okid) == "every joint of the OKID model has a noise model"
