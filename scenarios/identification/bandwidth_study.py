@@ -22,7 +22,6 @@ from scenarios.identification.one_hertz import (
     best_linear_in_words,
     coverage_in_words,
     grouped,
-    look,
     published_in_words,
     recovered_in_words,
     verdict,
@@ -94,7 +93,9 @@ class BandwidthStudy:
         """Say whether the 1 Hz finding holds: the verdict, then what it rests on."""
         printed = published_in_words(self.joints)
         texts = (
-            "" if self.duration is None or self.duration >= FULL else f"{look(self.duration)}.",
+            ""
+            if self.duration is None or self.duration >= FULL
+            else f"This is a look, not a result: the records are {self.duration:g} s long instead of 240 s.",
             verdict(self.rows),
             best_linear_in_words(self.rows),
             recovered_in_words(self.rows),

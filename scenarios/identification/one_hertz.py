@@ -75,7 +75,7 @@ def coverage_in_words(rows: Rows) -> str:
     measured = [row for row in rows if row.covers_best_linear is not None]
     text = (
         "Near 1 Hz is not the same as right: "
-        f"{held_in_words(sum(row.covers for row in rows), total)} the small-signal truth"
+        f"{sum(row.covers for row in rows)} of {total} intervals at 95 % hold the small-signal truth"
     )
     if measured:
         agree = sum(bool(row.covers_best_linear) for row in measured)
@@ -110,16 +110,6 @@ def published_in_words(joints: Iterable[str]) -> str:
         f"{text}; the yaw models have bandwidths of {between([one.bandwidth_hz for one in yaw])} Hz, and "
         f"{f'only {joined(reached)}' if reached else 'none reaches 0.707 near 1 Hz'}."
     )
-
-
-def held_in_words(held: int, total: int) -> str:
-    """Begin a sentence on how many intervals hold something."""
-    return f"{held} of {total} intervals at 95 % hold"
-
-
-def look(duration: float) -> str:
-    """Warn of shortened records (s)."""
-    return f"This is a look, not a result: the records are {duration:g} s long instead of 240 s"
 
 
 def grouped(rows: Iterable[Item], key: Callable[[Item], Key]) -> dict[Key, list[Item]]:
