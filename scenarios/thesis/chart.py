@@ -153,9 +153,11 @@ def _panel(panel: Panel, shared: dict[tuple[Any, ...], int]) -> dict[str, Any]:
                 **ends,
             }
         )
+    # A mark at an unknown value has no place, and JSON has no word for it.
+    marks = [mark for mark in panel.marks if isfinite(mark[1])]
     return {
         **{"t": panel.title, "x": panel.x, "y": panel.y, "log": panel.log, "equal": panel.equal},
-        **{"xr": panel.x_limits, "yr": panel.y_limits, "marks": panel.marks, "s": series},
+        **{"xr": panel.x_limits, "yr": panel.y_limits, "marks": marks, "s": series},
     }
 
 

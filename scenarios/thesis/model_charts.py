@@ -38,7 +38,7 @@ def data_sets(study: Comparison) -> Chart:
                 look = Style(PALETTE[method].colour, "", 1.0, PALETTE[method].marker if trusted else "x")
                 names = [model.record.removesuffix(f"-{entry.joint}") for model in rows]
                 series.append(Series(name, hz, names, look, ends[0], ends[1], along=True))
-        marks = (("x", entry.truth.bandwidth_hz, "truth"), *(("x", edge, "") for edge in ABOUT_1_HZ))
+        marks = (("x", entry.best_linear.hz, "best linear truth"), *(("x", edge, "") for edge in ABOUT_1_HZ))
         return (Panel("bandwidth / Hz", "data set", tuple(series), "", "x", HERTZ, None, marks),)
 
     return Chart(by_view(panels, joints(study)), height=460)
@@ -111,7 +111,10 @@ def disturbed(study: Comparison) -> Chart:
         unit = DISTURBANCES[kind].unit
         return tuple(
             Panel(
-                unit, "100 − fit / %" if fit else "bandwidth over truth − 1 / %", curves(kind, joint, fit), short(joint)
+                unit,
+                "100 − fit / %" if fit else "bandwidth over best linear truth − 1 / %",
+                curves(kind, joint, fit),
+                short(joint),
             )
             for fit in (False, True)
             for joint in results.judged_by

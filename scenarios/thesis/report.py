@@ -258,7 +258,9 @@ def html(values: Mapping[str, object]) -> tuple[str, LongTables]:
         }
     )
     figures: Mapping[str, ReportFigure] = values["figures"]  # type: ignore[assignment]
-    charts = json.dumps({name: one.chart.data() for name, one in figures.items()}, separators=(",", ":"))
+    charts = json.dumps(
+        {name: one.chart.data() for name, one in figures.items()}, separators=(",", ":"), allow_nan=False
+    )
     # On paper the answer comes first and then the contents, which are known once all sections are rendered.
     answer = page.render("answer.html.j2", values)
     body = page.render("body.html.j2", values)

@@ -63,7 +63,7 @@ def test_measures_are_what_they_say(study):
     for measure in by_name["MIMO data fits"]:
         assert measure.values["SysID model"] + measure.values["OKID model"] <= 11.0, "no record of the same sequence"
     off = [
-        abs(model.bandwidth_hz / entry.truth.bandwidth_hz - 1)
+        abs(model.bandwidth_hz / entry.best_linear.hz - 1)
         for entry in study.joints.values()
         for model in (entry.chosen,)
     ]

@@ -65,10 +65,14 @@ def test_a_short_record_is_drawn_as_it_is():
 def test_data_of_a_chart_are_rounded_shared_and_gaps_are_null():
     time = np.array([0.0, 1.0])
     series = (Series("a", time, np.array([1 / 3, np.nan]), LOOK), Series("b", time, time, LOOK, -time, time))
-    data = Chart(by_view(lambda n: (Panel("time / s", "y", series * n),), {"one": 1, "none": 0, "two": 2})).data()
+    marks = (("x", 1.0, "1 Hz"), ("x", np.nan, "no truth"))
+    data = Chart(
+        by_view(lambda n: (Panel("time / s", "y", series * n, marks=marks),), {"one": 1, "none": 0, "two": 2})
+    ).data()
     first, second = data["views"]["one"][0]["s"]
     assert (first["y"], first["x"], second["x"]) == ((0.3333, None), 0, 0)
     assert (data["x"], second["hi"]) == ([[0.0, 1.0]], (0.0, 1.0))
+    assert data["views"]["one"][0]["marks"] == [("x", 1.0, "1 Hz")]
     assert data["choices"] == [("Joint", ["one", "none", "two"])]
     assert json.loads(json.dumps(data, allow_nan=False))["columns"] == 1
     assert not Chart(by_view(lambda n: (), {"one": 1})).views
