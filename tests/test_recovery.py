@@ -52,11 +52,11 @@ def test_clean_small_signal_data_give_back_the_true_response(joint, method, clea
     data, true = clean[joint], truth.joint(joint)
     nk = true.delay_samples
     with warnings.catch_warnings():
-        # Some of the seven states are hard to see: the parameters are known badly, the response is not.
+        # Some of the ten states are hard to see: the parameters are known badly, the response is not.
         warnings.simplefilter("ignore", sysid.SysidWarning)
         estimate = {
-            "oe": lambda: sysid.oe(data, 4, 4, nk),
-            "armax": lambda: sysid.armax(data, 5, 5, 5, nk),
+            "oe": lambda: sysid.oe(data, 8, 8, nk),
+            "armax": lambda: sysid.armax(data, 8, 8, 8, nk),
             "okid": lambda: sysid.okid(data, 7, p=18),
         }[method]()
     frequencies = np.geomspace(0.01, 10.0, 400)

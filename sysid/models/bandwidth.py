@@ -67,8 +67,8 @@ def response_bandwidth(response: FrequencyResponse) -> Bandwidth:
     in squared frequency. It is fitted by weighted least squares to the lines up to twice the crossing, each corrected
     for the bias that noise gives to a squared modulus; its value at 0 Hz and its crossing of twice that value give the
     bandwidth, their covariance its interval, to first order and on a logarithmic scale. The variances of neighbouring
-    lines, which are about equal, are averaged. The interval does not cover the error of the polynomial itself, about
-    1.3e-4 of the bandwidth for a servo of a few poles.
+    lines, which are about equal, are averaged. The interval does not cover the error of the polynomial itself:
+    1e-4 of the bandwidth for a servo of a few poles, up to 5e-3 where neighbours of a joint answer between the lines.
 
     Args:
         response: The response with its covariance, lines from well below the bandwidth to well above it.

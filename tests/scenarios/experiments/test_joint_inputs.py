@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, STUDIED_JOINTS, linearize, load_arm, simulate
+from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, linearize, load_arm, simulate
 from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios import Excitation, Scenario, load, names
 from scenarios.experiments.joint_inputs import LIMIT, joint_inputs, moved_joints, settled_inputs
@@ -17,7 +17,9 @@ from tests.benchmarks.shared_waveform import COLUMNS, FREQUENCIES, errors
 def logs():
     """Of large motions."""
     stick = replace(LARGE_MOTION, compensation=0.95)
-    chosen = [replace(load(name), duration=40.0, hand_controller=stick) for name in ("mimo-7", "mimo-7-independent")]
+    # Without dry friction, which alone would account for errors of 0.2.
+    setting = {"duration": 40.0, "hand_controller": stick, "plant": Plant(friction="viscous")}
+    chosen = [replace(load(name), **setting) for name in ("mimo-7", "mimo-7-independent")]
     return {log.name: log for log in simulate(chosen)}
 
 
@@ -35,8 +37,8 @@ def test_a_shared_waveform_is_flagged_and_independent_ones_are_not(logs):
 def test_estimates_bear_the_verdicts_out(logs):
     true = linearize(load_arm()).model.frequency_response(FREQUENCIES)[:, COLUMNS][:, :, COLUMNS]
     (shared, *diagonal), (apart, *others) = (errors(logs[name], true) for name in ("mimo-7", "mimo-7-independent"))
-    # Errors of gains that are one at 0 Hz; friction alone accounts for 0.1.
-    assert shared > 0.25
+    # Errors of gains that are one at 0 Hz.
+    assert shared > 0.2
     assert max(apart, *diagonal, *others) < 0.12
 
 

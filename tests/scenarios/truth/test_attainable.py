@@ -18,8 +18,8 @@ from tests.refusals import refused
 
 
 def run(name, seeds=(1,), *, duration=60.0, **changes):
-    """Records of large motions, whose noise of a whole step makes rounding independent noise."""
-    own = {"hand_controller": LARGE_MOTION, "specimen": Specimen(resolver_noise=5.0), **changes}
+    """Records of 20 mrad, whose noise of a whole step makes rounding independent noise."""
+    own = {"hand_controller": replace(LARGE_MOTION, gain=0.02), "specimen": Specimen(resolver_noise=5.0), **changes}
     scenario = replace(load(name), duration=duration, **own)
     return list(simulate([replace(scenario, seed=seed) for seed in seeds]))
 
@@ -100,7 +100,7 @@ def test_process_noise_parts_simulation_from_prediction(sliding):
 
 @pytest.mark.slow
 def test_friction_is_left_over_by_linear_systems_in_the_right_sequence():
-    floors = attainable(run("siso-5-shoulder_yaw", chain=Chain())[0])
+    floors = attainable(run("siso-5-shoulder_yaw", chain=Chain(), hand_controller=LARGE_MOTION)[0])
     sequence = [
         floors.simulation.any_model,
         floors.simulation.best_linear,
@@ -205,8 +205,8 @@ def test_refusals(sliding):
 def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there():
     """Loaded valves rest about a milliradian off the command, several times what the drives' noise leaves."""
     plain, noisy = (
-        run("siso-5-elbow_pitch", duration=12.0, chain=QUIET, plant=Plant(actuator="orifice", process_noise=noise))[0]
-        for noise in (0.0, 0.01)
+        run("siso-5-elbow_pitch", duration=16.0, chain=QUIET, plant=Plant(actuator="orifice", process_noise=noise))[0]
+        for noise in (0.0, 0.002)
     )
     quiet, floors = attainable(plain), attainable(noisy)
     assert floors.provenance["noise-free angles"] == "mean of 8 draws of process noise"
@@ -224,11 +224,11 @@ def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there(
     "plant",
     [
         Plant(),
-        Plant(process_noise=0.01),
-        Plant(friction="coulomb", oil_temperature=15.0, process_noise=0.01),
+        Plant(process_noise=0.001),
+        Plant(friction="coulomb", oil_temperature=15.0, process_noise=0.001),
         Plant(actuator="orifice"),
-        Plant(actuator="orifice", process_noise=0.01),
-        Plant(actuator="orifice", supply_pressure=16.0, process_noise=0.02),
+        Plant(actuator="orifice", process_noise=0.001),
+        Plant(actuator="orifice", supply_pressure=16.0, process_noise=0.002),
     ],
     ids=lambda plant: f"{plant.actuator}-{plant.friction}-{plant.supply_pressure:g}-{plant.process_noise:g}",
 )
