@@ -1,7 +1,7 @@
 """What a shared waveform does to models of three joints: errors of their responses against the truth.
 
-Full models are identified by OKID (order 6, p = 5) from the settled part of the whole record, block-diagonal ones by
-OKID (order 2, p = 5) from each joint's own command. Errors are the largest over 0.25 to 3 Hz, of gains that are 1 at
+Full models are identified by OKID (order 18, p = 20) from the settled part of the whole record, block-diagonal ones by
+OKID (order 6, p = 20) from each joint's own command. Errors are the largest over 0.25 to 3 Hz, of gains that are 1 at
 0 Hz.
 """
 
@@ -25,8 +25,8 @@ def errors(log, true):
     data = sysid.IOData(log.commanded[200:, COLUMNS], log.measured[200:, COLUMNS], log.dt).detrend()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
-        full = sysid.okid(data, 6, p=5).model.frequency_response(FREQUENCIES)
-        alone = [sysid.okid(sysid.IOData(data.u[:, i], data.y[:, i], data.dt), 2, p=5).model for i in range(3)]
+        full = sysid.okid(data, 18, p=20).model.frequency_response(FREQUENCIES)
+        alone = [sysid.okid(sysid.IOData(data.u[:, i], data.y[:, i], data.dt), 6, p=20).model for i in range(3)]
     diagonal = max(
         np.abs(model.frequency_response(FREQUENCIES)[:, 0, 0] - true[:, i, i]).max() for i, model in enumerate(alone)
     )

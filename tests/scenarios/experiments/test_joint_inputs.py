@@ -37,9 +37,10 @@ def test_a_shared_waveform_is_flagged_and_independent_ones_are_not(logs):
 def test_estimates_bear_the_verdicts_out(logs):
     true = linearize(load_arm()).model.frequency_response(FREQUENCIES)[:, COLUMNS][:, :, COLUMNS]
     (shared, *diagonal), (apart, *others) = (errors(logs[name], true) for name in ("mimo-7", "mimo-7-independent"))
-    # Errors of gains that are one at 0 Hz.
-    assert shared > 0.2
-    assert max(apart, *diagonal, *others) < 0.12
+    # Errors of gains that are one at 0 Hz. A model of one joint cannot hold what its neighbours' commands add.
+    coupling = np.abs(true - true * np.eye(3)).sum(axis=2).max()
+    assert apart < 0.12 < 0.2 < shared
+    assert max(*diagonal, *others) < 0.12 + coupling
 
 
 def signals(*columns):
