@@ -187,32 +187,24 @@ def _fits(model: StateSpace, data: Mapping[int, IOData]) -> dict[int, Fits]:
 
 def _three_joints(joints: Mapping[str, tuple[FairModel, ...]], campaign: Campaign) -> tuple[ThreeJointFits, ...]:
     """A block-diagonal model follows each joint as that joint's block does; the hybrid has SysID's yaw."""
-    data = {name: campaign.several(name) for name in RECORDS if name in campaign.logs}
-    alone = {
-        name: {joint: IOData(record.u[:, k], record.y[:, k], record.dt) for k, joint in enumerate(STUDIED_JOINTS)}
-        for name, record in data.items()
-    }
     rows = []
     for printed in (False, True):
-        both: dict[str, dict[str, dict[str, Fits]]] = {}
+        kinds: dict[str, dict[str, StateSpace]] = {}
         for name, okid in (("SysID", False), ("OKID", True)):
             models = {joint: _chosen(joints[joint], printed=printed, okid=okid).model for joint in STUDIED_JOINTS}
             blocks = {joint: model for joint, model in models.items() if model is not None}
             if len(blocks) == len(models):
-                both[name] = {
-                    record: {joint: fits(model, parts[joint]) for joint, model in blocks.items()}
-                    for record, parts in alone.items()
-                }
-        if len(both) == 2:
-            yaw, *pitches = STUDIED_JOINTS
-            both["hybrid"] = {
-                record: {
-                    yaw: both["SysID"][record][yaw],
-                    **{joint: both["OKID"][record][joint] for joint in pitches},
-                }
-                for record in alone
+                kinds[name] = blocks
+        if len(kinds) == 2:
+            yaw = STUDIED_JOINTS[0]
+            kinds["hybrid"] = {**kinds["OKID"], yaw: kinds["SysID"][yaw]}
+        for name, blocks in kinds.items():
+            known = {
+                record: {joint: fits(blocks[joint], campaign.record(record, joint)) for joint in STUDIED_JOINTS}
+                for record in RECORDS
+                if record in campaign.logs
             }
-        rows += [ThreeJointFits(name, printed, known) for name, known in both.items()]
+            rows.append(ThreeJointFits(name, printed, known))
     return tuple(rows)
 
 
