@@ -3,7 +3,6 @@
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING
 
 from scenarios.commands.output import (
@@ -99,25 +98,18 @@ def thesis(
             comparison = run_study(
                 seed=seed, duration=duration, conditions=arms, thorough=not quick, threads=threads, steps=steps
             )
-            begin = perf_counter()
             with steps.step("answer") as part:
                 answer = measure_answer(comparison, threads=threads, progress=part.of_total)
             with steps.step("findings"):
                 verdicts = findings(comparison)
-            comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin))
-            begin = perf_counter()
+            judged_s = steps.seconds["answer"] + steps.seconds["findings"]
+            comparison = replace(comparison, cost=comparison.cost.later(judged_s))
             with steps.step("report") as part:
+                page, drawn = folder / "report.html", part.of_total
                 report = write_report(
-                    comparison,
-                    verdicts,
-                    answer,
-                    folder / "report.html",
-                    many,
-                    figures=pictures,
-                    motion=moved,
-                    progress=part.of_total,
+                    comparison, verdicts, answer, page, many, figures=pictures, motion=moved, progress=drawn
                 )
-            comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin, report=True))
+            comparison = replace(comparison, cost=comparison.cost.later(steps.seconds["report"], report=True))
         record = {**results(comparison, verdicts, report, many), "answer": " ".join(sentences(answer))}
         record |= {"certainty": certainty(answer), "responses": answer.record()}
         # Before the logs: a disk that is full with them costs no conclusion.

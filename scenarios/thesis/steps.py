@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
+from time import perf_counter
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -109,6 +110,7 @@ class Steps:
         self.costs = {name: max(round(HUNDREDTHS * cost), 1) for name, cost in costs.items()}
         self._report = report or (lambda step, done, total: None)
         self._done = 0
+        self.seconds: dict[str, float] = {}
         self.total = sum(self.costs.values())
 
     @contextmanager
@@ -119,10 +121,11 @@ class Steps:
             name: One of the planned steps, which come in their sequence.
 
         Yields:
-            All of the step's work.
+            All of the step's work; `seconds` holds the wall time of each step that has ended.
         """
         before = latest = self._done
         cost = self.costs[name]
+        began = perf_counter()
         self._report(name, before, self.total)
 
         def move(share: float) -> None:
@@ -132,5 +135,6 @@ class Steps:
             self._report(name, latest, self.total)
 
         yield Part(move)
+        self.seconds[name] = perf_counter() - began
         self._done = before + cost
         self._report(name, self._done, self.total)
