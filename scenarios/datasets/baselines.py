@@ -6,7 +6,7 @@ import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
 from shlex import join
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ from scenarios.datasets.tables import table_text
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
 from scenarios.identification.methods import ESTIMATORS, estimate
-from sysid import Estimate, IOData, SysidError, SysidWarning
+from sysid import IOData, SysidError, SysidWarning
 from sysid.polynomial.fit_with_offset import fit_with_offset
 from sysid.validation.predictors import Hold, ModelPredictor, Predictor, StackedPredictor, StaticGain
 
@@ -140,14 +140,10 @@ def identified(method: Method, parts: Sequence[IOData]) -> Predictor:
     if parts[0].ny > 1 and not ESTIMATORS[method.name].outputs:
         rows = range(parts[0].ny)
         return StackedPredictor(tuple(identified(method, [p.select(outputs=[i]) for p in parts]) for i in rows))
-
-    def run(records: Sequence[IOData]) -> Estimate:
-        return estimate(records[0] if len(records) == 1 else records, method.name, method.orders)
-
     with warnings.catch_warnings():
         # A poor model shows in its score.
         warnings.simplefilter("ignore", SysidWarning)
-        about = fit_with_offset(run, parts)
+        about = fit_with_offset(partial(estimate, method=method.name, orders=method.orders), parts)
     return ModelPredictor(about.estimate.model, about.input, about.output)
 
 

@@ -4,6 +4,7 @@ import re
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -82,10 +83,7 @@ def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[int], *, ke
     if method in ESTIMATORS and first.ny > 1 and not ESTIMATORS[method].outputs:
         several = ", ".join(name for name, entry in ESTIMATORS.items() if entry.outputs)
         raise ScenarioError(f"{method} takes one output, given {first.ny}; for several there are: {several}")
-
-    def run(records: Sequence[IOData]) -> Estimate:
-        return estimate(records[0] if len(records) == 1 else records, method, orders)
-
+    run = partial(estimate, method=method, orders=orders)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
         if keep_mean:

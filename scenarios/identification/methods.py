@@ -104,4 +104,5 @@ def estimate(data: Records, method: str, orders: Sequence[int]) -> Estimate:
     """
     if method not in ESTIMATORS:
         raise ScenarioError(unknown("method", method, ESTIMATORS))
-    return ESTIMATORS[method].run(data, list(ESTIMATORS[method].complete(method, orders).values()))
+    records = data if isinstance(data, IOData) or len(data) != 1 else data[0]
+    return ESTIMATORS[method].run(records, list(ESTIMATORS[method].complete(method, orders).values()))

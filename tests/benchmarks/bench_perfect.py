@@ -32,17 +32,16 @@ def main():
     """Run and print; True where more runs fail than may."""
     parser = options(__doc__)
     parser.add_argument("runs", nargs="?", type=int, default=100)
-    parser.add_argument("--first", type=int, default=0, help="seed of the first run")
     parser.add_argument("--out", type=Path, help="folder for the progress; a temporary one by default")
     parser.add_argument("--workers", type=int, help="processes; all processors by default")
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        return measure(asked.runs, asked.first, asked.out or Path(scratch), asked.workers)
+        return measure(asked.runs, asked.out or Path(scratch), asked.workers)
 
 
-def measure(runs, first, out, workers):
+def measure(runs, out, workers):
     failed, nearest = 0, {}
-    for seed in range(first, first + runs):
+    for seed in range(runs):
         folder = out / f"seed-{seed}"
         plan = BenchPlan((estimator("perfect"),), effort="quick", seed=seed, referee=estimator("referee"))
         (result,) = verify(plan, folder, LocalProcesses(workers))

@@ -1,13 +1,12 @@
 """Random multivariable systems on short records: does `pem_ss` converge, and to the best of several minima?
 
 Systems have order 2 to 6, 1 to 3 inputs and outputs, poles up to 0.985, binary inputs held for 1, 2 or 5 samples, and
-disturbances through the gain of a Kalman filter, 5 to 20 dB below the outputs. A fit from the default `n4sid` counts as
-off where N (V - V*) > 20, V the logarithm of the determinant of the errors' covariance and V* the least that was
-reached from n4sid with other horizons, from OKID and from the truth.
+disturbances through the gain of a Kalman filter, 5 to 20 dB below the outputs; records 200 to 500 samples. A fit from
+the default `n4sid` counts as off where N (V - V*) > 20, V the logarithm of the determinant of the errors' covariance
+and V* the least that was reached from n4sid with other horizons, from OKID and from the truth.
 """
 
 import warnings
-from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -17,13 +16,7 @@ import sysid
 from tests.benchmarks.stress import BURN_IN, OFF, random_roots, summary
 from tests.benchmarks.tables import options, timed
 
-
-@dataclass(frozen=True, eq=False)
-class Case:
-    """A record and the system that made it."""
-
-    data: sysid.IOData
-    truth: sysid.StateSpace
+SYSTEMS = 200
 
 
 def draw_system(rng, order, nu, ny):
@@ -40,24 +33,19 @@ def draw_system(rng, order, nu, ny):
     return sysid.StateSpace(A, B, C, np.zeros((ny, nu)), A @ P @ C.T @ np.linalg.inv(S), 1.0, S)
 
 
-def make_record(rng, truth, samples, hold, snr_db):
-    """A record of it in steady state."""
-    total = samples + BURN_IN
+def make_case(seed):
+    """Draw a system and a record of it in steady state; return the record and the system."""
+    rng = np.random.default_rng(seed)
+    truth = draw_system(rng, int(rng.integers(2, 7)), int(rng.integers(1, 4)), int(rng.integers(1, 4)))
+    total = int(rng.integers(200, 501)) + BURN_IN
+    hold, snr_db = int(rng.choice([1, 2, 5])), rng.uniform(5.0, 20.0)
     u = np.column_stack([np.repeat(rng.choice([-1.0, 1.0], -(-total // hold)), hold)[:total] for _ in range(truth.nu)])
     e = rng.standard_normal((total, truth.ny)) @ np.linalg.cholesky(np.asarray(truth.innovation_covariance)).T
     clean = sysid.simulate(truth, u)[BURN_IN:]
     disturbance = sysid.StateSpace(truth.A, truth.gain, truth.C, np.eye(truth.ny), None, 1.0)
     v = sysid.simulate(disturbance, e)[BURN_IN:]
     v *= np.sqrt(np.mean(clean**2) / np.mean(v**2)) / 10 ** (snr_db / 20)
-    return Case(sysid.IOData(u[BURN_IN:], clean + v, 1.0), truth)
-
-
-def make_case(seed, samples):
-    """Draw a system and a record."""
-    rng = np.random.default_rng(seed)
-    truth = draw_system(rng, int(rng.integers(2, 7)), int(rng.integers(1, 4)), int(rng.integers(1, 4)))
-    length = int(rng.integers(samples[0], samples[1] + 1))
-    return make_record(rng, truth, length, int(rng.choice([1, 2, 5])), rng.uniform(5.0, 20.0))
+    return sysid.IOData(u[BURN_IN:], clean + v, 1.0), truth
 
 
 def loss(estimate):
@@ -66,11 +54,11 @@ def loss(estimate):
     return float(np.linalg.slogdet(e.T @ e / len(e))[1])
 
 
-def other_fits(case, gain):
+def other_fits(data, truth, gain):
     """From other beginnings."""
-    data, order = case.data, case.truth.order
+    order = truth.order
     most = len(data) // (2 * (data.nu + data.ny) + 3)
-    starts = [lambda: case.truth, lambda: sysid.okid(data, order, p=min(10, max(3, most // 2)))]
+    starts = [lambda: truth, lambda: sysid.okid(data, order, p=min(10, max(3, most // 2)))]
     starts += [
         lambda rows=rows: sysid.n4sid(data, order, block_rows=rows)
         for rows in (order // data.ny + 2, 8, 12, 20)
@@ -83,38 +71,36 @@ def other_fits(case, gain):
             continue
 
 
-def measure(systems, samples, gain):
+def measure(gain):
     """Fit every system and compare with the best of the other fits."""
     fits, steps = [], []
-    for seed in range(systems):
-        case = make_case(seed, samples)
-        start = sysid.n4sid(case.data, case.truth.order)
+    for seed in range(SYSTEMS):
+        data, truth = make_case(seed)
+        start = sysid.n4sid(data, truth.order)
         if not gain and not start.model.is_stable():
-            start = sysid.n4sid(case.data, case.truth.order, stable=True)
-        estimate, seconds = timed(sysid.pem_ss, case.data, start, gain=gain, clock=perf_counter)
+            start = sysid.n4sid(data, truth.order, stable=True)
+        estimate, seconds = timed(sysid.pem_ss, data, start, gain=gain, clock=perf_counter)
         m = estimate.model
-        others = [loss(other) for other in other_fits(case, gain) if other.model.order == m.order]
-        distance = len(case.data) * (loss(estimate) - min([loss(estimate), *others]))
+        others = [loss(other) for other in other_fits(data, truth, gain) if other.model.order == m.order]
+        distance = len(data) * (loss(estimate) - min([loss(estimate), *others]))
         fits.append({"distance": distance, "seconds": seconds, "converged": estimate.diagnostics["converged"]})
-        fits[-1]["lower order given"] = m.order < case.truth.order
+        fits[-1]["lower order given"] = m.order < truth.order
         fits[-1]["at the edge of stability"] = np.abs(np.linalg.eigvals(m.A - m.gain @ m.C)).max() > 1.0 - 1e-4
         steps.append(estimate.diagnostics["iterations"])
         if distance > OFF or not estimate.diagnostics["converged"]:
-            sizes = f"order {m.order}, {m.nu} inputs, {m.ny} outputs, N = {len(case.data)}"
+            sizes = f"order {m.order}, {m.nu} inputs, {m.ny} outputs, N = {len(data)}"
             print(f"system {seed}: {sizes}, distance {distance:.4g}, {estimate.diagnostics['reason']}", flush=True)
     return {**summary(fits), "median iterations": float(np.median(steps))}
 
 
 def main():
     parser = options(__doc__)
-    parser.add_argument("--systems", type=int, default=200)
-    parser.add_argument("--samples", type=int, nargs=2, default=(200, 500), metavar="N", help="shortest and longest")
     parser.add_argument("--fits", choices=("free", "zero"), nargs="+", default=["free", "zero"], help="the gain K")
     asked = parser.parse_args()
     warnings.simplefilter("ignore", sysid.SysidWarning)
     for fit in asked.fits:
         label = "K free" if fit == "free" else "K = 0"
-        for figure, value in measure(asked.systems, tuple(asked.samples), fit == "free").items():
+        for figure, value in measure(fit == "free").items():
             print(f"{label:8s}{figure:26s}{value:10.4g}", flush=True)
 
 

@@ -2,7 +2,6 @@
 
 from contextlib import closing
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from scenarios.bench.job_runner import PERFECT as TARGET
 from scenarios.bench.job_runner import Runner
@@ -11,7 +10,6 @@ from scenarios.estimators.estimator import Estimator
 from scenarios.jobs.executor import Executor
 from scenarios.problems.trial import Trial
 
-ROOT = Path(__file__).parents[3]
 PERFECT = Estimator("perfect", TARGET, method="pem")
 
 

@@ -2,7 +2,6 @@
 
 import re
 import shlex
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +11,8 @@ from scenarios.bench.metrics import ALL_METRICS
 from scenarios.commands.cli import parse
 from scenarios.problems.registry import names, problem
 from sysid.models import innovations_form
+from tests.benchmarks.tables import ROOT
 
-ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/your-estimator.md").read_text(encoding="utf-8")
 
 

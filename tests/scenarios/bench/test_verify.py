@@ -1,7 +1,6 @@
 """Runs: nothing is done twice, nothing is lost, and nothing but times depends on who does it."""
 
 import json
-import os
 import sqlite3
 import subprocess
 import sys
@@ -23,7 +22,8 @@ from scenarios.files.errors import ScenarioError
 from scenarios.problems.trial import Trial
 from tests.benchmarks.faulty_estimators import FAULTY
 from tests.benchmarks.planted_faults import PLANTED_FAULTS
-from tests.scenarios.bench.few import PERFECT, ROOT, Few, Here
+from tests.benchmarks.tables import environment
+from tests.scenarios.bench.few import PERFECT, Few, Here
 
 PLAN = BenchPlan((PERFECT,), effort="quick", metrics=(Few(),))
 SINGLE = replace(PLAN, metrics=(Few(draws=1, problems=("p1@300",)),))
@@ -100,7 +100,7 @@ def test_what_a_killed_run_started_ends_with_it_and_another_goes_on_as_if_nobody
     (tmp_path / "faulty.py").write_text(SOURCE)
     (tmp_path / "killed.py").write_text(KILLED)
     command = [sys.executable, str(tmp_path / "killed.py"), str(tmp_path), str(tmp_path / "killed")]
-    process = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    process = subprocess.Popen(command, env=environment())
     begun = time.monotonic()
     while not (tmp_path / "here").exists():
         assert process.poll() is None and time.monotonic() - begun < 60.0

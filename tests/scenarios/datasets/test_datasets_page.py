@@ -2,7 +2,6 @@
 
 import importlib.util
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -23,8 +22,8 @@ from scenarios.datasets.score import score
 from scenarios.datasets.spec import DataSetSpec, shipped
 from scenarios.datasets.spec_tables import METRICS, UNITS, BaselineSpec, Method, RecordBlock, Scoring, TruthSpec
 from scenarios.experiments.multisines import Multisines
+from tests.benchmarks.tables import ROOT, environment
 
-ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/datasets.md").read_text(encoding="utf-8")
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 
@@ -61,8 +60,8 @@ def digest(values):
 @pytest.mark.slow
 def test_the_python_snippets_run(place, data_set):
     text = "\n".join(snippets("python"))
-    env = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, "-c", text], cwd=place, env=env, capture_output=True, text=True, timeout=60)
+    command = [sys.executable, "-c", text]
+    done = subprocess.run(command, cwd=place, env=environment(), capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     for expected in ("0.02 binary-elbow_pitch (200,)", "noise: ", "true bandwidth 1.0"):
         assert expected in done.stdout

@@ -1,11 +1,9 @@
 """Batches on the workers of a Dask scheduler: lost schedulers are waited for, other software is refused."""
 
-import os
 import socket
 import subprocess
 import sys
 from contextlib import ExitStack, suppress
-from pathlib import Path
 from threading import Thread
 from time import monotonic, sleep
 
@@ -14,11 +12,11 @@ import pytest
 from scenarios.jobs import bitwise_compatibility, cluster
 from scenarios.jobs.bitwise_compatibility import ROUNDING, bit_differences, bit_fingerprint
 from scenarios.jobs.cluster import Cluster
+from tests.benchmarks.tables import environment
 from tests.refusals import refused
 from tests.scenarios.jobs import tasks
 
 distributed = pytest.importorskip("distributed")
-ROOT = Path(__file__).parents[3]
 
 
 def test_batches_run_on_workers(scheduler):
@@ -44,8 +42,8 @@ def test_a_dead_worker_is_replaced_and_a_scheduler_that_has_gone_is_waited_for(t
 
         def start(*command):
             allowed = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": str(deaths)}
-            environment = {**os.environ, "PYTHONPATH": str(ROOT), **allowed}
-            process = subprocess.Popen([sys.executable, "-m", *command], env=environment, stderr=subprocess.DEVNULL)
+            settings = {**environment(), **allowed}
+            process = subprocess.Popen([sys.executable, "-m", *command], env=settings, stderr=subprocess.DEVNULL)
             stack.callback(process.wait)
             stack.callback(process.kill)
             return process

@@ -1,9 +1,7 @@
 """Executors lose no batch: dead workers are replaced, and items that kill them are named when all else is done."""
 
-import os
 import subprocess
 import sys
-from pathlib import Path
 from time import monotonic, sleep
 
 import psutil
@@ -11,10 +9,9 @@ import pytest
 
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.executor import DeadWorkerError, Executor, LocalProcesses, LostError
+from tests.benchmarks.tables import environment
 from tests.refusals import refused
 from tests.scenarios.jobs import tasks
-
-ROOT = Path(__file__).parents[3]
 
 
 class Fake(Executor[int]):
@@ -101,8 +98,8 @@ if __name__ == "__main__":
 
 def test_workers_end_with_their_parent(tmp_path):
     (tmp_path / "main.py").write_text(ORPHANED)
-    words, environment = [sys.executable, tmp_path / "main.py", tmp_path], {**os.environ, "PYTHONPATH": str(ROOT)}
-    parent = subprocess.Popen(words, env=environment, stderr=subprocess.DEVNULL)
+    words = [sys.executable, tmp_path / "main.py", tmp_path]
+    parent = subprocess.Popen(words, env=environment(), stderr=subprocess.DEVNULL)
     end = monotonic() + 60.0
     for mark in ("opened-*", "closed-*"):
         while not list(tmp_path.glob(mark)) and monotonic() < end:
