@@ -182,7 +182,7 @@ def draw(panels: Sequence[Panel], columns: int = 1) -> Figure:
         axes.set_title(panel.title, loc="left", fontsize=8.5)
     dress(grid[: len(panels)])
     figure.legend(
-        handles.values(), handles.keys(), loc="outside upper left", ncols=1 + columns, frameon=False, fontsize=8
+        handles.values(), handles.keys(), loc="outside upper left", ncols=max(columns, 2), frameon=False, fontsize=8
     )
     return figure
 
