@@ -7,7 +7,6 @@ command takes up there. To be run whenever a change moves findings: tests/scenar
 """
 
 import sys
-from pathlib import Path
 
 from scenarios.thesis.finding import CLAIMS
 from scenarios.thesis.frequencies import seeds_record
@@ -17,16 +16,13 @@ from tests.benchmarks.tables import ROOT, options
 
 
 def main():
-    parser = options(__doc__)
-    parser.add_argument("--seeds", type=int, default=20, help="how many, counted from 1")
-    parser.add_argument("--out", type=Path, default=ROOT / "scenarios" / "data" / FILE)
-    chosen = parser.parse_args()
+    options(__doc__).parse_args()
     outcomes = tally(
-        range(1, chosen.seeds + 1),
+        range(1, 21),
         folder=ROOT / "build" / "findings",
         progress=lambda seed, before, step, done, whole: done == whole and print(f"seed {seed}: {step}", flush=True),
     )
-    write_tally(outcomes, chosen.out)
+    write_tally(outcomes, ROOT / "scenarios" / "data" / FILE)
     show(outcomes)
     return 1 if outcomes.failed else 0
 

@@ -22,7 +22,6 @@ TEST = 5
 def main():
     parser = options(__doc__)
     parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--duration", type=float, default=None)
     asked = parser.parse_args()
     studies = [
         from_simulation(
@@ -31,7 +30,6 @@ def main():
             (TEST,),
             seeds=range(1, asked.seeds + 1),
             condition=condition,
-            duration=asked.duration,
             stage=lambda name: nullcontext(lambda done, total: None),
         )
         for condition in CONDITIONS
