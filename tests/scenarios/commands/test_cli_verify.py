@@ -83,7 +83,6 @@ def test_a_lesser_run_is_refused_beside_a_fuller_result_and_a_fuller_one_is_not(
     assert run("verify", "perfect", "--quick")[0] == 0
     says = complaint(*fewer)
     assert "perfect.json has the result of a more complete run, with records that this run does not ask" in says
-    assert "give another --out, or move that file away" in says
     assert executor.asked == 4
     assert run(*fewer, "--out", "less")[0] == 1
     assert run("verify", "perfect")[0] == 0
