@@ -26,7 +26,8 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
     """
     from scenarios.jobs.executor import LocalProcesses
     from scenarios.thesis.motion import MotionCampaign, run_campaign
-    from scenarios.thesis.motion_answer import MotionStudy, motion_map
+    from scenarios.thesis.motion_answer import MotionStudy
+    from scenarios.thesis.motion_section import motion_map
 
     at_least_one("--workers", workers)
     campaign = MotionCampaign.quick() if quick else MotionCampaign()
@@ -39,7 +40,7 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
         study = MotionStudy.of(campaign, results)
         record = study.record()
         files = study.write(folder, json_text(record))
-        files += draw(lambda: motion_map(study), folder / "motion.png", folder / "motion.svg")
+        files += draw(lambda: motion_map(record["map"]), folder / "motion.png", folder / "motion.svg")
     if json:
         print_json({**record, "files": files})
     else:

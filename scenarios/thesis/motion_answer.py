@@ -1,4 +1,4 @@
-"""What a motion campaign says: answers in words, tables and the map of recovered bandwidth over motion and friction."""
+"""What a motion campaign says: answers in words, tables and the cells of the map over motion and friction."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from hmtb_twin import STUDIED_JOINTS
 from hmtb_twin.files.atomic_write import write_whole
@@ -16,14 +14,8 @@ from hmtb_twin.parameters.drives import ACTUATORS, Friction
 from hmtb_twin.parameters.values import HAND_CONTROLLER
 from hmtb_twin.parameters.variants import VARIANTS
 from scenarios.datasets.tables import table_text
-from scenarios.identification.recovered_bandwidth import METHODS as NAMES
-from scenarios.report.figure_style import short
 from scenarios.thesis.motion import METHODS, MotionCampaign, Row, Setting
 from scenarios.thesis.motion_score import COMMON, EXPLAINS, ArmScore, Cell, arms, cells, factors, items, profile
-from scenarios.truth.published import published
-
-NEAR = np.log(1.25)
-"""A recovered bandwidth counts as the printed one within a quarter."""
 
 SHOWN = 20
 """Arms in the results, the best first."""
@@ -191,58 +183,3 @@ def _arm_record(arm: ArmScore) -> dict[str, object]:
     own = {name: factors(arm.cells[0])[name] for name in COMMON}
     joints = {cell.setting.joint: {"friction": cell.setting.friction, "score": cell.score} for cell in arm.cells}
     return {**own, "score": arm.score, "error": arm.error, "explains": arm.explains, "joints": joints}
-
-
-def motion_map(study: MotionStudy) -> Figure:
-    """Draw the recovered bandwidth over motion and friction: a column for each joint, a row for each method.
-
-    Numbers are medians over seeds, Hz. Where the thesis prints a model, a frame marks cells within a quarter of its
-    bandwidth.
-
-    Args:
-        study: The campaign.
-    """
-    shown = study.map_cells()
-    motions = sorted({cell.motion for cell in shown})
-    frictions = sorted({cell.setting.friction for cell in shown})
-    figure = Figure(figsize=(7.2, 6.4), layout="constrained")
-    grid = figure.subplots(len(METHODS), len(STUDIED_JOINTS), sharex=True, sharey=True, squeeze=False)
-    for row, method in zip(grid, METHODS, strict=True):
-        for axes, joint in zip(row, STUDIED_JOINTS, strict=True):
-            values = np.full((len(frictions), len(motions)), np.nan)
-            for cell in (cell for cell in shown if cell.setting.joint == joint):
-                place = frictions.index(cell.setting.friction), motions.index(cell.motion)
-                values[place] = cell.medians.get(f"{method}_bandwidth_hz", np.nan)
-            image = _panel(axes, values, [one.bandwidth_hz for one in published(joint) if one.method == method])
-            axes.set_title(f"{short(joint)}, {NAMES[method]}{_printed(joint, method)}", loc="left", fontsize=7)
-            axes.set_xticks(range(len(motions)), [f"{1000 * motion:.3g}" for motion in motions], fontsize=7)
-            axes.set_yticks(range(len(frictions)), [f"{100 * one:g}" for one in frictions], fontsize=7)
-    figure.colorbar(image, ax=grid, label="recovered bandwidth / Hz, median", shrink=0.6)
-    figure.supxlabel("amplitude of the stick's motion / mrad", fontsize=9)
-    figure.supylabel("Coulomb friction / % of stall torque", fontsize=9)
-    setting, logged = shown[0].setting, shown[0].logged
-    figure.suptitle(
-        f"Servo {setting.servo}, presliding {1000 * setting.presliding:g} mrad, hold {setting.hold}, noise "
-        f"{setting.noise:g} V, logged noise {logged:g}x; framed: within a quarter of a printed bandwidth",
-        fontsize=9,
-    )
-    return figure
-
-
-def _printed(joint: str, method: str) -> str:
-    values = [f"{one.bandwidth_hz:.2f}" for one in published(joint) if one.method == method]
-    return f"\nprinted {' and '.join(values)} Hz" if values else "\nnone printed"
-
-
-def _panel(axes: Axes, values: np.ndarray, printed: Sequence[float]) -> Any:
-    from matplotlib.colors import LogNorm
-    from matplotlib.patches import Rectangle
-
-    image = axes.imshow(values, norm=LogNorm(0.1, 3.0), cmap="viridis", origin="lower", aspect="auto")
-    for (y, x), value in np.ndenumerate(values):
-        if not np.isfinite(value):
-            continue
-        axes.text(x, y, f"{value:.2f}", ha="center", va="center", fontsize=6, color="k" if value > 0.7 else "w")
-        if any(abs(np.log(value / one)) <= NEAR for one in printed):
-            axes.add_patch(Rectangle((x - 0.47, y - 0.45), 0.94, 0.9, fill=False, ec="#d62728", lw=1.8))
-    return image
