@@ -20,10 +20,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.report.page import Page
 from scenarios.thesis.answer import Answer, certainty, sentences
-from scenarios.thesis.chapter_3 import chapter_3
-from scenarios.thesis.chapter_4 import chapter_4
-from scenarios.thesis.chapter_5 import chapter_5
-from scenarios.thesis.chapter_6 import chapter_6
+from scenarios.thesis.chapters import chapter_3, chapter_4, chapter_5, chapter_6
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fairness_section import fairness_section
 from scenarios.thesis.figures import ReportFigure, report_figures, without_counterpart, write_figures

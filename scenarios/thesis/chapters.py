@@ -1,0 +1,195 @@
+"""Report sections on chapters II to VI: variables of the templates, all taken from the study."""
+
+from collections.abc import Callable, Iterable
+from math import degrees
+
+import numpy as np
+
+from hmtb_twin import JOINTS, STUDIED_JOINTS, Status
+from hmtb_twin.parameters.values import HAND_CONTROLLER, MOTIONS
+from scenarios.experiments.campaign import RPCM, single_joint_test
+from scenarios.experiments.log_review import SETTLING
+from scenarios.experiments.registry import load
+from scenarios.report.figure_style import MRAD
+from scenarios.thesis.campaign import plays_identified_sequence, tests_of_same_sequence
+from scenarios.thesis.categories import categories
+from scenarios.thesis.comparison import Comparison, JointResult
+from scenarios.thesis.every_data_set import AUDIBLE, DataSets, distances
+from scenarios.thesis.model_charts import METHODS
+from scenarios.thesis.multi_input import EXCITED, off_diagonal, pushed_by_others
+from scenarios.thesis.multivariable import FAST_CHIRP
+from scenarios.thesis.number_text import p_value
+from scenarios.thesis.observer_analysis import P, hankel_share, observer_poles
+from scenarios.thesis.order_search import IMPROVES
+from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS
+from scenarios.truth.published import PERCENT_DESCRIBED
+from sysid import StateSpace
+from sysid.models.bandwidth import half_power_hz
+
+PUSHED = (0.5, 1.0, 2.5, 5.0, 10.0)
+"""Frequencies at which the true coupling is listed, Hz."""
+
+
+def chapter_3(study: Comparison) -> dict[str, object]:
+    """Chapters II and III: limits of the commands, and a row of the tables for every test."""
+    joint, entry = next(iter(study.joints.items()))
+    numbered = [(number, _waveform(single_joint_test(number, joint))) for number in entry.data]
+    estimates = study.nonparametric.items()
+    return {
+        "limit": degrees(max(MOTIONS[joint].velocity_limit for joint in study.joints)),
+        "gain": MRAD * HAND_CONTROLLER.gain,
+        "slewing": 100 * max(share for entry in study.joints.values() for share in entry.slewing.values()),
+        "numbered": numbered,
+        "single": [
+            (str(number), text, [of.tests.get(single_joint_test(number, joint)) for joint, of in estimates])
+            for number, text in numbered
+        ],
+        "several": [
+            (
+                name.removeprefix("mimo-").replace("-independent", ", independent"),
+                _waveform(name),
+                [of.tests.get(name) for _, of in estimates],
+            )
+            for name in study.campaign.logs
+            if name.startswith("mimo-")
+        ],
+        "true": [half_power_hz(entry.truth.model) for entry in study.joints.values()],
+    }
+
+
+def _waveform(name: str) -> str:
+    return load(name).description.split(": ", 1)[1]
+
+
+def chapter_4(study: Comparison) -> dict[str, object]:
+    """Chapter IV: prediction-error models, their coefficients, data sets and orders."""
+    return {
+        "joints": [_prediction_error_models(study, joint) for joint in study.joints],
+        "seen": tests_of_same_sequence(study.estimation_test),
+        "audible": 100 * AUDIBLE,
+        "improves": IMPROVES,
+        "p_value": p_value,
+        "thorough": bool(study.searches),
+    }
+
+
+def _prediction_error_models(study: Comparison, joint: str) -> dict[str, object]:
+    entry, sets, searches = study.joints[joint], study.data_sets[joint], study.searches.get(joint)
+    return {
+        "result": entry,
+        "coefficients": [
+            *((entry.models[method].label, entry.models[method].estimate.model) for method in ("armax", "oe")),
+            *((f"published {one.label}", one.model) for one in entry.published if one.method in ("armax", "oe")),
+        ],
+        "sets": sets,
+        "shown": {name: name.removesuffix(f"-{joint}").replace("siso-", "test ") for name in sets.excited},
+        "apart": {method: _distances(sets, method) for method in METHODS},
+        "search": searches,
+        "criteria": {name: searches.arx.best(name) for name in ("aic", "bic", "mdl", "validation")} if searches else {},
+        "more_poles": study.prediction_errors[joint].more_poles,
+    }
+
+
+def _distances(sets: DataSets, method: str) -> dict[str, float]:
+    models = sets.singles(method, enough=True)
+    pairs = distances(models)
+    return {
+        "models": len(models),
+        "unstable": sum(not model.stable for model in models),
+        "median": float(np.median(pairs)) if len(pairs) else np.nan,
+        "largest": float(pairs.max()) if len(pairs) else np.nan,
+    }
+
+
+def chapter_5(study: Comparison) -> dict[str, object]:
+    """Chapter V: observers, and the realised models beside the printed ones."""
+    return {
+        "p": P,
+        "printed_percent": PERCENT_DESCRIBED,
+        "joints": [
+            {
+                "result": entry,
+                "observer": study.observers[joint],
+                "whiteness": p_value(entry.models["okid"].residual_test.whiteness_p[0]),
+                "realisation": realisation(study, entry),
+            }
+            for joint, entry in study.joints.items()
+        ],
+    }
+
+
+def realisation(study: Comparison, entry: JointResult) -> list[tuple[str, ...]]:
+    """Matrices and coordinate-free quantities of a joint's identified and printed model: name, and both as text."""
+    observer = study.observers[entry.joint].estimate
+    printed = next(model.model for model in entry.published if model.method == "okid")
+    described = hankel_share(observer, observer.model.order), PERCENT_DESCRIBED[entry.joint]
+    return [
+        *((name, text(observer.model), text(printed)) for name, text in QUANTITIES.items()),
+        ("described by two states, %", *(f"{percent:.4f}" for percent in described)),
+    ]
+
+
+def _matrix(values: np.ndarray) -> str:
+    """Matrix as text: rows separated by semicolons, five digits as in the thesis."""
+    return "; ".join(" ".join(f"{value:.5g}" for value in row) for row in np.atleast_2d(values))
+
+
+def _roots(roots: Iterable[complex]) -> str:
+    """Roots as text; those with a negative imaginary part go with their conjugates."""
+    shown = [root for root in map(complex, roots) if root.imag > -5e-4]
+    texts = [f"{root.real:.3f}" + (f" ± {root.imag:.3f}j" if root.imag >= 5e-4 else "") for root in shown]
+    return ", ".join(texts) or "none"
+
+
+QUANTITIES: dict[str, Callable[[StateSpace], str]] = {
+    "A": lambda model: _matrix(model.A),
+    "B": lambda model: _matrix(model.B.T),
+    "C": lambda model: _matrix(model.C),
+    "D": lambda model: _matrix(model.D),
+    "G": lambda model: _matrix(-model.gain.T),
+    "CB, CAB": lambda model: ", ".join(f"{value:.5f}" for value in model.markov(3)[1:, 0, 0]),
+    "poles": lambda model: _roots(model.poles()),
+    "zeros": lambda model: _roots(model.zeros()),
+    "eigenvalues of A + G C": lambda model: _roots(observer_poles(model)),
+    "gain at 0 Hz": lambda model: f"{model.dc_gain()[0, 0]:.4f}",
+    "bandwidth, Hz": lambda model: f"{model.bandwidth()[0, 0]:.3f}",
+}
+"""What is listed of a realisation, with its text."""
+
+
+def chapter_6(study: Comparison) -> dict[str, object]:
+    """Chapter VI: models of three joints, their coupling, the exchange and the categories."""
+    several = study.multivariable
+    return {
+        "joints": STUDIED_JOINTS,
+        "models": several.models,
+        "full": several.full,
+        "true_coupling": off_diagonal(several.truth, band=EXCITED),
+        "pushes": [(hz, pushed_by_others(several.truth, band=(hz, hz))) for hz in PUSHED],
+        "exchange": _exchange(study) if RPCM in several.records else {},
+        # Truth without coupling, truth with coupling, true angles.
+        "reach": {
+            joint: [several.reference(kind, FAST_CHIRP)[joint] for kind in (DIAGONAL, COUPLED, NOISELESS)]
+            for joint in STUDIED_JOINTS
+            if FAST_CHIRP in several.records
+        },
+        "same": [name for name in several.records if plays_identified_sequence(name)],
+        "records": several.records,
+        "categories": categories(study),
+    }
+
+
+def departure(study: Comparison) -> dict[str, float]:
+    """Largest distance of each joint from the operating point in the settled part of the exchange, rad."""
+    log = study.campaign.log(RPCM)
+    away = np.abs(log.true_angles[round(SETTLING / log.dt) :] - study.truth.angles).max(axis=0)
+    return dict(zip(JOINTS, map(float, away), strict=True))
+
+
+def _exchange(study: Comparison) -> dict[str, object]:
+    log = study.campaign.log(RPCM)
+    held = (log.status[round(SETTLING / log.dt) :] & Status.UNIT_HELD) > 0
+    return {
+        "away": {joint: float(np.degrees(value)) for joint, value in departure(study).items()},
+        "loaded": 100.0 * float(held.mean()),
+    }

@@ -1,0 +1,54 @@
+"""Variables of the report's sections on the chapters of the thesis."""
+
+import numpy as np
+import pytest
+
+from hmtb_twin import JOINTS
+from scenarios.experiments.campaign import RPCM
+from scenarios.experiments.log_review import SETTLING
+from scenarios.thesis.chapters import chapter_6, departure, realisation
+from scenarios.thesis.published_section import printed_row, several_records
+from scenarios.truth.published import BY_NAME
+
+
+def test_every_test_has_a_row_with_every_joint(report):
+    single, several = report["chapter_3"]["single"], report["chapter_3"]["several"]
+    assert [name for name, *_ in single] == [str(n) for n in range(1, 9)]
+    assert len(several) == 15
+    assert all(len(cells) == 3 for *_, cells in (*single, *several))
+    assert any(cell is not None for *_, cells in single for cell in cells)
+
+
+def test_realisation_is_laid_beside_the_print(study):
+    for entry in study.joints.values():
+        rows = {name for name, *_ in realisation(study, entry)}
+        assert {"A", "B", "C", "D", "G", "poles", "zeros"} <= rows
+    yaw = {name: printed for name, _, printed in realisation(study, study.joints["shoulder_yaw"])}
+    assert yaw["G"] == "-276.41 -123.2"
+    assert yaw["A"] == "0.99487 0.02896; -0.15355 0.55941"
+    assert yaw["described by two states, %"] == "99.8691"
+
+
+def test_printed_models_are_simulated_on_our_inputs(study):
+    records = several_records(study, ("mimo-10", "mimo-99", "rpcm"))
+    assert list(records) == ["mimo-10", "rpcm"]
+    rows = {name: printed_row(study, BY_NAME[name], records) for name in ("4.10", "5.9", "4.7")}
+    for name, row in rows.items():
+        assert set(row.singles) == set(range(1, 9))
+        assert set(row.several) == {"mimo-10", "rpcm"}
+        assert all(np.isfinite((fit.simulation, fit.one_step)).all() for fit in row.singles.values())
+        assert row.near == (name == "4.10")
+        assert row.observer < 1.0
+    # Without an observer the prediction is the simulation; with one it is better whatever the dynamics.
+    oe, okid = rows["4.10"].singles[5], rows["5.9"].singles[5]
+    assert oe.one_step == pytest.approx(oe.simulation)
+    assert okid.one_step > okid.simulation + 5.0
+
+
+def test_the_arm_goes_far_from_the_operating_point_with_the_unit_part_of_the_time(study):
+    log, away = study.campaign.log(RPCM), departure(study)
+    yaw = JOINTS.index("shoulder_yaw")
+    settled = log.true_angles[round(SETTLING / log.dt) :, yaw]
+    assert away["shoulder_yaw"] == pytest.approx(np.abs(settled - study.truth.angles[yaw]).max())
+    assert np.degrees(max(away.values())) > 10.0
+    assert 0.0 < chapter_6(study)["exchange"]["loaded"] < 100.0
