@@ -14,7 +14,7 @@ from scenarios.experiments.campaign import Condition, campaign_scenario, single_
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import MissingRecordError, ScenarioError
-from scenarios.thesis.campaign import StudyRecords
+from scenarios.thesis.campaign import ESTIMATION_TEST, Campaign
 from scenarios.thesis.estimates import estimate
 from scenarios.truth.bla_of_test import BestLinearOfTest, best_linear_of_test, joint_command
 from sysid import IOData, SysidError, SysidWarning
@@ -154,19 +154,19 @@ def scaled(scenario: Scenario) -> Scenario:
     return replace(scenario, name=f"{scenario.name}-small", excitation=excitation)
 
 
-def attribute(joint: str, records: StudyRecords, orders: tuple[int, int, int]) -> Attributions:
+def attribute(joint: str, main: Campaign, smooth: Campaign, orders: tuple[int, int, int]) -> Attributions:
     """Estimate the bandwidth of a joint under every condition.
 
     Args:
         joint: The joint.
-        records: Those of the study; the arm without friction has the estimation test also at three tenths of its
-            amplitude.
+        main: Records of the arm that the study is about.
+        smooth: Those of the same arm without friction, the estimation test also at three tenths of its amplitude.
         orders: nb, nf, nk of the output-error model.
 
     Returns:
         The bandwidths, and the conditions whose experiment failed or gave no model.
     """
-    name, main, smooth = records.own_name(joint), records.main, records.smooth
+    name = single_joint_test(ESTIMATION_TEST, joint)
     sources = {AS_IT_IS: (main, name), SMOOTH: (smooth, name), GENTLE: (smooth, f"{name}-small")}
     parts: list[OutputErrorBandwidth] = []
     missing: dict[str, str] = {}

@@ -18,7 +18,7 @@ from scenarios.experiments.campaign import (
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.registry import load, names
 from scenarios.experiments.scenario import Scenario
-from scenarios.files.errors import MissingRecordError, ScenarioError, unknown
+from scenarios.files.errors import MissingRecordError, ScenarioError
 from sysid import IOData
 
 ESTIMATION_TEST = 5
@@ -85,17 +85,16 @@ class Campaign:
 
         Raises:
             MissingRecordError: There is no such record.
-            ScenarioError: There is no such test in the thesis.
         """
-        _check_joint(joint)
-        if number not in SINGLE_JOINT:
-            raise ScenarioError(f"single-joint test {number!r} given; there are tests 1 to {len(SINGLE_JOINT)}")
         return self.record(single_joint_test(number, joint), joint)
 
     def singles(self, joint: str) -> dict[int, IOData]:
         """Return the `prepared` records of all single-joint tests of a joint that did not fail, by number."""
-        _check_joint(joint)
         return {n: self.single(n, joint) for n in SINGLE_JOINT if single_joint_test(n, joint) in self.logs}
+
+    def own(self, joint: str) -> IOData:
+        """Return the record that models of a joint are identified from; see `single`."""
+        return self.single(ESTIMATION_TEST, joint)
 
     def several(self, name: str, joints: Sequence[str] = STUDIED_JOINTS) -> IOData:
         """Return the `prepared` record of several joints, one input and one output each, rad; see `log`."""
@@ -107,44 +106,6 @@ class Campaign:
         if key not in self._prepared:
             self._prepared[key] = prepared(self.log(name), joints)
         return self._prepared[key]
-
-
-@dataclass(frozen=True, eq=False)
-class StudyRecords:
-    """Records that the analyses of a study share.
-
-    Attributes:
-        campaigns: The arm that the study is about, whole, first; the same arm without friction; others.
-        thorough: Whether to analyse too what no finding rests on and only the report shows.
-        estimation_test: Number of the single-joint test that models are identified from.
-    """
-
-    campaigns: tuple[Campaign, ...]
-    thorough: bool = True
-    estimation_test: int = ESTIMATION_TEST
-
-    @property
-    def main(self) -> Campaign:
-        """Campaign on the arm that the study is about."""
-        return self.campaigns[0]
-
-    @property
-    def smooth(self) -> Campaign:
-        """Campaign on the same arm without friction."""
-        return self.campaigns[1]
-
-    def own(self, joint: str) -> IOData:
-        """Return the record that models of a joint are identified from; see `Campaign.single`."""
-        return self.main.single(self.estimation_test, joint)
-
-    def own_name(self, joint: str) -> str:
-        """Return its name."""
-        return single_joint_test(self.estimation_test, joint)
-
-
-def _check_joint(joint: str) -> None:
-    if joint not in STUDIED_JOINTS:
-        raise ScenarioError(unknown("joint of single-joint tests", joint, STUDIED_JOINTS))
 
 
 def plays_identified_sequence(name: str) -> bool:

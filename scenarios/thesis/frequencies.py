@@ -1,66 +1,41 @@
 """Frequencies over seeds: how often a verdict was reached, and how far numbers move from seed to seed."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import get_args
 
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.thesis.finding import Finding, Verdict
-from scenarios.thesis.tally import BandwidthCoverage, Spread, Tally
+from scenarios.thesis.tally import BandwidthCoverage, Tally
 
 ORDER: tuple[Verdict, ...] = get_args(Verdict)
 
 
-@dataclass(frozen=True)
-class Chance:
-    """Results of many seeds for the report.
-
-    Attributes:
-        source: Which seeds, and of which run.
-        limits: What a range over the seeds is.
-        answer: What the seeds say of the answer, in a sentence or two.
-        verdicts: How often, by finding.
-        depends: Findings whose verdict of this run depends on the seed.
-        against: Those among them of which more seeds reached another verdict.
-        ranges: By finding the range of each number, by name.
-        rows: By joint and method, the bandwidth over the seeds.
-    """
-
-    source: str
-    limits: str
-    answer: str
-    verdicts: dict[str, str]
-    depends: tuple[str, ...]
-    against: tuple[str, ...]
-    ranges: dict[str, dict[str, Spread]]
-    rows: list[tuple[str, list[tuple[str, BandwidthCoverage]]]]
-
-    def range(self, key: str, name: str) -> Spread | None:
-        """The range of a number of a finding, if any seed has it."""
-        return self.ranges[key].get(name)
-
-
-def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = None) -> Chance | None:
-    """Collect the results of many seeds for the report; None without seeds.
+def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = None) -> dict[str, object]:
+    """Collect the results of many seeds for the report.
 
     Args:
         findings: As this run decided them.
         tally: Many seeds.
         seed: Of this run.
+
+    Returns:
+        Variables of the templates: texts, how often each verdict came out, findings whose verdict of this run depends
+        on the seed, those among them of which more seeds reached another, ranges of their numbers, and the bandwidths
+        of `coverage_rows`; nothing without seeds.
     """
     if tally is None:
-        return None
+        return {}
     pairs = [(entry, tally.frequency(entry.key)) for entry in findings]
-    return Chance(
-        source_text(tally, seed),
-        "from the smallest to the largest of all seeds",
-        answer_text(tally),
-        {entry.key: frequency_text(entry, tally) for entry in findings},
-        tuple(entry.key for entry, frequency in pairs if frequency.counts and frequency.depends_on_seed(entry.verdict)),
-        tuple(entry.key for entry, frequency in pairs if frequency.counts and frequency.against(entry.verdict)),
-        {entry.key: tally.spread(entry.key) for entry in findings},
-        coverage_rows(tally),
-    )
+    return {
+        "source": source_text(tally, seed),
+        "answer": answer_text(tally),
+        "verdicts": {entry.key: frequency_text(entry, tally) for entry in findings},
+        "depends": [one.key for one, seeds in pairs if seeds.counts and seeds.depends_on_seed(one.verdict)],
+        "against": [one.key for one, seeds in pairs if seeds.counts and seeds.against(one.verdict)],
+        "ranges": {entry.key: tally.spread(entry.key) for entry in findings},
+        "rows": coverage_rows(tally),
+    }
 
 
 def frequency_text(finding: Finding, tally: Tally) -> str:
@@ -152,7 +127,7 @@ def finding_record(finding: Finding, tally: Tally | None) -> dict[str, object]:
             "verdicts": dict(frequency.counts),
             "depends_on_seed": frequency.depends_on_seed(finding.verdict),
         },
-        "range": {name: _range(entry) for name, entry in tally.spread(finding.key).items()},
+        "range": {name: asdict(entry) for name, entry in tally.spread(finding.key).items()},
     }
 
 
@@ -166,9 +141,9 @@ def seeds_record(tally: Tally) -> dict[str, object]:
         "bandwidth": {
             joint: {
                 method: {
-                    "hz": _range(entry.hz),
-                    "half_power_hz": _range(entry.half_power_hz),
-                    "ci95_width": _range(entry.width),
+                    "hz": asdict(entry.hz),
+                    "half_power_hz": asdict(entry.half_power_hz),
+                    "ci95_width": asdict(entry.width),
                     "covers": entry.covers,
                     "near_1_hz": entry.near,
                 }
@@ -183,7 +158,3 @@ def seeds_record(tally: Tally) -> dict[str, object]:
         },
         "versions": dict(tally.versions),
     }
-
-
-def _range(spread: Spread) -> dict[str, object]:
-    return asdict(spread)

@@ -1,6 +1,6 @@
 """Charts of many models: every data set, orders, disturbed records."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from scenarios.thesis.chart import Chart, Panel, Series, by_view
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES
 from scenarios.thesis.response_charts import joints
-from scenarios.thesis.robustness import Summary, sysid_method
+from scenarios.thesis.robustness import Range, sysid_method
 from sysid.plots import PALETTE, Style
 
 METHODS = ("arx", "iv4", "armax", "oe", "okid")
@@ -101,10 +101,10 @@ def disturbed(study: Comparison) -> Chart:
                 points = results.curve(kind, joint, method, treatment)
                 if not points:
                     continue
-                middle, low, high = _values(points, fit)
+                middle, low, high = _values(points.values(), fit)
                 look = Style(PALETTE["armax" if name == "SysID" else "okid"].colour, LINES[treatment], 1.4)
                 label = name if len(treatments) == 1 else f"{name}, {treatment}"
-                series.append(Series(label, [point.degree for point in points], middle, look, low, high))
+                series.append(Series(label, list(points), middle, look, low, high))
         return tuple(series)
 
     def panels(kind: str) -> tuple[Panel, ...]:
@@ -123,7 +123,9 @@ def disturbed(study: Comparison) -> Chart:
     return Chart(by_view(panels, {name: name for name in names}), ("Disturbance",), columns=3, height=190)
 
 
-def _values(points: Sequence[Summary], fit: bool) -> tuple[np.ndarray, ...]:
+def _values(points: Iterable[tuple[Range, Range]], fit: bool) -> tuple[np.ndarray, ...]:
     """Median, least and greatest: of 100 − fit, or of the error of the bandwidth, percent."""
-    values = np.array([(100.0 - np.array(p.fit)[[0, 2, 1]]) if fit else p.error for p in points]).reshape(-1, 3)
+    values = np.array([(100.0 - np.array(fits)[[0, 2, 1]]) if fit else errors for errors, fits in points]).reshape(
+        -1, 3
+    )
     return tuple(values.T)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.thesis.campaign import StudyRecords
+from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.estimates import estimate, fits
 from sysid import Estimate, IOData, StateSpace
 
@@ -73,12 +73,13 @@ class JointObserver:
     errors: tuple[ObserverError, ...]
 
 
-def observe(joint: str, records: StudyRecords) -> JointObserver:
+def observe(joint: str, campaign: Campaign, *, thorough: bool = True) -> JointObserver:
     """Analyse the observer of a joint: p = 5 and two states, from the estimation test.
 
     Args:
         joint: Name of the joint.
-        records: Those of the study.
+        campaign: The records.
+        thorough: Whether to compare numbers of observer Markov parameters too.
 
     Returns:
         What chapter V shows.
@@ -86,14 +87,14 @@ def observe(joint: str, records: StudyRecords) -> JointObserver:
     Raises:
         MissingRecordError: The record of the estimation test.
     """
-    own = records.own(joint)
+    own = campaign.own(joint)
     model = observer(own)
     count = len(np.asarray(model.diagnostics["system_markov"]))
     return JointObserver(
         estimate=model,
-        true_markov=records.main.truth.joint(joint).model.markov(count)[:, 0, 0],
+        true_markov=campaign.truth.joint(joint).model.markov(count)[:, 0, 0],
         shares=tuple(_share(own, order) for order in range(1, P + 1)),
-        errors=observer_errors(own) if records.thorough else (),
+        errors=observer_errors(own) if thorough else (),
     )
 
 

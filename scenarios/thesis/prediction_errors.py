@@ -6,8 +6,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 import sysid
+from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.model_structures import every_structure
-from scenarios.thesis.campaign import StudyRecords
+from scenarios.thesis.campaign import ESTIMATION_TEST, Campaign
 from scenarios.thesis.estimates import estimate
 from scenarios.thesis.every_data_set import DataSets, every_data_set
 from scenarios.thesis.order_search import Searches, search_orders
@@ -112,12 +113,16 @@ class PredictionErrors:
     searches: Searches | None
 
 
-def prediction_errors(joint: str, records: StudyRecords, part: Part = NO_REPORT) -> PredictionErrors:
+def prediction_errors(
+    joint: str, main: Campaign, smooth: Campaign, *, thorough: bool = True, part: Part = NO_REPORT
+) -> PredictionErrors:
     """Analyse a joint beyond the models of the estimation test.
 
     Args:
         joint: Name of the joint.
-        records: Those of the study.
+        main: Records of the arm that the study is about.
+        smooth: Those of the same arm without friction.
+        thorough: Whether to take every data set, and to search for orders.
         part: This part of the work.
 
     Returns:
@@ -125,18 +130,18 @@ def prediction_errors(joint: str, records: StudyRecords, part: Part = NO_REPORT)
     """
     structures = {entry.method: entry for entry in every_structure(joint)}
     whole, frictionless, search = part.shares(0.6, 0.1, 0.3)
-    test = records.own_name(joint)
-    sets = every_data_set(joint, records.main, judged=(test,), thorough=records.thorough, part=whole)
+    test = single_joint_test(ESTIMATION_TEST, joint)
+    sets = every_data_set(joint, main, judged=(test,), thorough=thorough, part=whole)
     return PredictionErrors(
         data_sets=sets,
-        frictionless=every_data_set(joint, records.smooth, part=frictionless),
-        more_poles=more_poles(records.own(joint), structures["oe"].orders[2]) if joint == LARGE else (),
+        frictionless=every_data_set(joint, smooth, part=frictionless),
+        more_poles=more_poles(main.own(joint), structures["oe"].orders[2]) if joint == LARGE else (),
         searches=search_orders(
-            records.main.singles(joint),
-            records.estimation_test,
+            main.singles(joint),
+            ESTIMATION_TEST,
             {name: structures[name].orders for name in ("armax", "oe")},
             search,
         )
-        if records.thorough
+        if thorough
         else None,
     )

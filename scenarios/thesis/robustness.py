@@ -70,6 +70,9 @@ where it has none) and its median fit in simulation to records of other waveform
 Failure = Literal["", "refused", "unstable", "no bandwidth"]
 """Failures: the estimator raised an error, the model is unstable, its gain never falls by 3 dB."""
 
+Range = tuple[float, float, float]
+"""Median, smallest and largest over draws; NaN where there is none."""
+
 
 @dataclass(frozen=True)
 class OrderNeeded:
@@ -132,21 +135,6 @@ class RobustnessOutcome:
     fit: float
 
 
-@dataclass(frozen=True)
-class Summary:
-    """Summary of all draws at one degree: median, smallest and largest, NaN where there is none.
-
-    Attributes:
-        degree: How much.
-        error: Of the bandwidths that there are, percent.
-        fit: Of the fits in simulation, percent.
-    """
-
-    degree: float
-    error: tuple[float, float, float]
-    fit: tuple[float, float, float]
-
-
 @dataclass(frozen=True, eq=False)
 class Robustness:
     """Results of the whole robustness experiment.
@@ -172,16 +160,18 @@ class Robustness:
                 draws[entry.degree] = (*draws.get(entry.degree, ()), entry)
         return draws
 
-    def curve(self, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]) -> tuple[Summary, ...]:
-        """Medians and spreads by degree; see `of`."""
+    def curve(
+        self, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]
+    ) -> dict[float, tuple[Range, Range]]:
+        """By degree the errors of the bandwidths that there are, and the fits in simulation, percent; see `of`."""
         draws = self.of(disturbance, joint, method, treatment)
-        return tuple(
-            Summary(degree, _spread(entry.error for entry in entries), _spread(entry.fit for entry in entries))
+        return {
+            degree: (_spread(entry.error for entry in entries), _spread(entry.fit for entry in entries))
             for degree, entries in draws.items()
-        )
+        }
 
 
-def _spread(values: Iterable[float]) -> tuple[float, float, float]:
+def _spread(values: Iterable[float]) -> Range:
     known = [value for value in values if not np.isnan(value)]
     return (median(known), min(known), max(known)) if known else (float("nan"),) * 3
 

@@ -20,42 +20,30 @@ TICK = 1.7e-4
 """Processor time of a simulated sample of 0.02 s of one experiment, s."""
 
 
-@dataclass(frozen=True)
-class StepCost:
-    """Processor time of a step.
-
-    Attributes:
-        fixed: Whatever the length of the records, s.
-        each_minute: For each minute of every record, s.
-        brief: Share of it in a study that is not thorough.
-    """
-
-    fixed: float
-    each_minute: float
-    brief: float = 1.0
-
-    def seconds(self, minutes: float, *, thorough: bool = True) -> float:
-        """Return the cost with records of so many minutes, s."""
-        return (self.fixed + minutes * self.each_minute) * (1.0 if thorough else self.brief)
-
-
-COSTS: Mapping[str, StepCost] = MappingProxyType(
+COSTS: Mapping[str, tuple[float, float, float]] = MappingProxyType(
     {
-        "identify": StepCost(6.5, 0.2),
-        "causes": StepCost(0.3, 0.1),
-        "orders": StepCost(0.5, 0.2),
-        "spectra": StepCost(0.1, 0.3, brief=0.7),
-        "data sets": StepCost(6.0, 5.0, brief=0.35),
-        "observers": StepCost(0.1, 0.1),
-        "three joints": StepCost(0.5, 0.2),
-        "robustness": StepCost(24.0, 0.0, brief=0.03),
-        "other arms": StepCost(1.0, 0.4),
-        "answer": StepCost(8.0, 0.0),
-        "findings": StepCost(0.2, 0.1),
-        "report": StepCost(10.0, 0.5),
+        "identify": (6.5, 0.2, 1.0),
+        "causes": (0.3, 0.1, 1.0),
+        "orders": (0.5, 0.2, 1.0),
+        "spectra": (0.1, 0.3, 0.7),
+        "data sets": (6.0, 5.0, 0.35),
+        "observers": (0.1, 0.1, 1.0),
+        "three joints": (0.5, 0.2, 1.0),
+        "robustness": (24.0, 0.0, 0.03),
+        "other arms": (1.0, 0.4, 1.0),
+        "answer": (8.0, 0.0, 1.0),
+        "findings": (0.2, 0.1, 1.0),
+        "report": (10.0, 0.5, 1.0),
     }
 )
-"""Costs of the steps after the simulation."""
+"""Processor time of the steps after the simulation: whatever the length of the records, s; for each minute of every
+record, s; share of both in a study that is not thorough."""
+
+
+def step_cost(name: str, minutes: float, *, thorough: bool = True) -> float:
+    """Return the processor time of a step of `COSTS` with records of so many minutes, s."""
+    fixed, each_minute, brief = COSTS[name]
+    return (fixed + minutes * each_minute) * (1.0 if thorough else brief)
 
 
 @dataclass(frozen=True)

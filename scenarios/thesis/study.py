@@ -26,7 +26,6 @@ from scenarios.thesis.campaign import (
     EVERY_TEST,
     FAIRNESS_TESTS,
     Campaign,
-    StudyRecords,
     run_campaign,
 )
 from scenarios.thesis.comparison import Comparison, Cost, JointResult, ModelResult
@@ -37,7 +36,7 @@ from scenarios.thesis.nonparametric import nonparametric, period_of
 from scenarios.thesis.observer_analysis import observe
 from scenarios.thesis.prediction_errors import prediction_errors
 from scenarios.thesis.robustness import robustness
-from scenarios.thesis.steps import COSTS, TICK, Part, Report, Steps
+from scenarios.thesis.steps import COSTS, TICK, Part, Report, Steps, step_cost
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
@@ -49,17 +48,7 @@ SHORTEST = 20.0
 JUDGING = 64.0
 """Length of tests that only judge models, on other arms than that of the study, s: one minute after settling."""
 
-ANALYSES = (
-    "identify",
-    "causes",
-    "orders",
-    "spectra",
-    "data sets",
-    "observers",
-    "three joints",
-    "robustness",
-    "other arms",
-)
+ANALYSES = tuple(COSTS)[: list(COSTS).index("answer")]
 """Steps after the simulation; only a thorough study takes the last."""
 
 T = TypeVar("T")
@@ -187,7 +176,7 @@ def planned_steps(
     }
     minutes = max(entry.duration for entry in arms[1][1]) / 60.0
     names = (*(ANALYSES if thorough else ANALYSES[:-1]), *afterwards)
-    return Steps(costs | {name: COSTS[name].seconds(minutes, thorough=thorough) for name in names}, report)
+    return Steps(costs | {name: step_cost(name, minutes, thorough=thorough) for name in names}, report)
 
 
 def draw_conclusions(campaigns: Sequence[Campaign], *, thorough: bool = True, steps: Steps | None = None) -> Comparison:
@@ -216,23 +205,25 @@ def draw_conclusions(campaigns: Sequence[Campaign], *, thorough: bool = True, st
     with warnings.catch_warnings():
         # The diagnostics of the estimates hold them, from where the report takes them.
         warnings.simplefilter("ignore", SysidWarning)
-        study = _analyse(StudyRecords(tuple(campaigns), thorough), steps)
+        study = _analyse(tuple(campaigns), steps, thorough=thorough)
     return replace(study, cost=replace(study.cost, total_s=perf_counter() - begin))
 
 
-def _analyse(records: StudyRecords, steps: Steps) -> Comparison:
-    main = records.main
+def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -> Comparison:
+    main, smooth = campaigns[:2]
 
     def of_joints(step: str, analysis: Callable[[str, Part], T]) -> dict[str, T]:
         with steps.step(step) as part:
             return {joint: analysis(joint, share) for joint, share in part.split(STUDIED_JOINTS)}
 
     joints = of_joints("identify", lambda joint, _: study_joint(joint, main))
-    attribution = of_joints("causes", lambda joint, _: attribute(joint, records, SUFFICIENT[joint]))
-    orders = of_joints("orders", lambda joint, _: order_effects(records.own(joint), SUFFICIENT[joint][2]))
-    spectra = of_joints("spectra", lambda joint, _: nonparametric(joint, main, summaries=records.thorough))
-    sets = of_joints("data sets", lambda joint, part: prediction_errors(joint, records, part))
-    observed = of_joints("observers", lambda joint, _: observe(joint, records))
+    attribution = of_joints("causes", lambda joint, _: attribute(joint, main, smooth, SUFFICIENT[joint]))
+    orders = of_joints("orders", lambda joint, _: order_effects(main.own(joint), SUFFICIENT[joint][2]))
+    spectra = of_joints("spectra", lambda joint, _: nonparametric(joint, main, summaries=thorough))
+    sets = of_joints(
+        "data sets", lambda joint, part: prediction_errors(joint, main, smooth, thorough=thorough, part=part)
+    )
+    observed = of_joints("observers", lambda joint, _: observe(joint, main, thorough=thorough))
     with steps.step("three joints"):
         several = multivariable(
             {name: entry.chosen.estimate.model for name, entry in joints.items()},
@@ -240,16 +231,16 @@ def _analyse(records: StudyRecords, steps: Steps) -> Comparison:
             main,
         )
     with steps.step("robustness") as part:
-        robust = robustness(main, ESTIMATION_TEST, thorough=records.thorough, part=part)
+        robust = robustness(main, ESTIMATION_TEST, thorough=thorough, part=part)
     table = None
-    if records.thorough:
+    if thorough:
         with steps.step("other arms") as part:
-            table = fairness(records.campaigns, ESTIMATION_TEST, part=part)
+            table = fairness(campaigns, ESTIMATION_TEST, part=part)
     physics_s, simulation_s = (
-        sum(getattr(entry, name) for entry in records.campaigns) for name in ("physics_s", "simulation_s")
+        sum(getattr(entry, name) for entry in campaigns) for name in ("physics_s", "simulation_s")
     )
     return Comparison(
-        campaigns=records.campaigns,
+        campaigns=campaigns,
         joints=joints,
         multivariable=several,
         attribution=attribution,

@@ -14,7 +14,7 @@ from scenarios.thesis.attribution import (
     OutputErrorBandwidth,
     attribute,
 )
-from scenarios.thesis.campaign import Campaign, StudyRecords
+from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.results import friction_in_words
 from sysid import SysidError
 
@@ -24,7 +24,7 @@ TRUTH = linearize(NOMINAL.arm())
 
 def found(rough, smooth, failed):
     campaigns = Campaign(NOMINAL, TRUTH, rough, {}), Campaign(Condition(friction=False), TRUTH, smooth, failed)
-    return attribute(JOINT, StudyRecords(campaigns), (2, 2, 1))
+    return attribute(JOINT, *campaigns, (2, 2, 1))
 
 
 def test_a_record_that_is_missing_is_named_and_the_others_keep_their_places(synthetic_logs):

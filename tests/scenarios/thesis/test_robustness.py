@@ -89,7 +89,7 @@ def test_a_finding_rests_on_orders_that_do_not_depend_on_what_else_is_tried(stud
 def test_errors_are_of_the_bandwidths_that_there_are():
     entries = (outcome(0.0), outcome(0.5), outcome(0.5, failure="unstable", draw=1), outcome(0.5, hz=1.2, draw=2))
     shifts = Robustness(entries, (), {"elbow_pitch": (2, 7, 8)})
-    assert shifts.curve("bias", "elbow_pitch", "oe")[1].error == pytest.approx((10.0, 0.0, 20.0))
+    assert shifts.curve("bias", "elbow_pitch", "oe")[0.5][0] == pytest.approx((10.0, 0.0, 20.0))
 
 
 def test_comparable_is_within_ten_percent_and_five_points():
