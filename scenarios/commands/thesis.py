@@ -16,7 +16,7 @@ from scenarios.commands.output import (
 )
 
 if TYPE_CHECKING:
-    from scenarios.thesis.tally import Tally
+    from scenarios.thesis.monte_carlo import Tally
 
 QUICK = 40.0
 """Length of the records of a preview, s."""

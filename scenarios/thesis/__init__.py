@@ -7,8 +7,8 @@ from scenarios.files.lazy_names import lazy_names
 if TYPE_CHECKING:
     from scenarios.thesis.comparison import Comparison
     from scenarios.thesis.finding import Finding
+    from scenarios.thesis.monte_carlo import SeedOutcome, Tally
     from scenarios.thesis.study import run_study
-    from scenarios.thesis.tally import SeedOutcome, Tally
 
 __all__ = ["Comparison", "Finding", "SeedOutcome", "Tally", "run_study"]
 

@@ -6,7 +6,7 @@ from typing import get_args
 
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.thesis.finding import Finding, Verdict
-from scenarios.thesis.tally import BandwidthCoverage, Tally
+from scenarios.thesis.monte_carlo import BandwidthCoverage, Tally
 
 ORDER: tuple[Verdict, ...] = get_args(Verdict)
 

@@ -1,24 +1,30 @@
-"""Monte Carlo repetition of the study over seeds, and its recorded results."""
+"""Monte Carlo repetition of the study over seeds: verdicts counted, numbers and bandwidths with their ranges."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from hashlib import sha256
 from importlib import resources
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
+
 from hmtb_twin import TwinError
+from hmtb_twin.files.atomic_write import write_whole
 from scenarios.experiments.campaign import NOMINAL
-from scenarios.files.codec import structure, unstructure
+from scenarios.files.codec import Extended, plain_numbers, structure, unstructure
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import fingerprint, versions
+from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.jobs.journal import Journal
+from scenarios.thesis.comparison import Comparison, Cost
+from scenarios.thesis.finding import Finding, Verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.study import planned_steps, run_study
-from scenarios.thesis.tally import SeedOutcome, Tally, outcome, read_tally
 from sysid import SysidError
 
 Progress = Callable[[int, int, str, int, int], None]
@@ -26,6 +32,221 @@ Progress = Callable[[int, int, str, int, int], None]
 
 JOURNAL = "seeds.sqlite"
 """Name of the file of finished seeds."""
+
+FILE = "findings.json"
+"""File among the package's data; tests/benchmarks/findings.py writes it."""
+
+
+@dataclass(frozen=True)
+class MethodBandwidth:
+    """The bandwidth that one method recovered.
+
+    Attributes:
+        hz: Bandwidth, Hz.
+        ci95: Its 95 % interval, Hz.
+        covers: Whether it agrees with the best linear truth, see `ModelResult.covers`.
+        half_power_hz: Frequency at which the gain is 0.707, whatever it is at 0 Hz, Hz.
+    """
+
+    hz: Extended
+    ci95: tuple[Extended, Extended]
+    covers: bool
+    half_power_hz: Extended
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeedOutcome:
+    """Conclusions of a study with one seed, without the records.
+
+    Attributes:
+        seed: Of the study, None for the scenarios' own seeds.
+        duration: Length of the records where it was shortened, s; None for the thesis' 240 s.
+        verdicts: By finding.
+        numbers: By finding the numbers that its verdict rests on, by name.
+        true_hz: Small-signal bandwidth by joint, Hz.
+        best_linear_hz: Best linear bandwidth by joint, Hz.
+        recovered: Recovered bandwidths by joint and method.
+        failed: Experiments that failed, with the reason.
+        cost: Time spent.
+        versions: Of what it was made with.
+    """
+
+    seed: int | None = None
+    duration: float | None = None
+    verdicts: Mapping[str, Verdict]
+    numbers: Mapping[str, Mapping[str, Extended]]
+    true_hz: Mapping[str, float]
+    best_linear_hz: Mapping[str, Extended] = field(default_factory=dict)
+    recovered: Mapping[str, Mapping[str, MethodBandwidth]]
+    failed: Mapping[str, str]
+    cost: Cost
+    versions: Mapping[str, str]
+
+
+def outcome(study: Comparison, findings: Sequence[Finding]) -> SeedOutcome:
+    """Return the conclusions of a study and of its decided findings."""
+    return SeedOutcome(
+        seed=study.seed,
+        duration=study.duration,
+        verdicts={entry.key: entry.verdict for entry in findings},
+        numbers={entry.key: {name: float(x) for name, x in entry.value.items()} for entry in findings},
+        true_hz={name: float(entry.truth.bandwidth_hz) for name, entry in study.joints.items()},
+        best_linear_hz={name: entry.best_linear.hz for name, entry in study.joints.items()},
+        recovered={
+            name: {
+                model.method: MethodBandwidth(model.bandwidth_hz, model.ci95, model.covers, model.half_power_hz)
+                for model in entry.models.values()
+            }
+            for name, entry in study.joints.items()
+        },
+        failed=dict(study.failed),
+        cost=study.cost,
+        versions=dict(study.provenance),
+    )
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Distribution of a number over the seeds: its median, smallest and largest value, and how many seeds have it."""
+
+    median: float
+    low: float
+    high: float
+    seeds: int
+
+
+def spread(values: Sequence[float]) -> Spread:
+    """Distribution of a number, one value for each seed; where one is not a number, nothing is."""
+    with np.errstate(invalid="ignore"):
+        return Spread(float(np.median(values)), float(np.min(values)), float(np.max(values)), len(values))
+
+
+@dataclass(frozen=True)
+class Frequency:
+    """Number of seeds that reached each verdict of a finding, the most frequent first."""
+
+    counts: Mapping[Verdict, int]
+
+    @property
+    def seeds(self) -> int:
+        """Number of seeds that decided the finding."""
+        return sum(self.counts.values())
+
+    @property
+    def usual(self) -> Verdict:
+        """The verdict that most seeds share."""
+        return next(iter(self.counts))
+
+    def depends_on_seed(self, verdict: Verdict) -> bool:
+        """Whether a verdict depends on the seed: not every seed reaches it."""
+        return self.counts.get(verdict, 0) < self.seeds
+
+    def against(self, verdict: Verdict) -> bool:
+        """Whether more seeds reached another verdict than this one."""
+        return self.counts.get(verdict, 0) < self.counts[self.usual]
+
+
+@dataclass(frozen=True)
+class BandwidthCoverage:
+    """One method's bandwidth on one joint over the seeds.
+
+    Attributes:
+        hz: Bandwidth, Hz.
+        half_power_hz: Frequency of the gain 0.707, Hz.
+        width: Width of the 95 % intervals, Hz.
+        covers: Number of seeds that agree with the best linear truth.
+        near: Number of seeds with a bandwidth of about 1 Hz.
+    """
+
+    hz: Spread
+    half_power_hz: Spread
+    width: Spread
+    covers: int
+    near: int
+
+
+@dataclass(frozen=True, eq=False)
+class Tally:
+    """The conclusions of many seeds.
+
+    Attributes:
+        outcomes: One for each seed that came to an end, in the order of the seeds.
+        failed: Seeds that did not, with the reason.
+        recorded: Whether it came with the package, made earlier, rather than in this run.
+    """
+
+    outcomes: tuple[SeedOutcome, ...]
+    failed: Mapping[int, str]
+    recorded: bool = False
+
+    @property
+    def versions(self) -> Mapping[str, str]:
+        """Versions of what it was made with."""
+        return self.outcomes[0].versions
+
+    @property
+    def duration(self) -> float | None:
+        """Length of the records where it was shortened, s."""
+        return self.outcomes[0].duration
+
+    @property
+    def physics_s(self) -> float:
+        """Time inside the physics engine, all seeds, s."""
+        return sum(entry.cost.physics_s for entry in self.outcomes)
+
+    @property
+    def total_s(self) -> float:
+        """Time in all, all seeds, s."""
+        return sum(entry.cost.total_s for entry in self.outcomes)
+
+    def of(self, seed: int) -> SeedOutcome:
+        """Return the conclusions of a seed.
+
+        Raises:
+            ScenarioError: It is none of the seeds.
+        """
+        for entry in self.outcomes:
+            if entry.seed == seed:
+                return entry
+        raise ScenarioError(f"no seed {seed} in this tally, it has {[entry.seed for entry in self.outcomes]}")
+
+    def frequency(self, key: str) -> Frequency:
+        """Return the frequency of each verdict of a finding (F1 to F26)."""
+        counts = Counter(entry.verdicts[key] for entry in self.outcomes if key in entry.verdicts)
+        return Frequency(dict(counts.most_common()))
+
+    def spread(self, key: str) -> dict[str, Spread]:
+        """Return the distributions of the numbers of a finding (F1 to F26), by name."""
+        values: dict[str, list[float]] = {}
+        for entry in self.outcomes:
+            for name, value in entry.numbers.get(key, {}).items():
+                values.setdefault(name, []).append(value)
+        return {name: spread(entries) for name, entries in values.items()}
+
+    def coverage(self, joint: str, method: str) -> BandwidthCoverage:
+        """Return the distribution of one method's bandwidth on one joint."""
+        recoveries = [entry.recovered[joint][method] for entry in self.outcomes]
+        return BandwidthCoverage(
+            spread([entry.hz for entry in recoveries]),
+            spread([entry.half_power_hz for entry in recoveries]),
+            spread([entry.ci95[1] - entry.ci95[0] for entry in recoveries]),
+            sum(entry.covers for entry in recoveries),
+            sum(near_1_hz(entry.hz) for entry in recoveries),
+        )
+
+
+def write_tally(tally: Tally, path: Path) -> None:
+    """Write a tally as JSON, a line for each seed."""
+    lines = ",\n".join(json.dumps(plain_numbers(unstructure(entry)), allow_nan=False) for entry in tally.outcomes)
+    failed = json.dumps({str(seed): why for seed, why in tally.failed.items()})
+    write_whole(path, f'{{"failed": {failed},\n"seeds": [\n{lines}\n]}}\n')
+
+
+def read_tally(text: str, *, recorded: bool = False) -> Tally:
+    """Read the JSON that `write_tally` wrote, and mark whether it came with the package."""
+    record = json.loads(text)
+    outcomes = tuple(structure(SeedOutcome, entry) for entry in record["seeds"])
+    return Tally(outcomes, {int(seed): why for seed, why in record["failed"].items()}, recorded)
 
 
 def tally(
@@ -94,10 +315,6 @@ def _run_seed(
     begin = perf_counter()
     decided = findings(study)
     return outcome(replace(study, cost=study.cost.later(perf_counter() - begin)), decided)
-
-
-FILE = "findings.json"
-"""File among the package's data; tests/benchmarks/findings.py writes it."""
 
 
 @cache

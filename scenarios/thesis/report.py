@@ -27,6 +27,7 @@ from scenarios.thesis.figures import ReportFigure, report_figures, without_count
 from scenarios.thesis.finding import CLAIMS, Finding
 from scenarios.thesis.frequencies import ORDER, chance, frequency_text
 from scenarios.thesis.long_tables import LongTables
+from scenarios.thesis.monte_carlo import Tally
 from scenarios.thesis.number_text import limits, parts, root, value_text
 from scenarios.thesis.pictures import arm_picture, exchange, film
 from scenarios.thesis.plotting_library import compressed_plotly
@@ -34,7 +35,6 @@ from scenarios.thesis.published_section import assumed_values, assumed_values_of
 from scenarios.thesis.response_charts import EXCITED_FROM
 from scenarios.thesis.results import friction_in_words
 from scenarios.thesis.robustness_section import robustness
-from scenarios.thesis.tally import Tally
 from sysid.models.bandwidth import half_power_hz
 
 SECTIONS: Mapping[str, Callable[[Comparison], object]] = {

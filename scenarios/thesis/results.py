@@ -10,8 +10,8 @@ from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.frequencies import finding_record, seeds_record
+from scenarios.thesis.monte_carlo import Tally
 from scenarios.thesis.multivariable import WAYS
-from scenarios.thesis.tally import Tally
 from sysid.models.bandwidth import half_power_hz
 
 BANDWIDTH = "hz=bandwidth_hz ci95 covers half_power_hz"

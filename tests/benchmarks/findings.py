@@ -10,8 +10,7 @@ import sys
 
 from scenarios.thesis.finding import CLAIMS
 from scenarios.thesis.frequencies import seeds_record
-from scenarios.thesis.monte_carlo import FILE, tally
-from scenarios.thesis.tally import write_tally
+from scenarios.thesis.monte_carlo import FILE, tally, write_tally
 from tests.benchmarks.tables import ROOT, options
 
 

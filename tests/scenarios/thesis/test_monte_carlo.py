@@ -19,8 +19,7 @@ from scenarios.thesis.campaign import EVERY_TEST
 from scenarios.thesis.comparison import Cost
 from scenarios.thesis.finding import CLAIMS, Finding
 from scenarios.thesis.frequencies import answer_text, chance, finding_record, frequency_text, seeds_record, source_text
-from scenarios.thesis.monte_carlo import tally
-from scenarios.thesis.tally import MethodBandwidth, SeedOutcome, Tally, read_tally, spread, write_tally
+from scenarios.thesis.monte_carlo import MethodBandwidth, SeedOutcome, Tally, read_tally, spread, tally, write_tally
 from tests.refusals import refused
 
 

@@ -14,8 +14,7 @@ from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.identification.methods import estimate
 from scenarios.thesis.finding import CLAIMS, Finding
 from scenarios.thesis.frequencies import frequency_text, source_text
-from scenarios.thesis.monte_carlo import recorded, tally
-from scenarios.thesis.tally import MethodBandwidth
+from scenarios.thesis.monte_carlo import MethodBandwidth, recorded, tally
 from sysid import SysidWarning
 
 SEED = 1

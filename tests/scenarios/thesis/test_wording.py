@@ -3,8 +3,8 @@
 import numpy as np
 
 from scenarios.thesis.finding import Finding
+from scenarios.thesis.monte_carlo import spread
 from scenarios.thesis.number_text import limits, measure, number, parts, root, value_text
-from scenarios.thesis.tally import spread
 
 
 def test_numbers_roots_and_parameters_as_text():
