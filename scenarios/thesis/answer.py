@@ -17,6 +17,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import estimate
 from scenarios.identification.one_hertz import between, joined
 from scenarios.report.figure_style import MRAD, short
+from scenarios.report.page import Page
 from scenarios.thesis.chart import Chart, Panel, Series
 from scenarios.thesis.comparison import Comparison
 from scenarios.truth.bla_of_test import BestLinearOfTest
@@ -195,83 +196,39 @@ def answer_chart(answer: Answer) -> Chart:
     return Chart({("",): tuple(panels)}, ("",), columns=3, height=330)
 
 
-def sentences(answer: Answer) -> tuple[str, str, str]:
+def sentences(answer: Answer) -> tuple[str, ...]:
     """What was put in, what the methods recover, and what the figures of 1996 can mean."""
-    return _put_in(answer), _recovered(answer), _meaning(answer)
+    return _paragraphs(answer)[:3]
 
 
 def certainty(answer: Answer) -> str:
     """What so few records can show of the answer, by exact binomial limits, and what they cannot."""
-    seeds = len(answer.seeds)
-    agreeing = [sum(one.near(level) for level in levels) for one in answer.joints for levels in one.levels.values()]
-    same = sum(count in (0, seeds) for count in agreeing)
-    limits = binomtest(seeds, seeds).proportion_ci(0.95, "exact")
-    mixed = len(agreeing) - same
-    differ = f"; in the other {mixed} they differ, and {seeds} records cannot tell how often" if mixed else ""
-    return (
-        f"How sure: in {same} of {len(agreeing)} cases, a joint and a method each, all {seeds} records of "
-        f"{answer.length:g} s say the same, agreement with the best linear truth or none. That shows that at least "
-        f"{100 * limits.low:.0f} % of all such records would (95 % confidence), no more{differ}. Verdicts of findings "
-        "rest on one record of each test; hmtb thesis --seeds counts how often others reach them."
-    )
+    return _paragraphs(answer)[3]
 
 
-def _put_in(answer: Answer) -> str:
-    truths = [one.best_linear for one in answer.joints]
-    moved = f"{MRAD * np.mean([truth.command_rms for truth in truths]):.2g}"
-    test = f"{MRAD * np.mean([truth.wanted_rms for truth in truths]):.2g}"
-    levels = [
-        f"{truth.half_power_hz:.2f} Hz ({short(truth.joint)})"
-        if np.isfinite(truth.half_power_hz)
-        else f"no frequency ({short(truth.joint)})"
-        for truth in truths
-    ]
-    return (
-        "Put in: joints that follow commands up to about 1 Hz, as the thesis says; with friction, moved by "
-        f"{moved} mrad rms {'as in its test' if moved == test else f'(its test: {test})'}, their gain, the best linear "
-        f"truth, falls to 0.707 at {joined(levels)}."
-    )
-
-
-def _recovered(answer: Answer) -> str:
-    pairs = [(one, method) for one in answer.joints for method in one.levels]
-    agree, count = sum(one.agrees(method) for one, method in pairs), len(answer.joints)
-    known = [hz for one, method in pairs if np.isfinite(hz := one.recovered_hz(method))]
-    if agree == len(pairs):
-        verdict = "which agrees with the truth in all cases"
-    elif agree:
-        by = joined([f"{method.upper()} on {sum(one.agrees(method) for one in answer.joints)}" for method in METHODS])
-        verdict = f"which agrees with the truth in {agree} of {len(pairs)} cases ({by} of {count} joints)"
-    else:
-        verdict = "which never agrees with the truth"
-    missing = len(pairs) - len(known)
-    return (
-        f"Recovered: from {len(answer.seeds)} records of each joint, the thesis’ methods ARMAX, OE and OKID put that "
-        f"frequency at {f'{between(known)} Hz' if known else 'no value'}"
-        + (f" and find none in {missing} of {len(pairs)} cases" if missing else "")
-        + f", {verdict}."
-    )
-
-
-def _meaning(answer: Answer) -> str:
+def _paragraphs(answer: Answer) -> tuple[str, ...]:
+    cases = [(one, method) for one in answer.joints for method in one.levels]
     printed = [(one.joint, model) for one in answer.joints for model in drawn_models(one.joint).values()]
-    same = [
-        f"{short(joint)} {model.label}"
-        for joint, model in printed
-        if abs(model.half_power_hz / (BREAK_FREQUENCY[joint] / (2 * np.pi)) - 1.0) <= CLOSE
-    ]
-    pairs = [(one, method) for one in answer.joints for method in one.levels]
-    known = [100 * away for one, method in pairs if np.isfinite(away := one.departure(method))]
-    if all(one.agrees(method) for one, method in pairs):
-        trust = "the methods recover here what is there, which gives no reason to doubt them"
-    elif known:
-        ends = f"{min(known):+.0f} to {max(known):+.0f} %".replace("-", "−")
-        trust = f"here the methods miss the truth by {ends}, and a printed figure can be as far off"
-    else:
-        trust = "here the methods recover nothing, and nothing supports a printed figure"
-    return (
-        f"The figures of 1996: {len(same)} of {len(printed)} printed models ({joined(same) if same else 'none'}) "
-        f"{'falls' if len(same) == 1 else 'fall'} to 0.707 at the 6, 7 and 7 rad/s, about 1 Hz, that the thesis reads "
-        f"from spectra, {len(printed) - len(same)} do not; {trust}; a simulation that was given 1 Hz cannot tell "
-        "whether the real arm had it."
-    )
+    truths, seeds = [one.best_linear for one in answer.joints], len(answer.seeds)
+    agreeing = [sum(map(one.near, one.levels[method])) for one, method in cases]
+    values = {
+        "answer": answer,
+        "truths": truths,
+        "moved": f"{MRAD * np.mean([truth.command_rms for truth in truths]):.2g}",
+        "test": f"{MRAD * np.mean([truth.wanted_rms for truth in truths]):.2g}",
+        "cases": len(cases),
+        "agree": sum(one.agrees(method) for one, method in cases),
+        "by": [f"{method.upper()} on {sum(one.agrees(method) for one in answer.joints)}" for method in METHODS],
+        "known": [hz for one, method in cases if np.isfinite(hz := one.recovered_hz(method))],
+        "departures": [100 * away for one, method in cases if np.isfinite(away := one.departure(method))],
+        "printed": len(printed),
+        "same": [
+            f"{short(joint)} {model.label}"
+            for joint, model in printed
+            if abs(model.half_power_hz / (BREAK_FREQUENCY[joint] / (2 * np.pi)) - 1.0) <= CLOSE
+        ],
+        "unanimous": sum(count in (0, seeds) for count in agreeing),
+        "least": 100 * binomtest(seeds, seeds).proportion_ci(0.95, "exact").low,
+    }
+    page = Page({"short": short, "joined": joined, "between": between, "finite": np.isfinite})
+    return tuple(" ".join(part.split()) for part in page.render("answer_text.j2", values).split("\n\n"))

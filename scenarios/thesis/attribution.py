@@ -41,11 +41,6 @@ def best_linear_of(condition: Condition, joint: str, test: int) -> BestLinearOfT
 
     It is the truth that a linear model of the test's record can find: friction and velocity limit are in it. Measured
     once in a process, for it depends on the arm and the test, not on the seed of a record.
-
-    Args:
-        condition: The arm.
-        joint: The joint.
-        test: Number of the test.
     """
     scenario = condition.applied(campaign_scenario(single_joint_test(test, joint)))
     command = joint_command(scenario)[round(SETTLING * SAMPLE_RATE) :]
@@ -81,17 +76,10 @@ class OutputErrorBandwidth:
 
 
 def order_effects(data: IOData, nk: int) -> tuple[OutputErrorBandwidth, ...]:
-    """Identify output-error models of every order in `ORDERS`.
-
-    Args:
-        data: The estimation data, prepared.
-        nk: Delay, samples.
-
-    Returns:
-        One record for each order of which there is a model.
+    """Identify output-error models of every order in `ORDERS` that gives one, with a delay of nk samples.
 
     Raises:
-        ScenarioError: There is none of any.
+        ScenarioError: There is no model of any order.
     """
     effects: list[OutputErrorBandwidth] = []
     refused: list[str] = []
@@ -133,14 +121,7 @@ class Attributions:
 
 
 def conditions(scenario: Scenario) -> tuple[Scenario, ...]:
-    """The experiment under every condition but the first, which is the experiment itself.
-
-    Args:
-        scenario: The experiment that models are identified from.
-
-    Returns:
-        Scenarios in the order of `CONDITIONS[1:]`, with the noise of the original.
-    """
+    """The experiment under every condition but the first, in the order of `CONDITIONS[1:]`, with its own noise."""
     smooth = replace(scenario, name=f"{scenario.name}-no-friction", chain=replace(scenario.chain, friction=False))
     return smooth, scaled(smooth)
 
@@ -155,16 +136,10 @@ def scaled(scenario: Scenario) -> Scenario:
 
 
 def attribute(joint: str, main: Campaign, smooth: Campaign, orders: tuple[int, int, int]) -> Attributions:
-    """Estimate the bandwidth of a joint under every condition.
+    """Estimate the bandwidth of a joint under every condition from output-error models of one order (nb, nf, nk).
 
-    Args:
-        joint: The joint.
-        main: Records of the arm that the study is about.
-        smooth: Those of the same arm without friction, the estimation test also at three tenths of its amplitude.
-        orders: nb, nf, nk of the output-error model.
-
-    Returns:
-        The bandwidths, and the conditions whose experiment failed or gave no model.
+    Conditions whose experiment failed or gave no model are listed with the reason. The arm without friction (`smooth`)
+    has the estimation test also at three tenths of its amplitude.
     """
     name = single_joint_test(ESTIMATION_TEST, joint)
     sources = {AS_IT_IS: (main, name), SMOOTH: (smooth, name), GENTLE: (smooth, f"{name}-small")}

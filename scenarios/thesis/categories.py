@@ -70,14 +70,7 @@ class Category:
 
 
 def categories(study: Comparison) -> tuple[Category, ...]:
-    """Compute the measures of all seven categories.
-
-    Args:
-        study: The study.
-
-    Returns:
-        The categories in the thesis' order.
-    """
+    """Compute the measures of all seven categories, in the thesis' order."""
     return (
         Category("frequency bandwidth", "OKID, slightly, above 5 Hz", _bandwidth(study)),
         Category("model stability", "neither: both stable", _stability(study)),

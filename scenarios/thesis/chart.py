@@ -113,12 +113,7 @@ class Chart:
 
 
 def by_view(draw: Callable[..., tuple[Panel, ...]], *options: Mapping[str, Any]) -> dict[tuple[str, ...], Any]:
-    """Panels of every combination of options; combinations without panels are left out.
-
-    Args:
-        draw: Called with one value of each.
-        options: Values by the name that is shown.
-    """
+    """Panels of every combination of options that has any, drawn with one value of each."""
     views = {
         tuple(name for name, _ in chosen): draw(*(value for _, value in chosen))
         for chosen in product(*(entry.items() for entry in options))

@@ -107,12 +107,7 @@ class Cost:
     report_s: float = 0.0
 
     def later(self, seconds: float, *, report: bool = False) -> "Cost":
-        """Cost including the later steps: findings or report.
-
-        Args:
-            seconds: What it took, s.
-            report: Whether it was the report.
-        """
+        """Cost including the seconds of a later step: findings or the report."""
         return replace(self, total_s=self.total_s + seconds, report_s=self.report_s + (seconds if report else 0.0))
 
     @property

@@ -143,12 +143,7 @@ class DataSets:
     missing: Mapping[str, str] = field(default_factory=dict)
 
     def singles(self, method: str | None = None, *, enough: bool = False) -> tuple[DataSetModel, ...]:
-        """Models from single-joint tests, which are the same in every study.
-
-        Args:
-            method: Key of the method; all when None.
-            enough: Only those from records that excite as much as the model needs.
-        """
+        """Models from single-joint tests, the same in every study: of one method or all, `enough` excited or all."""
         return tuple(
             m
             for m in self.models
@@ -177,9 +172,6 @@ def every_data_set(
         thorough: Whether to take the joint's own channel of the tests of several joints too, and to lay every model
             beside every single-joint record, a minute of it.
         part: This part of the work.
-
-    Returns:
-        Models, and what could not be identified with the reason.
     """
     single = [single_joint_test(number, joint) for number in SINGLE_JOINT]
     records = [*single, *(names("mimo") if thorough else ()), *([RPCM] if thorough else ())]
@@ -260,14 +252,7 @@ def excitation_needed(structure: Structure) -> int:
 
 
 def distances(models: tuple[DataSetModel, ...]) -> np.ndarray:
-    """Return the distances between the responses of models, pair by pair.
-
-    Args:
-        models: Models of one method, from one record each.
-
-    Returns:
-        |G_i - G_j| / |G_median| over `BAND`, root mean square `(pairs,)`; empty for fewer than two models.
-    """
+    """Distances |G_i - G_j| / |G_median| over `BAND`, root mean square (pairs,), of models of one method."""
     responses = np.array([m.model.frequency_response(BAND)[:, 0, 0] for m in models])
     if len(responses) < 2:
         return np.zeros(0)

@@ -45,11 +45,7 @@ class Conclusion:
     answers: dict[Condition, Answer | None]
 
     def changes(self, *, friction: bool | None = None) -> bool:
-        """Whether two arms differ.
-
-        Args:
-            friction: Compare only arms that differ in friction alone (True) or in all but friction (False).
-        """
+        """Whether arms differ: those that differ in friction alone (True), in all but friction (False), or any."""
         known = [(arm, answer.words) for arm, answer in self.answers.items() if answer is not None]
         return any(
             words != others
@@ -61,14 +57,7 @@ class Conclusion:
 
 
 def conclusions(fairness: Fairness) -> tuple[Conclusion, ...]:
-    """Answer the questions of the thesis' comparison on every arm that has the records.
-
-    Args:
-        fairness: The tables.
-
-    Returns:
-        One entry for each question.
-    """
+    """Answer the questions of the thesis' comparison on every arm that has the records."""
     own = fairness.estimation_test
     arms = [arm for arm in fairness.arms if len(arm.joints) == len(STUDIED_JOINTS)]
     questions: list[tuple[str, Callable[[ArmFairness], Answer | None]]] = [
@@ -182,14 +171,7 @@ WORST = -1000.0
 
 
 def fairness_section(study: Comparison) -> dict[str, object]:
-    """Tables and conclusions of the section.
-
-    Args:
-        study: The study.
-
-    Returns:
-        Variables of the template.
-    """
+    """Variables of the template of this section."""
     fairness = study.fairness
     if fairness is None or not any(arm.joints for arm in fairness.arms):
         return {"arms": ()}

@@ -62,11 +62,7 @@ class FairModel:
         return self.model is not None and bool(np.any(self.model.gain))
 
     def validation(self, own: int) -> Fits | None:
-        """Median over the tests not seen; None where there are none.
-
-        Args:
-            own: Number of the estimation test; one that plays the same sequence is left out with it, for every model.
-        """
+        """Median over the tests of other sequences than that of the estimation test `own`; None without any."""
         same_sequence = tests_of_same_sequence(own)
         others = [fit for number, fit in self.fits.items() if number not in same_sequence]
         if not others:
@@ -128,16 +124,7 @@ class Fairness:
 
 
 def fairness(campaigns: Sequence[Campaign], estimation_test: int, part: Part = NO_REPORT) -> Fairness:
-    """Identify and judge every model on every arm.
-
-    Args:
-        campaigns: One for each arm.
-        estimation_test: Number of the test that models are identified from.
-        part: This part of the work.
-
-    Returns:
-        The tables.
-    """
+    """Identify every model from the estimation test of every arm, and judge it on the arm's other records."""
     with warnings.catch_warnings():
         # what is wrong with a model shows in its fits
         warnings.simplefilter("ignore", SysidWarning)

@@ -99,12 +99,7 @@ def report_figures(
 
 
 def write_figures(figures: Iterable[ReportFigure], folder: Path) -> None:
-    """Write every view of every figure as SVG and PNG, and the figure's values as CSV.
-
-    Args:
-        figures: The figures.
-        folder: Where to; it must exist.
-    """
+    """Write every view of every figure as SVG and PNG, and the figure's values as CSV, into an existing folder."""
     with matplotlib.rc_context(SETTINGS):
         for figure in figures:
             text = io.StringIO()

@@ -46,13 +46,9 @@ FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
 
 
 def findings(study: Comparison) -> tuple[Finding, ...]:
-    """Test every finding of the thesis.
+    """Test all 26 findings of the thesis, in order.
 
-    Args:
-        study: The study's result.
-
-    Returns:
-        All 26 in order; one whose record is missing, or refused by an estimator, cannot be told and says why.
+    One whose record is missing, or refused by an estimator, cannot be told and says why.
     """
     return tuple(_decide(key, study) for key in CLAIMS)
 

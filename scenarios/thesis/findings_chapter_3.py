@@ -273,10 +273,6 @@ def measurement_against_process(study: Comparison) -> Finding:
 def disturbances(study: Comparison, entry: JointResult) -> tuple[float, float, float]:
     """Root mean squares of the known disturbances of one joint in the PRBS test, rad.
 
-    Args:
-        study: The study.
-        entry: The joint.
-
     Returns:
         Of measurement noise and rounding; of the true angle's deviation from the linear truth; of the part of that
         which is another in every period.
@@ -298,11 +294,7 @@ def disturbances(study: Comparison, entry: JointResult) -> tuple[float, float, f
 
 
 def spectrum_of(study: Comparison, test: int, joint: str) -> FrequencyResponse:
-    """The windowed spectra of a test.
-
-    Raises:
-        MissingRecordError: There is no record of it, with the reason.
-    """
+    """The windowed spectra of a test; raises `MissingRecordError` where there is no record of it."""
     study.campaign.log(single_joint_test(test, joint))
     return study.nonparametric[joint].spectra[test]
 

@@ -28,10 +28,6 @@ DISMISSED = ("arx", "iv4")
 def flexibility(study: Comparison, joint: str) -> dict[str, float]:
     """Median fits in simulation of the models of the estimation test to tests of other waveforms.
 
-    Args:
-        study: The study.
-        joint: Name of the joint.
-
     Returns:
         By method in capitals, percent; minus infinity where the model is unstable: what it simulates grows beyond all
         numbers.

@@ -69,14 +69,10 @@ class LongTables:
         self.texts: dict[str, str] = {}
 
     def take(self, markup: str, name: str) -> Markup:
-        """Keep the tables in a piece of the page as one file and return the link that stands for them.
-
-        Args:
-            markup: The piece, with one table or several of the same columns.
-            name: Name of the file without suffix.
+        """Keep the tables of a piece of the page, of the same columns, as one file and return a link in their place.
 
         Raises:
-            ScenarioError: The name is no file name, or taken.
+            ScenarioError: The name (without suffix) is no file name, or taken.
         """
         if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name) or name in self.texts:
             raise ScenarioError(f"table name {name!r}: expected words of a-z and 0-9 apart by hyphens, each name once")
@@ -93,11 +89,7 @@ class LongTables:
         )
 
     def write(self, folder: Path) -> None:
-        """Write every table as a CSV file.
-
-        Args:
-            folder: Where to; it is made where there is none.
-        """
+        """Write every table as a CSV file into a folder, which is made where there is none."""
         folder.mkdir(exist_ok=True)
         for name, text in self.texts.items():
             write_whole(folder / f"{name}.csv", text)

@@ -200,11 +200,7 @@ class Tally:
         return sum(entry.cost.total_s for entry in self.outcomes)
 
     def of(self, seed: int) -> SeedOutcome:
-        """Return the conclusions of a seed.
-
-        Raises:
-            ScenarioError: It is none of the seeds.
-        """
+        """Return the conclusions of a seed; raises `ScenarioError` if it is none of the seeds."""
         for entry in self.outcomes:
             if entry.seed == seed:
                 return entry

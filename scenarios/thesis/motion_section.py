@@ -16,14 +16,7 @@ from sysid.plots import PALETTE, Style
 
 
 def read_motion(path: Path) -> Mapping[str, Any]:
-    """Read a `motion.json` of `hmtb motion`.
-
-    Args:
-        path: The file.
-
-    Raises:
-        ScenarioError: It cannot be read, or is no such file.
-    """
+    """Read a `motion.json` of `hmtb motion`; raises `ScenarioError` if it is none or cannot be read."""
     try:
         results = json.loads(path.read_text(encoding="utf-8"))
         missing = {"answers", "map"} - set(results)

@@ -38,13 +38,9 @@ def measure(value: float, finding: Finding) -> str:
 
 
 def parts(finding: Finding) -> list[tuple[str, str, str | None]]:
-    """The numbers of a finding as they are shown, one after the other.
+    """The numbers of a finding as they are shown: name, number, and the whole that it is a part of.
 
-    Args:
-        finding: The finding. A number named `of`, or `of ...`, is the whole of which the one before it counts a part.
-
-    Returns:
-        Name of each number, the number, and the whole that it is a part of.
+    A number named `of`, or `of ...`, is the whole of which the one before it counts a part.
     """
     parts: list[tuple[str, str, str | None]] = []
     for name, value in finding.value.items():

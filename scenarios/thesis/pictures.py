@@ -92,11 +92,7 @@ def enlargement(motion: np.ndarray) -> int:
 def film(study: Comparison) -> Film:
     """Film of one joint that plays the PRBS, its motion enlarged where it is too small to be seen.
 
-    Args:
-        study: The study.
-
-    Returns:
-        The film, or the reason why there is none: no record, no OpenGL, or no encoder.
+    Without a record, OpenGL or an encoder there is none, and the caption says why.
     """
     log = study.logs.get(single_joint_test(study.estimation_test, FILMED))
     if log is None:
@@ -127,15 +123,7 @@ def film(study: Comparison) -> Film:
 
 
 def exchange(study: Comparison, phases: Sequence[str] = PHASES) -> tuple[tuple[Moment, ...], str]:
-    """Moments of the exchange and how it ended.
-
-    Args:
-        study: The study.
-        phases: Which phases to show, of those that the exchange reached.
-
-    Returns:
-        The moments, and the outcome in words; none and nothing where there is no record or nothing to draw with.
-    """
+    """Moments of the exchange and its outcome in words; neither without a record, no moments without OpenGL."""
     log = study.logs.get(RPCM)
     if log is None or log.unit_pose is None:
         return (), ""

@@ -111,14 +111,7 @@ class PrintedRow:
 
 
 def published_section(study: Comparison) -> dict[str, object]:
-    """Numbers of the section.
-
-    Args:
-        study: The study.
-
-    Returns:
-        Variables of the template.
-    """
+    """Variables of the template of this section."""
     records = several_records(study)
     rows = [printed_row(study, entry, records) for entry in (*PUBLISHED, EQUATIONS["4.7+4.9"])]
     rows.sort(key=lambda row: (STUDIED_JOINTS.index(row.printed.joint), row.printed.method))
@@ -126,16 +119,7 @@ def published_section(study: Comparison) -> dict[str, object]:
 
 
 def printed_row(study: Comparison, printed: PublishedModel, records: dict[str, IOData]) -> PrintedRow:
-    """Section of the report on one printed model.
-
-    Args:
-        study: The study.
-        printed: The model.
-        records: Records of several joints, as `several_records` returns them.
-
-    Returns:
-        The row.
-    """
+    """Row of a printed model, with its fits to the single-joint tests and to records of several joints."""
     singles = study.joints[printed.joint].data
     k = STUDIED_JOINTS.index(printed.joint)
     return PrintedRow(

@@ -69,13 +69,7 @@ class Shortcomings:
 
 
 def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | None = None) -> Shortcomings:
-    """Collect the claims and numbers that do not hold.
-
-    Args:
-        study: The study.
-        findings: Its findings, decided.
-        tally: Many seeds.
-    """
+    """Collect the claims and numbers that do not hold, by this run and by many seeds."""
     models = [(name, model) for name, entry in study.joints.items() for model in entry.models.values()]
     printed = [(name, model) for name, entry in study.joints.items() for model in entry.published]
     misses = []
@@ -115,16 +109,7 @@ def context(
     *,
     motion: Mapping[str, Any] | None = None,
 ) -> dict[str, object]:
-    """Return the variables of the templates by name.
-
-    Args:
-        study: The study.
-        findings: Its findings, decided.
-        answer: Responses on the first screen.
-        tally: Conclusions of many seeds, if the page is to speak of chance.
-        progress: Called with the figures made and those in all.
-        motion: Results of `hmtb motion`, if the page is to have them.
-    """
+    """Return the variables of the templates by name; see `write_report` for the arguments."""
     arm, no_arm = arm_picture()
     moments, outcome = exchange(study)
     figures = report_figures(study, answer, progress, motion=motion["map"] if motion else ())
@@ -234,11 +219,7 @@ def write_report(
 
 
 def html(values: Mapping[str, object]) -> tuple[str, LongTables]:
-    """The page as text, and the tables that are too long for it.
-
-    Args:
-        values: Variables of the templates, see `context`.
-    """
+    """The page as text from the variables of `context`, and the tables that are too long for it."""
     tables = LongTables()
     page = Page(
         {

@@ -30,9 +30,6 @@ def results(
         findings: The decided findings.
         report: Where the report was written.
         tally: Conclusions of many seeds.
-
-    Returns:
-        Plain mappings, numbers and texts.
     """
     models = study.multivariable
     return {

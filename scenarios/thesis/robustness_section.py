@@ -11,14 +11,7 @@ from scenarios.thesis.robustness import MARGIN as ORDER_MARGIN
 
 
 def robustness(study: Comparison) -> dict[str, object]:
-    """Numbers of the section.
-
-    Args:
-        study: The study.
-
-    Returns:
-        Variables of the template.
-    """
+    """Variables of the template of this section."""
     results = study.robustness
     return {
         "joints": tuple(results.judged_by),
