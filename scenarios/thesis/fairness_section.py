@@ -4,13 +4,14 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
+from typing import NamedTuple
 
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM, Condition
 from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.estimates import Fits
-from scenarios.thesis.fairness_table import ArmFairness, FairModel, Fairness
+from scenarios.thesis.fairness_table import ArmFairness, Fairness
 from scenarios.thesis.verdicts import MARGIN, tied
 
 RECORDS = {"mimo-10": "slow chirp, 0 to 1 Hz", "mimo-12": "fast chirp, 5 to 10 Hz", RPCM: "exchange"}
@@ -19,14 +20,8 @@ RECORDS = {"mimo-10": "slow chirp, 0 to 1 Hz", "mimo-12": "fast chirp, 5 to 10 H
 WAYS = {"simulation": "in simulation", "one_step": "one step ahead"}
 
 
-@dataclass(frozen=True)
-class Answer:
-    """Conclusions on one arm.
-
-    Attributes:
-        words: The conclusion; what is compared between arms.
-        detail: The number behind it, or nothing.
-    """
+class Answer(NamedTuple):
+    """Conclusion on one arm, in words that are compared between arms, and the number behind it, or nothing."""
 
     words: str
     detail: str = ""
@@ -134,11 +129,9 @@ def _single(arm: ArmFairness, own: int, way: str) -> Answer | None:
 
 
 def _several(arm: ArmFairness, record: str, way: str) -> Answer | None:
-    models = {entry.name: entry for entry in arm.three_joint if not entry.printed}
-    fits = [models[name].fits.get(record) for name in ("SysID", "OKID") if name in models]
-    if len(fits) < 2 or fits[0] is None or fits[1] is None:
+    first, second = arm.fits("SysID", False, record), arm.fits("OKID", False, record)
+    if first is None or second is None:
         return None
-    first, second = fits[0], fits[1]
     return _winners({joint: (first[joint], second[joint]) for joint in first}, way)
 
 
@@ -177,86 +170,29 @@ def fairness_section(study: Comparison) -> dict[str, object]:
         return {"arms": ()}
     entries = conclusions(fairness)
     return {
-        "arms": [(str(arm.condition), arm.truth_hz) for arm in fairness.arms],
-        "joints": _joints(fairness),
-        "three": _three_joint_rows(fairness),
+        "arms": fairness.arms,
+        "labels": {
+            joint: dict.fromkeys(
+                (entry.label, entry.chosen) for arm in fairness.arms for entry in arm.joints.get(joint, ())
+            )
+            for joint in dict.fromkeys(joint for arm in fairness.arms for joint in arm.joints)
+        },
+        "kinds": dict.fromkeys((entry.name, entry.printed) for arm in fairness.arms for entry in arm.three_joint),
+        "records": {
+            record: name
+            for record, name in RECORDS.items()
+            if any(record in entry.fits for arm in fairness.arms for entry in arm.three_joint)
+        },
         "conclusions": [
             (entry.question, [entry.answers.get(arm.condition) for arm in fairness.arms], entry.changes())
             for entry in entries
         ],
-        "said": changes_text(entries),
-        "estimation_test": fairness.estimation_test,
+        "changes": changes_text(entries),
+        "own": fairness.estimation_test,
+        "percent": percent,
     }
 
 
 def percent(value: float) -> str:
     """A fit as text."""
     return f"{value:.1f}" if value >= WORST else f"< {WORST:g}".replace("-", "−")
-
-
-def _both(fit: Fits | None) -> str:
-    return "–" if fit is None else f"{percent(fit.simulation)} / {percent(fit.one_step)}"
-
-
-def _joints(fairness: Fairness) -> list[tuple[str, list[str], list[tuple[str, bool, list[dict[str, object] | None]]]]]:
-    """By joint: the truth of every arm, and a row for each model with a cell for each arm."""
-    groups = []
-    names = dict.fromkeys(joint for arm in fairness.arms for joint in arm.joints)
-    for joint in names:
-        labels = dict.fromkeys(
-            (entry.label, entry.chosen) for arm in fairness.arms for entry in arm.joints.get(joint, ())
-        )
-        rows = [
-            (label, chosen, [_cell(arm, joint, label, fairness) for arm in fairness.arms]) for label, chosen in labels
-        ]
-        groups.append((joint, [f"{arm.truth_hz[joint]:.3f}" for arm in fairness.arms], rows))
-    return groups
-
-
-def _cell(arm: ArmFairness, joint: str, label: str, fairness: Fairness) -> dict[str, object] | None:
-    model = next((entry for entry in arm.joints.get(joint, ()) if entry.label == label), None)
-    if model is None:
-        return None
-    own = fairness.estimation_test
-    return {
-        "estimation": _both(model.fits.get(own)),
-        "validation": _both(model.validation(own)),
-        "band": _band(model),
-        "covers": model.covers,
-        "stable": model.stable,
-        "refused": model.refused,
-    }
-
-
-def _band(model: FairModel) -> str:
-    if model.bandwidth_hz != model.bandwidth_hz:
-        return "no bandwidth"
-    text = f"{model.bandwidth_hz:.3f} Hz"
-    return text if model.ci95 is None else f"{text} ({model.ci95[0]:.3f} – {model.ci95[1]:.3f})"
-
-
-def _three_joint_rows(fairness: Fairness) -> list[tuple[str, list[tuple[str, list[str]]]]]:
-    """By record: a row for each three-joint model, a cell for each arm with the mean over the joints."""
-    groups = []
-    for record, name in RECORDS.items():
-        names = dict.fromkeys((entry.name, entry.printed) for arm in fairness.arms for entry in arm.three_joint)
-        rows = []
-        for kind, printed in names:
-            cells = []
-            for arm in fairness.arms:
-                model = next((e for e in arm.three_joint if (e.name, e.printed) == (kind, printed)), None)
-                fits = None if model is None or record not in model.fits else list(model.fits[record].values())
-                cells.append(
-                    "–"
-                    if fits is None
-                    else _both(
-                        Fits(
-                            sum(fit.simulation for fit in fits) / len(fits),
-                            sum(fit.one_step for fit in fits) / len(fits),
-                        )
-                    )
-                )
-            rows.append((f"{'printed ' if printed else ''}{kind} model", cells))
-        if any(cell != "–" for _, cells in rows for cell in cells):
-            groups.append((name, rows))
-    return groups

@@ -8,8 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 
-import numpy as np
-
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM, Condition
 from scenarios.experiments.model_structures import STRUCTURES, every_structure
@@ -56,11 +54,6 @@ class FairModel:
         """Whether there is a model and it is stable."""
         return self.model is not None and self.model.is_stable()
 
-    @property
-    def predicts(self) -> bool:
-        """Whether a noise model lets it predict."""
-        return self.model is not None and bool(np.any(self.model.gain))
-
     def validation(self, own: int) -> Fits | None:
         """Median over the tests of other sequences than that of the estimation test `own`; None without any."""
         same_sequence = tests_of_same_sequence(own)
@@ -104,6 +97,15 @@ class ArmFairness:
     def chosen(self, joint: str, *, okid: bool) -> FairModel:
         """The model that the thesis' SysID or OKID model has for a joint, identified anew."""
         return _chosen(self.joints[joint], printed=False, okid=okid)
+
+    def model(self, joint: str, label: str) -> FairModel | None:
+        """Its model of a joint with a label, if there is one."""
+        return next((entry for entry in self.joints.get(joint, ()) if entry.label == label), None)
+
+    def fits(self, name: str, printed: bool, record: str) -> Mapping[str, Fits] | None:
+        """Fits of a three-joint model to a record by joint, if there are any."""
+        models = (entry for entry in self.three_joint if (entry.name, entry.printed) == (name, printed))
+        return next((entry.fits.get(record) for entry in models), None)
 
     def identified(self) -> tuple[FairModel, ...]:
         """All identified models of all joints."""
