@@ -3,8 +3,8 @@
 import csv
 import io
 import re
-from html.parser import HTMLParser
 from pathlib import Path
+from xml.etree import ElementTree
 
 from markupsafe import Markup, escape
 
@@ -12,50 +12,30 @@ from hmtb_twin.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
 
 
-class _Rows(HTMLParser):
-    """Rows of the tables in a text; the heading of a group of rows becomes their first cell."""
+def _rows(markup: str) -> tuple[str, list[list[str]]]:
+    """Caption and rows of the tables in a text; the heading of a group of rows becomes their first cell."""
+    # Templates write well-formed tables but for the line break and the one entity that XML lacks.
+    text = str(markup).replace("<br>", "<br/>").replace("&nbsp;", " ")
+    root = ElementTree.fromstring(f"<div>{text}</div>")
+    rows: list[list[str]] = []
+    group = ""
+    for part in root.iter():
+        head = part.tag == "thead"
+        for row in part.findall("tr"):
+            if row.get("class") == "group":
+                group = _text(row[0], head)
+                continue
+            rows.append(["" if head else group])
+            for cell in row:
+                rows[-1] += [_text(cell, head)] + [""] * (int(cell.get("colspan", 1)) - 1)
+    return _text(next(root.iter("caption")), True), rows
 
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.rows: list[list[str]] = []
-        self.caption = ""
-        self._cell: list[str] | None = None
-        self._span, self._group, self._grouped, self._head = 1, "", False, False
-        self.feed(text)
-        self.close()
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        attributes = dict(attrs)
-        if tag == "tr":
-            self.rows.append([])
-            self._grouped = attributes.get("class") == "group"
-        elif tag in ("td", "th", "caption"):
-            self._cell, self._span = [], int(attributes.get("colspan") or 1)
-        elif tag == "thead":
-            self._head = True
-        elif tag == "br" and self._cell is not None:
-            self._cell.append(" " if self._head else " / ")
-
-    def handle_data(self, data: str) -> None:
-        if self._cell is not None:
-            self._cell.append(data)
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag == "thead":
-            self._head = False
-        elif tag == "tr":
-            if self._grouped:
-                self._group = self.rows.pop()[0]
-            elif self.rows[-1]:
-                self.rows[-1].insert(0, "" if self._head else self._group)
-        elif tag in ("td", "th", "caption") and self._cell is not None:
-            # Programs read ASCII minus signs.
-            text = " ".join("".join(self._cell).split()).replace("−", "-")
-            self._cell = None
-            if tag == "caption":
-                self.caption = self.caption or text
-            else:
-                self.rows[-1] += [text] + [""] * (self._span - 1)
+def _text(cell: ElementTree.Element, head: bool) -> str:
+    for line_break in cell.iter("br"):
+        line_break.text = " " if head else " / "
+    # Programs read ASCII minus signs.
+    return " ".join("".join(cell.itertext()).split()).replace("−", "-")
 
 
 class LongTables:
@@ -76,8 +56,8 @@ class LongTables:
         """
         if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name) or name in self.texts:
             raise ScenarioError(f"table name {name!r}: expected words of a-z and 0-9 apart by hyphens, each name once")
-        table = _Rows(markup)
-        rows = [row for k, row in enumerate(table.rows) if row and (k == 0 or row != table.rows[0])]
+        caption, rows = _rows(markup)
+        rows = [row for k, row in enumerate(rows) if k == 0 or row != rows[0]]
         if not any(row[0] for row in rows):
             rows = [row[1:] for row in rows]
         text = io.StringIO()
@@ -85,7 +65,7 @@ class LongTables:
         self.texts[name] = text.getvalue()
         file = f"tables/{name}.csv"
         return Markup('<p class="file">Table <a href="{0}">{0}</a>, {1} rows: {2}</p>').format(
-            file, len(rows) - 1, escape(table.caption)
+            file, len(rows) - 1, escape(caption)
         )
 
     def write(self, folder: Path) -> None:
