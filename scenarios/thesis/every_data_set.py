@@ -18,8 +18,8 @@ from scenarios.thesis.steps import NO_REPORT, Part
 from sysid import IOData, StateSpace, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 
-AUDIBLE = 0.01
-"""Least power of an exciting line, as a part of the strongest: 40 dB, where rounding and noise of the command begin."""
+AUDIBLE = 0.1
+"""Least power of an exciting component, as a part of the strongest: below lie rounding and noise of the command."""
 
 LARGEST_ORDER = 50
 """Largest order of excitation that is counted; the value means "at least"."""
