@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from statistics import median
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,13 +32,10 @@ BAND = np.geomspace(0.5, 10.0, 60)
 """Band in which responses are compared, Hz: from the lowest line of a waveform file to the highest of a test."""
 
 
-@dataclass(frozen=True)
-class Excited:
-    """Excitation by the input of a record.
+class Excited(NamedTuple):
+    """Orders of excitation of a record: of its waveform file, if one was played, and of the commanded angle.
 
-    Attributes:
-        file: Order of excitation of the waveform file [Morris1996, sec. II.2]; None where no file was played.
-        command: That of the commanded angle, components above `AUDIBLE` counted, `LARGEST_ORDER` at most.
+    Of the command, components above `AUDIBLE` count, `LARGEST_ORDER` at most [Morris1996, sec. II.2].
     """
 
     file: int | None
@@ -63,7 +61,6 @@ class DataSetModel:
         independence_p: p-value of their independence of the input.
         fits: How it follows records, its own among them, by name: all of its own, and of others where they
             were asked for, else a minute of them.
-        warnings: What the estimator had to say.
     """
 
     record: str
@@ -79,7 +76,6 @@ class DataSetModel:
     whiteness_p: float
     independence_p: float
     fits: Mapping[str, Fits]
-    warnings: tuple[str, ...]
 
     @property
     def radius(self) -> float:
@@ -107,15 +103,8 @@ class DataSetModel:
         return median(fit.simulation for fit in self.others.values()) if self.others else float("nan")
 
 
-@dataclass(frozen=True)
-class Refusal:
-    """A structure that could not be identified from a record.
-
-    Attributes:
-        record: Name of the scenario.
-        structure: What was asked for.
-        reason: Why not.
-    """
+class Refusal(NamedTuple):
+    """A structure that could not be identified from a record, with the reason."""
 
     record: str
     structure: Structure
@@ -156,12 +145,7 @@ class DataSets:
 
 
 def every_data_set(
-    joint: str,
-    campaign: Campaign,
-    *,
-    judged: Collection[str] = (),
-    thorough: bool = False,
-    part: Part = NO_REPORT,
+    joint: str, campaign: Campaign, *, judged: Collection[str] = (), thorough: bool = False, part: Part = NO_REPORT
 ) -> DataSets:
     """Identify a joint from every record.
 
@@ -208,14 +192,9 @@ def _excited(name: str, record: IOData, campaign: Campaign) -> Excited:
 
 
 def _identified(
-    name: str,
-    record: IOData,
-    structure: Structure,
-    excited: Excited,
-    judges: Mapping[str, IOData],
+    name: str, record: IOData, structure: Structure, excited: Excited, judges: Mapping[str, IOData]
 ) -> DataSetModel:
     with warnings.catch_warnings():
-        # They stand in the record.
         warnings.simplefilter("ignore", SysidWarning)
         model = estimate(record, structure.estimator, structure.orders)
         band = model.bandwidth()
@@ -236,7 +215,6 @@ def _identified(
         whiteness_p=float(test.whiteness_p[0]),
         independence_p=float(test.independence_p[0, 0]),
         fits=MappingProxyType(followed),
-        warnings=tuple(model.diagnostics["warnings"]),
     )
 
 

@@ -2,13 +2,14 @@
 
 import base64
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 
-from hmtb_twin import JOINTS, JointLog, TwinError, load_arm, render
+from hmtb_twin import JOINTS, TwinError, load_arm, render
 from hmtb_twin.arm.rendering import Stage
 from hmtb_twin.run.playback import frames, pictured_arm
 from scenarios.experiments.campaign import RPCM, single_joint_test
@@ -38,29 +39,16 @@ VISIBLE = 0.12
 """Motion that the eye follows on the arm, rad: the film enlarges smaller ones to about this."""
 
 
-@dataclass(frozen=True)
-class Moment:
-    """A picture of the exchange.
-
-    Attributes:
-        phase: What is being done.
-        time: When, s.
-        picture: The picture as the address of an image, or nothing where none could be drawn.
-    """
+class Moment(NamedTuple):
+    """A phase of the exchange, its time, s, and its picture as the address of an image."""
 
     phase: str
     time: float
     picture: str
 
 
-@dataclass(frozen=True)
-class Film:
-    """A film of the arm.
-
-    Attributes:
-        address: The film as the address of a video; empty where there is none.
-        caption: What it shows, or why there is none.
-    """
+class Film(NamedTuple):
+    """A film as the address of a video, with its caption; without a film the address is empty, the caption says why."""
 
     address: str
     caption: str
@@ -75,8 +63,7 @@ def arm_picture() -> tuple[str, str]:
 
 
 def _sentence(error: Exception) -> str:
-    message = str(error)
-    return message[:1].upper() + message[1:]
+    return str(error)[:1].upper() + str(error)[1:]
 
 
 def enlargement(motion: np.ndarray) -> int:
@@ -110,15 +97,11 @@ def film(study: Comparison) -> Film:
     except (TwinError, ScenarioError) as error:
         return Film("", f"There is no film. {_sentence(error)}.")
     swing = MRAD * float(np.ptp((angles - home)[:, JOINTS.index(FILMED)])) / 2.0
-    size = (
-        f"Every angle is enlarged {factor} times: the joint moves by ±{swing:.2g} mrad"
-        if factor > 1
-        else f"Not enlarged: the joint moves by ±{swing:.2g} mrad"
-    )
+    size = f"Every angle is enlarged {factor} times" if factor > 1 else "Not enlarged"
     return Film(
         "data:video/mp4;base64," + base64.b64encode(data).decode("ascii"),
         f"The {short(FILMED)} plays the pseudorandom binary sequence that models are identified from, in real time. "
-        f"{size}.",
+        f"{size}: the joint moves by ±{swing:.2g} mrad.",
     )
 
 
@@ -129,17 +112,13 @@ def exchange(study: Comparison, phases: Sequence[str] = PHASES) -> tuple[tuple[M
         return (), ""
     outcome = rpcm_outcome(log)
     times = {name: sum(outcome.phases[name]) / 2 for name in phases if name in outcome.phases}
+    moments = []
     try:
-        return _moments(log, log.unit_pose, times), str(outcome)
+        with Stage(pictured_arm(log), *SIZE) as stage:
+            for phase, time in times.items():
+                tick = min(round(time / log.dt), len(log) - 1)
+                picture = stage.picture("seats", log.true_angles[tick], log.unit_pose[tick])
+                moments.append(Moment(phase, time, photograph(picture)))
     except TwinError:
         return (), str(outcome)
-
-
-def _moments(log: JointLog, unit_pose: np.ndarray, times: dict[str, float]) -> tuple[Moment, ...]:
-    moments = []
-    with Stage(pictured_arm(log), *SIZE) as stage:
-        for phase, time in times.items():
-            tick = min(round(time / log.dt), len(log) - 1)
-            picture = stage.picture("seats", log.true_angles[tick], unit_pose[tick])
-            moments.append(Moment(phase, time, photograph(picture)))
-    return tuple(moments)
+    return tuple(moments), str(outcome)

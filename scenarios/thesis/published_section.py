@@ -1,10 +1,8 @@
 """Report section on published values: those the twin assumes and those it reproduces."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from math import degrees
-
-import numpy as np
+from typing import NamedTuple
 
 from hmtb_twin import STUDIED_JOINTS
 from hmtb_twin.parameters.drives import ACTUATORS
@@ -12,31 +10,15 @@ from hmtb_twin.parameters.values import BUS, GAINS, HAND_CONTROLLER, MOTIONS, SE
 from scenarios.experiments.campaign import RPCM
 from scenarios.experiments.registry import names as tests
 from scenarios.files.errors import MissingRecordError
-from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.estimates import Fits, fits
 from scenarios.thesis.finding import Finding
-from scenarios.truth.published import (
-    DRAWS,
-    EQUATIONS,
-    PUBLISHED,
-    SYSTEMS,
-    DigitRange,
-    PublishedModel,
-    published,
-)
+from scenarios.truth.published import DRAWS, EQUATIONS, PUBLISHED, SYSTEMS, PublishedModel, published
 from sysid import IOData
 
 
-@dataclass(frozen=True)
-class AssumedValue:
-    """A value of the twin that comes from the thesis.
-
-    Attributes:
-        what: The value.
-        why: Its origin, and what follows.
-        findings: Findings that it affects.
-    """
+class AssumedValue(NamedTuple):
+    """A value of the twin that comes from the thesis, its origin with what follows, and the findings it affects."""
 
     what: str
     why: str
@@ -89,23 +71,10 @@ def _span(values: Iterable[float]) -> str:
     return texts[0] if len(texts) == 1 else f"{texts[0]} to {texts[-1]}"
 
 
-@dataclass(frozen=True, eq=False)
-class PrintedRow:
-    """A printed model in the table.
-
-    Attributes:
-        printed: The model.
-        digits: What its rounding leaves open.
-        near: Whether its bandwidth is about 1 Hz.
-        observer: Largest modulus of the eigenvalues of A - K C: below one where it can predict.
-        singles: Fits to the single-joint tests of its joint, by number.
-        several: Fits on its joint to the records of several joints, by name.
-    """
+class PrintedRow(NamedTuple):
+    """A printed model with its fits: to single-joint tests by number, on its joint to records of several by name."""
 
     printed: PublishedModel
-    digits: DigitRange
-    near: bool
-    observer: float
     singles: dict[int, Fits]
     several: dict[str, Fits]
 
@@ -123,12 +92,9 @@ def printed_row(study: Comparison, printed: PublishedModel, records: dict[str, I
     singles = study.joints[printed.joint].data
     k = STUDIED_JOINTS.index(printed.joint)
     return PrintedRow(
-        printed=printed,
-        digits=printed.digit_range,
-        near=near_1_hz(printed.bandwidth_hz),
-        observer=float(np.abs(np.roots(printed.noise_polynomial)).max(initial=0.0)),
-        singles={number: fits(printed.model, data) for number, data in singles.items()},
-        several={name: fits(printed.model, data.select(inputs=[k], outputs=[k])) for name, data in records.items()},
+        printed,
+        {number: fits(printed.model, data) for number, data in singles.items()},
+        {name: fits(printed.model, data.select(inputs=[k], outputs=[k])) for name, data in records.items()},
     )
 
 

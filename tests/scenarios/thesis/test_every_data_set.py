@@ -89,7 +89,6 @@ def _model(gain, pole):
         whiteness_p=0.5,
         independence_p=0.5,
         fits={"siso-1-shoulder_yaw": Fits(90.0, 95.0)},
-        warnings=(),
     )
 
 
