@@ -29,16 +29,34 @@ class Measure:
     Attributes:
         what: What is measured, with its unit.
         values: By name of the model.
-        ahead: `SysID`, `OKID` or `neither`, of the two identified from the twin.
-        printed_ahead: The same of the two as printed; nothing where the digits do not tell.
+        more: Whether the larger number is ahead.
         digits: Decimals that say something.
+        margin: Smaller differences are ties.
+        compared: What of a number is compared.
     """
 
     what: str
     values: Mapping[str, float]
-    ahead: str
-    printed_ahead: str = ""
+    more: bool
     digits: int = 1
+    margin: float = 0.0
+    compared: Callable[[float], float] = float
+
+    @property
+    def ahead(self) -> str:
+        """`SysID`, `OKID` or `neither`, of the two identified from the twin."""
+        return self._leader("")
+
+    @property
+    def printed_ahead(self) -> str:
+        """The same of the two as printed; empty without numbers for them."""
+        return self._leader("printed ") if "printed SysID model" in self.values else ""
+
+    def _leader(self, kind: str) -> str:
+        own, okid = (self.compared(self.values[f"{kind}{name} model"]) for name in ("SysID", "OKID"))
+        if own == okid or np.isnan(own) or np.isnan(okid) or abs(own - okid) < self.margin:
+            return DRAW
+        return "SysID" if (own > okid) == self.more else "OKID"
 
     def text(self, name: str) -> str:
         """The number of a model as text; a dash where it has none."""
@@ -48,13 +66,7 @@ class Measure:
 
 @dataclass(frozen=True)
 class Category:
-    """One of the seven categories.
-
-    Attributes:
-        name: As the thesis calls it.
-        thesis: Who is ahead there.
-        measures: The numbers; none where the study has not tried it.
-    """
+    """One of the seven categories, with who is ahead in the thesis, and its measures if the study has tried it."""
 
     name: str
     thesis: str
@@ -82,80 +94,40 @@ def categories(study: Comparison) -> tuple[Category, ...]:
     )
 
 
-def _measure(
-    what: str,
-    study: Comparison,
-    of: Callable[[ThreeJointModel], float],
-    *,
-    more: bool,
-    printed: bool = True,
-    digits: int = 1,
-    margin: float = 0.0,
-) -> Measure:
-    """A number for every model; the larger is ahead if more is better and the difference is no tie."""
-    values = {entry.name: of(entry) for entry in study.multivariable.models if printed or not entry.printed}
-    return Measure(
-        what,
-        values,
-        _better(values["SysID model"], values["OKID model"], more, margin),
-        _better(values["printed SysID model"], values["printed OKID model"], more, margin) if printed else "",
-        digits,
-    )
-
-
-def _better(own: float, okid: float, more: bool, margin: float = 0.0) -> str:
-    if own == okid or np.isnan(own) or np.isnan(okid) or abs(own - okid) < margin:
-        return DRAW
-    return "SysID" if (own > okid) == more else "OKID"
+def _of_models(study: Comparison, number: Callable[[ThreeJointModel], float]) -> dict[str, float]:
+    return {entry.name: number(entry) for entry in study.multivariable.models}
 
 
 def _bandwidth(study: Comparison) -> tuple[Measure, ...]:
-    truth = {joint: entry.best_linear.hz for joint, entry in study.joints.items()}
+    def error(entry: ThreeJointModel) -> float:
+        hz = {
+            joint: block.bandwidth()[0, 0] / study.joints[joint].best_linear.hz for joint, block in entry.blocks.items()
+        }
+        return float(np.mean([abs(100 * (ratio - 1)) for ratio in hz.values()]))
 
-    def bandwidth_error(entry: ThreeJointModel) -> float:
-        return float(
-            np.mean([abs(100 * (block.bandwidth()[0, 0] / truth[joint] - 1)) for joint, block in entry.blocks.items()])
-        )
-
-    measures = [
-        _measure("bandwidth off the best linear truth, mean over the joints, %", study, bandwidth_error, more=False)
-    ]
+    what = "bandwidth off the best linear truth, mean over the joints, %"
     fast = [name for name in FAST[1] if name in study.multivariable.records]
-    if fast:
-        measures += [
-            _measure(
+    return (
+        Measure(what, _of_models(study, error), more=False),
+        *(
+            Measure(
                 f"fit above 5 Hz {WORDS[way]}, median of {len(fast)} records, mean over the joints, %",
-                study,
-                lambda entry, way=way: median(entry.fit(name).mean(way) for name in fast),  # type: ignore[misc]
+                {e.name: median(e.fit(name).mean(way) for name in fast) for e in study.multivariable.models},
                 more=True,
                 margin=MARGIN,
             )
             for way in WAYS
-        ]
-    return tuple(measures)
-
-
-def _stability(study: Comparison) -> tuple[Measure, ...]:
-    measure = _measure("largest modulus of a pole", study, lambda entry: entry.largest_pole, more=False, digits=3)
-
-    def verdict(own: str, okid: str) -> str:
-        stable = [measure.values[name] < 1.0 for name in (own, okid)]
-        return DRAW if stable[0] == stable[1] else ("SysID" if stable[0] else "OKID")
-
-    return (
-        Measure(
-            f"{measure.what} (truth {_slowest(study):.3f})",
-            measure.values,
-            verdict("SysID model", "OKID model"),
-            verdict("printed SysID model", "printed OKID model"),
-            3,
+            if fast
         ),
     )
 
 
-def _slowest(study: Comparison) -> float:
-    """Largest modulus of a pole of the three joints' true responses."""
-    return max(float(np.abs(entry.truth.model.poles()).max()) for entry in study.joints.values())
+def _stability(study: Comparison) -> tuple[Measure, ...]:
+    """Largest modulus of a pole: a stable model is ahead of an unstable one, two stable ones are level."""
+    slowest = max(float(np.abs(entry.truth.model.poles()).max()) for entry in study.joints.values())
+    what = f"largest modulus of a pole (truth {slowest:.3f})"
+    values = _of_models(study, lambda entry: entry.largest_pole)
+    return (Measure(what, values, more=False, digits=3, compared=lambda modulus: float(modulus >= 1.0)),)
 
 
 def _flexibility(study: Comparison) -> tuple[Measure, ...]:
@@ -163,48 +135,37 @@ def _flexibility(study: Comparison) -> tuple[Measure, ...]:
 
     Accepted is a model that is stable and follows its own record better than `FOLLOWS` in simulation.
     """
-    accepted: dict[bool, list[str]] = {False: [], True: []}
-    single: list[str] = []
+    accepted: dict[str, list[str]] = {"SysID model": [], "OKID model": []}
     for entry in study.data_sets.values():
-        single += entry.single
         for model in entry.singles():
             if model.stable and model.own.simulation > FOLLOWS:
-                accepted[model.structure.method == "okid"].append(model.record)
-    prbs = f"siso-{study.estimation_test}-"
-    structures = [sum(record.startswith(prbs) for record in accepted[okid]) for okid in (False, True)]
-    whole = [len(set(accepted[okid])) for okid in (False, True)]
-    return tuple(
-        Measure(what, {"SysID model": float(a), "OKID model": float(b)}, _better(a, b, True), digits=0)
-        for what, (a, b) in (
-            ("accepted structures from the PRBS test, three joints", structures),
-            (f"single-joint data sets with an accepted model, of {len(single)}", whole),
-        )
+                accepted["OKID model" if model.structure.method == "okid" else "SysID model"].append(model.record)
+    prbs, single = f"siso-{study.estimation_test}-", sum(len(entry.single) for entry in study.data_sets.values())
+    structures = {name: float(sum(one.startswith(prbs) for one in records)) for name, records in accepted.items()}
+    whole = {name: float(len(set(records))) for name, records in accepted.items()}
+    return (
+        Measure("accepted structures from the PRBS test, three joints", structures, more=True, digits=0),
+        Measure(f"single-joint data sets with an accepted model, of {single}", whole, more=True, digits=0),
     )
 
 
 def _parsimony(study: Comparison) -> tuple[Measure, ...]:
-    states = _measure("states", study, lambda entry: float(entry.model.order), more=False, digits=0)
     information = {
-        name: sum(
-            _aic(study.joints[joint].data[study.estimation_test], study, joint, name == "OKID model")
+        f"{name} model": sum(
+            _aic(study.joints[joint].data[study.estimation_test], study, joint, name == "OKID")
             for joint in study.joints
         )
-        for name in ("SysID model", "OKID model")
+        for name in ("SysID", "OKID")
     }
     least = min(information.values())
+    what = "Akaike's criterion on the data of estimation above the smaller, three joints"
     return (
-        states,
-        Measure(
-            "Akaike's criterion on the data of estimation above the smaller, three joints",
-            {name: value - least for name, value in information.items()},
-            _better(information["SysID model"], information["OKID model"], False),
-            digits=0,
-        ),
+        Measure("states", _of_models(study, lambda entry: float(entry.model.order)), more=False, digits=0),
+        Measure(what, {name: value - least for name, value in information.items()}, more=False, digits=0),
         *(
-            _measure(
+            Measure(
                 f"fit {WORDS[way]} per state, mean over joints and records of other waveforms, %",
-                study,
-                lambda entry, way=way: _mean_fit(entry, way) / entry.model.order,  # type: ignore[misc]
+                {entry.name: _mean_fit(entry, way) / entry.model.order for entry in study.multivariable.models},
                 more=True,
             )
             for way in WAYS
@@ -228,44 +189,37 @@ def _mean_fit(entry: ThreeJointModel, way: Way) -> float:
 
 def _robustness(study: Comparison) -> tuple[Measure, ...]:
     """Share of disturbed records whose model keeps the bandwidth of the model from the undisturbed record."""
-    results = study.robustness
     measures = []
     for disturbance in ("bias", "outliers"):
-        counts = {}
-        for name, okid in (("SysID model", False), ("OKID model", True)):
+        shares = {}
+        for name in ("SysID model", "OKID model"):
             mine = [
                 entry
-                for entry in results.outcomes
-                if entry.chosen and (entry.method == "okid") == okid and entry.treatment == AS_IT_IS[0]
+                for entry in study.robustness.outcomes
+                if entry.chosen
+                and (entry.method == "okid") == (name == "OKID model")
+                and entry.treatment == AS_IT_IS[0]
             ]
             plain = {e.joint: e.bandwidth_hz for e in mine if e.disturbance == "bias" and e.degree == 0.0}
             disturbed = [e for e in mine if e.disturbance == disturbance and e.degree > 0.0 and e.joint in plain]
             same = [abs(e.bandwidth_hz / plain[e.joint] - 1) <= SAME for e in disturbed]
-            counts[name] = 100 * float(np.mean(same)) if same else float("nan")
-        measures.append(
-            Measure(
-                f"records spoilt by {disturbance} that move the bandwidth by up to {100 * SAME:.0f} %, %",
-                counts,
-                _better(counts["SysID model"], counts["OKID model"], True),
-                digits=0,
-            )
-        )
+            shares[name] = 100 * float(np.mean(same)) if same else float("nan")
+        what = f"records spoilt by {disturbance} that move the bandwidth by up to {100 * SAME:.0f} %, %"
+        measures.append(Measure(what, shares, more=True, digits=0))
     return tuple(measures)
 
 
 def _exchange(study: Comparison) -> tuple[Measure, ...]:
-    if RPCM not in study.multivariable.records:
-        return ()
     return tuple(
-        _measure(
+        Measure(
             f"fit {WORDS[way]}, mean over the joints, %",
-            study,
-            lambda entry, way=way: entry.fit(RPCM).mean(way),  # type: ignore[misc]
+            {entry.name: entry.fit(RPCM).mean(way) for entry in study.multivariable.models},
             more=True,
             digits=2,
             margin=MARGIN,
         )
         for way in WAYS
+        if RPCM in study.multivariable.records
     )
 
 
@@ -275,19 +229,12 @@ def _several(study: Comparison) -> tuple[Measure, ...]:
     measures = []
     for way in WAYS:
         values: dict[str, float] = {}
-        for printed in (False, True):
-            own, okid = study.multivariable.pair(printed=printed)
+        for own, okid in (study.multivariable.pair(printed=printed) for printed in (False, True)):
             lead = [own.fit(name).mean(way) - okid.fit(name).mean(way) for name in records]
             values[own.name], values[okid.name] = (float(sum(ahead(sign * v) for v in lead)) for sign in (1, -1))
-        measures.append(
-            Measure(
-                f"records of {len(records)} of other waveforms that it follows better by {MARGIN:g} points "
-                f"{WORDS[way]}, mean "
-                "over the joints",
-                values,
-                _better(values["SysID model"], values["OKID model"], True),
-                _better(values["printed SysID model"], values["printed OKID model"], True),
-                0,
-            )
+        what = (
+            f"records of {len(records)} of other waveforms that it follows better by {MARGIN:g} points {WORDS[way]}, "
+            "mean over the joints"
         )
+        measures.append(Measure(what, values, more=True, digits=0))
     return tuple(measures)

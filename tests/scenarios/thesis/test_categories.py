@@ -32,7 +32,7 @@ def test_all_seven_have_numbers_for_both_models(study):
 
 
 def test_the_category_says_when_its_measures_disagree():
-    one, other = (Measure("x", {"SysID model": 1.0}, ahead) for ahead in ("SysID", "OKID"))
+    one, other = (Measure("x", {"SysID model": 1.0, "OKID model": 0.5}, more) for more in (True, False))
     assert Category("c", "SysID", (one, one)).ahead == "SysID"
     assert Category("c", "SysID", (one, other)).ahead == "depends on the measure"
     assert Category("c", "SysID", ()).ahead == "not tried"
