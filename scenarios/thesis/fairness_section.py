@@ -7,17 +7,12 @@ from itertools import combinations
 from typing import NamedTuple
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.experiments.campaign import RPCM, Condition
+from scenarios.experiments.campaign import Condition
 from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.estimates import Fits
-from scenarios.thesis.fairness_table import ArmFairness, Fairness
-from scenarios.thesis.verdicts import MARGIN, tied
-
-RECORDS = {"mimo-10": "slow chirp, 0 to 1 Hz", "mimo-12": "fast chirp, 5 to 10 Hz", RPCM: "exchange"}
-"""Display names of the three-joint records."""
-
-WAYS = {"simulation": "in simulation", "one_step": "one step ahead"}
+from scenarios.thesis.fairness_table import RECORDS, ArmFairness, Fairness
+from scenarios.thesis.verdicts import MARGIN, WORDS, tied
 
 
 class Answer(NamedTuple):
@@ -29,12 +24,7 @@ class Answer(NamedTuple):
 
 @dataclass(frozen=True)
 class Conclusion:
-    """One question with its answer on every arm.
-
-    Attributes:
-        question: What is asked.
-        answers: By arm, in their order; nothing for an arm without the record.
-    """
+    """One question with its answer on every arm, in their order; nothing for an arm without the record."""
 
     question: str
     answers: dict[Condition, Answer | None]
@@ -60,7 +50,7 @@ def conclusions(fairness: Fairness) -> tuple[Conclusion, ...]:
         ("Whether most 95 % intervals hold the truth", _held),
         ("Whether every identified model is stable", _stable),
     ]
-    for way, words in WAYS.items():
+    for way, words in WORDS.items():
         question = f"SysID or OKID better on single-joint tests not seen, {words}"
         questions.append((question, partial(_single, own=own, way=way)))
         for record, name in RECORDS.items():
@@ -82,7 +72,7 @@ def changes_text(conclusions: tuple[Conclusion, ...]) -> str:
     ways = " and ".join(
         f"{sum(entry.changes() for entry in conclusions if entry.question.endswith(words))} of "
         f"{sum(entry.question.endswith(words) for entry in conclusions)} {words}"
-        for words in WAYS.values()
+        for words in WORDS.values()
     )
     return (
         f"Of {len(conclusions)} conclusions {len(changed)} change between the arms: friction alone changes {rubbed}, "

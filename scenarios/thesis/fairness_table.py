@@ -17,8 +17,8 @@ from scenarios.thesis.steps import NO_REPORT, Part
 from scenarios.truth.published import published
 from sysid import IOData, StateSpace, SysidError, SysidWarning
 
-RECORDS = ("mimo-10", "mimo-12", RPCM)
-"""Records of three joints that every arm has: the slow and the fast chirp, the exchange."""
+RECORDS = {"mimo-10": "slow chirp, 0 to 1 Hz", "mimo-12": "fast chirp, 5 to 10 Hz", RPCM: "exchange"}
+"""Records of three joints that every arm has, with their names for people."""
 
 
 @dataclass(frozen=True, eq=False)

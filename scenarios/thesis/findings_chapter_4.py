@@ -7,7 +7,7 @@ import numpy as np
 
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.files.errors import MissingRecordError
-from scenarios.thesis.comparison import Comparison, ModelResult
+from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.every_data_set import DataSetModel, DataSets, distances
 from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, words
 from scenarios.thesis.number_text import minus, p_value
@@ -100,6 +100,7 @@ def yaw_armax(study: Comparison) -> Finding:
     model = study.joints["shoulder_yaw"].models["armax"]
     distance, printed = nearest(model.estimate.model), nearest(EQUATIONS["4.7"].model)
     test = model.residual_test
+    largest = float(np.abs(test.autocorrelation[1:, 0, 0]).max() / test.whiteness_bound)
     return decided_finding(
         "F9",
         {
@@ -110,7 +111,7 @@ def yaw_armax(study: Comparison) -> Finding:
         {
             "whiteness p": float(test.whiteness_p[0]),
             "independence p": float(test.independence_p[0, 0]),
-            "largest autocorrelation over its bound": _excess(model),
+            "largest autocorrelation over its bound": largest,
             "nearest pole and zero": distance,
         },
         f"{int(test.outside_whiteness[0])} of 25 lags lie outside the 99 % bounds of whiteness. The nearest pole and "
@@ -169,7 +170,8 @@ def elbow_armax(study: Comparison) -> Finding:
     """F12: on the elbow pitch ARMAX is best, and whiter than OE."""
     fits = flexibility(study, "elbow_pitch")
     models = study.joints["elbow_pitch"].models
-    colour = {name: _colour(models[name]) for name in COMPARED}
+    correlations = {name: models[name].residual_test.autocorrelation[1:, 0, 0] for name in COMPARED}
+    colour = {name: float(np.sqrt(np.mean(values**2))) for name, values in correlations.items()}
     return decided_finding(
         "F12",
         {"ARMAX best": best(fits, "ARMAX", "OE"), "whiter": colour["armax"] < colour["oe"]},
@@ -239,12 +241,3 @@ def _friction(study: Comparison, joint: str, method: str, *tests: str) -> str:
         f"{', '.join(f'{name} {p_value(p)}' for name, p in values.items())}, so friction "
         f"{'makes the residuals fail' if passed else 'is not all that makes residuals fail'}"
     )
-
-
-def _excess(model: ModelResult) -> float:
-    test = model.residual_test
-    return float(np.abs(test.autocorrelation[1:, 0, 0]).max() / test.whiteness_bound)
-
-
-def _colour(model: ModelResult) -> float:
-    return float(np.sqrt(np.mean(model.residual_test.autocorrelation[1:, 0, 0] ** 2)))
