@@ -1,13 +1,8 @@
 """Numbers of the study as text: significant digits, probabilities, roots, and the numbers of findings."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from scenarios.thesis.finding import Finding
-
-if TYPE_CHECKING:
-    from scenarios.thesis.monte_carlo import Spread
 
 TINY = 1e-300
 """Probabilities below this are printed as such: the tail of the distribution is not computed further."""
@@ -50,13 +45,6 @@ def parts(finding: Finding) -> list[tuple[str, str, str | None]]:
         else:
             parts.append((name, text, None))
     return parts
-
-
-def limits(spread: "Spread | None", finding: Finding) -> str:
-    """Return the range of a finding's number over the seeds, in brackets; empty where it does not move."""
-    if spread is None or spread.low == spread.high or np.isnan(spread.low):
-        return ""
-    return f"({measure(spread.low, finding)} – {measure(spread.high, finding)})"
 
 
 def root(value: complex, digits: int = 3) -> str:

@@ -27,8 +27,8 @@ from scenarios.thesis.figures import ReportFigure, report_figures, without_count
 from scenarios.thesis.finding import CLAIMS, Finding
 from scenarios.thesis.frequencies import ORDER, chance, frequency_text
 from scenarios.thesis.long_tables import LongTables
-from scenarios.thesis.monte_carlo import Tally
-from scenarios.thesis.number_text import limits, parts, root, value_text
+from scenarios.thesis.monte_carlo import Spread, Tally
+from scenarios.thesis.number_text import measure, parts, root, value_text
 from scenarios.thesis.pictures import arm_picture, exchange, film
 from scenarios.thesis.plotting_library import compressed_plotly
 from scenarios.thesis.published_section import assumed_values, assumed_values_of, published_section
@@ -216,6 +216,13 @@ def write_report(
     except OSError as error:
         raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
     return path
+
+
+def limits(spread: Spread | None, finding: Finding) -> str:
+    """Return the range of a finding's number over the seeds, in brackets; empty where it does not move."""
+    if spread is None or spread.low == spread.high or np.isnan(spread.low):
+        return ""
+    return f"({measure(spread.low, finding)} – {measure(spread.high, finding)})"
 
 
 def html(values: Mapping[str, object]) -> tuple[str, LongTables]:

@@ -17,8 +17,7 @@ from scenarios.thesis.finding import Verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.monte_carlo import Tally, outcome
-from scenarios.thesis.number_text import limits
-from scenarios.thesis.report import html, write_report
+from scenarios.thesis.report import html, limits, write_report
 from tests.refusals import refused
 from tests.scenarios.web_page import Page
 

@@ -4,7 +4,8 @@ import numpy as np
 
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.monte_carlo import spread
-from scenarios.thesis.number_text import limits, measure, number, parts, root, value_text
+from scenarios.thesis.number_text import measure, number, parts, root, value_text
+from scenarios.thesis.report import limits
 
 
 def test_numbers_roots_and_parameters_as_text():
