@@ -15,7 +15,7 @@ from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.registry import load
 from scenarios.identification.recovered_bandwidth import intervals_agree
 from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
-from scenarios.thesis.attribution import ORDERS, order_effects, scaled
+from scenarios.thesis.attribution import ORDERS, conditions, order_effects
 from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, OTHER_WAVEFORMS, Campaign
 from scenarios.thesis.estimates import fits
 from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, METHODS, full_models, three_joint_truth
@@ -96,13 +96,16 @@ def test_same_seed_same_result(study):
     assert again.excitation[0].parameters["seed"] == 11
 
 
-def test_a_gentle_experiment_differs_in_amplitude_alone():
+def test_conditions_switch_off_one_thing_more_each_time():
     scenario = load("siso-5-elbow_pitch")
-    small = scaled(scenario)
+    smooth, small = conditions(scenario)
+    assert (smooth.chain.friction, small.chain.friction) == (False, False)
+    np.testing.assert_array_equal(smooth.volts(), scenario.volts())
     asked, less = (replace(entry, chain=replace(entry.chain, dac=False)).volts() for entry in (scenario, small))
     np.testing.assert_allclose(less, 0.3 * asked)
-    assert (small.chain, small.seed) == (scenario.chain, scenario.seed)
-    assert small.name != scenario.name
+    assert {entry.chain.noise and entry.chain.resolver for entry in (smooth, small)} == {True}
+    assert {smooth.seed, small.seed} == {scenario.seed}
+    assert len({scenario.name, smooth.name, small.name}) == 3
 
 
 def test_preparation_leaves_whole_settled_periods_without_mean(study):
