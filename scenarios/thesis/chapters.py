@@ -6,7 +6,7 @@ from math import degrees
 import numpy as np
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Status
-from hmtb_twin.parameters.values import HAND_CONTROLLER, MOTIONS
+from hmtb_twin.parameters.values import HAND_CONTROLLER, MOTIONS, SAMPLE_RATE
 from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.registry import load
@@ -14,7 +14,9 @@ from scenarios.report.figure_style import MRAD
 from scenarios.thesis.campaign import plays_identified_sequence, tests_of_same_sequence
 from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison, JointResult
+from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES
 from scenarios.thesis.every_data_set import AUDIBLE, DataSets, distances
+from scenarios.thesis.findings_chapter_6 import bias_and_outliers
 from scenarios.thesis.model_charts import METHODS
 from scenarios.thesis.multi_input import EXCITED, off_diagonal, pushed_by_others
 from scenarios.thesis.multivariable import FAST_CHIRP
@@ -22,6 +24,7 @@ from scenarios.thesis.number_text import p_value
 from scenarios.thesis.observer_analysis import P, hankel_share, observer_poles
 from scenarios.thesis.order_search import IMPROVES
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS
+from scenarios.thesis.robustness import COMPARABLE, MARGIN, PART, sysid_method, tolerance
 from scenarios.truth.published import PERCENT_DESCRIBED
 from sysid import StateSpace
 from sysid.models.bandwidth import half_power_hz
@@ -193,3 +196,38 @@ def _exchange(study: Comparison) -> dict[str, object]:
         "away": {joint: float(np.degrees(value)) for joint, value in departure(study).items()},
         "loaded": 100.0 * float(held.mean()),
     }
+
+
+def robustness(study: Comparison) -> dict[str, object]:
+    """Section VI.6: tolerated degrees of disturbances, orders needed, intervals that hold the truth."""
+    results = study.robustness
+    chosen = [entry for entry in results.outcomes if entry.chosen]
+    covers = {
+        "SysID": [entry.covers for entry in chosen if entry.method != "okid"],
+        "OKID": [entry.covers for entry in chosen if entry.method == "okid"],
+    }
+    return {
+        "joints": tuple(results.judged_by),
+        "judged_by": sorted({number for numbers in results.judged_by.values() for number in numbers}),
+        "seconds": PART / SAMPLE_RATE,
+        "comparable": COMPARABLE,
+        "order_margin": MARGIN,
+        "tolerances": [
+            _tolerated(study, *pair)
+            for pair in dict.fromkeys((entry.disturbance, entry.treatment) for entry in results.outcomes)
+        ],
+        "orders": results.orders,
+        "statements": bias_and_outliers(study).parts if results.judged_by else {},
+        "coverage": [(name, sum(held), len(held)) for name, held in covers.items()],
+    }
+
+
+def _tolerated(study: Comparison, key: str, treatment: str) -> tuple[str, str, list[list[str]]]:
+    """A disturbance and its unit, and for each joint what SysID and OKID tolerate, in words."""
+    disturbance, results = DISTURBANCES[key], study.robustness
+    label = disturbance.label if disturbance.treatments == AS_IT_IS else f"{disturbance.label}; {treatment}"
+    cells = [
+        [tolerance(results, key, joint, method, treatment) for method in (sysid_method(joint), "okid")]
+        for joint in results.judged_by
+    ]
+    return label, disturbance.unit, cells

@@ -114,7 +114,7 @@ class MotionStudy:
             "decided": "2026-11-23, before results",
             "explains": EXPLAINS,
             "campaign": vars(self.campaign),
-            "items": {joint: [item.name for item in items(joint)] for joint in STUDIED_JOINTS},
+            "items": {joint: list(items(joint)) for joint in STUDIED_JOINTS},
             "best": {joint: _record(self.best(joint)) for joint in STUDIED_JOINTS},
             "arms": [_arm_record(arm) for arm in self.arms[:SHOWN]],
             "nominal": _arm_record(self.nominal),
@@ -164,7 +164,7 @@ def _arm_text(arm: ArmScore) -> str:
 
 
 def _worst(cell: Cell) -> str:
-    names = [item.name for item in items(cell.setting.joint)]
+    names = list(items(cell.setting.joint))
     order = np.argsort(cell.distances)[:-4:-1]
     return "; ".join(f"{names[k]} ({cell.distances[k]:.1f})" for k in order)
 
@@ -175,8 +175,7 @@ def _bandwidths(cell: Cell) -> str:
 
 
 def _record(cell: Cell) -> dict[str, object]:
-    names = (item.name for item in items(cell.setting.joint))
-    return {**cell.record(), "distances": dict(zip(names, cell.distances, strict=True))}
+    return {**cell.record(), "distances": dict(zip(items(cell.setting.joint), cell.distances, strict=True))}
 
 
 def _arm_record(arm: ArmScore) -> dict[str, object]:

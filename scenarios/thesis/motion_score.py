@@ -45,59 +45,48 @@ ORDERS_BELOW = {"shoulder_yaw": 2.0, "shoulder_pitch": 1.0, "elbow_pitch": 1.0}
 """Orders of magnitude of the disturbance below the output [Morris1996, sec. III.2C and III.3]."""
 
 
-@dataclass(frozen=True)
-class Item:
-    """One printed number or claim of a joint.
-
-    Attributes:
-        name: What it is.
-        distance: From the numbers of a record to the distance, in tolerances; NaN where a number is missing.
-    """
-
-    name: str
-    distance: Callable[[Mapping[str, float]], float]
+Distance = Callable[[Mapping[str, float]], float]
+"""From the numbers of a record to the distance of an item, in tolerances; NaN where a number is missing."""
 
 
-def _ratio(key: str, printed: float, tolerance: float) -> Callable[[Mapping[str, float]], float]:
+def _ratio(key: str, printed: float, tolerance: float) -> Distance:
     return lambda row: abs(log(row[key] / printed)) / tolerance if row[key] > 0.0 else float("nan")
 
 
-def _claim(holds: Callable[[Mapping[str, float]], bool]) -> Callable[[Mapping[str, float]], float]:
+def _claim(holds: Callable[[Mapping[str, float]], bool]) -> Distance:
     return lambda row: 0.0 if holds(row) else FARTHEST
 
 
-_RESIDUALS: Mapping[str, tuple[tuple[str, Callable[[Mapping[str, float]], bool]], ...]] = {
-    "shoulder_yaw": (
-        ("residuals of ARMAX white", lambda row: row["armax_white"] == 1.0),
-        ("residuals of ARMAX independent of the input", lambda row: row["armax_independent"] == 1.0),
-        ("residuals of OE not white", lambda row: row["oe_white"] == 0.0),
-    ),
-    "shoulder_pitch": (("residuals of OE independent of the input", lambda row: row["oe_independent"] == 1.0),),
-    "elbow_pitch": (
-        ("residuals of ARMAX whiter than of OE", lambda row: row["armax_correlation"] < row["oe_correlation"]),
-    ),
+_RESIDUALS: Mapping[str, Mapping[str, Callable[[Mapping[str, float]], bool]]] = {
+    "shoulder_yaw": {
+        "residuals of ARMAX white": lambda row: row["armax_white"] == 1.0,
+        "residuals of ARMAX independent of the input": lambda row: row["armax_independent"] == 1.0,
+        "residuals of OE not white": lambda row: row["oe_white"] == 0.0,
+    },
+    "shoulder_pitch": {"residuals of OE independent of the input": lambda row: row["oe_independent"] == 1.0},
+    "elbow_pitch": {
+        "residuals of ARMAX whiter than of OE": lambda row: row["armax_correlation"] < row["oe_correlation"]
+    },
 }
 """Claims on residuals by joint [Morris1996, sec. IV.3A, IV.4]; whiteness and independence at 99 %."""
 
 
 @cache
-def items(joint: str) -> tuple[Item, ...]:
-    """Return everything that the thesis prints of a joint."""
-    models = [
-        Item(f"{model.label}, {name}", _ratio(f"{model.method}_{key}", model_numbers(model.model)[key], tolerance))
-        for model in published(joint)
-        for key, (name, tolerance) in TOLERANCES.items()
-    ]
+def items(joint: str) -> Mapping[str, Distance]:
+    """Return everything that the thesis prints of a joint, numbers and claims, by name."""
     low, high = DELAYS
     orders = ORDERS_BELOW[joint]
-    return (
-        *models,
-        Item("tail of OKID", _ratio("okid_tail_percent", 100.0 - PERCENT_DESCRIBED[joint], log(2.0))),
-        Item("break of the spectrum", _ratio("break_rad_s", BREAK_FREQUENCY[joint], log(1.1))),
-        Item("delay", lambda row: max(low - row["peak_lag"], row["peak_lag"] - high, 0.0)),
-        Item("disturbance", lambda row: abs(row["disturbance_orders"] - orders) / 0.5),
-        *(Item(name, _claim(holds)) for name, holds in _RESIDUALS[joint]),
-    )
+    return {
+        f"{model.label}, {name}": _ratio(f"{model.method}_{key}", model_numbers(model.model)[key], tolerance)
+        for model in published(joint)
+        for key, (name, tolerance) in TOLERANCES.items()
+    } | {
+        "tail of OKID": _ratio("okid_tail_percent", 100.0 - PERCENT_DESCRIBED[joint], log(2.0)),
+        "break of the spectrum": _ratio("break_rad_s", BREAK_FREQUENCY[joint], log(1.1)),
+        "delay": lambda row: max(low - row["peak_lag"], row["peak_lag"] - high, 0.0),
+        "disturbance": lambda row: abs(row["disturbance_orders"] - orders) / 0.5,
+        **{name: _claim(holds) for name, holds in _RESIDUALS[joint].items()},
+    }
 
 
 @dataclass(frozen=True)
@@ -167,7 +156,7 @@ def _cells(setting: Setting, rows: Sequence[Row]) -> Iterator[Cell]:
             _Numbers({key: other[key] for key in _OF_SINES if key in other} | one)
             for one, other in zip(records, beside, strict=False)
         ]
-        every = np.array([[_capped(item.distance(one)) for item in items(setting.joint)] for one in joined])
+        every = np.array([[_capped(distance(one)) for distance in items(setting.joint).values()] for one in joined])
         names = dict.fromkeys(name for one in joined for name in one if name not in ("volts", "seed", "logged"))
         middle = tuple(float(value) for value in np.median(every, axis=0))
         yield Cell(

@@ -13,7 +13,7 @@ from scenarios.experiments.campaign import RPCM
 from scenarios.experiments.registry import names
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.campaign import Campaign
-from scenarios.thesis.estimates import Fits, fits
+from scenarios.thesis.estimates import fits
 from scenarios.thesis.multi_input import (
     INDEPENDENT,
     SHARED,
@@ -55,27 +55,19 @@ LAGS = 25
 
 @dataclass(frozen=True)
 class JointFits:
-    """Fits of a model to one record, joint by joint.
+    """Fits of a model to one record by joint, percent.
 
     Attributes:
-        joints: By joint; where K = 0, one step ahead is the simulation again.
+        simulation: In simulation.
+        one_step: One step ahead; where K = 0, the simulation again.
     """
 
-    joints: Mapping[str, Fits]
-
-    @property
-    def simulation(self) -> Mapping[str, float]:
-        """Fits in simulation by joint, percent."""
-        return self.of("simulation")
-
-    @property
-    def one_step(self) -> Mapping[str, float]:
-        """Fits one step ahead by joint, percent."""
-        return self.of("one_step")
+    simulation: Mapping[str, float]
+    one_step: Mapping[str, float]
 
     def of(self, way: Way) -> Mapping[str, float]:
-        """Fits by joint, of one kind, percent."""
-        return {joint: getattr(entry, way) for joint, entry in self.joints.items()}
+        """Fits of one kind."""
+        return {"simulation": self.simulation, "one_step": self.one_step}[way]
 
     def mean(self, way: Way) -> float:
         """Mean fit over the joints, percent."""
@@ -228,7 +220,10 @@ def _compared(
         model,
         relative_error(model, truth),
         relative_error(model, truth, diagonal=True),
-        {name: JointFits(joints) for name, joints in followed.items()},
+        {
+            name: JointFits(*({joint: getattr(fit, way) for joint, fit in joints.items()} for way in WAYS))
+            for name, joints in followed.items()
+        },
         _residual_tests(model, campaign),
     )
 

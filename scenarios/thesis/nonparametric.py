@@ -116,21 +116,21 @@ def period_spectra(data: IOData, period: int = POINTS) -> PeriodSpectra:
     lines = np.arange(1, period // 2)
     near = together * lines[:, None] + np.arange(-(together // 2), together // 2 + 1)
     scale = data.dt / length
-    input_power, output_power = (
-        scale * power[near].mean(axis=1),
-        scale * np.mean(np.abs(y) ** 2, axis=0)[near].mean(axis=1),
-    )
-    noise = scale * disturbance[near].mean(axis=1)
+
+    def density(power: np.ndarray) -> np.ndarray:
+        """Mean around each line of the waveform."""
+        return np.asarray(scale * power[near].mean(axis=1))
+
     same = scale * np.abs(np.mean(u, axis=0)[together * lines]) ** 2 / together
     return PeriodSpectra(
         frequencies=lines / (period * data.dt),
-        input=input_power,
-        output=output_power,
-        disturbance=noise,
-        cross=scale * cross[near].mean(axis=1),
+        input=density(power),
+        output=density(np.mean(np.abs(y) ** 2, axis=0)),
+        disturbance=density(disturbance),
+        cross=density(cross),
         periods=count * together,
         degrees_of_freedom=2 * (count - 1) * together,
-        repeating=np.divide(same, input_power, out=np.zeros(len(lines)), where=input_power > 0.0),
+        repeating=np.divide(same, density(power), out=np.zeros(len(lines)), where=density(power) > 0.0),
         dt=data.dt,
     )
 

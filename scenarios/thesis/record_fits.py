@@ -7,7 +7,7 @@ from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.campaign import OTHER_WAVEFORMS, plays_identified_sequence
-from scenarios.thesis.comparison import Comparison, ModelResult
+from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.multivariable import Kind, Way
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS, reference_fits
 from scenarios.thesis.verdicts import tied
@@ -32,15 +32,15 @@ def fits_to_records(study: Comparison, kind: Kind, joint: str, records: Records,
     Raises:
         MissingRecordError: One of the records is missing: fits to others would be an answer to another question.
     """
-    single, several = _single(study, kind, joint), study.multivariable.model(kind)
+    entry, several = study.joints[joint], study.multivariable.model(kind)
+    single = entry.models["okid"] if kind == "OKID" else entry.chosen
     fits = {}
     for number in records[0]:
         if number not in single.fits:
             name = single_joint_test(number, joint)
             study.campaign.log(name)
             raise MissingRecordError(f"the models of {joint} were not compared with {name}")
-        fit = single.fits[number]
-        fits[f"siso-{number}"] = fit.simulation if way == "simulation" else fit.one_step
+        fits[f"siso-{number}"] = getattr(single.fits[number], way)
     return fits | {name: several.fit(name).of(way)[joint] for name in records[1]}
 
 
@@ -137,11 +137,6 @@ def ties(differences: Mapping[str, float]) -> str:
     """In words: which differences of fits are ties; nothing where none is."""
     joints = [name for name, value in differences.items() if tied(value)]
     return f"tied: {'; '.join(name.replace('_', ' ') for name in joints)}" if joints else "nothing is tied"
-
-
-def _single(study: Comparison, kind: Kind, joint: str) -> ModelResult:
-    entry = study.joints[joint]
-    return entry.models["okid"] if kind == "OKID" else entry.chosen
 
 
 def _list_text(values: Iterable[float]) -> str:

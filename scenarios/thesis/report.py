@@ -20,7 +20,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.report.page import Page
 from scenarios.thesis.answer import Answer, certainty, sentences
-from scenarios.thesis.chapters import chapter_3, chapter_4, chapter_5, chapter_6
+from scenarios.thesis.chapters import chapter_3, chapter_4, chapter_5, chapter_6, robustness
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fairness_section import fairness_section
 from scenarios.thesis.figures import ReportFigure, report_figures, without_counterpart, write_figures
@@ -34,7 +34,6 @@ from scenarios.thesis.plotting_library import compressed_plotly
 from scenarios.thesis.published_section import assumed_values, assumed_values_of, published_section
 from scenarios.thesis.response_charts import EXCITED_FROM
 from scenarios.thesis.results import friction_in_words
-from scenarios.thesis.robustness_section import robustness
 from sysid.models.bandwidth import half_power_hz
 
 SECTIONS: Mapping[str, Callable[[Comparison], object]] = {

@@ -86,7 +86,7 @@ def run_study(
     steps = steps or planned_steps(conditions, duration, thorough=thorough)
     campaigns = []
     for condition, scenarios in plan(conditions, seed=seed, duration=duration):
-        with steps.step(simulation_of(condition)) as part:
+        with steps.step(f"simulate the arm {condition}") as part:
             ran = run_campaign(
                 condition, scenarios, seed=seed, duration=duration, threads=threads, progress=part.of_total
             )
@@ -147,11 +147,6 @@ def plan(
     )
 
 
-def simulation_of(condition: Condition) -> str:
-    """Return the name of the step that plays the campaign on an arm."""
-    return f"simulate the arm {condition}"
-
-
 def planned_steps(
     conditions: Sequence[Condition] = CONDITIONS,
     duration: float | None = None,
@@ -171,7 +166,7 @@ def planned_steps(
     """
     arms = plan(conditions, duration=duration)
     costs = {
-        simulation_of(condition): TICK * SAMPLE_RATE * sum(entry.duration for entry in scenarios)
+        f"simulate the arm {condition}": TICK * SAMPLE_RATE * sum(entry.duration for entry in scenarios)
         for condition, scenarios in arms
     }
     minutes = max(entry.duration for entry in arms[1][1]) / 60.0

@@ -11,7 +11,6 @@ from scenarios.experiments.campaign import RPCM
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis import findings_chapter_6 as findings
 from scenarios.thesis import verdicts
-from scenarios.thesis.estimates import Fits
 from scenarios.thesis.findings import FINDINGS
 from scenarios.thesis.multivariable import JointFits
 from scenarios.thesis.reference_fits import COUPLED
@@ -85,7 +84,8 @@ def _moved(simulation, one_step=None):
     """Change all fits in simulation, and those one step ahead by as much or by another number."""
     other = simulation if one_step is None else one_step
     return lambda fits: JointFits(
-        {joint: Fits(one.simulation + simulation, one.one_step + other) for joint, one in fits.joints.items()}
+        {joint: fit + simulation for joint, fit in fits.simulation.items()},
+        {joint: fit + other for joint, fit in fits.one_step.items()},
     )
 
 

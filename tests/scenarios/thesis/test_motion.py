@@ -81,7 +81,7 @@ def distances(joint, **changes):
     (cell,) = cells({setting: [row, row | {"excitation": "sines"}]})
     assert cell.score == pytest.approx(np.mean(cell.distances))
     assert cell.within == sum(value <= 1.0 for value in cell.distances)
-    return dict(zip([item.name for item in items(joint)], cell.distances, strict=True))
+    return dict(zip(items(joint), cell.distances, strict=True))
 
 
 @pytest.mark.parametrize("joint", STUDIED_JOINTS)
