@@ -34,36 +34,28 @@ LOSSY = 1000
 """Length of the record parts with lost samples, 20 s: estimating lost samples of a long record takes long."""
 
 
-def biased(data: IOData, degree: float, _: np.random.Generator) -> IOData:
-    """Add a constant to the output, standard deviations of the output."""
-    return replace(data, y=data.y + degree * np.std(data.y))
+def adds(shape: Callable[[IOData], float | np.ndarray]) -> Spoil:
+    """A disturbance that adds a shape (N,) to the output, times the degree in standard deviations of the output."""
+
+    def spoil(data: IOData, degree: float, _: np.random.Generator) -> IOData:
+        return replace(data, y=data.y + degree * np.std(data.y) * np.reshape(shape(data), (-1, 1)))
+
+    return spoil
 
 
-def add_drift(data: IOData, degree: float, _: np.random.Generator) -> IOData:
-    """Let the output rise evenly from zero, by so many of its standard deviations until the last sample."""
-    ramp = np.linspace(0.0, 1.0, len(data))[:, None]
-    return replace(data, y=data.y + degree * np.std(data.y) * ramp)
+biased = adds(lambda data: 1.0)
+"""Adds a constant to the output."""
 
 
-def add_slow_sine(data: IOData, degree: float, _: np.random.Generator) -> IOData:
-    """Add a slow sine to the output, its amplitude in standard deviations of the output."""
-    sine = np.sin(2 * np.pi * SLOW_SINE * data.dt * np.arange(len(data)))[:, None]
-    return replace(data, y=data.y + degree * np.std(data.y) * sine)
+def outliers(data: IOData, percent: float, size: float, rng: np.random.Generator) -> IOData:
+    """Move a share of the output's samples, percent, by so many standard deviations, up or down."""
+    hit = rng.random(data.y.shape) < percent / 100
+    return replace(data, y=data.y + hit * rng.choice([-1.0, 1.0], data.y.shape) * size * np.std(data.y))
 
 
 def frequent_outliers(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
     """Move a share of the output's samples, percent, by `OUTLIER_SIZE`."""
-    return _outliers(data, degree, OUTLIER_SIZE, rng)
-
-
-def large_outliers(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
-    """Move `OUTLIER_SHARE` of the output's samples by so many standard deviations."""
-    return _outliers(data, OUTLIER_SHARE, degree, rng)
-
-
-def _outliers(data: IOData, percent: float, size: float, rng: np.random.Generator) -> IOData:
-    hit = rng.random(data.y.shape) < percent / 100
-    return replace(data, y=data.y + hit * rng.choice([-1.0, 1.0], data.y.shape) * size * np.std(data.y))
+    return outliers(data, degree, OUTLIER_SIZE, rng)
 
 
 def held_dropouts(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
@@ -165,10 +157,10 @@ class Disturbance:
 SPOILS: Mapping[str, Spoil] = MappingProxyType(
     {
         "bias": biased,
-        "drift": add_drift,
-        "sway": add_slow_sine,
+        "drift": adds(lambda data: np.linspace(0.0, 1.0, len(data))),
+        "sway": adds(lambda data: np.sin(2 * np.pi * SLOW_SINE * data.dt * np.arange(len(data)))),
         "outliers": frequent_outliers,
-        "outlier size": large_outliers,
+        "outlier size": lambda data, degree, rng: outliers(data, OUTLIER_SHARE, degree, rng),
         "held drop-outs": held_dropouts,
         "marked drop-outs": marked_dropouts,
         "length": shortened,

@@ -50,16 +50,13 @@ def findings(study: Comparison) -> tuple[Finding, ...]:
 
     One whose record is missing, or refused by an estimator, cannot be told and says why.
     """
-    return tuple(_decide(key, study) for key in CLAIMS)
-
-
-def _decide(key: str, study: Comparison) -> Finding:
-    if key not in FINDINGS:
-        return undecided_finding(key, "no analysis of the study decides it")
-    try:
-        return FINDINGS[key](study)
-    except MissingRecordError as error:
-        return undecided_finding(key, str(error))
-    except SysidError as error:
-        # Records may be such that an estimator refuses them; whatever else goes wrong is a fault of the study.
-        return undecided_finding(key, f"an estimator refuses its record: {error}")
+    decided = []
+    for key in CLAIMS:
+        try:
+            decided.append(FINDINGS[key](study))
+        except MissingRecordError as error:
+            decided.append(undecided_finding(key, str(error)))
+        except SysidError as error:
+            # Records may be such that an estimator refuses them; whatever else goes wrong is a fault of the study.
+            decided.append(undecided_finding(key, f"an estimator refuses its record: {error}"))
+    return tuple(decided)

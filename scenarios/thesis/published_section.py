@@ -1,6 +1,8 @@
 """Report section on published values: those the twin assumes and those it reproduces."""
 
+import tomllib
 from collections.abc import Iterable, Sequence
+from importlib.resources import files
 from math import degrees
 from typing import NamedTuple
 
@@ -27,34 +29,20 @@ class AssumedValue(NamedTuple):
 
 def assumed_values() -> tuple[AssumedValue, ...]:
     """Return every value of the nominal arm that comes from the thesis."""
-    servos = [SERVOS[name] for name in STUDIED_JOINTS]
-    delays = sorted({BUS[name].delay for name in STUDIED_JOINTS})
-    limits = [degrees(MOTIONS[name].velocity_limit) for name in STUDIED_JOINTS]
     frictions = [ACTUATORS[name].coulomb_torque / ACTUATORS[name].rated_torque for name in STUDIED_JOINTS]
-    printed = [model for name in STUDIED_JOINTS for model in published(name)]
-    return (
-        AssumedValue(
-            f"slow pole of the servos: {_span(s.slow_pole for s in servos)} rad/s",
-            f"after the slow poles of the {len(printed)} printed models: a bandwidth near 1 Hz is put in",
-            ("F1", "F16", "F22"),
-        ),
-        AssumedValue(
-            f"bus delays of {_span(delays)} samples",
-            "nk - 1 of the printed models of each joint",
-            ("F3",),
-        ),
-        AssumedValue(
-            f"dry friction of the joints: {_span(100 * friction for friction in frictions)} % of the greatest torque",
-            "gains of the printed pitch models near one allow little; the slow poles of the printed yaw models suggest "
-            "more there",
-            ("F7", "F9"),
-        ),
-        AssumedValue(
-            f"gain of the hand controller: {HAND_CONTROLLER.gain:g} rad/V",
-            f"the largest round one at which a PRBS of 1 V keeps below the assumed limit of {_span(limits)} deg/s; the "
-            f"printed OKID matrices suggest {_span(GAINS.values())} rad/V, by the unit that they are read in",
-            ("F4", "F5"),
-        ),
+    numbers = {
+        "slow": _span(SERVOS[name].slow_pole for name in STUDIED_JOINTS),
+        "printed": sum(len(published(name)) for name in STUDIED_JOINTS),
+        "delays": _span(BUS[name].delay for name in STUDIED_JOINTS),
+        "friction": _span(100 * friction for friction in frictions),
+        "gain": HAND_CONTROLLER.gain,
+        "limits": _span(degrees(MOTIONS[name].velocity_limit) for name in STUDIED_JOINTS),
+        "readings": _span(GAINS.values()),
+    }
+    table = tomllib.loads((files("scenarios") / "data" / "assumed_values.toml").read_text(encoding="utf-8"))
+    return tuple(
+        AssumedValue(row["what"].format(**numbers), row["why"].format(**numbers), tuple(row["findings"]))
+        for row in table["value"]
     )
 
 
