@@ -108,15 +108,10 @@ def disturbed(study: Comparison) -> Chart:
         return tuple(series)
 
     def panels(kind: str) -> tuple[Panel, ...]:
-        unit = DISTURBANCES[kind].unit
+        labels = {False: "bandwidth over best linear truth − 1 / %", True: "100 − fit / %"}
         return tuple(
-            Panel(
-                unit,
-                "100 − fit / %" if fit else "bandwidth over best linear truth − 1 / %",
-                curves(kind, joint, fit),
-                short(joint),
-            )
-            for fit in (False, True)
+            Panel(DISTURBANCES[kind].unit, label, curves(kind, joint, fit), short(joint))
+            for fit, label in labels.items()
             for joint in results.judged_by
         )
 

@@ -167,26 +167,18 @@ def correlations(study: Comparison) -> Chart:
 
     def panels(entry: JointResult) -> tuple[Panel, ...]:
         known = study.nonparametric[entry.joint]
-        pairs = ((0, 0, "output"), (1, 1, "input"), (0, 1, "input to output"))
-        drawn = [
-            Panel(
-                "lag / samples",
-                "correlation",
-                tuple(
-                    Series(name, function.lags, function.normalised[:, i, j], Style(colour, "-", 1.0))
-                    for name, function, colour in (
-                        ("as recorded", known.covariances, "#8a8a8a"),
-                        ("input made white", known.whitened, "#0072b2"),
-                    )
-                ),
-                title,
+        looks = {"as recorded": "#8a8a8a", "input made white": "#0072b2"}
+        functions = dict(zip(looks, (known.covariances, known.whitened), strict=True))
+        drawn = []
+        for i, j, title in ((0, 0, "output"), (1, 1, "input"), (0, 1, "input to output")):
+            series = tuple(
+                Series(name, function.lags, function.normalised[:, i, j], Style(looks[name], "-", 1.0))
+                for name, function in functions.items()
             )
-            for i, j, title in pairs
-        ]
+            drawn.append(Panel("lag / samples", "correlation", series, title))
         lags, bound = known.pulse.lags, float(known.delay.bound[0, 0])
-        pulse = Series(
-            "from correlations", lags, known.pulse.response[:, 0, 0], Style(PALETTE["oe"].colour, "", 1.0, "^")
-        )
+        points = Style(PALETTE["oe"].colour, "", 1.0, "^")
+        pulse = Series("from correlations", lags, known.pulse.response[:, 0, 0], points)
         first = int(known.delay.correlation[0, 0])
         truth = Series("truth", lags, entry.truth.model.markov(len(lags))[:, 0, 0], PALETTE["truth"])
         text = f"pulse response (first lag beyond ±{bound:.2g}, 99 % of chance: {first})"
@@ -211,53 +203,22 @@ def observers(study: Comparison) -> Chart:
         system, true = np.asarray(diagnostics["system_markov"])[:SHOWN, 0, 0], known.true_markov[:SHOWN]
         numbers = np.arange(len(system))
         hankel = np.asarray(diagnostics["hankel_singular_values"], dtype=float)[:8]
-        errors = [
-            Series(
-                f"{label} error",
-                [row.p for row in known.errors],
-                [100 * getattr(row, label) for row in known.errors],
-                style,
-            )
+        points, tried = Style(look.colour, "", 1.0, "D"), [row.p for row in known.errors]
+        pulse = (Series("truth", numbers, true, PALETTE["truth"]), Series("from the observer", numbers, system, points))
+        sizes = (Series("Hankel singular value", np.arange(1, len(hankel) + 1), hankel / hankel[0], points),)
+        errors = tuple(
+            Series(f"{label} error", tried, [100 * getattr(row, label) for row in known.errors], style)
             for label, style in (("prediction", look), ("smoothing", PALETTE["oe"]))
-        ]
-        drawn = [
+        )
+        drawn = (
             Panel("lag / samples", "rad/rad", tuple(ours), "Markov parameters of the observer"),
-            Panel(
-                "sample after the pulse",
-                "rad/rad",
-                (
-                    Series("truth", numbers, true, PALETTE["truth"]),
-                    Series("from the observer", numbers, system, Style(look.colour, "", 1.0, "D")),
-                ),
-                "Markov parameters of the system",
-            ),
-            Panel(
-                "number",
-                "over the largest",
-                (
-                    Series(
-                        "Hankel singular value",
-                        np.arange(1, len(hankel) + 1),
-                        hankel / hankel[0],
-                        Style(look.colour, "", 1.0, "D"),
-                    ),
-                ),
-                "Hankel singular values",
-                "y",
-            ),
-        ]
-        if known.errors:
-            drawn.append(
-                Panel(
-                    "observer Markov parameters p",
-                    "% of the output",
-                    tuple(errors),
-                    "errors over p",
-                    "y",
-                    marks=(("x", 5.0, "p of the thesis"),),
-                )
-            )
-        return tuple(drawn)
+            Panel("sample after the pulse", "rad/rad", pulse, "Markov parameters of the system"),
+            Panel("number", "over the largest", sizes, "Hankel singular values", "y"),
+        )
+        if not known.errors:
+            return drawn
+        p, mark = "observer Markov parameters p", (("x", 5.0, "p of the thesis"),)
+        return (*drawn, Panel(p, "% of the output", errors, "errors over p", "y", marks=mark))
 
     return Chart(by_view(panels, joints(study)), columns=2, height=200)
 

@@ -248,23 +248,13 @@ def coupling(study: Comparison) -> Chart:
             label = f"all nine, {'a waveform each' if apart else 'shared waveform'}"
             curves.append((label, entry.model, Style(*(("#0072b2", "--") if apart else ("#d55e00", ":")), 1.4)))
 
+    def gains(row: int, column: int) -> tuple[Series, ...]:
+        shown = [curve for curve in curves if row == column or "diagonal" not in curve[0]]
+        return tuple(gain_series(label, model, FREQUENCIES, look, (row, column)) for label, model, look in shown)
+
     def panels(row: int) -> tuple[Panel, ...]:
-        return tuple(
-            Panel(
-                HZ,
-                GAIN,
-                tuple(
-                    gain_series(label, model, FREQUENCIES, look, (row, column))
-                    for label, model, look in curves
-                    if row == column or "diagonal" not in label
-                ),
-                f"from {name}",
-                "xy",
-                (0.05, 25.0),
-                (1e-4, 5.0),
-            )
-            for column, name in enumerate(names)
-        )
+        limits = (0.05, 25.0), (1e-4, 5.0)
+        return tuple(Panel(HZ, GAIN, gains(row, k), f"from {name}", "xy", *limits) for k, name in enumerate(names))
 
     rows: Mapping[str, int] = {name: row for row, name in enumerate(names)}
     return Chart(by_view(panels, rows), ("To",), columns=3, height=240)
