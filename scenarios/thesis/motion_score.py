@@ -117,11 +117,6 @@ class Cell:
     distances: tuple[float, ...]
     medians: Mapping[str, float]
 
-    @property
-    def motion(self) -> float:
-        """Amplitude of the stick's motion, rad."""
-        return self.setting.gain * self.volts
-
     def record(self) -> dict[str, object]:
         """Return the cell as one row of a table."""
         names = ("excitation", "volts", "logged", "score", "spread", "seeds", "within")

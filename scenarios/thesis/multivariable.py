@@ -24,7 +24,7 @@ from scenarios.thesis.multi_input import (
     three_joint_truth,
 )
 from scenarios.thesis.reference_fits import References, reference_fits
-from scenarios.truth.published import PUBLISHED
+from scenarios.truth.published import SYSTEMS
 from sysid import ResidualTest, StateSpace, SysidError
 from sysid.models import block_diagonal
 
@@ -182,19 +182,14 @@ def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace],
     """
     truth = three_joint_truth(campaign.truth)
     there = tuple(name for name in RECORDS if name in campaign.logs)
-    printed = [entry for entry in PUBLISHED if entry.chosen]
-    sources = {
-        False: (own, okid),
-        True: (
-            {entry.joint: entry.model for entry in printed if entry.method != "okid"},
-            {entry.joint: entry.model for entry in printed if entry.method == "okid"},
-        ),
-    }
-    models: list[ThreeJointModel] = []
-    for as_printed, (first, second) in sources.items():
-        hybrid = {**second, STUDIED_JOINTS[0]: first[STUDIED_JOINTS[0]]}
-        kinds: dict[Kind, Mapping[str, StateSpace]] = {"SysID": first, "OKID": second, "hybrid": hybrid}
-        models += [_compared(kind, as_printed, blocks, truth, campaign) for kind, blocks in kinds.items()]
+    yaw = STUDIED_JOINTS[0]
+    kinds: dict[Kind, Mapping[str, StateSpace]] = {"SysID": own, "OKID": okid, "hybrid": {**okid, yaw: own[yaw]}}
+    prints = {entry.name: {part.joint: part.model for part in entry.parts} for entry in SYSTEMS}
+    models = [
+        _compared(kind, printed, prints[kind.lower()] if printed else blocks, truth, campaign)
+        for printed in (False, True)
+        for kind, blocks in kinds.items()
+    ]
     full = tuple(
         model for name in (SHARED, INDEPENDENT) if name in there for model in full_models(name, campaign, truth)
     )

@@ -163,14 +163,12 @@ class RecordSummary:
     """One record of one joint in a row of a table.
 
     Attributes:
-        told: Lines on which the gain is known to a fifth.
         half_power_hz: Where the gain on them falls below 0.707, Hz; None where the lines do not reach from above it to
             below it.
         peak_lag: First lag at which the cross-correlation is largest, samples: delay and dynamics together.
         disturbance_percent: Power of what does not follow the input from period to period, percent of the output's.
     """
 
-    told: int
     half_power_hz: float | None
     peak_lag: int
     disturbance_percent: float
@@ -301,7 +299,6 @@ def summary(data: IOData, period: int = POINTS) -> RecordSummary:
         The row.
     """
     spectra = period_spectra(data, period)
-    response = spectra.reliable_response()
     # Circular over the whole periods: the lag by which the output follows, up to one period.
     whole = len(data) // period * period
     mean_u, mean_y = (x[:whole, 0].reshape(-1, period).mean(axis=0) for x in (data.u, data.y))
@@ -310,8 +307,7 @@ def summary(data: IOData, period: int = POINTS) -> RecordSummary:
     # A tone reaches the same correlation every cycle: take the first peak among those within chance of the largest.
     nearest = int(np.argmax(peaks & (correlation > 0.99 * correlation.max())))
     return RecordSummary(
-        told=len(response.frequencies),
-        half_power_hz=half_power(response),
+        half_power_hz=half_power(spectra.reliable_response()),
         peak_lag=nearest,
         disturbance_percent=100.0 * spectra.disturbance_share,
     )

@@ -19,7 +19,7 @@ from scenarios.thesis.campaign import tests_of_same_sequence
 from scenarios.thesis.estimates import estimate
 from scenarios.thesis.steps import NO_REPORT, Part
 from sysid import IOData, SysidError
-from sysid.validation import StructureTable
+from sysid.validation import StructureTable, fit_percent
 
 POLES = (1, 2, 3, 4, 5)
 """Steps of the search: numbers of poles. The thesis' largest has five."""
@@ -204,10 +204,8 @@ def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, ot
         independence_p=float(test.independence_p[0, 0]),
         outside=int(test.outside_whiteness[0]),
         # The simulation of an unstable model overflows.
-        held_out=median(_fit(model, other) for other in others) if radius < 1.0 else -np.inf,
+        held_out=median(float(fit_percent(one.y, sysid.predict(model, one, steps=None))[0]) for one in others)
+        if radius < 1.0
+        else -np.inf,
         passes=radius < 1.0 and independent and (white or method == "oe"),
     )
-
-
-def _fit(model: sysid.Estimate, other: IOData) -> float:
-    return float(sysid.validation.fit_percent(other.y, sysid.predict(model, other, steps=None))[0])
