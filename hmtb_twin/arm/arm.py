@@ -78,7 +78,10 @@ class Arm:
         No flow passes the valves, the oil is trapped but for the leakage; electric drives are held by their brakes.
         """
         shut = {name: drive.unpowered for name, drive in self.drives.items()}
-        return compile_arm(self.variant, self.payload, self.plant, self.specimen, shut, self.gains, self.worksite)
+        model = compile_arm(self.variant, self.payload, self.plant, self.specimen, shut, self.gains, self.worksite)
+        # Power fails in the middle of a run: the step stays.
+        model.opt.timestep = self.model.opt.timestep
+        return model
 
     @property
     def friction(self) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 
 from hmtb_twin.arm.controller_model import controller_model
 from hmtb_twin.arm.rigid_bodies import write_bodies
-from hmtb_twin.arm.worksite_model import worksite_spec
+from hmtb_twin.arm.worksite_model import TOUCH_SENSOR, worksite_spec
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.hydraulics.drive_actuators import ORIFICE_STEP, add_linear_drives, add_orifice_actuators
 from hmtb_twin.parameters.drives import Actuator, Drive
@@ -57,6 +57,9 @@ def compile_arm(
         add_orifice_actuators(spec, valves, gains)
     else:
         add_linear_drives(spec, drives, gains)
+    if worksite:
+        # The sensor remembers a whole tick.
+        spec.sensor(TOUCH_SENSOR).nsample = round(SAMPLE_TIME / spec.option.timestep)
     return spec.compile()
 
 

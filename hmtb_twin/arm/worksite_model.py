@@ -4,7 +4,7 @@ import mujoco
 
 from hmtb_twin.parameters.payloads import LATCH, TOUCH, UNIT
 from hmtb_twin.parameters.resources import model_file
-from hmtb_twin.parameters.values import LINKS, SAMPLE_TIME
+from hmtb_twin.parameters.values import LINKS
 
 UNIT_BODY = "rpcm"
 """Body of the replacement unit; its frame is the tool's when it is held exactly."""
@@ -83,7 +83,6 @@ def _free(spec: mujoco.MjSpec) -> None:
         type=mujoco.mjtSensor.mjSENS_TOUCH,
         objtype=mujoco.mjtObj.mjOBJ_SITE,
         objname=TOUCH_SENSOR,
-        nsample=round(SAMPLE_TIME / spec.option.timestep),
     )
     latch = spec.add_equality(
         name=LATCH_WELD,

@@ -1,6 +1,7 @@
 """Drives of an arm as MuJoCo actuators with user dynamics: linear ones, and servo valves on one supply."""
 
 from collections.abc import Mapping
+from math import ceil
 
 import mujoco
 import numpy as np
@@ -10,6 +11,7 @@ from hmtb_twin.hydraulics.callbacks import install_equations
 from hmtb_twin.parameters.drives import RATED_PRESSURE, Actuator, Drive
 from hmtb_twin.parameters.servo_gains import ServoGains
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve
+from hmtb_twin.parameters.values import INDEXED_JOINTS, SAMPLE_TIME
 
 ORIFICE_STEP = 0.001
 """Physics step of an arm with orifice actuators, s, by the Runge-Kutta method of fourth order.
@@ -19,6 +21,12 @@ By the first-order integrators of MuJoCo the oil's resonance on a light joint ne
 FASTEST_BRISTLES = 1000.0
 """Fastest rate at which bristles settle and damp a joint, 1/s; their stiffness is at most twice the inertia times its
 square, which the step resolves. It matters only for worn seals and for light joints."""
+
+
+LONGEST_STEP = 1.6
+"""Longest physics step of linear drives in time constants of their fastest mode: at 2.8 the integrator diverges.
+
+Stiff oil or a light specimen get a shorter step than their variant has."""
 
 
 def add_linear_drives(spec: mujoco.MjSpec, drives: Mapping[str, Drive], gains: Mapping[str, ServoGains]) -> None:
@@ -36,7 +44,15 @@ def add_linear_drives(spec: mujoco.MjSpec, drives: Mapping[str, Drive], gains: M
         TwinError: MuJoCo's structures are not recognised.
     """
     rows = {name: linear_parameters(drive, gains[name], joints=len(drives)) for name, drive in drives.items()}
-    _add_drives(spec, rows, eq.LINEAR_MARK, eq.LINEAR_STATES, shared=0)
+    inertias = _add_drives(spec, rows, eq.LINEAR_MARK, eq.LINEAR_STATES, shared=0)
+    fastest = max(
+        fastest_mode(rows[name], inertia, drives[name].drag)
+        for name, inertia in inertias.items()
+        if name not in INDEXED_JOINTS
+    )
+    # Steps end where a tick ends.
+    steps = max(round(SAMPLE_TIME / spec.option.timestep), ceil(SAMPLE_TIME * fastest / LONGEST_STEP))
+    spec.option.timestep = SAMPLE_TIME / steps
 
 
 def add_orifice_actuators(
@@ -68,14 +84,18 @@ def add_orifice_actuators(
     _add_drives(spec, rows, eq.VALVE_MARK, eq.STATES, shared=1)
 
 
-def _add_drives(spec: mujoco.MjSpec, rows: Mapping[str, np.ndarray], mark: float, states: int, shared: int) -> None:
+def _add_drives(
+    spec: mujoco.MjSpec, rows: Mapping[str, np.ndarray], mark: float, states: int, shared: int
+) -> dict[str, float]:
+    """Add the drives; return the inertia that each joint sees while the others are free, kg m^2."""
     install_equations()
     rigid = spec.compile()
     for actuator in list(spec.actuators):
         spec.delete(actuator)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    inertias = {name: float(1.0 / rigid.dof_invweight0[rigid.joint(name).dofadr[0]]) for name in rows}
     for j, (name, parameters) in enumerate(rows.items()):
-        inertia = 1.0 / rigid.dof_invweight0[rigid.joint(name).dofadr[0]]
+        inertia = inertias[name]
         for place, largest in (
             (eq.BRISTLE, 2.0 * FASTEST_BRISTLES**2 * inertia),
             (eq.BRISTLE_DAMPING, FASTEST_BRISTLES * inertia),
@@ -100,6 +120,28 @@ def _add_drives(spec: mujoco.MjSpec, rows: Mapping[str, np.ndarray], mark: float
             gaintype=mujoco.mjtGain.mjGAIN_FIXED,
             gainprm=10 * [0.0],
         )
+    return inertias
+
+
+def fastest_mode(p: np.ndarray, inertia: float, drag: float) -> float:
+    """Return the largest modulus of the poles of a joint on its linear drive and servo, rad/s.
+
+    Args:
+        p: Parameters of the drive (PARAMETERS,).
+        inertia: Inertia on its shaft, kg m^2.
+        drag: Viscous friction of the joint, N m s/rad.
+    """
+    D, compliance, opened = p[eq.DISPLACEMENT], 0.5 * p[eq.CHAMBER], (p[eq.FEED] + p[eq.PRESSURE_GAIN])
+    flow = [
+        -opened * p[eq.STIFFNESS] / D,
+        -opened * p[eq.DAMPER] / D + (p[eq.COMPENSATED] - 1.0) * D,
+        -p[eq.SLOPE] - p[eq.PRESSURE_GAIN] - p[eq.DYNAMIC_GAIN],
+        p[eq.DYNAMIC_GAIN],
+    ]
+    dynamics = np.zeros((4, 4))
+    dynamics[0, 1], dynamics[1, 1:3] = 1.0, [-drag / inertia, D / inertia]
+    dynamics[2], dynamics[3, 2:] = np.array(flow) / compliance, [1.0 / p[eq.WASHOUT], -1.0 / p[eq.WASHOUT]]
+    return float(np.abs(np.linalg.eigvals(dynamics)).max())
 
 
 def linear_parameters(drive: Drive, gains: ServoGains, *, joints: int = 1) -> np.ndarray:

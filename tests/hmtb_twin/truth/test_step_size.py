@@ -5,7 +5,7 @@ from itertools import product
 import mujoco
 import pytest
 
-from hmtb_twin import VARIANTS, Plant, load_arm
+from hmtb_twin import VARIANTS, Plant, Specimen, linearize, load_arm
 from hmtb_twin.parameters.payloads import PAYLOADS
 from tests.hmtb_twin.altered_arms import at_step, bandwidths
 
@@ -53,3 +53,12 @@ def test_steps_of_a_tick_follow_the_servo_law(variant, plant, steps):
     option = load_arm(variant, plant=plant).model.opt
     assert option.timestep == pytest.approx(0.02 / steps, rel=1e-12)
     assert option.integrator == mujoco.mjtIntegrator.mjINT_RK4
+
+
+@pytest.mark.parametrize("factor", [4.0, 100.0])
+@pytest.mark.parametrize("worksite", [False, True])
+def test_stiff_oil_gets_more_steps_with_power_and_without(factor, worksite):
+    arm = load_arm(specimen=Specimen(bulk_modulus=factor), worksite=worksite)
+    assert arm.model.opt.timestep < load_arm(worksite=worksite).model.opt.timestep * 0.99
+    assert arm.unpowered.opt.timestep == arm.model.opt.timestep
+    assert linearize(arm, amplitudes=()).spectral_radius < 1.0

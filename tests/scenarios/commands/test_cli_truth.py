@@ -22,7 +22,7 @@ def test_table_tells_resonance_and_errors(printed):
     assert "hydraulic resonance" in out
     assert "Relative error of the linear model" in out
     (row,) = (line for line in out.splitlines() if line.startswith(" elbow_pitch"))
-    assert "-6.0, -6.5, -9.1" in row
+    assert "-4.9, -5.3±6.2j (ζ 0.65)" in row
     (row,) = (line for line in out.splitlines() if line.split()[:1] == ["shoulder_roll"])
     assert "locked" in row
     assert "zeros" in out
