@@ -9,7 +9,7 @@ import numpy as np
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.callbacks import install_equations
 from hmtb_twin.parameters.drives import RATED_PRESSURE, Actuator, Drive
-from hmtb_twin.parameters.servo_gains import ServoGains
+from hmtb_twin.parameters.servo_gains import ServoGains, servo_dynamics
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve
 from hmtb_twin.parameters.values import INDEXED_JOINTS, SAMPLE_TIME
 
@@ -21,7 +21,6 @@ By the first-order integrators of MuJoCo the oil's resonance on a light joint ne
 FASTEST_BRISTLES = 1000.0
 """Fastest rate at which bristles settle and damp a joint, 1/s; their stiffness is at most twice the inertia times its
 square, which the step resolves. It matters only for worn seals and for light joints."""
-
 
 LONGEST_STEP = 1.6
 """Longest physics step of linear drives in time constants of their fastest mode: at 2.8 the integrator diverges.
@@ -46,7 +45,9 @@ def add_linear_drives(spec: mujoco.MjSpec, drives: Mapping[str, Drive], gains: M
     rows = {name: linear_parameters(drive, gains[name], joints=len(drives)) for name, drive in drives.items()}
     inertias = _add_drives(spec, rows, eq.LINEAR_MARK, eq.LINEAR_STATES, shared=0)
     fastest = max(
-        fastest_mode(rows[name], inertia, drives[name].drag)
+        float(
+            np.abs(np.linalg.eigvals(servo_dynamics(inertia, drives[name].drag, drives[name].motor, gains[name]))).max()
+        )
         for name, inertia in inertias.items()
         if name not in INDEXED_JOINTS
     )
@@ -121,27 +122,6 @@ def _add_drives(
             gainprm=10 * [0.0],
         )
     return inertias
-
-
-def fastest_mode(p: np.ndarray, inertia: float, drag: float) -> float:
-    """Return the largest modulus of the poles of a joint on its linear drive and servo, rad/s.
-
-    Args:
-        p: Parameters of the drive (PARAMETERS,).
-        inertia: Inertia on its shaft, kg m^2.
-        drag: Viscous friction of the joint, N m s/rad.
-    """
-    D, compliance, opened = p[eq.DISPLACEMENT], 0.5 * p[eq.CHAMBER], (p[eq.FEED] + p[eq.PRESSURE_GAIN])
-    flow = [
-        -opened * p[eq.STIFFNESS] / D,
-        -opened * p[eq.DAMPER] / D + (p[eq.COMPENSATED] - 1.0) * D,
-        -p[eq.SLOPE] - p[eq.PRESSURE_GAIN] - p[eq.DYNAMIC_GAIN],
-        p[eq.DYNAMIC_GAIN],
-    ]
-    dynamics = np.zeros((4, 4))
-    dynamics[0, 1], dynamics[1, 1:3] = 1.0, [-drag / inertia, D / inertia]
-    dynamics[2], dynamics[3, 2:] = np.array(flow) / compliance, [1.0 / p[eq.WASHOUT], -1.0 / p[eq.WASHOUT]]
-    return float(np.abs(np.linalg.eigvals(dynamics)).max())
 
 
 def linear_parameters(drive: Drive, gains: ServoGains, *, joints: int = 1) -> np.ndarray:

@@ -3,8 +3,10 @@
 from math import sqrt
 from typing import NamedTuple
 
+import numpy as np
+
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.drives import Drive
+from hmtb_twin.parameters.drives import DcMotor, Drive
 from hmtb_twin.parameters.servo_valve import SERVO_VALVE
 from hmtb_twin.parameters.values import Servo
 
@@ -36,6 +38,36 @@ class ServoGains(NamedTuple):
     dynamic: float = 0.0
     washout: float = SERVO_VALVE.washout_time
     compensated: float = 1.0
+
+
+def servo_dynamics(inertia: float, drag: float, motor: DcMotor, gains: ServoGains) -> np.ndarray:
+    """Return the dynamics of a joint on its linear drive and servo, within all limits and without dry friction.
+
+    Args:
+        inertia: Inertia on its shaft, kg m^2.
+        drag: Viscous friction, N m s/rad.
+        motor: The drive.
+        gains: Gains of its servo.
+
+    Returns:
+        Matrix (4, 4) of angle, velocity, load pressure and filtered load pressure, in rad, MPa and s.
+    """
+    D, K = motor.constant, motor.resistance
+    opened = ((K if gains.feed is None else gains.feed) + gains.pressure) / D
+    flow = [
+        -opened * gains.kp,
+        -opened * gains.kd + (gains.compensated - 1.0) * D,
+        -K - gains.pressure - gains.dynamic,
+        gains.dynamic,
+    ]
+    return np.array(
+        [
+            [0.0, 1.0, 0.0, 0.0],
+            [0.0, -drag / inertia, D / inertia, 0.0],
+            np.array(flow) / motor.inductance,
+            [0.0, 0.0, 1.0 / gains.washout, -1.0 / gains.washout],
+        ]
+    )
 
 
 def servo_gains(inertia: float, servo: Servo, drive: Drive, law: str = "torque") -> ServoGains:

@@ -14,8 +14,8 @@ from math import pi, sqrt
 import numpy as np
 
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.drives import Actuator
-from hmtb_twin.parameters.servo_gains import ServoGains
+from hmtb_twin.parameters.drives import Actuator, DcMotor
+from hmtb_twin.parameters.servo_gains import ServoGains, servo_dynamics
 
 
 @dataclass(frozen=True)
@@ -129,22 +129,8 @@ class LinearHydraulics:
         Returns:
             Poles, rad/s, slowest first: (4,) with dynamic pressure feedback, else (3,).
         """
-        D, K, J = self.displacement, self.flow_pressure_gain, self.inertia
-        opened = ((K if gains.feed is None else gains.feed) + gains.pressure) / D
-        flow = [
-            -opened * gains.kp,
-            -opened * gains.kd + (gains.compensated - 1.0) * D,
-            -K - gains.pressure - gains.dynamic,
-            gains.dynamic,
-        ]
-        dynamics = np.array(
-            [
-                [0.0, 1.0, 0.0, 0.0],
-                [0.0, -self.drag / J, D / J, 0.0],
-                np.array(flow) / self.compliance,
-                [0.0, 0.0, 1.0 / gains.washout, -1.0 / gains.washout],
-            ]
-        )
+        motor = DcMotor(self.displacement, self.flow_pressure_gain, self.compliance, self.largest_flow, np.inf)
+        dynamics = servo_dynamics(self.inertia, self.drag, motor, gains)
         roots = np.linalg.eigvals(dynamics if gains.dynamic else dynamics[:3, :3]).astype(complex)
         return roots[np.argsort(-roots.real, kind="stable")]
 

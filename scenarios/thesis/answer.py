@@ -36,7 +36,7 @@ METHODS = ("armax", "oe", "okid")
 """Methods of the thesis that give a model."""
 
 CLOSE = 0.1
-"""Two frequencies at which the gain is 0.707 agree when they differ by at most this fraction, or by less than known."""
+"""Largest difference of two frequencies of gain 0.707 that agree, as a fraction; more where they are known less."""
 
 FREQUENCIES = np.geomspace(0.1, 10.0, 70)
 

@@ -61,7 +61,7 @@ METHODS: Mapping[str, Callable[[IOData, int, int], Estimate]] = MappingProxyType
         "OKID": lambda data, n, _: sysid.okid(data, n, p=5),
     }
 )
-"""Output error with as many zeros' coefficients as poles, the one structure that has a single order; and OKID."""
+"""Methods whose model has a single order: output error with as many coefficients of B as of F, and OKID."""
 
 COMPARABLE = (10.0, 5.0)
 """A model is comparable to the one from the clean record when its bandwidth moves by at most so many percent (never
