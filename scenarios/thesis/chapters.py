@@ -72,6 +72,7 @@ def chapter_4(study: Comparison) -> dict[str, object]:
         "audible": 100 * AUDIBLE,
         "improves": IMPROVES,
         "p_value": p_value,
+        "more_poles": study.more_poles,
         "thorough": bool(study.searches),
     }
 
@@ -89,7 +90,6 @@ def _prediction_error_models(study: Comparison, joint: str) -> dict[str, object]
         "apart": {method: _distances(sets, method) for method in METHODS},
         "search": searches,
         "criteria": {name: searches.arx.best(name) for name in ("aic", "bic", "mdl", "validation")} if searches else {},
-        "more_poles": study.prediction_errors[joint].more_poles,
     }
 
 

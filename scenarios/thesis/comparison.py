@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 
 from hmtb_twin import JointLog, JointTruth, Truth
 from scenarios.thesis.attribution import Attributions, OutputErrorBandwidth
-from scenarios.thesis.campaign import Campaign, tests_of_same_sequence
+from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.estimates import Fits
 from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.fairness_table import Fairness
-from scenarios.thesis.multivariable import Multivariable, ThreeJointModel
+from scenarios.thesis.more_poles import MorePoles
+from scenarios.thesis.multivariable import Multivariable
 from scenarios.thesis.nonparametric import Nonparametric
 from scenarios.thesis.observer_analysis import JointObserver
 from scenarios.thesis.order_search import Searches
-from scenarios.thesis.prediction_errors import PredictionErrors
 from scenarios.thesis.robustness import Robustness
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import PublishedModel
@@ -50,11 +50,6 @@ class ModelResult:
     fits: Mapping[int, Fits]
     residual_test: ResidualTest
 
-    def held_out(self, estimation_test: int) -> tuple[Fits, ...]:
-        """Fits to held-out tests: neither the model's own test nor one that plays the same sequence."""
-        same_sequence = tests_of_same_sequence(estimation_test)
-        return tuple(fit for number, fit in self.fits.items() if number not in same_sequence)
-
 
 @dataclass(frozen=True, eq=False)
 class JointResult:
@@ -67,7 +62,6 @@ class JointResult:
         data: Detrended records by number of the test.
         models: Identified models by method.
         spa: Spectral estimate from the data of estimation.
-        etfe: Empirical transfer function estimate of the same.
         published: The thesis' models of this joint.
         slewing: By number of the test, the share of samples in which the command moves at its velocity limit.
         swing: By number of the test, half of the command's range, rad.
@@ -79,7 +73,6 @@ class JointResult:
     data: Mapping[int, IOData]
     models: Mapping[str, ModelResult]
     spa: FrequencyResponse
-    etfe: FrequencyResponse
     published: tuple[PublishedModel, ...]
     slewing: Mapping[int, float]
     swing: Mapping[int, float]
@@ -127,7 +120,10 @@ class Comparison:
         attribution: Why intervals miss the truth, by joint.
         orders: What the choice of order does to the bandwidth, by joint.
         nonparametric: What the records say without a model, by joint.
-        prediction_errors: Other data sets, orders and the arm without friction, by joint.
+        data_sets: The thesis' structures identified from every data set, by joint.
+        frictionless: The same from the estimation test on the arm without friction.
+        more_poles: Output-error models of yaw with more poles, which the thesis calls unstable.
+        searches: Searches for orders, by joint; none unless the study is thorough.
         observers: OKID's observers by joint [Morris1996, ch. V].
         robustness: Models from disturbed records; all of it only when thorough.
         fairness: The same table of fits for every arm; None where the study is not thorough.
@@ -142,7 +138,10 @@ class Comparison:
     attribution: Mapping[str, Attributions]
     orders: Mapping[str, tuple[OutputErrorBandwidth, ...]]
     nonparametric: Mapping[str, Nonparametric]
-    prediction_errors: Mapping[str, PredictionErrors]
+    data_sets: Mapping[str, DataSets]
+    frictionless: Mapping[str, DataSets]
+    more_poles: tuple[MorePoles, ...]
+    searches: Mapping[str, Searches]
     observers: Mapping[str, JointObserver]
     robustness: Robustness
     fairness: Fairness | None
@@ -154,21 +153,6 @@ class Comparison:
     def campaign(self) -> Campaign:
         """The campaign on the arm that the study is about."""
         return self.campaigns[0]
-
-    @property
-    def three_joint(self) -> tuple[ThreeJointModel, ...]:
-        """The thesis' three-joint models, re-identified."""
-        return tuple(entry for entry in self.multivariable.models if not entry.printed)
-
-    @property
-    def data_sets(self) -> Mapping[str, DataSets]:
-        """The thesis' structures identified from every data set, by joint."""
-        return {joint: entry.data_sets for joint, entry in self.prediction_errors.items()}
-
-    @property
-    def searches(self) -> Mapping[str, Searches]:
-        """Order searches by joint; empty unless the study is thorough."""
-        return {joint: entry.searches for joint, entry in self.prediction_errors.items() if entry.searches}
 
     @property
     def truth(self) -> Truth:

@@ -124,7 +124,7 @@ def yaw_armax(study: Comparison) -> Finding:
 def yaw_oe(study: Comparison) -> Finding:
     """F10: the yaw OE has residuals that are not white, and more poles turn unstable."""
     test = study.joints["shoulder_yaw"].models["oe"].residual_test
-    models = study.prediction_errors["shoulder_yaw"].more_poles
+    models = study.more_poles
     poles = int(np.max(study.joints["shoulder_yaw"].models["oe"].estimate.orders["nf"]))
     own = [entry for entry in models if entry.orders[1] == poles]
     more = [entry for entry in models if entry.orders[1] > poles]
@@ -231,7 +231,7 @@ def nearest(model: StateSpace) -> float:
 def _friction(study: Comparison, joint: str, method: str, *tests: str) -> str:
     """What friction does to tests of residuals, by models of the arm without it; empty where that was not played."""
     own = single_joint_test(study.estimation_test, joint)
-    smooth = study.prediction_errors[joint].frictionless.find(own, method)
+    smooth = study.frictionless[joint].find(own, method)
     if smooth is None:
         return ""
     values = {name.removesuffix("_p"): float(getattr(smooth, name)) for name in tests}

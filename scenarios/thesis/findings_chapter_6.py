@@ -197,7 +197,7 @@ def _without_friction(study: Comparison) -> str:
         blocks = []
         for joint, entry in study.joints.items():
             name = single_joint_test(study.estimation_test, joint)
-            model = study.prediction_errors[joint].frictionless.find(name, "okid" if okid else entry.chosen.method)
+            model = study.frictionless[joint].find(name, "okid" if okid else entry.chosen.method)
             if model is None:
                 return ""
             blocks.append(model.model)

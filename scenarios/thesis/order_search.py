@@ -15,7 +15,8 @@ from statistics import median
 import numpy as np
 
 import sysid
-from scenarios.thesis.campaign import tests_of_same_sequence
+from scenarios.experiments.model_structures import STRUCTURES
+from scenarios.thesis.campaign import ESTIMATION_TEST, OTHER_WAVEFORMS
 from scenarios.thesis.estimates import estimate
 from scenarios.thesis.steps import NO_REPORT, Part
 from sysid import IOData, SysidError
@@ -115,33 +116,19 @@ class Searches:
     arx: StructureTable
 
 
-def search_orders(
-    data: Mapping[int, IOData], own: int, thesis: Mapping[str, tuple[int, ...]], part: Part = NO_REPORT
-) -> Searches:
-    """Search for the orders of a joint's models.
-
-    Args:
-        data: Prepared records by number of the test.
-        own: Number of the test that models are identified from; those of other waveforms judge.
-        thesis: Orders of the thesis' ARMAX and OE, by method.
-        part: This part of the work.
-
-    Returns:
-        The searches.
+def search_orders(joint: str, data: Mapping[int, IOData], part: Part = NO_REPORT) -> Searches:
+    """Search for the orders of a joint's models on its prepared records, by number of the test.
 
     Raises:
-        SysidError: Nothing to judge on, or nothing could be identified.
+        SysidError: No record of another waveform to judge on, or nothing could be identified.
     """
-    others = [
-        record[: round(MINUTE / record.dt)]
-        for number, record in data.items()
-        if number not in tests_of_same_sequence(own)
-    ]
+    others = [data[number][: round(MINUTE / data[number].dt)] for number in OTHER_WAVEFORMS if number in data]
     if not others:
         raise SysidError("a search for orders needs other data sets to judge on, got none")
-    table = sysid.selstruc(data[own], *ARX_GRID, validation=others)
+    table = sysid.selstruc(data[ESTIMATION_TEST], *ARX_GRID, validation=others)
     armax, oe = (
-        search(method, data[own], others, thesis[method], share) for method, share in part.split(("armax", "oe"))
+        search(entry.method, data[ESTIMATION_TEST], others, entry.orders, share)
+        for entry, share in part.split([one for one in STRUCTURES[joint] if one.method in ("armax", "oe")])
     )
     return Searches(armax, oe, table)
 

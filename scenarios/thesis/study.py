@@ -30,16 +30,18 @@ from scenarios.thesis.campaign import (
 )
 from scenarios.thesis.comparison import Comparison, Cost, JointResult, ModelResult
 from scenarios.thesis.estimates import estimate, fits
+from scenarios.thesis.every_data_set import every_data_set
 from scenarios.thesis.fairness_table import fairness
+from scenarios.thesis.more_poles import more_poles
 from scenarios.thesis.multivariable import multivariable
 from scenarios.thesis.nonparametric import nonparametric, period_of
 from scenarios.thesis.observer_analysis import observe
-from scenarios.thesis.prediction_errors import prediction_errors
+from scenarios.thesis.order_search import search_orders
 from scenarios.thesis.robustness import robustness
 from scenarios.thesis.steps import COSTS, TICK, Part, Report, Steps, step_cost
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import published
-from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
+from sysid import IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 
 SHORTEST = 20.0
@@ -215,9 +217,20 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
     attribution = of_joints("causes", lambda joint, _: attribute(joint, main, smooth, SUFFICIENT[joint]))
     orders = of_joints("orders", lambda joint, _: order_effects(main.own(joint), SUFFICIENT[joint][2]))
     spectra = of_joints("spectra", lambda joint, _: nonparametric(joint, main, summaries=thorough))
-    sets = of_joints(
-        "data sets", lambda joint, part: prediction_errors(joint, main, smooth, thorough=thorough, part=part)
-    )
+    with steps.step("data sets") as part:
+        whole, brief, search = part.shares(0.6, 0.1, 0.3)
+        data_sets = {
+            joint: every_data_set(joint, main, judged=(main.own(joint).name,), thorough=thorough, part=share)
+            for joint, share in whole.split(STUDIED_JOINTS)
+        }
+        frictionless = {
+            joint: every_data_set(joint, smooth, part=share) for joint, share in brief.split(STUDIED_JOINTS)
+        }
+        larger = more_poles(main.own("shoulder_yaw"), SUFFICIENT["shoulder_yaw"][2])
+        searches = {
+            joint: search_orders(joint, main.singles(joint), share)
+            for joint, share in search.split(STUDIED_JOINTS if thorough else ())
+        }
     observed = of_joints("observers", lambda joint, _: observe(joint, main, thorough=thorough))
     with steps.step("three joints"):
         several = multivariable(
@@ -241,7 +254,10 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
         attribution=attribution,
         orders=orders,
         nonparametric=spectra,
-        prediction_errors=sets,
+        data_sets=data_sets,
+        frictionless=frictionless,
+        more_poles=larger,
+        searches=searches,
         observers=observed,
         robustness=robust,
         fairness=table,
@@ -265,19 +281,19 @@ def study_joint(joint: str, campaign: Campaign) -> JointResult:
         MissingRecordError: The record of the estimation test.
         ScenarioError: It gives no model of one of the structures that the study is about.
     """
-    own, data, truth = campaign.single(ESTIMATION_TEST, joint), campaign.singles(joint), campaign.truth.joint(joint)
+    own, data, truth = campaign.own(joint), campaign.singles(joint), campaign.truth.joint(joint)
+    period = period_of(own.name)
     logs = {number: campaign.log(single_joint_test(number, joint)) for number in data}
     best_linear = best_linear_of(campaign.condition, joint, ESTIMATION_TEST)
     models = {entry.method: _identify(entry, data, best_linear) for entry in STRUCTURES[joint]}
-    spa, etfe = _nonparametric(own)
     return JointResult(
         joint,
         truth,
         best_linear,
         data,
         models,
-        spa,
-        etfe,
+        # Between the lines of the held file there is nothing but noise and leakage.
+        sysid.spa(own, frequencies=np.arange(1, period // 2) * SAMPLE_RATE / period),
         published(joint),
         slewing={number: velocity_limited_share(log) for number, log in logs.items()},
         swing={number: swing(log, joint) for number, log in logs.items()},
@@ -308,14 +324,3 @@ def _identify(structure: Structure, data: Mapping[int, IOData], truth: BestLinea
         fits={number: fits(model, record) for number, record in data.items()},
         residual_test=test,
     )
-
-
-def _nonparametric(own: IOData) -> tuple[FrequencyResponse, FrequencyResponse]:
-    """Spectral and empirical estimates where the periodic input has power: on the lines of the held file.
-
-    Between the lines there is nothing but noise and leakage, and a curve through it would mean nothing.
-    """
-    period = period_of(own.name)
-    lines = np.arange(1, period // 2) * SAMPLE_RATE / period
-    periods = [own[start : start + period] for start in range(0, len(own) - period + 1, period)]
-    return sysid.spa(own, frequencies=lines), sysid.etfe(periods)

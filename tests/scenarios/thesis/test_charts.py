@@ -165,7 +165,7 @@ def test_a_study_without_a_record_leaves_its_figure_out(study, answer):
     known = report_figures(study, answer)
     counted: list[tuple[int, int]] = []
     bare = report_figures(
-        study.__class__(**{**vars(study), "prediction_errors": {}, "joints": {}}),
+        study.__class__(**{**vars(study), "data_sets": {}, "joints": {}}),
         answer,
         lambda *numbers: counted.append(numbers),
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from scenarios.thesis.prediction_errors import ORDERS, MorePoles, more_poles
+from scenarios.thesis.more_poles import ORDERS, MorePoles, more_poles
 from sysid import IOData
 
 

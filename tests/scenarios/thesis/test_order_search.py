@@ -63,7 +63,7 @@ def test_where_nothing_passes_the_simplest_near_the_best_is_chosen():
 
 def test_nothing_to_judge_on_is_refused():
     with pytest.raises(SysidError, match="other data sets"):
-        search_orders({5: record(1, coloured=False)}, 5, {"armax": (2, 2, 2, 2), "oe": (2, 2, 2)})
+        search_orders("elbow_pitch", {5: record(1, coloured=False)})
 
 
 def test_a_search_knows_of_the_thesis_choice(study):
@@ -83,7 +83,7 @@ def test_the_test_of_the_same_sequence_judges_nothing(monkeypatch):
     judges = []
     monkeypatch.setattr(sysid, "selstruc", lambda *_, validation: judges.append(validation))
     monkeypatch.setattr(order_search, "search", lambda _, __, others, *___: judges.append(others))
-    order_search.search_orders(data, 5, {"armax": (2, 2, 2, 2), "oe": (2, 2, 2)})
+    order_search.search_orders("elbow_pitch", data)
     assert len(judges) == 3
     for others in judges:
         assert [float(one.y[0, 0]) for one in others] == [float(data[n].y[0, 0]) for n in (1, 2, 3, 4, 7, 8)]

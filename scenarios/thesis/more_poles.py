@@ -1,4 +1,4 @@
-"""Prediction-error models of single joints: every structure, data set and order."""
+"""Output-error models with more poles than the thesis takes, with stability kept and without."""
 
 from dataclasses import dataclass
 
@@ -6,13 +6,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 import sysid
-from scenarios.experiments.campaign import single_joint_test
-from scenarios.experiments.model_structures import every_structure
-from scenarios.thesis.campaign import ESTIMATION_TEST, Campaign
 from scenarios.thesis.estimates import estimate
-from scenarios.thesis.every_data_set import DataSets, every_data_set
-from scenarios.thesis.order_search import Searches, search_orders
-from scenarios.thesis.steps import NO_REPORT, Part
 from sysid import IOData
 
 ORDERS = ((2, 2), (2, 3), (3, 3), (2, 4), (4, 4), (2, 5), (5, 5), (2, 6), (6, 6))
@@ -59,15 +53,7 @@ class MorePoles:
 
 
 def more_poles(data: IOData, nk: int) -> tuple[MorePoles, ...]:
-    """Identify output-error models with more poles, with stability kept and without.
-
-    Args:
-        data: The estimation data, prepared.
-        nk: Delay, samples.
-
-    Returns:
-        One record for each of `ORDERS`.
-    """
+    """Identify an output-error model of each of `ORDERS` with a delay of nk samples, stable and left free."""
     models = []
     for nb, nf in ORDERS:
         radius = float(np.abs(estimate(data, "oe", (nb, nf, nk)).poles()).max())
@@ -90,58 +76,3 @@ def _repeated_least_squares(data: IOData, nb: int, nf: int, nk: int) -> tuple[fl
         if len(before) == len(f) and np.abs(f - before).max() <= SETTLED * np.abs(f).max():
             return radius, number, True
     return radius, ROUNDS, False
-
-
-LARGE = "shoulder_yaw"
-"""The joint of which the thesis says that output-error models with more poles turn unstable."""
-
-
-@dataclass(frozen=True, eq=False)
-class PredictionErrors:
-    """One joint beyond the models of the estimation test.
-
-    Attributes:
-        data_sets: The thesis' structures identified from every data set.
-        frictionless: The same from the estimation test played on the arm without friction.
-        more_poles: Output-error models with more poles, of the joint of which the thesis speaks; else nothing.
-        searches: Searches for orders; None where the study is not thorough.
-    """
-
-    data_sets: DataSets
-    frictionless: DataSets
-    more_poles: tuple[MorePoles, ...]
-    searches: Searches | None
-
-
-def prediction_errors(
-    joint: str, main: Campaign, smooth: Campaign, *, thorough: bool = True, part: Part = NO_REPORT
-) -> PredictionErrors:
-    """Analyse a joint beyond the models of the estimation test.
-
-    Args:
-        joint: Name of the joint.
-        main: Records of the arm that the study is about.
-        smooth: Those of the same arm without friction.
-        thorough: Whether to take every data set, and to search for orders.
-        part: This part of the work.
-
-    Returns:
-        The analyses.
-    """
-    structures = {entry.method: entry for entry in every_structure(joint)}
-    whole, frictionless, search = part.shares(0.6, 0.1, 0.3)
-    test = single_joint_test(ESTIMATION_TEST, joint)
-    sets = every_data_set(joint, main, judged=(test,), thorough=thorough, part=whole)
-    return PredictionErrors(
-        data_sets=sets,
-        frictionless=every_data_set(joint, smooth, part=frictionless),
-        more_poles=more_poles(main.own(joint), structures["oe"].orders[2]) if joint == LARGE else (),
-        searches=search_orders(
-            main.singles(joint),
-            ESTIMATION_TEST,
-            {name: structures[name].orders for name in ("armax", "oe")},
-            search,
-        )
-        if thorough
-        else None,
-    )
