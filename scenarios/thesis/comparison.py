@@ -8,7 +8,7 @@ from scenarios.thesis.attribution import Attributions, OutputErrorBandwidth
 from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.estimates import Fits
 from scenarios.thesis.every_data_set import DataSets
-from scenarios.thesis.fairness_table import Fairness
+from scenarios.thesis.fairness_table import ArmFairness
 from scenarios.thesis.more_poles import MorePoles
 from scenarios.thesis.multivariable import Multivariable
 from scenarios.thesis.nonparametric import Nonparametric
@@ -126,7 +126,7 @@ class Comparison:
         searches: Searches for orders, by joint; none unless the study is thorough.
         observers: OKID's observers by joint [Morris1996, ch. V].
         robustness: Models from disturbed records; all of it only when thorough.
-        fairness: The same table of fits for every arm; None where the study is not thorough.
+        fairness: The same table of fits for every arm; empty where the study is not thorough.
         cost: Time spent.
         estimation_test: Number of the test that models were identified from.
         provenance: Versions of what was used.
@@ -144,7 +144,7 @@ class Comparison:
     searches: Mapping[str, Searches]
     observers: Mapping[str, JointObserver]
     robustness: Robustness
-    fairness: Fairness | None
+    fairness: tuple[ArmFairness, ...]
     cost: Cost
     estimation_test: int
     provenance: Mapping[str, str]

@@ -1,6 +1,7 @@
 """Report section on the fair comparison of the methods: conclusions and tables."""
 
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
@@ -11,8 +12,14 @@ from scenarios.experiments.campaign import Condition
 from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.estimates import Fits
-from scenarios.thesis.fairness_table import RECORDS, ArmFairness, Fairness
+from scenarios.thesis.fairness_table import RECORDS, ArmFairness, chosen
 from scenarios.thesis.verdicts import MARGIN, WORDS, tied
+
+NAMES = {"shoulder_yaw": "yaw", "shoulder_pitch": "shoulder", "elbow_pitch": "elbow"}
+"""Short names of the joints for table cells."""
+
+WORST = -1000.0
+"""Fits below this are printed as such: a simulation that grows without bound has any number."""
 
 
 class Answer(NamedTuple):
@@ -27,80 +34,52 @@ class Conclusion:
     """One question with its answer on every arm, in their order; nothing for an arm without the record."""
 
     question: str
-    answers: dict[Condition, Answer | None]
+    answers: Mapping[Condition, Answer | None]
 
-    def changes(self, *, friction: bool | None = None) -> bool:
-        """Whether arms differ: those that differ in friction alone (True), in all but friction (False), or any."""
-        known = [(arm, answer.words) for arm, answer in self.answers.items() if answer is not None]
-        return any(
-            words != others
+    @property
+    def changes(self) -> set[str]:
+        """What arms of unlike answers differ in: `friction`, the `arm` or `both`; empty where all are alike."""
+        known = ((arm, answer.words) for arm, answer in self.answers.items() if answer is not None)
+        return {
+            "friction" if arm.variant == other.variant else "arm" if arm.friction == other.friction else "both"
             for (arm, words), (other, others) in combinations(known, 2)
-            if friction is None
-            or (friction and arm.variant == other.variant)
-            or (not friction and arm.friction == other.friction)
-        )
+            if words != others
+        }
 
 
-def conclusions(fairness: Fairness) -> tuple[Conclusion, ...]:
+def conclusions(arms: Sequence[ArmFairness]) -> tuple[Conclusion, ...]:
     """Answer the questions of the thesis' comparison on every arm that has the records."""
-    own = fairness.estimation_test
-    arms = [arm for arm in fairness.arms if len(arm.joints) == len(STUDIED_JOINTS)]
-    questions: list[tuple[str, Callable[[ArmFairness], Answer | None]]] = [
-        ("Joints whose identified models are, for the most part, near 1 Hz", _near_1_hz),
-        ("Whether most 95 % intervals hold the truth", _held),
-        ("Whether every identified model is stable", _stable),
-    ]
+    questions: dict[str, Callable[[ArmFairness], Answer | None]] = {
+        "Joints whose identified models are, for the most part, near 1 Hz": _near_1_hz,
+        "Whether most 95 % intervals hold the truth": _held,
+        "Whether every identified model is stable": _stable,
+    }
+    records = {"": "single-joint tests not seen", **{record: f"the {name}" for record, name in RECORDS.items()}}
     for way, words in WORDS.items():
-        question = f"SysID or OKID better on single-joint tests not seen, {words}"
-        questions.append((question, partial(_single, own=own, way=way)))
-        for record, name in RECORDS.items():
-            question = f"SysID or OKID better on the {name}, {words}"
-            questions.append((question, partial(_several, record=record, way=way)))
-    return tuple(Conclusion(question, {arm.condition: answer(arm) for arm in arms}) for question, answer in questions)
-
-
-def changes_text(conclusions: tuple[Conclusion, ...]) -> str:
-    """Describe the conclusions that change between arms; empty without two arms to compare."""
-    if (
-        not conclusions
-        or max(sum(answer is not None for answer in entry.answers.values()) for entry in conclusions) < 2
-    ):
-        return ""
-    changed = [entry for entry in conclusions if entry.changes()]
-    rubbed = sum(entry.changes(friction=True) for entry in conclusions)
-    other = sum(entry.changes(friction=False) for entry in conclusions)
-    ways = " and ".join(
-        f"{sum(entry.changes() for entry in conclusions if entry.question.endswith(words))} of "
-        f"{sum(entry.question.endswith(words) for entry in conclusions)} {words}"
-        for words in WORDS.values()
-    )
-    return (
-        f"Of {len(conclusions)} conclusions {len(changed)} change between the arms: friction alone changes {rubbed}, "
-        f"the arm "
-        f"alone {other}. Of the comparisons of SysID with OKID {ways} change. Fits closer than {MARGIN:g} points are "
-        "called equal."
-    )
+        for record, name in records.items():
+            questions[f"SysID or OKID better on {name}, {words}"] = partial(_better, record=record, way=way)
+    whole = [arm for arm in arms if len(arm.joints) == len(STUDIED_JOINTS)]
+    return tuple(Conclusion(text, {arm.condition: answer(arm) for arm in whole}) for text, answer in questions.items())
 
 
 def _near_1_hz(arm: ArmFairness) -> Answer:
-    answers = {}
-    for joint, models in arm.joints.items():
-        hz = [entry.bandwidth_hz for entry in models if not entry.printed]
-        answers[joint] = 2 * sum(near_1_hz(value) for value in hz) > len(hz)
-    every = arm.identified()
-    near = sum(near_1_hz(entry.bandwidth_hz) for entry in every)
-    return Answer(_list_text(joint for joint, yes in answers.items() if yes), f"{near} of {len(every)} models")
+    near = {
+        joint: [near_1_hz(entry.bandwidth_hz) for entry in models if not entry.printed]
+        for joint, models in arm.joints.items()
+    }
+    every = [value for values in near.values() for value in values]
+    most = (joint for joint, values in near.items() if 2 * sum(values) > len(values))
+    return Answer(_list_text(most), f"{sum(every)} of {len(every)} models")
 
 
 def _held(arm: ArmFairness) -> Answer:
-    every = arm.identified()
-    covered = sum(bool(entry.covers) for entry in every)
-    return Answer("yes" if 2 * covered > len(every) else "no", f"{covered} of {len(every)}")
+    covered = [bool(entry.covers) for entry in arm.identified()]
+    return Answer("yes" if 2 * sum(covered) > len(covered) else "no", f"{sum(covered)} of {len(covered)}")
 
 
 def _stable(arm: ArmFairness) -> Answer:
     wild = [
-        f"{entry.label.split(',')[0]} of {_name(joint)}"
+        f"{entry.label.split(',')[0]} of {NAMES[joint]}"
         for joint, models in arm.joints.items()
         for entry in models
         if not entry.printed and not entry.stable
@@ -108,81 +87,59 @@ def _stable(arm: ArmFairness) -> Answer:
     return Answer("no", "not " + ", ".join(wild)) if wild else Answer("yes")
 
 
-def _single(arm: ArmFairness, own: int, way: str) -> Answer | None:
-    pairs = {}
+def _better(arm: ArmFairness, record: str, way: str) -> Answer | None:
+    """Compare SysID with OKID on a record of three joints or, without one, on the single-joint tests not seen."""
+    fits: Iterable[Mapping[str, Fits | None]]
+    if record:
+        fits = (arm.fits(name, False, record) or {} for name in ("SysID", "OKID"))
+    else:
+        fits = (
+            {joint: chosen(models, okid=which).validation for joint, models in arm.joints.items()}
+            for which in (False, True)
+        )
+    own, okid = fits
+    gaps = {}
     for joint in arm.joints:
-        fits = [arm.chosen(joint, okid=okid).validation(own) for okid in (False, True)]
-        if fits[0] is None or fits[1] is None:
+        first, second = own.get(joint), okid.get(joint)
+        if first is None or second is None:
             return None
-        pairs[joint] = (fits[0], fits[1])
-    return _winners(pairs, way)
-
-
-def _several(arm: ArmFairness, record: str, way: str) -> Answer | None:
-    first, second = arm.fits("SysID", False, record), arm.fits("OKID", False, record)
-    if first is None or second is None:
-        return None
-    return _winners({joint: (first[joint], second[joint]) for joint in first}, way)
-
-
-def _winners(pairs: dict[str, tuple[Fits, Fits]], way: str) -> Answer:
-    by_winner: dict[str, list[str]] = {}
-    gaps = []
-    for joint, (first, second) in pairs.items():
-        gap = getattr(second, way) - getattr(first, way)
-        winner = "equal" if tied(gap) else "OKID" if gap > 0 else "SysID"
-        by_winner.setdefault(winner, []).append(joint)
-        gaps.append(f"{gap:+.1f}".replace("-", "−"))
-    words = "; ".join(
-        f"{winner}: {_list_text(by_winner[winner])}" for winner in ("OKID", "SysID", "equal") if winner in by_winner
-    )
-    return Answer(words, f"OKID {', '.join(gaps)} points")
+        gaps[joint] = getattr(second, way) - getattr(first, way)
+    winners = {joint: "equal" if tied(gap) else "OKID" if gap > 0 else "SysID" for joint, gap in gaps.items()}
+    shared = {name: [joint for joint in gaps if winners[joint] == name] for name in ("OKID", "SysID", "equal")}
+    words = "; ".join(f"{name}: {_list_text(joints)}" for name, joints in shared.items() if joints)
+    points = ", ".join(f"{gap:+.1f}".replace("-", "−") for gap in gaps.values())
+    return Answer(words, f"OKID {points} points")
 
 
 def _list_text(joints: Iterable[str]) -> str:
-    names = [_name(joint) for joint in joints]
-    return ", ".join(names) if names else "none"
-
-
-def _name(joint: str) -> str:
-    """Answer as short text for a table cell."""
-    return {"shoulder_yaw": "yaw", "shoulder_pitch": "shoulder", "elbow_pitch": "elbow"}[joint]
-
-
-WORST = -1000.0
-"""Fits below this are printed as such: a simulation that grows without bound has any number."""
-
-
-def fairness_section(study: Comparison) -> dict[str, object]:
-    """Variables of the template of this section."""
-    fairness = study.fairness
-    if fairness is None or not any(arm.joints for arm in fairness.arms):
-        return {"arms": ()}
-    entries = conclusions(fairness)
-    return {
-        "arms": fairness.arms,
-        "labels": {
-            joint: dict.fromkeys(
-                (entry.label, entry.chosen) for arm in fairness.arms for entry in arm.joints.get(joint, ())
-            )
-            for joint in dict.fromkeys(joint for arm in fairness.arms for joint in arm.joints)
-        },
-        "kinds": dict.fromkeys((entry.name, entry.printed) for arm in fairness.arms for entry in arm.three_joint),
-        "records": {
-            record: name
-            for record, name in RECORDS.items()
-            if any(record in entry.fits for arm in fairness.arms for entry in arm.three_joint)
-        },
-        "conclusions": [
-            (entry.question, [entry.answers.get(arm.condition) for arm in fairness.arms], entry.changes())
-            for entry in entries
-        ],
-        "changes": changes_text(entries),
-        "own": fairness.estimation_test,
-        "percent": percent,
-    }
+    return ", ".join(NAMES[joint] for joint in joints) or "none"
 
 
 def percent(value: float) -> str:
     """A fit as text."""
     return f"{value:.1f}" if value >= WORST else f"< {WORST:g}".replace("-", "−")
+
+
+def fairness_section(study: Comparison) -> dict[str, object]:
+    """Variables of the template of this section."""
+    arms = study.fairness
+    entries = conclusions(arms)
+    return {
+        # Every arm has the same models of a joint.
+        "models": {joint: models for arm in reversed(arms) for joint, models in arm.joints.items()},
+        "arms": arms,
+        "kinds": dict.fromkeys(kind for arm in arms for kind in arm.three_joint),
+        "records": {
+            record: name
+            for record, name in RECORDS.items()
+            if any(record in known for arm in arms for known in arm.three_joint.values())
+        },
+        "conclusions": entries,
+        "changed": Counter(what for entry in entries for what in entry.changes),
+        "ways": {
+            words: [bool(entry.changes) for entry in entries if entry.question.endswith(words)]
+            for words in WORDS.values()
+        },
+        "margin": MARGIN,
+        "percent": percent,
+    }

@@ -4,21 +4,24 @@ Every arm's models are identified from its own PRBS test and meet its own record
 """
 
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from statistics import median
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.experiments.campaign import RPCM, Condition
+from scenarios.experiments.campaign import RPCM, Condition, single_joint_test
 from scenarios.experiments.model_structures import STRUCTURES, every_structure
-from scenarios.thesis.campaign import Campaign, tests_of_same_sequence
+from scenarios.thesis.campaign import ESTIMATION_TEST, SAME_SEQUENCE, Campaign
 from scenarios.thesis.estimates import Fits, estimate, fits
 from scenarios.thesis.steps import NO_REPORT, Part
 from scenarios.truth.published import published
-from sysid import IOData, StateSpace, SysidError, SysidWarning
+from sysid import StateSpace, SysidError, SysidWarning
 
 RECORDS = {"mimo-10": "slow chirp, 0 to 1 Hz", "mimo-12": "fast chirp, 5 to 10 Hz", RPCM: "exchange"}
 """Records of three joints that every arm has, with their names for people."""
+
+SeveralFits = Mapping[tuple[str, bool], Mapping[str, Mapping[str, Fits]]]
+"""Fits of three-joint models by `SysID`, `OKID` or `hybrid` and whether printed, then by record, then by joint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +35,8 @@ class FairModel:
         printed: Whether it has the thesis' own digits; otherwise it was identified from this arm's PRBS test.
         model: The model; None where the estimator refused.
         bandwidth_hz: Its bandwidth, Hz; NaN where there is none.
-        ci95: 95 % interval, Hz; None for a printed model.
-        covers: Whether that holds this arm's truth; None for a printed model.
+        ci95: 95 % interval, Hz; None where there is none.
+        covers: Whether that holds this arm's truth.
         fits: By number of the test, the estimation test among them.
         refused: Why there is no model; empty where there is one.
     """
@@ -42,11 +45,11 @@ class FairModel:
     label: str
     chosen: bool
     printed: bool
-    model: StateSpace | None
-    bandwidth_hz: float
-    ci95: tuple[float, float] | None
-    covers: bool | None
-    fits: Mapping[int, Fits]
+    model: StateSpace | None = None
+    bandwidth_hz: float = float("nan")
+    ci95: tuple[float, float] | None = None
+    covers: bool | None = None
+    fits: Mapping[int, Fits] = field(default_factory=dict)
     refused: str = ""
 
     @property
@@ -54,28 +57,13 @@ class FairModel:
         """Whether there is a model and it is stable."""
         return self.model is not None and self.model.is_stable()
 
-    def validation(self, own: int) -> Fits | None:
-        """Median over the tests of other sequences than that of the estimation test `own`; None without any."""
-        same_sequence = tests_of_same_sequence(own)
-        others = [fit for number, fit in self.fits.items() if number not in same_sequence]
+    @property
+    def validation(self) -> Fits | None:
+        """Median over the tests of other sequences than that of the estimation test; None without any."""
+        others = [fit for number, fit in self.fits.items() if number not in SAME_SEQUENCE]
         if not others:
             return None
         return Fits(median(fit.simulation for fit in others), median(fit.one_step for fit in others))
-
-
-@dataclass(frozen=True, eq=False)
-class ThreeJointFits:
-    """One three-joint model on one arm.
-
-    Attributes:
-        name: `SysID`, `OKID` or `hybrid`.
-        printed: Whether it has the thesis' own digits.
-        fits: By record, then by joint.
-    """
-
-    name: str
-    printed: bool
-    fits: Mapping[str, Mapping[str, Fits]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,17 +74,13 @@ class ArmFairness:
         condition: The arm.
         truth_hz: Its true bandwidths by joint, Hz.
         joints: Its models by joint, those of the thesis' structures first; joints without a PRBS record are left out.
-        three_joint: Models of three joints; those are left out of which a joint's model is missing.
+        three_joint: Fits of models of three joints; those are left out of which a joint's model is missing.
     """
 
     condition: Condition
     truth_hz: Mapping[str, float]
     joints: Mapping[str, tuple[FairModel, ...]]
-    three_joint: tuple[ThreeJointFits, ...]
-
-    def chosen(self, joint: str, *, okid: bool) -> FairModel:
-        """The model that the thesis' SysID or OKID model has for a joint, identified anew."""
-        return _chosen(self.joints[joint], printed=False, okid=okid)
+    three_joint: SeveralFits
 
     def model(self, joint: str, label: str) -> FairModel | None:
         """Its model of a joint with a label, if there is one."""
@@ -104,101 +88,80 @@ class ArmFairness:
 
     def fits(self, name: str, printed: bool, record: str) -> Mapping[str, Fits] | None:
         """Fits of a three-joint model to a record by joint, if there are any."""
-        models = (entry for entry in self.three_joint if (entry.name, entry.printed) == (name, printed))
-        return next((entry.fits.get(record) for entry in models), None)
+        return self.three_joint.get((name, printed), {}).get(record)
 
     def identified(self) -> tuple[FairModel, ...]:
-        """All identified models of all joints."""
+        """The models of all joints that were identified from this arm's records."""
         return tuple(entry for models in self.joints.values() for entry in models if not entry.printed)
 
 
-@dataclass(frozen=True, eq=False)
-class Fairness:
-    """The same table for every arm.
-
-    Attributes:
-        arms: In the order of the campaigns.
-        estimation_test: Number of the test that models were identified from.
-    """
-
-    arms: tuple[ArmFairness, ...]
-    estimation_test: int
+def chosen(models: Iterable[FairModel], *, okid: bool, printed: bool = False) -> FairModel:
+    """The model that the thesis' SysID or OKID model has for a joint, identified anew or as printed."""
+    taken = (entry for entry in models if entry.chosen and entry.printed == printed)
+    return next(entry for entry in taken if (entry.method == "okid") == okid)
 
 
-def fairness(campaigns: Sequence[Campaign], estimation_test: int, part: Part = NO_REPORT) -> Fairness:
+def fairness(campaigns: Sequence[Campaign], part: Part = NO_REPORT) -> tuple[ArmFairness, ...]:
     """Identify every model from the estimation test of every arm, and judge it on the arm's other records."""
     with warnings.catch_warnings():
         # what is wrong with a model shows in its fits
         warnings.simplefilter("ignore", SysidWarning)
-        arms = tuple(_arm(campaign, estimation_test) for campaign, _ in part.split(campaigns))
-    return Fairness(arms, estimation_test)
+        return tuple(_arm(campaign) for campaign, _ in part.split(campaigns))
 
 
-def _arm(campaign: Campaign, own: int) -> ArmFairness:
-    joints = {}
-    for joint in STUDIED_JOINTS:
-        data = campaign.singles(joint)
-        if own in data:
-            joints[joint] = _joint(joint, data, own, campaign)
+def _arm(campaign: Campaign) -> ArmFairness:
+    there = [joint for joint in STUDIED_JOINTS if single_joint_test(ESTIMATION_TEST, joint) in campaign.logs]
+    joints = {joint: _models(joint, campaign) for joint in there}
     return ArmFairness(
         campaign.condition,
         {joint: campaign.truth.joint(joint).bandwidth_hz for joint in STUDIED_JOINTS},
         joints,
-        _three_joints(joints, campaign) if len(joints) == len(STUDIED_JOINTS) else (),
+        _three_joints(joints, campaign) if len(there) == len(STUDIED_JOINTS) else {},
     )
 
 
-def _joint(joint: str, data: Mapping[int, IOData], own: int, campaign: Campaign) -> tuple[FairModel, ...]:
-    sufficient = next(entry for entry in STRUCTURES[joint] if entry.method == "oe_high")
-    true = campaign.truth.joint(joint).bandwidth_hz
+def _models(joint: str, campaign: Campaign) -> tuple[FairModel, ...]:
     models = []
-    for structure in (*every_structure(joint), sufficient):
-        heading = (structure.method, structure.label, structure.chosen, False)
+    for one in (*every_structure(joint), STRUCTURES[joint][-1]):
+        entry = FairModel(one.method, one.label, one.chosen, printed=False)
         try:
-            model = estimate(data[own], structure.estimator, structure.orders)
-            band = model.bandwidth()
+            found = estimate(campaign.own(joint), one.estimator, one.orders)
+            band = found.bandwidth()
         except SysidError as error:
-            models.append(FairModel(*heading, None, float("nan"), None, False, {}, str(error)))
+            models.append(replace(entry, refused=str(error)))
             continue
-        ends = (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
-        hz, covers = float(band.hz[0, 0]), bool(band.covers(true)[0, 0])
-        models.append(FairModel(*heading, model.model, hz, ends, covers, _fits(model.model, data)))
-    for printed in published(joint):
-        heading = (printed.method, f"printed {printed.label}", printed.chosen, True)
-        fits = _fits(printed.model, data)
-        models.append(FairModel(*heading, printed.model, printed.bandwidth_hz, None, None, fits))
-    return tuple(models)
-
-
-def _fits(model: StateSpace, data: Mapping[int, IOData]) -> dict[int, Fits]:
-    return {number: fits(model, record) for number, record in data.items()}
-
-
-def _three_joints(joints: Mapping[str, tuple[FairModel, ...]], campaign: Campaign) -> tuple[ThreeJointFits, ...]:
-    """A block-diagonal model follows each joint as that joint's block does; the hybrid has SysID's yaw."""
-    rows = []
-    for printed in (False, True):
-        kinds: dict[str, dict[str, StateSpace]] = {}
-        for name, okid in (("SysID", False), ("OKID", True)):
-            models = {joint: _chosen(joints[joint], printed=printed, okid=okid).model for joint in STUDIED_JOINTS}
-            blocks = {joint: model for joint, model in models.items() if model is not None}
-            if len(blocks) == len(models):
-                kinds[name] = blocks
-        if len(kinds) == 2:
-            yaw = STUDIED_JOINTS[0]
-            kinds["hybrid"] = {**kinds["OKID"], yaw: kinds["SysID"][yaw]}
-        for name, blocks in kinds.items():
-            known = {
-                record: {joint: fits(blocks[joint], campaign.record(record, joint)) for joint in STUDIED_JOINTS}
-                for record in RECORDS
-                if record in campaign.logs
-            }
-            rows.append(ThreeJointFits(name, printed, known))
-    return tuple(rows)
-
-
-def _chosen(models: Sequence[FairModel], *, printed: bool, okid: bool) -> FairModel:
-    """The model that the thesis' SysID or OKID model has."""
-    return next(
-        entry for entry in models if entry.chosen and entry.printed == printed and (entry.method == "okid") == okid
+        hz, *ends = band.path()
+        covers = bool(band.covers(campaign.truth.joint(joint).bandwidth_hz)[0, 0])
+        models.append(replace(entry, model=found.model, bandwidth_hz=hz, ci95=(ends[0], ends[1]), covers=covers))
+    for known in published(joint):
+        models.append(
+            FairModel(known.method, f"printed {known.label}", known.chosen, True, known.model, known.bandwidth_hz)
+        )
+    data = campaign.singles(joint).items()
+    return tuple(
+        entry
+        if entry.model is None
+        else replace(entry, fits={number: fits(entry.model, record) for number, record in data})
+        for entry in models
     )
+
+
+def _three_joints(joints: Mapping[str, Sequence[FairModel]], campaign: Campaign) -> SeveralFits:
+    """A block-diagonal model follows each joint as that joint's block does; the hybrid has SysID's yaw."""
+    yaw, *pitches = STUDIED_JOINTS
+    rows = {}
+    for printed in (False, True):
+        own, okid = (
+            {joint: chosen(models, okid=which, printed=printed).model for joint, models in joints.items()}
+            for which in (False, True)
+        )
+        hybrid = {yaw: own[yaw], **{joint: okid[joint] for joint in pitches}}
+        for name, blocks in {"SysID": own, "OKID": okid, "hybrid": hybrid}.items():
+            known = {joint: model for joint, model in blocks.items() if model is not None}
+            if len(known) == len(blocks):
+                rows[name, printed] = {
+                    record: {joint: fits(model, campaign.record(record, joint)) for joint, model in known.items()}
+                    for record in RECORDS
+                    if record in campaign.logs
+                }
+    return rows

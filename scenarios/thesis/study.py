@@ -31,7 +31,7 @@ from scenarios.thesis.campaign import (
 from scenarios.thesis.comparison import Comparison, Cost, JointResult, ModelResult
 from scenarios.thesis.estimates import estimate, fits
 from scenarios.thesis.every_data_set import every_data_set
-from scenarios.thesis.fairness_table import fairness
+from scenarios.thesis.fairness_table import ArmFairness, fairness
 from scenarios.thesis.more_poles import more_poles
 from scenarios.thesis.multivariable import multivariable
 from scenarios.thesis.nonparametric import nonparametric, period_of
@@ -240,10 +240,10 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
         )
     with steps.step("robustness") as part:
         robust = robustness(main, ESTIMATION_TEST, thorough=thorough, part=part)
-    table = None
+    table: tuple[ArmFairness, ...] = ()
     if thorough:
         with steps.step("other arms") as part:
-            table = fairness(campaigns, ESTIMATION_TEST, part=part)
+            table = fairness(campaigns, part)
     physics_s, simulation_s = (
         sum(getattr(entry, name) for entry in campaigns) for name in ("physics_s", "simulation_s")
     )
