@@ -137,7 +137,7 @@ def thesis(
         small = f"{entry.truth.bandwidth_hz:.3f} Hz"
         title = f"{name}: bandwidth of the best linear truth {entry.best_linear.hz:.3f} Hz, small-signal {small}"
         print_table(title, ("model (* chosen by the thesis)", "Hz", "95 % interval", "agrees with best linear"), rows)
-    lines = [(v.key, v.verdict, frequency_text(v, many) if many else "", v.claim) for v in verdicts]
+    lines = [(v.key, v.verdict, frequency_text(v, many) if many else "", v.about.claim) for v in verdicts]
     print_table("Findings", ("", "verdict", "seeds", "claim"), lines)
     if many:
         say(source_text(many, seed))

@@ -5,8 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 from importlib.resources import files
+from string import Formatter
 from types import MappingProxyType
 from typing import Literal
+
+import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS
 
@@ -42,7 +45,7 @@ class Change:
 
 @dataclass(frozen=True)
 class ThesisClaim:
-    """A claim of the thesis and the criterion that decides it.
+    """A claim of the thesis, the criterion that decides it, and the sentences that give the reason.
 
     Attributes:
         key: F1 to F26.
@@ -52,7 +55,9 @@ class ThesisClaim:
         unit: Unit and meaning of the twin's numbers.
         criterion: What has to hold.
         date: Day on which the criterion was first written.
+        why: What the verdict rests on; the finding fills in the fields in braces.
         limits: Thresholds of the criterion by name.
+        cause: What an experiment shows of why a part fails, with fields; empty where none was made.
         by_construction: Why a success is no evidence; empty where it is some.
         changes: Later changes of the criterion.
     """
@@ -64,7 +69,9 @@ class ThesisClaim:
     unit: str
     criterion: str
     date: date
+    why: str
     limits: Mapping[str, float]
+    cause: str = ""
     by_construction: str = ""
     changes: tuple[Change, ...] = ()
 
@@ -72,6 +79,20 @@ class ThesisClaim:
     def changed_after_results(self) -> bool:
         """Whether the criterion was changed after verdicts by a former one had been seen."""
         return any(change.after_results for change in self.changes)
+
+
+class _Sentences(Formatter):
+    """Formatter of sentences: several numbers become a list, or a range where the format begins with `to`."""
+
+    def format_field(self, value: object, spec: str) -> str:
+        """Format one field; numbers have the minus sign of print."""
+        if isinstance(value, Sequence) and not isinstance(value, str):
+            if spec.startswith("to"):
+                return " to ".join(dict.fromkeys(self.format_field(end(value), spec[2:]) for end in (min, max)))
+            return ", ".join(self.format_field(one, spec) for one in value)
+        if isinstance(value, str):
+            return value
+        return "nothing" if value != value else format(value, spec).replace("-", "−")
 
 
 def _claims() -> Mapping[str, ThesisClaim]:
@@ -110,38 +131,18 @@ class Finding:
     parts: Parts = field(default_factory=dict)
 
     @property
-    def claim(self) -> str:
-        """What the thesis says."""
-        return CLAIMS[self.key].claim
-
-    @property
-    def where(self) -> str:
-        """Where it says so."""
-        return CLAIMS[self.key].where
-
-    @property
-    def thesis(self) -> str:
-        """Its number or word for it."""
-        return CLAIMS[self.key].thesis
-
-    @property
-    def unit(self) -> str:
-        """Unit and meaning of the numbers."""
-        return CLAIMS[self.key].unit
+    def about(self) -> ThesisClaim:
+        """The claim that it tests."""
+        return CLAIMS[self.key]
 
 
-def undecided_finding(key: str, why: str) -> Finding:
-    """Return a finding that cannot be decided, and the reason."""
-    return Finding(key, "cannot be told", {}, why)
-
-
-def decided_finding(key: str, parts: Parts, value: Mapping[str, float], why: str, *, cause: str = "") -> Finding:
+def decided_finding(key: str, parts: Parts, value: Mapping[str, float], facts: Mapping[str, object]) -> Finding:
     """Decide a claim that can be read in one way; see `finding_by_reading`."""
-    return finding_by_reading(key, {"": parts}, value, why, cause=cause)
+    return finding_by_reading(key, {"": parts}, value, facts)
 
 
 def finding_by_reading(
-    key: str, readings: Mapping[str, Parts], value: Mapping[str, float], why: str, *, cause: str = ""
+    key: str, readings: Mapping[str, Parts], value: Mapping[str, float], facts: Mapping[str, object]
 ) -> Finding:
     """Decide a claim by its parts under every reading.
 
@@ -151,43 +152,46 @@ def finding_by_reading(
     Args:
         key: F1 to F26.
         readings: By reading, in words that follow a verdict, the parts of the claim; the name may be empty.
-        value: Numbers by name.
-        why: What the verdict rests on, sentences without the last full stop.
-        cause: What an experiment shows of why a part fails; without one the finding says "not tried".
+        value: Numbers by name; those that are not finite are left out.
+        facts: Fields of the claim's sentences `why` and `cause`, which have those of its limits too. Several numbers
+            become a list, or a range where the format begins with `to`.
 
     Returns:
-        The finding.
+        The finding; where a part fails and nothing is known of the cause, it says "not tried".
     """
-    verdicts = {name: verdict(parts, key) for name, parts in readings.items()}
+    claim = CLAIMS[key]
+    why, cause = (_Sentences().format(text, **{**claim.limits, **facts}) for text in (claim.why, claim.cause))
+    spoken = {
+        words(name): {words(part): bool(holds) for part, holds in parts.items()} for name, parts in readings.items()
+    }
+    verdicts = {name: _verdict(parts, claim) for name, parts in spoken.items()}
     agreed = set(verdicts.values())
     decision: Verdict = agreed.pop() if len(agreed) == 1 else "depends on the reading"
     decided = "; ".join(
         f"{verdicts[name]} {name}".strip() + _differing(parts)
-        for name, parts in readings.items()
+        for name, parts in spoken.items()
         if name or verdicts[name] == "partly"
     )
-    sentences = [decided[:1].upper() + decided[1:], why[:1].upper() + why[1:]]
+    sentences = [text[:1].upper() + text[1:] for text in (decided, why)]
     if decision == "reproduced by construction":
-        sentences.append(f"By construction: {CLAIMS[key].by_construction}")
+        sentences.append(f"By construction: {claim.by_construction}")
     elif decision != "reproduced":
         sentences.append(f"Cause: {cause or 'not tried'}")
-    flat = {f"{part} {name}".strip(): holds for name, parts in readings.items() for part, holds in parts.items()}
-    return Finding(key, decision, value, ". ".join(filter(None, sentences)), flat)
+    flat = {f"{part} {name}".strip(): holds for name, parts in spoken.items() for part, holds in parts.items()}
+    numbers = {name: float(number) for name, number in value.items() if np.isfinite(number)}
+    return Finding(key, decision, numbers, ". ".join(filter(None, sentences)), flat)
 
 
-def verdict(parts: Parts, key: str) -> Verdict:
-    """Return the verdict on a claim from the parts that hold: all, some or none."""
+def _verdict(parts: Parts, claim: ThesisClaim) -> Verdict:
     if all(parts.values()):
-        return "reproduced by construction" if CLAIMS[key].by_construction else "reproduced"
+        return "reproduced by construction" if claim.by_construction else "reproduced"
     return "partly" if any(parts.values()) else "not reproduced"
 
 
 def _differing(parts: Parts) -> str:
     """Name the parts that hold and those that do not, where some do."""
     holding, failing = ([name for name, holds in parts.items() if holds is kind] for kind in (True, False))
-    if not holding or not failing:
-        return ""
-    return f" (holds: {_grouped(holding)}; fails: {_grouped(failing)})"
+    return f" (holds: {_grouped(holding)}; fails: {_grouped(failing)})" if holding and failing else ""
 
 
 def _grouped(names: Sequence[str]) -> str:

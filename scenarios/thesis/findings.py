@@ -9,7 +9,7 @@ from scenarios.thesis import findings_chapter_4 as chapter_4
 from scenarios.thesis import findings_chapter_5 as chapter_5
 from scenarios.thesis import findings_chapter_6 as chapter_6
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import CLAIMS, Finding, undecided_finding
+from scenarios.thesis.finding import CLAIMS, Finding
 from sysid import SysidError
 
 FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
@@ -54,9 +54,8 @@ def findings(study: Comparison) -> tuple[Finding, ...]:
     for key in CLAIMS:
         try:
             decided.append(FINDINGS[key](study))
-        except MissingRecordError as error:
-            decided.append(undecided_finding(key, str(error)))
-        except SysidError as error:
+        except (MissingRecordError, SysidError) as error:
             # Records may be such that an estimator refuses them; whatever else goes wrong is a fault of the study.
-            decided.append(undecided_finding(key, f"an estimator refuses its record: {error}"))
+            refused = "" if isinstance(error, MissingRecordError) else "an estimator refuses its record: "
+            decided.append(Finding(key, "cannot be told", {}, f"{refused}{error}"))
     return tuple(decided)

@@ -4,7 +4,6 @@ Each is decided on the estimate that the thesis used, and on another where a cla
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.signal import find_peaks
@@ -14,7 +13,7 @@ from hmtb_twin import JOINTS
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.waveform import POINTS
 from scenarios.thesis.comparison import Comparison, JointResult
-from scenarios.thesis.finding import CLAIMS, Finding, Parts, decided_finding, finding_by_reading, words
+from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, finding_by_reading
 from scenarios.thesis.nonparametric import GRID, PULSE, SINES, WHITENING, excited_lines, period_of
 from scenarios.truth.published import BREAK_FREQUENCY, PUBLISHED
 from sysid import FrequencyResponse
@@ -33,7 +32,13 @@ TONES, LINES = "by the thesis' own estimate from two sines", "on the lines of th
 WHOLE, POWERED = "over all frequencies, as the thesis plots them", "where the input has power"
 """Readings of claims on spectra: without input power, a windowed estimate consists of side lobes."""
 
-SHORT = {TONES: "two sines", LINES: "PRBS lines", WHOLE: "all frequencies", POWERED: "input's power"}
+PLAIN, WHITENED = "as recorded", "made white, as the toolbox of the thesis does before it correlates"
+"""Readings of claims on the command."""
+
+SHORT = {
+    **{TONES: "two sines", LINES: "PRBS lines", WHOLE: "all frequencies", POWERED: "input's power"},
+    **{PLAIN: "as recorded", WHITENED: "made white"},
+}
 """Short names of the readings, used in keys of numbers."""
 
 
@@ -45,34 +50,27 @@ def gain_and_cutoff(study: Comparison) -> Finding:
         for way, response in _estimates(study, joint).items():
             top, at = float(response.magnitude.max()), 2 * np.pi * gain_crossing(response, HALF_POWER)
             near = abs(at / BREAK_FREQUENCY[joint] - 1) <= CLAIMS["F1"].limits["near"]
-            readings[way] |= {f"gain on {words(joint)}": top < 1.0, f"cutoff on {words(joint)}": bool(near)}
-            values |= {f"{joint}, {SHORT[way]}": at} if np.isfinite(at) else {}
-            values[f"{joint}, {SHORT[way]}, largest gain"] = top
-    best = [2 * np.pi * entry.best_linear.half_power_hz for entry in study.joints.values()]
-    return finding_by_reading(
-        "F1",
-        readings,
-        values,
-        f"The best linear truth falls below 0.707 at {_list_text(best, '.2f')} rad/s. {printed_breaks()}",
-        cause=f"the two sines have power at {_powered(study, SINES)} % of the frequencies only; elsewhere their "
-        "estimate consists of side lobes of the window",
-    )
+            readings[way] |= {f"gain on {joint}": top < 1.0, f"cutoff on {joint}": near}
+            values |= {f"{joint}, {SHORT[way]}": at, f"{joint}, {SHORT[way]}, largest gain": top}
+    same, other = printed_breaks()
+    facts = {
+        "best": [2 * np.pi * entry.best_linear.half_power_hz for entry in study.joints.values()],
+        "count": len(same),
+        "breaks": list(BREAK_FREQUENCY.values()),
+        "same": [f"{at:.2f} rad/s ({label})" for label, at in same.items()],
+        "other": [f"{at:.2f} ({label})" for label, at in other.items()],
+        "powered": _powered(study, SINES),
+    }
+    return finding_by_reading("F1", readings, values, facts)
 
 
-def printed_breaks() -> str:
-    """Say which printed models fall below 0.707 at the very break frequencies that the thesis reads off its spectra."""
-    crossings = {model.label: (model.joint, 2 * np.pi * model.half_power_hz) for model in PUBLISHED}
-    same = [f"{at:.2f} rad/s ({label})" for label, (joint, at) in crossings.items() if _rounds_to_break(joint, at)]
-    other = [f"{at:.2f} ({label})" for label, (joint, at) in crossings.items() if not _rounds_to_break(joint, at)]
-    breaks = ", ".join(f"{value:g}" for value in BREAK_FREQUENCY.values())
-    return (
-        f"{len(same)} printed models cross 0.707 where the thesis' spectra break, to the nearest rad/s ({breaks} "
-        f"for yaw, shoulder and elbow pitch): {', '.join(same)}; the others at {', '.join(other)}"
-    )
-
-
-def _rounds_to_break(joint: str, at: float) -> bool:
-    return bool(np.isfinite(at)) and round(at) == BREAK_FREQUENCY[joint]
+def printed_breaks() -> tuple[dict[str, float], dict[str, float]]:
+    """Frequencies, rad/s, where printed models fall below 0.707, by label: at the spectra's breaks, and elsewhere."""
+    same, other = dict[str, float](), dict[str, float]()
+    for model in PUBLISHED:
+        at = 2 * np.pi * model.half_power_hz
+        (same if np.round(at) == BREAK_FREQUENCY[model.joint] else other)[model.label] = at
+    return same, other
 
 
 def slope(study: Comparison) -> Finding:
@@ -83,25 +81,20 @@ def slope(study: Comparison) -> Finding:
         for way, response in _estimates(study, joint).items():
             steep, peaks = gain_slope(response), _resonances(response)
             first_order = first_order_slope(gain_crossing(response, HALF_POWER))
-            readings[way] |= {
-                f"slope on {words(joint)}": bool(steep < first_order),
-                f"resonance on {words(joint)}": len(peaks) > 0,
-            }
+            readings[way] |= {f"slope on {joint}": steep < first_order, f"resonance on {joint}": len(peaks) > 0}
             name = f"{joint}, {SHORT[way]}"
-            values |= {name: steep, f"{name}, first order": first_order} if np.isfinite(steep) else {}
             values |= {
-                f"{name}, peaks where the input is weak": float((~excited_lines(response)[peaks]).sum()),
-                f"of {name}": float(len(peaks)),
+                name: steep,
+                f"{name}, first order": first_order,
+                f"{name}, peaks where the input is weak": (~excited_lines(response)[peaks]).sum(),
+                f"of {name}": len(peaks),
             }
-    true = [_true_response(entry) for entry in study.joints.values()]
-    return finding_by_reading(
-        "F2",
-        readings,
-        values,
-        f"The small-signal truth falls by {_list_text([gain_slope(entry) for entry in true], '.0f')} dB per decade "
-        f"there and has {sum(len(_resonances(_up_to(entry, FASTEST))) for entry in true)} resonances",
-        cause="peaks where the input is weak are leakage of the window, as their counts show",
-    )
+    true = [
+        FrequencyResponse(GRID, entry.truth.model.frequency_response(GRID), entry.truth.model.dt, "model")
+        for entry in study.joints.values()
+    ]
+    count = sum(len(_resonances(_up_to(entry, FASTEST))) for entry in true)
+    return finding_by_reading("F2", readings, values, {"slopes": [gain_slope(entry) for entry in true], "count": count})
 
 
 def gain_slope(response: FrequencyResponse) -> float:
@@ -133,55 +126,40 @@ def _resonances(response: FrequencyResponse) -> np.ndarray:
 def delay(study: Comparison) -> Finding:
     """F3: two to five samples of delay on the pitches, where the correlation has its peak."""
     limits = CLAIMS["F3"].limits
-    results = study.nonparametric.items()
-    peaks = {joint: float(np.argmax(result.delay.correlations[:, 0, 0])) for joint, result in results}
-    first = [int(result.delay.correlation[0, 0]) for _, result in results]
-    own = [str(entry.truth.delay_samples) for entry in study.joints.values()]
-    return decided_finding(
-        "F3",
-        {words(joint): limits["shortest"] <= peaks[joint] <= limits["longest"] for joint in CLAIMED_DELAY},
-        peaks,
-        f"The correlation leaves its 99 % bounds at {', '.join(map(str, first))} samples first (yaw, shoulder pitch, "
-        f"elbow pitch); the twin's own delays are {', '.join(own)}, "
-        "one for the hold and those of the bus",
-    )
+    delays = {joint: result.delay for joint, result in study.nonparametric.items()}
+    peaks = {joint: float(np.argmax(entry.correlations[:, 0, 0])) for joint, entry in delays.items()}
+    facts = {
+        "first": [int(entry.correlation[0, 0]) for entry in delays.values()],
+        "own": [entry.truth.delay_samples for entry in study.joints.values()],
+    }
+    parts = {joint: limits["shortest"] <= peaks[joint] <= limits["longest"] for joint in CLAIMED_DELAY}
+    return decided_finding("F3", parts, peaks, facts)
 
 
 def prbs_looks_white(study: Comparison) -> Finding:
     """F4: the PRBS looks white with periodic side peaks."""
     limits = CLAIMS["F4"].limits
     values: dict[str, float] = {}
-    plain, filtered = "as recorded", "made white, as the toolbox of the thesis does before it correlates"
-    readings: dict[str, dict[str, bool]] = {plain: {}, filtered: {}}
+    readings: dict[str, dict[str, bool]] = {PLAIN: {}, WHITENED: {}}
     for joint in study.joints:
         record = study.joints[joint].data[study.estimation_test]
         repeats = period_of(record.name)
         ((white, _),) = prewhitened([record], 0, WHITENING)
-        for way, short, command in ((plain, "as recorded", record.u), (filtered, "made white", white[WHITENING:])):
+        for way, command in ((PLAIN, record.u), (WHITENED, white[WHITENING:])):
             half = correlation(command[:, 0], range(POINTS // 2 + 1))
-            spread = float(np.sqrt(np.mean(half[1:] ** 2)))
-            period = float(correlation(command[:, 0], [repeats])[0])
+            spread = np.sqrt(np.mean(half[1:] ** 2))
+            (period,) = correlation(command[:, 0], [repeats])
             beyond = half[int(np.argmax(half <= 0.0)) :] if (half <= 0.0).any() else half[-1:]
-            peak = float(np.abs(beyond).max())
-            values |= {
-                f"{joint}, {short}": spread,
-                f"{joint}, {short}, one period later": period,
-                f"{joint}, {short}, largest peak": peak,
-            }
+            peak = np.abs(beyond).max()
+            name = f"{joint}, {SHORT[way]}"
+            values |= {name: spread, f"{name}, one period later": period, f"{name}, largest peak": peak}
             readings[way] |= {
-                f"white on {words(joint)}": spread <= limits["white"],
-                f"periodic on {words(joint)}": period >= limits["white"],
-                f"small peaks on {words(joint)}": peak <= limits["small"],
+                f"white on {joint}": spread <= limits["white"],
+                f"periodic on {joint}": period >= limits["white"],
+                f"small peaks on {joint}": peak <= limits["small"],
             }
-    limited = max(entry.slewing[study.estimation_test] for entry in study.joints.values())
-    return finding_by_reading(
-        "F4",
-        readings,
-        values,
-        f"The command moves at its velocity limit in up to {100 * limited:.0f} % of the samples. It repeats every "
-        f"{repeats} samples, file and hold of the hand controller together, and then correlates with itself fully but "
-        "for noise; up to which lag the thesis' graph goes its text does not say",
-    )
+    limited = 100 * max(entry.slewing[study.estimation_test] for entry in study.joints.values())
+    return finding_by_reading("F4", readings, values, {"limited": limited, "repeats": repeats})
 
 
 def correlation(signal: np.ndarray, lags: Sequence[int]) -> np.ndarray:
@@ -194,31 +172,22 @@ def pulse_spectra(study: Comparison) -> Finding:
     limits = CLAIMS["F5"].limits
     values: dict[str, float] = {}
     readings: dict[str, dict[str, bool]] = {WHOLE: {}, POWERED: {}}
+    repeated = []
     for joint, result in study.nonparametric.items():
-        spectrum = spectrum_of(study, PULSE, joint)
-        reach = result.resolution_hz(PULSE)
-        f = spectrum.frequencies
+        spectrum, reach = spectrum_of(study, PULSE, joint), result.resolution_hz(PULSE)
+        f, again = spectrum.frequencies, result.repeated[PULSE]
         # The window widens a line by its resolution; those at 1 and at 5 Hz count whole.
         inside = (f >= 1.0 - reach) & (f <= 5.0 + reach)
         for way, mask in frequency_masks(spectrum).items():
-            shares = {
-                "disturbance": _share(f <= limits["around"], mask * _power(spectrum.noise_spectrum)),
-                "input": _share(inside, mask * _power(spectrum.input_spectrum)),
-                "output": _share(inside, mask * _power(spectrum.output_spectrum)),
-            }
-            values |= {f"{joint} {what}, {SHORT[way]}": share for what, share in shares.items()}
-            readings[way] |= {f"{what} on {words(joint)}": share > limits["most"] for what, share in shares.items()}
-    repeated = [
-        _share(again.frequencies <= limits["around"], again.disturbance)
-        for again in (result.repeated[PULSE] for result in study.nonparametric.values())
-    ]
-    return finding_by_reading(
-        "F5",
-        readings,
-        values,
-        f"Told apart by repetition instead, {_span(repeated)} % of the disturbance lies up to {limits['around']:g} Hz",
-        cause=_leaks(study, PULSE),
-    )
+            for what, band, density in (
+                ("disturbance", f <= limits["around"], spectrum.noise_spectrum),
+                ("input", inside, spectrum.input_spectrum),
+                ("output", inside, spectrum.output_spectrum),
+            ):
+                share = values[f"{joint} {what}, {SHORT[way]}"] = _share(band, mask * _power(density))
+                readings[way][f"{what} on {joint}"] = share > limits["most"]
+        repeated.append(_share(again.frequencies <= limits["around"], again.disturbance))
+    return finding_by_reading("F5", readings, values, {"repeated": repeated, "powered": _powered(study, PULSE)})
 
 
 def sinusoid_disturbance(study: Comparison) -> Finding:
@@ -232,42 +201,24 @@ def sinusoid_disturbance(study: Comparison) -> Finding:
         near = spectrum.frequencies <= FASTEST + result.resolution_hz(SINES)
         for way, mask in frequency_masks(spectrum).items():
             orders = values[f"{joint}, {SHORT[way]}"] = orders_below(spectrum, near & mask)
-            readings[way][words(joint)] = orders >= limits["pitch" if joint in CLAIMED_DELAY else "yaw"]
-    repeated = [-float(np.log10(entry.repeated[SINES].disturbance_share)) for entry in study.nonparametric.values()]
-    return finding_by_reading(
-        "F6",
-        readings,
-        values,
-        f"Told apart by repetition the disturbance lies {_span(repeated, '.1f')} orders below the output",
-        cause=_leaks(study, SINES),
-    )
+            readings[way][joint] = orders >= limits["pitch" if joint in CLAIMED_DELAY else "yaw"]
+    repeated = [-np.log10(entry.repeated[SINES].disturbance_share) for entry in study.nonparametric.values()]
+    return finding_by_reading("F6", readings, values, {"repeated": repeated, "powered": _powered(study, SINES)})
 
 
 def measurement_against_process(study: Comparison) -> Finding:
     """F7: measurement disturbances exceed process disturbances; here both are known."""
-    values: dict[str, float] = {}
-    sizes = []
-    whole, other = "all that is not linear", "what does not repeat"
-    for joint, entry in study.joints.items():
-        measurement, departure, random = disturbances(study, entry)
-        values[f"{joint}, {whole}"] = measurement / departure
-        values[f"{joint}, {other}"] = measurement / random
-        sizes.append(1000 * np.array([measurement, departure, random]))
-    low, high = np.min(sizes, axis=0), np.max(sizes, axis=0)
-    ranges = [f"{a:.3f} to {b:.3f} mrad" for a, b in zip(low, high, strict=True)]
     least = CLAIMS["F7"].limits["ratio"]
-    readings: dict[str, Parts] = {
-        f"if process disturbance is {way}": {words(joint): values[f"{joint}, {way}"] > least for joint in study.joints}
-        for way in (whole, other)
-    }
-    return finding_by_reading(
-        "F7",
-        readings,
-        values,
-        f"On the twin all are known: resolver noise and rounding are {ranges[0]}, the true angle departs from the "
-        f"linear answer by {ranges[1]}, and what it does differently from one period to the next, beyond its answer to "
-        f"the noise on the command, is {ranges[2]}. A spectrum shows their sum only",
-    )
+    known = {joint: disturbances(study, entry) for joint, entry in study.joints.items()}
+    values: dict[str, float] = {}
+    readings: dict[str, dict[str, bool]] = {}
+    for joint, (measurement, departure, random) in known.items():
+        for way, process in (("all that is not linear", departure), ("what does not repeat", random)):
+            ratio = values[f"{joint}, {way}"] = measurement / process
+            readings.setdefault(f"if process disturbance is {way}", {})[joint] = ratio > least
+    sizes = 1000 * np.array(list(known.values()))
+    facts = dict(zip(("measurement", "departure", "random"), sizes.T.tolist(), strict=True))
+    return finding_by_reading("F7", readings, values, facts)
 
 
 def disturbances(study: Comparison, entry: JointResult) -> tuple[float, float, float]:
@@ -306,7 +257,8 @@ def frequency_masks(spectrum: FrequencyResponse) -> dict[str, np.ndarray]:
 
 def orders_below(spectrum: FrequencyResponse, mask: np.ndarray) -> float:
     """Orders of magnitude between the powers of output and disturbance at some frequencies."""
-    return float(np.log10(_power(spectrum.output_spectrum)[mask].sum() / _power(spectrum.noise_spectrum)[mask].sum()))
+    output, noise = (_power(density)[mask].sum() for density in (spectrum.output_spectrum, spectrum.noise_spectrum))
+    return float(np.log10(output / noise))
 
 
 def _estimates(study: Comparison, joint: str) -> dict[str, FrequencyResponse]:
@@ -317,28 +269,14 @@ def _estimates(study: Comparison, joint: str) -> dict[str, FrequencyResponse]:
 
 def _up_to(response: FrequencyResponse, hz: float) -> FrequencyResponse:
     mask = np.isfinite(response.response[:, 0, 0]) & (response.frequencies <= hz + 1e-9)
-    return replace(
-        FrequencyResponse(response.frequencies[mask], response.response[mask], response.dt, response.method),
-        input_spectrum=None if response.input_spectrum is None else response.input_spectrum[mask],
-    )
+    power = None if response.input_spectrum is None else response.input_spectrum[mask]
+    lines, values = response.frequencies[mask], response.response[mask]
+    return FrequencyResponse(lines, values, response.dt, response.method, input_spectrum=power)
 
 
-def _true_response(entry: JointResult) -> FrequencyResponse:
-    return FrequencyResponse(GRID, entry.truth.model.frequency_response(GRID), entry.truth.model.dt, "model")
-
-
-def _powered(study: Comparison, test: int) -> str:
-    """Percent of the frequencies at which the input of a test stands above the window's side lobes."""
-    masks = [excited_lines(spectrum_of(study, test, joint)) for joint in study.nonparametric]
-    return _span([100 * float(mask.mean()) for mask in masks])
-
-
-def _leaks(study: Comparison, test: int) -> str:
-    return (
-        "the disturbance of this estimator is the output less what correlates with the input; the input stands above "
-        f"the window's side lobes at {_powered(study, test)} % of the frequencies, and leakage elsewhere counts as "
-        "disturbance"
-    )
+def _powered(study: Comparison, test: int) -> list[float]:
+    """Percent of the frequencies at which the input of a test stands above the window's side lobes, by joint."""
+    return [100 * float(excited_lines(spectrum_of(study, test, joint)).mean()) for joint in study.nonparametric]
 
 
 def _share(inside: np.ndarray, density: np.ndarray) -> float:
@@ -350,15 +288,4 @@ def _power(spectrum: np.ndarray | None) -> np.ndarray:
     """Density of one channel; negative or undetermined values of a lag window count as zero."""
     if spectrum is None:
         raise ValueError("the spectral estimate has no such spectrum")
-    density = spectrum[:, 0, 0].real
-    return np.where(np.isfinite(density), np.maximum(density, 0.0), 0.0)
-
-
-def _span(values: Sequence[float], form: str = ".0f") -> str:
-    """Smallest and largest value as text, or one number where both print the same."""
-    low, high = format(min(values), form), format(max(values), form)
-    return low if low == high else f"{low} to {high}"
-
-
-def _list_text(values: Sequence[float], form: str) -> str:
-    return ", ".join(format(value, form) if np.isfinite(value) else "nothing" for value in values)
+    return np.maximum(np.nan_to_num(spectrum[:, 0, 0].real, posinf=0.0), 0.0)

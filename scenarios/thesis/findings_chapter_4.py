@@ -1,7 +1,6 @@
 """Findings of chapter IV, F8 to F13: prediction-error models of single joints."""
 
 from collections.abc import Mapping
-from statistics import median
 
 import numpy as np
 
@@ -29,8 +28,7 @@ def flexibility(study: Comparison, joint: str) -> dict[str, float]:
     """Median fits in simulation of the models of the estimation test to tests of other waveforms.
 
     Returns:
-        By method in capitals, percent; minus infinity where the model is unstable: what it simulates grows beyond all
-        numbers.
+        By method in capitals, percent; minus infinity where the model is unstable: its simulation grows without bound.
 
     Raises:
         MissingRecordError: A method gave no model, or nothing is left to judge on.
@@ -41,8 +39,7 @@ def flexibility(study: Comparison, joint: str) -> dict[str, float]:
         model = study.data_sets[joint].find(own, method)
         if model is None or not model.others:
             raise MissingRecordError(f"{words(joint)}: no {method.upper()} model to judge on other tests")
-        medians = median(fit.simulation for fit in model.others.values())
-        fits[method.upper()] = medians if model.stable else -np.inf
+        fits[method.upper()] = model.others_simulation if model.stable else -np.inf
     return fits
 
 
@@ -68,17 +65,16 @@ def consistency(study: Comparison) -> Finding:
     value: dict[str, float] = {}
     notes = []
     for joint, entry in study.data_sets.items():
-        name = words(joint)
         spread = {method: data_set_spread(entry, method) for method in (*COMPARED, *DISMISSED)}
         unstable = {method: sum(not m.stable for m in entry.singles(method, enough=True)) for method in spread}
         limit = CLAIMS["F8"].limits["further"] * max(spread[method] for method in COMPARED)
         for method in DISMISSED:
             inconsistent = unstable[method] > 0 or spread[method] >= limit
-            parts[f"{method.upper()} on {name}"] = inconsistent and not any(unstable[other] for other in COMPARED)
-        value |= {f"{name} {method.upper()}": number for method, number in spread.items()}
+            parts[f"{method.upper()} on {joint}"] = inconsistent and not any(unstable[other] for other in COMPARED)
+        value |= {f"{words(joint)} {method.upper()}": number for method, number in spread.items()}
         counts = [f"{count} {method.upper()}" for method, count in unstable.items() if count]
-        notes.append(f"{name} {' and '.join(counts) or 'none'}")
-    return decided_finding("F8", parts, value, f"Unstable models by joint: {', '.join(notes)}")
+        notes.append(f"{words(joint)} {' and '.join(counts) or 'none'}")
+    return decided_finding("F8", parts, value, {"unstable": notes})
 
 
 def data_set_spread(entry: DataSets, method: str) -> float:
@@ -100,70 +96,59 @@ def yaw_armax(study: Comparison) -> Finding:
     model = study.joints["shoulder_yaw"].models["armax"]
     distance, printed = nearest(model.estimate.model), nearest(EQUATIONS["4.7"].model)
     test = model.residual_test
-    largest = float(np.abs(test.autocorrelation[1:, 0, 0]).max() / test.whiteness_bound)
-    return decided_finding(
-        "F9",
-        {
-            "white": bool(test.white[0]),
-            "independent": bool(test.independent[0, 0]),
-            "near cancellation": distance <= printed,
-        },
-        {
-            "whiteness p": float(test.whiteness_p[0]),
-            "independence p": float(test.independence_p[0, 0]),
-            "largest autocorrelation over its bound": largest,
-            "nearest pole and zero": distance,
-        },
-        f"{int(test.outside_whiteness[0])} of 25 lags lie outside the 99 % bounds of whiteness. The nearest pole and "
-        f"zero of the printed model are {printed:.3f} apart. The model follows its own record to "
-        f"{model.fits[study.estimation_test].one_step:.1f} % one step ahead",
-        cause=_friction(study, "shoulder_yaw", "armax", "whiteness_p", "independence_p"),
-    )
+    parts = {"white": test.white[0], "independent": test.independent[0, 0], "near cancellation": distance <= printed}
+    value = {
+        "whiteness p": test.whiteness_p[0],
+        "independence p": test.independence_p[0, 0],
+        "largest autocorrelation over its bound": np.abs(test.autocorrelation[1:, 0, 0]).max() / test.whiteness_bound,
+        "nearest pole and zero": distance,
+    }
+    facts = {
+        "outside": int(test.outside_whiteness[0]),
+        "printed": printed,
+        "own": model.fits[study.estimation_test].one_step,
+        "friction": _friction(study, "shoulder_yaw", "armax", "whiteness_p", "independence_p"),
+    }
+    return decided_finding("F9", parts, value, facts)
 
 
 def yaw_oe(study: Comparison) -> Finding:
     """F10: the yaw OE has residuals that are not white, and more poles turn unstable."""
-    test = study.joints["shoulder_yaw"].models["oe"].residual_test
+    model = study.joints["shoulder_yaw"].models["oe"]
     models = study.more_poles
-    poles = int(np.max(study.joints["shoulder_yaw"].models["oe"].estimate.orders["nf"]))
-    own = [entry for entry in models if entry.orders[1] == poles]
+    poles = int(np.max(model.estimate.orders["nf"]))
+    own_unstable = any(entry.unstable for entry in models if entry.orders[1] == poles)
     more = [entry for entry in models if entry.orders[1] > poles]
-    gone = [entry for entry in more if entry.unstable]
-    own_unstable = any(entry.unstable for entry in own)
-    named = ", ".join(
-        f"{nb} zero(s) and {nf} poles" for nb, nf in ((entry.orders[0] - 1, entry.orders[1]) for entry in gone)
-    )
-    return decided_finding(
-        "F10",
-        {"not white": not bool(test.white[0]), "more poles unstable": 2 * len(gone) > len(more) and not own_unstable},
-        {
-            "whiteness p": float(test.whiteness_p[0]),
-            "structures with more poles that turn unstable": float(len(gone)),
-            "of": float(len(more)),
-            "largest modulus of a pole, kept stable": max(entry.radius for entry in more),
-            "largest modulus of a pole, left free": max(entry.free_radius for entry in more),
-        },
-        f"Unstable are {len(gone)} of {len(more)} structures with more poles{f' ({named})' if gone else ''}"
-        + (" and the thesis' own orders too" if own_unstable else "")
-        + ". An unstable model cannot follow the whole record in simulation, so what counts is a superfluous pole at "
-        "the edge or a start beyond it",
-    )
+    gone = [f"{entry.orders[0] - 1} zero(s) and {entry.orders[1]} poles" for entry in more if entry.unstable]
+    parts = {
+        "not white": not model.residual_test.white[0],
+        "more poles unstable": 2 * len(gone) > len(more) and not own_unstable,
+    }
+    value = {
+        "whiteness p": model.residual_test.whiteness_p[0],
+        "structures with more poles that turn unstable": len(gone),
+        "of": len(more),
+        "largest modulus of a pole, kept stable": max(entry.radius for entry in more),
+        "largest modulus of a pole, left free": max(entry.free_radius for entry in more),
+    }
+    named = f" ({', '.join(gone)})" if gone else ""
+    named += " and the thesis' own orders too" if own_unstable else ""
+    return decided_finding("F10", parts, value, {"gone": len(gone), "more": len(more), "named": named})
 
 
 def shoulder_oe(study: Comparison) -> Finding:
     """F11: on the shoulder pitch OE is best, its residuals independent of the input."""
     fits = flexibility(study, "shoulder_pitch")
     model = study.joints["shoulder_pitch"].models["oe"]
-    independent, p = bool(model.residual_test.independent[0, 0]), float(model.residual_test.independence_p[0, 0])
-    return decided_finding(
-        "F11",
-        {"OE best": best(fits, "OE", "ARMAX"), "independent": independent},
-        {**_finite(fits), "independence p": p},
-        f"{comparison_text(fits, 'OE')}. The residuals of OE are {'' if independent else 'not '}independent of the "
-        f"input; its two poles leave {100 - model.fits[study.estimation_test].simulation:.1f} % of the answer to the "
-        "PRBS",
-        cause=_friction(study, "shoulder_pitch", "oe", "independence_p"),
-    )
+    independent = model.residual_test.independent[0, 0]
+    facts = {
+        "compared": comparison_text(fits, "OE"),
+        "independent": "" if independent else "not ",
+        "left": 100 - model.fits[study.estimation_test].simulation,
+        "friction": _friction(study, "shoulder_pitch", "oe", "independence_p"),
+    }
+    value = {**fits, "independence p": model.residual_test.independence_p[0, 0]}
+    return decided_finding("F11", {"OE best": best(fits, "OE", "ARMAX"), "independent": independent}, value, facts)
 
 
 def elbow_armax(study: Comparison) -> Finding:
@@ -171,53 +156,36 @@ def elbow_armax(study: Comparison) -> Finding:
     fits = flexibility(study, "elbow_pitch")
     models = study.joints["elbow_pitch"].models
     correlations = {name: models[name].residual_test.autocorrelation[1:, 0, 0] for name in COMPARED}
-    colour = {name: float(np.sqrt(np.mean(values**2))) for name, values in correlations.items()}
-    return decided_finding(
-        "F12",
-        {"ARMAX best": best(fits, "ARMAX", "OE"), "whiter": colour["armax"] < colour["oe"]},
-        {**_finite(fits), **{f"{name.upper()} autocorrelation": number for name, number in colour.items()}},
-        comparison_text(fits, "ARMAX"),
-    )
+    colour = {f"{name.upper()} autocorrelation": np.sqrt(np.mean(r**2)) for name, r in correlations.items()}
+    armax, oe = colour.values()
+    parts = {"ARMAX best": best(fits, "ARMAX", "OE"), "whiter": armax < oe}
+    return decided_finding("F12", parts, fits | colour, {"compared": comparison_text(fits, "ARMAX")})
 
 
 def stable(study: Comparison) -> Finding:
     """F13: all models are stable."""
     radius = {
-        name: max(float(np.abs(m.estimate.model.poles()).max()) for m in entry.models.values())
-        for name, entry in study.joints.items()
+        joint: max(np.abs(m.estimate.model.poles()).max() for m in entry.models.values())
+        for joint, entry in study.joints.items()
     }
     compared, beyond, aside = "ARMAX, OE and OKID", "ARMAX, OE and OKID, too little excitation", "ARX and IV4"
     groups: dict[str, list[DataSetModel]] = {compared: [], beyond: [], aside: []}
     for entry in study.data_sets.values():
         for model in entry.singles():
-            file = entry.excited[model.record].file or 0
-            enough = beyond if file < model.needed else compared
+            enough = beyond if (entry.excited[model.record].file or 0) < model.needed else compared
             groups[aside if model.structure.method in DISMISSED else enough].append(model)
-    unstable = {name: [model for model in models if not model.stable] for name, models in groups.items()}
+    unstable = {
+        name: [f"{model.structure.method.upper()} from {model.record}" for model in models if not model.stable]
+        for name, models in groups.items()
+    }
     counts = {
-        f"{what}{name}": float(len(models[name]))
+        f"{what}{name}": len(models[name])
         for name in groups
         for what, models in (("unstable ", unstable), ("of ", groups))
     }
-    named = {
-        name: ", ".join(f"{model.structure.method.upper()} from {model.record}" for model in models) or "none"
-        for name, models in unstable.items()
-    }
-    return decided_finding(
-        "F13",
-        {
-            **{f"estimation test, {words(name)}": value < 1 for name, value in radius.items()},
-            "every data set": not unstable[compared],
-        },
-        radius | counts,
-        f"Unstable ARMAX, OE and OKID: {named[compared]}; of those from too little excitation: {named[beyond]}. The A "
-        "of ARX, ARMAX and IV4 is left free: a pole and a zero outside the circle that all but cancel cost a one-step "
-        "criterion nothing",
-    )
-
-
-def _finite(fits: Mapping[str, float]) -> dict[str, float]:
-    return {name: fit for name, fit in fits.items() if np.isfinite(fit)}
+    parts = {f"estimation test, {joint}": value < 1 for joint, value in radius.items()}
+    facts = {"compared": unstable[compared] or "none", "beyond": unstable[beyond] or "none"}
+    return decided_finding("F13", {**parts, "every data set": not unstable[compared]}, radius | counts, facts)
 
 
 def nearest(model: StateSpace) -> float:
@@ -235,9 +203,7 @@ def _friction(study: Comparison, joint: str, method: str, *tests: str) -> str:
     if smooth is None:
         return ""
     values = {name.removesuffix("_p"): float(getattr(smooth, name)) for name in tests}
+    listed = ", ".join(f"{name} {p_value(p)}" for name, p in values.items())
     passed = min(values.values()) >= REJECTED
-    return (
-        f"identified on the arm without friction the same structure has "
-        f"{', '.join(f'{name} {p_value(p)}' for name, p in values.items())}, so friction "
-        f"{'makes the residuals fail' if passed else 'is not all that makes residuals fail'}"
-    )
+    effect = "makes the residuals fail" if passed else "is not all that makes residuals fail"
+    return f"identified on the arm without friction the same structure has {listed}, so friction {effect}"

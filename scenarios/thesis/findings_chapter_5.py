@@ -7,7 +7,7 @@ import numpy as np
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.log_review import settled
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, words
+from scenarios.thesis.finding import CLAIMS, Finding, decided_finding
 from scenarios.thesis.observer_analysis import ORDER, P, hankel_share, observer
 from scenarios.truth.published import PERCENT_DESCRIBED
 from sysid import IOData
@@ -15,20 +15,18 @@ from sysid import IOData
 
 def percent_described(study: Comparison) -> Finding:
     """F14: order 2 describes 96 to 99.9 percent in OKID's own measure."""
-    entries = study.observers
-    shares = {name: hankel_share(entry.estimate, ORDER) for name, entry in entries.items()}
+    estimates = {joint: entry.estimate for joint, entry in study.observers.items()}
+    shares = {joint: hankel_share(model, ORDER) for joint, model in estimates.items()}
     factor = CLAIMS["F14"].limits["factor"]
-    left = {name: (100 - value, 100 - PERCENT_DESCRIBED[name]) for name, value in shares.items()}
-    plain = ", ".join(f"{hankel_share(entry.estimate, ORDER, power=1):.1f}" for entry in entries.values())
-    single = ", ".join(f"{hankel_share(entry.estimate, 1):.1f}" for entry in entries.values())
-    return decided_finding(
-        "F14",
-        {words(name): printed / factor <= own <= printed * factor for name, (own, printed) in left.items()},
-        shares,
-        f"What two states leave is {', '.join(f'{own:.2g} (printed {printed:.2g})' for own, printed in left.values())} "
-        f"% of the squares. One state alone holds {single} %, two hold {plain} % of the values unsquared; with p = {P} "
-        f"there are no more than {P}",
-    )
+    left = {joint: (100 - share, 100 - PERCENT_DESCRIBED[joint]) for joint, share in shares.items()}
+    facts = {
+        "left": [f"{own:.2g} (printed {printed:.2g})" for own, printed in left.values()],
+        "plain": [hankel_share(model, ORDER, power=1) for model in estimates.values()],
+        "single": [hankel_share(model, 1) for model in estimates.values()],
+        "p": P,
+    }
+    parts = {joint: printed / factor <= own <= printed * factor for joint, (own, printed) in left.items()}
+    return decided_finding("F14", parts, shares, facts)
 
 
 def without_detrending(study: Comparison) -> Finding:
@@ -45,33 +43,30 @@ def without_detrending(study: Comparison) -> Finding:
     biased = replace(with_mean, y=with_mean.y + limits["bias"] * np.std(with_mean.y))
     needed, bias_needs = (_order_for(data, reference) for data in (with_mean, biased))
     ratio, bias_ratio = (_one_step(data, order) / best for data in (with_mean, biased))
-    parameters = {
-        "with": max(_markov_parameters_needed(with_mean), order),
-        "without": max(_markov_parameters_needed(without_mean), ORDER),
+    own, detrended = (
+        max(_markov_parameters_needed(data), least) for data, least in ((with_mean, order), (without_mean, ORDER))
+    )
+    parts = {
+        f"order {order}": needed >= order,
+        "extremely poor residuals": ratio >= poor,
+        "fewer observer parameters": own < detrended,
+    }
+    value = {
+        "order for the same percent": needed,
+        f"residual of order {order} over detrended order {ORDER}": ratio,
+        "observer parameters needed": own,
+        "observer parameters needed, detrended": detrended,
+        "order with a bias of one channel": bias_needs,
+        f"residual of order {order} with it": bias_ratio,
     }
     reached = [what for what, does in (("an order", bias_needs >= order), ("residuals", bias_ratio >= poor)) if does]
-    return decided_finding(
-        "F15",
-        {
-            f"order {order}": needed >= order,
-            "extremely poor residuals": ratio >= poor,
-            "fewer observer parameters": parameters["with"] < parameters["without"],
-        },
-        {
-            "order for the same percent": float(needed),
-            f"residual of order {order} over detrended order {ORDER}": ratio,
-            "observer parameters needed": float(parameters["with"]),
-            "observer parameters needed, detrended": float(parameters["without"]),
-            "order with a bias of one channel": float(bias_needs),
-            f"residual of order {order} with it": bias_ratio,
-        },
-        f"Command and measurement have means of {with_mean.u.mean():.4g} and {with_mean.y.mean():.4g} rad; what the "
-        "thesis' data held is not known",
-        cause=f"with a bias of {limits['bias']:g} standard deviations added to the measurement "
-        f"{f'order {bias_needs}' if bias_needs <= P else f'an order above {P}'} is needed and the residual of order "
-        f"{order} is {bias_ratio:.3g} times that detrended, so such a bias gives "
-        f"{' and '.join(reached) or 'neither order nor residuals'} as the thesis reports",
-    )
+    facts = {
+        "means": [with_mean.u.mean(), with_mean.y.mean()],
+        "needed": f"order {bias_needs}" if bias_needs <= P else f"an order above {P}",
+        "ratio": bias_ratio,
+        "reached": " and ".join(reached) or "neither order nor residuals",
+    }
+    return decided_finding("F15", parts, value, facts)
 
 
 def _order_for(data: IOData, percent: float) -> int:

@@ -29,7 +29,7 @@ def p_value(p: float) -> str:
 
 def measure(value: float, finding: Finding) -> str:
     """A number of a finding; a probability too small to have been computed is said to be so."""
-    return f"< {TINY:g}" if value < TINY and "p-value" in finding.unit else number(value)
+    return f"< {TINY:g}" if value < TINY and "p-value" in finding.about.unit else number(value)
 
 
 def parts(finding: Finding) -> list[tuple[str, str, str | None]]:

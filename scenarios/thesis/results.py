@@ -46,7 +46,11 @@ def results(
             for name, entry in study.joints.items()
         },
         "findings": {
-            entry.key: _picked(entry, "verdict value unit thesis parts why") | finding_record(entry, tally)
+            entry.key: {
+                **_picked(entry, "verdict value parts why"),
+                **_picked(entry.about, "unit thesis"),
+                **finding_record(entry, tally),
+            }
             for entry in findings
         },
         "velocity_limited_share": {name: dict(entry.slewing) for name, entry in study.joints.items()},
