@@ -77,15 +77,7 @@ class Campaign:
         return self.logs[name]
 
     def single(self, number: int, joint: str) -> IOData:
-        """Return the `prepared` record of a single-joint test, rad.
-
-        Args:
-            number: Number of the test, 1 to 8.
-            joint: The excited joint.
-
-        Raises:
-            MissingRecordError: There is no such record.
-        """
+        """Return the `prepared` record of the excited joint in a single-joint test, 1 to 8, rad; see `log`."""
         return self.record(single_joint_test(number, joint), joint)
 
     def singles(self, joint: str) -> dict[int, IOData]:
@@ -96,9 +88,9 @@ class Campaign:
         """Return the record that models of a joint are identified from; see `single`."""
         return self.single(ESTIMATION_TEST, joint)
 
-    def several(self, name: str, joints: Sequence[str] = STUDIED_JOINTS) -> IOData:
-        """Return the `prepared` record of several joints, one input and one output each, rad; see `log`."""
-        return self.record(name, tuple(joints))
+    def several(self, name: str) -> IOData:
+        """Return the `prepared` record of the studied joints, one input and one output each, rad; see `log`."""
+        return self.record(name, STUDIED_JOINTS)
 
     def record(self, name: str, joints: str | tuple[str, ...]) -> IOData:
         """Return the `prepared` record of a scenario, always the same object; see `log`."""
@@ -131,7 +123,7 @@ def run_campaign(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Campaign:
-    """Play scenarios on one arm, all side by side.
+    """Play scenarios on one arm, all side by side, and return the records in their order.
 
     Args:
         condition: The arm.
@@ -140,9 +132,6 @@ def run_campaign(
         duration: Shortened length of the tests, likewise, s.
         threads: Threads for the physics.
         progress: Called with the completed ticks and the total.
-
-    Returns:
-        The records, in the order of the scenarios.
 
     Raises:
         ScenarioError: Nothing to play, or the same name twice; nothing is played then.

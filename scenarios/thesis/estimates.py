@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from statistics import median
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -11,6 +12,7 @@ import numpy as np
 import sysid
 from scenarios.identification import methods
 from sysid import Estimate, IOData, StateSpace, SysidWarning
+from sysid.validation import fit_percent
 
 T = TypeVar("T")
 
@@ -56,6 +58,18 @@ def fits(model: Estimate | StateSpace, record: IOData) -> Fits:
         return Fits(float(score.simulation[0]), float(score.one_step[0]))
 
     return _once(record, model.model if isinstance(model, Estimate) else model, compared)
+
+
+def simulation_fit(model: Estimate, records: Sequence[IOData]) -> float:
+    """Median fit in simulation to records of one output, percent; minus infinity where it grows without bound."""
+    scores = []
+    for record in records:
+        with np.errstate(all="ignore"):
+            simulated = np.nan_to_num(
+                sysid.predict(model, record, steps=None), nan=np.inf, posinf=np.inf, neginf=-np.inf
+            )
+        scores.append(float(fit_percent(record.y, simulated)[0]))
+    return median(scores)
 
 
 def _once(record: IOData, key: Hashable, compute: Callable[[], T]) -> T:

@@ -174,7 +174,7 @@ def pulse_spectra(study: Comparison) -> Finding:
     readings: dict[str, dict[str, bool]] = {WHOLE: {}, POWERED: {}}
     repeated = []
     for joint, result in study.nonparametric.items():
-        spectrum, reach = spectrum_of(study, PULSE, joint), result.resolution_hz(PULSE)
+        spectrum, reach = spectrum_of(study, PULSE, joint), result.resolution_hz[PULSE]
         f, again = spectrum.frequencies, result.repeated[PULSE]
         # The window widens a line by its resolution; those at 1 and at 5 Hz count whole.
         inside = (f >= 1.0 - reach) & (f <= 5.0 + reach)
@@ -198,7 +198,7 @@ def sinusoid_disturbance(study: Comparison) -> Finding:
     for joint, result in study.nonparametric.items():
         spectrum = spectrum_of(study, SINES, joint)
         # The line at 10 Hz counts whole.
-        near = spectrum.frequencies <= FASTEST + result.resolution_hz(SINES)
+        near = spectrum.frequencies <= FASTEST + result.resolution_hz[SINES]
         for way, mask in frequency_masks(spectrum).items():
             orders = values[f"{joint}, {SHORT[way]}"] = orders_below(spectrum, near & mask)
             readings[way][joint] = orders >= limits["pitch" if joint in CLAIMED_DELAY else "yaw"]

@@ -12,17 +12,11 @@ ORDER: tuple[Verdict, ...] = get_args(Verdict)
 
 
 def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = None) -> dict[str, object]:
-    """Collect the results of many seeds for the report.
+    """Collect the variables of the templates on many seeds, for the findings as this run with its seed decided them.
 
-    Args:
-        findings: As this run decided them.
-        tally: Many seeds.
-        seed: Of this run.
-
-    Returns:
-        Variables of the templates: texts, how often each verdict came out, findings whose verdict of this run depends
-        on the seed, those among them of which more seeds reached another, ranges of their numbers, and the bandwidths
-        of `coverage_rows`; nothing without seeds.
+    Texts, how often each verdict came out, findings whose verdict of this run depends on the seed, those among them of
+    which more seeds reached another, ranges of their numbers, and the bandwidths of `coverage_rows`; nothing without
+    seeds.
     """
     if tally is None:
         return {}
@@ -39,15 +33,7 @@ def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = 
 
 
 def frequency_text(finding: Finding, tally: Tally) -> str:
-    """Describe how often the seeds reached the verdict of a finding, and whether it depends on the seed.
-
-    Args:
-        finding: As this run decided it.
-        tally: Many seeds.
-
-    Returns:
-        One line; nothing where no seed has tried the finding.
-    """
+    """Describe how often seeds reached the verdict of this run, if it depends on the seed; nothing where none tried."""
     frequency = tally.frequency(finding.key)
     if not frequency.counts:
         return ""
@@ -69,12 +55,7 @@ def answer_text(tally: Tally) -> str:
 
 
 def source_text(tally: Tally, seed: int | None = None) -> str:
-    """Return which seeds the frequencies count, on which arm and with which software.
-
-    Args:
-        tally: Many seeds.
-        seed: Of this run.
-    """
+    """Describe which seeds the frequencies count, beside that of this run, on which arm and with which software."""
     seeds = _seeds(tally)
     length = "" if tally.duration is None else f", records of {tally.duration:g} s"
     failed = "".join(f" Seed {seed} came to no conclusion: {why.rstrip('.')}." for seed, why in tally.failed.items())
@@ -109,16 +90,7 @@ def coverage_rows(tally: Tally) -> list[tuple[str, list[tuple[str, BandwidthCove
 
 
 def finding_record(finding: Finding, tally: Tally | None) -> dict[str, object]:
-    """Return the entries of results.json for a finding.
-
-    Args:
-        finding: As this run decided it.
-        tally: Many seeds, if there are any.
-
-    Returns:
-        `frequency` with the number of seeds, the verdicts and whether that of this run depends on the seed; `range`
-        of each number.
-    """
+    """Return the entries of results.json on a finding: frequency of the verdicts, and `range` of each number."""
     if tally is None or not (frequency := tally.frequency(finding.key)).counts:
         return {}
     return {

@@ -199,13 +199,6 @@ class Tally:
         """Time in all, all seeds, s."""
         return sum(entry.cost.total_s for entry in self.outcomes)
 
-    def of(self, seed: int) -> SeedOutcome:
-        """Return the conclusions of a seed; raises `ScenarioError` if it is none of the seeds."""
-        for entry in self.outcomes:
-            if entry.seed == seed:
-                return entry
-        raise ScenarioError(f"no seed {seed} in this tally, it has {[entry.seed for entry in self.outcomes]}")
-
     def frequency(self, key: str) -> Frequency:
         """Return the frequency of each verdict of a finding (F1 to F26)."""
         counts = Counter(entry.verdicts[key] for entry in self.outcomes if key in entry.verdicts)

@@ -1,10 +1,10 @@
 """Multi-input models of the arm and errors of their coupling terms."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS, Truth
@@ -19,66 +19,37 @@ BAND = (0.1, 10.0)
 
 
 def three_joint_truth(truth: Truth) -> StateSpace:
-    """The true coupled response of the studied joints, commanded to measured angles.
-
-    Args:
-        truth: Small-signal truth of the whole arm.
-
-    Returns:
-        Its model with 3 inputs and 3 outputs, without noise.
-    """
+    """The true coupled response of the studied joints, commanded to measured angles, without noise."""
     inputs = list(truth.model.input_names or ())
     columns = [inputs.index(f"{joint} commanded") for joint in STUDIED_JOINTS]
     model = truth.model
     return StateSpace(model.A, model.B[:, columns], model.C[columns], model.D[np.ix_(columns, columns)], None, truth.dt)
 
 
+def _response(model: StateSpace, band: tuple[float, float]) -> np.ndarray:
+    """Response (200, ny, nu) at frequencies evenly spaced on a logarithmic axis from the lowest to the highest, Hz."""
+    return model.frequency_response(np.geomspace(*band, 200))
+
+
 def relative_error(
     model: StateSpace, truth: StateSpace, *, diagonal: bool = False, band: tuple[float, float] = BAND
 ) -> float:
-    """Distance of two responses over the norm of the true one, 200 frequencies evenly spaced on a logarithmic axis.
-
-    Args:
-        model: The model.
-        truth: The true response.
-        diagonal: Compare only channels from each input to its own output.
-        band: Lowest and highest frequency, Hz.
-
-    Returns:
-        The ratio.
-    """
-    f = np.geomspace(*band, 200)
-    estimated, true = model.frequency_response(f), truth.frequency_response(f)
+    """Distance of two responses over the norm of the true one, of all channels or each input to its own output."""
+    estimated, true = _response(model, band), _response(truth, band)
     if diagonal:
         estimated, true = (np.diagonal(response, axis1=1, axis2=2) for response in (estimated, true))
     return float(np.linalg.norm(estimated - true) / np.linalg.norm(true))
 
 
 def off_diagonal(model: StateSpace, *, band: tuple[float, float] = BAND) -> float:
-    """Return the off-diagonal part of a response, relative to the whole.
-
-    Args:
-        model: As many inputs as outputs.
-        band: Lowest and highest of the 200 frequencies, Hz.
-
-    Returns:
-        The ratio.
-    """
-    response = model.frequency_response(np.geomspace(*band, 200))
+    """Return the off-diagonal part of a response with as many inputs as outputs, relative to the whole."""
+    response = _response(model, band)
     return float(np.linalg.norm(response * ~np.eye(model.ny, dtype=bool)) / np.linalg.norm(response))
 
 
 def pushed_by_others(model: StateSpace, *, band: tuple[float, float]) -> dict[str, float]:
-    """Return the motion of a joint due to the other commands, relative to that due to its own command.
-
-    Args:
-        model: Commands of the studied joints to their angles.
-        band: Lowest and highest of the 200 frequencies, Hz.
-
-    Returns:
-        By joint, the largest sum of the other commands' gains over the own one's in the band.
-    """
-    gain = np.abs(model.frequency_response(np.geomspace(*band, 200)))
+    """Return by studied joint the largest sum of the other commands' gains over the own one's in a band."""
+    gain = np.abs(_response(model, band))
     own = np.diagonal(gain, axis1=1, axis2=2)
     ratio = (gain.sum(axis=2) - own) / own
     return dict(zip(STUDIED_JOINTS, map(float, ratio.max(axis=0)), strict=True))
@@ -122,53 +93,27 @@ class FullModel:
 
 
 def full_models(name: str, campaign: Campaign, truth: StateSpace) -> tuple[FullModel, ...]:
-    """Identify models of all nine responses from a record, and one of each joint alone beside them.
+    """Identify models of all nine responses from a record by name, and one of each joint alone beside them.
 
-    Args:
-        name: Of the record.
-        campaign: Holds it.
-        truth: The true response of the three joints.
-
-    Returns:
-        A model for each method that does not refuse the record.
-
-    Raises:
-        MissingRecordError: There is no such record.
+    A method that refuses the record is left out; raises `MissingRecordError` where there is none.
     """
     data, log = campaign.several(name), campaign.log(name)
     inputs = joint_inputs(log.commanded[round(SETTLING / log.dt) :], STUDIED_JOINTS)
     condition = float("inf") if inputs is None else inputs.condition
     models = []
     for method, identify in METHODS.items():
-        try:
+        with suppress(SysidError):
             model = identify(data)
-        except SysidError:
-            continue
-        models.append(
-            FullModel(
-                name,
-                condition,
-                method,
-                model,
-                relative_error(model, truth, band=EXCITED),
-                relative_error(model, truth, diagonal=True, band=EXCITED),
-                off_diagonal(model, band=EXCITED),
-            )
-        )
+            whole, own = (relative_error(model, truth, diagonal=own, band=EXCITED) for own in (False, True))
+            models.append(FullModel(name, condition, method, model, whole, own, off_diagonal(model, band=EXCITED)))
     return tuple(models)
 
 
 def _arx(data: IOData) -> StateSpace:
     """One three-input model for each output, combined into one model."""
-    models = [sysid.arx(IOData(data.u, data.y[:, i], data.dt), 5, 5, 1).model for i in range(data.ny)]
-    return StateSpace(
-        scipy.linalg.block_diag(*(model.A for model in models)),
-        np.vstack([model.B for model in models]),
-        scipy.linalg.block_diag(*(model.C for model in models)),
-        np.vstack([model.D for model in models]),
-        None,
-        data.dt,
-    )
+    model = block_diagonal([sysid.arx(IOData(data.u, data.y[:, i], data.dt), 5, 5, 1).model for i in range(data.ny)])
+    shared = np.tile(np.eye(data.nu), (data.ny, 1))
+    return StateSpace(model.A, model.B @ shared, model.C, model.D @ shared, None, data.dt)
 
 
 def _alone(data: IOData) -> StateSpace:

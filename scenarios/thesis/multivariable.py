@@ -110,11 +110,7 @@ class ThreeJointModel:
         return bool(np.any(self.blocks[joint].gain))
 
     def fit(self, record: str) -> JointFits:
-        """Fits of the model to a record.
-
-        Raises:
-            MissingRecordError: There is no such record.
-        """
+        """Fits of the model to a record; raises `MissingRecordError` where there is none."""
         return _result_of(self.fits, record)
 
     def residual_test(self, record: str) -> ResidualTest:
@@ -151,11 +147,7 @@ class Multivariable:
     references: References
 
     def reference(self, name: str, record: str) -> Mapping[str, float]:
-        """Fits by joint of one kind of knowledge of the twin to a record, percent.
-
-        Raises:
-            MissingRecordError: There is no such record.
-        """
+        """Fits by joint of one kind of knowledge of the twin to a record, percent; see `ThreeJointModel.fit`."""
         return _result_of(self.references[name], record)
 
     def model(self, kind: Kind, *, printed: bool = False) -> ThreeJointModel:
@@ -176,9 +168,6 @@ def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace],
         own: The chosen prediction-error models by joint.
         okid: The OKID models by joint.
         campaign: Truth and records.
-
-    Returns:
-        All models with their fits and tests.
     """
     truth = three_joint_truth(campaign.truth)
     there = tuple(name for name in RECORDS if name in campaign.logs)
@@ -201,17 +190,24 @@ def _compared(
     kind: Kind, printed: bool, blocks: Mapping[str, StateSpace], truth: StateSpace, campaign: Campaign
 ) -> ThreeJointModel:
     """A model with its fits: block-diagonal, it follows each joint as that joint's block does."""
-    model = block_diagonal([blocks[joint] for joint in STUDIED_JOINTS])
+    blocks = {joint: blocks[joint] for joint in STUDIED_JOINTS}
+    model = block_diagonal(list(blocks.values()))
     followed = {
-        name: {joint: fits(blocks[joint], campaign.record(name, joint)) for joint in STUDIED_JOINTS}
+        name: {joint: fits(block, campaign.record(name, joint)) for joint, block in blocks.items()}
         for name in RECORDS
         if name in campaign.logs
     }
+    tests = {}
+    for name in TESTED:
+        if name in campaign.logs:
+            # An unstable predictor leaves residuals too large for any test.
+            with suppress(SysidError):
+                tests[name] = sysid.resid(model, campaign.several(name), lags=LAGS, level=LEVEL)
     return ThreeJointModel(
         f"printed {kind} model" if printed else f"{kind} model",
         kind,
         printed,
-        {joint: blocks[joint] for joint in STUDIED_JOINTS},
+        blocks,
         model,
         relative_error(model, truth),
         relative_error(model, truth, diagonal=True),
@@ -219,18 +215,8 @@ def _compared(
             name: JointFits(*({joint: getattr(fit, way) for joint, fit in joints.items()} for way in WAYS))
             for name, joints in followed.items()
         },
-        _residual_tests(model, campaign),
+        tests,
     )
-
-
-def _residual_tests(model: StateSpace, campaign: Campaign) -> dict[str, ResidualTest]:
-    """Return the residual tests that exist: an unstable predictor leaves residuals too large for any test."""
-    tests = {}
-    for name in TESTED:
-        if name in campaign.logs:
-            with suppress(SysidError):
-                tests[name] = sysid.resid(model, campaign.several(name), lags=LAGS, level=LEVEL)
-    return tests
 
 
 def _result_of(results: Mapping[str, T], record: str) -> T:

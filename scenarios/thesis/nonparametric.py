@@ -94,9 +94,6 @@ def period_spectra(data: IOData, period: int = POINTS) -> PeriodSpectra:
         data: One input, one output, settled, the input periodic but for its noise.
         period: Samples in one period.
 
-    Returns:
-        Densities on the lines between zero and the Nyquist frequency.
-
     Raises:
         ScenarioError: Fewer than three periods, or several channels.
     """
@@ -179,10 +176,9 @@ class Nonparametric:
     """Nonparametric estimates from the records of one joint.
 
     Attributes:
-        joint: Name.
         spectra: Windowed spectra by number of the test, with the response that is their ratio: Hamming window, lag a
             tenth of the samples.
-        lags: Their lags, samples.
+        resolution_hz: Half-width of their windows, to the first zero, Hz.
         repeated: Spectra by repetition, by number of the test.
         positive: Response from the two sines by the Parzen window of the same lag, whose side lobes are 53 dB down, not
             43.
@@ -193,9 +189,8 @@ class Nonparametric:
         tests: Every record of the joint by name of the scenario; empty where only findings are asked for.
     """
 
-    joint: str
     spectra: Mapping[int, FrequencyResponse]
-    lags: Mapping[int, int]
+    resolution_hz: Mapping[int, float]
     repeated: Mapping[int, PeriodSpectra]
     positive: FrequencyResponse | None
     covariances: CovarianceFunction
@@ -204,48 +199,37 @@ class Nonparametric:
     delay: DelayEstimate
     tests: Mapping[str, RecordSummary]
 
-    def resolution_hz(self, test: int) -> float:
-        """Half-width of the window of a test's spectra, Hz: to its first zero."""
-        return SAMPLE_RATE / self.lags[test]
-
 
 def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> Nonparametric:
-    """Analyse the records of one joint.
+    """Analyse the records of one joint; a test other than the PRBS whose record is missing is left out.
 
     Args:
         joint: Name.
         campaign: The records.
         summaries: Whether every record gets its row, beside the three analyses of the thesis.
 
-    Returns:
-        What they say; a test whose record is missing is left out.
-
     Raises:
         MissingRecordError: There is no record of the PRBS.
     """
     binary = campaign.single(PRBS, joint)
+    # The record filtered so that its input is white, without the start-up of the filter.
+    ((u, y),) = prewhitened([binary], 0, WHITENING)
+    white = replace(binary, u=u, y=y)[WHITENING:]
     data = {n: campaign.single(n, joint) for n in (SINES, PULSE) if single_joint_test(n, joint) in campaign.logs}
     return Nonparametric(
-        joint=joint,
         spectra={n: sysid.spa(record, frequencies=GRID) for n, record in data.items()},
-        lags={n: len(record) // 10 for n, record in data.items()},
+        resolution_hz={n: SAMPLE_RATE / (len(record) // 10) for n, record in data.items()},
         repeated={
             n: period_spectra(record, period_of(single_joint_test(n, joint)))
             for n, record in {PRBS: binary, **data}.items()
         },
         positive=sysid.spa(data[SINES], window=parzen, frequencies=GRID) if SINES in data else None,
         covariances=sysid.covf(binary, lags=LAGS),
-        whitened=sysid.covf(_white(binary), lags=LAGS),
+        whitened=sysid.covf(white, lags=LAGS),
         pulse=sysid.cra(binary, lags=PULSE_LAGS, whitening=WHITENING),
         delay=sysid.delayest(binary, whitening=WHITENING),
         tests=_summaries(joint, campaign) if summaries else {},
     )
-
-
-def _white(data: IOData) -> IOData:
-    """The record filtered so that its input is white, without the start-up of the filter."""
-    ((u, y),) = prewhitened([data], 0, WHITENING)
-    return replace(data, u=u, y=y)[WHITENING:]
 
 
 def excited_lines(response: FrequencyResponse) -> np.ndarray:
@@ -257,13 +241,9 @@ def excited_lines(response: FrequencyResponse) -> np.ndarray:
 
 
 def half_power(response: FrequencyResponse) -> float | None:
-    """Return where the gain on known lines falls below 0.707, interpolated on logarithmic axes.
+    """Return where the gain of one channel on known lines falls below 0.707, interpolated on logarithmic axes, Hz.
 
-    Args:
-        response: Response on the lines that are known, one input and one output.
-
-    Returns:
-        Frequency, Hz; None where the lines do not bracket it within an octave.
+    None where the lines do not bracket it within an octave.
     """
     hz, f = gain_crossing(response, HALF_POWER), response.frequencies
     k = int(np.searchsorted(f, hz))
@@ -277,27 +257,15 @@ def period_of(name: str) -> int:
 
 def _summaries(joint: str, campaign: Campaign) -> dict[str, RecordSummary]:
     """All records that move the joint and repeat often enough: its own tests and those of several joints."""
-    summaries = {}
-    for name in campaign.logs:
-        own = name.startswith("siso-")
-        if name == RPCM or (own and not name.endswith(f"-{joint}")):
-            continue
-        record, period = campaign.record(name, joint), period_of(name)
-        if len(record) >= FEWEST * period:
-            summaries[name] = summary(record, period)
-    return summaries
+    names = [
+        name for name in campaign.logs if name != RPCM and (not name.startswith("siso-") or name.endswith(f"-{joint}"))
+    ]
+    records = ((name, campaign.record(name, joint), period_of(name)) for name in names)
+    return {name: summary(record, period) for name, record, period in records if len(record) >= FEWEST * period}
 
 
 def summary(data: IOData, period: int = POINTS) -> RecordSummary:
-    """A record in one row.
-
-    Args:
-        data: One input, one output, settled, without means.
-        period: Samples after which its input repeats.
-
-    Returns:
-        The row.
-    """
+    """A record of one input and one output, settled, without means, whose input repeats after a period, in one row."""
     spectra = period_spectra(data, period)
     # Circular over the whole periods: the lag by which the output follows, up to one period.
     whole = len(data) // period * period

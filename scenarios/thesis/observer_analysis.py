@@ -76,16 +76,8 @@ class JointObserver:
 def observe(joint: str, campaign: Campaign, *, thorough: bool = True) -> JointObserver:
     """Analyse the observer of a joint: p = 5 and two states, from the estimation test.
 
-    Args:
-        joint: Name of the joint.
-        campaign: The records.
-        thorough: Whether to compare numbers of observer Markov parameters too.
-
-    Returns:
-        What chapter V shows.
-
-    Raises:
-        MissingRecordError: The record of the estimation test.
+    Unless thorough, numbers of observer Markov parameters are not compared. `MissingRecordError` where the test has no
+    record.
     """
     own = campaign.own(joint)
     model = observer(own)
@@ -99,17 +91,10 @@ def observe(joint: str, campaign: Campaign, *, thorough: bool = True) -> JointOb
 
 
 def observer_errors(data: IOData, numbers: tuple[int, ...] = NUMBERS) -> tuple[ObserverError, ...]:
-    """Prediction and smoothing errors of observers, in parts of the output's standard deviation.
+    """Prediction and smoothing errors of observers, in parts of the output's standard deviation, a row for each number.
 
     The thesis does not say what its smoothing error is; it is read as that of the best linear estimate of a sample from
     p samples of input and output on both sides of it.
-
-    Args:
-        data: A record of one input and one output.
-        numbers: Numbers of observer Markov parameters.
-
-    Returns:
-        A row for each.
     """
     spread = float(np.std(data.y))
     return tuple(

@@ -10,17 +10,16 @@ search ends at the first step that passes and that the next does not improve on 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from statistics import median
 
 import numpy as np
 
 import sysid
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.thesis.campaign import ESTIMATION_TEST, OTHER_WAVEFORMS
-from scenarios.thesis.estimates import estimate
+from scenarios.thesis.estimates import estimate, simulation_fit
 from scenarios.thesis.steps import NO_REPORT, Part
 from sysid import IOData, SysidError
-from sysid.validation import StructureTable, fit_percent
+from sysid.validation import StructureTable
 
 POLES = (1, 2, 3, 4, 5)
 """Steps of the search: numbers of poles. The thesis' largest has five."""
@@ -136,7 +135,7 @@ def search_orders(joint: str, data: Mapping[int, IOData], part: Part = NO_REPORT
 def search(
     method: str, data: IOData, others: Sequence[IOData], thesis: tuple[int, ...], part: Part = NO_REPORT
 ) -> Search:
-    """Iterate over the structures of one kind.
+    """Iterate over the structures of one kind and choose one.
 
     Args:
         method: `armax` or `oe`.
@@ -144,9 +143,6 @@ def search(
         others: What judges them.
         thesis: Orders of the thesis.
         part: This part of the work.
-
-    Returns:
-        Every iteration, and the choice.
 
     Raises:
         SysidError: Nothing could be identified.
@@ -190,9 +186,6 @@ def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, ot
         whiteness_p=float(test.whiteness_p[0]),
         independence_p=float(test.independence_p[0, 0]),
         outside=int(test.outside_whiteness[0]),
-        # The simulation of an unstable model overflows.
-        held_out=median(float(fit_percent(one.y, sysid.predict(model, one, steps=None))[0]) for one in others)
-        if radius < 1.0
-        else -np.inf,
+        held_out=simulation_fit(model, others) if radius < 1.0 else -np.inf,
         passes=radius < 1.0 and independent and (white or method == "oe"),
     )

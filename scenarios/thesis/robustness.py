@@ -6,29 +6,27 @@ amplitude is none of them: it plays the same sequence, which every model has see
 """
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import takewhile
+from itertools import product, takewhile
 from statistics import median
 from types import MappingProxyType
-from typing import Literal
 
 import numpy as np
 
-import sysid
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.log_review import settled
-from scenarios.experiments.model_structures import STRUCTURES, Structure, every_structure
+from scenarios.experiments.model_structures import STRUCTURES, SUFFICIENT, Structure, every_structure
 from scenarios.identification.methods import estimate
 from scenarios.identification.recovered_bandwidth import intervals_agree
 from scenarios.thesis.attribution import best_linear_of
-from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.campaign import ESTIMATION_TEST, Campaign
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS, Disturbance, biased, frequent_outliers
+from scenarios.thesis.estimates import simulation_fit
 from scenarios.thesis.finding import CLAIMS
 from scenarios.thesis.steps import NO_REPORT, Part
 from scenarios.truth.bla_of_test import BestLinearOfTest
-from sysid import Estimate, IOData, SysidError, SysidWarning, predict
-from sysid.validation import fit_percent
+from sysid import IOData, SysidError, SysidWarning
 
 JUDGES = (2, 7, 8)
 """Tests that judge a model by its median fit to those that there are: two tones, pulses, chirp, one of each waveform
@@ -43,8 +41,11 @@ SEED = 25
 PART, SHORT_PART = 2000, 1000
 """Samples of the disturbed part, from the start; of the part for orders: larger ones than needed take long to fit."""
 
-ORDERS: Mapping[str, tuple[int, ...]] = MappingProxyType({"SysID": (1, 2, 3), "OKID": (1, 2, 3, 4)})
-"""Numbers of states compared, by kind of model, up to the largest in the thesis."""
+ORDERS: Mapping[str, tuple[str, tuple[int, ...]]] = MappingProxyType(
+    {"SysID": ("oe", (1, 2, 3)), "OKID": ("okid", (1, 2, 3, 4))}
+)
+"""Kinds of model with a single order: output error with as many coefficients of B as of F, and OKID; its estimator, and
+the numbers of states compared, up to the largest in the thesis."""
 
 MARGIN = 1.0
 """An order suffices whose fit is at most so far below the best order's on the same record, percent points."""
@@ -55,20 +56,9 @@ DETRENDED, WITH_MEANS = "detrended", "with its means"
 CONSTANT, OUTLIERS = "with a constant in the output", "with outliers"
 """The detrended record with a constant added to the output alone, and with outliers in the output."""
 
-METHODS: Mapping[str, Callable[[IOData, int, int], Estimate]] = MappingProxyType(
-    {
-        "SysID": lambda data, n, nk: sysid.oe(data, n, n, nk),
-        "OKID": lambda data, n, _: sysid.okid(data, n, p=5),
-    }
-)
-"""Methods whose model has a single order: output error with as many coefficients of B as of F, and OKID."""
-
 COMPARABLE = (10.0, 5.0)
 """A model is comparable to the one from the clean record when its bandwidth moves by at most so many percent (never
 where it has none) and its median fit in simulation to records of other waveforms falls by at most so many points."""
-
-Failure = Literal["", "refused", "unstable", "no bandwidth"]
-"""Failures: the estimator raised an error, the model is unstable, its gain never falls by 3 dB."""
 
 Range = tuple[float, float, float]
 """Median, smallest and largest over draws; NaN where there is none."""
@@ -112,10 +102,9 @@ class RobustnessOutcome:
         disturbance: Key in `DISTURBANCES`.
         treatment: Key in `TREATMENTS`.
         degree: How much, in the disturbance's unit.
-        draw: Number of the draw.
-        failure: What went wrong, or nothing.
-        bandwidth_hz: Bandwidth, Hz; NaN after a failure.
-        error: What it departs from the best linear truth by, percent; NaN after a failure.
+        bandwidth_hz: Bandwidth, Hz; NaN where the estimator refused, the model is unstable or its gain never falls by
+            3 dB.
+        error: What it departs from the best linear truth by, percent; NaN likewise.
         covers: Whether it agrees with the best linear truth.
         fit: In simulation to the records that judge, percent, their median, also of a model that is unstable; NaN where
             the estimator refused.
@@ -127,8 +116,6 @@ class RobustnessOutcome:
     disturbance: str
     treatment: str
     degree: float
-    draw: int
-    failure: Failure
     bandwidth_hz: float
     error: float
     covers: bool
@@ -184,26 +171,16 @@ def clean(robustness: Robustness, joint: str, method: str) -> RobustnessOutcome:
 def comparable(entries: tuple[RobustnessOutcome, ...], reference: RobustnessOutcome) -> bool:
     """Whether the median draw stays comparable; a failed estimate is not comparable."""
     percent, points = COMPARABLE
-    if any(entry.failure == "refused" for entry in entries):
+    if any(np.isnan(entry.fit) for entry in entries):
         return False
-    shifts = [
-        np.inf if entry.failure else 100 * abs(entry.bandwidth_hz / reference.bandwidth_hz - 1) for entry in entries
-    ]
-    return median(shifts) <= percent and median(reference.fit - entry.fit for entry in entries) <= points
+    shifts = [np.nan_to_num(abs(100 * (one.bandwidth_hz / reference.bandwidth_hz - 1)), nan=np.inf) for one in entries]
+    return bool(median(shifts) <= percent and median(reference.fit - entry.fit for entry in entries) <= points)
 
 
 def tolerance(robustness: Robustness, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]) -> str:
     """Describe the largest degree of a disturbance up to which every one tried leaves a comparable model.
 
-    Args:
-        robustness: The experiment.
-        disturbance: Key of the disturbance.
-        joint: The joint.
-        method: The method.
-        treatment: What is taken off the record before.
-
-    Returns:
-        Such as "up to 2", "all, up to 5", "none", or a dash where it was not tried.
+    Such as "up to 2", "all, up to 5", "none", or a dash where it was not tried.
     """
     kind = DISTURBANCES[disturbance]
     draws = robustness.of(disturbance, joint, method, treatment)
@@ -230,40 +207,30 @@ def other_structures(joint: str) -> tuple[Structure, ...]:
     )
 
 
-def robustness(
-    campaign: Campaign, estimation_test: int, *, thorough: bool = True, part: Part = NO_REPORT
-) -> Robustness:
-    """Disturb the estimation records and identify models from them.
+def robustness(campaign: Campaign, *, thorough: bool = True, part: Part = NO_REPORT) -> Robustness:
+    """Disturb the estimation records by degree and identify models from them.
 
-    Args:
-        campaign: The records.
-        estimation_test: Number of the test that models are identified from.
-        thorough: Whether to disturb records by degree, or only to find the orders that finding F25 rests on.
-        part: This part of the work.
-
-    Returns:
-        What came of it; a joint without the estimation record or any that judges is left out.
+    A joint without the estimation record or any that judges is left out. Unless thorough, only the orders are compared
+    that finding F25 rests on.
     """
     outcomes: list[RobustnessOutcome] = []
     orders: list[OrderNeeded] = []
     judged_by: dict[str, tuple[int, ...]] = {}
     for joint, of_joint in part.split(STUDIED_JOINTS):
         data = campaign.singles(joint)
-        numbers = tuple(number for number in JUDGES if number in data and number != estimation_test)
-        if not numbers or estimation_test not in data:
+        numbers = tuple(number for number in JUDGES if number in data)
+        if not numbers or ESTIMATION_TEST not in data:
             continue
         judged_by[joint] = numbers
         judges = tuple(data[number][:JUDGED] for number in numbers)
-        chosen = tuple(entry for entry in STRUCTURES[joint] if entry.chosen)
-        truth = best_linear_of(campaign.condition, joint, estimation_test)
-        trial = _Trial(data[estimation_test], judges, truth, campaign.seed or 0)
+        truth = best_linear_of(campaign.condition, joint, ESTIMATION_TEST)
+        trial = _Trial(data[ESTIMATION_TEST], judges, truth, campaign.seed or 0)
         with warnings.catch_warnings():
             # Warnings are what this experiment provokes; failures are counted.
             warnings.simplefilter("ignore", SysidWarning)
             for disturbance, share in of_joint.split(tuple(DISTURBANCES.values()) if thorough else ()):
-                also = other_structures(joint) if disturbance.other_structures else ()
-                outcomes += trial.outcomes(disturbance, (*chosen, *also), share)
-            orders += trial.orders(settled(campaign.log(data[estimation_test].name), joint))
+                outcomes += trial.outcomes(disturbance, share)
+            orders += trial.orders(settled(campaign.log(data[ESTIMATION_TEST].name), joint))
     return Robustness(tuple(outcomes), tuple(orders), judged_by)
 
 
@@ -276,23 +243,20 @@ class _Trial:
     truth: BestLinearOfTest
     seed: int
 
-    def outcomes(
-        self, disturbance: Disturbance, structures: Sequence[Structure], part: Part
-    ) -> list[RobustnessOutcome]:
+    def outcomes(self, disturbance: Disturbance, part: Part) -> list[RobustnessOutcome]:
         outcomes = []
         clean = self.data if disturbance.whole else self.data[:PART].detrend()
-        for treatment, of_treatment in part.split(disturbance.treatments):
-            for degree, _ in of_treatment.split(disturbance.degrees):
-                for draw in range(self._draws(disturbance, degree)):
-                    disturbed = TREATMENTS[treatment](
-                        disturbance.spoil(clean, degree, self._chance(disturbance, degree, draw))
-                    )
-                    for structure in structures:
-                        # The others stand beside the chosen ones, untreated and of the first draw.
-                        if not structure.chosen and (draw or treatment != AS_IT_IS[0]):
-                            continue
-                        place = (disturbance.key, treatment, degree, draw)
-                        outcomes.append(self._outcome(structure, disturbed, *place))
+        chosen = tuple(entry for entry in STRUCTURES[self.truth.joint] if entry.chosen)
+        for (treatment, degree), _ in part.split(list(product(disturbance.treatments, disturbance.degrees))):
+            for draw in range(self._draws(disturbance, degree)):
+                spoilt = disturbance.spoil(clean, degree, self._chance(disturbance, degree, draw))
+                record = TREATMENTS[treatment](spoilt)
+                # The others stand beside the chosen ones, untreated and of the first draw.
+                also = disturbance.other_structures and not draw and treatment == AS_IT_IS[0]
+                outcomes += [
+                    self._outcome(structure, record, disturbance.key, treatment, degree)
+                    for structure in (*chosen, *(other_structures(self.truth.joint) if also else ()))
+                ]
         return outcomes
 
     def _draws(self, disturbance: Disturbance, degree: float) -> int:
@@ -312,34 +276,21 @@ class _Trial:
         return np.random.default_rng(np.random.SeedSequence((SEED, self.seed, joint, kind, step, draw)))
 
     def _outcome(
-        self, structure: Structure, disturbed: IOData, key: str, treatment: str, degree: float, draw: int
+        self, structure: Structure, disturbed: IOData, key: str, treatment: str, degree: float
     ) -> RobustnessOutcome:
-        place = (self.truth.joint, structure.method, structure.chosen, key, treatment, degree, draw)
-        nan = float("nan")
+        place = (self.truth.joint, structure.method, structure.chosen, key, treatment, degree)
         try:
             model = estimate(disturbed, structure.estimator, structure.orders)
         except SysidError:
-            return RobustnessOutcome(*place, "refused", nan, nan, False, nan)
-        fit, band = self._simulated(model), model.bandwidth().path()
-        if not model.model.is_stable() or np.isnan(band[0]):
-            failure: Failure = "no bandwidth" if model.model.is_stable() else "unstable"
-            return RobustnessOutcome(*place, failure, nan, nan, False, fit)
+            return RobustnessOutcome(*place, np.nan, np.nan, False, np.nan)
+        band = model.bandwidth().path() if model.model.is_stable() else (np.nan,) * 3
         agrees = intervals_agree(band, (self.truth.hz, *self.truth.ci95))
-        return RobustnessOutcome(*place, "", band[0], 100 * (band[0] / self.truth.hz - 1), agrees, fit)
-
-    def _simulated(self, model: Estimate) -> float:
-        """Median fit in simulation, percent; minus infinity where the model grows beyond all numbers."""
-        fits = []
-        for judge in self.judges:
-            with np.errstate(all="ignore"):
-                simulated = np.nan_to_num(predict(model, judge, steps=None), nan=np.inf, posinf=np.inf, neginf=-np.inf)
-            fits.append(float(fit_percent(judge.y, simulated)[0]))
-        return median(fits)
+        error = 100 * (band[0] / self.truth.hz - 1)
+        return RobustnessOutcome(*place, band[0], error, agrees, simulation_fit(model, self.judges))
 
     def orders(self, with_means: IOData) -> list[OrderNeeded]:
         """Order that suffices on the detrended record and on three that are disturbed, for both methods."""
         joint, limits = self.truth.joint, CLAIMS["F25"].limits
-        nk = next(entry.orders[-1] for entry in STRUCTURES[joint] if entry.method == "oe")
         part = self.data[:SHORT_PART].detrend()
         records = {
             DETRENDED: part,
@@ -348,14 +299,16 @@ class _Trial:
             OUTLIERS: frequent_outliers(part, limits["outliers"], np.random.default_rng(0)),
         }
         return [
-            OrderNeeded(joint, method, name, {n: self._fit(method, record, n, nk) for n in ORDERS[method]})
-            for method in METHODS
+            OrderNeeded(joint, method, name, {n: self._fit(record, estimator, n) for n in tried})
+            for method, (estimator, tried) in ORDERS.items()
             for name, record in records.items()
         ]
 
-    def _fit(self, method: str, record: IOData, n: int, nk: int) -> float:
+    def _fit(self, record: IOData, estimator: str, n: int) -> float:
         try:
-            model = METHODS[method](record, n, nk)
+            model = estimate(
+                record, estimator, (n, 5) if estimator == "okid" else (n, n, SUFFICIENT[self.truth.joint][2])
+            )
         except SysidError:
             return float("-inf")
-        return self._simulated(model) if model.model.is_stable() else float("-inf")
+        return simulation_fit(model, self.judges) if model.model.is_stable() else float("-inf")

@@ -40,12 +40,6 @@ COSTS: Mapping[str, tuple[float, float, float]] = MappingProxyType(
 record, s; share of both in a study that is not thorough."""
 
 
-def step_cost(name: str, minutes: float, *, thorough: bool = True) -> float:
-    """Return the processor time of a step of `COSTS` with records of so many minutes, s."""
-    fixed, each_minute, brief = COSTS[name]
-    return (fixed + minutes * each_minute) * (1.0 if thorough else brief)
-
-
 @dataclass(frozen=True)
 class Part:
     """Part of the work of a step.
@@ -89,12 +83,7 @@ class Steps:
     """Steps of known cost, one after the other; all of the work is done only when the last has ended."""
 
     def __init__(self, costs: Mapping[str, float], report: Report | None = None) -> None:
-        """Plan steps.
-
-        Args:
-            costs: Cost of each step, s, in the sequence of the work.
-            report: Called after each part of a step.
-        """
+        """Plan steps by their costs, s, in the sequence of the work."""
         self.costs = {name: max(round(HUNDREDTHS * cost), 1) for name, cost in costs.items()}
         self._report = report or (lambda step, done, total: None)
         self._done = 0
@@ -103,14 +92,7 @@ class Steps:
 
     @contextmanager
     def step(self, name: str) -> Iterator[Part]:
-        """Report a step: its start, what it reports of itself, and its end.
-
-        Args:
-            name: One of the planned steps, which come in their sequence.
-
-        Yields:
-            All of the step's work; `seconds` holds the wall time of each step that has ended.
-        """
+        """Report a planned step: its start, what it reports of itself, and its end, whose wall time `seconds` holds."""
         before = latest = self._done
         cost = self.costs[name]
         began = perf_counter()

@@ -38,7 +38,7 @@ from scenarios.thesis.nonparametric import nonparametric, period_of
 from scenarios.thesis.observer_analysis import observe
 from scenarios.thesis.order_search import search_orders
 from scenarios.thesis.robustness import robustness
-from scenarios.thesis.steps import COSTS, TICK, Part, Report, Steps, step_cost
+from scenarios.thesis.steps import COSTS, TICK, Part, Report, Steps
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import published
 from sysid import IOData, SysidError, SysidWarning
@@ -115,20 +115,11 @@ def _check(conditions: Sequence[Condition], duration: float | None) -> None:
 def plan(
     conditions: Sequence[Condition] = CONDITIONS, *, seed: int | None = None, duration: float | None = None
 ) -> tuple[tuple[Condition, tuple[Scenario, ...]], ...]:
-    """Return what a study plays: for each arm its scenarios.
+    """Return the scenarios of each arm of a study.
 
-    Args:
-        conditions: The arms that are laid side by side, the one that the study is about first.
-        seed: See `campaign_scenario`.
-        duration: See `campaign_scenario`.
-
-    Returns:
-        First the arm that the study is about, with all tests. Second the same without friction, with the tests that
-        models are identified from, also at small amplitude. Then the others. Other arms play the tests that only judge
-        models for `JUDGING` at most.
-
-    Raises:
-        ScenarioError: See `campaign_scenario`.
+    First the arm that the study is about, with all tests. Second the same without friction, with the tests that models
+    are identified from, also at small amplitude. Then the others. Other arms play the tests that only judge models for
+    `JUDGING` at most. Seed, duration and errors are those of `campaign_scenario`.
     """
     first, *others = conditions
     smooth = replace(first, friction=False)
@@ -157,23 +148,17 @@ def planned_steps(
     afterwards: Sequence[str] = (),
     report: Report | None = None,
 ) -> Steps:
-    """Plan the steps of a study by their measured costs.
-
-    Args:
-        conditions: See `run_study`.
-        duration: See `run_study`.
-        thorough: See `draw_conclusions`.
-        afterwards: Steps of `COSTS` that the caller takes after the study.
-        report: Called as the work goes on.
-    """
+    """Plan the steps of `run_study` by their measured costs, and those of `COSTS` that the caller takes afterwards."""
     arms = plan(conditions, duration=duration)
     costs = {
         f"simulate the arm {condition}": TICK * SAMPLE_RATE * sum(entry.duration for entry in scenarios)
         for condition, scenarios in arms
     }
     minutes = max(entry.duration for entry in arms[1][1]) / 60.0
-    names = (*(ANALYSES if thorough else ANALYSES[:-1]), *afterwards)
-    return Steps(costs | {name: step_cost(name, minutes, thorough=thorough) for name in names}, report)
+    for name in (*(ANALYSES if thorough else ANALYSES[:-1]), *afterwards):
+        fixed, each_minute, brief = COSTS[name]
+        costs[name] = (fixed + minutes * each_minute) * (1.0 if thorough else brief)
+    return Steps(costs, report)
 
 
 def draw_conclusions(campaigns: Sequence[Campaign], *, thorough: bool = True, steps: Steps | None = None) -> Comparison:
@@ -239,14 +224,11 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
             main,
         )
     with steps.step("robustness") as part:
-        robust = robustness(main, ESTIMATION_TEST, thorough=thorough, part=part)
+        robust = robustness(main, thorough=thorough, part=part)
     table: tuple[ArmFairness, ...] = ()
     if thorough:
         with steps.step("other arms") as part:
             table = fairness(campaigns, part)
-    physics_s, simulation_s = (
-        sum(getattr(entry, name) for entry in campaigns) for name in ("physics_s", "simulation_s")
-    )
     return Comparison(
         campaigns=campaigns,
         joints=joints,
@@ -261,7 +243,7 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
         observers=observed,
         robustness=robust,
         fairness=table,
-        cost=Cost(physics_s, simulation_s, 0.0),
+        cost=Cost(sum(one.physics_s for one in campaigns), sum(one.simulation_s for one in campaigns), 0.0),
         estimation_test=ESTIMATION_TEST,
         provenance=versions(),
     )
@@ -269,13 +251,6 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
 
 def study_joint(joint: str, campaign: Campaign) -> JointResult:
     """Identify one joint from the estimation test and validate on all others.
-
-    Args:
-        joint: Name of the joint.
-        campaign: The records.
-
-    Returns:
-        Models, spectra and fits.
 
     Raises:
         MissingRecordError: The record of the estimation test.

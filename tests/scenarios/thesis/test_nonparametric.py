@@ -72,7 +72,7 @@ def test_power_is_where_the_tones_and_their_images_by_the_hold_are(study):
     images = np.array([2.5, 10.0])[:, None] + held * np.arange(HAND_CONTROLLER.hold)
     tones = np.abs((images.ravel() + SAMPLE_RATE / 2) % SAMPLE_RATE - SAMPLE_RATE / 2)
     for estimates in study.nonparametric.values():
-        near = np.min(np.abs(GRID[:, None] - tones), axis=1) <= 1.5 * estimates.resolution_hz(SINES)
+        near = np.min(np.abs(GRID[:, None] - tones), axis=1) <= 1.5 * estimates.resolution_hz[SINES]
         played = np.isclose(GRID, 2.5) | np.isclose(GRID, 10.0)
         assert excited_lines(estimates.spectra[SINES])[played].all()
         power = estimates.spectra[SINES].input_spectrum[:, 0, 0].real

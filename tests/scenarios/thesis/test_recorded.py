@@ -31,7 +31,7 @@ ROUNDING, DIGITS = 0.01, 1e-6
 
 def contradictions(outcome, reference):
     """Lines for verdicts that are not the recorded ones of the seed, and for numbers outside those of all seeds."""
-    before = reference.of(outcome.seed if outcome.seed is not None else -1)
+    (before,) = (entry for entry in reference.outcomes if entry.seed == outcome.seed)
     for key in sorted({*before.verdicts, *outcome.verdicts}, key=lambda name: int(name[1:])):
         verdicts = before.verdicts.get(key, "not recorded"), outcome.verdicts.get(key, "not tried")
         if verdicts[0] != verdicts[1]:
@@ -111,14 +111,14 @@ def test_a_fixed_seed_concludes_what_is_recorded_of_it():
 
 @pytest.mark.slow
 def test_records_of_the_joint_alone_agree():
-    before = recorded().of(SEED).recovered[JOINT]
+    before = recorded().outcomes[SEED - 1].recovered[JOINT]
     assert bandwidths() == pytest.approx({name: entry.hz for name, entry in before.items()}, rel=1e-6)
 
 
 @pytest.mark.slow
 def test_a_servo_that_is_ten_percent_stiffer_is_found_out(stiffer_servo):
     reference = recorded()
-    before = reference.of(SEED)
+    before = reference.outcomes[SEED - 1]
     moved = {
         method: MethodBandwidth(
             hz, before.recovered[JOINT][method].ci95, False, before.recovered[JOINT][method].half_power_hz
@@ -133,7 +133,7 @@ def test_a_servo_that_is_ten_percent_stiffer_is_found_out(stiffer_servo):
 
 @pytest.mark.parametrize("key", CLAIMS)
 def test_a_verdict_that_flips_is_found_out(key):
-    before = recorded().of(SEED)
+    before = recorded().outcomes[SEED - 1]
     flipped = "not reproduced" if before.verdicts[key] != "not reproduced" else "reproduced"
     outcome = replace(before, verdicts={**before.verdicts, key: flipped})
     assert tuple(contradictions(outcome, recorded())) == (

@@ -27,7 +27,7 @@ from scenarios.thesis.robustness import (
 )
 
 
-def outcome(degree, *, hz=1.0, fit=99.0, failure="", draw=0):
+def outcome(degree, *, hz=1.0, fit=99.0):
     return RobustnessOutcome(
         joint="elbow_pitch",
         method="oe",
@@ -35,11 +35,9 @@ def outcome(degree, *, hz=1.0, fit=99.0, failure="", draw=0):
         disturbance="bias",
         treatment="nothing removed",
         degree=degree,
-        draw=draw,
-        failure=failure,
-        bandwidth_hz=float("nan") if failure else hz,
-        error=float("nan") if failure else 100 * (hz - 1),
-        covers=not failure,
+        bandwidth_hz=hz,
+        error=100 * (hz - 1),
+        covers=not np.isnan(hz),
         fit=fit,
     )
 
@@ -80,14 +78,14 @@ def test_what_judges_is_another_record_than_what_models_come_from(study):
 
 
 def test_a_finding_rests_on_orders_that_do_not_depend_on_what_else_is_tried(study):
-    only = robustness(study.campaign, study.estimation_test, thorough=False)
+    only = robustness(study.campaign, thorough=False)
     assert only.outcomes == ()
     assert only.orders == study.robustness.orders
     assert {entry.record for entry in only.orders} == {DETRENDED, WITH_MEANS, CONSTANT, OUTLIERS}
 
 
 def test_errors_are_of_the_bandwidths_that_there_are():
-    entries = (outcome(0.0), outcome(0.5), outcome(0.5, failure="unstable", draw=1), outcome(0.5, hz=1.2, draw=2))
+    entries = (outcome(0.0), outcome(0.5), outcome(0.5, hz=np.nan), outcome(0.5, hz=1.2))
     shifts = Robustness(entries, (), {"elbow_pitch": (2, 7, 8)})
     assert shifts.curve("bias", "elbow_pitch", "oe")[0.5][0] == pytest.approx((10.0, 0.0, 20.0))
 
@@ -97,8 +95,8 @@ def test_comparable_is_within_ten_percent_and_five_points():
     assert comparable((outcome(0.5, hz=1.09, fit=94.5),), reference)
     assert not comparable((outcome(0.5, hz=1.11),), reference)
     assert not comparable((outcome(0.5, fit=93.5),), reference)
-    assert not comparable((outcome(0.5, failure="unstable"),), reference)
-    assert not comparable((outcome(0.5), outcome(0.5), outcome(0.5, failure="refused", fit=float("nan"))), reference)
+    assert not comparable((outcome(0.5, hz=np.nan),), reference)
+    assert not comparable((outcome(0.5), outcome(0.5), outcome(0.5, hz=np.nan, fit=np.nan)), reference)
 
 
 def test_tolerance_ends_at_the_first_degree_that_is_too_much():
