@@ -139,7 +139,7 @@ def _flexibility(study: Comparison) -> tuple[Measure, ...]:
     for entry in study.data_sets.values():
         for model in entry.singles():
             if model.stable and model.own.simulation > FOLLOWS:
-                accepted["OKID model" if model.structure.method == "okid" else "SysID model"].append(model.record)
+                accepted["OKID model" if model.method == "okid" else "SysID model"].append(model.record)
     prbs, single = f"siso-{study.estimation_test}-", sum(len(entry.single) for entry in study.data_sets.values())
     structures = {name: float(sum(one.startswith(prbs) for one in records)) for name, records in accepted.items()}
     whole = {name: float(len(set(records))) for name, records in accepted.items()}

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from hmtb_twin import JointLog, JointTruth, Truth
 from scenarios.thesis.attribution import Attributions, OutputErrorBandwidth
 from scenarios.thesis.campaign import Campaign
-from scenarios.thesis.estimates import Fits
+from scenarios.thesis.estimates import IdentifiedModel
 from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.fairness_table import ArmFairness
 from scenarios.thesis.more_poles import MorePoles
@@ -17,38 +17,18 @@ from scenarios.thesis.order_search import Searches
 from scenarios.thesis.robustness import Robustness
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import PublishedModel
-from sysid import Estimate, FrequencyResponse, IOData, ResidualTest
+from sysid import FrequencyResponse, IOData
 
 
 @dataclass(frozen=True, eq=False)
-class ModelResult:
-    """One identified model with its fits and residual tests.
+class ModelResult(IdentifiedModel):
+    """A model identified from the estimation test, with fits to all eight tests by number.
 
     Attributes:
-        method: Key of the method: `armax`, `oe`, `okid` with the thesis' orders, `oe_high` with a sufficient order.
-        label: Method and orders for tables and legends.
-        estimate: The estimate.
-        chosen: Whether the thesis takes this structure into one of its three-joint models.
-        bandwidth_hz: Recovered bandwidth, Hz.
-        ci95: Its 95 % interval, Hz.
         covers: Whether it agrees with the bandwidth of the best linear truth, both intervals together.
-        dc_gain: Gain at 0 Hz, which the bandwidth is relative to.
-        half_power_hz: Frequency at which the gain is 0.707, whatever it is at 0 Hz, Hz.
-        fits: Fits to all eight tests, by number.
-        residual_test: Whiteness and independence of the residuals on the data of estimation.
     """
 
-    method: str
-    label: str
-    estimate: Estimate
-    chosen: bool
-    bandwidth_hz: float
-    ci95: tuple[float, float]
     covers: bool
-    dc_gain: float
-    half_power_hz: float
-    fits: Mapping[int, Fits]
-    residual_test: ResidualTest
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,17 +1,20 @@
 """Estimates and fits of a study, each computed once: a result is kept as long as the record that it belongs to."""
 
 import warnings
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
+from types import MappingProxyType
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 import sysid
+from scenarios.experiments.model_structures import Structure
 from scenarios.identification import methods
-from sysid import Estimate, IOData, StateSpace, SysidWarning
+from sysid import Estimate, IOData, ResidualTest, StateSpace, SysidWarning
+from sysid.models.bandwidth import half_power_hz
 from sysid.validation import fit_percent
 
 T = TypeVar("T")
@@ -58,6 +61,55 @@ def fits(model: Estimate | StateSpace, record: IOData) -> Fits:
         return Fits(float(score.simulation[0]), float(score.one_step[0]))
 
     return _once(record, model.model if isinstance(model, Estimate) else model, compared)
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedModel(Structure):
+    """A structure identified from a record.
+
+    Attributes:
+        estimate: The estimate.
+        bandwidth_hz: Recovered bandwidth, Hz; NaN where the gain does not fall by 3 dB below Nyquist.
+        ci95: Its 95 % interval, Hz.
+        dc_gain: Gain at 0 Hz, which the bandwidth is relative to.
+        half_power_hz: Frequency at which the gain is 0.707, whatever it is at 0 Hz, Hz.
+        radius: Largest modulus of a pole.
+        residual_test: Whiteness and independence of the residuals on the record.
+        fits: Fits to records, by number of the test or by name.
+    """
+
+    estimate: Estimate
+    bandwidth_hz: float
+    ci95: tuple[float, float]
+    dc_gain: float
+    half_power_hz: float
+    radius: float
+    residual_test: ResidualTest
+    fits: Mapping[Any, Fits]
+
+    @property
+    def stable(self) -> bool:
+        """Whether every pole lies inside the unit circle."""
+        return self.radius < 1.0
+
+
+def identified(record: IOData, structure: Structure, judges: Mapping[Any, IOData]) -> IdentifiedModel:
+    """Identify a structure from a record and compare the model with the records that judge; see `estimate`."""
+    model = estimate(record, structure.estimator, structure.orders)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SysidWarning)
+        hz, *ends = model.bandwidth().path()
+        return IdentifiedModel(
+            **vars(structure),
+            estimate=model,
+            bandwidth_hz=hz,
+            ci95=(ends[0], ends[1]),
+            dc_gain=float(model.model.dc_gain()[0, 0]),
+            half_power_hz=half_power_hz(model.model),
+            radius=float(np.abs(model.poles()).max(initial=0.0)),
+            residual_test=sysid.resid(model, record),
+            fits=MappingProxyType({name: fits(model, data) for name, data in judges.items()}),
+        )
 
 
 def simulation_fit(model: Estimate, records: Sequence[IOData]) -> float:

@@ -1,6 +1,5 @@
 """Models of the thesis' structures from every data set, to see whether the data sets agree."""
 
-import warnings
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from statistics import median
@@ -14,10 +13,9 @@ from scenarios.experiments.campaign import RPCM, SINGLE_JOINT, campaign_scenario
 from scenarios.experiments.model_structures import Structure, every_structure
 from scenarios.experiments.registry import names
 from scenarios.thesis.campaign import Campaign, plays_identified_sequence
-from scenarios.thesis.estimates import Fits, estimate, fits
+from scenarios.thesis.estimates import Fits, IdentifiedModel, identified
 from scenarios.thesis.steps import NO_REPORT, Part
-from sysid import IOData, StateSpace, SysidError, SysidWarning
-from sysid.models.bandwidth import half_power_hz
+from sysid import IOData, SysidError
 
 AUDIBLE = 0.1
 """Least power of an exciting component, as a part of the strongest: below lie rounding and noise of the command."""
@@ -43,49 +41,20 @@ class Excited(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class DataSetModel:
-    """One structure identified from one record.
+class DataSetModel(IdentifiedModel):
+    """A model identified from one record, with fits to records by name, its own among them.
+
+    All of its own record, and of others where they were asked for, else a minute of them.
 
     Attributes:
         record: Name of the scenario.
-        structure: What was asked for.
-        model: The model.
         needed: Order of excitation that its parameters need.
         enough: Whether the record's command excites as much.
-        bandwidth_hz: Recovered bandwidth, Hz; NaN where the gain does not fall by 3 dB below Nyquist.
-        ci95: Its 95 % interval, Hz.
-        half_power_hz: Frequency at which the gain is 0.707, whatever it is at 0 Hz, Hz.
-        dc_gain: Gain at 0 Hz.
-        poles: Poles from input to output, largest modulus first.
-        whiteness_p: p-value of the whiteness of its residuals on its own record.
-        independence_p: p-value of their independence of the input.
-        fits: How it follows records, its own among them, by name: all of its own, and of others where they
-            were asked for, else a minute of them.
     """
 
     record: str
-    structure: Structure
-    model: StateSpace
     needed: int
     enough: bool
-    bandwidth_hz: float
-    ci95: tuple[float, float]
-    half_power_hz: float
-    dc_gain: float
-    poles: tuple[complex, ...]
-    whiteness_p: float
-    independence_p: float
-    fits: Mapping[str, Fits]
-
-    @property
-    def radius(self) -> float:
-        """Largest modulus of a pole."""
-        return max((abs(pole) for pole in self.poles), default=0.0)
-
-    @property
-    def stable(self) -> bool:
-        """Whether every pole lies inside the unit circle."""
-        return self.radius < 1.0
 
     @property
     def own(self) -> Fits:
@@ -136,12 +105,12 @@ class DataSets:
         return tuple(
             m
             for m in self.models
-            if m.record in self.single and method in (None, m.structure.method) and (m.enough or not enough)
+            if m.record in self.single and method in (None, m.method) and (m.enough or not enough)
         )
 
     def find(self, record: str, method: str) -> DataSetModel | None:
         """The model of one method from one record, where there is one."""
-        return next((m for m in self.models if (m.record, m.structure.method) == (record, method)), None)
+        return next((m for m in self.models if (m.record, m.method) == (record, method)), None)
 
 
 def every_data_set(
@@ -168,7 +137,11 @@ def every_data_set(
         for structure in every_structure(joint):
             others = judges if name in judged else minutes
             try:
-                models.append(_identified(name, record, structure, excited[name], {**others, name: record}))
+                model = identified(record, structure, {**others, name: record})
+                needed = excitation_needed(structure)
+                models.append(
+                    DataSetModel(**vars(model), record=name, needed=needed, enough=excited[name].command >= needed)
+                )
             except SysidError as error:
                 refused.append(Refusal(name, structure, str(error)))
     missing = {name: campaign.failed.get(name, "it was not played") for name in records if name not in data}
@@ -191,33 +164,6 @@ def _excited(name: str, record: IOData, campaign: Campaign) -> Excited:
     return Excited(max(files) if files else None, command)
 
 
-def _identified(
-    name: str, record: IOData, structure: Structure, excited: Excited, judges: Mapping[str, IOData]
-) -> DataSetModel:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SysidWarning)
-        model = estimate(record, structure.estimator, structure.orders)
-        band = model.bandwidth()
-        test = sysid.resid(model, record)
-        followed = {other: fits(model, data) for other, data in judges.items()}
-    needed = excitation_needed(structure)
-    return DataSetModel(
-        record=name,
-        structure=structure,
-        model=model.model,
-        needed=needed,
-        enough=excited.command >= needed,
-        bandwidth_hz=float(band.hz[0, 0]),
-        ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
-        half_power_hz=half_power_hz(model.model),
-        dc_gain=float(model.dc_gain()[0, 0]),
-        poles=tuple(complex(pole) for pole in model.poles()),
-        whiteness_p=float(test.whiteness_p[0]),
-        independence_p=float(test.independence_p[0, 0]),
-        fits=MappingProxyType(followed),
-    )
-
-
 def excitation_needed(structure: Structure) -> int:
     """Order of excitation that the path from input to output needs: its number of parameters [Ljung1999, ch. 13].
 
@@ -231,7 +177,7 @@ def excitation_needed(structure: Structure) -> int:
 
 def distances(models: tuple[DataSetModel, ...]) -> np.ndarray:
     """Distances |G_i - G_j| / |G_median| over `BAND`, root mean square (pairs,), of models of one method."""
-    responses = np.array([m.model.frequency_response(BAND)[:, 0, 0] for m in models])
+    responses = np.array([m.estimate.model.frequency_response(BAND)[:, 0, 0] for m in models])
     if len(responses) < 2:
         return np.zeros(0)
     centre = np.median(responses.real, axis=0) + 1j * np.median(responses.imag, axis=0)

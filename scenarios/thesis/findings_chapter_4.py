@@ -165,7 +165,7 @@ def elbow_armax(study: Comparison) -> Finding:
 def stable(study: Comparison) -> Finding:
     """F13: all models are stable."""
     radius = {
-        joint: max(np.abs(m.estimate.model.poles()).max() for m in entry.models.values())
+        joint: max(m.radius for m in entry.models.values())
         for joint, entry in study.joints.items()
     }
     compared, beyond, aside = "ARMAX, OE and OKID", "ARMAX, OE and OKID, too little excitation", "ARX and IV4"
@@ -173,9 +173,9 @@ def stable(study: Comparison) -> Finding:
     for entry in study.data_sets.values():
         for model in entry.singles():
             enough = beyond if (entry.excited[model.record].file or 0) < model.needed else compared
-            groups[aside if model.structure.method in DISMISSED else enough].append(model)
+            groups[aside if model.method in DISMISSED else enough].append(model)
     unstable = {
-        name: [f"{model.structure.method.upper()} from {model.record}" for model in models if not model.stable]
+        name: [f"{model.method.upper()} from {model.record}" for model in models if not model.stable]
         for name, models in groups.items()
     }
     counts = {
@@ -202,7 +202,7 @@ def _friction(study: Comparison, joint: str, method: str, *tests: str) -> str:
     smooth = study.frictionless[joint].find(own, method)
     if smooth is None:
         return ""
-    values = {name.removesuffix("_p"): float(getattr(smooth, name)) for name in tests}
+    values = {name.removesuffix("_p"): float(getattr(smooth.residual_test, name).flat[0]) for name in tests}
     listed = ", ".join(f"{name} {p_value(p)}" for name, p in values.items())
     passed = min(values.values()) >= REJECTED
     effect = "makes the residuals fail" if passed else "is not all that makes residuals fail"

@@ -174,7 +174,7 @@ def _without_friction(study: Comparison) -> str:
             model = study.frictionless[joint].find(name, "okid" if okid else entry.chosen.method)
             if model is None:
                 return ""
-            blocks.append(model.model)
+            blocks.append(model.estimate.model)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SysidWarning)
             test = sysid.resid(block_diagonal(blocks), smooth.several(RPCM), lags=LAGS, level=LEVEL)

@@ -28,7 +28,7 @@ def data_sets(study: Comparison) -> Chart:
         sets = study.data_sets[entry.joint]
         series = []
         for method in METHODS:
-            models = [model for model in sets.models if model.structure.method == method]
+            models = [model for model in sets.models if model.method == method]
             for trusted, name in ((True, method.upper()), (False, f"{method.upper()}, excited too little or unstable")):
                 rows = [model for model in models if (model.stable and model.enough) is trusted]
                 if not rows:

@@ -66,7 +66,7 @@ def _responses(study: Comparison, entry: JointResult) -> tuple[Panel, ...]:
         (model.label, model.estimate.frequency_response(FREQUENCIES), method_style(model.method))
         for model in entry.models.values()
     ]
-    curves += [] if arx is None else [("ARX", _of_model(arx.model), PALETTE["arx"])]
+    curves += [] if arx is None else [("ARX", _of_model(arx.estimate.model), PALETTE["arx"])]
     curves += [(f"published {one.label}", _of_model(one.model), look) for one, look in printed_styles(entry)]
     phases = [_phase(label, response, look, entry) for label, response, look in curves]
     marks = (EXCITED, ("x", 1.0, "1 Hz"))

@@ -29,7 +29,7 @@ from scenarios.thesis.campaign import (
     run_campaign,
 )
 from scenarios.thesis.comparison import Comparison, Cost, JointResult, ModelResult
-from scenarios.thesis.estimates import estimate, fits
+from scenarios.thesis.estimates import identified
 from scenarios.thesis.every_data_set import every_data_set
 from scenarios.thesis.fairness_table import ArmFairness, fairness
 from scenarios.thesis.more_poles import more_poles
@@ -42,7 +42,6 @@ from scenarios.thesis.steps import COSTS, TICK, Part, Report, Steps
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import published
 from sysid import IOData, SysidError, SysidWarning
-from sysid.models.bandwidth import half_power_hz
 
 SHORTEST = 20.0
 """Length of the shortest record that the study's estimators take, s."""
@@ -278,24 +277,10 @@ def study_joint(joint: str, campaign: Campaign) -> JointResult:
 def _identify(structure: Structure, data: Mapping[int, IOData], truth: BestLinearOfTest) -> ModelResult:
     own = data[ESTIMATION_TEST]
     try:
-        model = estimate(own, structure.estimator, structure.orders)
-        band = model.bandwidth()
-        test = sysid.resid(model, own)
+        model = identified(own, structure, data)
     except SysidError as error:
         raise ScenarioError(
             f"{own.name} gives no model {structure.label}, which the study is about: {error}"
         ) from error
-    hz, *ci95 = band.path()
-    return ModelResult(
-        method=structure.method,
-        label=structure.label,
-        estimate=model,
-        chosen=structure.chosen,
-        bandwidth_hz=hz,
-        ci95=(ci95[0], ci95[1]),
-        covers=intervals_agree((hz, ci95[0], ci95[1]), (truth.hz, *truth.ci95)),
-        dc_gain=float(model.model.dc_gain()[0, 0]),
-        half_power_hz=half_power_hz(model.model),
-        fits={number: fits(model, record) for number, record in data.items()},
-        residual_test=test,
-    )
+    agrees = intervals_agree((model.bandwidth_hz, *model.ci95), (truth.hz, *truth.ci95))
+    return ModelResult(**vars(model), covers=agrees)

@@ -1,6 +1,7 @@
 """Models from every data set."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def test_structures_are_the_thesis_and_share_their_orders():
 def test_every_record_and_structure_has_a_row(study):
     for joint, sets in study.data_sets.items():
         assert sets.single == tuple(single_joint_test(number, joint) for number in range(1, 9))
-        rows = {(m.record, m.structure.method) for m in sets.models}
+        rows = {(m.record, m.method) for m in sets.models}
         rows |= {(r.record, r.structure.method) for r in sets.refused}
         assert rows == {(record, method) for record in sets.excited for method in METHODS}
         assert {"mimo-1", "mimo-13", "mimo-7-independent", "rpcm"} <= set(sets.excited)
@@ -75,20 +76,20 @@ def test_a_record_that_cannot_be_used_is_told_with_its_reason(study):
 
 
 def _model(gain, pole):
+    model = StateSpace([[pole]], [[gain * (1 - pole)]], [[1.0]], [[0.0]], None, 0.02)
     return DataSetModel(
-        "siso-1-shoulder_yaw",
-        every_structure(YAW)[0],
-        StateSpace([[pole]], [[gain * (1 - pole)]], [[1.0]], [[0.0]], None, 0.02),
-        needed=2,
-        enough=True,
+        **vars(every_structure(YAW)[0]),
+        estimate=SimpleNamespace(model=model),
         bandwidth_hz=1.0,
         ci95=(0.9, 1.1),
-        half_power_hz=1.0,
         dc_gain=gain,
-        poles=(complex(pole),),
-        whiteness_p=0.5,
-        independence_p=0.5,
+        half_power_hz=1.0,
+        radius=pole,
+        residual_test=None,
         fits={"siso-1-shoulder_yaw": Fits(90.0, 95.0)},
+        record="siso-1-shoulder_yaw",
+        needed=2,
+        enough=True,
     )
 
 

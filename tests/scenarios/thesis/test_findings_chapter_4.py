@@ -20,13 +20,13 @@ def tipped(sets, *methods):
     """Every model stable, but one of each of these methods, from a file that excites enough."""
     out, done = [], set()
     for model in sets.models:
-        method = model.structure.method
+        method = model.method
         enough = model.record in sets.single and (sets.excited[model.record].file or 0) >= model.needed
         if method in methods and method not in done and enough:
             done.add(method)
-            out.append(replace(model, poles=(1.2 + 0j,)))
+            out.append(replace(model, radius=1.2))
         else:
-            out.append(replace(model, poles=(0.9 + 0j,)))
+            out.append(replace(model, radius=0.9))
     return tuple(out)
 
 
@@ -87,7 +87,7 @@ def with_fits(study, joint, method, percent):
     own = f"siso-5-{joint}"
     models = tuple(
         replace(m, fits={name: Fits(percent, percent) for name in m.fits})
-        if (m.record, m.structure.method) == (own, method)
+        if (m.record, m.method) == (own, method)
         else m
         for m in study.data_sets[joint].models
     )
@@ -110,7 +110,7 @@ def test_best_is_ahead_by_more_than_a_tie(study):
 def test_an_unstable_model_loses_and_is_told(study):
     for joint, finding in (("shoulder_pitch", chapter.shoulder_oe), ("elbow_pitch", chapter.elbow_armax)):
         models = tuple(
-            replace(m, poles=(1.2 + 0j,)) if m.record == f"siso-5-{joint}" and m.structure.method == "armax" else m
+            replace(m, radius=1.2) if m.record == f"siso-5-{joint}" and m.method == "armax" else m
             for m in study.data_sets[joint].models
         )
         tipped_over = with_sets(study, {joint: models})
@@ -134,13 +134,13 @@ def test_a_file_of_two_tones_does_not_decide_on_models_that_need_more(study):
     sets = study.data_sets["shoulder_yaw"]
     for number, verdict in ((3, "reproduced by construction"), (7, "partly")):
         models = tuple(
-            replace(m, poles=(1.008 + 0j,))
-            if (m.record, m.structure.method) == (f"siso-{number}-shoulder_yaw", "armax")
-            else replace(m, poles=(0.9 + 0j,))
+            replace(m, radius=1.008)
+            if (m.record, m.method) == (f"siso-{number}-shoulder_yaw", "armax")
+            else replace(m, radius=0.9)
             for m in sets.models
         )
         calm = {
-            joint: tuple(replace(m, poles=(0.9 + 0j,)) for m in study.data_sets[joint].models)
+            joint: tuple(replace(m, radius=0.9) for m in study.data_sets[joint].models)
             for joint in ("shoulder_pitch", "elbow_pitch")
         }
         decided = chapter.stable(with_sets(study, {"shoulder_yaw": models, **calm}))

@@ -213,7 +213,7 @@ def test_a_record_without_a_model_that_the_study_is_about_is_named(synthetic_log
     def refuses(*_):
         raise SysidError("the regressors are dependent")
 
-    monkeypatch.setattr("scenarios.thesis.study.estimate", refuses)
+    monkeypatch.setattr("scenarios.thesis.estimates.estimate", refuses)
     campaign = Campaign(NOMINAL, linearize(NOMINAL.arm()), synthetic_logs([name]), {})
     label = STRUCTURES["elbow_pitch"][0].label
     refused(re.escape(f"{name} gives no model {label}"), study_joint, "elbow_pitch", campaign)
