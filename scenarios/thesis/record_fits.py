@@ -1,33 +1,34 @@
-"""Fits of the three-joint models to sets of records, and the part of a record that needs coupling."""
+"""Fits of the three-joint models to sets of records, beside those of the truth."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from statistics import median
 
-from hmtb_twin import STUDIED_JOINTS
+import numpy as np
+
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.campaign import OTHER_WAVEFORMS, plays_identified_sequence
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.multivariable import Kind, Way
-from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS, reference_fits
+from scenarios.thesis.reference_fits import (
+    BEST_LINEAR,
+    COUPLED,
+    DIAGONAL,
+    NOISELESS,
+    best_linear_fits,
+    reference_fits,
+)
 from scenarios.thesis.verdicts import tied
 
 Records = tuple[Iterable[int], Iterable[str]]
 """Numbers of single-joint tests, and names of records of several joints."""
 
+LINEAR = (BEST_LINEAR, DIAGONAL, COUPLED)
+"""Kinds of linear truth."""
+
 
 def fits_to_records(study: Comparison, kind: Kind, joint: str, records: Records, way: Way) -> dict[str, float]:
-    """Fits of one joint of a model to all given single-joint tests and records of several joints.
-
-    Args:
-        study: The study.
-        kind: Which model.
-        joint: The joint.
-        records: The records.
-        way: In simulation or one step ahead.
-
-    Returns:
-        Fits by record, percent.
+    """Fits of one joint of a model to single-joint tests and records of several joints, by record, percent.
 
     Raises:
         MissingRecordError: One of the records is missing: fits to others would be an answer to another question.
@@ -54,16 +55,7 @@ def held_out_records(study: Comparison, joint: str) -> Records:
 
 
 def held_out_fit(study: Comparison, kind: Kind, joint: str, way: Way) -> float:
-    """Median fit of one joint of a model to all held-out records, of one joint and of several, percent.
-
-    Args:
-        study: The study.
-        kind: Which model.
-        joint: The joint.
-        way: In simulation or one step ahead.
-
-    Returns:
-        The median over `held_out_records`.
+    """Median fit of one joint of a model to `held_out_records`, percent.
 
     Raises:
         MissingRecordError: No such record is left.
@@ -74,70 +66,61 @@ def held_out_fit(study: Comparison, kind: Kind, joint: str, way: Way) -> float:
     return median(fits.values())
 
 
-def within_reach(study: Comparison, records: Iterable[str]) -> str:
-    """In words: what the linear truth follows without its coupling and with it, and what two models differ by there.
+def within_reach(study: Comparison, names: Collection[str]) -> str:
+    """In words: what the best linear truth follows of records of several joints, and what coupling is worth there.
 
-    Args:
-        study: The study.
-        records: Records of several joints, one at least.
-
-    Returns:
-        A sentence without its full stop; medians where there are several records.
+    A sentence without its full stop; of medians where there are several records.
     """
-    names = tuple(records)
-    alone, whole = (
-        [median(study.multivariable.reference(kind, name)[joint] for name in names) for joint in STUDIED_JOINTS]
-        for kind in (DIAGONAL, COUPLED)
-    )
+    fits = [_truths(study, name) for name in names]
+    best, alone, whole = (np.median([list(one[kind].values()) for one in fits], axis=0) for kind in LINEAR)
     own, okid = (
-        [median(entry.fit(name).simulation[joint] for name in names) for joint in STUDIED_JOINTS]
+        np.median([list(entry.fit(name).simulation.values()) for name in names], axis=0)
         for entry in study.multivariable.pair()
     )
-    lost = [b - a for a, b in zip(alone, whole, strict=True)]
-    differ = max(abs(b - a) for a, b in zip(own, okid, strict=True))
-    where = f"On {names[0]}" if len(names) == 1 else "In the median of the records of several joints"
+    where = "In the median of the records of several joints" if len(names) > 1 else f"On {next(iter(names))}"
+    listed = "/".join(f"{fit:.1f}".replace("-", "−") for fit in best)
     return (
-        f"{where} the linear truth itself follows {_list_text(alone)} % (yaw, shoulder pitch, elbow pitch) without its "
-        f"coupling and {_list_text(whole)} % with it: coupling, which neither model has, costs up to {max(lost):.1f} "
-        f"points, "
-        f"while the two models differ by up to {differ:.1f} in simulation"
+        f"{where} the best linear truth of each joint under the PRBS follows {listed} % (yaw, shoulder pitch, elbow "
+        f"pitch); coupling, which neither model has, is worth up to {np.max(whole - alone):.1f} points to the truth "
+        f"without friction, while the two models differ by up to {np.abs(okid - own).max():.1f} in simulation"
     )
+
+
+def _truths(study: Comparison, name: str) -> dict[str, Mapping[str, float]]:
+    """Fits of the truth to a record of any name, by kind and joint."""
+    truth, known = study.multivariable.truth, study.multivariable.references
+    if name not in known[DIAGONAL]:
+        known = reference_fits(study.campaign, (name,), truth)
+    best = {joint: entry.best_linear.response for joint, entry in study.joints.items()}
+    fits = {kind: of_records[name] for kind, of_records in known.items()}
+    return {**fits, BEST_LINEAR: best_linear_fits(study.campaign, name, truth, best)}
 
 
 def shortfall(study: Comparison, joint: str, record: str, fit: float) -> str:
-    """In words: what takes how much of a simulation's fit, from the model's own error to the noise of reading.
-
-    Each share is what the fit gains from one kind of knowledge to the next: the model, the linear truth of the joint by
-    its own command, by all commands, the true angles. The first is negative where errors of the model stand for
-    something that the truth of the joint alone does not have.
-
-    Args:
-        study: The study.
-        joint: The joint.
-        record: `siso-1` to `siso-8`, or a record of several joints.
-        fit: The model's fit, percent.
-    """
+    """In words: what takes how much of a simulation's fit (percent) to a record, by `missing_fit_shares`."""
     shares = missing_fit_shares(study, joint, record, fit)
-    listed = ", ".join(f"{what} {_list_text((points,))}" for what, points in shares.items())
+    listed = ", ".join(f"{what} {points:.1f}".replace("-", "−") for what, points in shares.items())
     return f"{listed}, most of it {max(shares, key=lambda what: shares[what])}"
 
 
 def missing_fit_shares(study: Comparison, joint: str, record: str, fit: float) -> dict[str, float]:
-    """Shares that `shortfall` describes, percentage points; their sum is 100 minus the fit."""
-    name = f"{record}-{joint}" if record.startswith("siso") else record
-    fits = study.multivariable.references
-    if name not in fits[DIAGONAL]:
-        fits = reference_fits(study.campaign, (name,), study.multivariable.truth)
-    steps = [fit, *(fits[kind][name][joint] for kind in (DIAGONAL, COUPLED, NOISELESS)), 100.0]
-    names = ("the model's own error", "coupling", "all that is not linear", "the noise of reading")
-    return {what: high - low for what, low, high in zip(names, steps, steps[1:], strict=False)}
+    """Shares of what a fit lacks, percentage points; their sum is 100 minus the fit.
+
+    What the best linear truth of the joint follows more than the model, what coupling is worth to the truth without
+    friction, what the true angles follow beyond both, and the noise of reading them. The first is negative where errors
+    of the model stand for something that the truth of the joint alone does not have.
+    """
+    truths = _truths(study, f"{record}-{joint}" if record.startswith("siso") else record)
+    best, alone, whole, true = (truths[kind][joint] for kind in (*LINEAR, NOISELESS))
+    return {
+        "the model's own error": best - fit,
+        "coupling": whole - alone,
+        "all that is not linear": true - best - (whole - alone),
+        "the noise of reading": 100.0 - true,
+    }
 
 
 def ties(differences: Mapping[str, float]) -> str:
     """In words: which differences of fits are ties; nothing where none is."""
-    joints = [name for name, value in differences.items() if tied(value)]
-    return f"tied: {'; '.join(name.replace('_', ' ') for name in joints)}" if joints else "nothing is tied"
-
-
-def _list_text(values: Iterable[float]) -> str:
-    return "/".join(f"{round(value, 1) + 0.0:.1f}".replace("-", "−") for value in values)
+    joints = [name.replace("_", " ") for name, value in differences.items() if tied(value)]
+    return f"tied: {'; '.join(joints)}" if joints else "nothing is tied"

@@ -1,4 +1,4 @@
-"""Fits of the truth to a record: the best that a model without coupling, or any linear model, can reach."""
+"""Fits of the truth to a record: of linear truths without and with coupling, and of the true angles."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,7 +8,7 @@ from scipy.signal import fftconvolve
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog
 from scenarios.thesis.campaign import Campaign
-from sysid import StateSpace
+from sysid import FrequencyResponse, IOData, StateSpace
 
 SETTLED = 1e-6
 """The impulse response is cut off where the slowest pole has fallen below this part."""
@@ -21,19 +21,20 @@ References = Mapping[str, Mapping[str, Mapping[str, float]]]
 """By kind of reference, record and joint: 100 (1 - |y - yhat| / |y - mean y|), simulated, percent."""
 
 DIAGONAL, COUPLED, NOISELESS = "truth without coupling", "truth with coupling", "true angles"
-"""References: linear truth driven by its own command, by all three commands, and true angles without sensor noise."""
+"""References: the small-signal truth, which has no friction, driven by its own command and by all three; true angles
+without sensor noise."""
+
+BEST_LINEAR = "best linear truth"
+"""Reference: the best linear truth of each joint under the PRBS of the estimation test, driven by its own command."""
 
 
 def reference_fits(campaign: Campaign, records: Sequence[str], truth: StateSpace) -> References:
-    """Compute the fits of the truth to records.
+    """Compute the fits of the small-signal truth, without and with coupling, and of the true angles to records.
 
     Args:
         campaign: The records.
         records: Names of those wanted.
         truth: The true coupled response of the three joints; it has no noise model, so that it simulates.
-
-    Returns:
-        The linear truth without and with coupling, and the true angles.
 
     Raises:
         MissingRecordError: One of the records is missing.
@@ -43,29 +44,46 @@ def reference_fits(campaign: Campaign, records: Sequence[str], truth: StateSpace
     return {kind: {name: fits[kind] for name, fits in responses.items()} for kind in (DIAGONAL, COUPLED, NOISELESS)}
 
 
-def impulse_response(truth: StateSpace) -> np.ndarray:
-    """Response to a pulse of each input until it has died away.
+def best_linear_fits(
+    campaign: Campaign, record: str, truth: StateSpace, best: Mapping[str, FrequencyResponse]
+) -> dict[str, float]:
+    """Fits of `BEST_LINEAR` to a record, by joint; see `reference_fits`.
 
-    Args:
-        truth: A stable model.
-
-    Returns:
-        Samples (K, ny, nu).
+    The response is that of the small-signal truth times the ratio of the two on the lines on which the best linear one
+    (`best`, by joint) is measured; below and above them the ratio is held.
     """
+    data, moved = _data_and_commands(campaign, record)
+    size = 2 * len(moved)
+    f, pulses = np.fft.rfftfreq(size, data.dt), impulse_response(truth)
+    answers = []
+    for i, joint in enumerate(STUDIED_JOINTS):
+        lines = best[joint].frequencies
+        ratio = best[joint].response[:, 0, 0] / truth.frequency_response(lines)[:, i, i]
+        spectrum = np.fft.rfft(moved[:, i], size) * np.fft.rfft(pulses[:, i, i], size)
+        held = np.interp(f, lines, ratio.real) + 1j * np.interp(f, lines, ratio.imag)
+        answers.append(np.fft.irfft(spectrum * held, size)[len(moved) - len(data) : len(moved)])
+    return _fits(data.y, np.stack(answers, axis=1))
+
+
+def impulse_response(truth: StateSpace) -> np.ndarray:
+    """Response (K, ny, nu) of a stable model to a pulse of each input until it has died away."""
     slowest = float(np.abs(truth.poles()).max())
     return truth.markov(2 + int(np.ceil(np.log(SETTLED) / np.log(slowest))) + truth.order)
 
 
+def _data_and_commands(campaign: Campaign, name: str) -> tuple[IOData, np.ndarray]:
+    """A record, and its commands from the start of the log: at rest, so there is no initial state to estimate."""
+    whole = campaign.log(name).iodata(STUDIED_JOINTS)
+    return campaign.several(name), whole.u - whole.u[0]
+
+
 def _fits_of_record(campaign: Campaign, name: str, pulses: np.ndarray) -> dict[str, dict[str, float]]:
-    """Fits of one record, simulated from the start of the log: at rest, so there is no initial state to estimate."""
-    log, data = campaign.log(name), campaign.several(name)
-    whole = log.iodata(STUDIED_JOINTS)
-    moved = whole.u - whole.u[0]
+    data, moved = _data_and_commands(campaign, name)
     answers = fftconvolve(moved[:, None, :], pulses, axes=0)[len(moved) - len(data) : len(moved)]
     return {
         DIAGONAL: _fits(data.y, np.diagonal(answers, axis1=1, axis2=2)),
         COUPLED: _fits(data.y, answers.sum(axis=2)),
-        NOISELESS: _noiseless(log, data.y),
+        NOISELESS: _noiseless(campaign.log(name), data.y),
     }
 
 

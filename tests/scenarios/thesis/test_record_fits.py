@@ -14,6 +14,7 @@ from scenarios.thesis.record_fits import (
     ties,
     within_reach,
 )
+from scenarios.thesis.reference_fits import COUPLED, DIAGONAL
 from scenarios.thesis.verdicts import MARGIN, ahead, tied
 from tests.scenarios.thesis.altered import without_log
 
@@ -71,8 +72,9 @@ def test_ties_are_named():
 
 def test_what_coupling_costs_is_said_beside_what_models_differ_by(study):
     comparison_word = within_reach(study, ("mimo-12",))
-    assert comparison_word.startswith("On mimo-12 the linear truth itself follows")
-    assert "coupling, which neither model has, costs up to" in comparison_word
+    assert comparison_word.startswith("On mimo-12 the best linear truth of each joint under the PRBS follows")
+    alone, whole = (study.multivariable.reference(kind, "mimo-12")["elbow_pitch"] for kind in (DIAGONAL, COUPLED))
+    assert f"coupling, which neither model has, is worth up to {whole - alone:.1f} points" in comparison_word
     assert "In the median" in within_reach(study, ("mimo-12", "mimo-13"))
 
 

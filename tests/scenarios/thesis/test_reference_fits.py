@@ -1,5 +1,6 @@
 """What the truth follows of records whose every part is known."""
 
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
@@ -9,8 +10,15 @@ import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS
 from scenarios.experiments.campaign import NOMINAL
 from scenarios.thesis.campaign import Campaign
-from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS, impulse_response, reference_fits
-from sysid import StateSpace
+from scenarios.thesis.reference_fits import (
+    COUPLED,
+    DIAGONAL,
+    NOISELESS,
+    best_linear_fits,
+    impulse_response,
+    reference_fits,
+)
+from sysid import FrequencyResponse, StateSpace
 from tests.scenarios.thesis.conftest import joint_log
 
 YAW, SHOULDER, ELBOW = STUDIED_JOINTS
@@ -55,6 +63,19 @@ def test_only_the_joint_that_is_pushed_loses_by_leaving_the_coupling_out():
     assert list(fits[COUPLED].values()) == pytest.approx([100.0] * 3, abs=1e-3)
     assert [fits[DIAGONAL][joint] for joint in (YAW, ELBOW)] == pytest.approx([100.0] * 2, abs=1e-3)
     assert fits[DIAGONAL][SHOULDER] < 80.0
+
+
+def test_what_friction_takes_of_the_gain_the_best_linear_truth_lacks_too():
+    truth, f = _truth(0.0), np.geomspace(0.1, 10.0, 50)
+    rubbed = replace(truth, B=truth.B * [0.8, 1.0, 1.0])
+    response = rubbed.frequency_response(f)
+    best = {
+        joint: FrequencyResponse(f, response[:, i, i, None, None], truth.dt, "model")
+        for i, joint in enumerate(STUDIED_JOINTS)
+    }
+    fits = best_linear_fits(_campaign(rubbed), "mimo-1", truth, best)
+    assert list(fits.values()) == pytest.approx([100.0] * 3, abs=1e-3)
+    assert _fits(truth, _campaign(rubbed))[DIAGONAL][YAW] == pytest.approx(75.0, abs=1.0)
 
 
 def test_noise_caps_what_the_true_angles_follow_and_reading_late_does_not():
