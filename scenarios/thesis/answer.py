@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from hmtb_twin import simulate
-from scenarios.experiments.campaign import campaign_scenario, single_joint_test
+from scenarios.experiments.campaign import campaign_scenario
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.files.errors import ScenarioError
@@ -89,13 +89,7 @@ class JointAnswer:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Responses of every studied joint.
-
-    Attributes:
-        joints: The responses.
-        seeds: Seeds of the records.
-        length: Length of each record, s.
-    """
+    """Responses of every studied joint, from records of some seeds and of one length, s."""
 
     joints: tuple[JointAnswer, ...]
     seeds: tuple[int, ...]
@@ -124,13 +118,9 @@ def measure_answer(
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Answer:
-    """Identify models of each joint from PRBS records of several seeds, to be laid beside the best linear truth.
+    """Identify models of each joint of a study's arm from PRBS records of several seeds.
 
-    Args:
-        study: The study, which holds that truth; its arm is the one that moves.
-        seeds: Seeds of the records.
-        threads: Threads for the physics.
-        progress: Called with the records done and those in all.
+    `progress` is called with the records done and those in all.
 
     Raises:
         ScenarioError: A record could not be simulated.
@@ -138,28 +128,28 @@ def measure_answer(
     length = min(LENGTH, study.duration or LENGTH)
     answers = []
     for number, (joint, entry) in enumerate(study.joints.items()):
-        structures = [one for one in STRUCTURES[joint] if one.method in METHODS]
-        models: dict[str, list[StateSpace]] = {one.method: [] for one in structures}
+        name, structures = entry.data[study.estimation_test].name, STRUCTURES[joint]
+        models: dict[str, list[StateSpace]] = {method: [] for method in METHODS}
         for count, seed in enumerate(seeds, start=1):
-            name = single_joint_test(study.estimation_test, joint)
             test = study.campaign.condition.applied(campaign_scenario(name, seed=seed, duration=length))
             result = simulate([test], threads=threads)
             for key, why in result.failed.items():
                 raise ScenarioError(f"{key}: {why}")
             record = prepared(result.logs[0], joint)
-            for one in structures:
+            for one in (one for one in structures if one.method in METHODS):
                 with warnings.catch_warnings(), suppress(SysidError):
                     warnings.simplefilter("ignore", SysidWarning)
                     models[one.method].append(estimate(record, one.estimator, one.orders).model)
             if progress is not None:
                 progress(number * len(seeds) + count, len(study.joints) * len(seeds))
-        gains = {
-            method: np.array([np.abs(model.frequency_response(FREQUENCIES)[:, 0, 0]) for model in found])
-            for method, found in models.items()
-        }
+        gains = {method: np.array([_gain(model) for model in found]) for method, found in models.items()}
         levels = {method: tuple(half_power_hz(model) for model in found) for method, found in models.items()}
         answers.append(JointAnswer(joint, entry.best_linear, half_power_hz(entry.truth.model), gains, levels))
     return Answer(tuple(answers), tuple(seeds), length)
+
+
+def _gain(model: StateSpace) -> np.ndarray:
+    return np.abs(model.frequency_response(FREQUENCIES)[:, 0, 0])
 
 
 def drawn_models(joint: str) -> dict[str, PublishedModel]:
@@ -186,8 +176,8 @@ def answer_chart(answer: Answer) -> Chart:
                 series.append(Series(label, FREQUENCIES, np.median(rows, axis=0), Style(look.colour, "-", 2.0), *ends))
             model = drawn_models(one.joint).get(method)
             if model is not None:
-                value = np.abs(model.model.frequency_response(FREQUENCIES)[:, 0, 0])
-                series.append(Series(f"{name} printed in 1996", FREQUENCIES, value, Style(look.colour, ":", 1.8)))
+                look = Style(look.colour, ":", 1.8)
+                series.append(Series(f"{name} printed in 1996", FREQUENCIES, _gain(model.model), look))
         radians = BREAK_FREQUENCY[one.joint]
         marks = (("y", HALF_POWER, "0.707"), ("x", radians / (2 * np.pi), f"thesis: {radians:g} rad/s"))
         panels.append(

@@ -13,7 +13,7 @@ from scenarios.thesis.disturbances import AS_IT_IS
 from scenarios.thesis.findings_chapter_6 import FAST, FOLLOWS
 from scenarios.thesis.multivariable import WAYS, ThreeJointModel, Way
 from scenarios.thesis.verdicts import MARGIN, WORDS, ahead
-from sysid import IOData, residuals
+from sysid import Estimate, IOData, residuals
 
 SAME = 0.1
 """A disturbed record gives a comparable model if the bandwidth changes by no more than this fraction."""
@@ -98,28 +98,26 @@ def _of_models(study: Comparison, number: Callable[[ThreeJointModel], float]) ->
     return {entry.name: number(entry) for entry in study.multivariable.models}
 
 
+def _both_ways(
+    study: Comparison, what: str, number: Callable[[ThreeJointModel, Way], float], *, digits: int = 1, margin: float = 0
+) -> tuple[Measure, ...]:
+    """Measures of the fit in simulation and one step ahead, whose words stand for `{way}`."""
+    values = {way: {entry.name: number(entry, way) for entry in study.multivariable.models} for way in WAYS}
+    return tuple(Measure(what.format(way=WORDS[way]), values[way], more=True, digits=digits, margin=margin) for way in WAYS)
+
+
 def _bandwidth(study: Comparison) -> tuple[Measure, ...]:
     def error(entry: ThreeJointModel) -> float:
-        hz = {
-            joint: block.bandwidth()[0, 0] / study.joints[joint].best_linear.hz for joint, block in entry.blocks.items()
-        }
-        return float(np.mean([abs(100 * (ratio - 1)) for ratio in hz.values()]))
+        true = {joint: study.joints[joint].best_linear.hz for joint in entry.blocks}
+        off = [abs(100 * (block.bandwidth()[0, 0] / true[joint] - 1)) for joint, block in entry.blocks.items()]
+        return float(np.mean(off))
 
-    what = "bandwidth off the best linear truth, mean over the joints, %"
+    off = Measure("bandwidth off the best linear truth, mean over the joints, %", _of_models(study, error), more=False)
     fast = [name for name in FAST[1] if name in study.multivariable.records]
-    return (
-        Measure(what, _of_models(study, error), more=False),
-        *(
-            Measure(
-                f"fit above 5 Hz {WORDS[way]}, median of {len(fast)} records, mean over the joints, %",
-                {e.name: median(e.fit(name).mean(way) for name in fast) for e in study.multivariable.models},
-                more=True,
-                margin=MARGIN,
-            )
-            for way in WAYS
-            if fast
-        ),
-    )
+    if not fast:
+        return (off,)
+    what = f"fit above 5 Hz {{way}}, median of {len(fast)} records, mean over the joints, %"
+    return off, *_both_ways(study, what, lambda e, way: median(e.fit(name).mean(way) for name in fast), margin=MARGIN)
 
 
 def _stability(study: Comparison) -> tuple[Measure, ...]:
@@ -150,34 +148,24 @@ def _flexibility(study: Comparison) -> tuple[Measure, ...]:
 
 
 def _parsimony(study: Comparison) -> tuple[Measure, ...]:
-    information = {
-        f"{name} model": sum(
-            _aic(study.joints[joint].data[study.estimation_test], study, joint, name == "OKID")
-            for joint in study.joints
-        )
-        for name in ("SysID", "OKID")
-    }
-    least = min(information.values())
-    what = "Akaike's criterion on the data of estimation above the smaller, three joints"
+    information = {"SysID model": 0.0, "OKID model": 0.0}
+    for entry in study.joints.values():
+        for name, model in (("SysID model", entry.chosen), ("OKID model", entry.models["okid"])):
+            information[name] += _aic(model.estimate, entry.data[study.estimation_test])
+    above = {name: value - min(information.values()) for name, value in information.items()}
+    what = "fit {way} per state, mean over joints and records of other waveforms, %"
     return (
         Measure("states", _of_models(study, lambda entry: float(entry.model.order)), more=False, digits=0),
-        Measure(what, {name: value - least for name, value in information.items()}, more=False, digits=0),
-        *(
-            Measure(
-                f"fit {WORDS[way]} per state, mean over joints and records of other waveforms, %",
-                {entry.name: _mean_fit(entry, way) / entry.model.order for entry in study.multivariable.models},
-                more=True,
-            )
-            for way in WAYS
+        Measure(
+            "Akaike's criterion on the data of estimation above the smaller, three joints", above, more=False, digits=0
         ),
+        *_both_ways(study, what, lambda entry, way: _mean_fit(entry, way) / entry.model.order),
     )
 
 
-def _aic(data: IOData, study: Comparison, joint: str, okid: bool) -> float:
+def _aic(model: Estimate, data: IOData) -> float:
     """N log V + 2 d of the one-step errors [Ljung1999, sec. 16.4]; d = 3 n + 1 for OKID's A, B, D and K in n states."""
-    entry = study.joints[joint]
-    model = entry.models["okid"].estimate if okid else entry.chosen.estimate
-    count = 3 * model.model.order + 1 if okid else len(model.parameters)
+    count = 3 * model.model.order + 1 if model.method == "okid" else len(model.parameters)
     errors = residuals(model, data)
     return float(len(errors) * np.log(np.mean(errors**2)) + 2 * count)
 
@@ -189,17 +177,12 @@ def _mean_fit(entry: ThreeJointModel, way: Way) -> float:
 
 def _robustness(study: Comparison) -> tuple[Measure, ...]:
     """Share of disturbed records whose model keeps the bandwidth of the model from the undisturbed record."""
+    chosen = [entry for entry in study.robustness.outcomes if entry.chosen and entry.treatment == AS_IT_IS[0]]
     measures = []
     for disturbance in ("bias", "outliers"):
         shares = {}
         for name in ("SysID model", "OKID model"):
-            mine = [
-                entry
-                for entry in study.robustness.outcomes
-                if entry.chosen
-                and (entry.method == "okid") == (name == "OKID model")
-                and entry.treatment == AS_IT_IS[0]
-            ]
+            mine = [entry for entry in chosen if (entry.method == "okid") == (name == "OKID model")]
             plain = {e.joint: e.bandwidth_hz for e in mine if e.disturbance == "bias" and e.degree == 0.0}
             disturbed = [e for e in mine if e.disturbance == disturbance and e.degree > 0.0 and e.joint in plain]
             same = [abs(e.bandwidth_hz / plain[e.joint] - 1) <= SAME for e in disturbed]
@@ -210,17 +193,10 @@ def _robustness(study: Comparison) -> tuple[Measure, ...]:
 
 
 def _exchange(study: Comparison) -> tuple[Measure, ...]:
-    return tuple(
-        Measure(
-            f"fit {WORDS[way]}, mean over the joints, %",
-            {entry.name: entry.fit(RPCM).mean(way) for entry in study.multivariable.models},
-            more=True,
-            digits=2,
-            margin=MARGIN,
-        )
-        for way in WAYS
-        if RPCM in study.multivariable.records
-    )
+    if RPCM not in study.multivariable.records:
+        return ()
+    what = "fit {way}, mean over the joints, %"
+    return _both_ways(study, what, lambda entry, way: entry.fit(RPCM).mean(way), digits=2, margin=MARGIN)
 
 
 def _several(study: Comparison) -> tuple[Measure, ...]:

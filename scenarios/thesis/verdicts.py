@@ -48,11 +48,7 @@ def dependence(test: ResidualTest) -> tuple[float, float]:
 
 
 def beyond_yaw(u: np.ndarray, inputs: list[int]) -> tuple[np.ndarray, float]:
-    """What pitch inputs have beyond yaw's own input at lags up to `LAGS` before and after.
-
-    Args:
-        u: Commands of the three joints (N, 3).
-        inputs: Columns of the pitches.
+    """What pitch inputs (columns of u (N, 3)) have beyond yaw's own input at lags up to `LAGS` before and after.
 
     Returns:
         The remainders (N - 2 LAGS, n), and the least share of an input's variance that remains.
@@ -64,17 +60,12 @@ def beyond_yaw(u: np.ndarray, inputs: list[int]) -> tuple[np.ndarray, float]:
 
 
 def largest_correlation(errors: np.ndarray, u: np.ndarray, dt: float) -> tuple[float, float]:
-    """Largest correlation of residuals with the past of inputs, and the 99 % bound of that input.
+    """Largest correlation of residuals (N,) with the past of inputs (M, n), and the 99 % bound of that input.
 
-    Args:
-        errors: Residuals (N,).
-        u: Inputs (M, n), the middle of the N samples.
-        dt: Sampling interval, s.
+    The inputs are those of the middle of the N samples, dt seconds apart.
     """
-    cut = (len(errors) - len(u)) // 2
-    none = StateSpace(
-        np.zeros((0, 0)), np.zeros((0, u.shape[1])), np.zeros((1, 0)), np.zeros((1, u.shape[1])), None, dt
-    )
+    cut, inputs = (len(errors) - len(u)) // 2, u.shape[1]
+    none = StateSpace(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((1, 0)), np.zeros((1, inputs)), None, dt)
     test = sysid.resid(none, IOData(u, errors[cut : cut + len(u), None], dt), lags=LAGS, level=LEVEL)
     peaks = np.abs(test.cross_correlation[test.cross_lags >= 0, 0]).max(axis=0)
     largest = int(np.argmax(peaks / test.independence_bound[0]))
