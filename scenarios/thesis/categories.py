@@ -103,7 +103,9 @@ def _both_ways(
 ) -> tuple[Measure, ...]:
     """Measures of the fit in simulation and one step ahead, whose words stand for `{way}`."""
     values = {way: {entry.name: number(entry, way) for entry in study.multivariable.models} for way in WAYS}
-    return tuple(Measure(what.format(way=WORDS[way]), values[way], more=True, digits=digits, margin=margin) for way in WAYS)
+    return tuple(
+        Measure(what.format(way=WORDS[way]), values[way], more=True, digits=digits, margin=margin) for way in WAYS
+    )
 
 
 def _bandwidth(study: Comparison) -> tuple[Measure, ...]:

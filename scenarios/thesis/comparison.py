@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from hmtb_twin import JointLog, JointTruth, Truth
-from scenarios.thesis.attribution import Attributions, OutputErrorBandwidth
+from scenarios.thesis.attribution import Attributions
 from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.estimates import IdentifiedModel
 from scenarios.thesis.every_data_set import DataSets
@@ -116,7 +116,7 @@ class Comparison:
     joints: Mapping[str, JointResult]
     multivariable: Multivariable
     attribution: Mapping[str, Attributions]
-    orders: Mapping[str, tuple[OutputErrorBandwidth, ...]]
+    orders: Mapping[str, tuple[IdentifiedModel, ...]]
     nonparametric: Mapping[str, Nonparametric]
     data_sets: Mapping[str, DataSets]
     frictionless: Mapping[str, DataSets]

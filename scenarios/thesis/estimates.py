@@ -92,6 +92,11 @@ class IdentifiedModel(Structure):
         """Whether every pole lies inside the unit circle."""
         return self.radius < 1.0
 
+    @property
+    def residual(self) -> float:
+        """Standard deviation of the residuals, output units."""
+        return float(np.std(self.estimate.residuals))
+
 
 def identified(record: IOData, structure: Structure, judges: Mapping[Any, IOData]) -> IdentifiedModel:
     """Identify a structure from a record and compare the model with the records that judge; see `estimate`."""

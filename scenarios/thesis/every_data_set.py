@@ -1,7 +1,7 @@
 """Models of the thesis' structures from every data set, to see whether the data sets agree."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from statistics import median
 from types import MappingProxyType
 from typing import NamedTuple
@@ -64,7 +64,9 @@ class DataSetModel(IdentifiedModel):
     @property
     def others(self) -> Mapping[str, Fits]:
         """Fit to unseen records: neither its own nor one that plays the same sequence."""
-        return {name: fit for name, fit in self.fits.items() if not _same_sequence(self.record, name)}
+        prbs = plays_identified_sequence(self.record)
+        seen = {self.record, *(name for name in self.fits if prbs and plays_identified_sequence(name))}
+        return {name: fit for name, fit in self.fits.items() if name not in seen}
 
     @property
     def others_simulation(self) -> float:
@@ -86,7 +88,6 @@ class DataSets:
 
     Attributes:
         joint: Name of the joint.
-        single: Names of its single-joint tests that are there.
         excited: What each record excites, by name, in the order of the thesis' tables.
         models: Record by record, structure by structure.
         refused: What could not be identified.
@@ -94,19 +95,20 @@ class DataSets:
     """
 
     joint: str
-    single: tuple[str, ...]
     excited: Mapping[str, Excited]
     models: tuple[DataSetModel, ...]
-    refused: tuple[Refusal, ...] = ()
-    missing: Mapping[str, str] = field(default_factory=dict)
+    refused: tuple[Refusal, ...]
+    missing: Mapping[str, str]
+
+    @property
+    def single(self) -> tuple[str, ...]:
+        """Names of its single-joint tests that are there."""
+        return tuple(name for name in self.excited if name.startswith("siso-"))
 
     def singles(self, method: str | None = None, *, enough: bool = False) -> tuple[DataSetModel, ...]:
         """Models from single-joint tests, the same in every study: of one method or all, `enough` excited or all."""
-        return tuple(
-            m
-            for m in self.models
-            if m.record in self.single and method in (None, m.method) and (m.enough or not enough)
-        )
+        models = [m for m in self.models if m.record in self.single and (m.enough or not enough)]
+        return tuple(m for m in models if method in (None, m.method))
 
     def find(self, record: str, method: str) -> DataSetModel | None:
         """The model of one method from one record, where there is one."""
@@ -127,41 +129,31 @@ def every_data_set(
         part: This part of the work.
     """
     single = [single_joint_test(number, joint) for number in SINGLE_JOINT]
-    records = [*single, *(names("mimo") if thorough else ()), *([RPCM] if thorough else ())]
+    records = [*single, *((*names("mimo"), RPCM) if thorough else ())]
     data = {name: campaign.record(name, joint) for name in records if name in campaign.logs}
     judges = {name: data[name] for name in single if name in data}
     minutes = {name: record[: round(MINUTE / record.dt)] for name, record in judges.items()} if thorough else {}
     excited = {name: _excited(name, record, campaign) for name, record in data.items()}
     models, refused = [], []
     for (name, record), _ in part.split(tuple(data.items())):
+        others = {**(judges if name in judged else minutes), name: record}
         for structure in every_structure(joint):
-            others = judges if name in judged else minutes
+            needed = excitation_needed(structure)
+            enough = excited[name].command >= needed
             try:
-                model = identified(record, structure, {**others, name: record})
-                needed = excitation_needed(structure)
-                models.append(
-                    DataSetModel(**vars(model), record=name, needed=needed, enough=excited[name].command >= needed)
-                )
+                model = identified(record, structure, others)
+                models.append(DataSetModel(**vars(model), record=name, needed=needed, enough=enough))
             except SysidError as error:
                 refused.append(Refusal(name, structure, str(error)))
     missing = {name: campaign.failed.get(name, "it was not played") for name in records if name not in data}
-    return DataSets(
-        joint, tuple(judges), MappingProxyType(excited), tuple(models), tuple(refused), MappingProxyType(missing)
-    )
-
-
-def _same_sequence(record: str, other: str) -> bool:
-    """Whether two records play the same sequence, so that neither can validate a model of the other."""
-    return record == other or (plays_identified_sequence(record) and plays_identified_sequence(other))
+    return DataSets(joint, MappingProxyType(excited), tuple(models), tuple(refused), MappingProxyType(missing))
 
 
 def _excited(name: str, record: IOData, campaign: Campaign) -> Excited:
     scenario = campaign_scenario(name, seed=campaign.seed, duration=campaign.duration)
-    files = [entry.waveform().order_of_excitation() for entry in scenario.excitation]
-    command = sysid.order_of_excitation(
-        record.u[:, 0], max_order=min(LARGEST_ORDER, len(record) // 2), tolerance=AUDIBLE
-    )
-    return Excited(max(files) if files else None, command)
+    file = max((entry.waveform().order_of_excitation() for entry in scenario.excitation), default=None)
+    most = min(LARGEST_ORDER, len(record) // 2)
+    return Excited(file, sysid.order_of_excitation(record.u[:, 0], max_order=most, tolerance=AUDIBLE))
 
 
 def excitation_needed(structure: Structure) -> int:

@@ -164,10 +164,7 @@ def elbow_armax(study: Comparison) -> Finding:
 
 def stable(study: Comparison) -> Finding:
     """F13: all models are stable."""
-    radius = {
-        joint: max(m.radius for m in entry.models.values())
-        for joint, entry in study.joints.items()
-    }
+    radius = {joint: max(m.radius for m in entry.models.values()) for joint, entry in study.joints.items()}
     compared, beyond, aside = "ARMAX, OE and OKID", "ARMAX, OE and OKID, too little excitation", "ARX and IV4"
     groups: dict[str, list[DataSetModel]] = {compared: [], beyond: [], aside: []}
     for entry in study.data_sets.values():

@@ -62,7 +62,7 @@ def results(
             for name, entry in study.joints.items()
         },
         "attribution": {
-            name: [_picked(part, "condition hz=bandwidth_hz ci95 half_power_hz") for part in entry.parts]
+            name: [_picked(part, "condition=label hz=bandwidth_hz ci95 half_power_hz") for part in entry.parts]
             for name, entry in study.attribution.items()
         },
         "attribution_missing": {name: dict(entry.missing) for name, entry in study.attribution.items()},

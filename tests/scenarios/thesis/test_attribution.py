@@ -11,7 +11,6 @@ from scenarios.thesis.attribution import (
     GENTLE,
     SMOOTH,
     Attributions,
-    OutputErrorBandwidth,
     attribute,
 )
 from scenarios.thesis.campaign import Campaign
@@ -30,10 +29,10 @@ def found(rough, smooth, failed):
 def test_a_record_that_is_missing_is_named_and_the_others_keep_their_places(synthetic_logs):
     logs = synthetic_logs([NAME, f"{NAME}-small"])
     whole = found({NAME: logs[NAME]}, logs, {})
-    assert tuple(part.condition for part in whole.parts) == CONDITIONS
+    assert tuple(part.label for part in whole.parts) == CONDITIONS
     assert not whole.missing
     part = found({NAME: logs[NAME]}, {f"{NAME}-small": logs[f"{NAME}-small"]}, {NAME: "the drives stalled"})
-    assert [entry.condition for entry in part.parts] == [AS_IT_IS, GENTLE]
+    assert [entry.label for entry in part.parts] == [AS_IT_IS, GENTLE]
     assert part.find(SMOOTH) is None
     assert part.find(GENTLE) == whole.find(GENTLE)
     assert list(part.missing) == [SMOOTH]
@@ -51,7 +50,7 @@ def test_a_record_that_gives_no_model_is_named(synthetic_logs, monkeypatch):
 
     monkeypatch.setattr(sysid, "oe", refuses)
     part = found({NAME: logs[NAME]}, logs, {})
-    assert [entry.condition for entry in part.parts] == [AS_IT_IS, SMOOTH]
+    assert [entry.label for entry in part.parts] == [AS_IT_IS, SMOOTH]
     assert dict(part.missing) == {GENTLE: "too little motion"}
 
 
@@ -61,7 +60,7 @@ def study(**rows):
         attribution={
             joint: Attributions(
                 tuple(
-                    OutputErrorBandwidth((2, 2, 1), hz, (hz, hz), 1.0, level, 0.0, name)
+                    SimpleNamespace(label=name, bandwidth_hz=hz, half_power_hz=level)
                     for name, (hz, level) in parts.items()
                 )
             )
