@@ -10,6 +10,7 @@ from scipy.signal import find_peaks
 
 import sysid
 from hmtb_twin import JOINTS
+from hmtb_twin.bus.recorder import delayed
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.waveform import POINTS
 from scenarios.thesis.comparison import Comparison, JointResult
@@ -230,18 +231,16 @@ def disturbances(study: Comparison, entry: JointResult) -> tuple[float, float, f
     """
     log = study.logs[entry.data[study.estimation_test].name]
     column = JOINTS.index(entry.joint)
-    angle, measured = log.true_angles[:, column], log.measured[:, column]
-    # The resolver reading reaches the bus up to a few ticks late; that delay belongs to the dynamics, not to the noise.
-    late = min(range(4), key=lambda k: float(np.std(measured[k:] - angle[: len(angle) - k])))
-    delayed = np.concatenate([np.full(late, angle[0]), angle[: len(angle) - late]])
+    # The resolver reading reaches the bus a few ticks late; that delay belongs to the dynamics, not to the noise.
+    angle = delayed(log.true_angles, study.campaign.condition.arm().delays)[:, column]
     expected = sysid.simulate(entry.truth.model, log.commanded[:, column] - log.commanded[0, column])[:, 0]
     start = len(log.commanded) - len(entry.data[study.estimation_test])
-    departure = (delayed - expected)[start:]
+    departure = (angle - expected)[start:]
     periods = departure[: len(departure) // POINTS * POINTS].reshape(-1, POINTS)
     other = periods - periods.mean(axis=0)
     # One mean was taken off for every sample of the period.
     random = np.sqrt(np.sum(other**2) / ((len(periods) - 1) * POINTS))
-    return float(np.std((measured - delayed)[start:])), float(np.std(departure)), float(random)
+    return float(np.std((log.measured[:, column] - angle)[start:])), float(np.std(departure)), float(random)
 
 
 def spectrum_of(study: Comparison, test: int, joint: str) -> FrequencyResponse:

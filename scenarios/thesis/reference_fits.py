@@ -6,23 +6,21 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 import sysid
-from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog
+from hmtb_twin import JOINTS, STUDIED_JOINTS
+from hmtb_twin.bus.recorder import delayed
 from scenarios.thesis.campaign import Campaign
 from sysid import FrequencyResponse, IOData, StateSpace
 
 SETTLED = 1e-6
 """The impulse response is cut off where the slowest pole has fallen below this part."""
-
-READS_LATE = 3
-"""Most samples that a bus may read an angle late."""
-
+COLUMNS = [JOINTS.index(joint) for joint in STUDIED_JOINTS]
 
 References = Mapping[str, Mapping[str, Mapping[str, float]]]
 """By kind of reference, record and joint: 100 (1 - |y - yhat| / |y - mean y|), simulated, percent."""
 
 DIAGONAL, COUPLED, NOISELESS = "truth without coupling", "truth with coupling", "true angles"
-"""References: the small-signal truth, which has no friction, driven by its own command and by all three; true angles
-without sensor noise."""
+"""References: the small-signal truth, which has no friction, driven by its own command and by all three; true angles,
+as late as the bus reads them, without sensor noise."""
 
 BEST_LINEAR = "best linear truth"
 """Reference: the best linear truth of each joint under the PRBS of the estimation test, driven by its own command."""
@@ -80,18 +78,12 @@ def _data_and_commands(campaign: Campaign, name: str) -> tuple[IOData, np.ndarra
 def _fits_of_record(campaign: Campaign, name: str, pulses: np.ndarray) -> dict[str, dict[str, float]]:
     data, moved = _data_and_commands(campaign, name)
     answers = fftconvolve(moved[:, None, :], pulses, axes=0)[len(moved) - len(data) : len(moved)]
+    read = delayed(campaign.log(name).true_angles, campaign.condition.arm().delays)[:, COLUMNS]
     return {
         DIAGONAL: _fits(data.y, np.diagonal(answers, axis1=1, axis2=2)),
         COUPLED: _fits(data.y, answers.sum(axis=2)),
-        NOISELESS: _noiseless(campaign.log(name), data.y),
+        NOISELESS: _fits(data.y, read[len(read) - len(data) :]),
     }
-
-
-def _noiseless(log: JointLog, y: np.ndarray) -> dict[str, float]:
-    """Fit of the true angles, each delayed by the number of samples that fits best: the bus delays some joints."""
-    true = log.true_angles[:, [JOINTS.index(joint) for joint in STUDIED_JOINTS]]
-    late = [_fits(y, true[len(true) - len(y) - n : len(true) - n]) for n in range(READS_LATE + 1)]
-    return {joint: max(fits[joint] for fits in late) for joint in STUDIED_JOINTS}
 
 
 def _fits(y: np.ndarray, response: np.ndarray) -> dict[str, float]:

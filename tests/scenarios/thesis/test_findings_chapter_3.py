@@ -174,7 +174,7 @@ def test_what_departs_from_the_truth_is_told_into_what_repeats_and_what_does_not
     angle = simulate(entry.truth.model, log.commanded[:, column] - log.commanded[0, column])[:, 0]
     angle = angle + 1e-3 * np.sqrt(2) * np.sin(2 * np.pi * ticks / 100) + 2e-4 * rng.standard_normal(len(ticks))
     true, measured = log.true_angles.copy(), log.measured.copy()
-    true[:, column] = angle
+    true[:, column] = np.roll(angle, -1)  # the bus reads the elbow one sample late
     measured[:, column] = angle + 5e-4 * rng.standard_normal(len(ticks))
     other = with_log(study, test.name, replace(log, true_angles=true, measured=measured))
     decided = chapter.disturbances(other, entry)

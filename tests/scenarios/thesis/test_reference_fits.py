@@ -8,6 +8,7 @@ import pytest
 
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS
+from hmtb_twin.bus.recorder import delayed
 from scenarios.experiments.campaign import NOMINAL
 from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.reference_fits import (
@@ -33,16 +34,17 @@ def _truth(push):
 
 
 def _campaign(truth, *, noise=0.0, late=0, offset=0.3):
-    """A record of independent commands around a pose, read as late as asked for."""
+    """A record of independent commands around a pose, read so many times as late as by the bus."""
     rng = np.random.default_rng(5)
     samples = 3000
     moved = np.cumsum(rng.standard_normal((samples, 3)), axis=0) * 1e-3
     moved -= moved[0]
     true = sysid.simulate(truth, moved)
-    read = np.vstack((np.repeat(true[:1], late, axis=0), true[: samples - late])) if late else true
     commanded, measured, angles = (np.zeros((samples, len(JOINTS))) for _ in range(3))
     commanded[:, COLUMNS], angles[:, COLUMNS] = offset + moved, offset + true
-    measured[:, COLUMNS] = offset + read + noise * rng.standard_normal((samples, 3))
+    measured[:, COLUMNS] = delayed(offset + true, late * NOMINAL.arm().delays[COLUMNS]) + noise * rng.standard_normal(
+        (samples, 3)
+    )
     log = joint_log("mimo-1", commanded, measured, angles)
     return Campaign(NOMINAL, None, MappingProxyType({"mimo-1": log}), {})
 
@@ -82,6 +84,6 @@ def test_noise_caps_what_the_true_angles_follow_and_reading_late_does_not():
     truth = _truth(0.0)
     clean = _campaign(truth)
     spread = clean.several("mimo-1").y.std(axis=0)
-    fits = _fits(truth, _campaign(truth, noise=0.1 * float(spread[0]), late=2))
+    fits = _fits(truth, _campaign(truth, noise=0.1 * float(spread[0]), late=1))
     assert fits[NOISELESS][YAW] == pytest.approx(90.0, abs=0.5)
     assert fits[COUPLED][YAW] < fits[NOISELESS][YAW]
