@@ -25,18 +25,10 @@ DISMISSED = ("arx", "iv4")
 
 
 def flexibility(study: Comparison, joint: str) -> dict[str, float]:
-    """Median fits in simulation of the models of the estimation test to tests of other waveforms.
-
-    Returns:
-        By method in capitals, percent; minus infinity where the model is unstable: its simulation grows without bound.
-
-    Raises:
-        MissingRecordError: A method gave no model, or nothing is left to judge on.
-    """
-    own = single_joint_test(study.estimation_test, joint)
+    """Median fits to tests of other waveforms, percent, by method in capitals; minus infinity of an unstable model."""
     fits: dict[str, float] = {}
     for method in (*COMPARED, *DISMISSED):
-        model = study.data_sets[joint].find(own, method)
+        model = study.data_sets[joint].find(single_joint_test(study.estimation_test, joint), method)
         if model is None or not model.others:
             raise MissingRecordError(f"{words(joint)}: no {method.upper()} model to judge on other tests")
         fits[method.upper()] = model.others_simulation if model.stable else -np.inf
@@ -78,16 +70,11 @@ def consistency(study: Comparison) -> Finding:
 
 
 def data_set_spread(entry: DataSets, method: str) -> float:
-    """Median relative distance between the responses of a method's models from data sets that excite enough.
-
-    Raises:
-        MissingRecordError: Fewer than two such models.
-    """
+    """Median relative distance between the responses of a method's models from data sets that excite enough."""
     apart = distances(entry.singles(method, enough=True))
     if not len(apart):
-        raise MissingRecordError(
-            f"{words(entry.joint)}: fewer than two data sets from which {method.upper()} was identified"
-        )
+        joint, name = words(entry.joint), method.upper()
+        raise MissingRecordError(f"{joint}: fewer than two data sets from which {name} was identified")
     return float(np.median(apart))
 
 

@@ -18,7 +18,8 @@ from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, finding_by_reading, words
 from scenarios.thesis.multi_input import pushed_by_others
 from scenarios.thesis.multivariable import FAST_CHIRP, LAGS, LEVEL, WAYS, Kind, Multivariable, Way
-from scenarios.thesis.record_fits import fits_to_records, held_out_fit, shortfall, ties, within_reach
+from scenarios.thesis.number_text import minus
+from scenarios.thesis.record_fits import fits_to_records, held_out_fit, missing_fit_shares, ties, within_reach
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL
 from scenarios.thesis.robustness import CONSTANT, DETRENDED, OUTLIERS
 from scenarios.thesis.verdicts import (
@@ -168,13 +169,12 @@ def _without_friction(study: Comparison) -> str:
         return ""
     outside = []
     for okid in (False, True):
-        blocks = []
-        for joint, entry in study.joints.items():
-            name = single_joint_test(study.estimation_test, joint)
-            model = study.frictionless[joint].find(name, "okid" if okid else entry.chosen.method)
-            if model is None:
-                return ""
-            blocks.append(model.estimate.model)
+        methods = {joint: "okid" if okid else entry.chosen.method for joint, entry in study.joints.items()}
+        names = {joint: single_joint_test(study.estimation_test, joint) for joint in methods}
+        found = [study.frictionless[joint].find(names[joint], method) for joint, method in methods.items()]
+        blocks = [model.estimate.model for model in found if model is not None]
+        if len(blocks) < len(found):
+            return ""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SysidWarning)
             test = sysid.resid(block_diagonal(blocks), smooth.several(RPCM), lags=LAGS, level=LEVEL)
@@ -238,7 +238,10 @@ def follows_5_hz(study: Comparison) -> Finding:
     shares = []
     for joint in study.joints:
         (kind, name), fit = min(fits(joint, "simulation").items(), key=lambda item: item[1])
-        shares.append(f"{words(joint)} of {kind} on {name} {fit:.0f} %: {shortfall(study, joint, name, fit)}")
+        missing = missing_fit_shares(study, joint, name, fit)
+        listed = ", ".join(f"{what} {minus(f'{points:.1f}')}" for what, points in missing.items())
+        largest = max(missing, key=lambda what: missing[what])
+        shares.append(f"{words(joint)} of {kind} on {name} {fit:.0f} %: {listed}, most of it {largest}")
     facts = {
         "cutoffs": [
             f"{entry.chosen.bandwidth_hz:.2f} and {entry.models['okid'].bandwidth_hz:.2f}"

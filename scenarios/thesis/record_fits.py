@@ -10,6 +10,7 @@ from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.campaign import OTHER_WAVEFORMS, plays_identified_sequence
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.multivariable import Kind, Way
+from scenarios.thesis.number_text import minus
 from scenarios.thesis.reference_fits import (
     BEST_LINEAR,
     COUPLED,
@@ -78,7 +79,7 @@ def within_reach(study: Comparison, names: Collection[str]) -> str:
         for entry in study.multivariable.pair()
     )
     where = "In the median of the records of several joints" if len(names) > 1 else f"On {next(iter(names))}"
-    listed = "/".join(f"{fit:.1f}".replace("-", "−") for fit in best)
+    listed = "/".join(minus(f"{fit:.1f}") for fit in best)
     return (
         f"{where} the best linear truth of each joint under the PRBS follows {listed} % (yaw, shoulder pitch, elbow "
         f"pitch); coupling, which neither model has, is worth up to {np.max(whole - alone):.1f} points to the truth "
@@ -94,13 +95,6 @@ def _truths(study: Comparison, name: str) -> dict[str, Mapping[str, float]]:
     best = {joint: entry.best_linear.response for joint, entry in study.joints.items()}
     fits = {kind: of_records[name] for kind, of_records in known.items()}
     return {**fits, BEST_LINEAR: best_linear_fits(study.campaign, name, truth, best)}
-
-
-def shortfall(study: Comparison, joint: str, record: str, fit: float) -> str:
-    """In words: what takes how much of a simulation's fit (percent) to a record, by `missing_fit_shares`."""
-    shares = missing_fit_shares(study, joint, record, fit)
-    listed = ", ".join(f"{what} {points:.1f}".replace("-", "−") for what, points in shares.items())
-    return f"{listed}, most of it {max(shares, key=lambda what: shares[what])}"
 
 
 def missing_fit_shares(study: Comparison, joint: str, record: str, fit: float) -> dict[str, float]:
