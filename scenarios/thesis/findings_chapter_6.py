@@ -239,7 +239,7 @@ def follows_5_hz(study: Comparison) -> Finding:
     for joint in study.joints:
         (kind, name), fit = min(fits(joint, "simulation").items(), key=lambda item: item[1])
         missing = missing_fit_shares(study, joint, name, fit)
-        listed = ", ".join(f"{what} {minus(f'{points:.1f}')}" for what, points in missing.items())
+        listed = ", ".join(f"{what} {minus(f'{points:z.1f}')}" for what, points in missing.items())
         largest = max(missing, key=lambda what: missing[what])
         shares.append(f"{words(joint)} of {kind} on {name} {fit:.0f} %: {listed}, most of it {largest}")
     facts = {

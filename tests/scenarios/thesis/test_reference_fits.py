@@ -10,20 +10,13 @@ import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS
 from hmtb_twin.bus.recorder import delayed
 from scenarios.experiments.campaign import NOMINAL
+from scenarios.thesis import reference_fits as references
 from scenarios.thesis.campaign import Campaign
-from scenarios.thesis.reference_fits import (
-    COUPLED,
-    DIAGONAL,
-    NOISELESS,
-    best_linear_fits,
-    impulse_response,
-    reference_fits,
-)
+from scenarios.thesis.reference_fits import COLUMNS, COUPLED, DIAGONAL, NOISELESS
 from sysid import FrequencyResponse, StateSpace
 from tests.scenarios.thesis.conftest import joint_log
 
 YAW, SHOULDER, ELBOW = STUDIED_JOINTS
-COLUMNS = [JOINTS.index(joint) for joint in STUDIED_JOINTS]
 
 
 def _truth(push):
@@ -33,10 +26,10 @@ def _truth(push):
     return StateSpace(0.8 * np.eye(3), B, np.eye(3), np.zeros((3, 3)), None, 0.02)
 
 
-def _campaign(truth, *, noise=0.0, late=0, offset=0.3):
+def _campaign(truth, *, noise=0.0, late=0):
     """A record of independent commands around a pose, read so many times as late as by the bus."""
     rng = np.random.default_rng(5)
-    samples = 3000
+    samples, offset = 3000, 0.3
     moved = np.cumsum(rng.standard_normal((samples, 3)), axis=0) * 1e-3
     moved -= moved[0]
     true = sysid.simulate(truth, moved)
@@ -50,11 +43,13 @@ def _campaign(truth, *, noise=0.0, late=0, offset=0.3):
 
 
 def _fits(truth, campaign):
-    return {kind: dict(fits["mimo-1"]) for kind, fits in reference_fits(campaign, ("mimo-1",), truth).items()}
+    return {
+        kind: dict(fits["mimo-1"]) for kind, fits in references.reference_fits(campaign, ("mimo-1",), truth).items()
+    }
 
 
 def test_the_impulse_response_is_the_model():
-    pulses = impulse_response(_truth(0.1))
+    pulses = references.impulse_response(_truth(0.1))
     np.testing.assert_allclose(pulses[1:4, 1, 2], [0.1, 0.08, 0.064])
     assert np.abs(pulses[-1]).max() < 1e-6
 
@@ -71,11 +66,8 @@ def test_what_friction_takes_of_the_gain_the_best_linear_truth_lacks_too():
     truth, f = _truth(0.0), np.geomspace(0.1, 10.0, 50)
     rubbed = replace(truth, B=truth.B * [0.8, 1.0, 1.0])
     response = rubbed.frequency_response(f)
-    best = {
-        joint: FrequencyResponse(f, response[:, i, i, None, None], truth.dt, "model")
-        for i, joint in enumerate(STUDIED_JOINTS)
-    }
-    fits = best_linear_fits(_campaign(rubbed), "mimo-1", truth, best)
+    own = [FrequencyResponse(f, response[:, i, i, None, None], truth.dt, "model") for i in range(3)]
+    fits = references.best_linear_fits(_campaign(rubbed), "mimo-1", truth, dict(zip(STUDIED_JOINTS, own, strict=True)))
     assert list(fits.values()) == pytest.approx([100.0] * 3, abs=1e-3)
     assert _fits(truth, _campaign(rubbed))[DIAGONAL][YAW] == pytest.approx(75.0, abs=1.0)
 
