@@ -62,10 +62,6 @@ def test_measures_are_what_they_say(study):
     assert by_name["RPCM fit"][0].values["OKID model"] == pytest.approx(okid.fit("rpcm").mean("simulation"))
     for measure in by_name["MIMO data fits"]:
         assert measure.values["SysID model"] + measure.values["OKID model"] <= 11.0, "no record of the same sequence"
-    off = [
-        abs(model.bandwidth_hz / entry.best_linear.hz - 1)
-        for entry in study.joints.values()
-        for model in (entry.chosen,)
-    ]
+    off = [abs(entry.chosen.bandwidth_hz / entry.best_linear.hz - 1) for entry in study.joints.values()]
     assert by_name["frequency bandwidth"][0].values["SysID model"] == pytest.approx(100 * np.mean(off))
     assert own.largest_pole == by_name["model stability"][0].values["SysID model"]

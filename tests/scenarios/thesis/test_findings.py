@@ -11,7 +11,6 @@ import pytest
 import scenarios.thesis.findings
 from scenarios.thesis.finding import CLAIMS, Verdict, decided_finding, finding_by_reading
 from scenarios.thesis.findings import findings
-from scenarios.thesis.number_text import p_value
 from scenarios.thesis.results import results
 from scenarios.truth.published import EQUATIONS
 from sysid import FrequencyResponse, StateSpace, SysidError
@@ -148,8 +147,3 @@ def test_half_power_does_not_depend_on_the_gain_at_0_hz():
     one_pole = StateSpace([[0.9]], [[0.1]], [[1.0]], [[0.0]], None, 0.02)
     assert half_power_hz(one_pole) == pytest.approx(one_pole.bandwidth()[0, 0], rel=1e-5)
     assert np.isnan(half_power_hz(StateSpace([[0.9]], [[0.05]], [[1.0]], [[0.0]], None, 0.02)))
-
-
-def test_a_probability_that_underflows_is_not_printed_as_zero():
-    assert p_value(0.0) == "p < 1e-300"
-    assert p_value(0.0312) == "p = 0.031"

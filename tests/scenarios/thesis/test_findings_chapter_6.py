@@ -1,6 +1,7 @@
 """Findings of chapter VI follow from roots, responses, fits and residuals."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -219,17 +220,8 @@ def test_a_shared_waveform_tells_of_no_coupling(study):
 )
 def test_orders_decide_on_robustness(study, extra, holds):
     """Additional states by SysID and OKID with a bias, then with outliers."""
-    more = dict(
-        zip(
-            [
-                (kind, method)
-                for kind in ("with a constant in the output", "with outliers")
-                for method in findings.KINDS
-            ],
-            extra,
-            strict=True,
-        )
-    )
+    kinds = ("with a constant in the output", "with outliers")
+    more = dict(zip(product(kinds, findings.KINDS), extra, strict=True))
     orders = tuple(
         replace(
             entry, fits={n: 99.0 if n >= 2 + more.get((entry.record, entry.method), 0) else 0.0 for n in range(1, 5)}

@@ -4,7 +4,7 @@ import numpy as np
 
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.monte_carlo import spread
-from scenarios.thesis.number_text import measure, number, parts, root, value_text
+from scenarios.thesis.number_text import measure, number, p_value, parts, root, value_text
 from scenarios.thesis.report import limits
 
 
@@ -18,6 +18,7 @@ def test_numbers_roots_and_parameters_as_text():
 def test_a_probability_too_small_to_compute_is_said_to_be_so():
     assert measure(0.0, Finding("F9", "partly", {}, "so")).startswith("< 1e"), "its numbers are p-values"
     assert measure(0.0, Finding("F22", "partly", {}, "so")) == "0"
+    assert (p_value(0.0), p_value(0.0312)) == ("p < 1e-300", "p = 0.031")
 
 
 def test_counts_are_shown_with_their_whole():
