@@ -305,5 +305,5 @@ def _complex(value: complex, digits: int) -> str:
 if __name__ == "__main__":
     for plane in (YAW_PLANE, PITCH_PLANE):
         for name, servo in solved_servos(plane).items():
-            sys.stdout.write(f"{name}: {servo.slow_pole:.4g} and {servo.fast_pole:.4g} rad/s\n")
+            sys.stderr.write(f"{name}: {servo.slow_pole:.4g} and {servo.fast_pole:.4g} rad/s\n")
     sys.stdout.write("\n" + tables(linearize(load_arm("published"))))
