@@ -1,6 +1,6 @@
 """Models of the thesis' structures from every data set, to see whether the data sets agree."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import median
 from types import MappingProxyType
@@ -12,7 +12,7 @@ import sysid
 from scenarios.experiments.campaign import RPCM, SINGLE_JOINT, campaign_scenario, single_joint_test
 from scenarios.experiments.model_structures import Structure, every_structure
 from scenarios.experiments.registry import names
-from scenarios.thesis.campaign import Campaign, plays_identified_sequence
+from scenarios.thesis.campaign import ESTIMATION_TEST, Campaign, plays_identified_sequence
 from scenarios.thesis.estimates import Fits, IdentifiedModel, identified
 from scenarios.thesis.steps import NO_REPORT, Part
 from sysid import IOData, SysidError
@@ -115,15 +115,12 @@ class DataSets:
         return next((m for m in self.models if (m.record, m.method) == (record, method)), None)
 
 
-def every_data_set(
-    joint: str, campaign: Campaign, *, judged: Collection[str] = (), thorough: bool = False, part: Part = NO_REPORT
-) -> DataSets:
-    """Identify a joint from every record.
+def every_data_set(joint: str, campaign: Campaign, *, thorough: bool = False, part: Part = NO_REPORT) -> DataSets:
+    """Identify a joint from every record; models of the estimation test are laid beside all single-joint records.
 
     Args:
         joint: Name of the joint.
         campaign: The records.
-        judged: Names of records whose models are laid beside every other single-joint record, all of it.
         thorough: Whether to take the joint's own channel of the tests of several joints too, and to lay every model
             beside every single-joint record, a minute of it.
         part: This part of the work.
@@ -136,7 +133,7 @@ def every_data_set(
     excited = {name: _excited(name, record, campaign) for name, record in data.items()}
     models, refused = [], []
     for (name, record), _ in part.split(tuple(data.items())):
-        others = {**(judges if name in judged else minutes), name: record}
+        others = {**(judges if name == single_joint_test(ESTIMATION_TEST, joint) else minutes), name: record}
         for structure in every_structure(joint):
             needed = excitation_needed(structure)
             enough = excited[name].command >= needed

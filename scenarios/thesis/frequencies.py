@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import get_args
 
-from hmtb_twin import STUDIED_JOINTS
 from scenarios.thesis.finding import Finding, Verdict
-from scenarios.thesis.monte_carlo import BandwidthCoverage, Tally
+from scenarios.thesis.monte_carlo import Tally
 
 ORDER: tuple[Verdict, ...] = get_args(Verdict)
 
@@ -15,7 +14,7 @@ def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = 
     """Collect the variables of the templates on many seeds, for the findings as this run with its seed decided them.
 
     Texts, how often each verdict came out, findings whose verdict of this run depends on the seed, those among them of
-    which more seeds reached another, ranges of their numbers, and the bandwidths of `coverage_rows`; nothing without
+    which more seeds reached another, ranges of their numbers, and the bandwidths of `Tally.coverage`; nothing without
     seeds.
     """
     if tally is None:
@@ -28,7 +27,7 @@ def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = 
         "depends": [one.key for one, seeds in pairs if seeds.counts and seeds.depends_on_seed(one.verdict)],
         "against": [one.key for one, seeds in pairs if seeds.counts and seeds.against(one.verdict)],
         "ranges": {entry.key: tally.spread(entry.key) for entry in findings},
-        "rows": coverage_rows(tally),
+        "rows": tally.coverage(),
     }
 
 
@@ -45,9 +44,9 @@ def frequency_text(finding: Finding, tally: Tally) -> str:
 
 def answer_text(tally: Tally) -> str:
     """Count the bandwidths near 1 Hz, and those that agree with the best linear truth, over all seeds."""
-    models = [coverage for _, rows in coverage_rows(tally) for _, coverage in rows]
+    models = [one for methods in tally.coverage().values() for one in methods.values()]
     seeds = len(tally.outcomes)
-    near, agree = sum(one.near for one in models), sum(one.covers for one in models)
+    near, agree = sum(one.near_1_hz for one in models), sum(one.covers for one in models)
     return (
         f"Over {seeds} seeds {near} of {seeds * len(models)} bandwidths of {len(models)} models are near 1 Hz, and "
         f"{agree} agree with the best linear truth."
@@ -61,7 +60,7 @@ def source_text(tally: Tally, seed: int | None = None) -> str:
     failed = "".join(f" Seed {seed} came to no conclusion: {why.rstrip('.')}." for seed, why in tally.failed.items())
     if not tally.recorded:
         return f"Frequencies and ranges are of {seeds} on the same arm{length}, run for this report.{failed}"
-    versions = tally.versions
+    versions = tally.outcomes[0].versions
     own = (
         f"; seed {seed}, which is that of this run, is one of them"
         if seed is not None and any(entry.seed == seed for entry in tally.outcomes)
@@ -83,12 +82,6 @@ def _seeds(tally: Tally) -> str:
     return f"{len(numbers)} seeds ({', '.join(map(str, numbers))})"
 
 
-def coverage_rows(tally: Tally) -> list[tuple[str, list[tuple[str, BandwidthCoverage]]]]:
-    """Distribution of each method's bandwidth over the seeds, by joint."""
-    methods = {joint: list(tally.outcomes[0].recovered[joint]) for joint in STUDIED_JOINTS}
-    return [(joint, [(method, tally.coverage(joint, method)) for method in methods[joint]]) for joint in STUDIED_JOINTS]
-
-
 def finding_record(finding: Finding, tally: Tally | None) -> dict[str, object]:
     """Return the entries of results.json on a finding: frequency of the verdicts, and `range` of each number."""
     if tally is None or not (frequency := tally.frequency(finding.key)).counts:
@@ -105,28 +98,16 @@ def finding_record(finding: Finding, tally: Tally | None) -> dict[str, object]:
 
 def seeds_record(tally: Tally) -> dict[str, object]:
     """Return the entry of results.json for all seeds: numbers, bandwidths, cost, and whether they were run now."""
+    cost = tally.cost
     return {
         "of_this_run": not tally.recorded,
         "seeds": [entry.seed for entry in tally.outcomes],
         "failed": {str(seed): why for seed, why in tally.failed.items()},
         "duration": tally.duration,
         "bandwidth": {
-            joint: {
-                method: {
-                    "hz": asdict(entry.hz),
-                    "half_power_hz": asdict(entry.half_power_hz),
-                    "ci95_width": asdict(entry.width),
-                    "covers": entry.covers,
-                    "near_1_hz": entry.near,
-                }
-                for method, entry in methods
-            }
-            for joint, methods in coverage_rows(tally)
+            joint: {method: asdict(entry) for method, entry in methods.items()}
+            for joint, methods in tally.coverage().items()
         },
-        "cost": {
-            "physics_s": tally.physics_s,
-            "total_s": tally.total_s,
-            "ratio": tally.total_s / tally.physics_s if tally.physics_s else None,
-        },
-        "versions": dict(tally.versions),
+        "cost": {"physics_s": cost.physics_s, "total_s": cost.total_s, "ratio": cost.times_physics},
+        "versions": dict(tally.outcomes[0].versions),
     }

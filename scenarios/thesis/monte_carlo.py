@@ -153,16 +153,16 @@ class BandwidthCoverage:
     Attributes:
         hz: Bandwidth, Hz.
         half_power_hz: Frequency of the gain 0.707, Hz.
-        width: Width of the 95 % intervals, Hz.
+        ci95_width: Width of the 95 % intervals, Hz.
         covers: Number of seeds that agree with the best linear truth.
-        near: Number of seeds with a bandwidth of about 1 Hz.
+        near_1_hz: Number of seeds with a bandwidth of about 1 Hz.
     """
 
     hz: Spread
     half_power_hz: Spread
-    width: Spread
+    ci95_width: Spread
     covers: int
-    near: int
+    near_1_hz: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,24 +180,15 @@ class Tally:
     recorded: bool = False
 
     @property
-    def versions(self) -> Mapping[str, str]:
-        """Versions of what it was made with."""
-        return self.outcomes[0].versions
-
-    @property
     def duration(self) -> float | None:
         """Length of the records where it was shortened, s."""
         return self.outcomes[0].duration
 
     @property
-    def physics_s(self) -> float:
-        """Time inside the physics engine, all seeds, s."""
-        return sum(entry.cost.physics_s for entry in self.outcomes)
-
-    @property
-    def total_s(self) -> float:
-        """Time in all, all seeds, s."""
-        return sum(entry.cost.total_s for entry in self.outcomes)
+    def cost(self) -> Cost:
+        """Time spent on all seeds."""
+        costs = [entry.cost for entry in self.outcomes]
+        return Cost(*(sum(getattr(one, name) for one in costs) for name in ("physics_s", "simulation_s", "total_s")))
 
     def frequency(self, key: str) -> Frequency:
         """Return the frequency of each verdict of a finding (F1 to F26)."""
@@ -212,16 +203,24 @@ class Tally:
                 values.setdefault(name, []).append(value)
         return {name: spread(entries) for name, entries in values.items()}
 
-    def coverage(self, joint: str, method: str) -> BandwidthCoverage:
-        """Return the distribution of one method's bandwidth on one joint."""
-        recoveries = [entry.recovered[joint][method] for entry in self.outcomes]
-        return BandwidthCoverage(
-            spread([entry.hz for entry in recoveries]),
-            spread([entry.half_power_hz for entry in recoveries]),
-            spread([entry.ci95[1] - entry.ci95[0] for entry in recoveries]),
-            sum(entry.covers for entry in recoveries),
-            sum(near_1_hz(entry.hz) for entry in recoveries),
-        )
+    def coverage(self) -> dict[str, dict[str, BandwidthCoverage]]:
+        """Return the distributions of every method's bandwidth, by joint and method."""
+        return {
+            joint: {
+                method: _coverage([entry.recovered[joint][method] for entry in self.outcomes]) for method in methods
+            }
+            for joint, methods in self.outcomes[0].recovered.items()
+        }
+
+
+def _coverage(recoveries: Sequence[MethodBandwidth]) -> BandwidthCoverage:
+    return BandwidthCoverage(
+        spread([entry.hz for entry in recoveries]),
+        spread([entry.half_power_hz for entry in recoveries]),
+        spread([entry.ci95[1] - entry.ci95[0] for entry in recoveries]),
+        sum(entry.covers for entry in recoveries),
+        sum(near_1_hz(entry.hz) for entry in recoveries),
+    )
 
 
 def write_tally(tally: Tally, path: Path) -> None:

@@ -204,7 +204,7 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
     with steps.step("data sets") as part:
         whole, brief, search = part.shares(0.6, 0.1, 0.3)
         data_sets = {
-            joint: every_data_set(joint, main, judged=(main.own(joint).name,), thorough=thorough, part=share)
+            joint: every_data_set(joint, main, thorough=thorough, part=share)
             for joint, share in whole.split(STUDIED_JOINTS)
         }
         frictionless = {

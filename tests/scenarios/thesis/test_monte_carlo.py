@@ -237,9 +237,9 @@ def test_verdicts_are_counted_and_numbers_ranged(twenty):
 
 
 def test_coverage_counts_intervals_that_hold_the_truth():
-    coverage = Tally((made(1, hz=1.0), made(2, hz=1.05), made(3, hz=1.4)), {}).coverage("elbow_pitch", "oe")
-    assert (coverage.covers, coverage.near, coverage.hz.median) == (2, 2, 1.05)
-    assert coverage.width.high == pytest.approx(0.2)
+    coverage = Tally((made(1, hz=1.0), made(2, hz=1.05), made(3, hz=1.4)), {}).coverage()["elbow_pitch"]["oe"]
+    assert (coverage.covers, coverage.near_1_hz, coverage.hz.median) == (2, 2, 1.05)
+    assert coverage.ci95_width.high == pytest.approx(0.2)
 
 
 def test_the_tally_says_when_a_verdict_depends_on_the_seed(twenty):
