@@ -159,6 +159,6 @@ def _run(seeds: range, duration: float | None, threads: int | None, folder: Path
             show(Progress(name, before * whole + done, len(seeds) * whole, weighted=True))
 
         try:
-            return tally(seeds, duration=duration, threads=threads, folder=folder, progress=report)
+            return tally(seeds, folder, duration=duration, threads=threads, progress=report)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"finished seeds are saved in {folder}") from None

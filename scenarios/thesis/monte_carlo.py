@@ -3,9 +3,8 @@
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from importlib import resources
 from pathlib import Path
@@ -239,11 +238,11 @@ def read_tally(text: str, *, recorded: bool = False) -> Tally:
 
 def tally(
     seeds: Sequence[int],
+    folder: Path,
     *,
     duration: float | None = None,
     threads: int | None = None,
-    folder: Path | None = None,
-    progress: Progress | None = None,
+    progress: Progress = lambda *_: None,
 ) -> Tally:
     """Run the study with every seed on the nominal arm and keep its conclusions.
 
@@ -251,10 +250,10 @@ def tally(
 
     Args:
         seeds: The seeds.
-        duration: Length of every record instead of 240 s, s.
-        threads: Threads of the simulation.
         folder: Folder of the journal of finished seeds, from which an interrupted run resumes; seeds of other settings,
             versions or source text are run anew.
+        duration: Length of every record instead of 240 s, s.
+        threads: Threads of the simulation.
         progress: Called with every step.
 
     Returns:
@@ -267,27 +266,18 @@ def tally(
     made_with = sha256(json.dumps(setting, sort_keys=True).encode()).hexdigest()
     outcomes: list[SeedOutcome] = []
     failed: dict[int, str] = {}
-    with ExitStack() as stack:
-        # Settings are part of the key, not of the journal's fingerprint: one folder serves studies of several lengths.
-        journal = None if folder is None else stack.enter_context(Journal(folder / JOURNAL, {"format": "thesis seeds"}))
+    # Settings are part of the key, not of the journal's fingerprint: one folder serves studies of several lengths.
+    with Journal(folder / JOURNAL, {"format": "thesis seeds"}) as journal:
         for number, seed in enumerate(seeds):
             key = f"{made_with} {seed}"
-            if journal is not None and key in journal:
-                outcomes.append(structure(SeedOutcome, journal.get(key)))
-                continue
-
-            def report(step: str, done: int, whole: int, seed: int = seed, number: int = number) -> None:
-                if progress is not None:
-                    progress(seed, number, step, done, whole)
-
-            try:
-                conclusions = _run_seed(seed, duration, threads, report)
-            except (ScenarioError, TwinError, SysidError) as error:
-                failed[seed] = str(error)
-                continue
-            outcomes.append(conclusions)
-            if journal is not None:
+            if key not in journal:
+                try:
+                    conclusions = _run_seed(seed, duration, threads, partial(progress, seed, number))
+                except (ScenarioError, TwinError, SysidError) as error:
+                    failed[seed] = str(error)
+                    continue
                 journal.add(key, unstructure(conclusions))
+            outcomes.append(structure(SeedOutcome, journal.get(key)))
     if not outcomes:
         raise ScenarioError(f"none of {len(seeds)} seeds came to a conclusion: {failed}")
     return Tally(tuple(outcomes), failed)

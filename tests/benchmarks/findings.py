@@ -18,7 +18,7 @@ def main():
     options(__doc__).parse_args()
     outcomes = tally(
         range(1, 21),
-        folder=ROOT / "build" / "findings",
+        ROOT / "build" / "findings",
         progress=lambda seed, before, step, done, whole: done == whole and print(f"seed {seed}: {step}", flush=True),
     )
     write_tally(outcomes, ROOT / "scenarios" / "data" / FILE)

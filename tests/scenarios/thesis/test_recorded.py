@@ -103,9 +103,9 @@ def stiffer_servo(monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_fixed_seed_concludes_what_is_recorded_of_it():
+def test_a_fixed_seed_concludes_what_is_recorded_of_it(tmp_path):
     """Whole records of every test: when this fails on purpose, tests/benchmarks/findings.py makes the record anew."""
-    (outcome,) = tally([SEED]).outcomes
+    (outcome,) = tally([SEED], tmp_path).outcomes
     assert tuple(contradictions(outcome, recorded())) == ()
 
 
