@@ -123,15 +123,9 @@ def run_campaign(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Campaign:
-    """Play scenarios on one arm, all side by side, and return the records in their order.
+    """Play scenarios as they are, but on one arm, all side by side, and return the records in their order.
 
-    Args:
-        condition: The arm.
-        scenarios: What is played, as it is but on this arm.
-        seed: Seed that they were drawn with, which the campaign remembers.
-        duration: Shortened length of the tests, likewise, s.
-        threads: Threads for the physics.
-        progress: Called with the completed ticks and the total.
+    The campaign remembers the seed and the shortened length, s, that the scenarios were made with.
 
     Raises:
         ScenarioError: Nothing to play, or the same name twice; nothing is played then.

@@ -36,12 +36,7 @@ class Fits:
 
 
 def estimate(record: IOData, estimator: str, orders: Sequence[int]) -> Estimate:
-    """Estimate a structure from a record, once per record.
-
-    Args:
-        record: The record.
-        estimator: Name of the estimator, see `scenarios.identification.methods`.
-        orders: Its orders in their usual sequence.
+    """Estimate a structure, by name of the estimator and its orders in their usual sequence, once per record.
 
     Raises:
         SysidError: The record gives no such model.

@@ -160,14 +160,9 @@ class Multivariable:
 
 
 def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace], campaign: Campaign) -> Multivariable:
-    """Build the three-joint models and compare them with every record of several joints.
+    """Build the three-joint models of prediction-error and OKID models by joint, and compare them with every record.
 
     The hybrid model has the SysID model's yaw and the OKID model's pitches [Morris1996, sec. VI.6].
-
-    Args:
-        own: The chosen prediction-error models by joint.
-        okid: The OKID models by joint.
-        campaign: Truth and records.
     """
     truth = three_joint_truth(campaign.truth)
     there = tuple(name for name in RECORDS if name in campaign.logs)

@@ -88,11 +88,9 @@ class PeriodSpectra:
 
 
 def period_spectra(data: IOData, period: int = POINTS) -> PeriodSpectra:
-    """Split a record into blocks of whole periods and compare them [Pintelon2012, sec. 2.5].
+    """Split a settled record into blocks of whole periods, in samples, and compare them [Pintelon2012, sec. 2.5].
 
-    Args:
-        data: One input, one output, settled, the input periodic but for its noise.
-        period: Samples in one period.
+    The input is periodic but for its noise.
 
     Raises:
         ScenarioError: Fewer than three periods, or several channels.
@@ -203,10 +201,7 @@ class Nonparametric:
 def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> Nonparametric:
     """Analyse the records of one joint; a test other than the PRBS whose record is missing is left out.
 
-    Args:
-        joint: Name.
-        campaign: The records.
-        summaries: Whether every record gets its row, beside the three analyses of the thesis.
+    With summaries every record gets its row, beside the three analyses of the thesis.
 
     Raises:
         MissingRecordError: There is no record of the PRBS.

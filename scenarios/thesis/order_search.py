@@ -8,7 +8,7 @@ search ends at the first step that passes and that the next does not improve on 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -96,8 +96,8 @@ class Search:
     def own(self) -> Iteration | None:
         """The iteration with the thesis' poles, zeros and delay; None where the search ended before it."""
         # An iteration has as many coefficients of C as of A.
-        *own, _, delay = self.thesis if self.method == "armax" else (*self.thesis[:2], 0, self.thesis[2])
-        return next((one for one in self.iterations if (*one.orders[:2], one.delay) == (*own, delay)), None)
+        own = (*self.thesis[:2], self.thesis[-1])
+        return next((one for one in self.iterations if (*one.orders[:2], one.delay) == own), None)
 
 
 @dataclass(frozen=True)
@@ -135,14 +135,7 @@ def search_orders(joint: str, data: Mapping[int, IOData], part: Part = NO_REPORT
 def search(
     method: str, data: IOData, others: Sequence[IOData], thesis: tuple[int, ...], part: Part = NO_REPORT
 ) -> Search:
-    """Iterate over the structures of one kind and choose one.
-
-    Args:
-        method: `armax` or `oe`.
-        data: Where models are identified and their residuals tested.
-        others: What judges them.
-        thesis: Orders of the thesis.
-        part: This part of the work.
+    """Iterate over the structures of ARMAX or OE on a record until other data sets gain nothing more, and choose one.
 
     Raises:
         SysidError: Nothing could be identified.
@@ -170,18 +163,16 @@ def search(
 
 def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, others: Sequence[IOData]) -> Iteration:
     orders = (poles, zeros + 1, poles, delay) if method == "armax" else (zeros + 1, poles, delay)
+    entry = Iteration(orders, poles, zeros, delay)
     try:
         model = estimate(data, method, orders)
         test = sysid.resid(model, data)
     except SysidError as error:
-        return Iteration(orders, poles, zeros, delay, reason=str(error))
+        return replace(entry, reason=str(error))
     radius = float(np.abs(model.poles()).max())
     white, independent = bool(test.white[0]), bool(test.independent[0, 0])
-    return Iteration(
-        orders,
-        poles,
-        zeros,
-        delay,
+    return replace(
+        entry,
         radius=radius,
         whiteness_p=float(test.whiteness_p[0]),
         independence_p=float(test.independence_p[0, 0]),

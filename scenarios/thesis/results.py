@@ -23,13 +23,9 @@ ERRORS = "relative_error=error relative_error_diagonal=diagonal_error"
 def results(
     study: Comparison, findings: Sequence[Finding], report: Path, tally: Tally | None = None
 ) -> dict[str, object]:
-    """Conclusions of the study: bandwidths, findings, fits and models, which `results.json` and `--json` hold.
+    """Conclusions of the study, which `results.json` and `--json` hold: bandwidths, findings, fits and models.
 
-    Args:
-        study: The study.
-        findings: The decided findings.
-        report: Where the report was written.
-        tally: Conclusions of many seeds.
+    Also where the report was written, and with the conclusions of many seeds how often each verdict came out.
     """
     models = study.multivariable
     return {

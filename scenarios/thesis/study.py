@@ -64,7 +64,7 @@ def run_study(
     threads: int | None = None,
     steps: Steps | None = None,
 ) -> Comparison:
-    """Run the whole study.
+    """Run the whole study: models beside the truth and beside held-out data.
 
     Args:
         seed: Draws the noise of every experiment and the binary sequences; the scenarios' own seeds when not given.
@@ -74,9 +74,6 @@ def run_study(
         thorough: See `draw_conclusions`.
         threads: Threads of the simulation.
         steps: Those of `planned_steps`, which report the progress.
-
-    Returns:
-        Models beside the truth and beside held-out data.
 
     Raises:
         ScenarioError: A seed, a duration or arms that the study cannot be made of, before anything is played; or an
@@ -167,9 +164,6 @@ def draw_conclusions(campaigns: Sequence[Campaign], *, thorough: bool = True, st
         campaigns: The arm that the study is about, whole, first; then the same arm without friction, and others.
         thorough: Whether to analyse too what no finding rests on and only the report shows; one seed of many does not.
         steps: Those of `planned_steps`, which report the progress.
-
-    Returns:
-        Models beside the truth and beside held-out data.
 
     Raises:
         ScenarioError: The first two campaigns are not of one arm with and without friction; or a record that models
