@@ -33,13 +33,13 @@ SMALL = 0.3
 
 
 @cache
-def best_linear_of(condition: Condition, joint: str, test: int) -> BestLinearOfTest:
-    """Best linear approximation of a joint under a multisine as strong as the command of a single-joint test.
+def best_linear_of(condition: Condition, joint: str) -> BestLinearOfTest:
+    """Best linear approximation of a joint under a multisine as strong as the command of the estimation test.
 
     It is the truth that a linear model of the test's record can find: friction and velocity limit are in it. Measured
     once in a process, for it depends on the arm and the test, not on the seed of a record.
     """
-    scenario = condition.applied(campaign_scenario(single_joint_test(test, joint)))
+    scenario = condition.applied(campaign_scenario(single_joint_test(ESTIMATION_TEST, joint)))
     command = joint_command(scenario)[round(SETTLING * SAMPLE_RATE) :]
     record = IOData(command - command.mean(), command, SAMPLE_TIME)
     return best_linear_of_test(scenario, [record], test=scenario.name)

@@ -109,11 +109,6 @@ def plays_identified_sequence(name: str) -> bool:
     return any(entry.kind == "prbs" for entry in load(name).excitation)
 
 
-def tests_of_same_sequence(number: int) -> tuple[int, ...]:
-    """Return the numbers of the single-joint tests that play the waveform of a test, its own included."""
-    return SAME_SEQUENCE if number in SAME_SEQUENCE else (number,)
-
-
 def run_campaign(
     condition: Condition,
     scenarios: Sequence[Scenario],

@@ -11,7 +11,7 @@ from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.registry import load
 from scenarios.report.figure_style import MRAD
-from scenarios.thesis.campaign import plays_identified_sequence, tests_of_same_sequence
+from scenarios.thesis.campaign import SAME_SEQUENCE, plays_identified_sequence
 from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES
@@ -68,7 +68,7 @@ def chapter_4(study: Comparison) -> dict[str, object]:
     """Chapter IV: prediction-error models, their coefficients, data sets and orders."""
     return {
         "joints": [_prediction_error_models(study, joint) for joint in study.joints],
-        "seen": tests_of_same_sequence(study.estimation_test),
+        "seen": SAME_SEQUENCE,
         "audible": 100 * AUDIBLE,
         "improves": IMPROVES,
         "p_value": p_value,

@@ -43,19 +43,10 @@ def adds(shape: Callable[[IOData], float | np.ndarray]) -> Spoil:
     return spoil
 
 
-biased = adds(lambda data: 1.0)
-"""Adds a constant to the output."""
-
-
 def outliers(data: IOData, percent: float, size: float, rng: np.random.Generator) -> IOData:
     """Move a share of the output's samples, percent, by so many standard deviations, up or down."""
     hit = rng.random(data.y.shape) < percent / 100
     return replace(data, y=data.y + hit * rng.choice([-1.0, 1.0], data.y.shape) * size * np.std(data.y))
-
-
-def frequent_outliers(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
-    """Move a share of the output's samples, percent, by `OUTLIER_SIZE`."""
-    return outliers(data, degree, OUTLIER_SIZE, rng)
 
 
 def held_dropouts(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
@@ -82,22 +73,12 @@ def _lose_bursts(data: IOData, percent: float, rng: np.random.Generator) -> tupl
     return part, lost
 
 
-def shortened(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
-    """A part of the record of the given length, s, with its mean removed; the whole record if it is shorter."""
-    return _part(data, round(degree / data.dt), rng)
-
-
 def _part(data: IOData, length: int, rng: np.random.Generator) -> IOData:
-    """A part that begins where a period of the waveform does."""
+    """A part that begins where a period of the waveform does, its mean removed; the whole record if it is shorter."""
     if length >= len(data):
         return data
     start = POINTS * int(rng.integers(0, (len(data) - length) // POINTS + 1))
     return data[start : start + length].detrend()
-
-
-def white_noise(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
-    """Add white noise to the output, `degree` dB below it."""
-    return _noisy(data, degree, rng.standard_normal(data.y.shape))
 
 
 def coloured_noise(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
@@ -107,6 +88,7 @@ def coloured_noise(data: IOData, degree: float, rng: np.random.Generator) -> IOD
 
 
 def _noisy(data: IOData, decibel: float, noise: np.ndarray) -> IOData:
+    """Add noise to the output, so many dB below it."""
     scale = 10 ** (-decibel / 20) * np.std(data.y) / np.std(noise)
     return replace(data, y=data.y + scale * noise)
 
@@ -156,15 +138,15 @@ class Disturbance:
 
 SPOILS: Mapping[str, Spoil] = MappingProxyType(
     {
-        "bias": biased,
+        "bias": adds(lambda data: 1.0),
         "drift": adds(lambda data: np.linspace(0.0, 1.0, len(data))),
         "sway": adds(lambda data: np.sin(2 * np.pi * SLOW_SINE * data.dt * np.arange(len(data)))),
-        "outliers": frequent_outliers,
+        "outliers": lambda data, degree, rng: outliers(data, degree, OUTLIER_SIZE, rng),
         "outlier size": lambda data, degree, rng: outliers(data, OUTLIER_SHARE, degree, rng),
         "held drop-outs": held_dropouts,
         "marked drop-outs": marked_dropouts,
-        "length": shortened,
-        "white noise": white_noise,
+        "length": lambda data, degree, rng: _part(data, round(degree / data.dt), rng),
+        "white noise": lambda data, degree, rng: _noisy(data, degree, rng.standard_normal(data.y.shape)),
         "coloured noise": coloured_noise,
     }
 )

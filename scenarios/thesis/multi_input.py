@@ -128,4 +128,4 @@ METHODS: dict[str, Callable[[IOData], StateSpace]] = {
     "N4SID, 6 states": lambda data: sysid.n4sid(data, 6).model,
     "ARX 5/5 for each output": _arx,
 }
-"""Number of states, that of the OKID model of three joints; the ARX model needs no such choice."""
+"""Methods by name, with the number of states of the OKID model of three joints; the ARX model needs no such choice."""

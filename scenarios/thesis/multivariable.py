@@ -187,11 +187,6 @@ def _compared(
     """A model with its fits: block-diagonal, it follows each joint as that joint's block does."""
     blocks = {joint: blocks[joint] for joint in STUDIED_JOINTS}
     model = block_diagonal(list(blocks.values()))
-    followed = {
-        name: {joint: fits(block, campaign.record(name, joint)) for joint, block in blocks.items()}
-        for name in RECORDS
-        if name in campaign.logs
-    }
     tests = {}
     for name in TESTED:
         if name in campaign.logs:
@@ -206,12 +201,14 @@ def _compared(
         model,
         relative_error(model, truth),
         relative_error(model, truth, diagonal=True),
-        {
-            name: JointFits(*({joint: getattr(fit, way) for joint, fit in joints.items()} for way in WAYS))
-            for name, joints in followed.items()
-        },
+        {name: _joint_fits(blocks, name, campaign) for name in RECORDS if name in campaign.logs},
         tests,
     )
+
+
+def _joint_fits(blocks: Mapping[str, StateSpace], name: str, campaign: Campaign) -> JointFits:
+    followed = {joint: fits(block, campaign.record(name, joint)) for joint, block in blocks.items()}
+    return JointFits(*({joint: getattr(fit, way) for joint, fit in followed.items()} for way in WAYS))
 
 
 def _result_of(results: Mapping[str, T], record: str) -> T:

@@ -21,7 +21,7 @@ from scenarios.identification.methods import estimate
 from scenarios.identification.recovered_bandwidth import intervals_agree
 from scenarios.thesis.attribution import best_linear_of
 from scenarios.thesis.campaign import ESTIMATION_TEST, Campaign
-from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS, Disturbance, biased, frequent_outliers
+from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS, Disturbance
 from scenarios.thesis.estimates import simulation_fit
 from scenarios.thesis.finding import CLAIMS
 from scenarios.thesis.steps import NO_REPORT, Part
@@ -223,7 +223,7 @@ def robustness(campaign: Campaign, *, thorough: bool = True, part: Part = NO_REP
             continue
         judged_by[joint] = numbers
         judges = tuple(data[number][:JUDGED] for number in numbers)
-        truth = best_linear_of(campaign.condition, joint, ESTIMATION_TEST)
+        truth = best_linear_of(campaign.condition, joint)
         trial = _Trial(data[ESTIMATION_TEST], judges, truth, campaign.seed or 0)
         with warnings.catch_warnings():
             # Warnings are what this experiment provokes; failures are counted.
@@ -292,12 +292,9 @@ class _Trial:
         """Order that suffices on the detrended record and on three that are disturbed, for both methods."""
         joint, limits = self.truth.joint, CLAIMS["F25"].limits
         part = self.data[:SHORT_PART].detrend()
-        records = {
-            DETRENDED: part,
-            WITH_MEANS: with_means[:SHORT_PART],
-            CONSTANT: biased(part, limits["bias"], np.random.default_rng(0)),
-            OUTLIERS: frequent_outliers(part, limits["outliers"], np.random.default_rng(0)),
-        }
+        records = {DETRENDED: part, WITH_MEANS: with_means[:SHORT_PART]}
+        for name, key in ((CONSTANT, "bias"), (OUTLIERS, "outliers")):
+            records[name] = DISTURBANCES[key].spoil(part, limits[key], np.random.default_rng(0))
         return [
             OrderNeeded(joint, method, name, {n: self._fit(record, estimator, n) for n in tried})
             for method, (estimator, tried) in ORDERS.items()

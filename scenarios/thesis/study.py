@@ -252,7 +252,7 @@ def study_joint(joint: str, campaign: Campaign) -> JointResult:
     own, data, truth = campaign.own(joint), campaign.singles(joint), campaign.truth.joint(joint)
     period = period_of(own.name)
     logs = {number: campaign.log(single_joint_test(number, joint)) for number in data}
-    best_linear = best_linear_of(campaign.condition, joint, ESTIMATION_TEST)
+    best_linear = best_linear_of(campaign.condition, joint)
     models = {entry.method: _identify(entry, data, best_linear) for entry in STRUCTURES[joint]}
     return JointResult(
         joint,
