@@ -69,20 +69,17 @@ class PeriodSpectra:
 
         A line that the waveform does not excite is included if the noise of the wires excites it enough.
         """
-        mask = self.input > np.finfo(float).eps ** 2 * self.input.max(initial=0.0)
-        response = np.zeros(len(self.input), dtype=complex)
-        response[mask] = self.cross[mask] / self.input[mask]
-        variance = np.zeros(len(self.input))
+        known = np.flatnonzero(self.input > np.finfo(float).eps ** 2 * self.input.max(initial=0.0))
+        response = self.cross[known] / self.input[known]
         # Of the real part, and of the imaginary part; the disturbance is smooth over half a spacing.
-        variance[mask] = 0.5 * self.disturbance[mask] / (self.periods * self.input[mask])
-        mask &= np.sqrt(2.0 * variance) < TOLD * np.abs(response)
-        covariance = variance[mask, None, None, None, None] * np.eye(2)
+        variance = 0.5 * self.disturbance[known] / (self.periods * self.input[known])
+        told = np.sqrt(2.0 * variance) < TOLD * np.abs(response)
         return FrequencyResponse(
-            self.frequencies[mask],
-            response[mask, None, None],
+            self.frequencies[known][told],
+            response[told, None, None],
             self.dt,
             "etfe",
-            covariance=covariance,
+            covariance=variance[told, None, None, None, None] * np.eye(2),
             degrees_of_freedom=self.degrees_of_freedom,
         )
 
