@@ -268,11 +268,10 @@ class _Trial:
 
     def _chance(self, disturbance: Disturbance, degree: float, draw: int) -> np.random.Generator:
         """Seed of a draw: the same for every structure and treatment."""
-        joint, kind = STUDIED_JOINTS.index(self.truth.joint), list(DISTURBANCES).index(disturbance.key)
-        if disturbance.key.endswith("drop-outs"):
-            # Held and marked lose the same samples.
-            kind = list(DISTURBANCES).index("held drop-outs")
-        step = DISTURBANCES[disturbance.key].degrees.index(degree)
+        # Held and marked drop-outs lose the same samples.
+        kind = list(DISTURBANCES).index(disturbance.key.replace("marked", "held"))
+        joint = STUDIED_JOINTS.index(self.truth.joint)
+        step = disturbance.degrees.index(degree)
         return np.random.default_rng(np.random.SeedSequence((SEED, self.seed, joint, kind, step, draw)))
 
     def _outcome(
