@@ -73,10 +73,6 @@ class JointAnswer:
         )
         return low, high
 
-    def departure(self, method: str) -> float:
-        """Departure of a method's median level from the best linear one, as a fraction of it; NaN without either."""
-        return self.recovered_hz(method) / self.best_linear.half_power_hz - 1.0
-
     def near(self, level: float) -> bool:
         """Whether a level (Hz) agrees with the best linear one, whose own uncertainty is allowed for."""
         low, high = self.best_linear_range
@@ -198,6 +194,8 @@ def certainty(answer: Answer) -> str:
 
 def _paragraphs(answer: Answer) -> tuple[str, ...]:
     cases = [(one, method) for one in answer.joints for method in one.levels]
+    recovered = [one.recovered_hz(method) for one, method in cases]
+    ratios = [hz / one.best_linear.half_power_hz for hz, (one, _) in zip(recovered, cases, strict=True)]
     printed = [(one.joint, model) for one in answer.joints for model in drawn_models(one.joint).values()]
     truths, seeds = [one.best_linear for one in answer.joints], len(answer.seeds)
     agreeing = [sum(map(one.near, one.levels[method])) for one, method in cases]
@@ -209,8 +207,8 @@ def _paragraphs(answer: Answer) -> tuple[str, ...]:
         "cases": len(cases),
         "agree": sum(one.agrees(method) for one, method in cases),
         "by": [f"{method.upper()} on {sum(one.agrees(method) for one in answer.joints)}" for method in METHODS],
-        "known": [hz for one, method in cases if np.isfinite(hz := one.recovered_hz(method))],
-        "departures": [100 * away for one, method in cases if np.isfinite(away := one.departure(method))],
+        "known": [hz for hz in recovered if np.isfinite(hz)],
+        "departures": [100 * (ratio - 1.0) for ratio in ratios if np.isfinite(ratio)],
         "printed": len(printed),
         "same": [
             f"{short(joint)} {model.label}"

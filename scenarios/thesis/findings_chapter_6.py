@@ -209,23 +209,18 @@ def slow_data(study: Comparison) -> Finding:
     """F21: on data of low frequency SysID is ahead on yaw and the hybrid model is best."""
     study.campaign.log(SLOW)
     pair, hybrid = study.multivariable.pair(), study.multivariable.model("hybrid").fit(SLOW)
-    lead = _lead(study, SLOW)
-    points = {
-        way: {"yaw": -lead[way][YAW], "hybrid": hybrid.mean(way) - max(entry.fit(SLOW).mean(way) for entry in pair)}
-        for way in WAYS
-    }
-    readings = {
-        WORDS[way]: {"SysID ahead on yaw": ahead(of["yaw"]), "hybrid best": ahead(of["hybrid"])}
-        for way, of in points.items()
-    }
-    # Both ways of yaw, then both of the hybrid model.
-    value = dict(sorted(_values_by_name(points).items(), key=lambda item: item[0].startswith("hybrid")))
+    points: dict[Way, dict[str, float]] = {}
+    readings = {}
+    for way, lead in _lead(study, SLOW).items():
+        beyond = hybrid.mean(way) - max(entry.fit(SLOW).mean(way) for entry in pair)
+        points[way] = {"yaw": -lead[YAW], "hybrid": beyond}
+        readings[WORDS[way]] = {"SysID ahead on yaw": ahead(-lead[YAW]), "hybrid best": ahead(beyond)}
     facts = {
         "gains": [np.abs(entry.blocks[YAW].frequency_response(np.array([0.05]))[0, 0, 0]) for entry in pair],
         "true": study.joints[YAW].truth.dc_gain,
         "reach": within_reach(study, (SLOW,)),
     }
-    return finding_by_reading("F21", readings, value, facts | _remarks(study, points))
+    return finding_by_reading("F21", readings, _values_by_name(points), facts | _remarks(study, points))
 
 
 def follows_5_hz(study: Comparison) -> Finding:

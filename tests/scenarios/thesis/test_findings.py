@@ -73,6 +73,13 @@ def test_a_cause_rests_on_an_experiment_or_was_not_tried():
     assert tried.value == {"a": 1.0}, "a number that is none is left out"
 
 
+def test_several_numbers_are_listed_or_a_range(monkeypatch):
+    claim = replace(CLAIMS["F9"], why="{few:.1f}, from {few:to.0f}, {one:to.0f}, {none:g}", cause="")
+    monkeypatch.setattr("scenarios.thesis.finding.CLAIMS", {"F9": claim})
+    facts = {"few": [-1.25, 3.0], "one": (2.0, 2.2), "none": np.nan}
+    assert decided_finding("F9", {"a": True}, {}, facts).why == "−1.2, 3.0, from −1 to 3, 2, nothing"
+
+
 def test_every_criterion_has_a_date_and_a_history():
     assert list(CLAIMS) == [f"F{number}" for number in range(1, 27)]
     for claim in CLAIMS.values():
