@@ -19,18 +19,10 @@ from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, finding_b
 from scenarios.thesis.multi_input import pushed_by_others
 from scenarios.thesis.multivariable import FAST_CHIRP, LAGS, LEVEL, WAYS, Kind, Multivariable, Way
 from scenarios.thesis.number_text import minus
-from scenarios.thesis.record_fits import fits_to_records, held_out_fit, missing_fit_shares, ties, within_reach
+from scenarios.thesis.record_fits import fits_to_records, held_out_fit, missing_fit_shares, remarks, within_reach
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL
 from scenarios.thesis.robustness import CONSTANT, DETRENDED, OUTLIERS
-from scenarios.thesis.verdicts import (
-    WORDS,
-    ahead,
-    beyond_yaw,
-    dependence,
-    largest_correlation,
-    outside_share,
-    without_noise_model,
-)
+from scenarios.thesis.verdicts import WORDS, ahead, beyond_yaw, dependence, largest_correlation, outside_share
 from sysid import SysidWarning, residuals
 from sysid.models import block_diagonal
 
@@ -132,9 +124,9 @@ def exchange_fit(study: Comparison) -> Finding:
         parts[way] = {f"OKID ahead on {joint}": ahead(points) for joint, points in lead[way].items()}
         others = [fit for joint, fit in fits.items() if joint != SHOULDER]
         parts[way]["SysID worst on shoulder pitch"] = all(ahead(fit - fits[SHOULDER]) for fit in others)
-    simulated = parts["simulation"].values()
+    simulated, value = parts["simulation"].values(), _values_by_name(lead)
     facts = {"holding": sum(simulated), "count": len(simulated), "reach": within_reach(study, (RPCM,))}
-    return decided_finding("F18", parts["one_step"], _values_by_name(lead), facts | _remarks(study, lead))
+    return decided_finding("F18", parts["one_step"], value, facts | remarks(study, value))
 
 
 def exchange_residuals(study: Comparison) -> Finding:
@@ -202,7 +194,7 @@ def fast_chirp(study: Comparison) -> Finding:
     unmoved = data.u * [0.0, 1.0, 1.0]
     coupled = 100 * float(np.std(sysid.simulate(study.multivariable.truth, unmoved)[:, 0]) / np.std(data.y[:, 0]))
     facts = {"share": 100 * min(shares), "coupled": coupled, "reach": within_reach(study, (FAST_CHIRP,))}
-    return decided_finding("F20", parts, value, facts | _remarks(study, lead))
+    return decided_finding("F20", parts, value, facts | remarks(study, _values_by_name(lead)))
 
 
 def slow_data(study: Comparison) -> Finding:
@@ -220,7 +212,8 @@ def slow_data(study: Comparison) -> Finding:
         "true": study.joints[YAW].truth.dc_gain,
         "reach": within_reach(study, (SLOW,)),
     }
-    return finding_by_reading("F21", readings, _values_by_name(points), facts | _remarks(study, points))
+    value = _values_by_name(points)
+    return finding_by_reading("F21", readings, value, facts | remarks(study, value))
 
 
 def follows_5_hz(study: Comparison) -> Finding:
@@ -329,11 +322,6 @@ def _values_by_name(values: ByWay) -> dict[str, float]:
     return {f"{name}, {words(way)}": value for way in WAYS for name, value in values[way].items()}
 
 
-def _remarks(study: Comparison, values: ByWay) -> dict[str, object]:
-    """Which of the values are ties, and which joints of the SysID model cannot predict, in words."""
-    return {"ties": ties(_values_by_name(values)), "noise": without_noise_model(study.multivariable.pair()[0])}
-
-
 def _read_both_ways(
     study: Comparison,
     key: str,
@@ -344,4 +332,5 @@ def _read_both_ways(
     """Decide on a number of every joint, in simulation and one step ahead."""
     values = _by_way(study, number)
     readings = {WORDS[way]: {joint: holds(value) for joint, value in values[way].items()} for way in WAYS}
-    return finding_by_reading(key, readings, _values_by_name(values), {**facts, **_remarks(study, values)})
+    named = _values_by_name(values)
+    return finding_by_reading(key, readings, named, {**facts, **remarks(study, named)})

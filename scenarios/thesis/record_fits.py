@@ -11,21 +11,11 @@ from scenarios.thesis.campaign import OTHER_WAVEFORMS, plays_identified_sequence
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.multivariable import Kind, Way
 from scenarios.thesis.number_text import minus
-from scenarios.thesis.reference_fits import (
-    BEST_LINEAR,
-    COUPLED,
-    DIAGONAL,
-    NOISELESS,
-    best_linear_fits,
-    reference_fits,
-)
-from scenarios.thesis.verdicts import tied
+from scenarios.thesis.reference_fits import BEST_LINEAR, DIAGONAL, LINEAR, NOISELESS, best_linear_fits, reference_fits
+from scenarios.thesis.verdicts import tied, without_noise_model
 
 Records = tuple[Iterable[int], Iterable[str]]
 """Numbers of single-joint tests, and names of records of several joints."""
-
-LINEAR = (BEST_LINEAR, DIAGONAL, COUPLED)
-"""Kinds of linear truth."""
 
 
 def fits_to_records(study: Comparison, kind: Kind, joint: str, records: Records, way: Way) -> dict[str, float]:
@@ -109,6 +99,11 @@ def missing_fit_shares(study: Comparison, joint: str, record: str, fit: float) -
         "all that is not linear": true - best - (whole - alone),
         "the noise of reading": 100.0 - true,
     }
+
+
+def remarks(study: Comparison, differences: Mapping[str, float]) -> dict[str, object]:
+    """In words: which differences of fits are `ties`, and where the SysID model cannot predict (`noise`)."""
+    return {"ties": ties(differences), "noise": without_noise_model(study.multivariable.pair()[0])}
 
 
 def ties(differences: Mapping[str, float]) -> str:

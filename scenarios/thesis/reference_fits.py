@@ -25,6 +25,8 @@ as late as the bus reads them, without sensor noise."""
 BEST_LINEAR = "best linear truth"
 """Reference: the best linear truth of each joint under the PRBS of the estimation test, driven by its own command."""
 
+LINEAR = (BEST_LINEAR, DIAGONAL, COUPLED)
+
 
 def reference_fits(campaign: Campaign, records: Sequence[str], truth: StateSpace) -> References:
     """Compute the fits of the small-signal truth, without and with coupling, and of the true angles to records.
