@@ -82,6 +82,9 @@ class IdentifiedModel(Structure):
     residual_test: ResidualTest
     fits: Mapping[Any, Fits]
 
+    # Models of one structure are not equal because their structures are.
+    __eq__, __hash__ = object.__eq__, object.__hash__
+
     @property
     def stable(self) -> bool:
         """Whether every pole lies inside the unit circle."""

@@ -109,4 +109,5 @@ def test_others_are_records_of_other_waveforms():
 def test_an_unstable_model_says_so():
     assert _model(1.0, 0.9).stable
     assert not _model(1.0, 1.1).stable
+    assert _model(1.0, 0.9) != _model(1.0, 1.1)
     assert np.isnan(_model(1.0, 0.9).others_simulation)
