@@ -161,15 +161,13 @@ def finding_by_reading(
     """
     claim = CLAIMS[key]
     why, cause = (_Sentences().format(text, **{**claim.limits, **facts}) for text in (claim.why, claim.cause))
-    spoken = {
-        words(name): {words(part): bool(holds) for part, holds in parts.items()} for name, parts in readings.items()
-    }
-    verdicts = {name: _verdict(parts, claim) for name, parts in spoken.items()}
+    named = {name: {words(part): bool(holds) for part, holds in parts.items()} for name, parts in readings.items()}
+    verdicts = {name: _verdict(parts, claim) for name, parts in named.items()}
     agreed = set(verdicts.values())
     decision: Verdict = agreed.pop() if len(agreed) == 1 else "depends on the reading"
     decided = "; ".join(
         f"{verdicts[name]} {name}".strip() + _differing(parts)
-        for name, parts in spoken.items()
+        for name, parts in named.items()
         if name or verdicts[name] == "partly"
     )
     sentences = [text[:1].upper() + text[1:] for text in (decided, why)]
@@ -177,7 +175,7 @@ def finding_by_reading(
         sentences.append(f"By construction: {claim.by_construction}")
     elif decision != "reproduced":
         sentences.append(f"Cause: {cause or 'not tried'}")
-    flat = {f"{part} {name}".strip(): holds for name, parts in spoken.items() for part, holds in parts.items()}
+    flat = {f"{part} {name}".strip(): holds for name, parts in named.items() for part, holds in parts.items()}
     numbers = {name: float(number) for name, number in value.items() if np.isfinite(number)}
     return Finding(key, decision, numbers, ". ".join(filter(None, sentences)), flat)
 
