@@ -24,6 +24,11 @@ def method_style(method: str) -> Style:
     return HIGH if method == "oe_high" else PALETTE[method]
 
 
+def points(method: str, marker: str) -> Style:
+    """Marks alone, in the colour of a method."""
+    return Style(PALETTE[method].colour, "", 1.0, marker)
+
+
 def short(name: str) -> str:
     """A joint's name for people."""
     return name.replace("_", " ")

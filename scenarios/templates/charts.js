@@ -21,30 +21,30 @@
   function traces(chart, panel, number, seen) {
     const at = { xaxis: "x" + (number || ""), yaxis: "y" + (number || "") };
     const unit = (label) => (label.includes(" / ") ? " " + label.split(" / ").pop().replace(/[()]/g, "") : "");
-    return panel.s.flatMap((s) => {
-      const x = chart.x[s.x], first = !seen.has(s.n), out = [];
-      seen.add(s.n);
+    return panel.series.flatMap((s) => {
+      const x = chart.x[s.x], first = !seen.has(s.label), out = [];
+      seen.add(s.label);
       // Plotly makes class names of identifiers, so that they must be words.
-      labels.has(s.n) || labels.set(s.n, labels.size);
-      const uid = `c${labels.get(s.n)}p${number}`;
-      const common = { ...at, name: s.n, legendgroup: s.n, uid };
-      const hover = `%{x}${unit(panel.x)}: %{y}${unit(panel.y)}<extra>${s.n}</extra>`;
-      const band = s.lo && !s.m && !s.along;
+      labels.has(s.label) || labels.set(s.label, labels.size);
+      const uid = `c${labels.get(s.label)}p${number}`;
+      const common = { ...at, name: s.label, legendgroup: s.label, uid };
+      const hover = `%{x}${unit(panel.x)}: %{y}${unit(panel.y)}<extra>${s.label}</extra>`;
+      const band = s.low && !s.style.symbol && !s.along;
       if (band) {
-        out.push({ ...common, uid: uid + "b", x: x.concat([...x].reverse()), y: s.hi.concat([...s.lo].reverse()),
-          fill: "toself", fillcolor: s.c + "38", line: { width: 0 }, hoverinfo: "skip", showlegend: false, mode: "lines" });
+        out.push({ ...common, uid: uid + "b", x: x.concat([...x].reverse()), y: s.high.concat([...s.low].reverse()),
+          fill: "toself", fillcolor: s.style.colour + "38", line: { width: 0 }, hoverinfo: "skip", showlegend: false, mode: "lines" });
       }
-      if (s.k === "stem") {
-        out.push({ ...common, type: "bar", x, y: s.y, marker: { color: s.c }, width: 0.35, showlegend: first, hovertemplate: hover });
+      if (s.kind === "stem") {
+        out.push({ ...common, type: "bar", x, y: s.y, marker: { color: s.style.colour }, width: 0.35, showlegend: first, hovertemplate: hover });
         return out;
       }
-      const bars = s.lo && !band
-        ? { [s.along ? "error_x" : "error_y"]: { type: "data", symmetric: false, thickness: 1, width: 0, color: s.c,
-            array: s.hi.map((v, k) => v - (s.along ? x : s.y)[k]), arrayminus: s.lo.map((v, k) => (s.along ? x : s.y)[k] - v) } }
+      const bars = s.low && !band
+        ? { [s.along ? "error_x" : "error_y"]: { type: "data", symmetric: false, thickness: 1, width: 0, color: s.style.colour,
+            array: s.high.map((v, k) => v - (s.along ? x : s.y)[k]), arrayminus: s.low.map((v, k) => (s.along ? x : s.y)[k] - v) } }
         : {};
-      out.push({ ...common, ...bars, x, y: s.y, mode: s.m ? "markers" : "lines", showlegend: first, hovertemplate: hover, connectgaps: false,
-        line: { color: s.c, dash: s.d || "solid", width: s.w, shape: s.k === "step" ? "hv" : "linear" },
-        marker: { color: s.c, symbol: s.m || "circle", size: 6 } });
+      out.push({ ...common, ...bars, x, y: s.y, mode: s.style.symbol ? "markers" : "lines", showlegend: first, hovertemplate: hover, connectgaps: false,
+        line: { color: s.style.colour, dash: s.style.dash || "solid", width: s.style.width, shape: s.kind === "step" ? "hv" : "linear" },
+        marker: { color: s.style.colour, symbol: s.style.symbol || "circle", size: 6 } });
       return out;
     });
   }
@@ -65,12 +65,11 @@
     panels.forEach((panel, k) => {
       const n = k ? k + 1 : "", column = k % columns, row = Math.floor(k / columns);
       const left = column * (wide + gapx), top = 1 - row * (high + gapy);
-      layout["xaxis" + n] = { ...axis(panel.x, panel.log.includes("x"), panel.xr), domain: [left, left + wide], anchor: "y" + n };
-      layout["yaxis" + n] = { ...axis(panel.y, panel.log.includes("y"), panel.yr), domain: [top - high, top], anchor: "x" + n };
+      layout["xaxis" + n] = { ...axis(panel.x, panel.log.includes("x"), panel.x_limits), domain: [left, left + wide], anchor: "y" + n };
+      layout["yaxis" + n] = { ...axis(panel.y, panel.log.includes("y"), panel.y_limits), domain: [top - high, top], anchor: "x" + n };
       if (k && panels[0].x === panel.x && !panel.equal) layout["xaxis" + n].matches = "x";
       if (panel.equal) layout["yaxis" + n].scaleanchor = "x" + n;
-      if (panel.names) layout["yaxis" + n].autorange = "reversed";
-      layout.annotations.push({ text: panel.t, xref: "paper", yref: "paper", x: left, y: top, xanchor: "left", yanchor: "bottom",
+      layout.annotations.push({ text: panel.title, xref: "paper", yref: "paper", x: left, y: top, xanchor: "left", yanchor: "bottom",
         showarrow: false, font: { size: 12, color: "#545e66" } });
       for (const [on, value, text] of panel.marks) {
         layout.shapes.push({ type: "line", xref: on === "x" ? "x" + n : `x${n} domain`, yref: on === "x" ? `y${n} domain` : "y" + n,

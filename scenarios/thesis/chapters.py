@@ -20,7 +20,7 @@ from scenarios.thesis.findings_chapter_6 import bias_and_outliers
 from scenarios.thesis.model_charts import METHODS
 from scenarios.thesis.multi_input import EXCITED, off_diagonal, pushed_by_others
 from scenarios.thesis.multivariable import FAST_CHIRP
-from scenarios.thesis.number_text import p_value
+from scenarios.thesis.number_text import p_value, root
 from scenarios.thesis.observer_analysis import P, hankel_share, observer_poles
 from scenarios.thesis.order_search import IMPROVES
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS
@@ -138,10 +138,7 @@ def _matrix(values: np.ndarray) -> str:
 
 
 def _roots(roots: Iterable[complex]) -> str:
-    """Roots as text; those with a negative imaginary part go with their conjugates."""
-    shown = [root for root in map(complex, roots) if root.imag > -5e-4]
-    texts = [f"{root.real:.3f}" + (f" ± {root.imag:.3f}j" if root.imag >= 5e-4 else "") for root in shown]
-    return ", ".join(texts) or "none"
+    return ", ".join(map(root, roots)) or "none"
 
 
 QUANTITIES: dict[str, Callable[[StateSpace], str]] = {
@@ -202,10 +199,6 @@ def robustness(study: Comparison) -> dict[str, object]:
     """Section VI.6: tolerated degrees of disturbances, orders needed, intervals that hold the truth."""
     results = study.robustness
     chosen = [entry for entry in results.outcomes if entry.chosen]
-    covers = {
-        "SysID": [entry.covers for entry in chosen if entry.method != "okid"],
-        "OKID": [entry.covers for entry in chosen if entry.method == "okid"],
-    }
     return {
         "joints": tuple(results.judged_by),
         "judged_by": sorted({number for numbers in results.judged_by.values() for number in numbers}),
@@ -218,7 +211,10 @@ def robustness(study: Comparison) -> dict[str, object]:
         ],
         "orders": results.orders,
         "statements": bias_and_outliers(study).parts if results.judged_by else {},
-        "coverage": [(name, sum(held), len(held)) for name, held in covers.items()],
+        "coverage": [
+            (name, [entry.covers for entry in chosen if (entry.method == "okid") is okid])
+            for name, okid in (("SysID", False), ("OKID", True))
+        ],
     }
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial, wraps
 from itertools import pairwise, product
 from math import isfinite
 from typing import Any, Literal
@@ -10,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenarios.report.figure_style import WIDTH, dress
-from sysid import StateSpace
+from scenarios.report.figure_style import WIDTH, dress, short
+from scenarios.thesis.comparison import Comparison, JointResult
 from sysid.plots import BOUND, Style
 
 Kind = Literal["line", "step", "stem"]
@@ -25,9 +26,6 @@ SYMBOLS = {
 
 COLUMNS = 250
 """Columns of a long record: more than the eye resolves in a panel."""
-
-JOINT = "Joint"
-"""Name of the choice of a joint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +71,7 @@ class Panel:
 
     x: str
     y: str
-    series: tuple[Series, ...]
+    series: Sequence[Series]
     title: str = ""
     log: Literal["", "x", "y", "xy"] = ""
     x_limits: tuple[float, float] | None = None
@@ -94,14 +92,25 @@ class Chart:
     """
 
     views: Mapping[tuple[str, ...], tuple[Panel, ...]]
-    choices: tuple[str, ...] = (JOINT,)
+    choices: tuple[str, ...] = ("Joint",)
     columns: int = 1
     height: int = 250
 
     def data(self) -> dict[str, Any]:
         """The chart as plain lists and mappings: numbers to four digits, equal lists of x once."""
-        shared: dict[tuple[Any, ...], int] = {}
-        views = {"|".join(key): [_panel(panel, shared) for panel in panels] for key, panels in self.views.items()}
+        shared: dict[Any, int] = {}
+        views = {
+            "|".join(key): [
+                # A mark at an unknown value has no place, and JSON has no word for it.
+                {
+                    **vars(panel),
+                    "marks": [mark for mark in panel.marks if isfinite(mark[1])],
+                    "series": [_series(entry, shared) for entry in panel.series],
+                }
+                for panel in panels
+            ]
+            for key, panels in self.views.items()
+        }
         options = [list(dict.fromkeys(key[k] for key in self.views)) for k in range(len(self.choices))]
         return {
             "choices": list(zip(self.choices, options, strict=True)),
@@ -121,38 +130,50 @@ def by_view(draw: Callable[..., tuple[Panel, ...]], *options: Mapping[str, Any])
     return {key: panels for key, panels in views.items() if panels}
 
 
-def _numbers(values: Any) -> tuple[Any, ...]:
+def joints(study: Comparison) -> dict[str, JointResult]:
+    """The joints by the names that people read."""
+    return {short(name): entry for name, entry in study.joints.items()}
+
+
+def chart_of(
+    choices: Mapping[str, Mapping[str, Any] | Callable[[Comparison], Mapping[str, Any]]], **layout: int
+) -> Callable[[Callable[..., tuple[Panel, ...]]], Callable[[Comparison], Chart]]:
+    """Make a chart of a function that draws one view from the study and one option of each choice.
+
+    Args:
+        choices: Options by name for each choice, or a function that takes them from the study.
+        **layout: Columns and height of the chart.
+    """
+
+    def decorated(draw: Callable[..., tuple[Panel, ...]]) -> Callable[[Comparison], Chart]:
+        @wraps(draw)
+        def chart(study: Comparison) -> Chart:
+            options = [of(study) if callable(of) else of for of in choices.values()]
+            return Chart(by_view(partial(draw, study), *options), tuple(choices), **layout)
+
+        return chart
+
+    return decorated
+
+
+def _numbers(values: Any) -> tuple[Any, ...] | None:
+    if values is None:
+        return None
     items = np.asarray(values).ravel().tolist()
     return tuple(
         value if isinstance(value, str) else (float(f"{value:.4g}") if isfinite(value) else None) for value in items
     )
 
 
-def _panel(panel: Panel, shared: dict[tuple[Any, ...], int]) -> dict[str, Any]:
-    series = []
-    for entry in panel.series:
-        ends = {name: _numbers(end) for name, end in (("lo", entry.low), ("hi", entry.high)) if end is not None}
-        series.append(
-            {
-                "n": entry.label,
-                "x": shared.setdefault(_numbers(entry.x), len(shared)),
-                "y": _numbers(entry.y),
-                "c": entry.style.colour,
-                "d": DASHES.get(entry.style.line, "longdashdot")
-                if isinstance(entry.style.line, str)
-                else "longdashdot",
-                "w": entry.style.width,
-                "m": "" if entry.style.line else SYMBOLS.get(entry.style.marker, "circle"),
-                "k": entry.kind,
-                "along": entry.along,
-                **ends,
-            }
-        )
-    # A mark at an unknown value has no place, and JSON has no word for it.
-    marks = [mark for mark in panel.marks if isfinite(mark[1])]
+def _series(entry: Series, shared: dict[Any, int]) -> dict[str, Any]:
+    look = entry.style
+    symbol = "" if look.line else SYMBOLS.get(look.marker, "circle")
+    dash = DASHES.get(look.line, "longdashdot")
     return {
-        **{"t": panel.title, "x": panel.x, "y": panel.y, "log": panel.log, "equal": panel.equal},
-        **{"xr": panel.x_limits, "yr": panel.y_limits, "marks": marks, "s": series},
+        **vars(entry),
+        **{name: _numbers(getattr(entry, name)) for name in ("y", "low", "high")},
+        "x": shared.setdefault(_numbers(entry.x), len(shared)),
+        "style": {"colour": look.colour, "dash": dash, "width": look.width, "symbol": symbol},
     }
 
 
@@ -195,14 +216,6 @@ def _draw_series(axes: Axes, entry: Series) -> Any:
     marker = "" if look.line else look.marker
     (line,) = axes.plot(x, y, color=look.colour, ls=look.line, lw=look.width, marker=marker, ms=4, drawstyle=steps)
     return line
-
-
-def gain_series(
-    label: str, model: StateSpace, frequencies: np.ndarray, style: Style, channel: tuple[int, int] = (0, 0)
-) -> Series:
-    """Gain of a model's channel, from input to output, over frequency (F,), Hz."""
-    row, column = channel
-    return Series(label, frequencies, np.abs(model.frequency_response(frequencies)[:, row, column]), style)
 
 
 def record_series(

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +113,7 @@ def write_figures(figures: Iterable[ReportFigure], folder: Path) -> None:
                     save_figure(drawing, folder / f"{name}.{kind}", dpi=150)
                 for number, panel in enumerate(panels, start=1):
                     for one in panel.series:
-                        ends = ([None] * len(one.y) if end is None else end for end in (one.low, one.high))
-                        for values in zip(one.x, one.y, *ends, strict=True):
+                        ends = (() if end is None else end for end in (one.low, one.high))
+                        for values in zip_longest(one.x, one.y, *ends):
                             rows.writerow([*key, panel.title or number, panel.x, panel.y, one.label, *values])
             write_whole(folder / f"{figure.name}.csv", text.getvalue())

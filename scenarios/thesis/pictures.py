@@ -1,7 +1,6 @@
 """Pictures of the report: the arm, moments of the exchange, and a film of a joint that plays the PRBS."""
 
 import base64
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -105,13 +104,13 @@ def film(study: Comparison) -> Film:
     )
 
 
-def exchange(study: Comparison, phases: Sequence[str] = PHASES) -> tuple[tuple[Moment, ...], str]:
+def exchange(study: Comparison) -> tuple[tuple[Moment, ...], str]:
     """Moments of the exchange and its outcome in words; neither without a record, no moments without OpenGL."""
     log = study.logs.get(RPCM)
     if log is None or log.unit_pose is None:
         return (), ""
     outcome = rpcm_outcome(log)
-    times = {name: sum(outcome.phases[name]) / 2 for name in phases if name in outcome.phases}
+    times = {name: sum(outcome.phases[name]) / 2 for name in PHASES if name in outcome.phases}
     moments = []
     try:
         with Stage(pictured_arm(log), *SIZE) as stage:

@@ -1,7 +1,7 @@
 """Report section on published values: those the twin assumes and those it reproduces."""
 
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from importlib.resources import files
 from math import degrees
 from typing import NamedTuple
@@ -11,12 +11,9 @@ from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.values import BUS, GAINS, HAND_CONTROLLER, MOTIONS, SERVOS
 from scenarios.experiments.campaign import RPCM
 from scenarios.experiments.registry import names as tests
-from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.estimates import Fits, fits
-from scenarios.thesis.finding import Finding
 from scenarios.truth.published import DRAWS, EQUATIONS, PUBLISHED, SYSTEMS, PublishedModel, published
-from sysid import IOData
 
 
 class AssumedValue(NamedTuple):
@@ -46,13 +43,6 @@ def assumed_values() -> tuple[AssumedValue, ...]:
     )
 
 
-def assumed_values_of(findings: Sequence[Finding]) -> dict[str, tuple[AssumedValue, ...]]:
-    """Return the assumed values that affect each finding; findings without one are left out."""
-    known = assumed_values()
-    values = {entry.key: tuple(part for part in known if entry.key in part.findings) for entry in findings}
-    return {key: parts for key, parts in values.items() if parts}
-
-
 def _span(values: Iterable[float]) -> str:
     """The value as text, or the ends of the range, smallest magnitude first."""
     texts = [f"{value:g}".replace("-", "−") for value in sorted(set(values), key=abs)]
@@ -69,29 +59,17 @@ class PrintedRow(NamedTuple):
 
 def published_section(study: Comparison) -> dict[str, object]:
     """Variables of the template of this section."""
-    records = several_records(study)
-    rows = [printed_row(study, entry, records) for entry in (*PUBLISHED, EQUATIONS["4.7+4.9"])]
+    records = [name for name in (*tests("table2"), RPCM) if name in study.logs]
+    rows = [printed_row(study, printed, records) for printed in (*PUBLISHED, EQUATIONS["4.7+4.9"])]
     rows.sort(key=lambda row: (STUDIED_JOINTS.index(row.printed.joint), row.printed.method))
-    return {"rows": rows, "records": list(records), "draws": DRAWS, "systems": SYSTEMS}
+    return {"rows": rows, "records": records, "draws": DRAWS, "systems": SYSTEMS}
 
 
-def printed_row(study: Comparison, printed: PublishedModel, records: dict[str, IOData]) -> PrintedRow:
+def printed_row(study: Comparison, printed: PublishedModel, records: Iterable[str]) -> PrintedRow:
     """Row of a printed model, with its fits to the single-joint tests and to records of several joints."""
-    singles = study.joints[printed.joint].data
-    k = STUDIED_JOINTS.index(printed.joint)
+    model, joint = printed.model, printed.joint
     return PrintedRow(
         printed,
-        {number: fits(printed.model, data) for number, data in singles.items()},
-        {name: fits(printed.model, data.select(inputs=[k], outputs=[k])) for name, data in records.items()},
+        {number: fits(model, data) for number, data in study.joints[joint].data.items()},
+        {name: fits(model, study.campaign.record(name, joint)) for name in records},
     )
-
-
-def several_records(study: Comparison, names: Sequence[str] | None = None) -> dict[str, IOData]:
-    """Records of the studied joints together, those that there are: table 2, then the exchange."""
-    records: dict[str, IOData] = {}
-    for name in names or (*tests("table2"), RPCM):
-        try:
-            records[name] = study.campaign.several(name)
-        except MissingRecordError:
-            continue
-    return records

@@ -1,9 +1,12 @@
 """HTML report of the study: context of its templates, shortcomings and rendering."""
 
+import base64
+import gzip
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -20,6 +23,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.report.page import Page
 from scenarios.thesis.answer import Answer, certainty, sentences
+from scenarios.thesis.attribution import CONDITIONS
 from scenarios.thesis.chapters import chapter_3, chapter_4, chapter_5, chapter_6, robustness
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fairness_section import fairness_section
@@ -30,8 +34,7 @@ from scenarios.thesis.long_tables import LongTables
 from scenarios.thesis.monte_carlo import Spread, Tally
 from scenarios.thesis.number_text import measure, parts, root, value_text
 from scenarios.thesis.pictures import arm_picture, exchange, film
-from scenarios.thesis.plotting_library import compressed_plotly
-from scenarios.thesis.published_section import assumed_values, assumed_values_of, published_section
+from scenarios.thesis.published_section import assumed_values, published_section
 from scenarios.thesis.response_charts import EXCITED_FROM
 from scenarios.thesis.results import friction_in_words
 from sysid.models.bandwidth import half_power_hz
@@ -43,60 +46,38 @@ SECTIONS: Mapping[str, Callable[[Comparison], object]] = {
 """Variables of the sections, by the name that their templates know."""
 
 
-@dataclass(frozen=True)
-class Shortcomings:
-    """Claims and numbers of the report that do not hold.
+def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | None = None) -> dict[str, Any]:
+    """Claims and numbers of the report that do not hold, by this run and by many seeds.
 
-    Attributes:
-        findings: Findings by verdict, those that are reproduced left out.
-        turned: Findings of which more seeds reached another verdict than that of this run, with how many reached which.
-        misses: Bandwidths that disagree with the best linear truth, the farthest first: joint, model, and distance from
-            it in percent and in half widths of the interval.
-        intervals: Number of intervals in all.
-        far: Identified models that are not near 1 Hz: joint, label and bandwidth, Hz.
-        printed_far: The same of the thesis' printed models.
-        printed: Number of printed models.
+    Findings by verdict; those of which more seeds reached another verdict, with how many reached which; bandwidths that
+    disagree with the best linear truth, the farthest first, with their distance in percent and in half widths of the
+    interval; identified and printed models that are not near 1 Hz.
     """
-
-    findings: Mapping[str, tuple[Finding, ...]]
-    turned: tuple[tuple[Finding, str], ...]
-    misses: tuple[tuple[str, str, float, float], ...]
-    intervals: int
-    far: tuple[tuple[str, str, float], ...]
-    printed_far: tuple[tuple[str, str, float], ...]
-    printed: int
-
-
-def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | None = None) -> Shortcomings:
-    """Collect the claims and numbers that do not hold, by this run and by many seeds."""
-    models = [(name, model) for name, entry in study.joints.items() for model in entry.models.values()]
-    printed = [(name, model) for name, entry in study.joints.items() for model in entry.published]
-    misses = []
-    for name, model in models:
-        if not model.covers:
-            true, half = study.joints[name].best_linear.hz, (model.ci95[1] - model.ci95[0]) / 2
-            away = model.bandwidth_hz - true
-            misses.append((name, model.label, 100 * away / true, abs(away) / half))
-    turned = []
-    for entry in findings:
-        if tally is None:
-            break
-        frequency = tally.frequency(entry.key)
-        if frequency.counts and frequency.against(entry.verdict):
-            turned.append((entry, frequency_text(entry, tally)))
-    return Shortcomings(
-        findings={
-            verdict: tuple(entry for entry in findings if entry.verdict == verdict)
+    models = [(entry, model) for entry in study.joints.values() for model in entry.models.values()]
+    printed = [(entry, model) for entry in study.joints.values() for model in entry.published]
+    away = [(entry, model, model.bandwidth_hz - entry.best_linear.hz) for entry, model in models if not model.covers]
+    misses = [
+        (entry.joint, model.label, 100 * hz / entry.best_linear.hz, 2 * abs(hz) / float(np.ptp(model.ci95)))
+        for entry, model, hz in away
+    ]
+    frequencies = [(entry, tally.frequency(entry.key)) for entry in findings] if tally else []
+    return {
+        "findings": {
+            verdict: [entry for entry in findings if entry.verdict == verdict]
             for verdict in ORDER
             if not verdict.startswith("reproduced")
         },
-        turned=tuple(turned),
-        misses=tuple(sorted(misses, key=lambda miss: -abs(miss[2]))),
-        intervals=len(models),
-        far=tuple((name, m.label, m.bandwidth_hz) for name, m in models if not near_1_hz(m.bandwidth_hz)),
-        printed_far=tuple((name, m.label, m.bandwidth_hz) for name, m in printed if not near_1_hz(m.bandwidth_hz)),
-        printed=len(printed),
-    )
+        "turned": [
+            (entry, frequency_text(entry, tally))
+            for entry, frequency in frequencies
+            if tally and frequency.counts and frequency.against(entry.verdict)
+        ],
+        "misses": sorted(misses, key=lambda miss: -abs(miss[2])),
+        "intervals": len(models),
+        "printed": len(printed),
+        "far": [(entry.joint, model) for entry, model in models if not near_1_hz(model.bandwidth_hz)],
+        "printed_far": [(entry.joint, model) for entry, model in printed if not near_1_hz(model.bandwidth_hz)],
+    }
 
 
 def context(
@@ -139,34 +120,20 @@ def context(
         "lowest": EXCITED_FROM,
         "points": POINTS,
         "settling": SETTLING,
-        "reproduce": _reproduction_commands(study),
+        "structure": STRUCTURES["shoulder_yaw"][0],
         "friction": friction_in_words(study),
+        "conditions": CONDITIONS,
         "arm": arm,
         "no_arm": no_arm,
         "film": film(study),
         "moments": moments,
         "exchange_outcome": outcome,
         "assumed_values": assumed_values(),
-        "assumed_values_of": assumed_values_of(findings),
+        "put_in": {key for value in assumed_values() for key in value.findings},
         "parameters": parameters,
         "tags": Counter(line.tag for line in parameters).most_common(),
         "joints": [{"result": entry, "attribution": study.attribution[name]} for name, entry in study.joints.items()],
         "short": shortcomings(study, findings, tally),
-    }
-
-
-def _reproduction_commands(study: Comparison) -> dict[str, str]:
-    """Commands that reproduce the report, and one row of the table of bandwidths."""
-    structure = STRUCTURES["shoulder_yaw"][0]
-    name = f"siso-{study.estimation_test}-shoulder_yaw"
-    seed = "" if study.seed is None else f" --seed {study.seed}"
-    duration = "" if study.duration is None else f" --duration {study.duration:g}"
-    quick = "" if study.duration is None else " --quick"
-    return {
-        "all": f"hmtb thesis{seed}{quick} --figures",
-        "row": f"hmtb simulate {name}{duration}{seed}\n"
-        f"hmtb identify {name}.nc --method {structure.estimator} --orders {' '.join(map(str, structure.orders))} "
-        f"--skip {SETTLING:g}",
     }
 
 
@@ -215,6 +182,14 @@ def write_report(
     except OSError as error:
         raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
     return path
+
+
+@cache
+def compressed_plotly() -> str:
+    """Return plotly.js as base64 of gzip, two fifths of its size, which browsers unpack by themselves."""
+    from plotly.offline import get_plotlyjs
+
+    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), compresslevel=9, mtime=0)).decode("ascii")
 
 
 def limits(spread: Spread | None, finding: Finding) -> str:

@@ -3,8 +3,7 @@
 from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.values import HAND_CONTROLLER, SERVOS
 from scenarios.thesis.finding import CLAIMS
-from scenarios.thesis.findings import findings
-from scenarios.thesis.published_section import assumed_values, assumed_values_of
+from scenarios.thesis.published_section import assumed_values
 
 
 def test_the_numbers_are_those_of_the_arm():
@@ -21,8 +20,6 @@ def test_the_numbers_are_those_of_the_arm():
     assert "limit of 25 deg/s" in gain.why
 
 
-def test_findings_that_rest_on_it_are_marked(study):
-    decided = assumed_values_of(findings(study))
-    assert set(decided) == {key for entry in assumed_values() for key in entry.findings}
-    assert set(decided) < set(CLAIMS)
-    assert [entry.what for entry in decided["F3"]] == ["bus delays of 0 to 1 samples"]
+def test_findings_that_rest_on_it_are_marked(report):
+    assert report["put_in"] < set(CLAIMS)
+    assert [entry.what for entry in assumed_values() if "F3" in entry.findings] == ["bus delays of 0 to 1 samples"]

@@ -69,9 +69,9 @@ def test_data_of_a_chart_are_rounded_shared_and_gaps_are_null():
     data = Chart(
         by_view(lambda n: (Panel("time / s", "y", series * n, marks=marks),), {"one": 1, "none": 0, "two": 2})
     ).data()
-    first, second = data["views"]["one"][0]["s"]
-    assert (first["y"], first["x"], second["x"]) == ((0.3333, None), 0, 0)
-    assert (data["x"], second["hi"]) == ([[0.0, 1.0]], (0.0, 1.0))
+    first, second = data["views"]["one"][0]["series"]
+    assert (first["y"], first["x"], second["x"], first["high"]) == ((0.3333, None), 0, 0, None)
+    assert (data["x"], second["high"]) == ([[0.0, 1.0]], (0.0, 1.0))
     assert data["views"]["one"][0]["marks"] == [("x", 1.0, "1 Hz")]
     assert data["choices"] == [("Joint", ["one", "none", "two"])]
     assert json.loads(json.dumps(data, allow_nan=False))["columns"] == 1
@@ -191,15 +191,12 @@ def test_the_map_of_motions_has_a_panel_for_each_and_a_mark_for_each_print(tmp_p
 
 def test_long_tables_become_files_with_plain_numbers():
     tables = LongTables()
-    table = (
-        "<table><caption>Fits &amp; more</caption><thead><tr><th>Model</th><th>Test<br>1</th></tr></thead><tbody>"
-        '<tr class="group"><th colspan="2">yaw</th></tr><tr><td>OE</td><td>−1.5<br>2</td></tr></tbody></table>'
-    )
-    link = tables.take(table + table.replace("yaw", "elbow"), "fits")
+    table = "Fits &amp; more\nModel ¦ Test 1 ¦ Test 2\n## {}\nOE ¦ −1.5 / 2\n"
+    link = tables.take(table.format("yaw") + "## elbow\n\nOE&nbsp;† ¦ 3 ¦ 4 ¦\n", "fits")
     assert str(link) == (
         '<p class="file">Table <a href="tables/fits.csv">tables/fits.csv</a>, 2 rows: Fits &amp; more</p>'
     )
-    assert tables.texts == {"fits": ",Model,Test 1\nyaw,OE,-1.5 / 2\nelbow,OE,-1.5 / 2\n"}
-    tables.take(table.replace('<tr class="group"><th colspan="2">yaw</th></tr>', ""), "plain")
-    assert tables.texts["plain"] == "Model,Test 1\nOE,-1.5 / 2\n"
+    assert tables.texts == {"fits": ",Model,Test 1,Test 2\nyaw,OE,-1.5 / 2,\nelbow,OE †,3,4\n"}
+    tables.take(table.replace("## {}\n", ""), "plain")
+    assert tables.texts["plain"] == "Model,Test 1,Test 2\nOE,-1.5 / 2,\n"
     refused("each name once", tables.take, table, "fits")

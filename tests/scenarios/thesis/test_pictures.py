@@ -26,7 +26,8 @@ def test_without_opengl_a_line_says_what_to_install(study, monkeypatch):
 
 def test_moments_are_shown_in_the_order_of_the_exchange(study, monkeypatch):
     monkeypatch.setattr("scenarios.thesis.pictures.SIZE", (64, 48))
-    moments, _ = exchange(study, ("approach", "insert"))
+    monkeypatch.setattr("scenarios.thesis.pictures.PHASES", ("approach", "insert"))
+    moments, _ = exchange(study)
     assert [entry.phase for entry in moments] == ["approach", "insert"]
     assert 0.0 < moments[0].time < moments[1].time
     assert len({entry.picture for entry in moments}) == 2  # each is a picture of its own
