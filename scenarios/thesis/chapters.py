@@ -27,7 +27,6 @@ from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS
 from scenarios.thesis.robustness import COMPARABLE, MARGIN, PART, sysid_method, tolerance
 from scenarios.truth.published import PERCENT_DESCRIBED
 from sysid import StateSpace
-from sysid.models.bandwidth import half_power_hz
 
 PUSHED = (0.5, 1.0, 2.5, 5.0, 10.0)
 """Frequencies at which the true coupling is listed, Hz."""
@@ -36,27 +35,12 @@ PUSHED = (0.5, 1.0, 2.5, 5.0, 10.0)
 def chapter_3(study: Comparison) -> dict[str, object]:
     """Chapters II and III: limits of the commands, and a row of the tables for every test."""
     joint, entry = next(iter(study.joints.items()))
-    numbered = [(number, _waveform(single_joint_test(number, joint))) for number in entry.data]
-    estimates = study.nonparametric.items()
     return {
         "limit": degrees(max(MOTIONS[joint].velocity_limit for joint in study.joints)),
         "gain": MRAD * HAND_CONTROLLER.gain,
         "slewing": 100 * max(share for entry in study.joints.values() for share in entry.slewing.values()),
-        "numbered": numbered,
-        "single": [
-            (str(number), text, [of.tests.get(single_joint_test(number, joint)) for joint, of in estimates])
-            for number, text in numbered
-        ],
-        "several": [
-            (
-                name.removeprefix("mimo-").replace("-independent", ", independent"),
-                _waveform(name),
-                [of.tests.get(name) for _, of in estimates],
-            )
-            for name in study.campaign.logs
-            if name.startswith("mimo-")
-        ],
-        "true": [half_power_hz(entry.truth.model) for entry in study.joints.values()],
+        "single": {number: _waveform(single_joint_test(number, joint)) for number in entry.data},
+        "several": {name: _waveform(name) for name in study.logs if name.startswith("mimo-")},
     }
 
 
@@ -179,19 +163,14 @@ def chapter_6(study: Comparison) -> dict[str, object]:
     }
 
 
-def departure(study: Comparison) -> dict[str, float]:
-    """Largest distance of each joint from the operating point in the settled part of the exchange, rad."""
-    log = study.campaign.log(RPCM)
-    away = np.abs(log.true_angles[round(SETTLING / log.dt) :] - study.truth.angles).max(axis=0)
-    return dict(zip(JOINTS, map(float, away), strict=True))
-
-
 def _exchange(study: Comparison) -> dict[str, object]:
+    """Largest distance of each joint from the operating point once settled, deg, and time with the unit, percent."""
     log = study.campaign.log(RPCM)
-    held = (log.status[round(SETTLING / log.dt) :] & Status.UNIT_HELD) > 0
+    settled = slice(round(SETTLING / log.dt), None)
+    away = np.degrees(np.abs(log.true_angles[settled] - study.truth.angles).max(axis=0))
     return {
-        "away": {joint: float(np.degrees(value)) for joint, value in departure(study).items()},
-        "loaded": 100.0 * float(held.mean()),
+        "away": dict(zip(JOINTS, away, strict=True)),
+        "loaded": 100.0 * float(((log.status[settled] & Status.UNIT_HELD) > 0).mean()),
     }
 
 
@@ -199,16 +178,14 @@ def robustness(study: Comparison) -> dict[str, object]:
     """Section VI.6: tolerated degrees of disturbances, orders needed, intervals that hold the truth."""
     results = study.robustness
     chosen = [entry for entry in results.outcomes if entry.chosen]
+    tried = [(entry.disturbance, entry.treatment) for entry in results.outcomes]
     return {
         "joints": tuple(results.judged_by),
         "judged_by": sorted({number for numbers in results.judged_by.values() for number in numbers}),
         "seconds": PART / SAMPLE_RATE,
         "comparable": COMPARABLE,
         "order_margin": MARGIN,
-        "tolerances": [
-            _tolerated(study, *pair)
-            for pair in dict.fromkeys((entry.disturbance, entry.treatment) for entry in results.outcomes)
-        ],
+        "tolerances": [_tolerated(study, *pair) for pair in dict.fromkeys(tried)],
         "orders": results.orders,
         "statements": bias_and_outliers(study).parts if results.judged_by else {},
         "coverage": [
@@ -218,12 +195,9 @@ def robustness(study: Comparison) -> dict[str, object]:
     }
 
 
-def _tolerated(study: Comparison, key: str, treatment: str) -> tuple[str, str, list[list[str]]]:
+def _tolerated(study: Comparison, key: str, treatment: str) -> tuple[str, str, list[str]]:
     """A disturbance and its unit, and for each joint what SysID and OKID tolerate, in words."""
     disturbance, results = DISTURBANCES[key], study.robustness
     label = disturbance.label if disturbance.treatments == AS_IT_IS else f"{disturbance.label}; {treatment}"
-    cells = [
-        [tolerance(results, key, joint, method, treatment) for method in (sysid_method(joint), "okid")]
-        for joint in results.judged_by
-    ]
-    return label, disturbance.unit, cells
+    cases = [(joint, method) for joint in results.judged_by for method in (sysid_method(joint), "okid")]
+    return label, disturbance.unit, [tolerance(results, key, *case, treatment) for case in cases]

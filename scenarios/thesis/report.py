@@ -29,7 +29,7 @@ from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fairness_section import fairness_section
 from scenarios.thesis.figures import ReportFigure, report_figures, without_counterpart, write_figures
 from scenarios.thesis.finding import CLAIMS, Finding
-from scenarios.thesis.frequencies import ORDER, chance, frequency_text
+from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.long_tables import LongTables
 from scenarios.thesis.monte_carlo import Spread, Tally
 from scenarios.thesis.number_text import measure, parts, root, value_text
@@ -39,19 +39,12 @@ from scenarios.thesis.response_charts import EXCITED_FROM
 from scenarios.thesis.results import friction_in_words
 from sysid.models.bandwidth import half_power_hz
 
-SECTIONS: Mapping[str, Callable[[Comparison], object]] = {
-    **{"chapter_3": chapter_3, "chapter_4": chapter_4, "chapter_5": chapter_5, "chapter_6": chapter_6},
-    **{"published": published_section, "fairness": fairness_section, "robustness": robustness},
-}
-"""Variables of the sections, by the name that their templates know."""
 
+def shortcomings(study: Comparison) -> dict[str, Any]:
+    """Numbers of the report that do not hold.
 
-def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | None = None) -> dict[str, Any]:
-    """Claims and numbers of the report that do not hold, by this run and by many seeds.
-
-    Findings by verdict; those of which more seeds reached another verdict, with how many reached which; bandwidths that
-    disagree with the best linear truth, the farthest first, with their distance in percent and in half widths of the
-    interval; identified and printed models that are not near 1 Hz.
+    Bandwidths that disagree with the best linear truth, the farthest first, with their distance in percent and in half
+    widths of the interval; identified and printed models that are not near 1 Hz.
     """
     models = [(entry, model) for entry in study.joints.values() for model in entry.models.values()]
     printed = [(entry, model) for entry in study.joints.values() for model in entry.published]
@@ -60,24 +53,20 @@ def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | 
         (entry.joint, model.label, 100 * hz / entry.best_linear.hz, 2 * abs(hz) / float(np.ptp(model.ci95)))
         for entry, model, hz in away
     ]
-    frequencies = [(entry, tally.frequency(entry.key)) for entry in findings] if tally else []
     return {
-        "findings": {
-            verdict: [entry for entry in findings if entry.verdict == verdict]
-            for verdict in ORDER
-            if not verdict.startswith("reproduced")
-        },
-        "turned": [
-            (entry, frequency_text(entry, tally))
-            for entry, frequency in frequencies
-            if tally and frequency.counts and frequency.against(entry.verdict)
-        ],
         "misses": sorted(misses, key=lambda miss: -abs(miss[2])),
         "intervals": len(models),
         "printed": len(printed),
         "far": [(entry.joint, model) for entry, model in models if not near_1_hz(model.bandwidth_hz)],
         "printed_far": [(entry.joint, model) for entry, model in printed if not near_1_hz(model.bandwidth_hz)],
     }
+
+
+SECTIONS: Mapping[str, Callable[[Comparison], object]] = {
+    **{"chapter_3": chapter_3, "chapter_4": chapter_4, "chapter_5": chapter_5, "chapter_6": chapter_6},
+    **{"published": published_section, "fairness": fairness_section, "robustness": robustness, "short": shortcomings},
+}
+"""Variables of the sections, by the name that their templates know."""
 
 
 def context(
@@ -133,7 +122,6 @@ def context(
         "parameters": parameters,
         "tags": Counter(line.tag for line in parameters).most_common(),
         "joints": [{"result": entry, "attribution": study.attribution[name]} for name, entry in study.joints.items()],
-        "short": shortcomings(study, findings, tally),
     }
 
 

@@ -116,6 +116,8 @@ def test_long_tables_are_files_that_the_page_names(text, tables):
     assert rows["every-data-set"][0][:4] == ["", "Record", "Structure", "Excited"]
     assert {row[0] for row in rows["every-data-set"][1:]} == {"shoulder yaw", "shoulder pitch", "elbow pitch"}
     assert all("\u2212" not in content for content in tables.texts.values())
+    numbers = [row[1].split(":")[0] for row in rows["records"][1:] if row[0] == "One joint at a time"]
+    assert (numbers, len(rows["records"])) == ([str(n) for n in range(1, 9)], 1 + 8 + 15)
 
 
 def test_the_answer_stands_in_the_table(text, study):
@@ -158,6 +160,9 @@ def test_frequencies_and_ranges_stand_beside_the_findings(text, study, report):
     counts = [f"1 {verdict}" for verdict in sorted((turned, second.verdict), key=ORDER.index)]
     assert f"depends on the seed: of 2 seeds {', '.join(counts)}" in rows[second.key]
     assert "What another seed changes" in many
+    against = chance(decided, both, study.seed)["against"]
+    listed = many[many.index('<section id="shortcomings">') :]
+    assert all(f'<li><a href="#{key}">' in listed for key in against)
     assert "of 2 seeds (11 to 12) on the same arm, records of 24 s, run for this report." in many
     assert "depends on the seed: of" not in text, "nothing is said of seeds where there were none"
     assert "What another seed changes" not in text
