@@ -24,9 +24,12 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
         workers: Processes; all processors when not given. The results do not depend on it.
         json: Print JSON.
     """
+    from hmtb_twin.files.atomic_write import write_whole
+    from scenarios.datasets.tables import table_text
     from scenarios.jobs.executor import LocalProcesses
     from scenarios.thesis.motion import MotionCampaign, run_campaign
-    from scenarios.thesis.motion_answer import MotionStudy
+    from scenarios.thesis.motion_answer import motion_record, motion_texts
+    from scenarios.thesis.motion_score import cells
     from scenarios.thesis.motion_section import motion_map
 
     at_least_one("--workers", workers)
@@ -37,14 +40,18 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
                 results = run_campaign(campaign, executor, folder, bar)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"finished settings are saved in {folder}") from None
-        study = MotionStudy.of(campaign, results)
-        record = study.record()
-        files = study.write(folder, json_text(record))
+        failed = [f"{one}, {row['failed']}" for one, rows in results.items() for row in rows if "failed" in row]
+        scored = cells(results)
+        record = motion_record(campaign, scored, failed)
+        rows = [cell.record() for cell in scored]
+        files = [folder / "motion.json", folder / "motion.csv"]
+        write_whole(files[0], json_text(record))
+        write_whole(files[1], table_text(dict.fromkeys(name for row in rows for name in row), rows))
         files += draw(lambda: motion_map(record["map"]), folder / "motion.png", folder / "motion.svg")
     if json:
         print_json({**record, "files": files})
     else:
-        say_each("- ", study.answers())
-        say_each("failed: ", study.failed)
+        say_each("", motion_texts(record))
+        say_each("failed: ", failed)
         say_each("written: ", files)
-    return 1 if study.failed else 0
+    return 1 if failed else 0

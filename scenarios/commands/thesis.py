@@ -53,7 +53,8 @@ def thesis(
             searches for orders and the disturbed records. The answer says how sure it is.
         threads: Threads of the simulation; the results do not depend on it.
         figures: Keep every figure too, as SVG and PNG and its values as CSV in the folder figures.
-        motion: A motion.json of hmtb motion: its answers and its map become a section of the report.
+        motion: A motion.json of hmtb motion for the section on how far the arm moved; when not given, that of the whole
+            campaign, which comes with this version.
         logs: Keep the logs too, as NetCDF4.
         json: Print the results as JSON.
     """
@@ -66,13 +67,13 @@ def thesis(
     from scenarios.thesis.findings import findings
     from scenarios.thesis.frequencies import frequency_text, source_text
     from scenarios.thesis.monte_carlo import recorded
-    from scenarios.thesis.motion_section import read_motion
+    from scenarios.thesis.motion_answer import read_motion
     from scenarios.thesis.report import write_report
     from scenarios.thesis.results import results
     from scenarios.thesis.study import planned_steps, run_study
 
     at_least_one("--threads", threads)
-    moved = None if motion is None else read_motion(motion)
+    moved = read_motion(motion)
     repeated = seed_range(seeds, 1 if seed is None else seed)
     duration, arms = (QUICK, CONDITIONS[:1]) if quick else (None, CONDITIONS)
     with ExitStack() as stack:

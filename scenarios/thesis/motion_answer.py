@@ -1,184 +1,163 @@
-"""What a motion campaign says: answers in words, tables and the cells of the map over motion and friction."""
+"""What a motion campaign says: its scores as one record, and the same in words."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS
-from hmtb_twin.files.atomic_write import write_whole
 from hmtb_twin.parameters.drives import ACTUATORS, Friction
 from hmtb_twin.parameters.values import HAND_CONTROLLER
 from hmtb_twin.parameters.variants import VARIANTS
-from scenarios.datasets.tables import table_text
-from scenarios.thesis.motion import METHODS, MotionCampaign, Row, Setting
-from scenarios.thesis.motion_score import COMMON, EXPLAINS, ArmScore, Cell, arms, cells, factors, items, profile
+from scenarios.files.errors import ScenarioError
+from scenarios.identification.one_hertz import joined
+from scenarios.report.page import Page
+from scenarios.thesis.motion import METHODS, MotionCampaign, model_numbers
+from scenarios.thesis.motion_score import COMMON, EXPLAINS, ArmScore, Cell, arms, factors, items, profile
+from scenarios.truth.published import published
 
 SHOWN = 20
-"""Arms in the results, the best first."""
+"""Arms in the record, the best first."""
+
+FILE = "motion.json"
+"""Name of the record, in the folder of `hmtb motion` and among the package's data."""
+
+OF_MAP = ("servo", "presliding", "hold", "noise", "logged")
+"""Factors that the cells of the map have in common: those of the best arm."""
 
 
-@dataclass(frozen=True, eq=False)
-class MotionStudy:
-    """A motion campaign with its scores.
+def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Sequence[str] = ()) -> dict[str, Any]:
+    """Return all that a campaign says, for JSON.
 
-    Attributes:
+    Args:
         campaign: Its factors.
         cells: Its cells, setting by setting.
         failed: Experiments that failed, with the reasons.
     """
+    tests = {joint: [one for one in cells if _is(one, joint, "prbs")] for joint in STUDIED_JOINTS}
+    every = arms(cells)
+    best, worth = every[0], profile(every)
+    as_good = [arm for arm in every if arm.score <= best.score + 2.0 * float(np.hypot(arm.error, best.error))]
+    fixed = {name: factors(best.cells[0])[name] for name in OF_MAP}
+    return {
+        "decided": "2026-11-23, before results",
+        "explains": EXPLAINS,
+        "campaign": vars(campaign),
+        "settings": len(campaign.settings()),
+        "joints": {
+            joint: {
+                "cells": len(own),
+                "explained": sum(one.score <= EXPLAINS for one in own),
+                "best": _with_distances(min(own, key=lambda one: one.score)),
+            }
+            for joint, own in tests.items()
+        },
+        "printed": [row for joint, own in tests.items() for row in _nearest_to_prints(joint, own)],
+        "arms": {
+            "number": len(every),
+            "explain_all": sum(len(arm.explains) == len(STUDIED_JOINTS) for arm in every),
+            "as_good": len(as_good),
+            "levels": {
+                name: list(dict.fromkeys(str(factors(arm.cells[0])[name]) for arm in as_good)) for name in worth
+            },
+            "best": [_arm(arm, cells) for arm in every[:SHOWN]],
+        },
+        "nominal": _arm(_nominal(tests.values()), cells),
+        "profile": {name: levels for name, levels in worth.items() if len(levels) > 1},
+        "map": [one.record() for own in tests.values() for one in own if fixed.items() <= factors(one).items()],
+        "failed": list(failed),
+    }
 
-    campaign: MotionCampaign
-    cells: tuple[Cell, ...]
-    failed: tuple[str, ...] = ()
 
-    @classmethod
-    def of(cls, campaign: MotionCampaign, results: Mapping[Setting, Sequence[Row]]) -> "MotionStudy":
-        """Score the results of a campaign."""
-        failed = (f"{one}, {row['failed']}" for one, rows in results.items() for row in rows if "failed" in row)
-        return cls(campaign, cells(results), tuple(failed))
+def read_motion(path: Path | None = None) -> Mapping[str, Any]:
+    """Read the record of a campaign.
 
-    @cached_property
-    def arms(self) -> tuple[ArmScore, ...]:
-        """Every arm, the best first; see `motion_score.arms`."""
-        return arms(self.cells)
+    Args:
+        path: A `motion.json` of `hmtb motion`; without one, that of the whole campaign, which comes with the package.
 
-    @cached_property
-    def nominal(self) -> ArmScore:
-        """The arm of the campaign that is nearest to the nominal one, its friction too."""
-        own = HAND_CONTROLLER
-        wanted = {"gain": own.gain, "hold": own.hold, "noise": own.noise, "volts": 1.0, "logged": 0.0}
-        wanted["presliding"] = Friction.presliding
+    Raises:
+        ScenarioError: It is none, or cannot be read.
+    """
+    source = path or files("scenarios") / "data" / FILE
+    try:
+        record = json.loads(source.read_text(encoding="utf-8"))
+        missing = {"joints", "printed", "arms", "nominal", "map"} - set(record)
+    except (OSError, ValueError, TypeError) as error:
+        raise ScenarioError(f"cannot read {str(path)!r}, expected a motion.json of hmtb motion: {error}") from error
+    if missing:
+        raise ScenarioError(f"{str(path)!r} has no {', '.join(sorted(missing))}; expected a motion.json of hmtb motion")
+    return dict(record)
 
-        def away(cell: Cell) -> tuple[float, ...]:
-            levels, actuator = factors(cell), ACTUATORS[cell.setting.joint]
-            rubs = cell.setting.friction * actuator.rated_torque / actuator.coulomb_torque
-            numbers = (abs(float(str(levels[name])) - value) for name, value in wanted.items())
-            return (float(cell.setting.servo != VARIANTS["nominal"].servo), *numbers, abs(np.log(rubs)))
 
-        return ArmScore(tuple(min(self._tests(joint), key=away) for joint in STUDIED_JOINTS))
+def motion_texts(record: Mapping[str, Any]) -> tuple[str, ...]:
+    """Say in words what explains the thesis' models: for each joint, for one arm, by each factor."""
+    page = Page({"words": lambda name: name.replace("_", " "), "joined": joined, "farthest": _farthest})
+    return tuple(" ".join(part.split()) for part in page.render("motion_text.j2", record).split("\n\n") if part.strip())
 
-    def best(self, joint: str) -> Cell:
-        """The cell of a joint with the least score."""
-        return min(self._tests(joint), key=lambda cell: cell.score)
 
-    def _tests(self, joint: str) -> list[Cell]:
-        return [cell for cell in self.cells if cell.setting.joint == joint and cell.excitation == "prbs"]
+def _is(cell: Cell, joint: str, excitation: str) -> bool:
+    return (cell.setting.joint, cell.excitation) == (joint, excitation)
 
-    def answers(self) -> tuple[str, ...]:
-        """Say what explains the thesis' models: each joint alone, one arm for all, what each factor is worth."""
-        best, nominal = self.arms[0], self.nominal
-        texts = []
-        for joint in STUDIED_JOINTS:
-            cell, tried = self.best(joint), self._tests(joint)
-            explained = sum(one.score <= EXPLAINS for one in tried)
-            texts.append(
-                f"{joint.replace('_', ' ').capitalize()} alone: {explained} of {len(tried)} cells explain it. Nearest "
-                f"is {_common_text(cell)}, {_joint_text(cell)}; farthest off there: {_worst(cell)}."
-            )
-        as_good = [arm for arm in self.arms if arm.score <= best.score + 2.0 * float(np.hypot(arm.error, best.error))]
-        explains = [joint.replace("_", " ") for joint in best.explains]
-        texts.append(
-            f"One arm for all three joints: the best explains {' and '.join(explains) or 'no joint'}, "
-            f"{_arm_text(best)}. Of {len(self.arms)} arms {len(as_good)} are as good within two standard errors; "
-            f"{sum(len(arm.explains) == 3 for arm in self.arms)} explain all joints."
-        )
-        texts.append(f"The nominal arm: {_arm_text(nominal)}.")
-        pairs = [
-            f"{cell.setting.joint.replace('_', ' ')} {_bandwidths(cell)} and {_bandwidths(other)}"
-            for cell in nominal.cells
-            for other in self.cells
-            if other.excitation == "multisine" and (other.setting, factors(other)) == (cell.setting, factors(cell))
-        ]
-        if pairs:
-            texts.append(
-                "Bandwidths that ARMAX/OE/OKID recover there, from binary sequences and from multisines of 0.05 to 5 "
-                f"Hz: {', '.join(pairs)} Hz."
-            )
-        worth = [
-            f"{name} " + ", ".join(f"{level}: {score:.2f}" for level, score in levels.items())
-            for name, levels in profile(self.arms).items()
-            if len(levels) > 1
-        ]
-        if worth:
-            texts.append(f"Score of the best arm where one factor is fixed: {'; '.join(worth)}.")
-        return tuple(texts)
 
-    def record(self) -> dict[str, Any]:
-        """Return all that the campaign says, for JSON."""
-        return {
-            "answers": self.answers(),
-            "decided": "2026-11-23, before results",
-            "explains": EXPLAINS,
-            "campaign": vars(self.campaign),
-            "items": {joint: list(items(joint)) for joint in STUDIED_JOINTS},
-            "best": {joint: _record(self.best(joint)) for joint in STUDIED_JOINTS},
-            "arms": [_arm_record(arm) for arm in self.arms[:SHOWN]],
-            "nominal": _arm_record(self.nominal),
-            "profile": profile(self.arms),
-            "failed": self.failed,
-            "map": [cell.record() for cell in self.map_cells()],
+def _nominal(tests: Iterable[Sequence[Cell]]) -> ArmScore:
+    """The cells of every joint that are nearest to the nominal arm, its friction too."""
+    own = HAND_CONTROLLER
+    wanted = {"gain": own.gain, "hold": own.hold, "noise": own.noise, "volts": 1.0, "logged": 0.0}
+    wanted["presliding"] = Friction.presliding
+
+    def away(cell: Cell) -> tuple[float, ...]:
+        levels, actuator = factors(cell), ACTUATORS[cell.setting.joint]
+        rubs = cell.setting.friction * actuator.rated_torque / actuator.coulomb_torque
+        numbers = (abs(float(str(levels[name])) - value) for name, value in wanted.items())
+        return (float(cell.setting.servo != VARIANTS["nominal"].servo), *numbers, abs(np.log(rubs)))
+
+    return ArmScore(tuple(min(cells, key=away) for cells in tests))
+
+
+def _arm(arm: ArmScore, cells: Sequence[Cell]) -> dict[str, Any]:
+    """Return what an arm's joints have in common, their scores, and what the methods recover by excitation."""
+    common = {name: factors(arm.cells[0])[name] for name in COMMON}
+    joints = {
+        cell.setting.joint: {
+            **{name: value for name, value in cell.record().items() if name in ("friction", *_SCORED)},
+            "bandwidth_hz": {
+                other.excitation: {method: other.medians.get(f"{method}_bandwidth_hz") for method in METHODS}
+                for other in cells
+                if (other.setting, factors(other)) == (cell.setting, factors(cell))
+            },
         }
-
-    def map_cells(self) -> list[Cell]:
-        """Return the cells of the map: those of the best arm's servo and chain, over motion and friction."""
-        fixed = {
-            name: factors(self.arms[0].cells[0])[name] for name in ("servo", "presliding", "hold", "noise", "logged")
-        }
-        return [
-            cell
-            for joint in STUDIED_JOINTS
-            for cell in self._tests(joint)
-            if all(factors(cell)[name] == level for name, level in fixed.items())
-        ]
-
-    def write(self, folder: Path, text: str) -> list[Path]:
-        """Write `motion.json` with a text, and a row for every cell as `motion.csv`; return the files."""
-        result, table = folder / "motion.json", folder / "motion.csv"
-        rows = [cell.record() for cell in self.cells]
-        write_whole(result, text)
-        write_whole(table, table_text(dict.fromkeys(name for row in rows for name in row), rows))
-        return [result, table]
+        for cell in arm.cells
+    }
+    return {**common, "score": arm.score, "error": arm.error, "explains": arm.explains, "joints": joints}
 
 
-def _common_text(cell: Cell) -> str:
-    setting = cell.setting
-    return (
-        f"servo {setting.servo}, {1000 * setting.gain:g} mrad/V, {cell.volts:g} V, presliding "
-        f"{1000 * setting.presliding:g} mrad, hold {setting.hold}, noise {setting.noise:g} V, logged noise "
-        f"{cell.logged:g}x"
-    )
+_SCORED = ("score", "spread", "within", "items")
 
 
-def _joint_text(cell: Cell) -> str:
-    within = f"{cell.within} of {len(cell.distances)} items within tolerance"
-    return f"friction {100 * cell.setting.friction:g} % (score {cell.score:.2f} ± {cell.spread:.2f}, {within})"
-
-
-def _arm_text(arm: ArmScore) -> str:
-    joints = (f"{one.setting.joint.replace('_', ' ')} {_joint_text(one)}" for one in arm.cells)
-    return f"score {arm.score:.2f} ± {arm.error:.2f} with {_common_text(arm.cells[0])}; {', '.join(joints)}"
-
-
-def _worst(cell: Cell) -> str:
-    names = list(items(cell.setting.joint))
-    order = np.argsort(cell.distances)[:-4:-1]
-    return "; ".join(f"{names[k]} ({cell.distances[k]:.1f})" for k in order)
-
-
-def _bandwidths(cell: Cell) -> str:
-    values = (cell.medians.get(f"{method}_bandwidth_hz", np.nan) for method in METHODS)
-    return "/".join(f"{value:.2f}" if np.isfinite(value) else "none" for value in values)
-
-
-def _record(cell: Cell) -> dict[str, object]:
+def _with_distances(cell: Cell) -> dict[str, object]:
     return {**cell.record(), "distances": dict(zip(items(cell.setting.joint), cell.distances, strict=True))}
 
 
-def _arm_record(arm: ArmScore) -> dict[str, object]:
-    own = {name: factors(arm.cells[0])[name] for name in COMMON}
-    joints = {cell.setting.joint: {"friction": cell.setting.friction, "score": cell.score} for cell in arm.cells}
-    return {**own, "score": arm.score, "error": arm.error, "explains": arm.explains, "joints": joints}
+def _nearest_to_prints(joint: str, cells: Sequence[Cell]) -> Iterable[dict[str, Any]]:
+    """Yield for each printed model its numbers and the cell that is nearest to its five items."""
+    names = list(items(joint))
+    for model in published(joint):
+        own = [k for k, name in enumerate(names) if name.startswith(f"{model.label}, ")]
+        away = [float(np.mean([cell.distances[k] for k in own])) for cell in cells]
+        nearest = cells[int(np.argmin(away))]
+        yield {
+            "joint": joint,
+            "model": model.label,
+            "method": model.method,
+            "numbers": model_numbers(model.model),
+            "distance": min(away),
+            "nearest": nearest.record(),
+        }
+
+
+def _farthest(distances: Mapping[str, float]) -> list[tuple[str, float]]:
+    """The three items farthest off."""
+    return sorted(distances.items(), key=lambda item: -item[1])[:3]

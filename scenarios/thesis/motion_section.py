@@ -1,30 +1,15 @@
-"""Report section on how far the arm moved: answers and map of a campaign of `hmtb motion`, where there is one."""
+"""Map of the motion campaign: recovered bandwidth over friction and motion, with the printed models marked."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
 
-from scenarios.files.errors import ScenarioError
 from scenarios.report.figure_style import MRAD, short
 from scenarios.thesis.answer import METHODS, drawn_models
 from scenarios.thesis.chart import Chart, Panel, Series, by_view, draw
 from sysid.plots import PALETTE, Style
-
-
-def read_motion(path: Path) -> Mapping[str, Any]:
-    """Read a `motion.json` of `hmtb motion`; raises `ScenarioError` if it is none or cannot be read."""
-    try:
-        results = json.loads(path.read_text(encoding="utf-8"))
-        missing = {"answers", "map"} - set(results)
-    except (OSError, ValueError, TypeError) as error:
-        raise ScenarioError(f"cannot read {str(path)!r}, expected a motion.json of hmtb motion: {error}") from error
-    if missing:
-        raise ScenarioError(f"{str(path)!r} has no {', '.join(sorted(missing))}; expected a motion.json of hmtb motion")
-    return dict(results)
 
 
 def motion_chart(cells: Sequence[Mapping[str, Any]]) -> Chart:

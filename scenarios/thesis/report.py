@@ -32,6 +32,7 @@ from scenarios.thesis.finding import CLAIMS, Finding
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.long_tables import LongTables
 from scenarios.thesis.monte_carlo import Spread, Tally
+from scenarios.thesis.motion_answer import motion_texts, read_motion
 from scenarios.thesis.number_text import measure, parts, root, value_text
 from scenarios.thesis.pictures import arm_picture, exchange, film
 from scenarios.thesis.published_section import assumed_values, published_section
@@ -79,9 +80,10 @@ def context(
     motion: Mapping[str, Any] | None = None,
 ) -> dict[str, object]:
     """Return the variables of the templates by name; see `write_report` for the arguments."""
+    motion = motion or read_motion()
     arm, no_arm = arm_picture()
     moments, outcome = exchange(study)
-    figures = report_figures(study, answer, progress, motion=motion["map"] if motion else ())
+    figures = report_figures(study, answer, progress, motion=motion["map"])
     # The flight arm has a table of its own in its documentation.
     parameters = [line for line in provenance_table() if not line.owner.startswith("flight")]
     counts = Counter(entry.verdict for entry in findings)
@@ -98,6 +100,7 @@ def context(
         "answer": answer,
         "figures": figures,
         "motion": motion,
+        "moved": motion_texts(motion),
         "without": without_counterpart(),
         "about": ABOUT_1_HZ,
         "extent": {
@@ -145,7 +148,7 @@ def write_report(
         path: The HTML file.
         tally: Conclusions of many seeds; without them the report does not speak of chance.
         figures: Folder for every figure as SVG, PNG and CSV too, which must exist; none are written if None.
-        motion: Results of `hmtb motion`, whose answers and map are then a section of the page.
+        motion: Record of a campaign of `hmtb motion`; the one that comes with the package if None.
         progress: Called with the figures made and those in all.
 
     Returns:

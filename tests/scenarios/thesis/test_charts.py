@@ -10,7 +10,8 @@ from scenarios.experiments.registry import load
 from scenarios.thesis.chart import COLUMNS, Chart, Panel, Series, by_view, draw, record_series
 from scenarios.thesis.figures import ReportFigure, report_figures, thesis_numbers, without_counterpart, write_figures
 from scenarios.thesis.long_tables import LongTables
-from scenarios.thesis.motion_section import motion_chart, read_motion
+from scenarios.thesis.motion_answer import read_motion
+from scenarios.thesis.motion_section import motion_chart
 from scenarios.thesis.nonparametric import PULSE, SINES, excited_lines
 from sysid.plots import PALETTE
 from tests.refusals import refused
@@ -173,19 +174,21 @@ def test_a_study_without_a_record_leaves_its_figure_out(study, answer):
     assert counted == [(number, len(counted)) for number in range(1, len(counted) + 1)]
 
 
-def test_the_map_of_motions_has_a_panel_for_each_and_a_mark_for_each_print(tmp_path):
+def test_the_map_of_motions_has_a_panel_for_each_and_a_mark_for_each_print():
     cell = {"joint": "elbow_pitch", "gain": 4e-3, "volts": 1.0, "friction": 1e-3, "armax_bandwidth_hz": 0.9}
     cell |= {"oe_bandwidth_hz": None, "okid_bandwidth_hz": 1.1}
     cells = [cell, {**cell, "friction": 7e-4, "armax_bandwidth_hz": 1.0}, {**cell, "volts": 2.0}]
-    path = tmp_path / "motion.json"
-    path.write_text(json.dumps({"answers": ["No cell explains it."], "map": cells}), encoding="utf-8")
-    ((key, panels),) = motion_chart(read_motion(path)["map"]).views.items()
+    ((key, panels),) = motion_chart(cells).views.items()
     assert (key, [panel.title for panel in panels]) == (("elbow pitch",), ["4 mrad", "8 mrad"])
     armax, oe, _ = panels[0].series
     assert armax.x == pytest.approx([0.07, 0.1]) and armax.y == [1.0, 0.9] and np.isnan(oe.y).all()
     assert [text for _, _, text in panels[0].marks] == ["printed ARMAX (4.12)", "printed OKID (5.10)"]
+
+
+def test_a_record_of_motions_is_one_or_is_refused(tmp_path):
+    path = tmp_path / "motion.json"
     path.write_text("{}", encoding="utf-8")
-    refused("has no answers, map; expected a motion.json", read_motion, path)
+    refused("has no arms, joints, map, nominal, printed; expected a motion.json", read_motion, path)
     refused("cannot read", read_motion, tmp_path / "missing.json")
 
 

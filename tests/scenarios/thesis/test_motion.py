@@ -2,7 +2,7 @@
 
 import csv
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import product
 
 import numpy as np
@@ -20,7 +20,7 @@ from scenarios.thesis.motion import (
     run_campaign,
     run_settings,
 )
-from scenarios.thesis.motion_answer import MotionStudy
+from scenarios.thesis.motion_answer import motion_record, motion_texts, read_motion
 from scenarios.thesis.motion_score import EXPLAINS, FARTHEST, TOLERANCES, arms, cells, items, profile
 from scenarios.truth.published import BREAK_FREQUENCY, PERCENT_DESCRIBED, published
 
@@ -130,10 +130,18 @@ def test_joints_of_an_arm_share_all_but_their_friction():
     assert best.score < other.score < EXPLAINS
     assert best.explains == STUDIED_JOINTS
     assert profile((best, other))["servo"] == {"flow": best.score, "torque": other.score}
-    study = MotionStudy(replace(SMALL, frictions=(0.001, 0.01)), cells(results))
-    assert "1 of 1" not in study.answers()[0]
-    assert "the best explains shoulder yaw and shoulder pitch and elbow pitch" in study.answers()[3]
-    assert [cell.setting.friction for cell in study.nominal.cells] == [0.01, 0.001, 0.001]
+    record = motion_record(replace(SMALL, frictions=(0.001, 0.01)), cells(results))
+    texts = motion_texts(record)
+    assert texts[0].startswith("Shoulder yaw alone: 4 of 4 combinations explain it")
+    assert "2 of 2 arms explain all joints. The best, servo flow, 4 mrad/V" in texts[3]
+    assert "explains shoulder yaw, shoulder pitch and elbow pitch" in texts[3]
+    assert [joint["friction"] for joint in record["nominal"]["joints"].values()] == [0.01, 0.001, 0.001]
+    assert {row["model"]: row["distance"] for row in record["printed"] if row["model"] != "ARMAX (4.7)"} == {
+        model.label: pytest.approx(0.0, abs=1e-12)
+        for joint in STUDIED_JOINTS
+        for model in published(joint)
+        if model.label != "ARMAX (4.7)"
+    }
 
 
 @pytest.mark.slow
@@ -166,11 +174,33 @@ def test_workers_change_no_bit_and_an_interrupted_campaign_resumes(tmp_path):
 def test_the_command_writes_scores_and_the_map(printed, result, tmp_path, monkeypatch):
     monkeypatch.setattr(MotionCampaign, "quick", classmethod(lambda _: replace(SMALL, seeds=1, multisines=0)))
     text = printed("motion", "--quick", "--out", tmp_path / "made", "--workers", 1)
-    assert "One arm for all three joints" in text
+    assert "All three joints on one arm" in text
     record = json.loads((tmp_path / "made" / "motion.json").read_text())
-    assert len(record["arms"]) == 2 and set(record["best"]) == set(STUDIED_JOINTS)
+    assert record["arms"]["number"] == 2 and set(record["joints"]) == set(STUDIED_JOINTS)
     with (tmp_path / "made" / "motion.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["joint"] for row in rows] == [joint for joint in STUDIED_JOINTS for _ in range(2)]
     assert (tmp_path / "made" / "motion.png").stat().st_size > 10_000
     assert result("motion", "--quick", "--out", tmp_path / "made")["arms"] == record["arms"]
+
+
+def test_the_record_of_the_whole_campaign_is_of_its_factors_and_items():
+    record, campaign = read_motion(), MotionCampaign()
+    assert record["campaign"] == json.loads(json.dumps(vars(campaign)))
+    assert record["failed"] == []
+    assert {joint: list(one["best"]["distances"]) for joint, one in record["joints"].items()} == {
+        joint: list(items(joint)) for joint in STUDIED_JOINTS
+    }
+    assert record["arms"]["number"] == 3 * 3 * 2 * 2 * 2 * 3  # the first: flow at two presliding deflections, torque at one
+
+
+@pytest.mark.slow
+def test_the_record_of_the_whole_campaign_is_of_this_arm():
+    """One setting of the map again, which any change of the physics moves."""
+    recorded = next(cell for cell in read_motion()["map"] if cell["joint"] == "elbow_pitch")
+    setting = Setting(**{field.name: recorded[field.name] for field in fields(Setting)})
+    campaign = replace(MotionCampaign(), multisines=0, volts=(recorded["volts"],), logged=(recorded["logged"],))
+    ((_, rows),) = run_settings(campaign, (setting,))
+    (cell,) = cells({setting: rows})
+    again = {name: value for name, value in cell.record().items() if isinstance(value, float) and np.isfinite(value)}
+    assert {name: recorded[name] for name in again} == pytest.approx(again, rel=1e-3)
