@@ -33,6 +33,7 @@ def truth(
     payload: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
     pose: Annotated[str | None, tyro.conf.arg(metavar="NAME|DEG,DEG,...")] = None,
     actuator: Annotated[str | None, tyro.conf.arg(metavar="linear|orifice")] = None,
+    servo: Annotated[str | None, tyro.conf.arg(metavar="flow|torque")] = None,
     friction: Annotated[str | None, tyro.conf.arg(metavar="none|viscous|coulomb|lugre")] = None,
     friction_level: float | None = None,
     supply_pressure: Annotated[float | None, tyro.conf.arg(metavar="MPA")] = None,
@@ -75,6 +76,7 @@ def truth(
         pose: Operating point: rpcm_holster_out_approach (when not given) or home, or the seven joint angles in degrees,
             separated by commas.
         actuator: Linear law of load and flow (when not given), or servo valves with square-root orifices.
+        servo: What the joint servos command, the flow of the oil or the torque; that of the variant when not given.
         friction: Friction of the joints, lugre when not given. The small-signal truth keeps only its viscous part.
         friction_level: Dry friction, in multiples of the variant's; 1 when not given.
         supply_pressure: Pressure of the supply, MPa; 20.7 when not given.

@@ -171,6 +171,10 @@ def conditions_in_words(arm: Arm, *, departures: bool = False) -> str:
     plant, nominal, oil = arm.plant, NOMINAL_PLANT, hydraulic(arm)
     texts = [
         (plant.actuator != nominal.actuator, f"{plant.actuator} actuators" if oil else "electric drives"),
+        (
+            plant.servo != nominal.servo,
+            f"servo {variant_named(arm.variant).servo if plant.servo == nominal.servo else plant.servo}",
+        ),
         (plant.friction != nominal.friction, f"friction {plant.friction}"),
     ]
     if arm.friction and plant.friction_level != nominal.friction_level:

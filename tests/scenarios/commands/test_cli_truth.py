@@ -137,8 +137,8 @@ def test_title_tells_conditions_that_are_not_nominal():
         return truth_figure(truth_summary.truth_summary(arm, linearize(arm))).get_suptitle()
 
     assert title().endswith("nominal conditions")
-    heading = title(oil_temperature=15.0, supply_pressure=18.0, friction_level=2.0, process_noise=0.001)
-    for part in ("oil at 15 °C", "supply pressure 18 MPa", "friction 2 times", "process noise 0.001"):
+    heading = title(servo="torque", oil_temperature=15.0, supply_pressure=18.0, friction_level=2.0, process_noise=0.001)
+    for part in ("servo torque", "oil at 15 °C", "supply pressure 18 MPa", "friction 2 times", "process noise 0.001"):
         assert part.lower() in heading.lower()
     assert "nominal conditions" not in heading
 
