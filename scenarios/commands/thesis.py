@@ -62,7 +62,7 @@ def thesis(
     from scenarios.experiments.waveform import seed_range
     from scenarios.files.data_file import write_log
     from scenarios.jobs.progress import Progress, show_progress
-    from scenarios.thesis.answer import certainty, measure_answer, sentences
+    from scenarios.thesis.answer import answer_texts, measure_answer
     from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST
     from scenarios.thesis.findings import findings
     from scenarios.thesis.frequencies import frequency_text, source_text
@@ -111,8 +111,9 @@ def thesis(
                     comparison, verdicts, answer, page, many, figures=pictures, motion=moved, progress=drawn
                 )
             comparison = replace(comparison, cost=comparison.cost.later(steps.seconds["report"], report=True))
-        record = {**results(comparison, verdicts, report, many), "answer": " ".join(sentences(answer))}
-        record |= {"certainty": certainty(answer), "responses": answer.record()}
+        *sentences, certainty = answer_texts(answer, moved)
+        record = {**results(comparison, verdicts, report, many), "answer": " ".join(sentences)}
+        record |= {"certainty": certainty, "responses": answer.record()}
         # Before the logs: a disk that is full with them costs no conclusion.
         write_whole(folder / "results.json", json_text(record))
         for log in comparison.logs.values() if logs else ():
@@ -142,7 +143,7 @@ def thesis(
     print_table("Findings", ("", "verdict", "seeds", "claim"), lines)
     if many:
         say(source_text(many, seed))
-    say_each("", (*sentences(answer), certainty(answer)))
+    say_each("", (*sentences, certainty))
     say(f"Report: {report}")
     say_each("failed: ", failures)
     return 1 if failures else 0

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from statistics import median
+from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
@@ -182,17 +183,16 @@ def answer_chart(answer: Answer) -> Chart:
     return Chart({("",): tuple(panels)}, ("",), columns=3, height=330)
 
 
-def sentences(answer: Answer) -> tuple[str, ...]:
-    """What was put in, what the methods recover, and what the figures of 1996 can mean."""
-    return _paragraphs(answer)[:3]
+def answer_texts(answer: Answer, motion: Mapping[str, Any]) -> tuple[str, ...]:
+    """Say what was put in, what the methods recover, what the figures of 1996 can mean, and how sure that is.
 
+    Args:
+        answer: Responses of every joint.
+        motion: Record of a campaign of `hmtb motion`.
 
-def certainty(answer: Answer) -> str:
-    """What so few records can show of the answer, by exact binomial limits, and what they cannot."""
-    return _paragraphs(answer)[3]
-
-
-def _paragraphs(answer: Answer) -> tuple[str, ...]:
+    Returns:
+        Three sentences, and what so few records can show, by exact binomial limits.
+    """
     cases = [(one, method) for one in answer.joints for method in one.levels]
     recovered = [one.recovered_hz(method) for one, method in cases]
     ratios = [hz / one.best_linear.half_power_hz for hz, (one, _) in zip(recovered, cases, strict=True)]
@@ -208,13 +208,19 @@ def _paragraphs(answer: Answer) -> tuple[str, ...]:
         "agree": sum(one.agrees(method) for one, method in cases),
         "by": [f"{method.upper()} on {sum(one.agrees(method) for one in answer.joints)}" for method in METHODS],
         "known": [hz for hz in recovered if np.isfinite(hz)],
-        "departures": [100 * (ratio - 1.0) for ratio in ratios if np.isfinite(ratio)],
+        "departures": [
+            100 * (ratio - 1.0)
+            for ratio, (one, method) in zip(ratios, cases, strict=True)
+            if np.isfinite(ratio) and not one.agrees(method)
+        ],
         "printed": len(printed),
         "same": [
             f"{short(joint)} {model.label}"
             for joint, model in printed
             if abs(model.half_power_hz / (BREAK_FREQUENCY[joint] / (2 * np.pi)) - 1.0) <= CLOSE
         ],
+        "motion": motion,
+        "unexplained": [short(joint) for joint, one in motion["joints"].items() if not one["explained"]],
         "unanimous": sum(count in (0, seeds) for count in agreeing),
         "least": 100 * binomtest(seeds, seeds).proportion_ci(0.95, "exact").low,
     }

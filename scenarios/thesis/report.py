@@ -22,7 +22,7 @@ from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.report.page import Page
-from scenarios.thesis.answer import Answer, certainty, sentences
+from scenarios.thesis.answer import Answer, answer_texts
 from scenarios.thesis.attribution import CONDITIONS
 from scenarios.thesis.chapters import chapter_3, chapter_4, chapter_5, chapter_6, robustness
 from scenarios.thesis.comparison import Comparison
@@ -81,6 +81,7 @@ def context(
 ) -> dict[str, object]:
     """Return the variables of the templates by name; see `write_report` for the arguments."""
     motion = motion or read_motion()
+    texts = answer_texts(answer, motion)
     arm, no_arm = arm_picture()
     moments, outcome = exchange(study)
     figures = report_figures(study, answer, progress, motion=motion["map"])
@@ -95,8 +96,8 @@ def context(
         "criteria": CLAIMS.values(),
         "verdicts": [(name, counts[name]) for name in ORDER if counts[name]],
         "chance": chance(findings, tally, study.seed),
-        "sentences": sentences(answer),
-        "certainty": certainty(answer),
+        "sentences": texts[:3],
+        "certainty": texts[3],
         "answer": answer,
         "figures": figures,
         "motion": motion,

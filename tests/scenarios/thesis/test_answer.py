@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.thesis.answer import FREQUENCIES, METHODS, answer_chart, certainty, drawn_models, sentences
+from scenarios.thesis.answer import FREQUENCIES, METHODS, answer_chart, answer_texts, drawn_models
+from scenarios.thesis.motion_answer import read_motion
 from sysid.models.bandwidth import HALF_POWER
 
 
@@ -59,39 +60,47 @@ def changed(answer, factor):
     return replace(answer, joints=joints)
 
 
+def said(answer, motion=None):
+    return answer_texts(answer, motion or read_motion())
+
+
 def test_sentences_follow_the_outcome(answer):
-    put_in, recovered, meaning = sentences(changed(answer, 1.05))
+    put_in, recovered, meaning, _ = said(changed(answer, 1.05))
     for one in answer.joints:
         assert f"{one.best_linear.half_power_hz:.2f} Hz ({one.joint.replace('_', ' ')})" in put_in
     assert recovered.endswith("which agrees with the truth in all cases.")
-    assert "no reason to doubt them" in meaning
     assert "shoulder yaw OE (4.8), shoulder pitch OE (4.10) and elbow pitch ARMAX (4.12)" in meaning
     assert "was given 1 Hz" in meaning
 
-    _, recovered, meaning = sentences(changed(answer, 0.2))
-    assert recovered.endswith("which never agrees with the truth.")
-    assert "miss the truth by −80 to −80 %" in meaning
+    recovered = said(changed(answer, 0.2))[1]
+    assert recovered.endswith("which never agrees with the truth and misses it by −80 to −80 %.")
 
     first = changed(answer, 0.2).joints[0]
     mixed = replace(answer, joints=(first, *changed(answer, 1.0).joints[1:]))
-    _, recovered, _ = sentences(mixed)
-    assert "in 6 of 9 cases (ARMAX on 2, OE on 2 and OKID on 2 of 3 joints)" in recovered
+    recovered = said(mixed)[1]
+    assert "in 6 of 9 cases (ARMAX on 2, OE on 2 and OKID on 2 of 3 joints); the others miss it by −80" in recovered
 
-    _, recovered, meaning = sentences(changed(answer, np.nan))
-    assert "no value and find none in 9 of 9 cases, which never agrees" in recovered
-    assert "nothing supports a printed figure" in meaning
+    recovered = said(changed(answer, np.nan))[1]
+    assert recovered.endswith("no value and find none in 9 of 9 cases, which never agrees with the truth.")
+
+    motion = read_motion()
+    joints = {joint: {**one, "explained": int(joint == "elbow_pitch")} for joint, one in motion["joints"].items()}
+    for explained, text in ((0, "none of 9 tried arms"), (1, "1 of 9 tried arms")):
+        arms = {**motion["arms"], "number": 9, "explain_all": explained}
+        meaning = said(answer, {**motion, "joints": joints, "arms": arms})[2]
+        assert text in meaning and ("and none the shoulder yaw and shoulder pitch" in meaning) is not bool(explained)
 
 
 def test_few_records_show_no_more_than_the_binomial_limit(answer):
     seeds = len(answer.seeds)
-    text = certainty(changed(answer, 1.0))
+    text = said(changed(answer, 1.0))[3]
     # The share of which that many successes in a row still have a chance of 2.5 %.
     assert "in 9 of 9 cases" in text and f"at least {100 * 0.025 ** (1 / seeds):.0f} % of all" in text
     assert "they differ" not in text
     first = changed(answer, 1.0).joints[0]
     level = first.best_linear.half_power_hz
     split = replace(first, levels={name: (np.nan, *[level] * (seeds - 1)) for name in first.levels})
-    text = certainty(replace(answer, joints=(split, *changed(answer, 1.0).joints[1:])))
+    text = said(replace(answer, joints=(split, *changed(answer, 1.0).joints[1:])))[3]
     assert "in 6 of 9 cases" in text and f"in the other 3 they differ, and {seeds} records cannot tell" in text
 
 

@@ -12,11 +12,12 @@ import pytest
 from markupsafe import escape
 from plotly.offline import get_plotlyjs
 
-from scenarios.thesis.answer import sentences
+from scenarios.thesis.answer import answer_texts
 from scenarios.thesis.finding import Verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.monte_carlo import Tally, outcome
+from scenarios.thesis.motion_answer import read_motion
 from scenarios.thesis.report import html, limits, write_report
 from tests.refusals import refused
 from tests.scenarios.web_page import Page
@@ -205,5 +206,7 @@ def test_whole_records_are_not_marked(study, report):
 
 def test_the_first_screen_is_three_sentences_and_a_picture(text, answer):
     first = text[text.index('<section id="answer">') : text.index('<section id="bandwidths">')]
-    assert re.findall(r"<p>(.*?)</p>", re.sub("</?strong>", "", first)) == [escape(one) for one in sentences(answer)]
+    assert re.findall(r"<p>(.*?)</p>", re.sub("</?strong>", "", first)) == [
+        escape(one) for one in answer_texts(answer, read_motion())[:3]
+    ]
     assert first.count("<figure") == 1
