@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from scenarios.commands.output import (
-    at_least_one,
+    check_parallel,
     draw,
     output_folder,
     plain,
@@ -100,7 +100,7 @@ def bandwidth(
     from scenarios.identification.bandwidth_study import from_logs, from_simulation
 
     check_seed(0 if seed is None else seed)
-    at_least_one("--threads", threads)
+    check_parallel("--threads", threads)
     contradicting = [f"--{name.replace('_', '-')}" for name in OF_ARM if name in options]
     if data is not None and contradicting:
         raise ScenarioError(f"--data takes arm and tests from the logs; leave out {', '.join(contradicting)}")

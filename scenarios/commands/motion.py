@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from scenarios.commands.output import at_least_one, draw, json_text, output_folder, print_json, progress, say_each
+from scenarios.commands.output import check_parallel, draw, json_text, output_folder, print_json, progress, say_each
+from scenarios.files.errors import ScenarioError
 
 FILES = ("motion.json", "motion.csv", "motion.png", "motion.svg")
 """Files of --out beside the journal."""
@@ -16,7 +17,7 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
     against everything that it prints. The answer: which settings explain it, whether one arm explains all joints, and
     the map of recovered bandwidth over motion and friction.
 
-    It takes about 50 minutes of two processors. Finished settings are saved; an interrupted run resumes.
+    It takes about 75 minutes of two free processors. Finished settings are saved; an interrupted run resumes.
 
     Args:
         out: Folder for motion.json, motion.csv (a row for every cell), the map, motion.png and .svg, and the journal.
@@ -32,7 +33,7 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
     from scenarios.thesis.motion_score import cells
     from scenarios.thesis.motion_section import motion_map
 
-    at_least_one("--workers", workers)
+    check_parallel("--workers", workers)
     campaign = MotionCampaign.quick() if quick else MotionCampaign()
     with output_folder(out, *FILES) as folder, progress("settings", lines=True) as bar:
         try:
@@ -42,6 +43,8 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
             raise KeyboardInterrupt(f"finished settings are saved in {folder}") from None
         failed = [f"{one}, {row['failed']}" for one, rows in results.items() for row in rows if "failed" in row]
         scored = cells(results)
+        if not scored:
+            raise ScenarioError(f"every experiment failed, the first: {failed[0] if failed else 'without a reason'}")
         record = motion_record(campaign, scored, failed)
         rows = [cell.record() for cell in scored]
         files = [folder / "motion.json", folder / "motion.csv"]

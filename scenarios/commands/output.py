@@ -92,14 +92,16 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
     Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False).print(table)
 
 
-def at_least_one(option: str, value: int | None) -> None:
-    """Refuse a number below 1.
+def check_parallel(option: str, value: int | None) -> None:
+    """Refuse a number of threads or processes that is none, or absurd.
 
     Raises:
-        ScenarioError: The number is below 1; None passes.
+        ScenarioError: The number is not in 1 to `MOST_WORKERS`; None passes.
     """
-    if value is not None and value < 1:
-        raise ScenarioError(f"{option} {value} given, expected 1 or more")
+    from scenarios.jobs.executor import MOST_WORKERS
+
+    if value is not None and not 1 <= value <= MOST_WORKERS:
+        raise ScenarioError(f"{option} {value} given, expected 1 to {MOST_WORKERS}")
 
 
 def cluster_executor(address: str, patience: float, workers: int | None) -> "Cluster":

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from scenarios.commands.output import (
-    at_least_one,
+    check_parallel,
     counted,
     output_folder,
     print_json,
@@ -61,7 +61,7 @@ def simulate(
     from scenarios.files.data_file import write_log
     from scenarios.files.record_file import ENDINGS, unnamed
 
-    at_least_one("--threads", threads)
+    check_parallel("--threads", threads)
     formats = tuple(dict.fromkeys(entry.strip() for entry in format.split(",")))
     if wrong := [entry for entry in formats if entry not in ENDINGS]:
         raise ScenarioError(unknown("format", wrong[0], ENDINGS))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarios.commands.output import (
-    at_least_one,
+    check_parallel,
     json_text,
     output_folder,
     print_json,
@@ -67,12 +67,12 @@ def thesis(
     from scenarios.thesis.findings import findings
     from scenarios.thesis.frequencies import frequency_text, source_text
     from scenarios.thesis.monte_carlo import recorded
-    from scenarios.thesis.motion_answer import read_motion
+    from scenarios.thesis.motion_section import read_motion
     from scenarios.thesis.report import write_report
     from scenarios.thesis.results import results
     from scenarios.thesis.study import planned_steps, run_study
 
-    at_least_one("--threads", threads)
+    check_parallel("--threads", threads)
     moved = read_motion(motion)
     repeated = seed_range(seeds, 1 if seed is None else seed)
     duration, arms = (QUICK, CONDITIONS[:1]) if quick else (None, CONDITIONS)

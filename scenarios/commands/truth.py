@@ -8,8 +8,8 @@ import tyro
 
 from scenarios.commands.output import (
     FIGURES,
-    at_least_one,
     check_figure,
+    check_parallel,
     draw,
     output_folder,
     print_json,
@@ -107,7 +107,7 @@ def truth(
     from scenarios.truth.truth_summary import attainable_on, truth_summary
 
     check_seed(seed)
-    at_least_one("--threads", threads)
+    check_parallel("--threads", threads)
     if threads is not None and bla is None and not maps:
         raise ScenarioError(f"--threads {threads} given without --bla or --maps, which alone use threads")
     if density is not None and not maps:

@@ -17,6 +17,9 @@ from typing import Any, Generic, TypeVar
 
 from scenarios.files.errors import ScenarioError
 
+MOST_WORKERS = 1024
+"""Most processes of this machine: more would be a slip of the hand."""
+
 RESUME = "progress is saved: run the command again to resume"
 """End of errors after which nothing is lost."""
 
@@ -148,14 +151,14 @@ class LocalProcesses(Executor[Future[list[Any]]]):
         workers: Number of processes; all processors that this one may use by default.
 
     Raises:
-        ScenarioError: Less than one worker.
+        ScenarioError: Less than one worker, or too many.
     """
 
     def __init__(self, workers: int | None = None, report: Callable[[str], None] = lambda _: None) -> None:
         super().__init__(report)
         self.workers = len(os.sched_getaffinity(0)) if workers is None else workers
-        if self.workers < 1:
-            raise ScenarioError(f"workers must be 1 or more, given {workers}")
+        if not 1 <= self.workers <= MOST_WORKERS:
+            raise ScenarioError(f"workers must be 1 to {MOST_WORKERS}, given {workers}")
         # A pool of one process each: when a process dies, it is known which batch it ran.
         self._idle: list[ProcessPoolExecutor] = []
         self._busy: dict[Future[list[Any]], ProcessPoolExecutor] = {}

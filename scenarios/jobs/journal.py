@@ -51,7 +51,12 @@ class Journal(AbstractContextManager["Journal"]):
         self.close()
 
     def __contains__(self, key: str) -> bool:
-        return bool(self._execute("SELECT 1 FROM entries WHERE key = ?", (key,)).fetchone())
+        """Whether there is an entry; a damaged one counts as none, so that its work is done again."""
+        try:
+            row = self._execute("SELECT payload, crc FROM entries WHERE key = ?", (key,)).fetchone()
+        except sqlite3.Error:
+            return False
+        return row is not None and _checksum(key, row[0]) == row[1]
 
     def close(self) -> None:
         """Release the lock; other processes may open the journal."""

@@ -103,7 +103,7 @@ class MotionCampaign:
     Attributes:
         servos: Servo laws.
         gains: Gains of the hand controller, rad/V.
-        frictions: Coulomb friction, parts of stall torque; those above `HEAVY` with the largest gain and on `SLOW` alone.
+        frictions: Coulomb friction, parts of stall torque; above `HEAVY` with the largest gain and on `SLOW` alone.
         presliding: Deflections at which it is reached, rad; with the torque servo the first alone.
         holds: Holds of the hand controller, samples.
         noises: Noise of the wires, V.

@@ -1,9 +1,6 @@
 """What a motion campaign says: its scores as one record, and the same in words."""
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +9,6 @@ from hmtb_twin import STUDIED_JOINTS
 from hmtb_twin.parameters.drives import ACTUATORS, Friction
 from hmtb_twin.parameters.values import HAND_CONTROLLER
 from hmtb_twin.parameters.variants import VARIANTS
-from scenarios.files.errors import ScenarioError
 from scenarios.identification.one_hertz import joined
 from scenarios.report.page import Page
 from scenarios.thesis.motion import METHODS, MotionCampaign, model_numbers
@@ -21,9 +17,6 @@ from scenarios.truth.published import published
 
 SHOWN = 20
 """Arms in the record, the best first."""
-
-FILE = "motion.json"
-"""Name of the record, in the folder of `hmtb motion` and among the package's data."""
 
 OF_MAP = ("servo", "presliding", "hold", "noise", "logged")
 """Factors that the cells of the map have in common: those of the best arm."""
@@ -70,26 +63,6 @@ def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Seque
         "map": [one.record() for own in tests.values() for one in own if fixed.items() <= factors(one).items()],
         "failed": list(failed),
     }
-
-
-def read_motion(path: Path | None = None) -> Mapping[str, Any]:
-    """Read the record of a campaign.
-
-    Args:
-        path: A `motion.json` of `hmtb motion`; without one, that of the whole campaign, which comes with the package.
-
-    Raises:
-        ScenarioError: It is none, or cannot be read.
-    """
-    source = path or files("scenarios") / "data" / FILE
-    try:
-        record = json.loads(source.read_text(encoding="utf-8"))
-        missing = {"joints", "printed", "arms", "nominal", "map"} - set(record)
-    except (OSError, ValueError, TypeError) as error:
-        raise ScenarioError(f"cannot read {str(path)!r}, expected a motion.json of hmtb motion: {error}") from error
-    if missing:
-        raise ScenarioError(f"{str(path)!r} has no {', '.join(sorted(missing))}; expected a motion.json of hmtb motion")
-    return dict(record)
 
 
 def motion_texts(record: Mapping[str, Any]) -> tuple[str, ...]:

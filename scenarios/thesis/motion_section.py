@@ -1,15 +1,56 @@
-"""Map of the motion campaign: recovered bandwidth over friction and motion, with the printed models marked."""
+"""Report section on how far the arm moved: the record of a campaign of `hmtb motion`, read and checked, and its map."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
+from jinja2 import TemplateError
 from matplotlib.figure import Figure
 
+from scenarios.files.errors import ScenarioError
 from scenarios.report.figure_style import MRAD, short
+from scenarios.report.page import Page
 from scenarios.thesis.answer import METHODS, drawn_models
 from scenarios.thesis.chart import Chart, Panel, Series, by_view, draw
+from scenarios.thesis.motion_answer import motion_texts
 from sysid.plots import PALETTE, Style
+
+MOST = 10_000_000
+"""Largest record, bytes: that of the whole campaign has a hundredth."""
+
+
+def read_motion(path: Path | None = None) -> Mapping[str, Any]:
+    """Read the record of a campaign, and try that words, table and map can be made of it.
+
+    Args:
+        path: A `motion.json` of `hmtb motion`; without one, that of the whole campaign, which comes with the package.
+
+    Raises:
+        ScenarioError: It is none, is larger than `MOST`, or cannot be read.
+    """
+    try:
+        if path is not None and path.stat().st_size > MOST:
+            raise ValueError(f"it has {path.stat().st_size} bytes")
+        source = path or files("scenarios") / "data" / "motion.json"
+        record = json.loads(source.read_text(encoding="utf-8"), parse_constant=_refuse)
+        motion_texts(record)
+        section = {"motion": record, "moved": (), "figures": {}}
+        Page({"words": str, "joined": str}).render("motion.html.j2", section)
+        for cell in record["map"]:
+            if not (drawn_models(cell["joint"]) and min(cell[name] for name in ("gain", "friction", "volts")) > 0.0):
+                raise ValueError(f"a cell of the map has no studied joint, motion or friction: {str(cell)[:60]}")
+        motion_chart(record["map"])
+    except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError, TemplateError) as error:
+        why = f"{type(error).__name__}: {error}"[:200]
+        raise ScenarioError(f"cannot read {str(path)!r}, expected a motion.json of hmtb motion: {why}") from error
+    return dict(record)
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is no number")
 
 
 def motion_chart(cells: Sequence[Mapping[str, Any]]) -> Chart:
@@ -48,7 +89,7 @@ def _curves(cells: Sequence[Mapping[str, Any]], motion: float) -> tuple[Series, 
         Series(
             method.upper(),
             [100 * cell["friction"] for cell in rows],
-            [float("nan") if (hz := cell.get(f"{method}_bandwidth_hz")) is None else hz for cell in rows],
+            [float("nan" if (hz := cell.get(f"{method}_bandwidth_hz")) is None else hz) for cell in rows],
             Style(PALETTE[method].colour, "-", 1.6),
         )
         for method in METHODS

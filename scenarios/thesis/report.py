@@ -32,7 +32,8 @@ from scenarios.thesis.finding import CLAIMS, Finding
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.long_tables import LongTables
 from scenarios.thesis.monte_carlo import Spread, Tally
-from scenarios.thesis.motion_answer import motion_texts, read_motion
+from scenarios.thesis.motion_answer import motion_texts
+from scenarios.thesis.motion_section import read_motion
 from scenarios.thesis.number_text import measure, parts, root, value_text
 from scenarios.thesis.pictures import arm_picture, exchange, film
 from scenarios.thesis.published_section import assumed_values, published_section

@@ -109,5 +109,6 @@ def test_workers_end_with_their_parent(tmp_path):
     assert len(list(tmp_path.glob("closed-*"))) == 1
 
 
-def test_no_workers_are_refused():
-    refused("workers must be 1 or more, given 0", LocalProcesses, 0)
+@pytest.mark.parametrize("workers", [0, 10**9])
+def test_no_workers_and_absurdly_many_are_refused(workers):
+    refused(f"workers must be 1 to 1024, given {workers}", LocalProcesses, workers)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenarios.thesis.answer import FREQUENCIES, METHODS, answer_chart, answer_texts, drawn_models
-from scenarios.thesis.motion_answer import read_motion
+from scenarios.thesis.motion_section import read_motion
 from sysid.models.bandwidth import HALF_POWER
 
 

@@ -10,8 +10,7 @@ from scenarios.experiments.registry import load
 from scenarios.thesis.chart import COLUMNS, Chart, Panel, Series, by_view, draw, record_series
 from scenarios.thesis.figures import ReportFigure, report_figures, thesis_numbers, without_counterpart, write_figures
 from scenarios.thesis.long_tables import LongTables
-from scenarios.thesis.motion_answer import read_motion
-from scenarios.thesis.motion_section import motion_chart
+from scenarios.thesis.motion_section import motion_chart, read_motion
 from scenarios.thesis.nonparametric import PULSE, SINES, excited_lines
 from sysid.plots import PALETTE
 from tests.refusals import refused
@@ -185,10 +184,27 @@ def test_the_map_of_motions_has_a_panel_for_each_and_a_mark_for_each_print():
     assert [text for _, _, text in panels[0].marks] == ["printed ARMAX (4.12)", "printed OKID (5.10)"]
 
 
-def test_a_record_of_motions_is_one_or_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda record: {},
+        lambda record: ["answers", "map"],
+        lambda record: {**record, "map": [{}]},
+        lambda record: {**record, "map": [{**record["map"][0], "friction": float("nan")}]},
+        lambda record: {**record, "map": [{**record["map"][0], "gain": -1.0}]},
+        lambda record: {**record, "map": [{**record["map"][0], "joint": "tail"}]},
+        lambda record: {**record, "map": [{**record["map"][0], "oe_bandwidth_hz": "fast"}]},
+        lambda record: {**record, "joints": 5},
+        lambda record: {**record, "printed": [{}]},
+        lambda record: {**record, "arms": {}},
+    ],
+)
+def test_what_is_no_record_of_motions_is_refused(tmp_path, damage):
     path = tmp_path / "motion.json"
-    path.write_text("{}", encoding="utf-8")
-    refused("has no arms, joints, map, nominal, printed; expected a motion.json", read_motion, path)
+    path.write_text(json.dumps(damage(read_motion())), encoding="utf-8")
+    refused("cannot read .*expected a motion.json of hmtb motion", read_motion, path)
+    path.write_text("[" * 100_000, encoding="utf-8")
+    refused("cannot read .*RecursionError", read_motion, path)
     refused("cannot read", read_motion, tmp_path / "missing.json")
 
 

@@ -20,8 +20,9 @@ from scenarios.thesis.motion import (
     run_campaign,
     run_settings,
 )
-from scenarios.thesis.motion_answer import motion_record, motion_texts, read_motion
+from scenarios.thesis.motion_answer import motion_record, motion_texts
 from scenarios.thesis.motion_score import EXPLAINS, FARTHEST, TOLERANCES, arms, cells, items, profile
+from scenarios.thesis.motion_section import read_motion
 from scenarios.truth.published import BREAK_FREQUENCY, PERCENT_DESCRIBED, published
 
 SMALL = MotionCampaign(

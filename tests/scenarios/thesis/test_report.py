@@ -17,7 +17,7 @@ from scenarios.thesis.finding import Verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.monte_carlo import Tally, outcome
-from scenarios.thesis.motion_answer import read_motion
+from scenarios.thesis.motion_section import read_motion
 from scenarios.thesis.report import html, limits, write_report
 from tests.refusals import refused
 from tests.scenarios.web_page import Page
