@@ -45,6 +45,10 @@ def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Seque
                 "cells": len(own),
                 "explained": sum(one.score <= EXPLAINS for one in own),
                 "best": _with_distances(min(own, key=lambda one: one.score)),
+                "friction": {
+                    str(level): min(one.score for one in own if one.setting.friction == level)
+                    for level in sorted({one.setting.friction for one in own})
+                },
             }
             for joint, own in tests.items()
         },
