@@ -186,14 +186,14 @@ def draw(panels: Sequence[Panel], columns: int = 1) -> Figure:
         axes.axis("off")
     handles: dict[str, Any] = {}
     for axes, panel in zip(grid, panels, strict=False):
+        # Before anything is drawn: lines across the panel would else begin at 0.
+        axes.set(**{f"{axis}scale": "log" for axis in panel.log})
         for entry in panel.series:
             handles.setdefault(entry.label, _draw_series(axes, entry))
         for axis, value, text in panel.marks:
             line = axes.axvline if axis == "x" else axes.axhline
             line(value, color=BOUND.colour, ls=":", lw=1.0, label=text)
         axes.set(xlabel=panel.x, ylabel=panel.y, xlim=panel.x_limits, ylim=panel.y_limits)
-        axes.set_xscale("log" if "x" in panel.log else "linear") if panel.log else None
-        axes.set_yscale("log") if "y" in panel.log else None
         axes.set_aspect("equal") if panel.equal else None
         axes.set_title(panel.title, loc="left", fontsize=8.5)
     dress(grid[: len(panels)])

@@ -22,6 +22,10 @@ MOST = 10_000_000
 """Largest record, bytes: that of the whole campaign has a hundredth."""
 
 
+BANDWIDTHS = (0.1, 6.0)
+"""Ends of the axis of the map, Hz."""
+
+
 def read_motion(path: Path | None = None) -> Mapping[str, Any]:
     """Read the record of a campaign, and try that words, table and map can be made of it.
 
@@ -67,7 +71,14 @@ def motion_chart(cells: Sequence[Mapping[str, Any]]) -> Chart:
         marks = tuple(("y", one.bandwidth_hz, f"printed {one.label}") for one in drawn_models(joint).values())
         return tuple(
             Panel(
-                "friction / % of stall torque", "bandwidth / Hz", _curves(own, motion), title, "xy", None, None, marks
+                "friction / % of stall torque",
+                "bandwidth / Hz",
+                _curves(own, motion),
+                title,
+                "xy",
+                None,
+                BANDWIDTHS,
+                marks,
             )
             for motion in motions
             for title in [f"{MRAD * motion:.3g} mrad"]
