@@ -218,11 +218,7 @@ def verify(
 
 
 def _check_place(path: Path, estimator: Estimator, plan: BenchPlan) -> None:
-    """Refuse to overwrite the result of another estimator, or a more complete one.
-
-    Raises:
-        ScenarioError: There is one.
-    """
+    """Refuse to overwrite the result of another estimator, or a more complete one."""
     try:
         before = Result.read(path)
     except ScenarioError:  # none, damaged or of another version: nothing is lost
@@ -246,12 +242,7 @@ def _check_place(path: Path, estimator: Estimator, plan: BenchPlan) -> None:
 
 
 def _drawn_seed(path: Path, estimators: Sequence[Estimator]) -> int:
-    """The seed of a run that is given none; an interrupted run finds the seed that it drew, and resumes.
-
-    Args:
-        path: File of the seeds that were drawn in this folder, by hash of the estimators.
-        estimators: Another version of their files has another seed, drawn when that version is fixed.
-    """
+    """Draw the seed of a run, or read that of an interrupted run, which a file has by hash of the estimators."""
     hashes = [source_hash(estimator) for estimator in estimators]
     texts = [f"{estimator.target}|{estimator.home}|{text}" for estimator, text in zip(estimators, hashes, strict=True)]
     key = sha256("\n".join(texts).encode()).hexdigest()

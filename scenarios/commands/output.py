@@ -93,11 +93,7 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
 
 
 def check_parallel(option: str, value: int | None) -> None:
-    """Refuse a number of threads or processes that is none, or absurd.
-
-    Raises:
-        ScenarioError: The number is not in 1 to `MOST_WORKERS`; None passes.
-    """
+    """Refuse a number of threads or processes outside of 1 to `MOST_WORKERS`; None passes."""
     from scenarios.jobs.executor import MOST_WORKERS
 
     if value is not None and not 1 <= value <= MOST_WORKERS:

@@ -196,11 +196,7 @@ def _run_task(
 
 
 def _check_scheduler(address: str, timeout: float) -> None:
-    """Refuse what is no scheduler: Dask's client waits without end for one that says nothing.
-
-    Raises:
-        OSError: Nobody answers, or the answer is not the greeting of a scheduler.
-    """
+    """Raise `OSError` for what is no scheduler: Dask's client waits without end for one that says nothing."""
     from distributed.comm.addressing import get_address_host_port, parse_address
 
     with socket.create_connection(get_address_host_port(address, strict=True), timeout=timeout) as connection:

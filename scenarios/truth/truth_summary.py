@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hmtb_twin import JOINTS, NOMINAL_PLANT, Arm, JointLog, JointTruth, Truth
+from hmtb_twin.arm.arm_model import servo_law
 from hmtb_twin.parameters.drives import Actuator
 from hmtb_twin.parameters.variants import variant_named
 from hmtb_twin.truth.analytic_hydraulics import LinearHydraulics, linear_hydraulics
@@ -171,10 +172,7 @@ def conditions_in_words(arm: Arm, *, departures: bool = False) -> str:
     plant, nominal, oil = arm.plant, NOMINAL_PLANT, hydraulic(arm)
     texts = [
         (plant.actuator != nominal.actuator, f"{plant.actuator} actuators" if oil else "electric drives"),
-        (
-            plant.servo != nominal.servo,
-            f"servo {variant_named(arm.variant).servo if plant.servo == nominal.servo else plant.servo}",
-        ),
+        (plant.servo != nominal.servo, f"servo {servo_law(variant_named(arm.variant), plant)}"),
         (plant.friction != nominal.friction, f"friction {plant.friction}"),
     ]
     if arm.friction and plant.friction_level != nominal.friction_level:

@@ -184,24 +184,16 @@ def test_the_map_of_motions_has_a_panel_for_each_and_a_mark_for_each_print():
     assert [text for _, _, text in panels[0].marks] == ["printed ARMAX (4.12)", "printed OKID (5.10)"]
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda record: {},
-        lambda record: ["answers", "map"],
-        lambda record: {**record, "map": [{}]},
-        lambda record: {**record, "map": [{**record["map"][0], "friction": float("nan")}]},
-        lambda record: {**record, "map": [{**record["map"][0], "gain": -1.0}]},
-        lambda record: {**record, "map": [{**record["map"][0], "joint": "tail"}]},
-        lambda record: {**record, "map": [{**record["map"][0], "oe_bandwidth_hz": "fast"}]},
-        lambda record: {**record, "joints": 5},
-        lambda record: {**record, "printed": [{}]},
-        lambda record: {**record, "arms": {}},
-    ],
-)
-def test_what_is_no_record_of_motions_is_refused(tmp_path, damage):
+RECORD = dict(read_motion())
+CELL = RECORD["map"][0]
+WRONG = ({"friction": float("nan")}, {"gain": -1.0}, {"joint": "tail"}, {"oe_bandwidth_hz": "fast"})
+CHANGES = [{"map": [{}]}, {"joints": 5}, {"printed": [{}]}, {"arms": {}}, *({"map": [CELL | one]} for one in WRONG)]
+
+
+@pytest.mark.parametrize("content", [{}, ["answers", "map"], *(RECORD | change for change in CHANGES)])
+def test_what_is_no_record_of_motions_is_refused(tmp_path, content):
     path = tmp_path / "motion.json"
-    path.write_text(json.dumps(damage(read_motion())), encoding="utf-8")
+    path.write_text(json.dumps(content), encoding="utf-8")
     refused("cannot read .*expected a motion.json of hmtb motion", read_motion, path)
     path.write_text("[" * 100_000, encoding="utf-8")
     refused("cannot read .*RecursionError", read_motion, path)
