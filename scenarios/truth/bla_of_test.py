@@ -85,7 +85,7 @@ def best_linear_of_test(
     Like it in two numbers: the root mean square of the command *as logged*, behind the velocity limit, and the
     frequency below which 95 % of its power lies. The lines begin at 0.1 Hz all the same, because a bandwidth is
     relative to the gain at 0 Hz, and a file of 2 s excites nothing below 0.5 Hz. The distribution of amplitudes is
-    not that of a binary sequence, which changes the effect of friction by one or two percent of the gain.
+    not that of a binary sequence, which changes the effect of friction by some percent of the gain.
 
     Args:
         setting: Any experiment of the joint on the arm, for its conditions.
