@@ -92,7 +92,7 @@ class IndependentArm:
         r       = s0 v(w)/g(w),     g(w) = Fc + (Fs - Fc) exp(-(w/ws)^2),     v(w) = w^2/sqrt(w^2 + w0^2)
 
     with K the flow-pressure gain including leakage and f the weight at the commanded pose by the controller's model.
-    R bounds s0 to 2 R^2 J and s1 to R J with J the inertia that a joint sees at zero angles while the others are free.
+    R bounds s0 to 2 R^2 J and s1 to R J/2, J the inertia that a joint sees at zero angles while the others are free.
     All numbers are those of the arm's records, as attributes per moving joint (6,) named as above.
 
     Args:
@@ -126,7 +126,7 @@ class IndependentArm:
             stiffness = self.coulomb / presliding
             passive = np.divide(self.B, ratio - 1.0, out=np.full(COUNT, np.inf), where=ratio > 1.0)
             self.s0 = np.minimum(stiffness, 2.0 * FASTEST**2 * free)
-            self.s1 = np.min([stiffness * bristle_time, passive, FASTEST * free], axis=0)
+            self.s1 = np.min([stiffness * bristle_time, passive, 0.5 * FASTEST * free], axis=0)
             # A joint without dry friction has bristles of no stiffness: any g but 0 will do.
             self.coulomb[self.coulomb == 0.0] = 1.0
 

@@ -8,10 +8,10 @@ from types import MappingProxyType
 import mujoco
 import numpy as np
 
-from hmtb_twin.arm.arm_model import compile_arm, tuned_gains
+from hmtb_twin.arm.arm_model import compile_arm, servo_law, tuned_gains
 from hmtb_twin.arm.controller_model import ControllerModel, controller_model
 from hmtb_twin.arm.worksite_model import LATCH_WELD
-from hmtb_twin.files.errors import OverloadError, TwinError
+from hmtb_twin.files.errors import OverloadError, TwinError, shown
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.callbacks import install_equations
 from hmtb_twin.hydraulics.drive_actuators import drive_parameters
@@ -284,11 +284,11 @@ def check_arm(
     """Raise `TwinError` for arguments that `load_arm` cannot load."""
     arm = variant_named(variant)
     if not isinstance(plant, Plant):
-        raise TwinError(f'plant = {plant!r} given, expected a Plant, such as Plant(actuator="orifice")')
+        raise TwinError(f'plant = {shown(plant)} given, expected a Plant, such as Plant(actuator="orifice")')
     if not isinstance(specimen, Specimen):
-        raise TwinError(f"specimen = {specimen!r} given, expected a Specimen, such as Specimen(payload_mass=1.1)")
+        raise TwinError(f"specimen = {shown(specimen)} given, expected a Specimen, such as Specimen(payload_mass=1.1)")
     if not isinstance(payload, str) or payload not in PAYLOADS:
-        raise TwinError(f"unknown payload {payload!r}, available: {', '.join(PAYLOADS)}")
+        raise TwinError(f"unknown payload {shown(payload)}, available: {', '.join(PAYLOADS)}")
     if worksite and payload not in WORKSITE_PAYLOADS:
         raise TwinError(
             f"payload {payload!r} at the worksite given, expected {' or '.join(WORKSITE_PAYLOADS)}: the seats are the "
@@ -299,8 +299,14 @@ def check_arm(
             f"variant {variant!r} at the worksite given, expected an arm on the ground: the seats hold the unit by its "
             "weight"
         )
-    for joint, drive in arm.actuators.items():
-        specimen.applied(joint, plant.applied(drive))
+    drives = {joint: specimen.applied(joint, plant.applied(drive)) for joint, drive in arm.actuators.items()}
+    valves = plant.actuator == "orifice" and servo_law(arm, plant) == "flow"
+    if valves and drives["wrist_roll"].drag == 0.0:
+        raise TwinError(
+            f'plant: actuator = "orifice" with the servo "flow" and no drag given (friction = "{plant.friction}"): '
+            "nothing damps the oil of the wrist roll, and the arm is unstable; expected viscous friction, or "
+            'servo = "torque"'
+        )
 
 
 @lru_cache(maxsize=64)

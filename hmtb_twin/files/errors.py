@@ -1,6 +1,7 @@
 """Errors and warnings of the laboratory."""
 
 import os
+from numbers import Real
 
 
 class TwinError(ValueError):
@@ -13,6 +14,20 @@ class OverloadError(TwinError):
 
 class TwinWarning(UserWarning):
     """A physical condition that affects the result, such as an experiment that reached a limit."""
+
+
+LONGEST = 60
+"""Longest quotation of a wrong value, in characters."""
+
+
+def shown(value: object) -> str:
+    """Quote a wrong value in an error: on one line, cut where it is long, numbers of NumPy as plain ones."""
+    try:
+        text = " ".join((str if isinstance(value, Real) else repr)(value).split())
+    except ValueError:
+        # Python does not print whole numbers of thousands of digits.
+        return f"a value of type {type(value).__name__}"
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
 def system_reason(error: OSError) -> str:

@@ -20,7 +20,8 @@ By the first-order integrators of MuJoCo the oil's resonance on a light joint ne
 
 FASTEST_BRISTLES = 1000.0
 """Fastest rate at which bristles settle and damp a joint, 1/s; their stiffness is at most twice the inertia times its
-square, which the step resolves. It matters only for worn seals and for light joints."""
+square, which the step resolves, their damping at most half the inertia times it: with Coulomb friction the worn wrist
+roll without a payload would swing at twice that. It matters only for worn seals and for light joints."""
 
 LONGEST_STEP = 1.6
 """Longest physics step of linear drives in time constants of their fastest mode: at 2.8 the integrator diverges.
@@ -99,7 +100,7 @@ def _add_drives(
         inertia = inertias[name]
         for place, largest in (
             (eq.BRISTLE, 2.0 * FASTEST_BRISTLES**2 * inertia),
-            (eq.BRISTLE_DAMPING, FASTEST_BRISTLES * inertia),
+            (eq.BRISTLE_DAMPING, 0.5 * FASTEST_BRISTLES * inertia),
         ):
             parameters[place] = min(parameters[place], largest)
         spec.add_actuator(

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from numbers import Real
 
-from hmtb_twin.files.errors import TwinError
+from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.drives import COLDEST, HOTTEST, Drive, ElectricDrive, Friction, Hydraulics
+from hmtb_twin.parameters.real_number import real_number
 
 ACTUATOR_FORMS = ("linear", "orifice")
 """Fidelities of the actuators: a linear load-flow characteristic, or a servo valve with square-root orifices."""
@@ -15,6 +15,14 @@ FRICTIONS = ("none", "viscous", "coulomb", "lugre")
 
 SERVOS = ("variant", "flow", "torque")
 """Servo laws: that of the variant; the position error opens the valve; or it asks for a torque."""
+
+LEAST_PRESLIDING = 1e-4
+"""Least deflection of the bristles, rad: on shorter ones light joints reverse faster than the physics step resolves. At
+1e-5 rad and three times the friction the nominal wrist roll swings ten times too far."""
+
+STIFFEST = 5e-6
+"""Least deflection of the bristles per multiple of friction, rad: on stiffer ones a stuck yaw, with the arm straight up
+and so of little inertia, swings faster than the physics step resolves."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +34,8 @@ class Plant:
         servo: One of `SERVOS`.
         friction: One of `FRICTIONS`.
         friction_level: Dry friction, in multiples of the variant's.
-        presliding: Deflection at which the bristles of dry friction carry Coulomb torque, rad.
+        presliding: Deflection at which the bristles of dry friction carry Coulomb torque, rad; at least
+            `LEAST_PRESLIDING`, and `STIFFEST` times the level.
         supply_pressure: Pressure of the supply, MPa.
         oil_temperature: Temperature of the oil, which sets its viscosity, and so drag and leakage, degrees Celsius.
         process_noise: Standard deviation of the torque noise of the valve drives, as a fraction of each joint's rated
@@ -46,24 +55,33 @@ class Plant:
         for name, known in (("actuator", ACTUATOR_FORMS), ("servo", SERVOS), ("friction", FRICTIONS)):
             choice = getattr(self, name)
             if not isinstance(choice, str) or choice not in known:
-                raise TwinError(f"plant: unknown {name} {choice!r}, available: {', '.join(known)}")
+                raise TwinError(f"plant: unknown {name} {shown(choice)}, available: {', '.join(known)}")
             # NumPy texts and numbers become Python's: equal plants are written equally to files.
             object.__setattr__(self, name, str(choice))
         lowest = 1.5 * Hydraulics.return_pressure
         ranges: Mapping[str, tuple[float, float, str]] = {
             "friction_level": (0.0, 100.0, "0 to 100"),
-            "presliding": (1e-6, 0.1, "1e-6 to 0.1 rad"),
+            "presliding": (
+                LEAST_PRESLIDING,
+                0.1,
+                f"{LEAST_PRESLIDING:g} to 0.1 rad: the physics step does not resolve stiffer bristles",
+            ),
             "supply_pressure": (lowest, 100.0, f"{lowest:g} MPa, well above the return pressure, to 100 MPa"),
             "oil_temperature": (COLDEST, HOTTEST, f"{COLDEST:g} to {HOTTEST:g} degrees Celsius"),
             "process_noise": (0.0, 1.0, "0 to 1, a part of the rated torque"),
         }
         for name, (lower, upper, expected) in ranges.items():
-            value = getattr(self, name)
-            # bool is a subclass of int, so True would pass as 1.
-            number = isinstance(value, Real) and not isinstance(value, bool)
-            if not (number and lower <= value <= upper):
-                raise TwinError(f"plant: {name} = {value} given, expected {expected}")
-            object.__setattr__(self, name, float(value))
+            value = real_number(getattr(self, name))
+            if not lower <= value <= upper:
+                raise TwinError(f"plant: {name} = {shown(getattr(self, name))} given, expected {expected}")
+            object.__setattr__(self, name, value)
+        # Rounded: a level computed from a torque may be off in its last digit.
+        least = round(STIFFEST * self.friction_level, 12)
+        if self.presliding < least:
+            raise TwinError(
+                f"plant: presliding = {self.presliding:g} at friction_level = {self.friction_level:g} given, expected "
+                f"{least:g} to 0.1 rad: the physics step does not resolve stiffer bristles"
+            )
 
     @property
     def sliding(self) -> "Plant":

@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import nan
-from numbers import Real
 
 import numpy as np
 
-from hmtb_twin.files.errors import TwinError
+from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.drives import Drive, ElectricDrive
+from hmtb_twin.parameters.real_number import real_number
 from hmtb_twin.parameters.servo_gains import ServoGains
 from hmtb_twin.parameters.values import JOINTS, LINKS, RECORDER, Recorder
 
@@ -94,7 +93,7 @@ class Specimen:
                 object.__setattr__(self, name, _number(name, given, lower, upper))
                 continue
             if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray):
-                raise TwinError(f"specimen: {name} = {given!r} given, expected a tuple of numbers")
+                raise TwinError(f"specimen: {name} = {shown(given)} given, expected a tuple of numbers")
             if len(given) not in (0, LENGTHS[name]):
                 raise TwinError(
                     f"specimen: {len(given)} entries of {name} given, expected {LENGTHS[name]}, or none where nothing "
@@ -195,10 +194,9 @@ def _range(name: str) -> tuple[float, float]:
 
 
 def _number(name: str, value: object, lower: float, upper: float) -> float:
-    # bool is a subclass of int, so True would pass as 1.
-    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else nan
+    number = real_number(value)
     if not lower <= number <= upper:
-        raise TwinError(f"specimen: {name} = {value!r} given, expected a number from {lower:g} to {upper:g}")
+        raise TwinError(f"specimen: {name} = {shown(value)} given, expected a number from {lower:g} to {upper:g}")
     return number
 
 

@@ -3,15 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from math import exp, inf, isfinite, log
-from numbers import Real
 from types import MappingProxyType
 from typing import Any
 from zlib import crc32
 
 import numpy as np
 
-from hmtb_twin.files.errors import TwinError
+from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.plant import Plant
+from hmtb_twin.parameters.real_number import real_number
 from hmtb_twin.parameters.specimen import DEVIATIONS, LENGTHS, Specimen
 
 KINDS = ("fixed", "normal", "uniform", "lognormal")
@@ -50,8 +50,8 @@ class Distribution:
             value = getattr(self, name)
             if value is None and name == "centre":
                 continue
-            if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(float(value)):
-                raise TwinError(f"{name} = {value!r} of a distribution given, expected a finite number")
+            if not isfinite(real_number(value)):
+                raise TwinError(f"{name} = {shown(value)} of a distribution given, expected a finite number")
             object.__setattr__(self, name, float(value))
         if (self.spread == 0.0) != (self.kind == "fixed") or self.spread < 0.0:
             wanted = "none" if self.kind == "fixed" else "above 0"

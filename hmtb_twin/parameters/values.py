@@ -1,10 +1,11 @@
 """Parameters of links, servos, motion, hand controller and recorder, with unit, tag and source."""
 
 from dataclasses import dataclass
-from math import pi, radians
+from math import nextafter, pi, radians
 
-from hmtb_twin.files.errors import TwinError
+from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.quantity import quantity
+from hmtb_twin.parameters.real_number import real_number
 
 JOINTS = (
     "shoulder_roll",
@@ -214,28 +215,31 @@ class HandController:
     )
 
     def __post_init__(self) -> None:
-        gains = [name for name in vars(self) if name.endswith("gain")]
-        checks = {
-            **{name: (0.0 < abs(getattr(self, name)) <= 100.0, "up to 100 either way, not 0") for name in gains},
-            "adc_bits": (2 <= self.adc_bits <= 24, "2 to 24"),
-            "adc_range": (0.0 < self.adc_range <= 1000.0, "above 0 V and up to 1000 V"),
-            "hold": (1 <= self.hold <= 10**6, "1 or more"),
-            "deadband": (0.0 <= self.deadband <= 1000.0, "0 V to 1000 V"),
-            "noise": (0.0 <= self.noise <= 1000.0, "0 V to 1000 V"),
-            "noise_corner": (0.0 <= self.noise_corner < SAMPLE_RATE / 2, f"0 to below {SAMPLE_RATE / 2:g} Hz"),
-            "logged_noise": (0.0 <= self.logged_noise <= 10.0, "0 rad to 10 rad"),
-            "logged_noise_corner": (
-                0.0 <= self.logged_noise_corner < SAMPLE_RATE / 2,
-                f"0 to below {SAMPLE_RATE / 2:g} Hz",
-            ),
-            "hum": (0.0 <= self.hum <= 1000.0, "0 V to 1000 V"),
-            "hum_frequency": (0.0 < self.hum_frequency <= 1e6, "above 0 Hz and up to 1 MHz"),
-            "bias": (0.0 <= self.bias <= 1000.0, "0 V to 1000 V"),
-            "compensation": (0.0 <= self.compensation <= 1.0, "0 to 1"),
+        gains, whole = [name for name in vars(self) if name.endswith("gain")], ("adc_bits", "hold")
+        volts = (0.0, 1000.0, "0 V to 1000 V")
+        corner = (0.0, nextafter(SAMPLE_RATE / 2, 0.0), f"0 to below {SAMPLE_RATE / 2:g} Hz")
+        ranges = {
+            **dict.fromkeys(gains, (-100.0, 100.0, "up to 100 either way, not 0")),
+            "adc_bits": (2, 24, "a whole number, 2 to 24"),
+            "adc_range": (1e-3, 1000.0, "0.001 V to 1000 V"),
+            "hold": (1, 10**6, "a whole number, 1 to 1000000"),
+            "deadband": volts,
+            "noise": volts,
+            "noise_corner": corner,
+            "logged_noise": (0.0, 10.0, "0 rad to 10 rad"),
+            "logged_noise_corner": corner,
+            "hum": volts,
+            "hum_frequency": (nextafter(0.0, 1.0), 1e6, "above 0 Hz and up to 1 MHz"),
+            "bias": volts,
+            "compensation": (0.0, 1.0, "0 to 1"),
         }
-        for name, (passes, expected) in checks.items():
-            if not passes:
-                raise TwinError(f"hand controller: {name} = {getattr(self, name)} given, expected {expected}")
+        for name, (lower, upper, expected) in ranges.items():
+            given = getattr(self, name)
+            value = real_number(given)
+            apart = value == 0.0 if name in gains else name in whole and not value.is_integer()
+            if apart or not lower <= value <= upper:
+                raise TwinError(f"hand controller: {name} = {shown(given)} given, expected {expected}")
+            object.__setattr__(self, name, int(value) if name in whole else value)
 
     @property
     def adc_limit(self) -> int:

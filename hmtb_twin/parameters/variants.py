@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from types import MappingProxyType
 
-from hmtb_twin.files.errors import TwinError
+from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.drives import ACTUATORS, Actuator, Drive, ElectricDrive, Friction
 from hmtb_twin.parameters.quantity import quantity
 from hmtb_twin.parameters.servo_valve import POWER_UNIT
@@ -220,5 +220,5 @@ VARIANTS: Mapping[str, Variant] = MappingProxyType(
 def variant_named(name: str) -> Variant:
     """Return a variant by name; raises `TwinError` for an unknown one."""
     if not isinstance(name, str) or name not in VARIANTS:
-        raise TwinError(f"unknown variant {name!r}, available: {', '.join(VARIANTS)}")
+        raise TwinError(f"unknown variant {shown(name)}, available: {', '.join(VARIANTS)}")
     return VARIANTS[name]

@@ -2,7 +2,6 @@
 
 import json
 import math
-import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
@@ -12,6 +11,7 @@ from cattrs import Converter
 from cattrs.errors import ClassValidationError, ForbiddenExtraKeysError, IterableValidationError, IterableValidationNote
 from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn
 
+from hmtb_twin.files.errors import shown
 from scenarios.files.errors import ScenarioError, unknown
 
 Record = TypeVar("Record")
@@ -145,8 +145,7 @@ class _WrongValueError(ValueError):
 def _scalar(kind: type, passes: Callable[[Any], bool]) -> None:
     def read(value: Any, _: type) -> Any:
         if not passes(value):
-            article = "" if kind is bool else "a "
-            raise _WrongValueError(f"must be {article}{NAMES[kind]}, given {value!r}")
+            raise _WrongValueError(f"must be {'' if kind is bool else 'a '}{NAMES[kind]}, given {shown(value)}")
         return kind(value)
 
     _CONVERTER.register_structure_hook(kind, read)
@@ -155,12 +154,8 @@ def _scalar(kind: type, passes: Callable[[Any], bool]) -> None:
 
 def _extended(value: Any, _: Any) -> float:
     if not (value is None or type(value) in (int, float) or value in ("inf", "-inf")):
-        raise _WrongValueError(f"must be a number, inf, -inf or null, given {value!r}")
+        raise _WrongValueError(f"must be a number, inf, -inf or null, given {shown(value)}")
     return math.nan if value is None else float(value)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < sys.float_info.max
 
 
 def _sequence_hook(kind: Any) -> Callable[[Any, Any], tuple[Any, ...]]:
@@ -170,7 +165,7 @@ def _sequence_hook(kind: Any) -> Callable[[Any, Any], tuple[Any, ...]]:
     def read(value: Any, _: Any) -> tuple[Any, ...]:
         if not isinstance(value, list | tuple) or length not in (None, len(value)):
             many = "" if length is None else f"{length} "
-            raise _WrongValueError(f"must be a list of {many}{NAMES.get(item, 'table')}s, given {value!r}")
+            raise _WrongValueError(f"must be a list of {many}{NAMES.get(item, 'table')}s, given {shown(value)}")
         result = []
         for number, entry in enumerate(value):
             try:
@@ -190,7 +185,7 @@ def _table_hook(kind: Any) -> Callable[[Any, Any], Any]:
         if isinstance(value, kind):
             return value
         if not isinstance(value, Mapping):
-            raise _WrongValueError(f"must be a table, given {value!r}")
+            raise _WrongValueError(f"must be a table, given {shown(value)}")
         return read_table(value, kind)
 
     return read
@@ -234,6 +229,6 @@ _CONVERTER.register_structure_hook_factory(lambda kind: isinstance(kind, type) a
 _CONVERTER.register_unstructure_hook_factory(lambda kind: isinstance(kind, type) and is_dataclass(kind), _plain_hook)
 _scalar(bool, lambda value: isinstance(value, bool))
 _scalar(int, lambda value: isinstance(value, int) and not isinstance(value, bool))
-_scalar(float, _is_number)
+_scalar(float, lambda value: isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 1e308)
 _scalar(str, lambda value: isinstance(value, str))
 _CONVERTER.register_structure_hook_factory(lambda kind: kind == Extended, lambda _: _extended)

@@ -3,6 +3,8 @@
 import difflib
 from collections.abc import Iterable
 
+from hmtb_twin.files.errors import shown
+
 
 class ScenarioError(ValueError):
     """Wrong input to the study; the message says what was given, expected and available."""
@@ -32,6 +34,6 @@ def unknown(what: str, given: object, available: Iterable[str], *, listing: str 
     else:
         there_are = f"there are: {', '.join(names[:24])}" + (f", ... ({len(names)} in all)" if len(names) > 24 else "")
     if not close:
-        return f"unknown {what} {given!r}; {there_are}"
+        return f"unknown {what} {shown(given)}; {there_are}"
     meant = " or ".join(map(repr, close))
-    return f"unknown {what} {given!r}: did you mean {meant}? {there_are[0].upper()}{there_are[1:]}"
+    return f"unknown {what} {shown(given)}: did you mean {meant}? {there_are[0].upper()}{there_are[1:]}"

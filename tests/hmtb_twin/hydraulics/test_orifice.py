@@ -20,7 +20,7 @@ from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.servo_gains import ServoGains
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
 from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE
-from tests.hmtb_twin.altered_arms import at_step, natural_poles, with_valve
+from tests.hmtb_twin.altered_arms import natural_poles, with_valve
 from tests.hmtb_twin.balances import binary, orifice_balances
 from tests.refusals import refused
 
@@ -270,18 +270,6 @@ def test_rest_is_an_equilibrium(pose, valve_arm):
     run(valve_arm.model, data, 2.0)
     assert np.abs(data.qpos - angles).max() < 1e-8
     assert np.abs(data.act - act).max() < 1e-5
-
-
-@pytest.mark.parametrize("friction", ["coulomb", "lugre"])
-def test_worn_seals_are_resolved_by_the_step(friction):
-    arm = load_arm(plant=replace(ORIFICE, friction=friction, friction_level=8.0))
-    angles = []
-    for refined in (1, 4):
-        data = arm.rest(arm.pose(OPERATING_POSE))
-        data.ctrl[2::2] += 0.05
-        run(at_step(arm, arm.model.opt.timestep / refined).model, data, 0.5)
-        angles.append(data.qpos.copy())
-    np.testing.assert_allclose(angles[0], angles[1], atol=1e-5)
 
 
 def test_shutdown_and_worksite_run_on_servo_valves(experiment):

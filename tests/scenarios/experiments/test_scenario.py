@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -45,6 +46,7 @@ def scenarios(draw):
             st.builds(
                 Plant,
                 actuator=st.sampled_from(["linear", "orifice"]),
+                servo=st.just("torque"),
                 friction=st.sampled_from(["none", "viscous", "coulomb", "lugre"]),
                 oil_temperature=st.floats(0.0, 100.0),
                 process_noise=st.floats(0.0, 1.0),
@@ -146,22 +148,25 @@ def test_a_wrong_file_is_refused_with_what_there_is(change, says):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"variant": "flight", "plant": Plant(supply_pressure=15.0)}, "supply_pressure = 15.0.*electric"),
-        ({"variant": "flight", "worksite": True}, "'flight' at the worksite"),
+        ({"plant": Plant("orifice", friction="none")}, 'no drag given .*damps the oil of the wrist roll.*"torque"$'),
         ({"payload": "mdm", "worksite": True}, "'mdm' at the worksite given, expected rpcm or none"),
         *(({"name": name}, "scenario name") for name in ("", ".", "../escape", "a/b", "a\nb", "a\0b", "x" * 101, "-x")),
         *(({"duration": duration}, "duration") for duration in (0.0, -1.0, 1e9, float("nan"), float("inf"))),
         *(({"seed": seed}, "seed") for seed in (-1, 2**63)),
-        ({"plant": None}, "plant = None given, expected a Plant"),
-        ({"specimen": None}, "specimen = None given, expected a Specimen"),
-        ({"variant": "flight", "specimen": Specimen(leakage=2.0)}, "leakage = 2.0 given.*electric"),
     ],
 )
 def test_values_that_no_experiment_can_have_are_refused(changes, message):
     refused(message, replace, load("siso-1-elbow_pitch"), **changes)
 
 
-@pytest.mark.parametrize("name", ["translation_gain", "adc_range", "hum_frequency"])
-@pytest.mark.parametrize("huge", [1e308, -1e308])
-def test_huge_values_of_the_hand_controller_are_refused_by_name(name, huge):
-    refused(name, HandController, **{name: huge})
+@pytest.mark.parametrize("name", ["translation_gain", "adc_range", "hum_frequency", "hold", "adc_bits"])
+@pytest.mark.parametrize("value", [1e308, -1e308, 5e-324j, True, Decimal(3), "x", None, np.array(3.0)])
+def test_wrong_values_of_the_hand_controller_are_refused_by_name(name, value):
+    refused(f"^hand controller: {name} = .* given, expected", HandController, **{name: value})
+
+
+def test_the_hand_controller_holds_whole_samples_and_its_converter_has_a_range():
+    assert repr(HandController(gain=1, hold=3.0)) == repr(HandController(gain=np.float64(1.0)))
+    refused("hold = 2.5 given, expected a whole number, 1 to 1000000", HandController, hold=2.5)
+    refused("hold = a value of type int given", HandController, hold=10**5000)
+    refused("adc_range = 5e-324 given, expected 0.001 V to 1000 V", HandController, adc_range=5e-324)
