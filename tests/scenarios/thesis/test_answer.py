@@ -88,7 +88,9 @@ def test_sentences_follow_the_outcome(answer):
     for explained, text in ((0, "none of 9 tried arms"), (1, "1 of 9 tried arms")):
         arms = {**motion["arms"], "number": 9, "explain_all": explained}
         meaning = said(answer, {**motion, "joints": joints, "arms": arms})[2]
-        assert text in meaning and ("(none explains the shoulder yaw or the shoulder pitch)" in meaning) is not bool(explained)
+        assert text in meaning and ("(none explains the shoulder yaw or the shoulder pitch)" in meaning) is not bool(
+            explained
+        )
 
 
 def test_few_records_show_no_more_than_the_binomial_limit(answer):
