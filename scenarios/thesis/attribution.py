@@ -86,12 +86,6 @@ class Attributions:
         return next((part for part in self.parts if part.label == condition), None)
 
 
-def conditions(scenario: Scenario) -> tuple[Scenario, ...]:
-    """The experiment under every condition but the first, in the order of `CONDITIONS[1:]`, with its own noise."""
-    smooth = replace(scenario, name=f"{scenario.name}-no-friction", chain=replace(scenario.chain, friction=False))
-    return smooth, scaled(smooth)
-
-
 def scaled(scenario: Scenario) -> Scenario:
     """The experiment at three tenths of its amplitude, with its noise."""
     excitation = tuple(

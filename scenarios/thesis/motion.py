@@ -29,6 +29,7 @@ from scenarios.files.provenance import fingerprint, versions
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.jobs.executor import Executor
 from scenarios.jobs.journal import Journal
+from scenarios.thesis.findings_chapter_3 import FASTEST, orders_below
 from scenarios.thesis.nonparametric import GRID, SINES, WHITENING
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
@@ -45,9 +46,6 @@ HEAVY = 0.02
 SLOW = "shoulder_yaw"
 """The joint whose printed models are slow; such friction is tried on it alone."""
 
-UP_TO = 10.0
-"""Upper end of spectra, Hz: the upper of the two sines."""
-
 RESPONSE = np.geomspace(0.02, 24.0, 300)
 """Frequencies at which models are read, Hz."""
 
@@ -63,16 +61,9 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, order=True)
 class Setting:
-    """One setting of the laboratory and one joint.
+    """One setting of the laboratory, a level of each factor of docs/motion.md, and one joint.
 
-    Attributes:
-        servo: Servo law, of `Plant.servo`.
-        gain: Of the hand controller, rad/V.
-        friction: Coulomb friction of the joint, part of its stall torque.
-        presliding: Deflection at which it is reached, rad.
-        hold: Of the hand controller, samples.
-        noise: Of the hand controller's wires, V.
-        joint: The joint.
+    Gain in rad/V, friction in parts of stall torque, presliding in rad, hold in samples, noise in V.
     """
 
     servo: str
@@ -98,22 +89,15 @@ class Setting:
 
 @dataclass(frozen=True)
 class MotionCampaign:
-    """Levels of every factor, and how the records are taken.
+    """Levels of every factor and records of a setting, both listed in docs/motion.md.
 
     Attributes:
-        servos: Servo laws.
-        gains: Gains of the hand controller, rad/V.
-        frictions: Coulomb friction, parts of stall torque; above `HEAVY` with the largest gain and on `SLOW` alone.
-        presliding: Deflections at which it is reached, rad; with the torque servo the first alone.
-        holds: Holds of the hand controller, samples.
-        noises: Noise of the wires, V.
-        logged: White noise on the logged command alone, in multiples of the command's root mean square.
+        frictions: Above `HEAVY` with the largest gain and on `SLOW` alone.
+        presliding: With the torque servo the first alone.
         volts: Amplitudes, V; multisines have that root mean square.
-        seeds: Binary sequences, each with other noise, for every setting and amplitude.
-        duration: Of these records, s.
-        sines: Records of two sines, of 1 V, for the spectra of chapter III.
-        sines_duration: Length of these, s; what the window leaks, and so the disturbance, depends on it.
-        multisines: Multisines of 0.05 to 5 Hz, two periods of 20.4 s each.
+        seeds: Binary sequences, each with other noise, for every setting and amplitude, of `duration` s.
+        sines: Records of two sines, of 1 V and `sines_duration` s.
+        multisines: Their number for every amplitude.
     """
 
     servos: tuple[str, ...] = ("flow", "torque")
@@ -158,13 +142,7 @@ class MotionCampaign:
 
 @dataclass(frozen=True)
 class Recorded:
-    """A record and what it is called.
-
-    Attributes:
-        excitation: `prbs`, `sines` or `multisine`.
-        volts: Its amplitude, V.
-        seed: Of noise and waveform.
-    """
+    """A record: its excitation, `prbs`, `sines` or `multisine`, its amplitude, V, the seed of noise and waveform."""
 
     excitation: str
     volts: float
@@ -200,16 +178,9 @@ def records_of(campaign: MotionCampaign) -> tuple[Recorded, ...]:
 def run_campaign(
     campaign: MotionCampaign, executor: Executor[Any], folder: Path, progress: Progress
 ) -> dict[Setting, list[Row]]:
-    """Run a campaign, or what an interrupted run has left of it.
+    """Run a campaign, or what the journal in `folder` lacks of it; return the rows of its settings in their order.
 
-    Args:
-        campaign: The campaign.
-        executor: Runs the settings; the results have the same bits on any number of workers.
-        folder: Of the journal of finished settings.
-        progress: Called with the finished settings.
-
-    Returns:
-        The rows of every setting, in the order of `MotionCampaign.settings`.
+    The results have the same bits on any number of workers.
 
     Raises:
         ScenarioError: The journal cannot be used, or a worker cannot run.
@@ -229,10 +200,6 @@ def run_campaign(
 
 def run_settings(campaign: MotionCampaign, settings: tuple[Setting, ...]) -> Iterator[tuple[str, list[Row]]]:
     """Simulate and analyse settings; for workers.
-
-    Args:
-        campaign: The campaign.
-        settings: The settings.
 
     Yields:
         The text of each setting, and a row for every record and level of noise on the logged command; of an experiment
@@ -280,16 +247,10 @@ def _plain(value: Any) -> Any:
 
 def _spectra(data: IOData) -> Row:
     """Break frequency and disturbance by the thesis' own estimator [Morris1996, sec. III.2A and III.2C]."""
-    spectrum = sysid.spa(data, frequencies=GRID[GRID <= UP_TO])
-    known = np.isfinite(spectrum.response[:, 0, 0])
-    response = FrequencyResponse(spectrum.frequencies[known], spectrum.response[known], data.dt, "spa")
-    powers = []
-    for density in (spectrum.output_spectrum, spectrum.noise_spectrum):
-        values = np.zeros(1) if density is None else density[:, 0, 0].real
-        powers.append(np.nansum(np.maximum(values, 0.0)))
+    spectrum = sysid.spa(data, frequencies=GRID[GRID <= FASTEST])
     return {
-        "break_rad_s": 2 * np.pi * gain_crossing(response, HALF_POWER),
-        "disturbance_orders": float(np.log10(powers[0] / powers[1])) if powers[1] > 0.0 else float("nan"),
+        "break_rad_s": 2 * np.pi * gain_crossing(spectrum.determined(), HALF_POWER),
+        "disturbance_orders": orders_below(spectrum, np.isfinite(spectrum.frequencies)),
     }
 
 
@@ -318,14 +279,9 @@ def _models(joint: str, data: IOData) -> Row:
 
 
 def model_numbers(model: sysid.StateSpace) -> dict[str, float]:
-    """Return the numbers by which models are compared.
+    """Return the numbers by which models of one input and one output are compared; NaN where there is none.
 
-    Args:
-        model: One input and one output.
-
-    Returns:
-        Decay rates of the two slowest poles, rad/s; gain at 0 Hz and at 0.5 Hz; frequency of the gain 0.707, rad/s;
-        bandwidth, Hz. NaN where there is none.
+    Decay rates of the two slowest poles and the frequency of the gain 0.707 in rad/s, the bandwidth in Hz.
     """
     # A pole at the origin has decayed after one sample: any rate beyond that of the fastest printed one stands for it.
     rates = np.sort(-np.log(np.maximum(np.abs(model.poles()), 1e-4)) / model.dt)

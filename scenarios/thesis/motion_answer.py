@@ -23,14 +23,11 @@ OF_MAP = ("servo", "presliding", "hold", "noise", "logged")
 
 
 def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Sequence[str] = ()) -> dict[str, Any]:
-    """Return all that a campaign says, for JSON.
-
-    Args:
-        campaign: Its factors.
-        cells: Its cells, setting by setting.
-        failed: Experiments that failed, with the reasons.
-    """
-    tests = {joint: [one for one in cells if _is(one, joint, "prbs")] for joint in STUDIED_JOINTS}
+    """Return all that a campaign says, for JSON: its scores, and the experiments that failed, with the reasons."""
+    tests = {
+        joint: [one for one in cells if (one.setting.joint, one.excitation) == (joint, "prbs")]
+        for joint in STUDIED_JOINTS
+    }
     every = arms(cells)
     best, worth = every[0], profile(every)
     as_good = [arm for arm in every if arm.score <= best.score + 2.0 * float(np.hypot(arm.error, best.error))]
@@ -71,12 +68,8 @@ def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Seque
 
 def motion_texts(record: Mapping[str, Any]) -> tuple[str, ...]:
     """Say in words what explains the thesis' models: for each joint, for one arm, by each factor."""
-    page = Page({"words": lambda name: name.replace("_", " "), "joined": joined, "farthest": _farthest})
+    page = Page({"words": lambda name: name.replace("_", " "), "joined": joined})
     return tuple(" ".join(part.split()) for part in page.render("motion_text.j2", record).split("\n\n") if part.strip())
-
-
-def _is(cell: Cell, joint: str, excitation: str) -> bool:
-    return (cell.setting.joint, cell.excitation) == (joint, excitation)
 
 
 def _nominal(tests: Iterable[Sequence[Cell]]) -> ArmScore:
@@ -99,7 +92,11 @@ def _arm(arm: ArmScore, cells: Sequence[Cell]) -> dict[str, Any]:
     common = {name: factors(arm.cells[0])[name] for name in COMMON}
     joints = {
         cell.setting.joint: {
-            **{name: value for name, value in cell.record().items() if name in ("friction", *_SCORED)},
+            **{
+                name: value
+                for name, value in cell.record().items()
+                if name in ("friction", "score", "spread", "within", "items")
+            },
             "bandwidth_hz": {
                 other.excitation: {method: other.medians.get(f"{method}_bandwidth_hz") for method in METHODS}
                 for other in cells
@@ -109,9 +106,6 @@ def _arm(arm: ArmScore, cells: Sequence[Cell]) -> dict[str, Any]:
         for cell in arm.cells
     }
     return {**common, "score": arm.score, "error": arm.error, "explains": arm.explains, "joints": joints}
-
-
-_SCORED = ("score", "spread", "within", "items")
 
 
 def _with_distances(cell: Cell) -> dict[str, object]:
@@ -133,8 +127,3 @@ def _nearest_to_prints(joint: str, cells: Sequence[Cell]) -> Iterable[dict[str, 
             "distance": min(away),
             "nearest": nearest.record(),
         }
-
-
-def _farthest(distances: Mapping[str, float]) -> list[tuple[str, float]]:
-    """The three items farthest off."""
-    return sorted(distances.items(), key=lambda item: -item[1])[:3]

@@ -1,10 +1,8 @@
 """Score of the settings of a motion campaign against everything that the thesis prints, decided on 2026-11-23.
 
-Items, distances and tolerances were fixed before any result of the campaign had been seen. The distance of an item is
-in its natural unit and is divided by its tolerance: the logarithm of a ratio for rates of poles, gains, frequencies and
-tails; a difference for delays and orders of magnitude; all or nothing for claims on residuals. A distance counts at
-most `FARTHEST` tolerances, which a number that does not exist gets too. The score of a cell is the mean over its items:
-0 is the thesis to the letter, up to `EXPLAINS` the cell explains the joint.
+docs/motion.md lists the items with their distances and tolerances, fixed before any result of the campaign had been
+seen. A distance counts at most `FARTHEST` tolerances, which a number that does not exist gets too. The score of a cell
+is the mean over its items: 0 is the thesis to the letter, up to `EXPLAINS` the cell explains the joint.
 """
 
 import itertools
@@ -91,16 +89,11 @@ def items(joint: str) -> Mapping[str, Distance]:
 
 @dataclass(frozen=True)
 class Cell:
-    """Score of one joint in one setting, at one amplitude, with one level of noise on the logged command.
+    """Score of one joint in one setting, by one excitation and amplitude, with one noise on the logged command.
 
     Attributes:
-        setting: The setting.
-        excitation: `prbs` or `multisine`.
-        volts: Amplitude, V.
-        logged: Noise on the logged command, in multiples of the command's root mean square.
         score: Mean over items and seeds.
         spread: Standard deviation of the score over seeds.
-        seeds: Seeds.
         within: Items whose median distance over seeds is at most one tolerance.
         distances: Median distance of every item over seeds, tolerances.
         medians: Median of every number over seeds; NaN where most are missing.
@@ -125,11 +118,7 @@ class Cell:
 
 
 def cells(results: Mapping[Setting, Sequence[Row]]) -> tuple[Cell, ...]:
-    """Score every cell of a campaign.
-
-    Args:
-        results: Rows by setting, of `scenarios.thesis.motion.run_campaign`.
-    """
+    """Score every cell of a campaign from the rows of its settings; see `run_campaign`."""
     return tuple(itertools.chain.from_iterable(_cells(setting, rows) for setting, rows in results.items()))
 
 
@@ -148,10 +137,11 @@ def _cells(setting: Setting, rows: Sequence[Row]) -> Iterator[Cell]:
         # The spectra of chapter III are of another test: its records go round.
         beside = itertools.cycle(spectra.get(logged) or [{}])
         joined = [
-            _Numbers({key: other[key] for key in _OF_SINES if key in other} | one)
+            _Numbers({key: other[key] for key in ("break_rad_s", "disturbance_orders") if key in other} | one)
             for one, other in zip(records, beside, strict=False)
         ]
-        every = np.array([[_capped(distance(one)) for distance in items(setting.joint).values()] for one in joined])
+        # The lesser of two numbers, and the known one where the other is missing.
+        every = np.fmin([[distance(one) for distance in items(setting.joint).values()] for one in joined], FARTHEST)
         names = dict.fromkeys(name for one in joined for name in one if name not in ("volts", "seed", "logged"))
         middle = tuple(float(value) for value in np.median(every, axis=0))
         yield Cell(
@@ -168,9 +158,6 @@ def _cells(setting: Setting, rows: Sequence[Row]) -> Iterator[Cell]:
         )
 
 
-_OF_SINES = ("break_rad_s", "disturbance_orders")
-
-
 class _Numbers(dict[str, float]):
     """Numbers of a record; NaN where one is missing."""
 
@@ -178,17 +165,9 @@ class _Numbers(dict[str, float]):
         return float("nan")
 
 
-def _capped(distance: float) -> float:
-    return min(distance, FARTHEST) if np.isfinite(distance) else FARTHEST
-
-
 @dataclass(frozen=True)
 class ArmScore:
-    """Three joints under one servo and one chain, each with the friction that suits it best.
-
-    Attributes:
-        cells: One for each joint.
-    """
+    """Three joints, a cell each, under one servo and one chain, each with the friction that suits it best."""
 
     cells: tuple[Cell, ...]
 

@@ -21,7 +21,6 @@ from sysid.plots import PALETTE, Style
 MOST = 10_000_000
 """Largest record, bytes: that of the whole campaign has a hundredth."""
 
-
 BANDWIDTHS = (0.1, 6.0)
 """Ends of the axis of the map, Hz."""
 
@@ -41,8 +40,7 @@ def read_motion(path: Path | None = None) -> Mapping[str, Any]:
         source = path or files("scenarios") / "data" / "motion.json"
         record = json.loads(source.read_text(encoding="utf-8"), parse_constant=_refuse)
         motion_texts(record)
-        section = {"motion": record, "moved": (), "figures": {}}
-        Page({"words": str, "joined": str}).render("motion.html.j2", section)
+        Page({"words": str, "joined": str}).render("motion.html.j2", {"motion": record, "moved": (), "figures": {}})
         for cell in record["map"]:
             if not (drawn_models(cell["joint"]) and min(cell[name] for name in ("gain", "friction", "volts")) > 0.0):
                 raise ValueError(f"a cell of the map has no studied joint, motion or friction: {str(cell)[:60]}")
@@ -58,30 +56,16 @@ def _refuse(constant: str) -> None:
 
 
 def motion_chart(cells: Sequence[Mapping[str, Any]]) -> Chart:
-    """Bandwidth that the methods recover over friction and motion, with the printed models marked.
-
-    Args:
-        cells: Those of the map of `motion.json`: one joint, gain, friction and amplitude each.
-    """
+    """Bandwidth that the methods recover over friction and motion, from the cells of the map of `motion.json`."""
     joints = {short(joint): joint for joint in dict.fromkeys(cell["joint"] for cell in cells)}
 
     def panels(joint: str) -> tuple[Panel, ...]:
         own = [cell for cell in cells if cell["joint"] == joint]
-        motions = sorted({cell["gain"] * cell["volts"] for cell in own})
+        x, y = "friction / % of stall torque", "bandwidth / Hz"
         marks = tuple(("y", one.bandwidth_hz, f"printed {one.label}") for one in drawn_models(joint).values())
         return tuple(
-            Panel(
-                "friction / % of stall torque",
-                "bandwidth / Hz",
-                _curves(own, motion),
-                title,
-                "xy",
-                None,
-                BANDWIDTHS,
-                marks,
-            )
-            for motion in motions
-            for title in [f"{MRAD * motion:.3g} mrad"]
+            Panel(x, y, _curves(own, motion), f"{MRAD * motion:.3g} mrad", "xy", None, BANDWIDTHS, marks)
+            for motion in sorted({cell["gain"] * cell["volts"] for cell in own})
         )
 
     return Chart(by_view(panels, joints), columns=3, height=240)

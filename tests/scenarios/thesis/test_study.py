@@ -15,7 +15,7 @@ from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.registry import load
 from scenarios.identification.recovered_bandwidth import intervals_agree
 from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
-from scenarios.thesis.attribution import ORDERS, conditions, order_effects
+from scenarios.thesis.attribution import ORDERS, order_effects, scaled
 from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, OTHER_WAVEFORMS, Campaign
 from scenarios.thesis.estimates import fits
 from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, METHODS, full_models, three_joint_truth
@@ -95,14 +95,14 @@ def test_same_seed_same_result(study):
 
 def test_conditions_switch_off_one_thing_more_each_time():
     scenario = load("siso-5-elbow_pitch")
-    smooth, small = conditions(scenario)
+    smooth = Condition(friction=False).applied(scenario)
+    small = scaled(smooth)
     assert (smooth.chain.friction, small.chain.friction) == (False, False)
     np.testing.assert_array_equal(smooth.volts(), scenario.volts())
     asked, less = (replace(entry, chain=replace(entry.chain, dac=False)).volts() for entry in (scenario, small))
     np.testing.assert_allclose(less, 0.3 * asked)
     assert {entry.chain.noise and entry.chain.resolver for entry in (smooth, small)} == {True}
-    assert {smooth.seed, small.seed} == {scenario.seed}
-    assert len({scenario.name, smooth.name, small.name}) == 3
+    assert (smooth.seed, small.seed, small.name) == (scenario.seed, scenario.seed, f"{scenario.name}-small")
 
 
 def test_preparation_leaves_whole_settled_periods_without_mean(study):
