@@ -184,14 +184,9 @@ def answer_chart(answer: Answer) -> Chart:
 
 
 def answer_texts(answer: Answer, motion: Mapping[str, Any]) -> tuple[str, ...]:
-    """Say what was put in, what the methods recover, what the figures of 1996 can mean, and how sure that is.
+    """Say in three sentences what was put in, what the methods recover and what the figures of 1996 can mean.
 
-    Args:
-        answer: Responses of every joint.
-        motion: Record of a campaign of `hmtb motion`.
-
-    Returns:
-        Three sentences, and what so few records can show, by exact binomial limits.
+    A fourth says what so few records can show, by exact binomial limits; `motion` is the record of `hmtb motion`.
     """
     cases = [(one, method) for one in answer.joints for method in one.levels]
     recovered = [one.recovered_hz(method) for one, method in cases]

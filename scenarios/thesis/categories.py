@@ -24,15 +24,9 @@ DRAW = "neither"
 
 @dataclass(frozen=True)
 class Measure:
-    """One number for each model.
+    """One number for each model, by its name; `what` says which, with its unit.
 
-    Attributes:
-        what: What is measured, with its unit.
-        values: By name of the model.
-        more: Whether the larger number is ahead.
-        digits: Decimals that say something.
-        margin: Smaller differences are ties.
-        compared: What of a number is compared.
+    The larger (`more`) or the smaller is ahead, by what is `compared` of it; differences below `margin` are ties.
     """
 
     what: str

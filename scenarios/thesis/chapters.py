@@ -1,20 +1,25 @@
-"""Report sections on chapters II to VI: variables of the templates, all taken from the study."""
+"""Report sections on chapters II to VI and on published values: variables of the templates, taken from the study."""
 
+import tomllib
 from collections.abc import Callable, Iterable
+from importlib.resources import files
 from math import degrees
+from typing import NamedTuple
 
 import numpy as np
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Status
-from hmtb_twin.parameters.values import HAND_CONTROLLER, MOTIONS, SAMPLE_RATE
+from hmtb_twin.parameters.drives import ACTUATORS
+from hmtb_twin.parameters.values import BUS, GAINS, HAND_CONTROLLER, MOTIONS, SAMPLE_RATE, SERVOS
 from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.experiments.log_review import SETTLING
-from scenarios.experiments.registry import load
+from scenarios.experiments.registry import load, names
 from scenarios.report.figure_style import MRAD
 from scenarios.thesis.campaign import SAME_SEQUENCE, plays_identified_sequence
 from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES
+from scenarios.thesis.estimates import Fits, fits
 from scenarios.thesis.every_data_set import AUDIBLE, DataSets, distances
 from scenarios.thesis.findings_chapter_6 import bias_and_outliers
 from scenarios.thesis.model_charts import METHODS
@@ -25,7 +30,15 @@ from scenarios.thesis.observer_analysis import P, hankel_share, observer_poles
 from scenarios.thesis.order_search import IMPROVES
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS
 from scenarios.thesis.robustness import COMPARABLE, MARGIN, PART, sysid_method, tolerance
-from scenarios.truth.published import PERCENT_DESCRIBED
+from scenarios.truth.published import (
+    DRAWS,
+    EQUATIONS,
+    PERCENT_DESCRIBED,
+    PUBLISHED,
+    SYSTEMS,
+    PublishedModel,
+    published,
+)
 from sysid import StateSpace
 
 PUSHED = (0.5, 1.0, 2.5, 5.0, 10.0)
@@ -201,3 +214,62 @@ def _tolerated(study: Comparison, key: str, treatment: str) -> tuple[str, str, l
     label = disturbance.label if disturbance.treatments == AS_IT_IS else f"{disturbance.label}; {treatment}"
     cases = [(joint, method) for joint in results.judged_by for method in (sysid_method(joint), "okid")]
     return label, disturbance.unit, [tolerance(results, key, *case, treatment) for case in cases]
+
+
+class AssumedValue(NamedTuple):
+    """A value of the twin that comes from the thesis, its origin with what follows, and the findings it affects."""
+
+    what: str
+    why: str
+    findings: tuple[str, ...]
+
+
+def assumed_values() -> tuple[AssumedValue, ...]:
+    """Return every value of the nominal arm that comes from the thesis."""
+    frictions = [ACTUATORS[name].coulomb_torque / ACTUATORS[name].rated_torque for name in STUDIED_JOINTS]
+    numbers = {
+        "slow": _span(SERVOS[name].slow_pole for name in STUDIED_JOINTS),
+        "printed": sum(len(published(name)) for name in STUDIED_JOINTS),
+        "delays": _span(BUS[name].delay for name in STUDIED_JOINTS),
+        "friction": _span(100 * friction for friction in frictions),
+        "gain": HAND_CONTROLLER.gain,
+        "limits": _span(degrees(MOTIONS[name].velocity_limit) for name in STUDIED_JOINTS),
+        "readings": _span(GAINS.values()),
+    }
+    table = tomllib.loads((files("scenarios") / "data" / "assumed_values.toml").read_text(encoding="utf-8"))
+    return tuple(
+        AssumedValue(row["what"].format(**numbers), row["why"].format(**numbers), tuple(row["findings"]))
+        for row in table["value"]
+    )
+
+
+def _span(values: Iterable[float]) -> str:
+    """The value as text, or the ends of the range, smallest magnitude first."""
+    texts = [f"{value:g}".replace("-", "−") for value in sorted(set(values), key=abs)]
+    return texts[0] if len(texts) == 1 else f"{texts[0]} to {texts[-1]}"
+
+
+class PrintedRow(NamedTuple):
+    """A printed model with its fits: to single-joint tests by number, on its joint to records of several by name."""
+
+    printed: PublishedModel
+    singles: dict[int, Fits]
+    several: dict[str, Fits]
+
+
+def published_section(study: Comparison) -> dict[str, object]:
+    """Variables of the template of this section."""
+    records = [name for name in (*names("table2"), RPCM) if name in study.logs]
+    rows = [printed_row(study, printed, records) for printed in (*PUBLISHED, EQUATIONS["4.7+4.9"])]
+    rows.sort(key=lambda row: (STUDIED_JOINTS.index(row.printed.joint), row.printed.method))
+    return {"rows": rows, "records": records, "draws": DRAWS, "systems": SYSTEMS}
+
+
+def printed_row(study: Comparison, printed: PublishedModel, records: Iterable[str]) -> PrintedRow:
+    """Row of a printed model, with its fits to the single-joint tests and to records of several joints."""
+    model, joint = printed.model, printed.joint
+    return PrintedRow(
+        printed,
+        {number: fits(model, data) for number, data in study.joints[joint].data.items()},
+        {name: fits(model, study.campaign.record(name, joint)) for name in records},
+    )

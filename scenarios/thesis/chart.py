@@ -15,8 +15,6 @@ from scenarios.report.figure_style import WIDTH, dress, short
 from scenarios.thesis.comparison import Comparison, JointResult
 from sysid.plots import BOUND, Style
 
-Kind = Literal["line", "step", "stem"]
-
 DASHES = {"-": "solid", "--": "dash", "-.": "dashdot", ":": "dot", "": ""}
 SYMBOLS = {
     **{"o": "circle", "s": "square", "^": "triangle-up", "D": "diamond", "v": "triangle-down", "P": "cross"},
@@ -30,15 +28,12 @@ COLUMNS = 250
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """A curve or a set of marks.
+    """A curve or a set of marks; values on an axis (N,) are numbers or names.
 
     Attributes:
         label: Name in the legend, where each stands once; entries of one name are switched together.
-        x: Values on the x axis (N,), or names.
-        y: Values on the y axis (N,), or names.
         style: How it looks; without a line pattern, marks alone.
         low: Lower end of a band or of bars round each value (N,).
-        high: Upper end.
         kind: A line through the values, steps that hold each until the next, or a bar from zero to each.
         along: Whether low and high are ends in x, not in y.
     """
@@ -49,22 +44,16 @@ class Series:
     style: Style
     low: Any = None
     high: Any = None
-    kind: Kind = "line"
+    kind: Literal["line", "step", "stem"] = "line"
     along: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Axes with what is drawn on them.
+    """Axes, labelled with their units, with what is drawn on them.
 
     Attributes:
-        x: Label of the x axis, with its unit.
-        y: Label of the y axis, with its unit.
-        series: What is drawn.
-        title: Text above.
         log: Which axes are logarithmic.
-        x_limits: Ends of the x axis.
-        y_limits: Ends of the y axis.
         marks: Lines across: the axis that they stand on, x or y, the value there, a text.
         equal: Whether a unit has the same length on both axes.
     """
@@ -140,9 +129,7 @@ def chart_of(
 ) -> Callable[[Callable[..., tuple[Panel, ...]]], Callable[[Comparison], Chart]]:
     """Make a chart of a function that draws one view from the study and one option of each choice.
 
-    Args:
-        choices: Options by name for each choice, or a function that takes them from the study.
-        **layout: Columns and height of the chart.
+    The options of a choice are a table by name, or a function that takes it from the study.
     """
 
     def decorated(draw: Callable[..., tuple[Panel, ...]]) -> Callable[[Comparison], Chart]:
@@ -221,15 +208,9 @@ def _draw_series(axes: Axes, entry: Series) -> Any:
 def record_series(
     label: str, values: np.ndarray, dt: float, style: Style, *, start: float = 0.0, held: bool = False
 ) -> Series:
-    """A record (N,) over time: a long one as the band between minimum and maximum of each column, a short one as it is.
+    """A record (N,) over time, s: a long one as the band between minimum and maximum of each column.
 
-    Args:
-        label: Name in the legend.
-        values: One channel (N,).
-        dt: Sampling interval, s.
-        style: How it looks.
-        start: Time of the first sample, s.
-        held: Whether a short record is drawn as steps, as a held command is.
+    A short one is drawn as it is, as steps where it is `held`, as a command is.
     """
     if len(values) <= 2 * COLUMNS:
         return Series(label, start + dt * np.arange(len(values)), values, style, kind="step" if held else "line")

@@ -74,30 +74,21 @@ class DataSetModel(IdentifiedModel):
         return median(fit.simulation for fit in self.others.values()) if self.others else float("nan")
 
 
-class Refusal(NamedTuple):
-    """A structure that could not be identified from a record, with the reason."""
-
-    record: str
-    structure: Structure
-    reason: str
-
-
 @dataclass(frozen=True, eq=False)
 class DataSets:
     """Models of one joint from each of its records.
 
     Attributes:
-        joint: Name of the joint.
         excited: What each record excites, by name, in the order of the thesis' tables.
         models: Record by record, structure by structure.
-        refused: What could not be identified.
+        refused: Records and structures that could not be identified, with the reason.
         missing: Records that are not there, with the reason.
     """
 
     joint: str
     excited: Mapping[str, Excited]
     models: tuple[DataSetModel, ...]
-    refused: tuple[Refusal, ...]
+    refused: tuple[tuple[str, Structure, str], ...]
     missing: Mapping[str, str]
 
     @property
@@ -118,12 +109,8 @@ class DataSets:
 def every_data_set(joint: str, campaign: Campaign, *, thorough: bool = False, part: Part = NO_REPORT) -> DataSets:
     """Identify a joint from every record; models of the estimation test are laid beside all single-joint records.
 
-    Args:
-        joint: Name of the joint.
-        campaign: The records.
-        thorough: Whether to take the joint's own channel of the tests of several joints too, and to lay every model
-            beside every single-joint record, a minute of it.
-        part: This part of the work.
+    A `thorough` study takes the joint's own channel of the tests of several joints too, and lays every model beside a
+    minute of every single-joint record.
     """
     single = [single_joint_test(number, joint) for number in SINGLE_JOINT]
     records = [*single, *((*names("mimo"), RPCM) if thorough else ())]
@@ -141,7 +128,7 @@ def every_data_set(joint: str, campaign: Campaign, *, thorough: bool = False, pa
                 model = identified(record, structure, others)
                 models.append(DataSetModel(**vars(model), record=name, needed=needed, enough=enough))
             except SysidError as error:
-                refused.append(Refusal(name, structure, str(error)))
+                refused.append((name, structure, str(error)))
     missing = {name: campaign.failed.get(name, "it was not played") for name in records if name not in data}
     return DataSets(joint, MappingProxyType(excited), tuple(models), tuple(refused), MappingProxyType(missing))
 
@@ -158,10 +145,8 @@ def excitation_needed(structure: Structure) -> int:
 
     OKID estimates p + 1 coefficients of the input in one least squares, whatever order is realised from them.
     """
-    if structure.estimator == "okid":
-        return structure.orders[1] + 1
     # A or F, and B: the first two orders of every polynomial structure here
-    return structure.orders[0] + structure.orders[1]
+    return structure.orders[1] + (1 if structure.estimator == "okid" else structure.orders[0])
 
 
 def distances(models: tuple[DataSetModel, ...]) -> np.ndarray:

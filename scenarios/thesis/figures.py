@@ -37,14 +37,7 @@ CHARTS: Mapping[str, Callable[[Comparison], Chart]] = {
 
 @dataclass(frozen=True, eq=False)
 class ReportFigure:
-    """A figure of the report.
-
-    Attributes:
-        name: Its name in templates and as a file.
-        chart: Its panels.
-        caption: What it shows and how to read it.
-        thesis: Figures of the thesis that show the same.
-    """
+    """A figure of the report, named as in templates and as its files, with the thesis' figures that show the same."""
 
     name: str
     chart: Chart
@@ -80,11 +73,7 @@ def report_figures(
 ) -> dict[str, ReportFigure]:
     """Every figure of the table for which the study has data, by name.
 
-    Args:
-        study: The study.
-        answer: Responses on the first screen.
-        progress: Called with the figures made and those in all.
-        motion: Cells of the map of a campaign of `hmtb motion`.
+    `motion` has the cells of the map of `hmtb motion`; `progress` is called with the figures made and those in all.
     """
     charts = {**CHARTS, "answer": lambda _: answer_chart(answer), "motion": lambda _: motion_chart(motion)}
     figures: dict[str, ReportFigure] = {}

@@ -28,14 +28,7 @@ Parts = Mapping[str, bool]
 
 @dataclass(frozen=True)
 class Change:
-    """A later change of a criterion.
-
-    Attributes:
-        date: Day of the change.
-        what: The change.
-        why: Its reason.
-        after_results: Whether verdicts by the former criterion had been seen by then.
-    """
+    """A later change of a criterion, and whether verdicts by the former one had been seen by then."""
 
     date: date
     what: str
@@ -45,22 +38,7 @@ class Change:
 
 @dataclass(frozen=True)
 class ThesisClaim:
-    """A claim of the thesis, the criterion that decides it, and the sentences that give the reason.
-
-    Attributes:
-        key: F1 to F26.
-        claim: What it says.
-        where: Where it says so.
-        thesis: Its number or word for it.
-        unit: Unit and meaning of the twin's numbers.
-        criterion: What has to hold.
-        date: Day on which the criterion was first written.
-        why: What the verdict rests on; the finding fills in the fields in braces.
-        limits: Thresholds of the criterion by name.
-        cause: What an experiment shows of why a part fails, with fields; empty where none was made.
-        by_construction: Why a success is no evidence; empty where it is some.
-        changes: Later changes of the criterion.
-    """
+    """A claim of the thesis, its criterion and its sentences; `scenarios/data/criteria.toml` explains the fields."""
 
     key: str
     claim: str
@@ -116,8 +94,6 @@ class Finding:
     """A finding with its verdict and the numbers it rests on.
 
     Attributes:
-        key: F1 to F26.
-        verdict: Whether the twin shows the same.
         value: Numbers by name (joints, as a rule); empty where it cannot be told. One named `of`, or `of ...`, is the
             whole of which the number before it counts a part.
         why: What the verdict rests on, and the cause as far as an experiment shows it.

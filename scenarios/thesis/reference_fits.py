@@ -31,10 +31,7 @@ LINEAR = (BEST_LINEAR, DIAGONAL, COUPLED)
 def reference_fits(campaign: Campaign, records: Sequence[str], truth: StateSpace) -> References:
     """Compute the fits of the small-signal truth, without and with coupling, and of the true angles to records.
 
-    Args:
-        campaign: The records.
-        records: Names of those wanted.
-        truth: The true coupled response of the three joints; it has no noise model, so that it simulates.
+    `truth` is the true coupled response of the three joints; it has no noise model, so that it simulates.
 
     Raises:
         MissingRecordError: One of the records is missing.

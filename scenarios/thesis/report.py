@@ -22,12 +22,12 @@ from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.report.page import Page
+from scenarios.thesis import chapters
 from scenarios.thesis.answer import Answer, answer_texts
 from scenarios.thesis.attribution import CONDITIONS
-from scenarios.thesis.chapters import chapter_3, chapter_4, chapter_5, chapter_6, robustness
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fairness_section import fairness_section
-from scenarios.thesis.figures import ReportFigure, report_figures, without_counterpart, write_figures
+from scenarios.thesis.figures import report_figures, without_counterpart, write_figures
 from scenarios.thesis.finding import CLAIMS, Finding
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.long_tables import LongTables
@@ -36,7 +36,6 @@ from scenarios.thesis.motion_answer import motion_texts
 from scenarios.thesis.motion_section import read_motion
 from scenarios.thesis.number_text import measure, parts, root, value_text
 from scenarios.thesis.pictures import arm_picture, exchange, film
-from scenarios.thesis.published_section import assumed_values, published_section
 from scenarios.thesis.response_charts import EXCITED_FROM
 from scenarios.thesis.results import friction_in_words
 from sysid.models.bandwidth import half_power_hz
@@ -65,8 +64,9 @@ def shortcomings(study: Comparison) -> dict[str, Any]:
 
 
 SECTIONS: Mapping[str, Callable[[Comparison], object]] = {
-    **{"chapter_3": chapter_3, "chapter_4": chapter_4, "chapter_5": chapter_5, "chapter_6": chapter_6},
-    **{"published": published_section, "fairness": fairness_section, "robustness": robustness, "short": shortcomings},
+    **{"chapter_3": chapters.chapter_3, "chapter_4": chapters.chapter_4, "chapter_5": chapters.chapter_5},
+    **{"chapter_6": chapters.chapter_6, "published": chapters.published_section, "fairness": fairness_section},
+    **{"robustness": chapters.robustness, "short": shortcomings},
 }
 """Variables of the sections, by the name that their templates know."""
 
@@ -79,7 +79,7 @@ def context(
     progress: Callable[[int, int], None] | None = None,
     *,
     motion: Mapping[str, Any] | None = None,
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """Return the variables of the templates by name; see `write_report` for the arguments."""
     motion = motion or read_motion()
     texts = answer_texts(answer, motion)
@@ -122,8 +122,8 @@ def context(
         "film": film(study),
         "moments": moments,
         "exchange_outcome": outcome,
-        "assumed_values": assumed_values(),
-        "put_in": {key for value in assumed_values() for key in value.findings},
+        "assumed_values": chapters.assumed_values(),
+        "put_in": {key for value in chapters.assumed_values() for key in value.findings},
         "parameters": parameters,
         "tags": Counter(line.tag for line in parameters).most_common(),
         "joints": [{"result": entry, "attribution": study.attribution[name]} for name, entry in study.joints.items()],
@@ -169,8 +169,7 @@ def write_report(
     try:
         tables.write(path.parent / "tables")
         if figures is not None:
-            known: Mapping[str, ReportFigure] = values["figures"]  # type: ignore[assignment]
-            write_figures(known.values(), figures)
+            write_figures(values["figures"].values(), figures)
         write_whole(path, text)
     except OSError as error:
         raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
@@ -192,7 +191,7 @@ def limits(spread: Spread | None, finding: Finding) -> str:
     return f"({measure(spread.low, finding)} – {measure(spread.high, finding)})"
 
 
-def html(values: Mapping[str, object]) -> tuple[str, LongTables]:
+def html(values: Mapping[str, Any]) -> tuple[str, LongTables]:
     """The page as text from the variables of `context`, and the tables that are too long for it."""
     tables = LongTables()
     page = Page(
@@ -209,10 +208,8 @@ def html(values: Mapping[str, object]) -> tuple[str, LongTables]:
             "csv": tables.take,
         }
     )
-    figures: Mapping[str, ReportFigure] = values["figures"]  # type: ignore[assignment]
-    charts = json.dumps(
-        {name: one.chart.data() for name, one in figures.items()}, separators=(",", ":"), allow_nan=False
-    )
+    data = {name: one.chart.data() for name, one in values["figures"].items()}
+    charts = json.dumps(data, separators=(",", ":"), allow_nan=False)
     # On paper the answer comes first and then the contents, which are known once all sections are rendered.
     answer = page.render("answer.html.j2", values)
     body = page.render("body.html.j2", values)

@@ -2,8 +2,8 @@
 
 from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.values import HAND_CONTROLLER, SERVOS
+from scenarios.thesis.chapters import assumed_values
 from scenarios.thesis.finding import CLAIMS
-from scenarios.thesis.published_section import assumed_values
 
 
 def test_the_numbers_are_those_of_the_arm():

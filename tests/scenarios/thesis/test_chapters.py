@@ -7,8 +7,7 @@ from hmtb_twin import JOINTS
 from scenarios.experiments.campaign import RPCM
 from scenarios.experiments.log_review import SETTLING
 from scenarios.identification.recovered_bandwidth import near_1_hz
-from scenarios.thesis.chapters import chapter_6, realisation
-from scenarios.thesis.published_section import printed_row
+from scenarios.thesis.chapters import chapter_6, printed_row, realisation
 from scenarios.truth.published import BY_NAME
 
 

@@ -198,8 +198,7 @@ def no_study(monkeypatch):
     monkeypatch.setattr("scenarios.thesis.results.results", lambda *_: {"findings": {}})
     answer = SimpleNamespace(record=lambda: {"seeds": []})
     monkeypatch.setattr("scenarios.thesis.answer.measure_answer", lambda *_, **__: answer)
-    monkeypatch.setattr("scenarios.thesis.answer.sentences", lambda _: ("the answer",))
-    monkeypatch.setattr("scenarios.thesis.answer.certainty", lambda _: "not very")
+    monkeypatch.setattr("scenarios.thesis.answer.answer_texts", lambda *_: ("the answer", "not very"))
 
 
 def test_a_seed_that_failed_is_a_difference(quick, no_study, tmp_path, capsys):
