@@ -10,9 +10,10 @@ from scipy.signal import max_len_seq
 import sysid
 from hmtb_twin import IDEAL, JOINTS, STUDIED_JOINTS, linearize, load_arm, simulate
 from scenarios import load
+from scenarios.experiments.campaign import Condition
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import SUFFICIENT
-from scenarios.thesis.attribution import conditions
+from scenarios.thesis.attribution import scaled
 from tests.hmtb_twin.conftest import BinaryTest
 
 SEEDS = range(1, 21)
@@ -69,7 +70,7 @@ def test_clean_small_signal_data_give_back_the_true_response(joint, method, clea
 @pytest.mark.slow
 def test_intervals_cover_the_true_bandwidth_with_noise_and_rounding(truth):
     """Friction and the arm's changing geometry, each shown to spoil it by tests/benchmarks, are kept out."""
-    linear = {joint: conditions(load(f"siso-5-{joint}"))[1] for joint in STUDIED_JOINTS}
+    linear = {joint: scaled(Condition(friction=False).applied(load(f"siso-5-{joint}"))) for joint in STUDIED_JOINTS}
     # Half the thesis' length: whether an interval covers does not depend on it, what the simulation costs does.
     runs = [replace(test, seed=seed, duration=120.0) for test in linear.values() for seed in SEEDS]
     covered = dict.fromkeys(STUDIED_JOINTS, 0)

@@ -5,9 +5,10 @@ from dataclasses import replace
 import sysid
 from hmtb_twin import STUDIED_JOINTS, linearize, load_arm, simulate
 from scenarios import load
+from scenarios.experiments.campaign import Condition
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import SUFFICIENT
-from scenarios.thesis.attribution import CONDITIONS, conditions
+from scenarios.thesis.attribution import CONDITIONS, scaled
 from tests.benchmarks.tables import heading, row
 
 SEEDS = range(1, 21)
@@ -16,10 +17,11 @@ SEEDS = range(1, 21)
 def test_coverage_by_condition():
     truth = linearize(load_arm())
     planned = {joint: load(f"siso-5-{joint}") for joint in STUDIED_JOINTS}
+    smooth = {joint: Condition(friction=False).applied(test) for joint, test in planned.items()}
     print()
     heading("condition", *(joint.replace("_", " ") for joint in STUDIED_JOINTS))
     for number, condition in enumerate(CONDITIONS):
-        runs = {joint: (test, *conditions(test))[number] for joint, test in planned.items()}
+        runs = {joint: (test, smooth[joint], scaled(smooth[joint]))[number] for joint, test in planned.items()}
         covered = dict.fromkeys(STUDIED_JOINTS, 0)
         bandwidths: dict[str, list[float]] = {joint: [] for joint in STUDIED_JOINTS}
         for log in simulate([replace(test, seed=seed) for test in runs.values() for seed in SEEDS]):

@@ -8,15 +8,16 @@ import numpy as np
 import sysid
 from hmtb_twin import STUDIED_JOINTS, simulate
 from scenarios import load
+from scenarios.experiments.campaign import Condition
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import SUFFICIENT
-from scenarios.thesis.attribution import conditions
+from scenarios.thesis.attribution import scaled
 
 GRID = tuple(product(range(1, 7), range(1, 6)))
 
 
 def test_information_criterion_chooses_the_sufficient_orders():
-    linear = {joint: conditions(load(f"siso-5-{joint}"))[1] for joint in STUDIED_JOINTS}
+    linear = {joint: scaled(Condition(friction=False).applied(load(f"siso-5-{joint}"))) for joint in STUDIED_JOINTS}
     total = {joint: dict.fromkeys(GRID, 0.0) for joint in STUDIED_JOINTS}
     for log in simulate([replace(test, seed=seed) for test in linear.values() for seed in range(101, 106)]):
         (joint,) = log.axes
