@@ -66,9 +66,8 @@ def test_data_of_a_chart_are_rounded_shared_and_gaps_are_null():
     time = np.array([0.0, 1.0])
     series = (Series("a", time, np.array([1 / 3, np.nan]), LOOK), Series("b", time, time, LOOK, -time, time))
     marks = (("x", 1.0, "1 Hz"), ("x", np.nan, "no truth"))
-    data = Chart(
-        by_view(lambda n: (Panel("time / s", "y", series * n, marks=marks),), {"one": 1, "none": 0, "two": 2})
-    ).data()
+    views = by_view(lambda n: (Panel("time / s", "y", series * n, marks=marks),), {"one": 1, "none": 0, "two": 2})
+    data = Chart(views).data()
     first, second = data["views"]["one"][0]["series"]
     assert (first["y"], first["x"], second["x"], first["high"]) == ((0.3333, None), 0, 0, None)
     assert (data["x"], second["high"]) == ([[0.0, 1.0]], (0.0, 1.0))

@@ -195,9 +195,8 @@ def test_the_record_of_the_whole_campaign_is_of_its_factors_and_items():
     assert {joint: list(one["best"]["distances"]) for joint, one in record["joints"].items()} == {
         joint: list(items(joint)) for joint in STUDIED_JOINTS
     }
-    assert (
-        record["arms"]["number"] == 3 * 3 * 2 * 2 * 2 * 3
-    )  # the first: flow at two presliding deflections, torque at one
+    # The first factor: flow at two presliding deflections, torque at one.
+    assert record["arms"]["number"] == 3 * 3 * 2 * 2 * 2 * 3
 
 
 @pytest.mark.slow
