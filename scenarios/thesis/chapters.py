@@ -111,16 +111,16 @@ def chapter_5(study: Comparison) -> dict[str, object]:
                 "result": entry,
                 "observer": study.observers[joint],
                 "whiteness": p_value(entry.models["okid"].residual_test.whiteness_p[0]),
-                "realisation": realisation(study, entry),
+                "realisation": realisation(entry),
             }
             for joint, entry in study.joints.items()
         ],
     }
 
 
-def realisation(study: Comparison, entry: JointResult) -> list[tuple[str, ...]]:
+def realisation(entry: JointResult) -> list[tuple[str, ...]]:
     """Matrices and coordinate-free quantities of a joint's identified and printed model: name, and both as text."""
-    observer = study.observers[entry.joint].estimate
+    observer = entry.models["okid"].estimate
     printed = next(model.model for model in entry.published if model.method == "okid")
     described = hankel_share(observer, observer.model.order), PERCENT_DESCRIBED[entry.joint]
     return [

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from hmtb_twin import JointLog, JointTruth, Truth
 from scenarios.thesis.attribution import Attributions
-from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.campaign import ESTIMATION_TEST, Campaign
 from scenarios.thesis.estimates import IdentifiedModel
 from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.fairness_table import ArmFairness
@@ -108,7 +108,6 @@ class Comparison:
         robustness: Models from disturbed records; all of it only when thorough.
         fairness: The same table of fits for every arm; empty where the study is not thorough.
         cost: Time spent.
-        estimation_test: Number of the test that models were identified from.
         provenance: Versions of what was used.
     """
 
@@ -126,8 +125,9 @@ class Comparison:
     robustness: Robustness
     fairness: tuple[ArmFairness, ...]
     cost: Cost
-    estimation_test: int
     provenance: Mapping[str, str]
+
+    estimation_test = ESTIMATION_TEST  # no field: templates and findings read it of the study
 
     @property
     def campaign(self) -> Campaign:

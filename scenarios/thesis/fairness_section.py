@@ -73,7 +73,7 @@ def _near_1_hz(arm: ArmFairness) -> Answer:
 
 
 def _held(arm: ArmFairness) -> Answer:
-    covered = [bool(entry.covers) for entry in arm.identified()]
+    covered = [bool(entry.covers) for models in arm.joints.values() for entry in models if not entry.printed]
     return Answer("yes" if 2 * sum(covered) > len(covered) else "no", f"{sum(covered)} of {len(covered)}")
 
 

@@ -3,19 +3,18 @@
 Every arm's models are identified from its own PRBS test and meet its own records and its own truth.
 """
 
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from statistics import median
 
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM, Condition, single_joint_test
 from scenarios.experiments.model_structures import STRUCTURES, every_structure
 from scenarios.thesis.campaign import ESTIMATION_TEST, SAME_SEQUENCE, Campaign
-from scenarios.thesis.estimates import Fits, estimate, fits
+from scenarios.thesis.estimates import Fits, fits, identified
 from scenarios.thesis.steps import NO_REPORT, Part
 from scenarios.truth.published import published
-from sysid import StateSpace, SysidError, SysidWarning
+from sysid import StateSpace, SysidError
 
 RECORDS = {"mimo-10": "slow chirp, 0 to 1 Hz", "mimo-12": "fast chirp, 5 to 10 Hz", RPCM: "exchange"}
 """Records of three joints that every arm has, with their names for people."""
@@ -90,10 +89,6 @@ class ArmFairness:
         """Fits of a three-joint model to a record by joint, if there are any."""
         return self.three_joint.get((name, printed), {}).get(record)
 
-    def identified(self) -> tuple[FairModel, ...]:
-        """The models of all joints that were identified from this arm's records."""
-        return tuple(entry for models in self.joints.values() for entry in models if not entry.printed)
-
 
 def chosen(models: Iterable[FairModel], *, okid: bool, printed: bool = False) -> FairModel:
     """The model that the thesis' SysID or OKID model has for a joint, identified anew or as printed."""
@@ -103,10 +98,7 @@ def chosen(models: Iterable[FairModel], *, okid: bool, printed: bool = False) ->
 
 def fairness(campaigns: Sequence[Campaign], part: Part = NO_REPORT) -> tuple[ArmFairness, ...]:
     """Identify every model from the estimation test of every arm, and judge it on the arm's other records."""
-    with warnings.catch_warnings():
-        # what is wrong with a model shows in its fits
-        warnings.simplefilter("ignore", SysidWarning)
-        return tuple(_arm(campaign) for campaign, _ in part.split(campaigns))
+    return tuple(_arm(campaign) for campaign, _ in part.split(campaigns))
 
 
 def _arm(campaign: Campaign) -> ArmFairness:
@@ -121,29 +113,21 @@ def _arm(campaign: Campaign) -> ArmFairness:
 
 
 def _models(joint: str, campaign: Campaign) -> tuple[FairModel, ...]:
-    models = []
+    models, data, truth = [], campaign.singles(joint), campaign.truth.joint(joint).bandwidth_hz
     for one in (*every_structure(joint), STRUCTURES[joint][-1]):
-        entry = FairModel(one.method, one.label, one.chosen, printed=False)
+        about = (one.method, one.label, one.chosen, False)
         try:
-            found = estimate(campaign.own(joint), one.estimator, one.orders)
-            band = found.bandwidth()
+            own = identified(campaign.own(joint), one, data)
         except SysidError as error:
-            models.append(replace(entry, refused=str(error)))
+            models.append(FairModel(*about, refused=str(error)))
             continue
-        hz, *ends = band.path()
-        covers = bool(band.covers(campaign.truth.joint(joint).bandwidth_hz)[0, 0])
-        models.append(replace(entry, model=found.model, bandwidth_hz=hz, ci95=(ends[0], ends[1]), covers=covers))
+        covers = own.ci95[0] <= truth <= own.ci95[1]
+        models.append(FairModel(*about, own.estimate.model, own.bandwidth_hz, own.ci95, covers, own.fits))
     for known in published(joint):
-        models.append(
-            FairModel(known.method, f"printed {known.label}", known.chosen, True, known.model, known.bandwidth_hz)
-        )
-    data = campaign.singles(joint).items()
-    return tuple(
-        entry
-        if entry.model is None
-        else replace(entry, fits={number: fits(entry.model, record) for number, record in data})
-        for entry in models
-    )
+        about = (known.method, f"printed {known.label}", known.chosen, True)
+        followed = {number: fits(known.model, record) for number, record in data.items()}
+        models.append(FairModel(*about, known.model, known.bandwidth_hz, fits=followed))
+    return tuple(models)
 
 
 def _three_joints(joints: Mapping[str, Sequence[FairModel]], campaign: Campaign) -> SeveralFits:

@@ -15,7 +15,7 @@ from sysid import IOData
 
 def percent_described(study: Comparison) -> Finding:
     """F14: order 2 describes 96 to 99.9 percent in OKID's own measure."""
-    estimates = {joint: entry.estimate for joint, entry in study.observers.items()}
+    estimates = {joint: entry.models["okid"].estimate for joint, entry in study.joints.items()}
     shares = {joint: hankel_share(model, ORDER) for joint, model in estimates.items()}
     factor = CLAIMS["F14"].limits["factor"]
     left = {joint: (100 - share, 100 - PERCENT_DESCRIBED[joint]) for joint, share in shares.items()}

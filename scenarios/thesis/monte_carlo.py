@@ -3,7 +3,7 @@
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from hashlib import sha256
 from importlib import resources
@@ -63,7 +63,6 @@ class SeedOutcome:
         verdicts: By finding.
         numbers: By finding the numbers that its verdict rests on, by name.
         true_hz: Small-signal bandwidth by joint, Hz.
-        best_linear_hz: Best linear bandwidth by joint, Hz.
         recovered: Recovered bandwidths by joint and method.
         failed: Experiments that failed, with the reason.
         cost: Time spent.
@@ -75,7 +74,6 @@ class SeedOutcome:
     verdicts: Mapping[str, Verdict]
     numbers: Mapping[str, Mapping[str, Extended]]
     true_hz: Mapping[str, float]
-    best_linear_hz: Mapping[str, Extended] = field(default_factory=dict)
     recovered: Mapping[str, Mapping[str, MethodBandwidth]]
     failed: Mapping[str, str]
     cost: Cost
@@ -90,7 +88,6 @@ def outcome(study: Comparison, findings: Sequence[Finding]) -> SeedOutcome:
         verdicts={entry.key: entry.verdict for entry in findings},
         numbers={entry.key: {name: float(x) for name, x in entry.value.items()} for entry in findings},
         true_hz={name: float(entry.truth.bandwidth_hz) for name, entry in study.joints.items()},
-        best_linear_hz={name: entry.best_linear.hz for name, entry in study.joints.items()},
         recovered={
             name: {
                 model.method: MethodBandwidth(model.bandwidth_hz, model.ci95, model.covers, model.half_power_hz)
@@ -204,22 +201,20 @@ class Tally:
 
     def coverage(self) -> dict[str, dict[str, BandwidthCoverage]]:
         """Return the distributions of every method's bandwidth, by joint and method."""
-        return {
-            joint: {
-                method: _coverage([entry.recovered[joint][method] for entry in self.outcomes]) for method in methods
+        table: dict[str, dict[str, BandwidthCoverage]] = {}
+        for joint, methods in self.outcomes[0].recovered.items():
+            rows = {method: [entry.recovered[joint][method] for entry in self.outcomes] for method in methods}
+            table[joint] = {
+                method: BandwidthCoverage(
+                    spread([entry.hz for entry in entries]),
+                    spread([entry.half_power_hz for entry in entries]),
+                    spread([entry.ci95[1] - entry.ci95[0] for entry in entries]),
+                    sum(entry.covers for entry in entries),
+                    sum(near_1_hz(entry.hz) for entry in entries),
+                )
+                for method, entries in rows.items()
             }
-            for joint, methods in self.outcomes[0].recovered.items()
-        }
-
-
-def _coverage(recoveries: Sequence[MethodBandwidth]) -> BandwidthCoverage:
-    return BandwidthCoverage(
-        spread([entry.hz for entry in recoveries]),
-        spread([entry.half_power_hz for entry in recoveries]),
-        spread([entry.ci95[1] - entry.ci95[0] for entry in recoveries]),
-        sum(entry.covers for entry in recoveries),
-        sum(near_1_hz(entry.hz) for entry in recoveries),
-    )
+        return table
 
 
 def write_tally(tally: Tally, path: Path) -> None:

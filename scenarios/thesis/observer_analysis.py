@@ -58,36 +58,22 @@ class Share:
 
 @dataclass(frozen=True, eq=False)
 class JointObserver:
-    """The observer of one joint from the PRBS test.
+    """Observers of one joint from the PRBS test, beside that of the study, `JointResult.models["okid"]`.
 
     Attributes:
-        estimate: The model.
-        true_markov: Markov parameters of the small-signal truth (K,), as many as the estimate's.
         shares: What one to five states hold.
         errors: Prediction errors over the number of observer Markov parameters; none unless the study is thorough.
     """
 
-    estimate: Estimate
-    true_markov: NDArray[np.float64]
     shares: tuple[Share, ...]
     errors: tuple[ObserverError, ...]
 
 
 def observe(joint: str, campaign: Campaign, *, thorough: bool = True) -> JointObserver:
-    """Analyse the observer of a joint: p = 5 and two states, from the estimation test.
-
-    Unless thorough, numbers of observer Markov parameters are not compared. `MissingRecordError` where the test has no
-    record.
-    """
+    """Observers with one to five states from the estimation test and, if thorough, errors over the number p."""
     own = campaign.own(joint)
-    model = observer(own)
-    count = len(np.asarray(model.diagnostics["system_markov"]))
-    return JointObserver(
-        estimate=model,
-        true_markov=campaign.truth.joint(joint).model.markov(count)[:, 0, 0],
-        shares=tuple(_share(own, order) for order in range(1, P + 1)),
-        errors=observer_errors(own) if thorough else (),
-    )
+    shares = tuple(_share(own, order) for order in range(1, P + 1))
+    return JointObserver(shares, observer_errors(own) if thorough else ())
 
 
 def observer_errors(data: IOData, numbers: tuple[int, ...] = NUMBERS) -> tuple[ObserverError, ...]:
@@ -129,7 +115,6 @@ def _share(data: IOData, order: int) -> Share:
 
 
 def _smoothed(data: IOData, p: int) -> float:
-    """Standard deviation of the error of a sample predicted from p samples of input and output on both sides."""
     around = np.lib.stride_tricks.sliding_window_view(np.hstack((data.u, data.y)), 2 * p + 1, axis=0)
     columns = np.delete(around.reshape(len(around), -1), around.shape[2] + p, axis=1)
     target = data.y[p : len(data) - p, 0]

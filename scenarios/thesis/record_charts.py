@@ -165,8 +165,8 @@ def correlations(study: Comparison, entry: JointResult) -> tuple[Panel, ...]:
 @chart_of({"Joint": joints}, columns=2, height=200)
 def observers(study: Comparison, entry: JointResult) -> tuple[Panel, ...]:
     """OKID: Markov parameters of observer and system, errors over p, Hankel singular values."""
-    known, look, diamonds = study.observers[entry.joint], PALETTE["okid"], points("okid", "D")
-    diagnostics = known.estimate.diagnostics
+    errors, look, diamonds = study.observers[entry.joint].errors, PALETTE["okid"], points("okid", "D")
+    diagnostics = entry.models["okid"].estimate.diagnostics
     ours = []
     for name, label, shift, colour in (
         ("u", "of the command", -0.2, look.colour),
@@ -174,7 +174,8 @@ def observers(study: Comparison, entry: JointResult) -> tuple[Panel, ...]:
     ):
         values = np.asarray(diagnostics[f"observer_markov_{name}"])[:, 0, 0]
         ours.append(Series(label, np.arange(1, len(values) + 1) + shift, values, Style(colour), kind="stem"))
-    system, true = np.asarray(diagnostics["system_markov"])[:SHOWN, 0, 0], known.true_markov[:SHOWN]
+    system = np.asarray(diagnostics["system_markov"])[:SHOWN, 0, 0]
+    true = entry.truth.model.markov(len(system))[:, 0, 0]
     numbers = np.arange(len(system))
     pulse = [Series("truth", numbers, true, PALETTE["truth"]), Series("from the observer", numbers, system, diamonds)]
     hankel = np.asarray(diagnostics["hankel_singular_values"], dtype=float)[:8]
@@ -184,15 +185,15 @@ def observers(study: Comparison, entry: JointResult) -> tuple[Panel, ...]:
         Panel("sample after the pulse", "rad/rad", pulse, "Markov parameters of the system"),
         Panel("number", "over the largest", [sizes], "Hankel singular values", "y"),
     )
-    if not known.errors:
+    if not errors:
         return drawn
-    tried = [row.p for row in known.errors]
-    errors = [
-        Series(f"{label} error", tried, [100 * getattr(row, label) for row in known.errors], style)
+    tried = [row.p for row in errors]
+    curves = [
+        Series(f"{label} error", tried, [100 * getattr(row, label) for row in errors], style)
         for label, style in (("prediction", look), ("smoothing", PALETTE["oe"]))
     ]
     p, mark = "observer Markov parameters p", (("x", 5.0, "p of the thesis"),)
-    return *drawn, Panel(p, "% of the output", errors, "errors over p", "y", marks=mark)
+    return *drawn, Panel(p, "% of the output", curves, "errors over p", "y", marks=mark)
 
 
 @chart_of(

@@ -237,7 +237,6 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
         robustness=robust,
         fairness=table,
         cost=Cost(sum(one.physics_s for one in campaigns), sum(one.simulation_s for one in campaigns), 0.0),
-        estimation_test=ESTIMATION_TEST,
         provenance=versions(),
     )
 

@@ -13,9 +13,9 @@ from scenarios.truth.published import BY_NAME
 
 def test_realisation_is_laid_beside_the_print(study):
     for entry in study.joints.values():
-        rows = {name for name, *_ in realisation(study, entry)}
+        rows = {name for name, *_ in realisation(entry)}
         assert {"A", "B", "C", "D", "G", "poles", "zeros"} <= rows
-    yaw = {name: printed for name, _, printed in realisation(study, study.joints["shoulder_yaw"])}
+    yaw = {name: printed for name, _, printed in realisation(study.joints["shoulder_yaw"])}
     assert yaw["G"] == "-276.41 -123.2"
     assert yaw["A"] == "0.99487 0.02896; -0.15355 0.55941"
     assert yaw["described by two states, %"] == "99.8691"

@@ -84,7 +84,7 @@ def test_a_refused_model_leaves_out_what_it_is_part_of(synthetic_logs, monkeypat
             raise SysidError("too little past")
         return estimate(data, estimator, orders)
 
-    monkeypatch.setattr(fairness_table, "estimate", refuses)
+    monkeypatch.setattr("scenarios.thesis.estimates.estimate", refuses)
     logs = synthetic_logs([f"siso-{number}-{joint}" for number in (2, 5) for joint in STUDIED_JOINTS] + ["mimo-10"])
     (first,) = fairness_table.fairness((Campaign(NOMINAL, linearize(NOMINAL.arm()), logs, {}),))
     yaw = chosen(first.joints["shoulder_yaw"], okid=True)

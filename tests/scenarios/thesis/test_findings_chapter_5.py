@@ -28,7 +28,7 @@ def test_the_remainder_is_laid_beside_the_printed_one(study):
     ("times", "verdict"), [(1.0, "reproduced by construction"), (1e-3, "not reproduced"), (4.0, "not reproduced")]
 )
 def test_a_remainder_far_from_the_printed_one_is_no_success_on_either_side(study, monkeypatch, times, verdict):
-    joints = {id(entry.estimate): name for name, entry in study.observers.items()}
+    joints = {id(entry.models["okid"].estimate): name for name, entry in study.joints.items()}
     monkeypatch.setattr(
         "scenarios.thesis.findings_chapter_5.hankel_share",
         lambda estimate, *_, **__: 100 - times * (100 - PERCENT_DESCRIBED[joints[id(estimate)]]),
