@@ -23,8 +23,7 @@ from scenarios.thesis.estimates import Fits, fits
 from scenarios.thesis.every_data_set import AUDIBLE, DataSets, distances
 from scenarios.thesis.findings_chapter_6 import bias_and_outliers
 from scenarios.thesis.model_charts import METHODS
-from scenarios.thesis.multi_input import EXCITED, off_diagonal, pushed_by_others
-from scenarios.thesis.multivariable import FAST_CHIRP
+from scenarios.thesis.multivariable import EXCITED, FAST_CHIRP, off_diagonal, pushed_by_others
 from scenarios.thesis.number_text import p_value, root
 from scenarios.thesis.observer_analysis import P, hankel_share, observer_poles
 from scenarios.thesis.order_search import IMPROVES

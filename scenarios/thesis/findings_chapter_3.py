@@ -12,10 +12,11 @@ import sysid
 from hmtb_twin import JOINTS
 from hmtb_twin.bus.recorder import delayed
 from scenarios.experiments.campaign import single_joint_test
+from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import POINTS
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, finding_by_reading
-from scenarios.thesis.nonparametric import GRID, PULSE, SINES, WHITENING, excited_lines, period_of
+from scenarios.thesis.nonparametric import GRID, PULSE, SINES, WHITENING, excited_lines
 from scenarios.truth.published import BREAK_FREQUENCY, PUBLISHED
 from sysid import FrequencyResponse
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
@@ -144,7 +145,7 @@ def prbs_looks_white(study: Comparison) -> Finding:
     readings: dict[str, dict[str, bool]] = {PLAIN: {}, WHITENED: {}}
     for joint in study.joints:
         record = study.joints[joint].data[study.estimation_test]
-        repeats = period_of(record.name)
+        repeats = load(record.name).period
         ((white, _),) = prewhitened([record], 0, WHITENING)
         for way, command in ((PLAIN, record.u), (WHITENED, white[WHITENING:])):
             half = correlation(command[:, 0], range(POINTS // 2 + 1))

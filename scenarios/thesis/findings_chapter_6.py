@@ -16,8 +16,7 @@ from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, finding_by_reading, words
-from scenarios.thesis.multi_input import pushed_by_others
-from scenarios.thesis.multivariable import FAST_CHIRP, LAGS, LEVEL, WAYS, Kind, Multivariable, Way
+from scenarios.thesis.multivariable import FAST_CHIRP, LAGS, LEVEL, WAYS, Kind, Multivariable, Way, pushed_by_others
 from scenarios.thesis.number_text import minus
 from scenarios.thesis.record_fits import fits_to_records, held_out_fit, missing_fit_shares, remarks, within_reach
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL

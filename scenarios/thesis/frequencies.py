@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import get_args
 
+from scenarios.report.page import Page
 from scenarios.thesis.finding import Finding, Verdict
 from scenarios.thesis.monte_carlo import Tally
 
@@ -55,31 +56,9 @@ def answer_text(tally: Tally) -> str:
 
 def source_text(tally: Tally, seed: int | None = None) -> str:
     """Describe which seeds the frequencies count, beside that of this run, on which arm and with which software."""
-    seeds = _seeds(tally)
-    length = "" if tally.duration is None else f", records of {tally.duration:g} s"
-    failed = "".join(f" Seed {seed} came to no conclusion: {why.rstrip('.')}." for seed, why in tally.failed.items())
-    if not tally.recorded:
-        return f"Frequencies and ranges are of {seeds} on the same arm{length}, run for this report.{failed}"
-    versions = tally.outcomes[0].versions
-    own = (
-        f"; seed {seed}, which is that of this run, is one of them"
-        if seed is not None and any(entry.seed == seed for entry in tally.outcomes)
-        else ", not of this run"
-    )
-    return (
-        f"Frequencies and ranges are of {seeds} on the same arm{length}{own}. They were recorded earlier, with "
-        f"hmtb-twin {versions.get('hmtb-twin', '?')} and MuJoCo {versions.get('mujoco', '?')}. "
-        f"hmtb thesis --seeds {len(tally.outcomes)} makes them anew.{failed}"
-    )
-
-
-def _seeds(tally: Tally) -> str:
-    numbers = sorted(entry.seed for entry in tally.outcomes if entry.seed is not None)
-    if len(numbers) == 1:
-        return f"one seed ({numbers[0]})"
-    if numbers == list(range(numbers[0], numbers[-1] + 1)):
-        return f"{len(numbers)} seeds ({numbers[0]} to {numbers[-1]})"
-    return f"{len(numbers)} seeds ({', '.join(map(str, numbers))})"
+    seeds = sorted(entry.seed for entry in tally.outcomes if entry.seed is not None)
+    values = {"tally": tally, "seed": seed, "seeds": seeds, "versions": tally.outcomes[0].versions}
+    return " ".join(Page().render("seeds_text.j2", values).split())
 
 
 def finding_record(finding: Finding, tally: Tally | None) -> dict[str, object]:

@@ -212,7 +212,7 @@ def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> 
         spectra={n: sysid.spa(record, frequencies=GRID) for n, record in data.items()},
         resolution_hz={n: SAMPLE_RATE / (len(record) // 10) for n, record in data.items()},
         repeated={
-            n: period_spectra(record, period_of(single_joint_test(n, joint)))
+            n: period_spectra(record, load(single_joint_test(n, joint)).period)
             for n, record in {PRBS: binary, **data}.items()
         },
         positive=sysid.spa(data[SINES], window=parzen, frequencies=GRID) if SINES in data else None,
@@ -242,17 +242,12 @@ def half_power(response: FrequencyResponse) -> float | None:
     return hz if np.isfinite(hz) and f[k] <= OCTAVE * f[k - 1] else None
 
 
-def period_of(name: str) -> int:
-    """Samples after which all waveforms of a registered scenario repeat."""
-    return load(name).period
-
-
 def _summaries(joint: str, campaign: Campaign) -> dict[str, RecordSummary]:
     """All records that move the joint and repeat often enough: its own tests and those of several joints."""
     names = [
         name for name in campaign.logs if name != RPCM and (not name.startswith("siso-") or name.endswith(f"-{joint}"))
     ]
-    records = ((name, campaign.record(name, joint), period_of(name)) for name in names)
+    records = ((name, campaign.record(name, joint), load(name).period) for name in names)
     return {name: summary(record, period) for name, record, period in records if len(record) >= FEWEST * period}
 
 

@@ -12,7 +12,7 @@ from scenarios.experiments.waveform import POINTS
 from scenarios.report.figure_style import MRAD, method_style, points, short
 from scenarios.thesis.chart import Panel, Series, chart_of, joints
 from scenarios.thesis.comparison import Comparison, JointResult
-from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT
+from scenarios.thesis.multivariable import FULL_OKID, INDEPENDENT
 from scenarios.thesis.nonparametric import PRBS, PULSE, SINES, excited_lines
 from sysid import FrequencyResponse, StateSpace
 from sysid.models.bandwidth import HALF_POWER

@@ -15,6 +15,7 @@ from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.campaign import Condition, campaign_scenario, single_joint_test
 from scenarios.experiments.log_review import swing, velocity_limited_share
 from scenarios.experiments.model_structures import STRUCTURES, SUFFICIENT, Structure
+from scenarios.experiments.registry import load
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
@@ -34,7 +35,7 @@ from scenarios.thesis.every_data_set import every_data_set
 from scenarios.thesis.fairness_table import ArmFairness, fairness
 from scenarios.thesis.more_poles import more_poles
 from scenarios.thesis.multivariable import multivariable
-from scenarios.thesis.nonparametric import nonparametric, period_of
+from scenarios.thesis.nonparametric import nonparametric
 from scenarios.thesis.observer_analysis import observe
 from scenarios.thesis.order_search import search_orders
 from scenarios.thesis.robustness import robustness
@@ -249,7 +250,7 @@ def study_joint(joint: str, campaign: Campaign) -> JointResult:
         ScenarioError: It gives no model of one of the structures that the study is about.
     """
     own, data, truth = campaign.own(joint), campaign.singles(joint), campaign.truth.joint(joint)
-    period = period_of(own.name)
+    period = load(own.name).period
     logs = {number: campaign.log(single_joint_test(number, joint)) for number in data}
     best_linear = best_linear_of(campaign.condition, joint)
     models = {entry.method: _identify(entry, data, best_linear) for entry in STRUCTURES[joint]}

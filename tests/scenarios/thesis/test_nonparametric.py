@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin.parameters.values import HAND_CONTROLLER, SAMPLE_RATE
+from scenarios.experiments.registry import load
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.nonparametric import (
     GRID,
@@ -14,7 +15,6 @@ from scenarios.thesis.nonparametric import (
     excited_lines,
     half_power,
     nonparametric,
-    period_of,
     period_spectra,
     summary,
 )
@@ -95,7 +95,7 @@ def test_every_record_that_repeats_often_enough_has_a_row(study):
     assert len(names) == 15
     for joint, estimates in study.nonparametric.items():
         own = {f"siso-{n}-{joint}" for n in range(1, 9)}
-        enough = {name for name in names | own if len(study.campaign.record(name, joint)) >= 3 * period_of(name)}
+        enough = {name for name in names | own if len(study.campaign.record(name, joint)) >= 3 * load(name).period}
         assert set(estimates.tests) == enough
         row = estimates.tests[f"siso-5-{joint}"]
         assert row.half_power_hz == pytest.approx(study.joints[joint].models["oe_high"].half_power_hz, rel=0.35)
@@ -103,8 +103,8 @@ def test_every_record_that_repeats_often_enough_has_a_row(study):
 
 
 def test_periods_are_those_of_the_waveforms_as_the_hold_samples_them():
-    assert period_of("siso-5-shoulder_yaw") == np.lcm(100, HAND_CONTROLLER.hold)
-    assert period_of("siso-2-shoulder_yaw") == np.lcm(200, HAND_CONTROLLER.hold), "1.25 Hz takes 4 s for five cycles"
+    assert load("siso-5-shoulder_yaw").period == np.lcm(100, HAND_CONTROLLER.hold)
+    assert load("siso-2-shoulder_yaw").period == np.lcm(200, HAND_CONTROLLER.hold), "1.25 Hz takes 4 s for five cycles"
 
 
 def test_a_row_says_what_was_put_in():

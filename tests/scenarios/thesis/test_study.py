@@ -18,7 +18,7 @@ from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
 from scenarios.thesis.attribution import ORDERS, order_effects, scaled
 from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, OTHER_WAVEFORMS, Campaign
 from scenarios.thesis.estimates import fits
-from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, METHODS, full_models, three_joint_truth
+from scenarios.thesis.multivariable import FULL_OKID, INDEPENDENT, METHODS, full_models, three_joint_truth
 from scenarios.thesis.nonparametric import period_spectra
 from scenarios.thesis.study import ESTIMATION_TEST, JUDGING, draw_conclusions, plan, run_study, study_joint
 from sysid import IOData, SysidError
