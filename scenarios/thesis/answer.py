@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from hmtb_twin import simulate
+from hmtb_twin.parameters.values import HAND_CONTROLLER
 from scenarios.experiments.campaign import campaign_scenario
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import STRUCTURES
@@ -49,16 +50,21 @@ class JointAnswer:
     Attributes:
         joint: The joint.
         best_linear: Best linear truth under a command as strong as the test's, friction included.
-        small_signal_hz: Where the gain of the small-signal truth is 0.707, Hz.
+        small_signal: The small-signal truth.
         gains: Gain over `FREQUENCIES` of the models by method, a row for each seed that gave one (S, F).
         levels: Frequencies at which the gain of these models is 0.707, Hz; NaN where it never is.
     """
 
     joint: str
     best_linear: BestLinearOfTest
-    small_signal_hz: float
+    small_signal: StateSpace
     gains: Mapping[str, np.ndarray]
     levels: Mapping[str, tuple[float, ...]]
+
+    @property
+    def small_signal_hz(self) -> float:
+        """Where the gain of the small-signal truth is 0.707, Hz."""
+        return half_power_hz(self.small_signal)
 
     def recovered_hz(self, method: str) -> float:
         """Median of a method's levels over the seeds, Hz; NaN where fewer than half of the models have one."""
@@ -141,7 +147,7 @@ def measure_answer(
                 progress(number * len(seeds) + count, len(study.joints) * len(seeds))
         gains = {method: np.array([_gain(model) for model in found]) for method, found in models.items()}
         levels = {method: tuple(half_power_hz(model) for model in found) for method, found in models.items()}
-        answers.append(JointAnswer(joint, entry.best_linear, half_power_hz(entry.truth.model), gains, levels))
+        answers.append(JointAnswer(joint, entry.best_linear, entry.truth.model, gains, levels))
     return Answer(tuple(answers), tuple(seeds), length)
 
 
@@ -165,6 +171,8 @@ def answer_chart(answer: Answer) -> Chart:
         low, high = (end[:, 0, 0] for end in truth.magnitude_ci95())
         gain = truth.magnitude[:, 0, 0]
         series = [Series("best linear truth (95 %)", truth.frequencies, gain, PALETTE["truth"], low, high)]
+        dashed = Style(PALETTE["truth"].colour, "--", 1.2)
+        series.append(Series("put in: without friction", FREQUENCIES, _gain(one.small_signal), dashed))
         for method, rows in one.gains.items():
             look, name = PALETTE[method], method.upper()
             if len(rows):
@@ -201,13 +209,15 @@ def answer_texts(answer: Answer, motion: Mapping[str, Any]) -> tuple[str, ...]:
         "test": f"{MRAD * np.mean([truth.wanted_rms for truth in truths]):.2g}",
         "cases": len(cases),
         "agree": sum(one.agrees(method) for one, method in cases),
-        "by": [f"{method.upper()} on {sum(one.agrees(method) for one in answer.joints)}" for method in METHODS],
-        "known": [hz for hz in recovered if np.isfinite(hz)],
-        "departures": [
+        "by": [f"{sum(map(one.agrees, METHODS))} of 3 on the {short(one.joint)}" for one in answer.joints],
+        "close": CLOSE,
+        "gain": MRAD * HAND_CONTROLLER.gain,
+        "departures": sorted(
             100 * (ratio - 1.0)
             for ratio, (one, method) in zip(ratios, cases, strict=True)
             if np.isfinite(ratio) and not one.agrees(method)
-        ],
+        ),
+        "none_there": sum(not np.isfinite(hz) for hz in recovered),
         "printed": len(printed),
         "same": [
             f"{short(joint)} {model.label}"
@@ -215,9 +225,9 @@ def answer_texts(answer: Answer, motion: Mapping[str, Any]) -> tuple[str, ...]:
             if abs(model.half_power_hz / (BREAK_FREQUENCY[joint] / (2 * np.pi)) - 1.0) <= CLOSE
         ],
         "motion": motion,
-        "unexplained": [short(joint) for joint, one in motion["joints"].items() if not one["explained"]],
+        "explained": [f"the {short(joint)}" for joint, one in motion["joints"].items() if one["explained"]],
         "unanimous": sum(count in (0, seeds) for count in agreeing),
-        "least": 100 * binomtest(seeds, seeds).proportion_ci(0.95, "exact").low,
+        "least": 100 * binomtest(seeds, seeds, alternative="greater").proportion_ci(0.95, "exact").low,
     }
     page = Page({"short": short, "joined": joined, "between": between, "finite": np.isfinite})
     return tuple(" ".join(part.split()) for part in page.render("answer_text.j2", values).split("\n\n"))

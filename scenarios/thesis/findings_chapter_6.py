@@ -97,10 +97,13 @@ def bode_agrees(study: Comparison) -> Finding:
         for printed in (False, True)
     )
     own, okid = (100 * entry.diagonal_error for entry in study.multivariable.pair())
-    listed = [f"{gain:.1f} dB and {phase:.0f} degrees on {words(joint)}" for joint, (gain, phase) in printed.items()]
+    listed = {
+        name: [f"{gain:.1f} dB and {phase:.0f} degrees on {words(joint)}" for joint, (gain, phase) in pairs.items()]
+        for name, pairs in (("twin", apart), ("printed", printed))
+    }
     parts = {joint: gain < limits["decibel"] and phase < limits["degrees"] for joint, (gain, phase) in apart.items()}
     value = {f"{joint}, {name}": pair[i] for i, name in enumerate(("gain", "phase")) for joint, pair in apart.items()}
-    return decided_finding("F17", parts, value, {"printed": listed, "own": own, "okid": okid})
+    return decided_finding("F17", parts, value, {**listed, "own": own, "okid": okid})
 
 
 def bode_differences(models: Multivariable, joint: str, *, printed: bool = False) -> tuple[float, float]:

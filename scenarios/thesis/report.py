@@ -34,7 +34,7 @@ from scenarios.thesis.long_tables import LongTables
 from scenarios.thesis.monte_carlo import Spread, Tally
 from scenarios.thesis.motion_answer import motion_texts
 from scenarios.thesis.motion_section import read_motion
-from scenarios.thesis.number_text import measure, parts, root, value_text
+from scenarios.thesis.number_text import measure, number, parts, root, value_text
 from scenarios.thesis.pictures import arm_picture, exchange, film
 from scenarios.thesis.response_charts import EXCITED_FROM
 from scenarios.thesis.results import friction_in_words
@@ -188,7 +188,10 @@ def limits(spread: Spread | None, finding: Finding) -> str:
     """Return the range of a finding's number over the seeds, in brackets; empty where it does not move."""
     if spread is None or spread.low == spread.high or np.isnan(spread.low):
         return ""
-    return f"({measure(spread.low, finding)} – {measure(spread.high, finding)})"
+    # Counts beside probabilities: a count of 0 is no probability that was too small.
+    counts = float(spread.low).is_integer() and spread.high >= 1.0
+    low, high = (number(end) if counts else measure(end, finding) for end in (spread.low, spread.high))
+    return f"({low} – {high})"
 
 
 def html(values: Mapping[str, Any]) -> tuple[str, LongTables]:
