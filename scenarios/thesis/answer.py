@@ -22,6 +22,7 @@ from scenarios.report.figure_style import MRAD, short
 from scenarios.report.page import Page
 from scenarios.thesis.chart import Chart, Panel, Series
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.motion import METHODS
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import BREAK_FREQUENCY, PublishedModel, published
 from sysid import StateSpace, SysidError, SysidWarning
@@ -34,9 +35,6 @@ SEEDS = (1, 2, 3, 4, 5)
 LENGTH = 60.0
 """Length of these records, s."""
 
-METHODS = ("armax", "oe", "okid")
-"""Methods of the thesis that give a model."""
-
 CLOSE = 0.1
 """Largest difference of two frequencies of gain 0.707 that agree, as a fraction; more where they are known less."""
 
@@ -48,7 +46,6 @@ class JointAnswer:
     """Responses of one joint.
 
     Attributes:
-        joint: The joint.
         best_linear: Best linear truth under a command as strong as the test's, friction included.
         small_signal: The small-signal truth.
         gains: Gain over `FREQUENCIES` of the models by method, a row for each seed that gave one (S, F).

@@ -76,8 +76,7 @@ class Chart:
     Attributes:
         views: Panels by what was chosen; the first is shown first.
         choices: What can be chosen, such as the joint: one name for each part of a view's key.
-        columns: Panels side by side where the page is wide enough.
-        height: Of a row of panels, pixels.
+        columns: Panels side by side where the page is wide enough, `height` pixels each.
     """
 
     views: Mapping[tuple[str, ...], tuple[Panel, ...]]

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
+from importlib.resources import files
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -47,8 +47,7 @@ class ReportFigure:
 
 @cache
 def _table() -> Mapping[str, list[dict[str, str]]]:
-    text = resources.files("scenarios").joinpath("data", "report_figures.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text)
+    return tomllib.loads((files("scenarios") / "data" / "report_figures.toml").read_text(encoding="utf-8"))
 
 
 def thesis_numbers(text: str) -> tuple[str, ...]:

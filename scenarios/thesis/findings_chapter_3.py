@@ -224,11 +224,10 @@ def measurement_against_process(study: Comparison) -> Finding:
 
 
 def disturbances(study: Comparison, entry: JointResult) -> tuple[float, float, float]:
-    """Root mean squares of the known disturbances of one joint in the PRBS test, rad.
+    """Root mean squares, rad, of the known disturbances of one joint in the PRBS test.
 
-    Returns:
-        Of measurement noise and rounding; of the true angle's deviation from the linear truth; of the part of that
-        which is another in every period.
+    Of measurement noise and rounding; of the true angle's deviation from the linear truth; of the part of that which is
+    another in every period.
     """
     log = study.logs[entry.data[study.estimation_test].name]
     column = JOINTS.index(entry.joint)

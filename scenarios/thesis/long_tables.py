@@ -15,11 +15,7 @@ GROUP = "## "
 
 
 class LongTables:
-    """Tables that the page only links.
-
-    Attributes:
-        texts: Contents of the files by name, without suffix.
-    """
+    """Tables that the page only links; `texts` has the contents of their files by name, without suffix."""
 
     def __init__(self) -> None:
         self.texts: dict[str, str] = {}

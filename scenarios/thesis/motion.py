@@ -35,7 +35,7 @@ from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 
 METHODS = ("armax", "oe", "okid")
-"""Methods of the printed models, with the thesis' orders."""
+"""Methods of the thesis that give a model."""
 
 TESTS = {1.0: 5, 2.0: 6}
 """Number of the single-joint test by the amplitude of its binary sequence, V."""
@@ -51,9 +51,6 @@ RESPONSE = np.geomspace(0.02, 24.0, 300)
 
 JOURNAL = "motion.sqlite"
 """Name of the file of finished settings."""
-
-Progress = Callable[[int, int], None]
-"""Called with the finished settings and their total."""
 
 Row = dict[str, Any]
 """What one record shows, by name."""
@@ -176,11 +173,11 @@ def records_of(campaign: MotionCampaign) -> tuple[Recorded, ...]:
 
 
 def run_campaign(
-    campaign: MotionCampaign, executor: Executor[Any], folder: Path, progress: Progress
+    campaign: MotionCampaign, executor: Executor[Any], folder: Path, progress: Callable[[int, int], None]
 ) -> dict[Setting, list[Row]]:
     """Run a campaign, or what the journal in `folder` lacks of it; return the rows of its settings in their order.
 
-    The results have the same bits on any number of workers.
+    The results have the same bits on any number of workers. `progress` is called with the finished settings and all.
 
     Raises:
         ScenarioError: The journal cannot be used, or a worker cannot run.

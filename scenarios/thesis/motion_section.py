@@ -13,8 +13,9 @@ from matplotlib.figure import Figure
 from scenarios.files.errors import ScenarioError
 from scenarios.report.figure_style import MRAD, short
 from scenarios.report.page import Page
-from scenarios.thesis.answer import METHODS, drawn_models
+from scenarios.thesis.answer import drawn_models
 from scenarios.thesis.chart import Chart, Panel, Series, by_view, draw
+from scenarios.thesis.motion import METHODS
 from scenarios.thesis.motion_answer import motion_texts
 from sysid.plots import PALETTE, Style
 
@@ -26,10 +27,9 @@ BANDWIDTHS = (0.1, 6.0)
 
 
 def read_motion(path: Path | None = None) -> Mapping[str, Any]:
-    """Read the record of a campaign, and try that words, table and map can be made of it.
+    """Read a `motion.json` of `hmtb motion`, and try that words, table and map can be made of it.
 
-    Args:
-        path: A `motion.json` of `hmtb motion`; without one, that of the whole campaign, which comes with the package.
+    Without a path it is that of the whole campaign, which comes with the package.
 
     Raises:
         ScenarioError: It is none, is larger than `MOST`, or cannot be read.

@@ -76,9 +76,9 @@ def context(
     findings: Sequence[Finding],
     answer: Answer,
     tally: Tally | None = None,
-    progress: Callable[[int, int], None] | None = None,
     *,
     motion: Mapping[str, Any] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Any]:
     """Return the variables of the templates by name; see `write_report` for the arguments."""
     motion = motion or read_motion()
@@ -141,20 +141,11 @@ def write_report(
     motion: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Write the report, and its long tables as CSV files in the folder `tables` beside it.
+    """Write the report, and its long tables as CSV files in the folder `tables` beside it; return its path.
 
-    Args:
-        study: The study.
-        findings: The decided findings.
-        answer: Responses on the first screen.
-        path: The HTML file.
-        tally: Conclusions of many seeds; without them the report does not speak of chance.
-        figures: Folder for every figure as SVG, PNG and CSV too, which must exist; none are written if None.
-        motion: Record of a campaign of `hmtb motion`; the one that comes with the package if None.
-        progress: Called with the figures made and those in all.
-
-    Returns:
-        The path.
+    Without a `tally`, the conclusions of many seeds, it does not speak of chance; without `motion`, the record of
+    `hmtb motion`, it shows that of the package. `figures` is an existing folder for every figure as SVG, PNG and CSV;
+    `progress` is called with the figures made and those in all.
 
     Raises:
         ScenarioError: The file cannot be written.
@@ -163,7 +154,7 @@ def write_report(
     if not path.parent.is_dir():
         raise ScenarioError(f"cannot write the report {str(path)!r}: there is no folder {str(path.parent)!r}")
     begin = perf_counter()
-    values = context(study, findings, answer, tally, progress, motion=motion)
+    values = context(study, findings, answer, tally, motion=motion, progress=progress)
     values["study"] = replace(study, cost=study.cost.later(perf_counter() - begin, report=True))
     text, tables = html(values)
     try:
