@@ -8,13 +8,7 @@ from types import MappingProxyType
 
 from hmtb_twin import STUDIED_JOINTS, JointLog, Truth, linearize, simulate
 from hmtb_twin.run.simulation import Progress
-from scenarios.experiments.campaign import (
-    NOMINAL,
-    RPCM,
-    SINGLE_JOINT,
-    Condition,
-    single_joint_test,
-)
+from scenarios.experiments.campaign import NOMINAL, RPCM, SINGLE_JOINT, Condition, single_joint_test
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.registry import load, names
 from scenarios.experiments.scenario import Scenario

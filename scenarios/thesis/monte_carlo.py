@@ -251,9 +251,6 @@ def tally(
         threads: Threads of the simulation.
         progress: Called with every step.
 
-    Returns:
-        The conclusions, and the reason of every seed that failed.
-
     Raises:
         ScenarioError: Every seed failed, or the journal cannot be used.
     """

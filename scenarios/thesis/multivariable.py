@@ -76,7 +76,7 @@ class JointFits:
 
     def of(self, way: Way) -> Mapping[str, float]:
         """Fits of one kind."""
-        return {"simulation": self.simulation, "one_step": self.one_step}[way]
+        return self.simulation if way == "simulation" else self.one_step
 
     def mean(self, way: Way) -> float:
         """Mean fit over the joints, percent."""
@@ -123,11 +123,7 @@ class ThreeJointModel:
         return _result_of(self.fits, record)
 
     def residual_test(self, record: str) -> ResidualTest:
-        """Test of the model's residuals on a record.
-
-        Raises:
-            MissingRecordError: There is no such record, or the residuals grow beyond all numbers.
-        """
+        """Test of the residuals on a record; raises `MissingRecordError` without it, or where they are not finite."""
         if record in self.fits and record not in self.residual_tests:
             raise MissingRecordError(
                 f"the residuals of the {self.name} on {record} cannot be tested: they are not finite"

@@ -85,12 +85,9 @@ class PeriodSpectra:
 
 
 def period_spectra(data: IOData, period: int = POINTS) -> PeriodSpectra:
-    """Split a settled record into blocks of whole periods, in samples, and compare them [Pintelon2012, sec. 2.5].
+    """Compare blocks of whole periods, in samples, of a settled record of one channel [Pintelon2012, sec. 2.5].
 
-    The input is periodic but for its noise.
-
-    Raises:
-        ScenarioError: Fewer than three periods, or several channels.
+    The input is periodic but for its noise; raises `ScenarioError` for fewer than three periods.
     """
     if data.nu != 1 or data.ny != 1:
         raise ScenarioError(f"expected one input and one output, given {data.nu} and {data.ny}")
@@ -199,9 +196,6 @@ def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> 
     """Analyse the records of one joint; a test other than the PRBS whose record is missing is left out.
 
     With summaries every record gets its row, beside the three analyses of the thesis.
-
-    Raises:
-        MissingRecordError: There is no record of the PRBS.
     """
     binary = campaign.single(PRBS, joint)
     # The record filtered so that its input is white, without the start-up of the filter.

@@ -82,14 +82,12 @@ class Search:
         iterations: Every structure tried, in sequence.
         chosen: The accepted one; where none passes, the simplest that cross-validation finds no better than `IMPROVES`
             below its best.
-        accepted: Whether it passes.
         thesis: Orders of the thesis.
     """
 
     method: str
     iterations: tuple[Iteration, ...]
     chosen: Iteration
-    accepted: bool
     thesis: tuple[int, ...]
 
     @property
@@ -116,11 +114,7 @@ class Searches:
 
 
 def search_orders(joint: str, data: Mapping[int, IOData], part: Part = NO_REPORT) -> Searches:
-    """Search for the orders of a joint's models on its prepared records, by number of the test.
-
-    Raises:
-        SysidError: No record of another waveform to judge on, or nothing could be identified.
-    """
+    """Search for a joint's orders on its records by test; `SysidError` without records to judge on, or without models."""
     others = [data[number][: round(MINUTE / data[number].dt)] for number in OTHER_WAVEFORMS if number in data]
     if not others:
         raise SysidError("a search for orders needs other data sets to judge on, got none")
@@ -135,11 +129,7 @@ def search_orders(joint: str, data: Mapping[int, IOData], part: Part = NO_REPORT
 def search(
     method: str, data: IOData, others: Sequence[IOData], thesis: tuple[int, ...], part: Part = NO_REPORT
 ) -> Search:
-    """Iterate over the structures of ARMAX or OE on a record until other data sets gain nothing more, and choose one.
-
-    Raises:
-        SysidError: Nothing could be identified.
-    """
+    """Try structures of ARMAX or OE until other data sets gain nothing more, and choose one; `SysidError` if none."""
     iterations: list[Iteration] = []
     best: list[Iteration] = []
     delays: tuple[int, ...] = DELAYS
@@ -151,14 +141,14 @@ def search(
         if poles >= DELAYS_UP_TO:
             delays = (max(iterations, key=lambda entry: entry.held_out).delay,)
         if len(best) > 1 and best[-2].passes and best[-1].held_out < best[-2].held_out + IMPROVES:
-            return Search(method, tuple(iterations), best[-2], True, thesis)
+            return Search(method, tuple(iterations), best[-2], thesis)
     if best[-1].passes:
-        return Search(method, tuple(iterations), best[-1], True, thesis)
+        return Search(method, tuple(iterations), best[-1], thesis)
     top = max(entry.held_out for entry in iterations)
     if not np.isfinite(top):
         raise SysidError(f"no {method} structure could be identified: {iterations[0].reason}")
     near = [entry for entry in iterations if entry.held_out >= top - IMPROVES]
-    return Search(method, tuple(iterations), min(near, key=lambda entry: entry.poles + entry.zeros), False, thesis)
+    return Search(method, tuple(iterations), min(near, key=lambda entry: entry.poles + entry.zeros), thesis)
 
 
 def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, others: Sequence[IOData]) -> Iteration:

@@ -163,11 +163,6 @@ def _spread(values: Iterable[float]) -> Range:
     return (median(known), min(known), max(known)) if known else (float("nan"),) * 3
 
 
-def clean(robustness: Robustness, joint: str, method: str) -> RobustnessOutcome:
-    """The model from the undisturbed record."""
-    return robustness.of("bias", joint, method)[0.0][0]
-
-
 def comparable(entries: tuple[RobustnessOutcome, ...], reference: RobustnessOutcome) -> bool:
     """Whether the median draw stays comparable; a failed estimate is not comparable."""
     percent, points = COMPARABLE
@@ -187,7 +182,7 @@ def tolerance(robustness: Robustness, disturbance: str, joint: str, method: str,
     levels = sorted((d for d in draws if d or kind.decibel), reverse=kind.falling)
     if not levels:
         return "–"
-    reference = clean(robustness, joint, method)
+    reference = robustness.of("bias", joint, method)[0.0][0]  # not disturbed
     tolerated = list(takewhile(lambda degree: comparable(draws[degree], reference), levels))
     if not tolerated:
         return "none"

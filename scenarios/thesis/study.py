@@ -21,14 +21,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
 from scenarios.identification.recovered_bandwidth import intervals_agree
 from scenarios.thesis.attribution import attribute, best_linear_of, order_effects, scaled
-from scenarios.thesis.campaign import (
-    CONDITIONS,
-    ESTIMATION_TEST,
-    EVERY_TEST,
-    FAIRNESS_TESTS,
-    Campaign,
-    run_campaign,
-)
+from scenarios.thesis.campaign import CONDITIONS, ESTIMATION_TEST, EVERY_TEST, FAIRNESS_TESTS, Campaign, run_campaign
 from scenarios.thesis.comparison import Comparison, Cost, JointResult, ModelResult
 from scenarios.thesis.estimates import identified
 from scenarios.thesis.every_data_set import every_data_set
@@ -39,7 +32,7 @@ from scenarios.thesis.nonparametric import nonparametric
 from scenarios.thesis.observer_analysis import observe
 from scenarios.thesis.order_search import search_orders
 from scenarios.thesis.robustness import robustness
-from scenarios.thesis.steps import COSTS, TICK, Part, Report, Steps
+from scenarios.thesis.steps import COSTS, TICK, Report, Steps
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import published
 from sysid import IOData, SysidError, SysidWarning
@@ -188,14 +181,14 @@ def draw_conclusions(campaigns: Sequence[Campaign], *, thorough: bool = True, st
 def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -> Comparison:
     main, smooth = campaigns[:2]
 
-    def of_joints(step: str, analysis: Callable[[str, Part], T]) -> dict[str, T]:
+    def of_joints(step: str, analysis: Callable[[str], T]) -> dict[str, T]:
         with steps.step(step) as part:
-            return {joint: analysis(joint, share) for joint, share in part.split(STUDIED_JOINTS)}
+            return {joint: analysis(joint) for joint, _ in part.split(STUDIED_JOINTS)}
 
-    joints = of_joints("identify", lambda joint, _: study_joint(joint, main))
-    attribution = of_joints("causes", lambda joint, _: attribute(joint, main, smooth, SUFFICIENT[joint]))
-    orders = of_joints("orders", lambda joint, _: order_effects(main.own(joint), SUFFICIENT[joint][2]))
-    spectra = of_joints("spectra", lambda joint, _: nonparametric(joint, main, summaries=thorough))
+    joints = of_joints("identify", lambda joint: study_joint(joint, main))
+    attribution = of_joints("causes", lambda joint: attribute(joint, main, smooth, SUFFICIENT[joint]))
+    orders = of_joints("orders", lambda joint: order_effects(main.own(joint), SUFFICIENT[joint][2]))
+    spectra = of_joints("spectra", lambda joint: nonparametric(joint, main, summaries=thorough))
     with steps.step("data sets") as part:
         whole, brief, search = part.shares(0.6, 0.1, 0.3)
         data_sets = {
@@ -210,13 +203,11 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
             joint: search_orders(joint, main.singles(joint), share)
             for joint, share in search.split(STUDIED_JOINTS if thorough else ())
         }
-    observed = of_joints("observers", lambda joint, _: observe(joint, main, thorough=thorough))
+    observed = of_joints("observers", lambda joint: observe(joint, main, thorough=thorough))
     with steps.step("three joints"):
-        several = multivariable(
-            {name: entry.chosen.estimate.model for name, entry in joints.items()},
-            {name: entry.models["okid"].estimate.model for name, entry in joints.items()},
-            main,
-        )
+        own = {name: entry.chosen.estimate.model for name, entry in joints.items()}
+        okid = {name: entry.models["okid"].estimate.model for name, entry in joints.items()}
+        several = multivariable(own, okid, main)
     with steps.step("robustness") as part:
         robust = robustness(main, thorough=thorough, part=part)
     table: tuple[ArmFairness, ...] = ()
@@ -243,12 +234,7 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
 
 
 def study_joint(joint: str, campaign: Campaign) -> JointResult:
-    """Identify one joint from the estimation test and validate on all others.
-
-    Raises:
-        MissingRecordError: The record of the estimation test.
-        ScenarioError: It gives no model of one of the structures that the study is about.
-    """
+    """Identify one joint from the estimation test and validate on all others; all structures must give a model."""
     own, data, truth = campaign.own(joint), campaign.singles(joint), campaign.truth.joint(joint)
     period = load(own.name).period
     logs = {number: campaign.log(single_joint_test(number, joint)) for number in data}

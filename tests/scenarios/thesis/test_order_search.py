@@ -30,7 +30,7 @@ def record(seed, *, coloured, samples=3000):
 def test_the_true_orders_are_found_from_below(method, coloured):
     others = [record(seed, coloured=coloured, samples=1500) for seed in (5, 6, 7)]
     chosen = search(method, record(1, coloured=coloured), others, (9, 9, 9))
-    assert chosen.accepted
+    assert chosen.chosen.passes
     assert (chosen.chosen.poles, chosen.chosen.zeros, chosen.chosen.delay) == (2, 1, 2)
     assert chosen.chosen.whiteness_p > 0.01
     assert chosen.chosen.independence_p > 0.01
@@ -42,7 +42,7 @@ def test_the_true_orders_are_found_from_below(method, coloured):
 def test_coloured_residuals_are_accepted_of_output_error_alone():
     others = [record(seed, coloured=True, samples=1500) for seed in (5, 6)]
     chosen = search("oe", record(1, coloured=True), others, (2, 2, 2))
-    assert chosen.accepted
+    assert chosen.chosen.passes
     assert chosen.chosen.whiteness_p < 0.01
     assert chosen.own.orders == (2, 2, 2)
 
@@ -54,7 +54,7 @@ def test_where_nothing_passes_the_simplest_near_the_best_is_chosen():
         return IOData(data.u, data.y + 0.3 * np.roll(data.u, 17, axis=0), 0.02)[20:]
 
     chosen = search("armax", echoing(1), [echoing(seed) for seed in (5, 6)], (2, 2, 2, 2))
-    assert not chosen.accepted
+    assert not chosen.chosen.passes
     assert {entry.poles for entry in chosen.iterations} == set(POLES)
     assert {entry.delay for entry in chosen.iterations} == set(DELAYS)
     top = max(entry.held_out for entry in chosen.iterations)

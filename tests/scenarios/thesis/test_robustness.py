@@ -18,7 +18,6 @@ from scenarios.thesis.robustness import (
     OrderNeeded,
     Robustness,
     RobustnessOutcome,
-    clean,
     comparable,
     other_structures,
     robustness,
@@ -61,7 +60,7 @@ def test_every_disturbance_gives_every_draw_of_every_method(study):
 def test_the_record_as_it_is_gives_the_model_without_harm(study):
     for joint, entry in study.joints.items():
         for method in (sysid_method(joint), "okid"):
-            reference = clean(study.robustness, joint, method)
+            reference = study.robustness.of("bias", joint, method)[0.0][0]
             assert reference.bandwidth_hz == pytest.approx(entry.models[method].bandwidth_hz, rel=1e-6)
             detrended = study.robustness.of("bias", joint, method, "mean removed")[2.0][0]
             assert detrended.bandwidth_hz == pytest.approx(reference.bandwidth_hz, rel=1e-3)
