@@ -100,13 +100,13 @@ def thesis(
                 seed=seed, duration=duration, conditions=arms, thorough=not quick, threads=threads, steps=steps
             )
             with steps.step("answer") as part:
-                answer = measure_answer(comparison, threads=threads, progress=part.of_total)
+                answer = measure_answer(comparison, threads=threads, progress=part)
             with steps.step("findings"):
                 verdicts = findings(comparison)
             judged_s = steps.seconds["answer"] + steps.seconds["findings"]
             comparison = replace(comparison, cost=comparison.cost.later(judged_s))
             with steps.step("report") as part:
-                page, drawn = folder / "report.html", part.of_total
+                page, drawn = folder / "report.html", part
                 report = write_report(
                     comparison, verdicts, answer, page, many, figures=pictures, motion=moved, progress=drawn
                 )

@@ -9,11 +9,10 @@ from scenarios.thesis.campaign import ESTIMATION_TEST, Campaign
 from scenarios.thesis.estimates import IdentifiedModel
 from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.fairness_table import ArmFairness
-from scenarios.thesis.more_poles import MorePoles
 from scenarios.thesis.multivariable import Multivariable
 from scenarios.thesis.nonparametric import Nonparametric
 from scenarios.thesis.observer_analysis import JointObserver
-from scenarios.thesis.order_search import Searches
+from scenarios.thesis.order_search import MorePoles, Searches
 from scenarios.thesis.robustness import Robustness
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import PublishedModel

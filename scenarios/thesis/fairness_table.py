@@ -132,15 +132,14 @@ def _models(joint: str, campaign: Campaign) -> tuple[FairModel, ...]:
 
 def _three_joints(joints: Mapping[str, Sequence[FairModel]], campaign: Campaign) -> SeveralFits:
     """A block-diagonal model follows each joint as that joint's block does; the hybrid has SysID's yaw."""
-    yaw, *pitches = STUDIED_JOINTS
+    yaw = STUDIED_JOINTS[0]
     rows = {}
     for printed in (False, True):
         own, okid = (
             {joint: chosen(models, okid=which, printed=printed).model for joint, models in joints.items()}
             for which in (False, True)
         )
-        hybrid = {yaw: own[yaw], **{joint: okid[joint] for joint in pitches}}
-        for name, blocks in {"SysID": own, "OKID": okid, "hybrid": hybrid}.items():
+        for name, blocks in {"SysID": own, "OKID": okid, "hybrid": {**okid, yaw: own[yaw]}}.items():
             known = {joint: model for joint, model in blocks.items() if model is not None}
             if len(known) == len(blocks):
                 rows[name, printed] = {

@@ -1,4 +1,4 @@
-"""Order search of the thesis as an algorithm: orders rise until residual tests and cross-validation pass.
+"""Choice of orders: the thesis' search as an algorithm, and output-error models with more poles than it takes.
 
 The thesis varies orders by hand, tests residuals, stability and the fit to other data sets, and prefers the simplest
 structure that passes [Morris1996, sec. IV.3A]. Here a step adds a pole; within a step zeros and, while the model is
@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.signal import lfilter
 
 import sysid
 from scenarios.experiments.model_structures import STRUCTURES
@@ -114,7 +115,7 @@ class Searches:
 
 
 def search_orders(joint: str, data: Mapping[int, IOData], part: Part = NO_REPORT) -> Searches:
-    """Search for a joint's orders on its records by test; `SysidError` without records to judge on, or without models."""
+    """Search for the orders of a joint on its records by test; `SysidError` without others to judge on or any model."""
     others = [data[number][: round(MINUTE / data[number].dt)] for number in OTHER_WAVEFORMS if number in data]
     if not others:
         raise SysidError("a search for orders needs other data sets to judge on, got none")
@@ -170,3 +171,72 @@ def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, ot
         held_out=simulation_fit(model, others) if radius < 1.0 else -np.inf,
         passes=radius < 1.0 and independent and (white or method == "oe"),
     )
+
+
+ORDERS = ((2, 2), (2, 3), (3, 3), (2, 4), (4, 4), (2, 5), (5, 5), (2, 6), (6, 6))
+"""nb, nf of output-error models: the orders of the thesis, more poles with its one zero, as many numerator as denominator coefficients."""
+
+EDGE = 1.0 - 1e-4
+"""Stable models with a pole beyond this modulus are limited by the stability bound: the estimator warns there too."""
+
+ROUNDS = 20
+"""Rounds of repeated least squares at most."""
+
+SETTLED = 1e-3
+"""Change of the denominator, as a part of it, that ends them."""
+
+
+@dataclass(frozen=True)
+class MorePoles:
+    """One structure.
+
+    Attributes:
+        orders: nb, nf, nk.
+        radius: Largest modulus of a pole of the best stable model.
+        free_radius: Largest modulus of a pole in the last round of repeated least squares without projection
+            [SteiglitzMcBride1965]; a round that is unstable ends them.
+        rounds: Rounds taken, the first being plain least squares (ARX).
+        settled: Whether they came to rest.
+    """
+
+    orders: tuple[int, int, int]
+    radius: float
+    free_radius: float
+    rounds: int
+    settled: bool
+
+    @property
+    def barred(self) -> bool:
+        """Whether the best stable model lies at the edge of stability."""
+        return self.radius > EDGE
+
+    @property
+    def unstable(self) -> bool:
+        """Whether one of the two estimates reaches the edge of stability."""
+        return self.barred or self.free_radius >= 1.0
+
+
+def more_poles(data: IOData, nk: int) -> tuple[MorePoles, ...]:
+    """Identify an output-error model of each of `ORDERS` with a delay of nk samples, stable and left free."""
+    models = []
+    for nb, nf in ORDERS:
+        radius = float(np.abs(estimate(data, "oe", (nb, nf, nk)).poles()).max())
+        models.append(MorePoles((nb, nf, nk), radius, *_repeated_least_squares(data, nb, nf, nk)))
+    return tuple(models)
+
+
+def _repeated_least_squares(data: IOData, nb: int, nf: int, nk: int) -> tuple[float, int, bool]:
+    """Largest modulus of a pole, rounds and whether they settled; F filters the next round as it comes."""
+    f = np.ones(1)
+    radius = 0.0
+    for number in range(1, ROUNDS + 1):
+        u, y = (lfilter([1.0], f, channel[:, 0]) for channel in (data.u, data.y))
+        polynomials = sysid.arx(IOData(u, y, data.dt), nf, nb, nk).polynomials
+        assert polynomials is not None  # noqa: S101 - ARX has them
+        before, f = f, polynomials.A
+        radius = float(np.abs(np.roots(f)).max())
+        if radius >= 1.0:
+            return radius, number, False
+        if len(before) == len(f) and np.abs(f - before).max() <= SETTLED * np.abs(f).max():
+            return radius, number, True
+    return radius, ROUNDS, False

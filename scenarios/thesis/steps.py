@@ -54,13 +54,9 @@ class Part:
     start: float = 0.0
     end: float = 1.0
 
-    def __call__(self, share: float) -> None:
-        """Report the share of this part that is done, 0 to 1."""
-        self.report(self.start + (self.end - self.start) * min(share, 1.0))
-
-    def of_total(self, done: int, total: int) -> None:
-        """Report how many items of this part are done."""
-        self(done / total)
+    def __call__(self, done: float, total: float = 1.0) -> None:
+        """Report how much of this part is done, of a total."""
+        self.report(self.start + (self.end - self.start) * min(done / total, 1.0))
 
     def shares(self, *shares: float) -> tuple["Part", ...]:
         """Divide the work into consecutive parts of these shares, whose sum is one."""

@@ -26,11 +26,10 @@ from scenarios.thesis.comparison import Comparison, Cost, JointResult, ModelResu
 from scenarios.thesis.estimates import identified
 from scenarios.thesis.every_data_set import every_data_set
 from scenarios.thesis.fairness_table import ArmFairness, fairness
-from scenarios.thesis.more_poles import more_poles
 from scenarios.thesis.multivariable import multivariable
 from scenarios.thesis.nonparametric import nonparametric
 from scenarios.thesis.observer_analysis import observe
-from scenarios.thesis.order_search import search_orders
+from scenarios.thesis.order_search import more_poles, search_orders
 from scenarios.thesis.robustness import robustness
 from scenarios.thesis.steps import COSTS, TICK, Report, Steps
 from scenarios.truth.bla_of_test import BestLinearOfTest
@@ -79,9 +78,7 @@ def run_study(
     campaigns = []
     for condition, scenarios in plan(conditions, seed=seed, duration=duration):
         with steps.step(f"simulate the arm {condition}") as part:
-            ran = run_campaign(
-                condition, scenarios, seed=seed, duration=duration, threads=threads, progress=part.of_total
-            )
+            ran = run_campaign(condition, scenarios, seed=seed, duration=duration, threads=threads, progress=part)
         campaigns.append(ran)
     study = draw_conclusions(campaigns, thorough=thorough, steps=steps)
     return replace(study, cost=replace(study.cost, total_s=perf_counter() - begin))

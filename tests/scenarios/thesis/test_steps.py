@@ -59,7 +59,7 @@ def test_a_step_that_says_too_much_waits_for_its_end():
     steps = Steps({"one": 1.0, "two": 3.0}, lambda *report: reports.append(report))
     for name in ("one", "two"):
         with steps.step(name) as part:
-            part.of_total(7, 5)
+            part(7, 5)
             part(0.1)
     assert [done for _, done, _ in reports] == [0, 99, 99, 100, 100, 399, 399, 400]
     assert {total for *_, total in reports} == {400}
