@@ -174,7 +174,8 @@ def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, ot
 
 
 ORDERS = ((2, 2), (2, 3), (3, 3), (2, 4), (4, 4), (2, 5), (5, 5), (2, 6), (6, 6))
-"""nb, nf of output-error models: the orders of the thesis, more poles with its one zero, as many numerator as denominator coefficients."""
+"""nb, nf of output-error models: the orders of the thesis, more poles with its one zero, as many coefficients of B as
+of F."""
 
 EDGE = 1.0 - 1e-4
 """Stable models with a pole beyond this modulus are limited by the stability bound: the estimator warns there too."""
