@@ -34,7 +34,7 @@ def test_every_record_and_structure_has_a_row(study):
     for joint, sets in study.data_sets.items():
         assert sets.single == tuple(single_joint_test(number, joint) for number in range(1, 9))
         rows = {(m.record, m.method) for m in sets.models}
-        rows |= {(r.record, r.structure.method) for r in sets.refused}
+        rows |= {(record, structure.method) for record, structure, _ in sets.refused}
         assert rows == {(record, method) for record in sets.excited for method in METHODS}
         assert {"mimo-1", "mimo-13", "mimo-7-independent", "rpcm"} <= set(sets.excited)
 
@@ -69,8 +69,8 @@ def test_a_record_that_cannot_be_used_is_told_with_its_reason(study):
     gone = {key: value for key, value in logs.items() if key != single_joint_test(4, YAW)}
     spoiled = replace(campaign, logs=gone, failed={single_joint_test(4, YAW): "diverged"})
     models = every_data_set(YAW, spoiled)
-    assert [r.structure.method for r in models.refused if r.record == name] == METHODS
-    assert all("constant" in r.reason for r in models.refused)
+    assert [structure.method for record, structure, _ in models.refused if record == name] == METHODS
+    assert all("constant" in reason for *_, reason in models.refused)
     assert models.missing == {single_joint_test(4, YAW): "diverged"}
     assert len(models.models) == 6 * len(METHODS)
 
