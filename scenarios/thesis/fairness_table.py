@@ -25,19 +25,13 @@ SeveralFits = Mapping[tuple[str, bool], Mapping[str, Mapping[str, Fits]]]
 
 @dataclass(frozen=True, eq=False)
 class FairModel:
-    """One model of one joint on one arm.
+    """One model of one joint on one arm: printed, with the thesis' own digits, or identified from this arm's PRBS test.
 
     Attributes:
-        method: Key of the method.
-        label: For tables; the same on every arm.
-        chosen: Whether the thesis took it into a three-joint model.
-        printed: Whether it has the thesis' own digits; otherwise it was identified from this arm's PRBS test.
-        model: The model; None where the estimator refused.
-        bandwidth_hz: Its bandwidth, Hz; NaN where there is none.
-        ci95: 95 % interval, Hz; None where there is none.
-        covers: Whether that holds this arm's truth.
+        model: The model; None where the estimator refused, for the reason in `refused`.
+        bandwidth_hz: Its bandwidth, Hz, with its 95 % interval; NaN and None where there is none.
+        covers: Whether the interval holds this arm's truth.
         fits: By number of the test, the estimation test among them.
-        refused: Why there is no model; empty where there is one.
     """
 
     method: str

@@ -136,7 +136,6 @@ class FullModel:
     """A model identified from a record of several joints.
 
     Attributes:
-        record: Its record.
         condition: Condition index between the commands of the joints; 1 is the best, above 30 counts as dependent.
         method: Method and orders; `ALONE` identifies each joint by its own command, all others every response.
         model: The model, 3 inputs and 3 outputs.

@@ -47,18 +47,10 @@ ARX_GRID = (range(1, 7), range(1, 5), range(1, 5))
 class Iteration:
     """One structure of the search, with its fits and tests.
 
-    Attributes:
-        orders: na, nb, nc, nk of ARMAX; nb, nf, nk of OE.
-        poles: Number of poles.
-        zeros: Number of zeros, those at the origin aside.
-        delay: Samples.
-        radius: Largest modulus of a pole.
-        whiteness_p: p-value of whiteness.
-        independence_p: p-value of independence of the input.
-        outside: Lags out of 25 at which the autocorrelation is outside its 99 % bounds.
-        held_out: Median fit in simulation to the other data sets, percent.
-        passes: Whether it passes the tests that its kind must pass.
-        reason: Why it could not be identified; empty where it could.
+    Orders are na, nb, nc, nk of ARMAX or nb, nf, nk of OE; zeros at the origin do not count; the delay is in samples,
+    the radius that of the farthest pole. `outside` counts the lags out of 25 at which the autocorrelation is outside
+    its 99 % bounds; `held_out` is the median fit in simulation to the other data sets, percent; the reason says why
+    none could be identified.
     """
 
     orders: tuple[int, ...]

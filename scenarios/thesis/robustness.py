@@ -93,21 +93,11 @@ class OrderNeeded:
 
 @dataclass(frozen=True)
 class RobustnessOutcome:
-    """One model from one disturbed record.
+    """One model from one disturbed record; keys of `STRUCTURES`, `DISTURBANCES` and `TREATMENTS` name it.
 
-    Attributes:
-        joint: The joint.
-        method: Of the structure, as in `STRUCTURES`.
-        chosen: Whether the thesis took the structure.
-        disturbance: Key in `DISTURBANCES`.
-        treatment: Key in `TREATMENTS`.
-        degree: How much, in the disturbance's unit.
-        bandwidth_hz: Bandwidth, Hz; NaN where the estimator refused, the model is unstable or its gain never falls by
-            3 dB.
-        error: What it departs from the best linear truth by, percent; NaN likewise.
-        covers: Whether it agrees with the best linear truth.
-        fit: In simulation to the records that judge, percent, their median, also of a model that is unstable; NaN where
-            the estimator refused.
+    The degree is in the disturbance's unit. Bandwidth (Hz) and its departure from the best linear truth (percent) are
+    NaN where the estimator refused, the model is unstable or its gain never falls by 3 dB; the fit in simulation to the
+    records that judge (percent, their median) where the estimator refused.
     """
 
     joint: str
