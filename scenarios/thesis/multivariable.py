@@ -139,8 +139,7 @@ class FullModel:
         condition: Condition index between the commands of the joints; 1 is the best, above 30 counts as dependent.
         method: Method and orders; `ALONE` identifies each joint by its own command, all others every response.
         model: The model, 3 inputs and 3 outputs.
-        error: Relative error of its response against the true 3 x 3 response, 0.5 to 10 Hz.
-        diagonal_error: The same of the diagonal alone.
+        error: Relative error of its response, 0.5 to 10 Hz, against the true 3 x 3 one; that of the diagonal beside.
         coupling: What lies off the diagonal of its response, relative to all of it; the truth's is to be compared.
     """
 

@@ -44,8 +44,7 @@ class PeriodSpectra:
         cross: Between output and input (n,), unit^2/Hz, complex.
         repeating: Share of the input's power that is the same in every block (n,): near one on the lines of the
             waveform; elsewhere the input is noise of the wires, which excites too.
-        periods: Periods compared.
-        degrees_of_freedom: Of the disturbance on a line.
+        degrees_of_freedom: Of the disturbance on a line, from the periods compared.
         dt: Sampling interval, s.
     """
 
