@@ -24,7 +24,7 @@ DRAW = "neither"
 
 @dataclass(frozen=True)
 class Measure:
-    """One number for each model, by its name; `what` says which, with its unit.
+    """A quantity with its unit, and its value for each model by name.
 
     The larger (`more`) or the smaller is ahead, by what is `compared` of it; differences below `margin` are ties.
     """

@@ -208,7 +208,7 @@ def robustness(study: Comparison) -> dict[str, object]:
 
 
 def _tolerated(study: Comparison, key: str, treatment: str) -> tuple[str, str, list[str]]:
-    """A disturbance and its unit, and for each joint what SysID and OKID tolerate, in words."""
+    """Describe how much of a disturbance SysID and OKID tolerate on each joint."""
     disturbance, results = DISTURBANCES[key], study.robustness
     label = disturbance.label if disturbance.treatments == AS_IT_IS else f"{disturbance.label}; {treatment}"
     cases = [(joint, method) for joint in results.judged_by for method in (sysid_method(joint), "okid")]
@@ -249,7 +249,7 @@ def _span(values: Iterable[float]) -> str:
 
 
 class PrintedRow(NamedTuple):
-    """A printed model with its fits: to single-joint tests by number, on its joint to records of several by name."""
+    """A printed model and how well it fits each record of its joint: single-joint tests by number, others by name."""
 
     printed: PublishedModel
     singles: dict[int, Fits]

@@ -88,7 +88,7 @@ def _stable(arm: ArmFairness) -> Answer:
 
 
 def _better(arm: ArmFairness, record: str, way: str) -> Answer | None:
-    """Compare SysID with OKID on a record of three joints or, without one, on the single-joint tests not seen."""
+    """Compare SysID with OKID on a record of three joints; without one, on single-joint tests not used to identify."""
     fits: Iterable[Mapping[str, Fits | None]]
     if record:
         fits = (arm.fits(name, False, record) or {} for name in ("SysID", "OKID"))

@@ -11,7 +11,7 @@ from hmtb_twin.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
 
 GROUP = "## "
-"""Beginning of the heading of a group of rows."""
+"""Mark at the start of a line that is a heading for the rows below it."""
 
 
 class LongTables:

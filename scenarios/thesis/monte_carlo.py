@@ -134,7 +134,7 @@ class Frequency:
         return next(iter(self.counts))
 
     def depends_on_seed(self, verdict: Verdict) -> bool:
-        """Whether a verdict depends on the seed: not every seed reaches it."""
+        """Whether some seed reaches another verdict."""
         return self.counts.get(verdict, 0) < self.seeds
 
     def against(self, verdict: Verdict) -> bool:

@@ -9,8 +9,8 @@ from hmtb_twin import STUDIED_JOINTS
 from hmtb_twin.parameters.drives import ACTUATORS, Friction
 from hmtb_twin.parameters.values import HAND_CONTROLLER
 from hmtb_twin.parameters.variants import VARIANTS
-from scenarios.identification.one_hertz import joined
 from scenarios.report.page import Page
+from scenarios.thesis.finding import words
 from scenarios.thesis.motion import METHODS, MotionCampaign, model_numbers
 from scenarios.thesis.motion_score import COMMON, EXPLAINS, ArmScore, Cell, arms, factors, items, profile
 from scenarios.truth.published import published
@@ -68,7 +68,7 @@ def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Seque
 
 def motion_texts(record: Mapping[str, Any]) -> tuple[str, ...]:
     """Say in words what explains the thesis' models: for each joint, for one arm, by each factor."""
-    page = Page({"words": lambda name: name.replace("_", " "), "joined": joined})
+    page = Page({"words": words})
     return tuple(" ".join(part.split()) for part in page.render("motion_text.j2", record).split("\n\n") if part.strip())
 
 

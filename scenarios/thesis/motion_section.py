@@ -40,7 +40,7 @@ def read_motion(path: Path | None = None) -> Mapping[str, Any]:
         source = path or files("scenarios") / "data" / "motion.json"
         record = json.loads(source.read_text(encoding="utf-8"), parse_constant=_refuse)
         motion_texts(record)
-        Page({"words": str, "joined": str}).render("motion.html.j2", {"motion": record, "moved": (), "figures": {}})
+        Page({"words": str}).render("motion.html.j2", {"motion": record, "moved": (), "figures": {}})
         for cell in record["map"]:
             if not (drawn_models(cell["joint"]) and min(cell[name] for name in ("gain", "friction", "volts")) > 0.0):
                 raise ValueError(f"a cell of the map has no studied joint, motion or friction: {str(cell)[:60]}")

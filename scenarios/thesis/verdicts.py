@@ -48,9 +48,9 @@ def dependence(test: ResidualTest) -> tuple[float, float]:
 
 
 def beyond_yaw(u: np.ndarray, inputs: list[int]) -> tuple[np.ndarray, float]:
-    """What pitch inputs (columns of u (N, 3)) have beyond yaw's own input at lags up to `LAGS` before and after.
+    """Return what no filter of yaw's input over `LAGS` samples either way explains of the pitch inputs.
 
-    The remainders (N - 2 LAGS, n), and the least share of an input's variance that remains.
+    Inputs are u (N, 3); the remainders are (N - 2 LAGS, n), beside the least share of an input's variance that remains.
     """
     lagged = np.lib.stride_tricks.sliding_window_view(u[:, 0], 2 * LAGS + 1)
     middle = u[LAGS : len(u) - LAGS, inputs]
