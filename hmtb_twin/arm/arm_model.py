@@ -18,8 +18,8 @@ from hmtb_twin.parameters.specimen import Specimen
 from hmtb_twin.parameters.values import HAND_CONTROLLER, INDEXED_JOINTS, JOINTS, OPERATING_POSE, PIN, POSES, SAMPLE_TIME
 from hmtb_twin.parameters.variants import Variant, variant_named
 
-FLOW_STEPS = 12
-"""Physics steps of a tick in free space with a servo whose error opens the valve; torque servos are faster."""
+STEPS = {"flow": 15, "torque": 20}
+"""Physics steps of a tick in free space by servo law, where no joint is lighter than the wrist roll with the RPCM."""
 
 
 def servo_law(variant: Variant, plant: Plant) -> str:
@@ -56,7 +56,8 @@ def compile_arm(
         valves = {joint: drive for joint, drive in drives.items() if isinstance(drive, Actuator)}
         add_orifice_actuators(spec, valves, gains)
     else:
-        add_linear_drives(spec, drives, gains)
+        # Contact errs more than the step.
+        add_linear_drives(spec, drives, gains, refine=not worksite)
     if worksite:
         # The sensor remembers a whole tick.
         spec.sensor(TOUCH_SENSOR).nsample = round(SAMPLE_TIME / spec.option.timestep)
@@ -78,7 +79,7 @@ def _spec(variant: Variant, payload: str, plant: Plant, specimen: Specimen, work
     # Nothing touches in free space, and pictures have a model of their own: shapes would cost a tenth of a step.
     for shape in (*spec.geoms, *spec.cameras):
         spec.delete(shape)
-    spec.option.timestep = SAMPLE_TIME / (FLOW_STEPS if servo_law(variant, plant) == "flow" else variant.steps)
+    spec.option.timestep = SAMPLE_TIME / STEPS[servo_law(variant, plant)]
     return spec
 
 

@@ -16,13 +16,16 @@ def install_equations() -> tuple[Any, Any]:
     Without them MuJoCo simulates drives that never move, without a warning; therefore this is called wherever an arm is
     loaded or brought to rest.
 
+    For `mjData.timer` MuJoCo reads a clock some twenty times per evaluation, a fifth of the processor time. Unless
+    somebody has installed another one, it gets a clock that stands still, and `mjData.timer` stays at zero.
+
     Returns:
         The compiled functions, kept alive by a cache.
 
     Raises:
         TwinError: MuJoCo's structures are not recognised, or another callback is installed.
     """
-    rates, bias = _compiled()
+    rates, bias, clock = _compiled()
     places = (
         ("mjcb_act_dyn", mujoco.get_mjcb_act_dyn(), mujoco.set_mjcb_act_dyn, rates.ctypes),
         ("mjcb_act_bias", mujoco.get_mjcb_act_bias(), mujoco.set_mjcb_act_bias, bias.ctypes),
@@ -36,11 +39,13 @@ def install_equations() -> tuple[Any, Any]:
     for _, present, install, ours in places:
         if present is None:
             install(ours)
+    if mujoco.get_mjcb_time() is None:
+        mujoco.set_mjcb_time(clock.ctypes)
     return rates, bias
 
 
 @cache
-def _compiled() -> tuple[Any, Any]:
+def _compiled() -> tuple[Any, Any, Any]:
     offsets = struct_offsets()
     try:
         return eq.compiled_callbacks(offsets)

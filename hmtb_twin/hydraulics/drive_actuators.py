@@ -1,7 +1,7 @@
 """Drives of an arm as MuJoCo actuators with user dynamics: linear ones, and servo valves on one supply."""
 
 from collections.abc import Mapping
-from math import ceil
+from math import ceil, sqrt
 
 import mujoco
 import numpy as np
@@ -26,10 +26,17 @@ roll without a payload would swing at twice that. It matters only for worn seals
 LONGEST_STEP = 1.6
 """Longest physics step of linear drives in time constants of their fastest mode: at 2.8 the integrator diverges.
 
-Stiff oil or a light specimen get a shorter step than their variant has."""
+Stiff oil or a light specimen get a shorter step."""
+
+FASTEST_OIL = 460.0
+"""Fastest resonance of oil and inertia that the model's own step resolves with friction to 1e-5, rad/s.
+
+The step shrinks in proportion for a faster one, that of the wrist roll without a payload."""
 
 
-def add_linear_drives(spec: mujoco.MjSpec, drives: Mapping[str, Drive], gains: Mapping[str, ServoGains]) -> None:
+def add_linear_drives(
+    spec: mujoco.MjSpec, drives: Mapping[str, Drive], gains: Mapping[str, ServoGains], *, refine: bool = True
+) -> None:
     """Replace the actuators of a model by linear drives.
 
     The control vector holds commanded angle and feedforward torque of each joint in turn; the torque is the control of
@@ -39,22 +46,25 @@ def add_linear_drives(spec: mujoco.MjSpec, drives: Mapping[str, Drive], gains: M
         spec: The model; its actuators are deleted, its integrator is set to the Runge-Kutta method.
         drives: Drive of each joint, by the joint's name.
         gains: Gains of each joint's servo.
+        refine: Whether the step shrinks for joints whose oil rings faster than `FASTEST_OIL`.
 
     Raises:
         TwinError: MuJoCo's structures are not recognised.
     """
     rows = {name: linear_parameters(drive, gains[name], joints=len(drives)) for name, drive in drives.items()}
     inertias = _add_drives(spec, rows, eq.LINEAR_MARK, eq.LINEAR_STATES, shared=0)
-    fastest = max(
-        float(
-            np.abs(np.linalg.eigvals(servo_dynamics(inertia, drives[name].drag, drives[name].motor, gains[name]))).max()
-        )
-        for name, inertia in inertias.items()
-        if name not in INDEXED_JOINTS
-    )
+    steps = SAMPLE_TIME / spec.option.timestep
     # Steps end where a tick ends.
-    steps = max(round(SAMPLE_TIME / spec.option.timestep), ceil(SAMPLE_TIME * fastest / LONGEST_STEP))
-    spec.option.timestep = SAMPLE_TIME / steps
+    least = [round(steps)]
+    for name, inertia in inertias.items():
+        motor = drives[name].motor
+        if name in INDEXED_JOINTS:
+            continue
+        modes = np.linalg.eigvals(servo_dynamics(inertia, drives[name].drag, motor, gains[name]))
+        least.append(ceil(SAMPLE_TIME * float(np.abs(modes).max()) / LONGEST_STEP))
+        if refine:
+            least.append(ceil(steps * motor.constant / sqrt(motor.inductance * inertia) / FASTEST_OIL))
+    spec.option.timestep = SAMPLE_TIME / max(least)
 
 
 def add_orifice_actuators(

@@ -146,9 +146,9 @@ def bristle_rate(p: np.ndarray, bristles: float, velocity: float) -> float:
 
 
 @register_jitable
-def friction_torque(p: np.ndarray, bristles: float, velocity: float) -> float:
-    """Torque of the seals against the motion, N m."""
-    return p[BRISTLE] * bristles + p[BRISTLE_DAMPING] * bristle_rate(p, bristles, velocity)
+def friction_torque(p: np.ndarray, bristles: float, rate: float) -> float:
+    """Torque of the seals against the motion, N m, from deflection and rate of the bristles."""
+    return p[BRISTLE] * bristles + p[BRISTLE_DAMPING] * rate
 
 
 @register_jitable
@@ -273,8 +273,8 @@ def arm_rates(
     return rates
 
 
-def compiled_callbacks(offsets: Mapping[str, int], *, cached: bool = True) -> tuple[Any, Any]:
-    """Compile the activation dynamics and the bias force of the drives for MuJoCo.
+def compiled_callbacks(offsets: Mapping[str, int], *, cached: bool = True) -> tuple[Any, Any, Any]:
+    """Compile the activation dynamics and the bias force of the drives for MuJoCo, and a clock that stands still.
 
     An arm's drives stand first in its model, for each joint the drive and then the input of its feedforward torque.
     Each drive's call writes the rates of its states, that of the first servo valve also the supply pressure's. Other
@@ -298,7 +298,8 @@ def compiled_callbacks(offsets: Mapping[str, int], *, cached: bool = True) -> tu
     signature = types.float64(struct, struct, types.int32)
 
     # Numba keys its cache on this file and on the variables closed over, the offsets among them.
-    @cfunc(signature, cache=cached)
+    # A division by zero gives infinity, as in C, and spares a check of every divisor.
+    @cfunc(signature, cache=cached, error_model="numpy")
     def rates(model, data, drive):  # type: ignore[no-untyped-def]
         mark = model[dynprm][10 * drive]
         if mark != LINEAR_MARK and mark != VALVE_MARK:
@@ -320,17 +321,21 @@ def compiled_callbacks(offsets: Mapping[str, int], *, cached: bool = True) -> tu
             slopes[0] = supply_rate(p, states[0], drawn_flow(parameters, states))
         return 0.0
 
-    @cfunc(signature, cache=cached)
+    @cfunc(signature, cache=cached, error_model="numpy")
     def bias(model, data, drive):  # type: ignore[no-untyped-def]
         mark = model[dynprm][10 * drive]
         if mark != LINEAR_MARK and mark != VALVE_MARK:
             return 0.0
-        n, j, speed = int(model[user][COUNT]), drive // 2, data[velocity][drive]
+        n, j, place, lost = int(model[user][COUNT]), drive // 2, 1 + drive // 2 * STATES + BRISTLES, 0.0
         p = carray(model[user], (n, 2, PARAMETERS))[j, 0]
         if mark == LINEAR_MARK:
             first = j * LINEAR_STATES
-            lost = beyond_limit(p, data[act][first + LINEAR_LOAD])
-            return -friction_torque(p, data[act][first + LINEAR_BRISTLES], speed) - lost
-        return -friction_torque(p, data[act][1 + j * STATES + BRISTLES], speed)
+            place, lost = first + LINEAR_BRISTLES, beyond_limit(p, data[act][first + LINEAR_LOAD])
+        # MuJoCo has just called `rates` at this state.
+        return -friction_torque(p, data[act][place], data[act_dot][place]) - lost
 
-    return rates, bias
+    @cfunc(types.float64(), cache=cached)
+    def clock():  # type: ignore[no-untyped-def]
+        return 0.0
+
+    return rates, bias, clock

@@ -148,7 +148,6 @@ class Variant:
         servos: Servo of each joint.
         bus: Bus terminal of each joint.
         servo: Servo law, "flow" or "torque"; a `Plant` may ask for the other one.
-        steps: Physics steps of a tick in free space with a servo that asks for a torque.
     """
 
     name: str
@@ -159,7 +158,6 @@ class Variant:
     servos: Mapping[str, Servo] = field(default_factory=lambda: SERVOS)
     bus: Mapping[str, BusTerminal] = field(default_factory=lambda: BUS)
     servo: str = "torque"
-    steps: int = 16
 
     def __post_init__(self) -> None:
         """Raise `TwinError` for hydraulics that cannot be."""
@@ -208,8 +206,6 @@ VARIANTS: Mapping[str, Variant] = MappingProxyType(
                 links=FLIGHT_LINKS,
                 actuators=FLIGHT_DRIVES,
                 servos=FLIGHT_SERVOS,
-                # Their currents lag by 2 ms only.
-                steps=20,
             ),
         )
     }

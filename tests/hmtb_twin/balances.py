@@ -131,7 +131,8 @@ def linear_balances(arm, command, *, refined=1):
         asked = eq.servo_flow(p[j], p[j, eq.SLOPE], u, f, load[k, j], filtered, w)
         flow[k, j] = np.clip(asked, -p[j, eq.LARGEST], p[j, eq.LARGEST])
         lost[k, j] = eq.beyond_limit(p[j], load[k, j]) * w
-        rubbing[k, j] = eq.friction_torque(p[j], own[eq.LINEAR_BRISTLES], w) * w
+        rate = eq.bristle_rate(p[j], own[eq.LINEAR_BRISTLES], w)
+        rubbing[k, j] = eq.friction_torque(p[j], own[eq.LINEAR_BRISTLES], rate) * w
     leakage = np.array([arm.actuators[name].leakage for name in JOINTS])
     supply = np.array([arm.actuators[name].hydraulics.pressure for name in JOINTS])
     ports, compliance = flow - (p[:, eq.SLOPE] - leakage) * load, 0.5 * p[:, eq.CHAMBER]
@@ -185,7 +186,8 @@ def orifice_balances(arm, command, *, refined=4):
         own, w = joints[k, j], velocities[k, j]
         lands[k, j] = np.reshape(eq.land_flows(p[j], own[eq.SPOOL], supply[k], *chambers[k, j]), (2, 2))
         checks[k, j] = [eq.check_flow(p[j], pressure) for pressure in chambers[k, j]]
-        rubbing[k, j] = eq.friction_torque(p[j], own[eq.BRISTLES], w) * w
+        rate = eq.bristle_rate(p[j], own[eq.BRISTLES], w)
+        rubbing[k, j] = eq.friction_torque(p[j], own[eq.BRISTLES], rate) * w
     pump = np.array([eq.pump_flow(p[0], pressure) for pressure in supply])
     drawn, returned = lands.sum(axis=(1, 2)).T
 

@@ -84,8 +84,9 @@ def test_friction_of_any_level_stays_passive(name, frequency):
         assert 0.0 < p[eq.BRISTLE_DAMPING] <= drag * p[eq.COULOMB] / (p[eq.STATIC] - p[eq.COULOMB]) * (1.0 + 1e-12)
         deflection, powers = 0.0, np.empty(len(w))
         for k, speed in enumerate(w):
-            powers[k] = (eq.friction_torque(p, deflection, speed) + drag * speed) * speed
-            middle = deflection + 0.5 * h * eq.bristle_rate(p, deflection, speed)
+            rate = eq.bristle_rate(p, deflection, speed)
+            powers[k] = (eq.friction_torque(p, deflection, rate) + drag * speed) * speed
+            middle = deflection + 0.5 * h * rate
             deflection += h * eq.bristle_rate(p, middle, speed)
         assert (np.cumsum(powers) >= 0.0).all()
 
