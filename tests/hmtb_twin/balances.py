@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
+from scipy.integrate import simpson
 
 from hmtb_twin import JOINTS
 from hmtb_twin.hydraulics import valve_equations as eq
@@ -101,9 +102,7 @@ class TickIntegral:
 
     def __init__(self, model, ticks):
         self.instants = 1 + round(SAMPLE_TIME / model.opt.timestep)
-        weights = np.full(self.instants, 2.0)
-        weights[1::2], weights[[0, -1]] = 4.0, 1.0
-        self._weights = np.tile(weights, ticks) * model.opt.timestep / 3.0
+        self._weights = np.tile(simpson(np.eye(self.instants), dx=model.opt.timestep), ticks)
 
     def __call__(self, rate):
         return np.tensordot(self._weights, rate, axes=1)

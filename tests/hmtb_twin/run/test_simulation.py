@@ -127,7 +127,7 @@ def test_other_steps_and_other_valves_stand_in_batches_of_their_own(experiment, 
         experiment(duration=0.5),
     ]
     together = assert_same_alone(mixed, batches, [1, 1, 2])
-    assert together.steps == 25 * 20 + (25 + 20) * 20 + 25 * 12
+    assert together.steps == 25 * 20 + (25 + 20) * 20 + 25 * 15
 
 
 @pytest.mark.parametrize("worksite", [False, True])

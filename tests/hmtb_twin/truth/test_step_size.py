@@ -38,19 +38,20 @@ def test_bandwidths_are_those_of_the_truth(arm, truth):
 
 
 @pytest.mark.parametrize(
-    ("variant", "plant", "steps"),
+    ("variant", "plant", "payload", "steps"),
     [
-        ("nominal", Plant(), 12),
-        ("nominal", Plant(servo="torque"), 16),
-        ("published", Plant(), 16),
-        ("published", Plant(servo="flow"), 12),
-        ("flight", Plant(), 20),
-        ("nominal", Plant("orifice"), 20),
-        ("published", Plant("orifice", servo="flow"), 20),
+        ("nominal", Plant(), "rpcm", 15),
+        ("nominal", Plant(), "none", 25),
+        ("nominal", Plant(servo="torque"), "none", 33),
+        ("published", Plant(), "mdm", 20),
+        ("published", Plant(servo="flow"), "rpcm", 15),
+        ("flight", Plant(), "rpcm", 20),
+        ("nominal", Plant("orifice"), "none", 20),
+        ("published", Plant("orifice", servo="flow"), "rpcm", 20),
     ],
 )
-def test_steps_of_a_tick_follow_the_servo_law(variant, plant, steps):
-    option = load_arm(variant, plant=plant).model.opt
+def test_steps_of_a_tick_follow_servo_law_and_lightest_joint(variant, plant, payload, steps):
+    option = load_arm(variant, payload, plant=plant).model.opt
     assert option.timestep == pytest.approx(0.02 / steps, rel=1e-12)
     assert option.integrator == mujoco.mjtIntegrator.mjINT_RK4
 
