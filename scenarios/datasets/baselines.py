@@ -18,7 +18,7 @@ from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.plan import BASELINES, INDEX, DataSetPlan, arm_file
 from scenarios.datasets.score import Scores, score_outputs
-from scenarios.datasets.spec_tables import BaselineSpec, Method
+from scenarios.datasets.spec_tables import PARTS, BaselineSpec, Method
 from scenarios.datasets.tables import table_text
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
@@ -61,15 +61,17 @@ class BaselineData:
         count = len(recorded) if self.limits.twins == 0 else min(self.limits.twins, len(recorded))
         return tuple(recorded[round(k * (len(recorded) - 1) / max(count - 1, 1))] for k in range(count))
 
-    def records(self, part: str) -> tuple[DataRecord, ...]:
-        """Return the records of a part, on the selected twins alone."""
-        return tuple(one for one in self.data_set.records(part) if one.twin is None or one.twin in self.twins)
+    @cached_property
+    def records(self) -> Mapping[str, tuple[DataRecord, ...]]:
+        """Records on the selected twins by part, the same objects for all baselines: each file is read once."""
+        kept = [one for one in self.data_set.records() if one.twin is None or one.twin in self.twins]
+        return {part: tuple(one for one in kept if one.part == part) for part in PARTS}
 
     @cached_property
     def train(self) -> tuple[DataRecord, ...]:
         """Records to identify from: the first ones of each block, arm and set of joints."""
         kept, counts = list[DataRecord](), Counter[tuple[object, ...]]()
-        for one in self.records("train"):
+        for one in self.records["train"]:
             key = (one.block, one.arm, frozenset(one.joints))
             counts[key] += 1
             if not self.limits.records or counts[key] <= self.limits.records:
@@ -118,8 +120,8 @@ def baseline(data: BaselineData, method: Method) -> Baseline:
             trained.update(dict.fromkeys(order))
         return models[key].predicted(record.iodata(), scoring.steps)
 
-    test = score_outputs(scoring, data.records("test"), predicted)
-    known = [r for r in data.records("validation") if method.name == "truth" or frozenset(r.joints) in joints]
+    test = score_outputs(scoring, data.records["test"], predicted)
+    known = [r for r in data.records["validation"] if method.name == "truth" or frozenset(r.joints) in joints]
     return Baseline(test, score_outputs(scoring, known, predicted) if known else None, tuple(trained))
 
 

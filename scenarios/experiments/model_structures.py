@@ -25,7 +25,7 @@ class Structure:
     label: str
 
 
-SUFFICIENT = {"shoulder_yaw": (4, 3, 2), "shoulder_pitch": (5, 3, 1), "elbow_pitch": (4, 3, 2)}
+SUFFICIENT = {"shoulder_yaw": (3, 3, 2), "shoulder_pitch": (6, 5, 1), "elbow_pitch": (5, 3, 2)}
 """nb, nf, nk of the output-error model whose order suffices without friction; on the arm as it is, none does.
 
 The Bayesian information criterion [Schwarz1978] chose them, summed over five frictionless records of small amplitude
