@@ -13,6 +13,9 @@ from hmtb_twin.control.resolved_rate import ResolvedRate
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, MOTIONS, SAMPLE_TIME, HandController
 
+NORMAL, VELOCITY_LIMITED, JOINT_LIMITED = Status(0), int(Status.VELOCITY_LIMITED), int(Status.JOINT_LIMITED)
+"""Status of most ticks, and flags as plain numbers: making an enumeration costs as much as the command itself."""
+
 
 class SingleJoint:
     """Joint commands from stick deflections, within velocity limits and joint ranges.
@@ -37,9 +40,8 @@ class SingleJoint:
         step: np.ndarray,
         dt: float | None,
     ) -> None:
-        self._command = np.array(pose, dtype=float)
-        self._reference = np.array(pose, dtype=float)
         # Plain numbers: one tick of one joint costs less than a call of numpy.
+        self._command, self._reference = [np.asarray(pose, dtype=float).tolist() for _ in range(2)]
         self._joints = [(j, float(lower[j]), float(upper[j]), float(step[j])) for j in joints]
         self._lower, self._upper, self._dt = lower, upper, dt
 
@@ -52,29 +54,28 @@ class SingleJoint:
         Returns:
             The command (7,), rad, and its limits.
         """
-        status = 0
+        status, command = 0, self._command
         for (joint, lower, upper, step), moved in zip(self._joints, deflection.tolist(), strict=True):
-            previous = self._command.item(joint)
-            change = self._reference.item(joint) + moved - previous if self._dt is None else moved * self._dt
+            previous = command[joint]
+            change = self._reference[joint] + moved - previous if self._dt is None else moved * self._dt
             if abs(change) > step:
                 change = math.copysign(step, change)
-                status |= Status.VELOCITY_LIMITED.value
-            command = previous + change
-            if not lower <= command <= upper:
-                command = min(max(command, lower), upper)
-                status |= Status.JOINT_LIMITED.value
-            self._command[joint] = command
-        return self._command.copy(), Status(status)
+                status |= VELOCITY_LIMITED
+            wanted = previous + change
+            command[joint] = min(max(wanted, lower), upper)
+            if wanted != command[joint]:
+                status |= JOINT_LIMITED
+        return np.array(command), Status(status) if status else NORMAL
 
     def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
         """Continue from measured angles without a jump: this deflection now means the present arm; see `Mode`."""
-        self._command[:] = np.clip(angles, self._lower, self._upper)
-        self._reference[:] = self._command
+        self._command = np.clip(angles, self._lower, self._upper).tolist()
+        self._reference = self._command.copy()
         if self._dt is None:
             for (joint, *_), moved in zip(self._joints, deflection.tolist(), strict=True):
                 self._reference[joint] -= moved
         limited = not np.array_equal(self._command, angles)
-        return self._command.copy(), Status.JOINT_LIMITED if limited else Status(0)
+        return np.array(self._command), Status.JOINT_LIMITED if limited else NORMAL
 
 
 class Cartesian:
@@ -135,7 +136,7 @@ class Cartesian:
             self._position, self._rotation = (
                 self._controller.tool_pose(self._command) if status else (position, rotation)
             )
-        return self._command.copy(), Status(status)
+        return self._command.copy(), Status(status) if status else NORMAL
 
     def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
         """Continue from measured angles without a jump: this deflection now means the present tool pose; see `Mode`."""
@@ -147,7 +148,7 @@ class Cartesian:
             self._rotation = self._rotation @ pin.exp3(-twist[3:])
             self._position = self._position - self._rotation @ twist[:3]
         limited = not np.array_equal(self._command, angles)
-        return self._command.copy(), Status.JOINT_LIMITED if limited else Status(0)
+        return self._command.copy(), Status.JOINT_LIMITED if limited else NORMAL
 
 
 MODES = ("single_joint", "single_joint_rate", "cartesian", "cartesian_rate")

@@ -16,12 +16,16 @@ ROOMS = ("hmtb_twin", "sysid", "scenarios")
 KINDS = (".py", ".toml", ".xml")
 
 
+# Reading the metadata of a package takes a millisecond.
+_installed = cache(version)
+
+
 def versions() -> dict[str, str]:
     """Versions of Python and of every package that a result depends on."""
     numbers = {"python": platform.python_version(), "machine": platform.machine()}
     for name in PACKAGES:
         try:
-            numbers[name] = version(name)
+            numbers[name] = _installed(name)
         except PackageNotFoundError:
             numbers[name] = _of_source() if name == OURS else "not installed as a package"
     return numbers

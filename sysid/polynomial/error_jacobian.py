@@ -71,7 +71,7 @@ def _free_initial_conditions(
     responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
     noise_count = max(orders.nc, orders.nd)
     # A filter without coefficients would cost as much as any other.
-    v = (lfilter(a, [1.0], y) if orders.na else y) - sum(responses)
+    v = (np.convolve(a, y)[:n] if orders.na else y) - sum(responses)
     eps = lfilter(d, c, v)[start:] if noise_count else v[start:].copy()
 
     transients = free_transients(orders, theta, n - start)

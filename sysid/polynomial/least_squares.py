@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lstsq, qr, solve_triangular
+from scipy.linalg import lstsq, solve_triangular
 
 from sysid.records.arrays import FloatArray
 
@@ -106,9 +106,9 @@ INDEPENDENT = 1e-9
 
 
 def tall_least_squares(columns: FloatArray, target: FloatArray, *, cond: float) -> FloatArray:
-    """Least squares with many columns: QR without pivoting, and with pivoting only for nearly dependent columns.
+    """Least squares with many columns: by normal equations where they keep six digits, and else by QR.
 
-    The first costs half of the second.
+    They cost less than half of a QR, which costs half of one with pivoting, for nearly dependent columns.
 
     Args:
         columns: Regressors (N, n), N > n.
@@ -119,8 +119,11 @@ def tall_least_squares(columns: FloatArray, target: FloatArray, *, cond: float) 
         Coefficients (n,), of least norm if the columns are dependent.
     """
     n = columns.shape[1]
-    triangle = qr(np.column_stack([columns, target]), mode="r", overwrite_a=True, check_finite=False)[0]
+    table = np.column_stack([columns, target])
+    # Squares of an unstable model's response would overflow; a power of two rounds nothing.
+    table *= 2.0 ** -np.frexp(max(table.max(), -table.min()))[1]
+    triangle, lengths = scaled_triangle(table, guarded=n)
     diagonal = np.abs(np.diag(triangle)[:n])
     if diagonal.min(initial=np.inf) > INDEPENDENT * diagonal.max(initial=0.0):
-        return np.asarray(solve_triangular(triangle[:n, :n], triangle[:n, n]))
+        return np.asarray(solve_triangular(triangle[:n, :n], triangle[:n, n]) * lengths[n] / lengths[:n])
     return np.asarray(lstsq(columns, target, cond=cond, lapack_driver="gelsy")[0])
