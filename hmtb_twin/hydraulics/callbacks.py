@@ -1,6 +1,7 @@
 """The drives' equations as MuJoCo's callbacks, compiled once per process."""
 
 from functools import cache
+from threading import Lock
 from typing import Any
 
 import mujoco
@@ -8,6 +9,9 @@ import mujoco
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.struct_offsets import struct_offsets
+
+_compiling = Lock()
+"""The cache alone would let two threads compile, and MuJoCo takes one equation of each kind."""
 
 
 def install_equations() -> tuple[Any, Any]:
@@ -25,7 +29,8 @@ def install_equations() -> tuple[Any, Any]:
     Raises:
         TwinError: MuJoCo's structures are not recognised, or another callback is installed.
     """
-    rates, bias, clock = _compiled()
+    with _compiling:
+        rates, bias, clock = _compiled()
     places = (
         ("mjcb_act_dyn", mujoco.get_mjcb_act_dyn(), mujoco.set_mjcb_act_dyn, rates.ctypes),
         ("mjcb_act_bias", mujoco.get_mjcb_act_bias(), mujoco.set_mjcb_act_bias, bias.ctypes),

@@ -236,6 +236,15 @@ class YawFriction(Friction):
     )
 
 
+@dataclass(frozen=True)
+class RollFriction(Friction):
+    """Seals of the wrist roll, whose small inertia reverses faster than that of the other joints."""
+
+    slip_velocity: float = quantity(
+        0.01, "rad/s", "assumed", "five times that of the other joints: a reversal that the physics step resolves"
+    )
+
+
 ACTUATORS = {
     "shoulder_roll": Actuator(60.0, 455.0, 1.5),
     "shoulder_yaw": Actuator(60.0, 228.0, 1.5, friction=YawFriction()),
@@ -243,7 +252,7 @@ ACTUATORS = {
     "elbow_pitch": Actuator(25.0, 80.0, 2.0),
     "wrist_pitch": Actuator(10.0, 40.0, 3.0),
     "wrist_yaw": Actuator(10.0, 40.0, 3.0),
-    "wrist_roll": Actuator(10.0, 76.0, 3.0),
+    "wrist_roll": Actuator(10.0, 76.0, 3.0, friction=RollFriction()),
 }
 """The actuator of each joint."""
 
@@ -257,6 +266,13 @@ class GearFriction(Friction):
     stribeck_velocity: float = quantity(0.02, "rad/s", "assumed", "about 1 deg/s at the joint")
     presliding: float = quantity(1e-3, "rad", "assumed", "deflection of gear and bearings at Coulomb torque")
     viscous: float = quantity(0.03, "1", "assumed", "grease: drag at no-load speed, part of rated torque")
+
+
+@dataclass(frozen=True)
+class RollGearFriction(GearFriction):
+    """Gear of the wrist roll."""
+
+    slip_velocity: float = quantity(0.01, "rad/s", "assumed", "as of the hydraulic wrist roll")
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from hmtb_twin.parameters.drives import ACTUATORS, Friction, GearFriction, Hydraulics, YawFriction
+from hmtb_twin.parameters.drives import (
+    ACTUATORS,
+    Friction,
+    GearFriction,
+    Hydraulics,
+    RollFriction,
+    RollGearFriction,
+    YawFriction,
+)
 from hmtb_twin.parameters.payloads import LATCH, PAYLOADS, SEATS, TOUCH
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
 from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, LINKS, MOTIONS, PIN, RECORDER, SERVOS
@@ -21,6 +29,7 @@ _RECORDS: Mapping[str, Any] = {
     "hydraulics": Hydraulics(),
     "friction": Friction(),
     "shoulder yaw friction": YawFriction(),
+    "wrist roll friction": RollFriction(),
     "actuator": ACTUATORS,
     "servo valve": SERVO_VALVE,
     "power unit": POWER_UNIT,
@@ -36,6 +45,7 @@ _RECORDS: Mapping[str, Any] = {
     "flight link": FLIGHT_LINKS,
     "flight drive": FLIGHT_DRIVES,
     "flight gear friction": GearFriction(),
+    "flight wrist roll gear friction": RollGearFriction(),
     "flight servo": FLIGHT_SERVOS,
 }
 

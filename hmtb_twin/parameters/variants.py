@@ -18,7 +18,7 @@ from math import inf
 from types import MappingProxyType
 
 from hmtb_twin.files.errors import TwinError, shown
-from hmtb_twin.parameters.drives import ACTUATORS, Actuator, Drive, ElectricDrive, Friction
+from hmtb_twin.parameters.drives import ACTUATORS, Actuator, Drive, ElectricDrive, Friction, RollGearFriction
 from hmtb_twin.parameters.quantity import quantity
 from hmtb_twin.parameters.servo_valve import POWER_UNIT
 from hmtb_twin.parameters.values import BUS, JOINTS, LINKS, MOTIONS, SERVOS, BusTerminal, Link, Servo
@@ -110,9 +110,10 @@ FLIGHT_LINKS: Mapping[str, Link] = MappingProxyType(
 _SHOULDER = ElectricDrive(torque_constant=0.15, resistance=0.5, rotor_inertia=6e-5, largest_current=12.0)
 _ELBOW = ElectricDrive(torque_constant=0.12, resistance=0.7, rotor_inertia=4e-5, largest_current=8.5)
 _WRIST = ElectricDrive(torque_constant=0.07, gear_ratio=100.0, resistance=1.0, rotor_inertia=1e-5, largest_current=7.0)
+_ROLL = replace(_WRIST, friction=RollGearFriction())
 
 FLIGHT_DRIVES: Mapping[str, ElectricDrive] = MappingProxyType(
-    dict(zip(JOINTS, (_SHOULDER,) * 3 + (_ELBOW,) + (_WRIST,) * 3, strict=True))
+    dict(zip(JOINTS, (_SHOULDER,) * 3 + (_ELBOW,) + (_WRIST,) * 2 + (_ROLL,), strict=True))
 )
 """The drive of each joint: 288, 163 and 49 N m at shoulder, elbow and wrist."""
 

@@ -104,11 +104,14 @@ def scaled_triangle(columns: FloatArray, guarded: int | None = None) -> tuple[Fl
 INDEPENDENT = 1e-9
 """Ratio of extreme diagonal entries of a triangle above which its columns count as independent."""
 
+REFINED = 1e-5
+"""Largest refinement of coefficients, relative to the largest, after which the next one would be rounding."""
+
 
 def tall_least_squares(columns: FloatArray, target: FloatArray, *, cond: float) -> FloatArray:
-    """Least squares with many columns: by normal equations where they keep six digits, and else by QR.
+    """Least squares with many columns: by normal equations, refined once; where that changes much, by QR.
 
-    They cost less than half of a QR, which costs half of one with pivoting, for nearly dependent columns.
+    They cost less than half of a QR, and are as accurate after the refinement [Bjorck1987].
 
     Args:
         columns: Regressors (N, n), N > n.
@@ -121,9 +124,18 @@ def tall_least_squares(columns: FloatArray, target: FloatArray, *, cond: float) 
     n = columns.shape[1]
     table = np.column_stack([columns, target])
     # Squares of an unstable model's response would overflow; a power of two rounds nothing.
-    table *= 2.0 ** -np.frexp(max(table.max(), -table.min()))[1]
+    table = table * 2.0 ** -np.frexp(max(table.max(), -table.min()))[1]
     triangle, lengths = scaled_triangle(table, guarded=n)
-    diagonal = np.abs(np.diag(triangle)[:n])
-    if diagonal.min(initial=np.inf) > INDEPENDENT * diagonal.max(initial=0.0):
-        return np.asarray(solve_triangular(triangle[:n, :n], triangle[:n, n]) * lengths[n] / lengths[:n])
+    for refined in (True, False):
+        diagonal = np.abs(np.diag(triangle)[:n])
+        if not diagonal.min(initial=np.inf) > INDEPENDENT * diagonal.max(initial=0.0):
+            break
+        scaled = solve_triangular(triangle[:n, :n], triangle[:n, n]) * lengths[n]
+        if not refined:
+            return np.asarray(scaled / lengths[:n])
+        rest = (table[:, n] - table[:, :n] @ (scaled / lengths[:n])) @ table[:, :n] / lengths[:n]
+        step = solve_triangular(triangle[:n, :n], solve_triangular(triangle[:n, :n], rest, trans="T"))
+        if np.abs(step).max(initial=0.0) <= REFINED * np.abs(scaled).max(initial=0.0):
+            return np.asarray((scaled + step) / lengths[:n])
+        triangle = np.linalg.qr(table / lengths, mode="r")
     return np.asarray(lstsq(columns, target, cond=cond, lapack_driver="gelsy")[0])
