@@ -137,5 +137,5 @@ def tall_least_squares(columns: FloatArray, target: FloatArray, *, cond: float) 
         step = solve_triangular(triangle[:n, :n], solve_triangular(triangle[:n, :n], rest, trans="T"))
         if np.abs(step).max(initial=0.0) <= REFINED * np.abs(scaled).max(initial=0.0):
             return np.asarray((scaled + step) / lengths[:n])
-        triangle = np.linalg.qr(table / lengths, mode="r")
+        triangle = np.asarray(np.linalg.qr(table / lengths, mode="r"))
     return np.asarray(lstsq(columns, target, cond=cond, lapack_driver="gelsy")[0])

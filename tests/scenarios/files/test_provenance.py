@@ -10,7 +10,7 @@ def test_the_version_of_the_source_stands_for_a_package_that_is_not_installed(mo
     def missing(name: str) -> str:
         raise PackageNotFoundError(name)
 
-    monkeypatch.setattr(provenance, "version", missing)
+    monkeypatch.setattr(provenance, "_installed", missing)
     versions = provenance.versions()
     assert re.fullmatch(r"\d+\.\d+\S* from source", versions["hmtb-twin"])
     assert versions["mujoco"] == "not installed as a package"
