@@ -51,12 +51,13 @@ def clean():
 @pytest.mark.parametrize("method", ["oe", "armax", "okid"])
 def test_clean_small_signal_data_give_back_the_true_response(joint, method, clean, truth):
     data, true = clean[joint], truth.joint(joint)
-    nk = true.delay_samples
+    # An eighth pole of the others is cancelled at the edge of stability, and takes the gain at 0 Hz along.
+    n, nk = 8 if joint == "shoulder_pitch" else 7, true.delay_samples
     with warnings.catch_warnings():
         # Some of the ten states are hard to see: the parameters are known badly, the response is not.
         warnings.simplefilter("ignore", sysid.SysidWarning)
         estimate = {
-            "oe": lambda: sysid.oe(data, 8, 8, nk),
+            "oe": lambda: sysid.oe(data, n, n, nk),
             "armax": lambda: sysid.armax(data, 8, 8, 8, nk),
             "okid": lambda: sysid.okid(data, 7, p=18),
         }[method]()

@@ -23,7 +23,7 @@ from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.parameters.servo_gains import ServoGains
 from hmtb_twin.parameters.specimen import NOMINAL_SPECIMEN, Specimen
 from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, MOTIONS, POSES, Servo
-from hmtb_twin.parameters.variants import variant_named
+from hmtb_twin.parameters.variants import Variant, variant_named
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,7 +299,7 @@ def check_arm(
             f"variant {variant!r} at the worksite given, expected an arm on the ground: the seats hold the unit by its "
             "weight"
         )
-    drives = {joint: specimen.applied(joint, plant.applied(drive)) for joint, drive in arm.actuators.items()}
+    drives = _drives(arm, plant, specimen)
     valves = plant.actuator == "orifice" and servo_law(arm, plant) == "flow"
     if valves and drives["wrist_roll"].drag == 0.0:
         raise TwinError(
@@ -310,9 +310,17 @@ def check_arm(
 
 
 @lru_cache(maxsize=64)
+def _drives(variant: Variant, plant: Plant, specimen: Specimen) -> Mapping[str, Drive]:
+    """The drive of each joint, computed once for all experiments on an arm: each of them checks it."""
+    return MappingProxyType(
+        {joint: specimen.applied(joint, plant.applied(drive)) for joint, drive in variant.actuators.items()}
+    )
+
+
+@lru_cache(maxsize=64)
 def _load(name: str, payload: str, plant: Plant, specimen: Specimen, worksite: bool) -> Arm:
     variant = variant_named(name)
-    drives = {joint: specimen.applied(joint, plant.applied(drive)) for joint, drive in variant.actuators.items()}
+    drives = _drives(variant, plant, specimen)
     gains = {joint: specimen.gains(joint, tuned) for joint, tuned in tuned_gains(variant, plant).items()}
     return Arm(
         model=compile_arm(name, payload, plant, specimen, drives, gains, worksite),
@@ -322,7 +330,7 @@ def _load(name: str, payload: str, plant: Plant, specimen: Specimen, worksite: b
         plant=plant,
         specimen=specimen,
         worksite=worksite,
-        drives=MappingProxyType(drives),
+        drives=drives,
         servos=MappingProxyType(dict(variant.servos)),
         gains=MappingProxyType(gains),
     )

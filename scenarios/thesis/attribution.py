@@ -17,7 +17,7 @@ from scenarios.thesis.estimates import IdentifiedModel, identified
 from scenarios.truth.bla_of_test import BestLinearOfTest, best_linear_of_test, joint_command
 from sysid import IOData, SysidError
 
-ORDERS = ((2, 2), (3, 3), (3, 4), (4, 3), (5, 3), (4, 4), (5, 4))
+ORDERS = ((2, 2), (3, 3), (3, 4), (4, 3), (5, 3), (4, 4), (5, 4), (6, 5))
 """nb, nf of the output-error models that are compared, the sufficient one included."""
 
 AS_IT_IS, SMOOTH = "as on the arm", "seal friction off"

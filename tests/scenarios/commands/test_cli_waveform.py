@@ -67,10 +67,10 @@ def test_it_says_for_which_models_a_waveform_is_too_poor(run, result, tmp_path):
     assert output["needed_order"]["oe 2 2 1"] == output["needed_order"]["armax 2 2 2 1"] == 4
     assert output["needed_order"]["okid 2 5"] == 6
     assert warning == (
-        "order of excitation 4 is too low for 4 of the 8 models of the study: okid (6), oe (7 to 8), armax (8)"
+        "order of excitation 4 is too low for 5 of the 9 models of the study: oe (6 to 11), okid (6), armax (8)"
     )
     (warning,) = result("waveform", "sine", "--frequency", "5", "--out", tmp_path)["warnings"]
-    assert warning == "order of excitation 2 is too low for every model of the study: they need 4 to 8"
+    assert warning == "order of excitation 2 is too low for every model of the study: they need 4 to 11"
     assert result("waveform", "prbs", "--out", tmp_path)["warnings"] == []
     out = run("waveform", "sine", "--frequency", "5", "--out", tmp_path)[1]
     assert "warning: order of excitation 2 is too low" in " ".join(out.split())
