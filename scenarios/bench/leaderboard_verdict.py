@@ -8,7 +8,8 @@ from typing import Any
 
 from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
-from scenarios.files.codec import read_toml, structure
+from scenarios.files.codec import structure
+from scenarios.files.toml_file import read_toml
 
 
 class Verdict(Enum):

@@ -14,7 +14,8 @@ import numpy as np
 from scenarios.bench.measurement import Measurements
 from scenarios.bench.null_distributions import SLACK, bound_for, error_against_bound, null_distribution, responses
 from scenarios.estimators.estimator import Estimator
-from scenarios.files.codec import read_toml, structure
+from scenarios.files.codec import structure
+from scenarios.files.toml_file import read_toml
 from scenarios.problems.registry import problem
 from sysid.records.arrays import FloatArray
 from sysid.validation.monte_carlo import limits_of_mean

@@ -3,7 +3,6 @@
 import os
 import shlex
 import sys
-import tomllib
 import traceback
 from collections.abc import Callable, Sequence
 from importlib import import_module, metadata
@@ -12,9 +11,10 @@ from typing import Any
 
 from scenarios.commands.usage import listing, read_options
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.toml_file import read_toml
 
-PROGRAMS: dict[str, dict[str, Any]] = tomllib.loads(
-    Path(__file__).with_name("programs.toml").read_text(encoding="utf-8")
+PROGRAMS: dict[str, dict[str, Any]] = read_toml(
+    Path(__file__).with_name("programs.toml").read_text(encoding="utf-8"), "programs.toml"
 )
 """Help and commands of `hmtb` and `hmtb dataset`; the function of a command is imported when it is needed."""
 

@@ -1,6 +1,5 @@
 """`hmtb dataset`: list, show, check, export and score benchmark data sets; build and grade have files of their own."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +7,7 @@ import tyro
 
 from scenarios.commands.output import counted, print_json, print_table, progress, say, say_each
 from scenarios.files.errors import ScenarioError
+from scenarios.files.toml_file import read_toml
 from scenarios.jobs.progress import show_progress
 
 Folder = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
@@ -51,7 +51,7 @@ def show(spec: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC"
 
     text = load_spec(spec).to_toml()
     if json:
-        print_json(tomllib.loads(text))
+        print_json(read_toml(text, spec))
     else:
         say(text.rstrip())
     return 0

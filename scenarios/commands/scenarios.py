@@ -1,6 +1,5 @@
 """`hmtb scenarios`: the list of experiments, and one as TOML."""
 
-import tomllib
 from typing import Annotated, Literal
 
 import tyro
@@ -8,6 +7,7 @@ import tyro
 from scenarios.commands.output import print_json, print_table, say
 from scenarios.experiments.registry import load, names, registered, tags
 from scenarios.files.errors import ScenarioError
+from scenarios.files.toml_file import read_toml
 
 
 def scenarios(
@@ -38,7 +38,7 @@ def scenarios(
         scenario = load(name)
         if json:
             tables = {name: vars(getattr(scenario, name)) for name in ("chain", "hand_controller")}
-            print_json({"excitation": [], **tomllib.loads(scenario.to_toml()), **tables})
+            print_json({"excitation": [], **read_toml(scenario.to_toml(), name), **tables})
         else:
             say(scenario.to_toml().rstrip())
         return 0

@@ -2,7 +2,6 @@
 
 import json
 import os
-import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -26,6 +25,7 @@ from scenarios.datasets.plan import BUILD, INDEX, JOURNAL, SPEC, SUMS, UNFINISHE
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import fingerprint, versions
+from scenarios.files.toml_file import read_toml
 from scenarios.jobs.executor import Executor
 from scenarios.jobs.journal import Journal
 from scenarios.jobs.progress import Progress, Report
@@ -130,7 +130,7 @@ def _build_folder(
         )
     label, text = plan.spec.label, plan.spec.to_toml()
     # Everything that the bits of a data set depend on, by name.
-    table = {key: json.dumps(value, sort_keys=True) for key, value in tomllib.loads(text).items()}
+    table = {key: json.dumps(value, sort_keys=True) for key, value in read_toml(text, label).items()}
     with Journal(folder / JOURNAL, {**table, **versions(), "source": fingerprint()}) as journal:
         remove_partial(folder)
         record = {"data_set": label, "source": fingerprint(), "versions": versions()}

@@ -16,6 +16,7 @@ from scenarios.experiments.scenario import NAME
 from scenarios.experiments.waveform import check_seed
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.toml_file import read_toml
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ class DataSetSpec:
         Raises:
             ScenarioError: The text is not TOML, or a key, a type, a name or a value is wrong.
         """
-        table = codec.read_toml(text, source)
+        table = read_toml(text, source)
         for block in table["records"] if isinstance(table.get("records"), list) else ():
             if isinstance(block, dict) and isinstance(block.get("excitation"), dict):
                 block["excitation"] = [block["excitation"]]  # one excitation for all axes may be a plain table

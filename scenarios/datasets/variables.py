@@ -1,14 +1,13 @@
 """Variables of the files of a data set, each with dimensions, unit and meaning from one table."""
 
-import tomllib
 from collections.abc import Mapping
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from hmtb_twin.files.netcdf import Attribute, Variable
+from scenarios.files.toml_file import package_table
 
 GIVEN = ("sample", "u", "joint_commanded")
 """Variables of a scored record that are published for all samples even where the truth is withheld."""
@@ -35,7 +34,7 @@ def described(kind: str, values: Mapping[str, object], prefix: str = "") -> dict
 
 @cache
 def _table() -> dict[str, Any]:
-    return tomllib.loads(files("scenarios").joinpath("data", "data_set_variables.toml").read_text(encoding="utf-8"))
+    return package_table("data_set_variables.toml")
 
 
 def provenance_of(attributes: Mapping[str, Attribute]) -> dict[str, str]:

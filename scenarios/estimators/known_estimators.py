@@ -2,7 +2,6 @@
 
 import shlex
 import subprocess
-import tomllib
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -13,6 +12,7 @@ from types import MappingProxyType
 
 from scenarios.estimators.estimator import Estimator
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.toml_file import read_toml
 
 OCTAVE = Path(__file__).parent / "octave"
 
@@ -86,7 +86,8 @@ def estimator(name: str) -> Estimator:
 
 def _read() -> dict[str, KnownEstimator]:
     known = {}
-    for name, table in tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")).items():
+    path = Path(__file__).with_suffix(".toml")
+    for name, table in read_toml(path.read_text(encoding="utf-8"), path.name).items():
         needs = {key: table.pop(key) for key in ("package", "octave") if key in table}
         if "octave" in needs:
             table |= {"program": True, "stays": True, "home": str(OCTAVE)}

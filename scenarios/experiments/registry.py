@@ -3,15 +3,14 @@
 Their tables are plain data: a list of them needs no laboratory, which takes more than a second to load.
 """
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.toml_file import package_table
 
 if TYPE_CHECKING:
     from scenarios.experiments.scenario import Scenario
@@ -100,7 +99,7 @@ def exchange() -> list[Table]:
 
 
 def _source(name: str) -> dict[str, Any]:
-    return tomllib.loads((files("scenarios") / "data" / name).read_text(encoding="utf-8"))
+    return package_table(name)
 
 
 @cache

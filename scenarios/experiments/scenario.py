@@ -32,6 +32,7 @@ from scenarios.experiments.rpcm import check_task, task_operator
 from scenarios.experiments.waveform import LONGEST, check_seed
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.toml_file import read_toml
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,99}")
 """Valid scenario names."""
@@ -187,7 +188,7 @@ class Scenario:
         Raises:
             ScenarioError: The text is not TOML, or a key, a type or a name is wrong.
         """
-        table = codec.read_toml(text, source)
+        table = read_toml(text, source)
         try:
             return cls.from_table(table, folder=folder)
         except ScenarioError as error:

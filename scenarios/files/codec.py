@@ -2,7 +2,6 @@
 
 import json
 import math
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
@@ -83,16 +82,6 @@ def register(kind: type[Record], read: Callable[[object], Record], write: Callab
     """
     _CONVERTER.register_structure_hook(kind, lambda value, _: value if isinstance(value, kind) else read(value))
     _CONVERTER.register_unstructure_hook(kind, write)
-
-
-def read_toml(text: str, source: str) -> dict[str, Any]:
-    """Parse TOML; `ScenarioError` names the source where the text is not TOML."""
-    try:
-        return tomllib.loads(text)
-    except RecursionError as error:
-        raise ScenarioError(f"{source}: values nested too deeply") from error
-    except ValueError as error:  # also numbers with more digits than Python converts
-        raise ScenarioError(f"{source}: not a TOML file ({error})") from error
 
 
 def from_json(kind: type[Record], text: str | bytes, source: str) -> Record:

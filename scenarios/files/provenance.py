@@ -1,7 +1,6 @@
 """Versions of the software that computes a result, and a hash of our own source."""
 
 import platform
-import tomllib
 from functools import cache
 from hashlib import sha256
 from importlib import resources
@@ -9,6 +8,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from hmtb_twin.parameters.resources import models_directory
+from scenarios.files.errors import ScenarioError
+from scenarios.files.toml_file import read_toml
 
 OURS = "hmtb-twin"
 PACKAGES = (OURS, "mujoco", "numpy", "scipy", "control", "pin", "matplotlib", "xarray")
@@ -35,8 +36,8 @@ def _of_source() -> str:
     """Our version where the source runs without having been installed; it stands in the project's own file."""
     project = Path(str(resources.files("hmtb_twin"))).parent / "pyproject.toml"
     try:
-        number = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"]
-    except (OSError, tomllib.TOMLDecodeError, KeyError):
+        number = read_toml(project.read_text(encoding="utf-8"), project.name)["project"]["version"]
+    except (OSError, ScenarioError, KeyError):
         return "not installed as a package"
     return f"{number} from source"
 

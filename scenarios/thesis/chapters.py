@@ -1,8 +1,6 @@
 """Report sections on chapters II to VI and on published values: variables of the templates, taken from the study."""
 
-import tomllib
 from collections.abc import Callable, Iterable
-from importlib.resources import files
 from math import degrees
 from typing import NamedTuple
 
@@ -14,6 +12,7 @@ from hmtb_twin.parameters.values import BUS, GAINS, HAND_CONTROLLER, MOTIONS, SA
 from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.registry import load, names
+from scenarios.files.toml_file import package_table
 from scenarios.report.figure_style import MRAD
 from scenarios.thesis.campaign import SAME_SEQUENCE, plays_identified_sequence
 from scenarios.thesis.categories import categories
@@ -235,7 +234,7 @@ def assumed_values() -> tuple[AssumedValue, ...]:
         "limits": _span(degrees(MOTIONS[name].velocity_limit) for name in STUDIED_JOINTS),
         "readings": _span(GAINS.values()),
     }
-    table = tomllib.loads((files("scenarios") / "data" / "assumed_values.toml").read_text(encoding="utf-8"))
+    table = package_table("assumed_values.toml")
     return tuple(
         AssumedValue(row["what"].format(**numbers), row["why"].format(**numbers), tuple(row["findings"]))
         for row in table["value"]

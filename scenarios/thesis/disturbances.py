@@ -1,15 +1,14 @@
 """Disturbances of a record by degree, and the detrending that an analyst may apply before identification."""
 
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from importlib.resources import files
 from types import MappingProxyType
 
 import numpy as np
 from scipy.signal import lfilter
 
 from scenarios.experiments.waveform import POINTS
+from scenarios.files.toml_file import package_table
 from sysid import IOData
 
 Spoil = Callable[[IOData, float, np.random.Generator], IOData]
@@ -153,7 +152,7 @@ SPOILS: Mapping[str, Spoil] = MappingProxyType(
 
 
 def _listed() -> Mapping[str, Disturbance]:
-    table = tomllib.loads((files("scenarios") / "data" / "disturbances.toml").read_text(encoding="utf-8"))
+    table = package_table("disturbances.toml")
     sizes = {"size": OUTLIER_SIZE, "share": OUTLIER_SHARE, "pole": POLE}
     entries = {}
     for key, row in table.items():

@@ -3,11 +3,9 @@
 import csv
 import io
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from typing import Any
 import matplotlib
 
 from hmtb_twin.files.atomic_write import write_whole
+from scenarios.files.toml_file import package_table
 from scenarios.report.figures import SETTINGS, save_figure
 from scenarios.thesis import model_charts, record_charts, response_charts
 from scenarios.thesis.answer import Answer, answer_chart
@@ -47,7 +46,7 @@ class ReportFigure:
 
 @cache
 def _table() -> Mapping[str, list[dict[str, str]]]:
-    return tomllib.loads((files("scenarios") / "data" / "report_figures.toml").read_text(encoding="utf-8"))
+    return package_table("report_figures.toml")
 
 
 def thesis_numbers(text: str) -> tuple[str, ...]:

@@ -1,10 +1,8 @@
 """Claims of the thesis with their criteria, the findings that test them, and the rules that give verdicts."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
-from importlib.resources import files
 from string import Formatter
 from types import MappingProxyType
 from typing import Literal
@@ -12,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS
+from scenarios.files.toml_file import package_table
 
 Verdict = Literal[
     "reproduced",
@@ -74,7 +73,7 @@ class _Sentences(Formatter):
 
 
 def _claims() -> Mapping[str, ThesisClaim]:
-    table = tomllib.loads((files("scenarios") / "data" / "criteria.toml").read_text(encoding="utf-8"))
+    table = package_table("criteria.toml")
     common = table.pop("common")
     claims = {}
     for key, entry in table.items():

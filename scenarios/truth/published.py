@@ -1,10 +1,8 @@
 """The models that the thesis prints, digit by digit, and the range that rounding leaves [Morris1996, ch. IV and V]."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.resources import files
 from types import MappingProxyType
 
 import numpy as np
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.toml_file import package_table
 from sysid import StateSpace
 from sysid.models import block_diagonal
 from sysid.models.bandwidth import half_power_hz
@@ -151,7 +150,7 @@ class PublishedSystem:
         return block_diagonal([part.model for part in self.parts])
 
 
-_PRINT = tomllib.loads((files("scenarios") / "data" / "published.toml").read_text(encoding="utf-8"))
+_PRINT = package_table("published.toml")
 
 EQUATIONS: Mapping[str, PublishedModel] = MappingProxyType(
     {entry["name"]: PublishedModel(**{**entry, "digits": tuple(entry["digits"])}) for entry in _PRINT["model"]}

@@ -136,3 +136,29 @@ def test_bad_values_are_one_line(complaint, tmp_path, monkeypatch, words, says):
     monkeypatch.chdir(tmp_path)
     assert says in complaint(*words.split())
     assert list(tmp_path.iterdir()) == []
+
+
+NUMBER = "0x" + "f" * 5000
+"""A whole number that Python reads but does not print."""
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (f"seed = {NUMBER}", "a whole number of 20000 bits, expected at most 63"),
+        (f"[[excitation]]\nkind = {{ a = [1, {NUMBER}] }}", "a whole number of 20000 bits"),
+        ("seed = " + "9" * 5000, "not a TOML file"),
+        ("seed = " + "[" * 100_000, "nested too deeply"),
+        ("seed = " + "[" * 300 + "]" * 300, "nested too deeply"),
+        (".".join("a" * 100_000) + " = 1", "nested too deeply"),
+        ("[" + " . ".join(['"a b"'] * 100_000) + "]", "nested too deeply"),
+    ],
+    ids=["hexadecimal", "inside", "decimal", "open", "lists", "dotted", "quoted"],
+)
+def test_numbers_and_nests_without_end_are_refused(complaint, tmp_path, monkeypatch, text, says):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(text)
+    for command in ("scenarios show", "preview", "simulate", "dataset show", "dataset build"):
+        line = complaint(*command.split(), "mine.toml")
+        assert line.startswith("hmtb: mine.toml: ") and says in line
+        assert len(line) < 300

@@ -97,7 +97,7 @@ def test_a_duration_of_no_whole_number_of_samples_is_refused(tiny_spec):
         ('url = ""', 'url = "ftp://x"', "expected one of http"),
         ('creators = ["The HMTB twin contributors"]', "creators = []", "expected names to cite"),
         ("version = 1", "version = 1" + 5000 * "0", "4300 digits"),
-        ("version = 1", "version = 0x" + 5000 * "f", "4300 digits"),
+        ("version = 1", "version = 0x" + 5000 * "f", "a whole number of 20000 bits"),
         ("seed = 7", "seed = 7\nwindow = " + 5000 * "[", "nested too deeply"),
         ("seed = 7", 'seed = 7\ntwins = { count = 1, mass = { kind = "lognormal", spread = 1e9 } }', "would be drawn"),
     ],

@@ -119,7 +119,7 @@ def test_reseeding_draws_another_seed_for_every_name_and_keeps_the_file():
         (lambda t: t.replace("frequency = 5", ""), "needs frequency"),
         (lambda t: t.replace("frequency = 5", "frequency = true"), "must be a finite number, given True"),
         (lambda t: t.replace("frequency = 5", "frequency = 5.1"), "5.1 Hz does not repeat"),
-        (lambda t: f"duration = 1{'0' * 400}\n" + t, "finite number"),
+        (lambda t: f"duration = 1{'0' * 400}\n" + t, "a whole number of 1329 bits"),
         (lambda t: "durations = 3\n" + t, "unknown key 'durations'.*did you mean 'duration'"),
         (lambda t: "duration = 0.001\n" + t, "duration of 0.02 to"),
         (lambda t: "seed = -1\n" + t, "a seed is a whole number"),

@@ -1,0 +1,59 @@
+"""Tables from TOML, of users and of the package; every TOML text is read here."""
+
+import re
+import tomllib
+from importlib.resources import files
+from typing import Any
+
+from scenarios.files.errors import ScenarioError
+
+MOST_LEVELS = 32
+"""Levels of tables and lists in each other; Python cannot follow any depth."""
+
+_DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t]*+){{{MOST_LEVELS}}}""")
+"""A dotted key of more levels: `tomllib` takes quadratic time for it, minutes for a file of 200 kB."""
+
+MOST_BITS = 63
+"""Bits of a whole number without its sign, as TOML requires; Python reads more, but does not print them."""
+
+
+def read_toml(text: str, source: str) -> dict[str, Any]:
+    """Parse TOML.
+
+    Args:
+        text: The text.
+        source: Where it came from, for messages.
+
+    Raises:
+        ScenarioError: It is no TOML, nested too deeply, or has whole numbers of more than 63 bits.
+    """
+    too_deep = f"{source}: values nested too deeply, expected at most {MOST_LEVELS} levels"
+    if _DEEP_KEY.search(text):
+        raise ScenarioError(too_deep)
+    try:
+        table = tomllib.loads(text)
+    except RecursionError as error:
+        raise ScenarioError(too_deep) from error
+    except ValueError as error:  # also decimal numbers of thousands of digits
+        raise ScenarioError(f"{source}: not a TOML file ({error})") from error
+    values: list[Any] = [table]
+    for _ in range(MOST_LEVELS):
+        for value in values:
+            if isinstance(value, int) and value.bit_length() > MOST_BITS:
+                raise ScenarioError(
+                    f"{source}: a whole number of {value.bit_length()} bits, expected at most {MOST_BITS}"
+                )
+        values = [
+            entry
+            for value in values
+            if isinstance(value, dict | list)
+            for entry in (value.values() if isinstance(value, dict) else value)
+        ]
+    if values:
+        raise ScenarioError(too_deep)
+    return table
+
+
+def package_table(name: str) -> dict[str, Any]:
+    """Read a table that comes with the package, such as ``criteria.toml``."""
+    return read_toml(files("scenarios").joinpath("data", name).read_text(encoding="utf-8"), name)
