@@ -55,7 +55,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         line = _bad_input(error)
         if line is None:
             raise
-        print(f"hmtb: {line}", file=sys.stderr)
+        from hmtb_twin.files.errors import abridged
+
+        print(f"hmtb: {abridged(line)}", file=sys.stderr)
         return 2
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hmtb_twin.files.errors import abridged
 from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, arm_file
@@ -109,7 +110,7 @@ def grade_all(
             grades[folder.name] = _grade(folder, open_data_set(withheld / persons[person][0]))
         except (ScenarioError, ValueError, OSError) as error:
             # One broken submission does not keep the others from their grades.
-            grades[folder.name] = str(error)
+            grades[folder.name] = abridged(str(error))
         if progress is not None:
             progress(number, len(folders))
     return grades

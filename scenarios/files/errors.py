@@ -3,11 +3,14 @@
 import difflib
 from collections.abc import Iterable
 
-from hmtb_twin.files.errors import shown
+from hmtb_twin.files.errors import abridged, shown
 
 
 class ScenarioError(ValueError):
-    """Wrong input to the study; the message says what was given, expected and available."""
+    """Wrong input to the study; the message says on half a screen what was given, expected and available."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(abridged(str(message)))
 
 
 class MissingRecordError(ScenarioError):

@@ -67,6 +67,17 @@ def window_values(window: Callable[[int], Any], length: int) -> FloatArray:
 
 
 def shown(value: Any) -> str:
-    """Quote a wrong value in an error: in full where it is short, else by its type."""
-    text = repr(value)
+    """Quote a wrong value in an error: in full if short, otherwise the beginning of a text, the type of others."""
+    if isinstance(value, str):
+        return repr(shortened(value))
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # whole numbers of thousands of digits, lists in lists without end
+        text = "\n"
     return text if len(text) <= LONGEST and "\n" not in text else f"a value of type {type(value).__name__}"
+
+
+def shortened(text: str, most: int = LONGEST) -> str:
+    """Put foreign text on one line, without what steers a terminal, and cut it where it is long."""
+    line = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))
+    return line if len(line) <= most else f"{line[: most - 3]}..."

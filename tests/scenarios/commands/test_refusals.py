@@ -2,7 +2,10 @@
 
 import pytest
 
+from hmtb_twin import TwinError
 from scenarios import names
+from scenarios.files.errors import ScenarioError
+from sysid import SysidError
 
 USAGE = [
     ("nonsense", "unknown command 'nonsense'; there are: thesis, simulate"),
@@ -162,3 +165,37 @@ def test_numbers_and_nests_without_end_are_refused(complaint, tmp_path, monkeypa
         line = complaint(*command.split(), "mine.toml")
         assert line.startswith("hmtb: mine.toml: ") and says in line
         assert len(line) < 300
+
+
+LONG = 50_000
+"""Characters of a name that a message would fill many screens with."""
+
+
+@pytest.mark.parametrize(
+    ("words", "name", "content"),
+    [
+        ("identify a.csv --method arx --orders 1 1 1", "a.csv", ",".join(f"column{k}" for k in range(LONG)) + "\n1\n"),
+        ("identify a.csv --method arx --orders 1 1 1", "a.csv", f"{'c' * LONG}\n1\n2\n"),
+        ("scenarios show a.toml", "a.toml", f"{'k' * LONG} = 1"),
+        ("scenarios show a.toml", "a.toml", f"name = '{'n' * LONG}'"),
+        (f"scenarios show {'n' * LONG}", "a.toml", ""),
+        (f"identify a.csv --method arx --orders 1 1 1 --input {'u' * LONG}", "a.csv", "u,y\n1,1\n"),
+        (f"dataset show {'n' * LONG}", "a.toml", ""),
+        (f"{'w' * LONG}", "a.toml", ""),
+        (f"simulate {'s' * LONG}", "a.toml", ""),
+    ],
+    ids=range(9),
+)
+def test_messages_fit_on_a_screen(complaint, tmp_path, monkeypatch, words, name, content):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_text(content)
+    assert len(complaint(*words.split())) < 1200
+
+
+@pytest.mark.parametrize("kind", [SysidError, TwinError, ScenarioError])
+def test_the_end_of_a_long_message_says_what_was_expected(kind):
+    text = str(kind(f"columns {', '.join(map(str, range(LONG)))} given, expected u and y"))
+    assert text.startswith("columns 0, 1, 2") and text.endswith("given, expected u and y")
+    assert len(text) < 1000
+    assert "characters left out" in text
+    assert str(kind("short")) == "short"
