@@ -1,15 +1,16 @@
 """MATLAB files of version 5: bus records, and matrices from other programs."""
 
 from collections.abc import Sequence
-from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.io import loadmat, savemat, whosmat
+from scipy.io import savemat
 
 from hmtb_twin.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
+from sysid.records.errors import SysidError
+from sysid.records.mat_variables import read_variables
 
 if TYPE_CHECKING:
     # Imported late otherwise: processes of estimators read matrices here, and load no physics.
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
 
 FORMAT = "hmtb mat record 1"
 """Marks the records of this version, in their variable `format`."""
-
-MOST_NUMBERS = 2**27
-"""No matrix has more numbers: a small file can claim to unpack to any size."""
 
 
 def read_mat_numbers(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
@@ -33,13 +31,9 @@ def read_mat_numbers(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
         ScenarioError: It is no such file, or damaged, or has matrices of an absurd size.
     """
     try:
-        shapes = {name: shape for name, shape, _ in whosmat(path) if name in names}
-        if large := [name for name, shape in shapes.items() if prod(shape) > MOST_NUMBERS]:
-            raise ValueError(f"{large[0]} of shape {shapes[large[0]]} given, expected at most {MOST_NUMBERS} numbers")
-        matrices = loadmat(path, variable_names=list(names))
-    except Exception as error:  # what SciPy's reader raises on bytes that are no such file follows no rule
-        raise ScenarioError(f"cannot read {path}: {error}; expected a file of save(..., '-v7')") from error
-    return {name: np.asarray(matrices[name]) for name in names if name in matrices}
+        return read_variables(path, names)
+    except SysidError as error:
+        raise ScenarioError(f"cannot read {path}: {error}") from error
 
 
 def write_mat(record: "BusRecord", path: Path) -> Path:
@@ -64,8 +58,8 @@ def write_mat(record: "BusRecord", path: Path) -> Path:
 def is_ours(path: Path) -> bool:
     """Whether a .mat file is a record of ours; false for files that cannot be read at all."""
     try:
-        return _text(loadmat(path, variable_names=["format"], simplify_cells=True).get("format", "")) == FORMAT
-    except Exception:  # whatever SciPy raises on a damaged or foreign file
+        return _text(read_variables(path, ("format",)).get("format", "")) == FORMAT
+    except SysidError:
         return False
 
 
@@ -76,11 +70,11 @@ def read_mat(path: Path) -> "BusRecord":
     if not is_ours(path):
         raise ScenarioError(f"{path.name} is no MATLAB record of ours: it lacks a variable 'format' that says so")
     try:
-        content = loadmat(path, simplify_cells=True)
+        content = read_variables(path, ("name", "dt", "excited", *CHANNELS))
         channels = [np.asarray(content[c], float).reshape(-1, len(names)) for c, (names, _) in CHANNELS.items()]
-        axes = tuple(map(str, np.atleast_1d(content["excited"])))
-        return BusRecord.from_columns(_text(content["name"]), float(content["dt"]), axes, np.column_stack(channels))
-    except Exception as error:  # as above
+        axes = tuple(_text(axis) for axis in content["excited"].ravel())
+        return BusRecord.from_columns(_text(content["name"]), content["dt"].item(), axes, np.column_stack(channels))
+    except (LookupError, TypeError, ValueError) as error:
         raise ScenarioError(f"{path.name}: a damaged MATLAB file of ours ({error})") from error
 
 

@@ -12,6 +12,7 @@ from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
+from sysid.records.mat_variables import read_variables
 
 TIME_NAMES = ("t", "time", "ts")
 INTERVAL_NAMES = ("ts", "dt")
@@ -22,7 +23,6 @@ SECONDS = {
     **dict.fromkeys(("us", "µs", "microsecond", "microseconds"), 1e-6),
 }
 SAME_INTERVAL = 1e-3  # two intervals closer than this part are one, written with few digits
-UNREADABLE = (NotImplementedError, ValueError, OSError, TypeError, EOFError, LookupError)
 Columns = Mapping[str, FloatArray]
 
 
@@ -81,24 +81,13 @@ def read_mat(
     Raises:
         SysidError: No file, another format, no such variable, and as in `read_csv`.
     """
-    import zlib
-
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
     file = _existing(path, "a .mat file")
-    try:
-        content = loadmat(file)
-    # scipy raises any of these on a damaged file
-    except (*UNREADABLE, MatReadError, zlib.error) as error:
-        raise SysidError(
-            f"{file.name}: not a .mat file of version 7.2 or older, which MATLAB writes by save -v7 ({error})"
-        ) from error
-    columns = {}
-    for name, value in content.items():
-        if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and value.ndim == 2 and value.size:
-            # A row vector can only be a signal; a matrix is taken time first, never transposed on a guess.
-            columns[name] = value.astype(float).reshape(-1, 1) if 1 in value.shape else value.astype(float)
+    # A row vector can only be a signal; a matrix is taken time first, never transposed on a guess.
+    columns = {
+        name: values.astype(float).reshape(-1, 1) if 1 in values.shape else values.astype(float)
+        for name, values in read_variables(file).items()
+        if values.dtype.kind in "biuf" and values.ndim == 2 and values.size
+    }
     return record_of(columns, inputs, outputs, dt, missing, file)
 
 

@@ -6,6 +6,7 @@ from hmtb_twin import TwinError
 from scenarios import names
 from scenarios.files.errors import ScenarioError
 from sysid import SysidError
+from tests.mat_bytes import HEAD, TEXT, nested, packed, part, variable
 
 USAGE = [
     ("nonsense", "unknown command 'nonsense'; there are: thesis, simulate"),
@@ -199,3 +200,22 @@ def test_the_end_of_a_long_message_says_what_was_expected(kind):
     assert len(text) < 1000
     assert "characters left out" in text
     assert str(kind("short")) == "short"
+
+
+@pytest.mark.parametrize(
+    "words", ["identify {} --method arx --orders 1 1 1", "compare {} --models oe:1/1", "convert {} b.csv"]
+)
+@pytest.mark.parametrize(
+    "content",
+    [
+        HEAD + variable("u", part(200, bytes(8))),
+        HEAD + packed(variable("format", part(77, b"h"), TEXT)),
+        HEAD + nested(20_000),
+    ],
+    ids=["type", "text", "nested"],
+)
+def test_a_damaged_mat_file_is_named(complaint, tmp_path, monkeypatch, words, content):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.mat").write_bytes(content)
+    assert "a.mat" in complaint(*words.format("a.mat").split())
+    assert not (tmp_path / "b.csv").exists()

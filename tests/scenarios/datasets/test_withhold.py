@@ -4,6 +4,7 @@ import json
 import shutil
 import stat
 import struct
+import tempfile
 from dataclasses import replace
 
 import h5py
@@ -22,6 +23,7 @@ from scenarios.datasets.score import score_model
 from scenarios.datasets.withhold import build_withheld, check_withholdable, read_persons, read_roster
 from scenarios.experiments.registry import names
 from sysid.validation.predictors import ModelPredictor
+from tests.mat_bytes import HEAD, nested, part, variable
 from tests.refusals import refused
 
 RUN = 6
@@ -216,3 +218,18 @@ def test_broken_submissions_are_refused_one_by_one(school, tmp_path):
     shutil.rmtree(bob)
     refused(r"cannot read .*persons\.json", grade_all, tmp_path, tmp_path)
     refused("no folder", grade_all, school.withheld, tmp_path / "absent")
+
+
+def test_a_damaged_submission_ends_no_grading_and_leaves_nothing_behind(school, tmp_path, monkeypatch):
+    submissions, scratch = tmp_path / "submissions", tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    (record,) = open_data_set(school.withheld / school.bob.name).test
+    damage = {"ann": variable("y", part(200, bytes(8))), "bob": nested(20_000)}
+    for person, content in damage.items():
+        (submissions / person).mkdir(parents=True)
+        (submissions / person / f"{record.name}.mat").write_bytes(HEAD + content)
+    grades = grade_all(school.withheld, submissions)
+    assert f"ann/{record.name}.mat" in grades["ann"] and "8 bytes of type 200" in grades["ann"]
+    assert grades["bob"] == f"{submissions}/bob/{record.name}.mat has no matrix y"
+    assert list(scratch.iterdir()) == []

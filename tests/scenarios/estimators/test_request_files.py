@@ -11,6 +11,7 @@ from hmtb_twin.files.netcdf import Contents, Variable
 from scenarios.estimators.outcome import NoModelError
 from scenarios.estimators.request_files import FORMATS, MOST_BYTES, read_model, read_request, write_request
 from scenarios.estimators.task import PROTOCOL
+from tests.mat_bytes import HEAD, part, variable
 from tests.refusals import refused
 
 MODEL = {"dt": 0.02, "A": [[0.5, 0.1], [0.0, 0.2]], "B": [[1.0], [2.0]], "C": [[1.0, 0.0]]}
@@ -89,10 +90,11 @@ def test_special_numbers_of_json(tmp_path):
         ("model.json", b'{"A": {"re": 1}}', "A of type dict given"),
         ("model.json", b'{"A": ' + b"[" * 900 + b"]" * 900 + b"}", "A of type list given"),
         ("model.mat", b"MATLAB 5.0 MAT-file" + bytes(200), "cannot read model.mat"),
+        ("model.mat", HEAD + variable("A", part(200, bytes(8))), "'A' has 8 bytes of type 200"),
         ("model.nc", b"CDF", "model.nc is not a NetCDF4 file, or a damaged one"),
         ("model.txt", b"1", "no model file written"),
     ],
-    ids=range(11),
+    ids=range(12),
 )
 def test_files_that_are_no_models(name, content, why, tmp_path):
     (tmp_path / name).write_bytes(content)
