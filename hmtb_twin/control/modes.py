@@ -41,7 +41,8 @@ class SingleJoint:
         dt: float | None,
     ) -> None:
         # Plain numbers: one tick of one joint costs less than a call of numpy.
-        self._command, self._reference = [np.asarray(pose, dtype=float).tolist() for _ in range(2)]
+        self._command = np.asarray(pose, dtype=float).tolist()
+        self._reference = self._command.copy()
         self._joints = [(j, float(lower[j]), float(upper[j]), float(step[j])) for j in joints]
         self._lower, self._upper, self._dt = lower, upper, dt
 
@@ -136,7 +137,7 @@ class Cartesian:
             self._position, self._rotation = (
                 self._controller.tool_pose(self._command) if status else (position, rotation)
             )
-        return self._command.copy(), Status(status) if status else NORMAL
+        return self._command.copy(), Status(status)
 
     def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
         """Continue from measured angles without a jump: this deflection now means the present tool pose; see `Mode`."""
@@ -148,7 +149,7 @@ class Cartesian:
             self._rotation = self._rotation @ pin.exp3(-twist[3:])
             self._position = self._position - self._rotation @ twist[:3]
         limited = not np.array_equal(self._command, angles)
-        return self._command.copy(), Status.JOINT_LIMITED if limited else NORMAL
+        return self._command.copy(), Status.JOINT_LIMITED if limited else Status(0)
 
 
 MODES = ("single_joint", "single_joint_rate", "cartesian", "cartesian_rate")

@@ -57,9 +57,9 @@ def add_linear_drives(
     # Steps end where a tick ends.
     least = [round(steps)]
     for name, inertia in inertias.items():
-        motor = drives[name].motor
         if name in INDEXED_JOINTS:
             continue
+        motor = drives[name].motor
         modes = np.linalg.eigvals(servo_dynamics(inertia, drives[name].drag, motor, gains[name]))
         least.append(ceil(SAMPLE_TIME * float(np.abs(modes).max()) / LONGEST_STEP))
         if refine:

@@ -270,7 +270,7 @@ class GearFriction(Friction):
 
 @dataclass(frozen=True)
 class RollGearFriction(GearFriction):
-    """Gear of the wrist roll."""
+    """Friction of the wrist roll's gear, smooth at a reversal as that of the hydraulic wrist roll."""
 
     slip_velocity: float = quantity(0.01, "rad/s", "assumed", "as of the hydraulic wrist roll")
 

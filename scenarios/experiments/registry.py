@@ -21,7 +21,7 @@ Table = dict[str, Any]
 
 def single_joint_tests() -> list[Table]:
     """The 24 single-joint tests of the thesis [Morris1996, table 1], then the same on the joints that it left alone."""
-    source = _source("table1.toml")
+    source = package_table("table1.toml")
     groups = (
         (source["joints"], source["tags"], 0),
         (source["other_joints"], source["other_tags"], len(source["joints"])),
@@ -45,7 +45,7 @@ def single_joint_tests() -> list[Table]:
 
 def table2() -> list[Table]:
     """The 13 tests of several joints of the thesis [Morris1996, table 2]."""
-    source = _source("table2.toml")
+    source = package_table("table2.toml")
     return [
         {
             "name": f"mimo-{test['number']}",
@@ -64,7 +64,7 @@ def table2() -> list[Table]:
 
 def independent() -> list[Table]:
     """Tests of Table 2 with a waveform of its own on every axis."""
-    extra = _source("table2.toml")["independent"]
+    extra = package_table("table2.toml")["independent"]
     shared = {table["seed"] - 2000: table for table in table2()}
     return [
         {
@@ -82,8 +82,8 @@ def independent() -> list[Table]:
 
 def exchange() -> list[Table]:
     """The exchange of the replacement unit [Morris1996, sec. I.3 and VI.4]."""
-    source = _source("rpcm.toml")
-    compensation = _source("table2.toml")["compensation"]
+    source = package_table("rpcm.toml")
+    compensation = package_table("table2.toml")["compensation"]
     return [
         {
             **test,
@@ -96,10 +96,6 @@ def exchange() -> list[Table]:
         }
         for test in source["test"]
     ]
-
-
-def _source(name: str) -> dict[str, Any]:
-    return package_table(name)
 
 
 @cache
