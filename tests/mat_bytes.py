@@ -11,7 +11,7 @@ DOUBLE, CELL, TEXT = 6, 1, 4
 
 
 def part(kind: int, values: bytes) -> bytes:
-    """Write a part: type, length, bytes, zeros up to a multiple of eight."""
+    """Write a data element of a MATLAB file: type, length, bytes, zeros up to a multiple of eight."""
     return struct.pack("<II", kind, len(values)) + values + bytes(-len(values) % 8)
 
 

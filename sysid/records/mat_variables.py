@@ -36,7 +36,7 @@ TEXT_TYPES = (1, 2, 4, 16, 17, 18)
 
 CELLS, TEXT, NUMBERS = 1, 4, range(6, 16)
 COMPLEX = 1 << 11
-"""Classes of arrays, and the flag of complex ones [MathWorks2019, ch. 1]."""
+"""Classes of arrays in a MATLAB file, and the flag of complex ones [MathWorks2019, ch. 1]."""
 
 MOST_DIMS = 32
 """Dimensions of an array, at most; SciPy has room for as many."""
