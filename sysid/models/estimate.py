@@ -182,25 +182,35 @@ class Estimate(Locked):
     @property
     def loss(self) -> float:
         """Mean square of the residuals; with several outputs the ny-th root of the determinant of their covariance."""
-        known = self.residuals[np.isfinite(self.residuals).all(axis=1)]
-        return float(np.linalg.det(known.T @ known / len(known)) ** (1.0 / known.shape[1]))
+        return mean_square(self.residuals[np.isfinite(self.residuals).all(axis=1)])
 
     @property
     def fpe(self) -> float:
-        """Akaike's final prediction error, loss (1 + p/N) / (1 - p/N) [Ljung1999, ch. 16]; infinite for p >= N."""
-        share = self._parameters_per_sample
+        """Akaike's final prediction error, loss (1 + s) / (1 - s) with s = p / (N ny); infinite for s >= 1.
+
+        With several outputs it is the ny-th root of det(R) ((1 + s) / (1 - s))^ny, R the covariance of the residuals
+        [Ljung1999, sec. 16.4; Akaike1971].
+        """
+        share = self._parameters_per_sample / self.residuals.shape[1]
         return self.loss * (1.0 + share) / (1.0 - share) if share < 1.0 else np.inf
 
     @property
     def aic(self) -> float:
-        """Akaike's information criterion, log(loss) + 2 p/N; comparable on the same data."""
-        return float(np.log(self.loss) + 2.0 * self._parameters_per_sample) if self.loss else -np.inf
+        """Akaike's information criterion per sample, log det(R) + 2 p/N; comparable on the same data.
+
+        R is the covariance of the residuals, log det(R) = ny log(loss): up to a constant, -2/N times the logarithm of
+        the likelihood for normal innovations [Ljung1999, sec. 16.4].
+        """
+        return self._log_determinant + 2.0 * self._parameters_per_sample
 
     @property
     def bic(self) -> float:
-        """Schwarz's criterion, log(loss) + p log(N)/N; comparable on the same data."""
-        samples = sum(self.data.samples)
-        return float(np.log(self.loss) + np.log(samples) * self._parameters_per_sample) if self.loss else -np.inf
+        """Schwarz's criterion per sample, log det(R) + p log(N)/N, R as for `aic` [Schwarz1978]."""
+        return self._log_determinant + float(np.log(sum(self.data.samples)) * self._parameters_per_sample)
+
+    @property
+    def _log_determinant(self) -> float:
+        return float(self.residuals.shape[1] * np.log(self.loss)) if self.loss else -np.inf
 
     @property
     def _parameters_per_sample(self) -> float:
@@ -295,6 +305,13 @@ class Estimate(Locked):
             input_names=self.data.input_names,
             output_names=self.data.output_names,
         )
+
+
+def mean_square(errors: FloatArray) -> float:
+    """Mean square of errors (N, ny); with several outputs the ny-th root of the determinant of their covariance."""
+    sign, logarithm = np.linalg.slogdet(errors.T @ errors / len(errors))
+    # the determinant itself would underflow with many outputs of small unit
+    return 0.0 if sign <= 0.0 else math.exp(logarithm / errors.shape[1])
 
 
 def _copied(value: Any) -> Any:

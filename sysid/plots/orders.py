@@ -98,7 +98,8 @@ def _values(item: Spectrum) -> tuple[str, FloatArray, int]:
 def structures(table: StructureTable, *, size: tuple[float, float] = (7.0, 4.2)) -> Figure:
     """Criteria of candidate structures over their number of parameters: every candidate, and the best of each number.
 
-    All in units of the mean square error: the loss itself, exp(AIC), exp(BIC), and the error on validation data.
+    All in units of the mean square error: the loss itself, exp(AIC), exp(BIC), and the error on validation data. With
+    several outputs the criteria are divided by their number ny first, so that their exponentials have these units too.
 
     Args:
         table: Result of `selstruc` or `structure_scan`.
@@ -115,10 +116,11 @@ def structures(table: StructureTable, *, size: tuple[float, float] = (7.0, 4.2))
             f"cannot draw a {type(table).__name__}; expected a StructureTable of selstruc or structure_scan"
         )
     figure, ((axes,),) = panels(1, 1, size)
+    ny, root = table.outputs, "" if table.outputs == 1 else f"/{table.outputs}"
     curves: list[tuple[str, FloatArray, Style, bool]] = [
         ("loss", table.loss, PALETTE["measured"], False),
-        ("exp(AIC)", np.exp(table.aic), PALETTE["pem_ss"], True),
-        ("exp(BIC)", np.exp(table.bic), PALETTE["armax"], True),
+        (f"exp(AIC{root})", np.exp(table.aic / ny), PALETTE["pem_ss"], True),
+        (f"exp(BIC{root})", np.exp(table.bic / ny), PALETTE["armax"], True),
         ("validation", table.validation, PALETTE["oe"], True),
     ]
     numbers = np.unique(table.parameters)

@@ -2,12 +2,12 @@
 
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.models.estimate import Estimate
+from sysid.models.estimate import Estimate, mean_square
 from sysid.models.predict import predict
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
@@ -22,9 +22,15 @@ FLOOR = 1e-20  # loss, relative to the mean square output, below which candidate
 class StructureTable(Locked):
     """Candidate structures with their criteria, the best one first.
 
-    With V the loss, p the number of parameters and N that of samples [Ljung1999, sec. 16.4]:
-    aic = log V + 2 p / N, aicc = aic + 2 p (p + 1) / (N (N - p - 1)), bic = log V + p log(N) / N [Schwarz1978],
-    fpe = V (1 + p/N) / (1 - p/N), mdl = V (1 + p log(N) / N) [Rissanen1978].
+    With R the covariance of the one-step errors (ny, ny), p the number of parameters and N that of samples, normal
+    innovations have -2 log(likelihood) / N = log det(R) + constant [Ljung1999, sec. 16.4], and
+
+    - aic = log det(R) + 2 p / N,
+    - aicc = log det(R) + 2 p / (N - p/ny - (ny + 1)/2) [BedrickTsai1994],
+    - bic = log det(R) + p log(N) / N [Schwarz1978].
+
+    In units of the loss V = det(R)^(1/ny), with s = p / (N ny) parameters per output sample, are
+    fpe = V (1 + s) / (1 - s) [Akaike1971] and mdl = V (1 + s log(N)) [Rissanen1978].
 
     Attributes:
         names: Names of the orders.
@@ -39,6 +45,7 @@ class StructureTable(Locked):
         mdl: Rissanen's minimum description length, in units of the loss (m,).
         validation: Mean square error on validation data (m,); NaN without such data.
         samples: Number of samples N on which every candidate is judged.
+        outputs: Number of outputs ny.
         failed: Candidates that could not be fitted, with the reason in words.
     """
 
@@ -53,6 +60,7 @@ class StructureTable(Locked):
     mdl: FloatArray
     validation: FloatArray
     samples: int
+    outputs: int = field(default=1, kw_only=True)
     failed: tuple[tuple[tuple[Order, ...], str], ...] = ()
 
     def __len__(self) -> int:
@@ -107,6 +115,7 @@ def make_table(
     *,
     samples: int,
     power: float,
+    outputs: int = 1,
     failed: tuple[tuple[tuple[Order, ...], str], ...] = (),
 ) -> StructureTable:
     """Compute the criteria and sort by validation error, else by `bic`; ties go to fewer parameters."""
@@ -116,12 +125,15 @@ def make_table(
     p = np.array(parameters)
     v = np.maximum(np.array(loss), FLOOR * power)
     checked = np.maximum(np.array(validation), FLOOR * power)
-    n = samples
+    n, ny = samples, outputs
+    # parameters of the regression of each output
+    own, spent = p / ny, 0.5 * (ny + 1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        aic = np.log(v) + 2.0 * p / n
-        aicc = np.where(p < n - 1, aic + 2.0 * p * (p + 1) / (n * np.maximum(n - p - 1, 1)), np.inf)
-        bic = np.log(v) + p * np.log(n) / n
-        fpe = np.where(p < n, v * (1 + p / n) / np.maximum(1 - p / n, 1e-300), np.inf)
+        aic = ny * np.log(v) + 2.0 * p / n
+        left = n - own - spent
+        aicc = np.where(left > 0.0, aic + 2.0 * p * (own + spent) / (n * np.where(left > 0.0, left, 1.0)), np.inf)
+        bic = ny * np.log(v) + p * np.log(n) / n
+        fpe = np.where(own < n, v * (1 + own / n) / np.maximum(1 - own / n, 1e-300), np.inf)
     first = checked if np.isfinite(checked).any() else bic
     sequence = np.lexsort((p, np.where(np.isnan(first), np.inf, first)))
     return StructureTable(
@@ -133,9 +145,10 @@ def make_table(
         aicc=aicc[sequence],
         bic=bic[sequence],
         fpe=fpe[sequence],
-        mdl=(v * (1 + p * np.log(n) / n))[sequence],
+        mdl=(v * (1 + own * np.log(n) / n))[sequence],
         validation=checked[sequence],
         samples=n,
+        outputs=ny,
         failed=failed,
     )
 
@@ -195,8 +208,7 @@ def structure_scan(
     for _, estimate in fits:
         parts = np.split(estimate.residuals, ends[:-1])
         errors = np.concatenate([part[s:] for part, s in zip(parts, skipped, strict=True)])
-        covariance = errors.T @ errors / rows
-        loss.append(float(max(np.linalg.det(covariance), 0.0)) ** (1.0 / len(covariance)))
+        loss.append(mean_square(errors))
         squares = [(e.y - predict(estimate, e, steps=steps))[e.window :] ** 2 for e in others]
         checked.append(float(np.mean(np.concatenate(squares))) if squares else np.nan)
     return make_table(
@@ -206,6 +218,7 @@ def structure_scan(
         loss,
         checked,
         samples=rows,
+        outputs=experiments[0].ny,
         power=float(np.mean(np.concatenate([e.y for e in experiments]) ** 2)),
         failed=tuple(failed),
     )
@@ -254,7 +267,8 @@ def choose_orders(
         tried = list(candidates[:count])
         if simulated:
             table = structure_scan(fit, data, names, tried, validation=data, steps=None)
-            criterion = np.log(table.validation) + table.parameters * np.log(table.samples) / table.samples
+            penalty = table.parameters * np.log(table.samples) / table.samples
+            criterion = table.outputs * np.log(table.validation) + penalty
         else:
             table = structure_scan(fit, data, names, tried)
             criterion = table.bic

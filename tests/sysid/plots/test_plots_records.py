@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
@@ -141,6 +143,10 @@ def test_criteria_over_the_number_of_parameters():
     assert any(text.startswith("validation: ") for text in labels(figure))
     rings = [line for line in figure.axes[0].get_lines() if line.get_markerfacecolor() == "none"]
     assert min(rings[1].get_ydata()) == pytest.approx(np.exp(table.bic.min()))
+    two = structures(replace(table, outputs=2))
+    rings = [line for line in two.axes[0].get_lines() if line.get_markerfacecolor() == "none"]
+    assert f"exp(BIC/2): {best}" in labels(two)
+    assert min(rings[1].get_ydata()) == pytest.approx(np.exp(table.bic.min() / 2))
     refused("expected a StructureTable", structures, DATA)
 
 

@@ -3,9 +3,26 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.signal import lfilter
+from scipy.stats import multivariate_normal
 
-from sysid import IOData, armax, arx, cross_validate, oe, okid, predict, selstruc, structure_scan
+from sysid import (
+    IOData,
+    StateSpace,
+    armax,
+    arx,
+    cross_validate,
+    n4sid,
+    oe,
+    okid,
+    predict,
+    selstruc,
+    simulate,
+    structure_scan,
+)
+from sysid.models.estimate import mean_square
+from sysid.validation import choose_orders
 from tests.refusals import refused
 from tests.sysid.systems import second_order
 
@@ -86,6 +103,59 @@ def test_any_estimator():
     assert "validation" in str(table)
     by_order = structure_scan(lambda d, n: okid(d, n, p=8), data, ("order",), [(n,) for n in range(1, 6)])
     assert by_order.chosen["order"] in (2, 3)
+
+
+def six_outputs(seed):
+    """Record of four states, two inputs and six outputs under white noise."""
+    rng = np.random.default_rng(seed)
+    A = block_diag([[0.8, 0.4], [-0.4, 0.8]], [[0.5, 0.6], [-0.6, 0.5]])
+    B, C = rng.standard_normal((4, 2)), rng.standard_normal((6, 4))
+    u = rng.standard_normal((300, 2))
+    y = simulate(StateSpace(A, B, C, np.zeros((6, 2)), None, 0.1), u)
+    return IOData(u, y + 2.0 * rng.standard_normal(y.shape), 0.1)
+
+
+@pytest.mark.parametrize("seed", (0, 1, 3))
+def test_every_criterion_finds_the_order_of_six_outputs(seed):
+    data = six_outputs(seed)
+    table = structure_scan(n4sid, data, ("order",), [(n,) for n in range(1, 7)])
+    for criterion in ("aic", "aicc", "bic", "fpe", "mdl"):
+        assert table.best(criterion) == {"order": 4}, criterion
+    for simulated in (False, True):
+        chosen = choose_orders(n4sid, data, ("order",), [(n,) for n in range(1, 7)], simulated=simulated)
+        assert chosen == {"order": 4}
+    estimates = [n4sid(data, n) for n in range(1, 7)]
+    for criterion in ("aic", "bic", "fpe"):
+        assert int(np.argmin([getattr(e, criterion) for e in estimates])) == 3, criterion
+
+
+def test_criteria_of_several_outputs_are_those_of_the_likelihood():
+    data = six_outputs(0)
+    estimate = n4sid(data, 2)
+    table = structure_scan(n4sid, data, ("order",), [(2,)])
+    p, n, ny = 2 * (2 + 2 * 6) + 2 * 6, len(data), 6
+    assert len(estimate.parameters) == table.parameters[0] == p
+    e = estimate.residuals
+    likelihood = float(multivariate_normal(cov=e.T @ e / n).logpdf(e).sum())
+    constant = ny * (1 + np.log(2 * np.pi))
+    assert estimate.aic == pytest.approx((-2 * likelihood + 2 * p) / n - constant, rel=1e-10)
+    assert estimate.bic == pytest.approx((-2 * likelihood + p * np.log(n)) / n - constant, rel=1e-10)
+    # of n residuals of ny regressions with k regressors each, and in the table of those after the transient
+    k, rows, v = p / ny, table.samples, table.loss[0]
+    assert rows == n - 2
+    assert estimate.fpe == pytest.approx(np.linalg.det(e.T @ e / n) ** (1 / ny) * (n + k) / (n - k), rel=1e-10)
+    logarithm = ny * np.log(v)
+    assert table.aic[0] == pytest.approx(logarithm + 2 * p / rows, rel=1e-12)
+    assert table.bic[0] == pytest.approx(logarithm + p * np.log(rows) / rows, rel=1e-12)
+    assert table.aicc[0] == pytest.approx(logarithm + 2 * p / (rows - k - (ny + 1) / 2), rel=1e-12)
+    assert table.fpe[0] == pytest.approx(v * (rows + k) / (rows - k), rel=1e-12)
+    assert table.mdl[0] == pytest.approx(v * (1 + k * np.log(rows) / rows), rel=1e-12)
+
+
+def test_loss_of_many_outputs_of_small_unit():
+    errors = np.random.default_rng(0).standard_normal((200, 40))
+    assert mean_square(1e-6 * errors) / mean_square(errors) == pytest.approx(1e-12, rel=1e-10, abs=0.0)
+    assert mean_square(np.ones((5, 2))) == pytest.approx(0.0, abs=1e-7)
 
 
 def test_cross_validation_scores_what_was_left_out():
