@@ -210,5 +210,8 @@ def _known_models(name: ModelName, record: IOData, path: Path) -> list[tuple[str
             )
         label = entry.label if len(chosen) == len(parts) else f"{entry.label}, {chosen[0].label}"
         model = sysid.models.block_diagonal([part.model for part in chosen])
+        if not joints and model.ny == record.ny:
+            # the user says of which joint the record is: its channels may have any names
+            model = replace(model, input_names=record.input_names, output_names=record.output_names)
         models.append((f"published {label}", model, tuple(f"{part.label}: {part.doubts}" for part in chosen)))
     return models

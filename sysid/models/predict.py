@@ -12,6 +12,7 @@ from sysid.models.recursion import LARGEST, free_response, kalman_filter, state_
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, real_array
+from sysid.records.channels import listed, matching_channels
 from sysid.records.data import IOData, as_record
 from sysid.records.errors import SysidError, SysidWarning
 
@@ -88,6 +89,8 @@ def predict(
 ) -> FloatArray:
     """Prediction of y(t) from outputs up to t - steps and inputs up to t [Ljung1999, sec. 3.2, 4.3].
 
+    Channels of model and data are matched by name, those without names of their own by position.
+
     Missing outputs are predicted too, and later ones from the known outputs, by the Kalman filter.
 
     Args:
@@ -98,16 +101,16 @@ def predict(
             the record has one, else to the whole record.
 
     Returns:
-        Predicted outputs (N, ny). The first `steps` samples are simulated from the initial state.
+        Predicted outputs (N, ny), in the sequence of the data. The first `steps` samples are simulated from the initial
+        state.
 
     Raises:
-        SysidError: Channels that do not fit the model, steps < 1.
+        SysidError: Channels that do not fit the model in number, name or sampling interval, steps < 1.
 
     Warns:
         SysidWarning: The predictor A - K C is not stable, so that its errors grow.
     """
-    m = as_model(model)
-    check_channels(m, data)
+    m = aligned(as_model(model), data)
     steps = None if steps is None else whole_number("steps", steps, 1)
     gain = np.zeros_like(m.gain) if steps is None else m.gain
     run = None
@@ -147,7 +150,7 @@ def predict(
 
 def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = None) -> FloatArray:
     """State at the first sample that makes the (predicted) output fit best, by least squares."""
-    check_channels(model, data)
+    model = aligned(model, data)
     if model.order == 0:
         return np.zeros(0)
     K = model.gain if gain is None else gain
@@ -179,16 +182,51 @@ def _fitted_state(model: StateSpace, data: IOData, run: tuple[FloatArray, FloatA
     return np.asarray(solution, dtype=np.float64)
 
 
-def check_channels(model: StateSpace, data: IOData) -> None:
-    """Refuse data with other channels or another sampling interval than the model."""
+def channels_in(model: StateSpace, data: IOData) -> tuple[list[int], list[int]]:
+    """Index in the model of every input and every output of a record, matched by name.
+
+    Raises:
+        SysidError: Other channels or another sampling interval than the model's.
+    """
     as_record(data)
     if (data.nu, data.ny) != (model.nu, model.ny):
         raise SysidError(
-            f"the data have {data.nu} input(s) and {data.ny} output(s), the model {model.nu} and {model.ny}; "
-            "data.select(inputs=..., outputs=...) picks channels"
+            f"the data have {data.nu} input(s) and {data.ny} output(s), the model {model.nu} and {model.ny}: "
+            f"{listed(data.input_names)}; {listed(data.output_names)} in the data, {listed(model.input_names)}; "
+            f"{listed(model.output_names)} in the model; data.select(inputs=..., outputs=...) picks channels"
         )
     if not np.isclose(data.dt, model.dt, rtol=1e-6, atol=0.0):
         raise SysidError(f"the data are sampled every {data.dt} s, the model every {model.dt} s")
+    sides = {"owner": "the data", "other": "the model"}
+    return (
+        matching_channels("input", data.input_names, model.input_names, **sides),
+        matching_channels("output", data.output_names, model.output_names, **sides),
+    )
+
+
+def aligned(model: StateSpace, data: IOData) -> StateSpace:
+    """The model with its channels in the sequence of a record's, matched by name.
+
+    Raises:
+        SysidError: Other channels or another sampling interval than the model's.
+    """
+    i, o = channels_in(model, data)
+    if i == sorted(i) and o == sorted(o):
+        return model
+    covariance, (inputs, outputs) = model.innovation_covariance, (model.input_names or (), model.output_names or ())
+    input_units, output_units = model.input_units or (), model.output_units or ()
+    return replace(
+        model,
+        B=model.B[:, i],
+        C=model.C[o],
+        D=model.D[np.ix_(o, i)],
+        K=model.gain[:, o],
+        innovation_covariance=None if covariance is None else covariance[np.ix_(o, o)],
+        input_names=tuple(inputs[k] for k in i),
+        output_names=tuple(outputs[k] for k in o),
+        input_units=tuple(input_units[k] for k in i),
+        output_units=tuple(output_units[k] for k in o),
+    )
 
 
 def residuals(model: StateSpace | Estimate, data: IOData, *, x0: ArrayLike | None = None) -> FloatArray:
@@ -200,7 +238,7 @@ def residuals(model: StateSpace | Estimate, data: IOData, *, x0: ArrayLike | Non
         x0: State at the first sample (n,); None fits it (see `predict`).
 
     Returns:
-        Prediction errors (N, ny).
+        Prediction errors (N, ny), in the sequence of the data.
 
     Raises:
         SysidError: Channels that do not fit the model.
@@ -224,5 +262,5 @@ def findstates(model: StateSpace | Estimate, data: IOData, *, simulation: bool =
     Raises:
         SysidError: Channels that do not fit the model.
     """
-    m = as_model(model)
+    m = aligned(as_model(model), data)
     return initial_state(m, data, np.zeros_like(m.gain) if simulation else None)

@@ -59,7 +59,7 @@ def output_comparison(
     piece = slice(first, first + samples)
     if np.isnan(data.y[piece]).all():
         raise SysidError("no output sample of this piece is known")
-    traces = traces_of(outputs, rows, ahead=ahead)
+    traces = traces_of(outputs, rows, names, ahead=ahead)
     figure, grid = panels(
         2 * len(rows),
         1,

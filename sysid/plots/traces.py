@@ -13,6 +13,7 @@ from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.state_space import StateSpace
 from sysid.plots.palette import DISTORTION, NOISE, PALETTE, Style
 from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.records.channels import matching_channels
 from sysid.records.errors import SysidError
 from sysid.validation.compare import ModelFit
 
@@ -120,9 +121,13 @@ def roots_of(items: "Rooted | Sequence[Rooted] | Mapping[str, Rooted]", *, regio
 
 
 def traces_of(
-    items: "Trace | ModelFit | Sequence[Trace | ModelFit]", outputs: Sequence[int], *, ahead: bool = False
+    items: "Trace | ModelFit | Sequence[Trace | ModelFit]",
+    outputs: Sequence[int],
+    names: Sequence[str],
+    *,
+    ahead: bool = False,
 ) -> list[Trace]:
-    """Outputs of fits with their percentages; a `Trace` is unchanged."""
+    """Outputs of fits, in the sequence of `names`, with the percentages of some; a `Trace` is unchanged."""
     styles = StyleChooser()
     traces = []
     for _, item in named_items(items, (Trace, ModelFit)):
@@ -130,11 +135,14 @@ def traces_of(
             traces.append(item)
             styles.used.append(item.style)
             continue
-        fits = item.ahead if ahead else item.simulation
+        order = list(range(len(item.simulation)))
+        if len(item.output_names) == len(names):
+            order = matching_channels("output", names, item.output_names, owner="the record", other=item.name)
+        fits = (item.ahead if ahead else item.simulation)[order]
         label = f"{item.name}: {', '.join(f'{fits[i]:.1f}' for i in outputs)} %"
         label += f", {item.steps} ahead" if ahead else ""
         style = styles.next(item.name.lower().rpartition(" ")[2])
-        traces.append(Trace(label, item.predicted_ahead if ahead else item.simulated, style))
+        traces.append(Trace(label, (item.predicted_ahead if ahead else item.simulated)[:, order], style))
     return traces
 
 

@@ -1,6 +1,6 @@
 """The input-output record: one experiment as the analyst sees it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sysid.records.arguments import real_number, sampling_interval, truth_value, whole_number
 from sysid.records.arrays import FloatArray, Locked, lock, real_array
+from sysid.records.channels import channel_indices, channel_labels, matching_channels
 from sysid.records.errors import SysidError
 
 ROUNDING = 1e-13  # remainder of a channel, relative to it, that counts as rounding and not as signal
@@ -77,10 +78,10 @@ class IOData(Locked):
             "window": window,
             "start": real_number("start", self.start, "be a finite time in s", lambda time: bool(np.isfinite(time))),
             "missing": missing,
-            "input_names": _labels("input_names", self.input_names, tuple(f"u{i + 1}" for i in range(nu))),
-            "output_names": _labels("output_names", self.output_names, tuple(f"y{i + 1}" for i in range(ny))),
-            "input_units": _labels("input_units", self.input_units, ("",) * nu),
-            "output_units": _labels("output_units", self.output_units, ("",) * ny),
+            "input_names": channel_labels("input_names", self.input_names, tuple(f"u{i + 1}" for i in range(nu))),
+            "output_names": channel_labels("output_names", self.output_names, tuple(f"y{i + 1}" for i in range(ny))),
+            "input_units": channel_labels("input_units", self.input_units, ("",) * nu),
+            "output_units": channel_labels("output_units", self.output_units, ("",) * ny),
         }
         for attribute, value in checked.items():
             object.__setattr__(self, attribute, value)
@@ -220,8 +221,8 @@ class IOData(Locked):
         Raises:
             SysidError: Unknown name or index, or no channel left.
         """
-        i = _indices("input", inputs, self.input_names)
-        o = _indices("output", outputs, self.output_names)
+        i = channel_indices("input", inputs, self.input_names)
+        o = channel_indices("output", outputs, self.output_names)
         return replace(
             self,
             u=self.u[:, i],
@@ -234,7 +235,7 @@ class IOData(Locked):
 
 
 def as_experiments(data: IOData | Sequence[IOData], *, missing: bool = False) -> tuple[IOData, ...]:
-    """Return the experiments of a data set as a tuple, checked to belong together.
+    """Return the experiments of a data set as a tuple, checked to belong together; channels as in the first, by name.
 
     Args:
         data: One experiment, or several.
@@ -265,7 +266,22 @@ def as_experiments(data: IOData | Sequence[IOData], *, missing: bool = False) ->
                 f"experiment {i} lacks {int((~record.known).sum())} of {record.y.size} output samples, all are needed "
                 "here; data.complete_parts() cuts it into experiments without gaps"
             )
-    return records
+    return tuple(
+        in_sequence_of(records[0], record, owner="experiment 0", other=f"experiment {i}")
+        for i, record in enumerate(records)
+    )
+
+
+def in_sequence_of(first: IOData, record: IOData, *, owner: str, other: str) -> IOData:
+    """The record with its channels in the sequence of another one's, by name; `owner` and `other` name them in errors.
+
+    Raises:
+        SysidError: Channels of other names.
+    """
+    inputs = matching_channels("input", first.input_names, record.input_names, owner=owner, other=other)
+    outputs = matching_channels("output", first.output_names, record.output_names, owner=owner, other=other)
+    sorted_already = inputs == sorted(inputs) and outputs == sorted(outputs)
+    return record if sorted_already else record.select(inputs=inputs, outputs=outputs)
 
 
 def as_record(data: IOData) -> IOData:
@@ -340,36 +356,5 @@ def _channels(name: str, value: FloatArray, *, missing: bool = False) -> FloatAr
     return lock(out)
 
 
-def _labels(what: str, value: Sequence[str] | None, default: tuple[str, ...]) -> tuple[str, ...]:
-    if value is None:
-        return default
-    if not isinstance(value, Sequence):
-        raise SysidError(f"{what}: expected {len(default)} text(s), one per channel, got {value!r}")
-    labels = (value,) if isinstance(value, str) else tuple(str(label) for label in value)
-    if len(labels) != len(default):
-        raise SysidError(f"{what}: expected {len(default)}, one per channel, got {len(labels)}: {labels}")
-    if what.endswith("names") and len(set(labels)) != len(labels):
-        raise SysidError(f"{what}: names must differ, got {labels}")
-    return labels
-
-
 def _pick(labels: tuple[str, ...] | None, index: list[int]) -> tuple[str, ...]:
     return tuple((labels or ())[i] for i in index)
-
-
-def _indices(what: str, channels: Sequence[int | str] | None, names: tuple[str, ...] | None) -> list[int]:
-    available = names or ()
-    if channels is None:
-        return list(range(len(available)))
-    out: list[int] = []
-    single = isinstance(channels, str) or not isinstance(channels, Iterable) or not np.ndim(channels)
-    for item in (channels,) if single else channels:
-        if isinstance(item, str) and item in available:
-            out.append(available.index(item))
-        elif isinstance(item, int | np.integer) and not isinstance(item, bool) and 0 <= item < len(available):
-            out.append(int(item))
-        else:
-            raise SysidError(f"no {what} {item!r}; available are 0..{len(available) - 1}: {', '.join(available)}")
-    if not out:
-        raise SysidError(f"expected at least one {what}; available are {', '.join(available)}")
-    return out

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
+from sysid.models.predict import channels_in
 from sysid.polynomial.orders import Orders
 from sysid.records.arrays import FloatArray, real_array
+from sysid.records.channels import listed
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 from sysid.recursive.adaptation import Adaptation
@@ -92,7 +94,7 @@ def starting_state(
         return _resumed(data, orders, adaptation, start, P0)
     squares = weight = 0.0
     if isinstance(start, Estimate):
-        _check_structure(orders, start)
+        _check_structure(data, orders, start)
         theta = np.array(start.parameters)
         variance = float(start.noise_variance[0, 0])
         # the samples of the estimate count as samples of the recursion
@@ -141,7 +143,7 @@ def _resumed(
     return replace(state, adaptation=adaptation, memory=adaptation.enter(state.scaled_covariance))
 
 
-def _check_structure(orders: Orders, start: Estimate) -> None:
+def _check_structure(data: IOData, orders: Orders, start: Estimate) -> None:
     if start.parameter_names != orders.names or start.polynomials is None:
         raise SysidError(
             f"start: expected an estimate with parameters {', '.join(orders.names)}, got one by {start.method} with "
@@ -150,6 +152,12 @@ def _check_structure(orders: Orders, start: Estimate) -> None:
     delays = np.atleast_1d(start.orders.get("nk", orders.nk))
     if tuple(int(k) for k in np.broadcast_to(delays, len(orders.nk))) != orders.nk:
         raise SysidError(f"start: expected an estimate with nk = {orders.nk}, got {start.orders['nk']}")
+    inputs, _ = channels_in(start.model, data)
+    if inputs != sorted(inputs):
+        raise SysidError(
+            f"start: its parameters are of the inputs {listed(start.model.input_names)} in this sequence, got data "
+            f"with {listed(data.input_names)}; data.select(inputs={list(start.model.input_names or ())}) sorts them"
+        )
 
 
 def _matrix(name: str, value: ArrayLike, p: int) -> FloatArray:

@@ -7,6 +7,7 @@ import numpy as np
 
 from sysid.models.delta_method import spread
 from sysid.models.estimate import DataSummary
+from sysid.models.predict import aligned
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
@@ -44,8 +45,9 @@ class LocalCoordinates:
         """Coordinates at a truth without direct term, channels scaled by their size in a record.
 
         Raises:
-            SysidError: The truth has no covariance of the innovation.
+            SysidError: The truth has no covariance of the innovation, or other channels than the record.
         """
+        truth = aligned(truth, data)
         if truth.innovation_covariance is None:
             raise SysidError("a truth without covariance of the innovation given, expected one")
         scales = Scales.of([data])

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from sysid.models.estimate import DataSummary, Estimate
-from sysid.models.predict import as_model, check_channels
+from sysid.models.predict import aligned, as_model
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.records.arguments import truth_value, whole_number
@@ -117,14 +117,11 @@ def pem_ss(
     direct, gain, coloured, search = (truth_value(name, value) for name, value in flags.items())
     experiments = as_experiments(data, missing=not coloured)
     origins = list(start) if isinstance(start, Sequence) else [start]
-    models = [as_model(origin) for origin in origins]
+    models = [aligned(as_model(origin), experiments[0]) for origin in origins]
     if coloured and gain:
         raise SysidError("coloured=True needs gain=False: with gain=True the model itself describes the colour")
     if len({model.order for model in models}) != 1:
         raise SysidError(f"expected one start, or several of one order; got orders {[m.order for m in models]}")
-    for model in models:
-        for e in experiments:
-            check_channels(model, e)
     model = models[0]
     if model.order == 0:
         raise SysidError(

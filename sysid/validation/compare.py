@@ -64,7 +64,8 @@ def compare(
     """Fit 100 (1 - |y - yhat| / |y - mean(y)|) of every model, without the initialisation window.
 
     The initial state is fitted by least squares: to the initialisation window if the record has one, else to the whole
-    record. Over several experiments the squares of errors and of deviations, each from its own mean, are summed.
+    record. Channels are matched by name, as in `predict`. Over several experiments the squares of errors and of
+    deviations, each from its own mean, are summed.
 
     Args:
         models: A model or estimate, several, or several by name.

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from sysid.models.estimate import Estimate
-from sysid.models.predict import predict
+from sysid.models.predict import channels_in, predict
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
@@ -62,9 +62,10 @@ class ModelPredictor:
             # An unstable predictor shows in its score.
             warnings.simplefilter("ignore", SysidWarning)
             if self.inputs is not None and self.outputs is not None:
-                about = record.subtract(u=self.inputs, y=self.outputs)
+                i, o = channels_in(self.model, record)
+                about = record.subtract(u=self.inputs[i], y=self.outputs[o])
                 start = None if record.window else np.zeros(self.model.order)
-                return predict(self.model, about, steps=ahead, x0=start) + self.outputs
+                return predict(self.model, about, steps=ahead, x0=start) + self.outputs[o]
             if not record.window:
                 raise SysidError(
                     f"{record.name or 'the record'} has no initialisation window, so the level of its outputs is "

@@ -187,7 +187,8 @@ def resid(
         Correlations, bounds, p-values and flags.
 
     Raises:
-        SysidError: Channels that do not fit the model, lags or level out of range, residuals that are zero.
+        SysidError: Channels that do not fit the model in number or name, lags or level out of range, residuals that are
+            zero.
     """
     level = confidence_level(level)
     experiments = as_experiments(data)

@@ -14,7 +14,7 @@ from sysid.polynomial.polynomial_estimate import check_enough_data, check_single
 from sysid.polynomial.regressors import arx_regressors
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
-from sysid.records.data import IOData, as_experiments
+from sysid.records.data import IOData, as_experiments, in_sequence_of
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.validation.structure_scan import StructureTable, make_table
 
@@ -79,6 +79,7 @@ def selstruc(
         others = as_experiments(validation)
         if (others[0].nu, others[0].ny) != (nu, 1):
             raise SysidError(f"validation data need {nu} input(s) and 1 output, got {others[0].nu} and {others[0].ny}")
+        others = tuple(in_sequence_of(experiments[0], e, owner="the data", other="the validation data") for e in others)
         check_enough_data(others, every, transients=0)
         held_out = [np.vstack([_columns(e, every) for e in others]) / lengths]
         fitted = [whole]

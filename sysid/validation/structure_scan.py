@@ -1,7 +1,8 @@
 """Tables of candidate orders with their criteria, for any estimator."""
 
+import inspect
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -169,10 +170,11 @@ def structure_scan(
     Candidates are judged on the same samples, after the longest initial transient of all.
 
     Args:
-        estimator: Called as `estimator(data, *candidate)`; options are fixed by `functools.partial` or a lambda.
+        estimator: Called as `estimator(data, nb=1, nf=1, nk=1)`, orders as keywords of these names; options are fixed
+            by `functools.partial` or a lambda.
         data: One experiment, or several that share the model.
-        names: Names of the orders.
-        candidates: Orders to try, one tuple each.
+        names: Names of the orders: parameters of the estimator, in any sequence.
+        candidates: Orders to try, one tuple each, in the sequence of `names`.
         validation: Data to judge on, without their initialisation windows, initial states fitted.
         steps: Prediction horizon for that; None simulates.
 
@@ -181,8 +183,10 @@ def structure_scan(
         others are in `failed`.
 
     Raises:
-        SysidError: No candidate, orders that do not match their names, or none that could be fitted.
+        SysidError: No candidate, names that the estimator does not have, orders that do not match their names, or none
+            that could be fitted.
     """
+    _check_names(estimator, names)
     experiments = as_experiments(data)
     others = () if validation is None else as_experiments(validation)
     fits: list[tuple[tuple[Order, ...], Estimate]] = []
@@ -197,7 +201,7 @@ def structure_scan(
             with warnings.catch_warnings():
                 # candidates that are too large give many warnings; a later fit of the chosen one repeats its own
                 warnings.simplefilter("ignore", SysidWarning)
-                fits.append((candidate, estimator(data, *candidate)))
+                fits.append((candidate, estimator(data, **dict(zip(names, candidate, strict=True)))))
         except SysidError as error:
             failed.append((candidate, str(error)))
     start = max((estimate.model.order for _, estimate in fits), default=0)
@@ -239,9 +243,9 @@ def choose_orders(
     skipped.
 
     Args:
-        estimator: Called as `estimator(data, *candidate)`.
+        estimator: Called with data and orders as keywords, as `structure_scan` does.
         data: One experiment.
-        names: Names of the orders.
+        names: Names of the orders: parameters of the estimator.
         candidates: Orders to try, one tuple each, the smallest first.
         simulated: Whether the error of the simulated output counts instead of that one step ahead: for methods without
             a meaningful noise model.
@@ -251,14 +255,16 @@ def choose_orders(
         Orders by name.
 
     Raises:
-        SysidError: No candidate, or none that could be fitted.
+        SysidError: No candidate, names that the estimator does not have, or none that could be fitted.
     """
+    _check_names(estimator, names)
     fits: dict[tuple[int, ...], Estimate | SysidError] = {}
 
-    def fit(record: IOData, *orders: int) -> Estimate:
-        if orders not in fits:
-            fits[orders] = _stable_fit(estimator, record, orders)
-        estimate = fits[orders]
+    def fit(record: IOData, **orders: int) -> Estimate:
+        candidate = tuple(orders.values())
+        if candidate not in fits:
+            fits[candidate] = _stable_fit(estimator, record, orders)
+        estimate = fits[candidate]
         if isinstance(estimate, SysidError):
             raise estimate
         return estimate
@@ -278,13 +284,27 @@ def choose_orders(
     return best
 
 
-def _stable_fit(estimator: Callable[..., Estimate], data: IOData, orders: tuple[int, ...]) -> Estimate | SysidError:
+def _check_names(estimator: Callable[..., Estimate], names: Sequence[str]) -> None:
+    """Refuse names that the estimator does not accept as keywords beside the data, or that leave out an order."""
+    signature = inspect.signature(estimator)
+    if len(set(names)) != len(names):
+        raise SysidError(f"the names of orders must differ, got {', '.join(names)}")
     try:
-        estimate = estimator(data, *orders)
+        signature.bind(None, **dict.fromkeys(names))
+    except TypeError as error:
+        available = ", ".join(list(signature.parameters)[1:])
+        raise SysidError(
+            f"the orders are named {', '.join(names)}, the parameters of the estimator {available}: {error}"
+        ) from error
+
+
+def _stable_fit(estimator: Callable[..., Estimate], data: IOData, orders: Mapping[str, int]) -> Estimate | SysidError:
+    try:
+        estimate = estimator(data, **orders)
     except SysidError as error:
         return error
     stable = estimate.model.input_path().is_stable()
-    return estimate if stable else SysidError(f"orders {orders} give an unstable model")
+    return estimate if stable else SysidError(f"orders {tuple(orders.values())} give an unstable model")
 
 
 def _parameters(estimate: Estimate) -> int:

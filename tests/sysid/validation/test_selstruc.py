@@ -101,8 +101,25 @@ def test_any_estimator():
     fit = armax(data, 2, 2, 0, 2)
     assert table.validation[0] == pytest.approx(float(np.mean((fresh.y - predict(fit, fresh)) ** 2)), rel=1e-9)
     assert "validation" in str(table)
-    by_order = structure_scan(lambda d, n: okid(d, n, p=8), data, ("order",), [(n,) for n in range(1, 6)])
+    by_order = structure_scan(lambda d, order: okid(d, order, p=8), data, ("order",), [(n,) for n in range(1, 6)])
     assert by_order.chosen["order"] in (2, 3)
+
+
+def test_orders_go_to_the_parameters_that_their_names_say():
+    data = record(0)
+    table = structure_scan(oe, data, ("nb", "nf", "nk"), [(3, 1, 2), (1, 2, 1)])
+    turned = structure_scan(oe, data, ("nk", "nf", "nb"), [(2, 1, 3), (1, 2, 1)])
+    losses, others = (
+        {frozenset(zip(t.names, o, strict=True)): loss for o, loss in zip(t.orders, t.loss, strict=True)}
+        for t in (table, turned)
+    )
+    assert losses == others
+    assert frozenset({"nb": 3, "nf": 1, "nk": 2}.items()) in losses
+    assert choose_orders(arx, data, ("nb", "na"), [(1, 2), (3, 2), (4, 3)]) == {"nb": 3, "na": 2}
+    for scan in (structure_scan, choose_orders):
+        refused("named na, nb, nk, the parameters of the estimator nb, nf, nk", scan, oe, data, ("na", "nb", "nk"), [])
+        refused("missing a required argument: 'nf'", scan, oe, data, ("nb",), [(1,)])
+        refused("must differ, got nb, nb, nf", scan, oe, data, ("nb", "nb", "nf"), [(1, 1, 1)])
 
 
 def six_outputs(seed):
