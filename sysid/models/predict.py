@@ -191,9 +191,9 @@ def channels_in(model: StateSpace, data: IOData) -> tuple[list[int], list[int]]:
     as_record(data)
     if (data.nu, data.ny) != (model.nu, model.ny):
         raise SysidError(
-            f"the data have {data.nu} input(s) and {data.ny} output(s), the model {model.nu} and {model.ny}: "
-            f"{listed(data.input_names)}; {listed(data.output_names)} in the data, {listed(model.input_names)}; "
-            f"{listed(model.output_names)} in the model; data.select(inputs=..., outputs=...) picks channels"
+            f"the data have {data.nu} input(s) ({listed(data.input_names)}) and {data.ny} output(s) "
+            f"({listed(data.output_names)}), the model {model.nu} ({listed(model.input_names)}) and {model.ny} "
+            f"({listed(model.output_names)}); data.select(inputs=..., outputs=...) picks channels"
         )
     if not np.isclose(data.dt, model.dt, rtol=1e-6, atol=0.0):
         raise SysidError(f"the data are sampled every {data.dt} s, the model every {model.dt} s")
