@@ -5,7 +5,7 @@ import math
 import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
 from shlex import join
@@ -159,8 +159,6 @@ def _true_predictor(data_set: DataSet, arm: str, joints: Sequence[str]) -> Model
     # The model of a joint alone has fewer states and the same behaviour.
     model = single.model if single else stored.truth.subset(joints, joints)
     index = [list(stored.truth.model.input_names or ()).index(f"{joint} commanded") for joint in joints]
-    # records of data sets name input and output alike by the joint
-    model = replace(model, input_names=tuple(joints), output_names=tuple(joints))
     return ModelPredictor(model, stored.truth.angles[index], stored.rest[index])
 
 

@@ -33,7 +33,8 @@ def test_three_lines_load_train_and_test(tiny):
 
 def test_a_record_goes_to_the_estimators_with_names_units_and_window(data_set):
     data = data_set.record("noise").iodata()
-    assert (data.input_names, data.output_units, data.dt, data.window) == (("elbow_pitch",), ("rad",), 0.02, 20)
+    assert (data.input_names, data.output_names) == (("elbow_pitch commanded",), ("elbow_pitch measured",))
+    assert (data.output_units, data.dt, data.window) == (("rad",), 0.02, 20)
     assert data.name == "noise" and data.intersample == "zoh"
     train = data_set.select(joint="elbow_pitch").train[0].iodata()
     assert train.window == 0
