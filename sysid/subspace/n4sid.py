@@ -1,8 +1,8 @@
 """Subspace identification: states from the past of the data, weighted by canonical variates."""
 
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -15,9 +15,17 @@ from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
-from sysid.subspace.predictor import Predictor, Record, Scales, input_coordinates, local_coordinates
+from sysid.subspace.predictor import (
+    STABILITY_MARGIN,
+    Predictor,
+    Record,
+    Scales,
+    input_coordinates,
+    local_coordinates,
+)
+from sysid.subspace.predictor_errors import Point
 from sysid.subspace.predictor_estimate import check_enough_samples, make_predictor_estimate
-from sysid.subspace.predictor_fit import least_squares_fit
+from sysid.subspace.predictor_fit import least_squares_fit, pulled_in
 
 SINGULAR = 1e-10  # power in a direction of the future, relative to the largest, below which it gets no weight
 NOTHING = 1e-24  # the same, relative to all channels, below which the outputs count as zero
@@ -33,19 +41,31 @@ class Subspace:
         B: Input matrix from the regression of states (n, nu), an initial value only.
         C: Output matrix (ny, n).
         D: Direct term (ny, nu), likewise.
-        K: Innovation gain with A - K C stable; zero if the data have no disturbance (n, ny).
+        noise: Covariance of process and measurement noise (n + ny, n + ny), up to a factor.
+        total: Covariance of next state and output (n + ny, n + ny), up to the same factor.
         canonical_correlations: Between past and future, largest first.
+        block_rows: Samples of past, and of future.
     """
 
     A: FloatArray
     B: FloatArray
     C: FloatArray
     D: FloatArray
-    K: FloatArray
+    noise: FloatArray
+    total: FloatArray
     canonical_correlations: FloatArray
+    block_rows: int
+
+    def gain(self) -> FloatArray:
+        """Innovation gain with A - K C stable; zero if the data have no disturbance (n, ny)."""
+        return kalman_gain(self.A, self.C, self.noise, self.total)
+
+    def simulator(self) -> Predictor:
+        """The model without innovation gain."""
+        return Predictor(self.A, self.B, self.C, self.D)
 
 
-def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int, *, stable: bool) -> Subspace:
+def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int, *, direct: bool) -> Subspace:
     """Regress the future on the past with the future input projected out [VanOverschee1996; Larimore1990].
 
     With Uf the future inputs, P the past and Yf the future outputs, the triangle of [Uf; P; Yf] contains the part of Yf
@@ -57,7 +77,7 @@ def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int
         nu: Number of inputs.
         order: Number of states.
         block_rows: Samples of past, and of future.
-        stable: Whether to enforce a stable A, at the expense of fit [Maciejowski1995].
+        direct: Whether D is estimated; otherwise it is zero.
 
     Raises:
         SysidError: Order not between 1 and (block_rows - 1) * ny, or outputs that are zero.
@@ -86,21 +106,10 @@ def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int
     n = max(min(order, int((correlations > RANK * correlations[0]).sum())), 1)
     observability = (vectors * root) @ (left[:, :n] * np.sqrt(correlations[:n]))
     A = np.linalg.lstsq(observability[:-ny], observability[ny:], rcond=None)[0]
-    if stable and np.abs(np.linalg.eigvals(A)).max() >= 1.0:
-        A = stable_shift(observability, ny)
     C = observability[:ny]
     to_state = np.sqrt(correlations[:n])[:, None] * (right[:n] @ _inverse(own))
-    B, D, K = _regression(moments, index, nu, s, to_state, A, C)
-    return Subspace(A, B, C, D, K, correlations)
-
-
-def stable_shift(observability: FloatArray, ny: int) -> FloatArray:
-    """A from the shift of an observability matrix continued by zeros, which is always stable [Maciejowski1995]."""
-    shifted = np.vstack((observability[ny:], np.zeros((ny, observability.shape[1]))))
-    A = np.linalg.lstsq(observability, shifted, rcond=None)[0]
-    radius = np.abs(np.linalg.eigvals(A)).max()
-    # on the unit circle only if nothing decays within the block rows
-    return np.asarray(A if radius < 1.0 - 1e-6 else A * (1.0 - 1e-6) / radius)
+    B, D, noise, total = _regression(moments, index, nu, s, to_state)
+    return Subspace(A, B, C, D if direct else np.zeros_like(D), noise, total, correlations, s)
 
 
 def _inverse(lower: FloatArray) -> FloatArray:
@@ -111,10 +120,10 @@ def _inverse(lower: FloatArray) -> FloatArray:
 
 
 def _regression(
-    moments: FloatArray, index: FloatArray, nu: int, s: int, to_state: FloatArray, A: FloatArray, C: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """B, D and K from the regression of next state and output on state and input."""
-    n, past, following = len(A), index[:s].ravel(), index[1 : s + 1].ravel()
+    moments: FloatArray, index: FloatArray, nu: int, s: int, to_state: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """B, D and the covariances of noise and target in the regression of next state and output on state and input."""
+    n, past, following = len(to_state), index[:s].ravel(), index[1 : s + 1].ravel()
     now_u, now_y = index[s, :nu], index[s, nu:]
 
     def moment(rows: FloatArray, columns: FloatArray) -> FloatArray:
@@ -138,8 +147,7 @@ def _regression(
         ]
     )
     noise = own - solution @ target - target.T @ solution.T + solution @ known @ solution.T
-    # the noise covariance is that of the regression, the gain that of the given A and C
-    return solution[:n, n:], solution[n:, n:], kalman_gain(A, C, noise, own)
+    return solution[:n, n:], solution[n:, n:], noise, own
 
 
 def kalman_gain(A: FloatArray, C: FloatArray, noise: FloatArray, total: FloatArray) -> FloatArray:
@@ -168,6 +176,13 @@ def kalman_gain(A: FloatArray, C: FloatArray, noise: FloatArray, total: FloatArr
 
 
 LARGEST_ORDER = 60  # the n^2 local coordinates cost n^6: some ten seconds at this order
+HORIZON = 0.25  # of the slowest time constant; a longer one is worse where the noise shares the slow pole
+GROWTH = 3.0  # of the horizon for slow data, relative to the default: more only adds noise to records of few samples
+WORTHWHILE = 1.5  # growth, relative to the default, below which accuracy hardly changes
+SHARE = 0.4  # of the longest possible horizon, beyond which a longer one loses more to noise than it gains
+LARGEST_TRIANGLE = 1000  # rows of the triangle up to which the horizon grows: a second of processor time
+LONGER = (1.5, 2.0, 3.0)  # horizons that may give a stable model, relative to the one that does not
+DISTANCES = 8  # trial time constants of unstable poles that are moved
 
 
 def n4sid(
@@ -188,15 +203,16 @@ def n4sid(
     Args:
         data: One experiment, or several that share the model; any numbers of inputs and outputs.
         order: Number of states, 60 at most.
-        block_rows: Samples of past, and of future; by default 2.5 times the order, at least 10, as far as the data
-            allow.
+        block_rows: Samples of past, and of future; by default 2.5 times the order, at least 10. If the model of this
+            horizon is slow, a quarter of its slowest time constant, up to three times as many. Short data allow fewer.
         direct: Whether D is estimated; otherwise it is zero.
         gain: Whether K is estimated; otherwise it is zero.
-        stable: Whether to enforce a stable A, at the expense of fit [Maciejowski1995].
+        stable: Whether to enforce a stable A: of models from longer horizons, unless `block_rows` is set, and of models
+            of which only the unstable poles were moved, the one with the best simulated fit.
 
     Returns:
         The estimate. `parameters` are local coordinates; their covariance and all intervals are NaN (unknown).
-        Diagnostics: `canonical_correlations`, `block_rows`.
+        Diagnostics: `canonical_correlations`, `block_rows`, `moved_poles` (moduli before the move).
 
     Raises:
         SysidError: Constant input, an order that block rows or data do not allow.
@@ -224,42 +240,46 @@ def n4sid(
         )
     default = min(max(10, -(-5 * order // 2)), most)
     s = whole_number("block_rows", default if block_rows is None else block_rows, least, most)
-    messages = check_excitation(experiments, [2 * int(s)] * nu) + check_means(experiments, -(-order // ny))
+    excitation = check_excitation(experiments, [2 * int(s)] * nu)
     scales = Scales.of(experiments)
     records = [Record.of(e, scales, gain=True) for e in experiments]
-    step = subspace([r.w for r in records], nu, int(order), int(s), stable=stable)
+    estimate = partial(subspace, [r.w for r in records], nu, int(order), direct=direct)
+    step = estimate(int(s))
+    quick = LARGEST_TRIANGLE // (2 * (nu + ny))
+    if block_rows is None and (slow := min(_slow_horizon(step), int(SHARE * most), quick)) >= WORTHWHILE * s:
+        # an input that does not excite the longer horizon makes it worse
+        step = estimate(slow) if check_excitation(experiments, [2 * slow] * nu) == excitation else step
+    messages = excitation + check_means(experiments, -(-order // ny))
     if len(step.A) < order:
         messages.append(
             f"past and future of the data have {len(step.A)} nonzero canonical correlations: the model has that order "
             f"instead of {order}"
         )
-    start = Predictor(step.A, step.B, step.C, step.D if direct else np.zeros((ny, nu)))
-    observer = not start.is_stable()
+    start, radius = step.simulator(), float(np.abs(np.linalg.eigvals(step.A)).max())
+    observer = not (start.is_stable() or stable)
     if observer:
-        messages.append(
-            f"the model is unstable: largest pole modulus {np.abs(np.linalg.eigvals(step.A)).max():.6g}; "
-            "stable=True enforces a stable one"
-        )
-        A = step.A - step.K @ step.C
-        start = Predictor(A, np.hstack((step.B - step.K @ start.D, step.K)), step.C, start.D)
+        messages.append(f"the model is unstable: largest pole modulus {radius:.6g}; stable=True enforces a stable one")
+        A, K = step.A - step.gain() @ step.C, step.gain()
+        start = Predictor(A, np.hstack((step.B - K @ start.D, K)), step.C, start.D)
         if not start.is_stable():
             messages[-1] = (
-                f"neither a stable model (largest pole modulus {np.abs(np.linalg.eigvals(step.A)).max():.6g}) nor a "
-                "stable predictor found: A was made stable, at the expense of fit; try another order or "
-                "block_rows"
+                f"neither a stable model (largest pole modulus {radius:.6g}) nor a stable predictor exists: A was "
+                "made stable, at the expense of fit; try another order or block_rows"
             )
-            step, observer = subspace([r.w for r in records], nu, int(order), int(s), stable=True), False
-            start = Predictor(step.A, step.B, step.C, step.D if direct else np.zeros((ny, nu)))
-            if not start.is_stable():
-                raise SysidError("neither a stable model nor a stable predictor found; try another order or block_rows")
-    if not observer:
+            observer = False
+    moved: tuple[float, ...] = ()
+    if observer:
+        fitted = least_squares_fit(records, start, partial(input_coordinates, direct=direct))
+    else:
+        horizons = [int(factor * step.block_rows) for factor in LONGER] if block_rows is None else []
+        longer = map(estimate, [rows for rows in horizons if rows <= min(most, quick)])
         records = [Record.of(e, scales, gain=False) for e in experiments]
-    fitted = least_squares_fit(records, start, partial(input_coordinates, direct=direct))
+        step, fitted, moved = _best_stable(step, longer, records, direct)
     if observer and not gain:
-        B = fitted.M[:, :nu] + step.K @ fitted.D
+        B = fitted.M[:, :nu] + step.gain() @ fitted.D
         predictor = Predictor(step.A, B, step.C, fitted.D)
     elif not observer and gain:
-        predictor = _with_gain(fitted, step.K, messages)
+        predictor = _with_gain(fitted, step.gain(), messages)
     else:
         predictor = fitted
     for message in messages:
@@ -268,7 +288,7 @@ def n4sid(
     return make_predictor_estimate(
         "n4sid",
         experiments,
-        {"order": int(order), "block_rows": int(s)},
+        {"order": int(order), "block_rows": step.block_rows},
         scales,
         predictor=predictor,
         basis=basis,
@@ -277,10 +297,46 @@ def n4sid(
             "iterations": 0,
             "converged": True,
             "canonical_correlations": step.canonical_correlations,
-            "block_rows": int(s),
+            "block_rows": step.block_rows,
+            "moved_poles": moved,
         },
         messages=messages,
     )
+
+
+def _slow_horizon(step: Subspace) -> int:
+    """Horizon for the slowest pole: a quarter of its time constant, at most GROWTH times the present horizon.
+
+    Of a pair of complex poles the natural frequency counts, whatever the damping: fast modes fit into any horizon.
+    """
+    poles = np.linalg.eigvals(step.A).astype(complex)
+    slowest = float(np.abs(np.log(np.where(poles == 0.0, np.finfo(float).tiny, poles))).min())
+    return int(min(HORIZON / max(slowest, np.finfo(float).tiny), GROWTH * step.block_rows))
+
+
+def _best_stable(
+    step: Subspace, longer: Iterable[Subspace], records: Sequence[Record], direct: bool
+) -> tuple[Subspace, Predictor, tuple[float, ...]]:
+    """The subspace step with B and D fitted to the simulated output, made stable if it is not.
+
+    The step, the fitted model, and the moduli of the poles that were moved. Candidates are stable models of longer
+    horizons, and the model with its unstable poles moved to moduli that give them time constants from the horizon to
+    ten times the record; that with the best simulated fit is taken.
+    """
+    directions, model = partial(input_coordinates, direct=direct), step.simulator()
+    if model.is_stable():
+        return step, least_squares_fit(records, model, directions), ()
+    samples, bound = max(len(r.y) for r in records), 1.0 - STABILITY_MARGIN
+    limits = np.exp(-1.0 / np.geomspace(step.block_rows, 10.0 * samples, DISTANCES))
+    moduli = np.abs(np.linalg.eigvals(step.A))
+    moved = [(replace(step, A=pulled_in(model, r, bound).A), tuple(moduli[moduli > bound].tolist())) for r in limits]
+    candidates = [(one, poles) for one, poles in [(one, ()) for one in longer] + moved if one.simulator().is_stable()]
+    if not candidates:
+        raise SysidError("neither a stable model nor a stable predictor exists; try another order or block_rows")
+    fits = [least_squares_fit(records, one.simulator(), directions) for one, _ in candidates]
+    criteria = [Point.at(records, fit.balanced(), np.eye(len(fit.C))).criterion for fit in fits]
+    best = int(np.argmin(criteria))
+    return candidates[best][0], fits[best], candidates[best][1]
 
 
 def _with_gain(simulator: Predictor, K: FloatArray, messages: list[str]) -> Predictor:
@@ -289,5 +345,5 @@ def _with_gain(simulator: Predictor, K: FloatArray, messages: list[str]) -> Pred
     out = Predictor(p.A - K @ p.C, np.hstack((p.M - K @ p.D, K)), p.C, p.D)
     if out.is_stable():
         return out
-    messages.append("no stable innovation gain found: K = 0")
+    messages.append("no stable innovation gain exists: K = 0")
     return Predictor(p.A, np.hstack((p.M, np.zeros_like(K))), p.C, p.D)

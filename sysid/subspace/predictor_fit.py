@@ -27,20 +27,22 @@ def stability_limit(samples: int) -> float:
     return 1.0 - max(STABILITY_MARGIN, SHORT / samples)
 
 
-def pulled_in(predictor: Predictor, limit: float) -> Predictor:
-    """Move poles beyond the limit onto it, along their radius."""
+def pulled_in(predictor: Predictor, limit: float, beyond: float | None = None) -> Predictor:
+    """Move poles of modulus beyond a bound, by default the limit, onto the limit, along their radius."""
+    bound = limit if beyond is None else beyond
     poles, vectors = np.linalg.eig(predictor.A)
     modulus = np.abs(poles)
-    if modulus.max(initial=0.0) <= limit:
+    if modulus.max(initial=0.0) <= bound:
         return predictor
-    moved = poles * np.where(modulus > limit, limit / np.maximum(modulus, limit), 1.0)
+    moved = poles * np.where(modulus > bound, limit / np.maximum(modulus, bound), 1.0)
+    expected = float(np.abs(moved).max())
     try:
         A = (vectors * moved @ np.linalg.inv(vectors)).real
     except np.linalg.LinAlgError:
         A = predictor.A
     radius = np.abs(np.linalg.eigvals(A)).max() if np.isfinite(A).all() else np.inf
     # nearly dependent eigenvectors: scale all poles together
-    if not radius < limit + 0.1 * (1.0 - limit):
+    if not radius < expected + 0.1 * (1.0 - expected):
         A = predictor.A * (limit / modulus.max())
     return Predictor(A, predictor.M, predictor.C, predictor.D)
 

@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData, StateSpace, SysidWarning, n4sid, okid, residuals
+from sysid import IOData, StateSpace, SysidWarning, n4sid, okid, residuals, simulate
+from sysid.models.predict import predict
+from sysid.validation import fit_percent
 from tests.refusals import refused
 from tests.sysid.systems import exact_system, multivariable, record_in_motion
 
@@ -78,6 +80,56 @@ def test_unstable_systems_without_gain_or_forbidden():
     assert not bare.model.gain.any()
     np.testing.assert_allclose(bare.model.markov(5)[:, 0, 0], [0.0, *1.02 ** np.arange(4)], atol=1e-8)
     assert n4sid(GROWING, 1, stable=True).model.is_stable()
+
+
+SLOW = StateSpace(
+    np.diag([0.999, 0.6, 0.3, -0.4]), [[0.1], [1.0], [1.0], [1.0]], [[1.0, 0.5, -0.4, 0.3]], [[0.0]], None, 1.0
+)
+"""A pole with a time constant of 1,000 samples beside three fast ones."""
+
+
+def slow_record(seed, samples=300):
+    """A record shorter than the slow time constant, with noise at the output."""
+    rng = np.random.default_rng(seed)
+    u = rng.choice([-1.0, 1.0], (samples, 1))
+    return IOData(u, simulate(SLOW, u) + 0.3 * rng.standard_normal((samples, 1)), 1.0)
+
+
+def simulated_fit(estimate, data):
+    return float(fit_percent(data.y, predict(estimate.model, data, steps=None))[0])
+
+
+@pytest.mark.parametrize("seed", [1, 5, 7, 10])
+@pytest.mark.parametrize("block_rows", [10, None])
+def test_stability_costs_no_fit_on_slow_data(seed, block_rows):
+    """An observability matrix continued by zeros moves the slow pole to 0.8, at a cost of up to 88 points of fit."""
+    data = slow_record(seed)
+    with pytest.warns(SysidWarning, match="unstable"):
+        free = n4sid(data, 4, block_rows=10)
+    stable = n4sid(data, 4, block_rows=block_rows, stable=True)
+    assert 0.997 < np.abs(stable.poles()).max() < 1.0
+    assert simulated_fit(stable, data) > simulated_fit(free, data) - 0.5
+
+
+def test_only_the_unstable_pole_is_moved():
+    data = slow_record(7)
+    with pytest.warns(SysidWarning, match="unstable"):
+        free = n4sid(data, 4, block_rows=10)
+    stable = n4sid(data, 4, block_rows=10, stable=True)
+    np.testing.assert_allclose(stable.poles()[1:], free.poles()[1:], atol=1e-8)
+    assert stable.diagnostics["moved_poles"] == pytest.approx((np.abs(free.poles()[0]),))
+    assert free.diagnostics["moved_poles"] == ()
+
+
+def test_the_horizon_grows_with_the_slowest_time_constant():
+    assert n4sid(record_in_motion(multivariable(), 1000, noise=0.1), 4).orders["block_rows"] == 10
+    data = [slow_record(seed, samples=2000) for seed in range(6)]
+    by_default, short = ([n4sid(d, 4, block_rows=s) for d in data] for s in (None, 10))
+    assert {e.orders["block_rows"] for e in by_default} == {30}
+    f = np.geomspace(1e-3, 0.5, 40)
+    truth = SLOW.frequency_response(f)
+    errors = [[np.linalg.norm(e.model.frequency_response(f) - truth) for e in one] for one in (by_default, short)]
+    assert np.mean(errors[0]) < 0.6 * np.mean(errors[1])
 
 
 def test_refusals():
