@@ -1,5 +1,6 @@
 """Linear least squares with rank, condition and covariance."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,14 +42,39 @@ def solve(phi: FloatArray, target: FloatArray) -> LeastSquares:
     lengths = np.sqrt(np.einsum("ij,ij->j", columns, columns))
     lengths[lengths == 0.0] = 1.0
     columns /= lengths
-    scale = lengths[:p]
-    triangle = triangular_factor(columns)
+    return _solution(triangular_factor(columns), lengths, p, len(phi))
+
+
+def solve_blocks(blocks: Callable[[], Iterable[FloatArray]], p: int) -> LeastSquares:
+    """As `solve`, in the memory of one block of rows and of the triangle.
+
+    Args:
+        blocks: Computes the blocks [Phi Y] (rows, p + m) anew for each pass: for normal equations, and for QR updates
+            where these would cost too many digits.
+        p: Columns of Phi; all blocks together have at least as many rows.
+    """
+    gram, rows = np.zeros((0, 0)), 0
+    for block in blocks():
+        gram = gram + block.T @ block if rows else block.T @ block
+        rows += len(block)
+    lengths = np.sqrt(np.diag(gram))
+    lengths[lengths == 0.0] = 1.0
+    triangle = _triangle_of_gram(gram / np.outer(lengths, lengths), None)
+    if triangle is None:
+        triangle = np.zeros((0, len(lengths)))
+        for block in blocks():
+            triangle = np.asarray(np.linalg.qr(np.vstack((triangle, block / lengths)), mode="r"))
+    return _solution(triangle, lengths, p, rows)
+
+
+def _solution(triangle: FloatArray, lengths: FloatArray, p: int, rows: int) -> LeastSquares:
+    """Solution from the triangle of [Phi Y], its columns divided by their lengths."""
     triangle[:, p:] *= lengths[p:]
     left, values, right = np.linalg.svd(triangle[:p, :p])
     largest = float(values[0]) if p else 0.0
-    kept = values > max(phi.shape) * np.finfo(float).eps * largest
+    kept = values > max(rows, p) * np.finfo(float).eps * largest
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
-    backward = (right.T * inverse) / scale[:, None]
+    backward = (right.T * inverse) / lengths[:p, None]
     solution = backward @ (left.T @ triangle[:p, p:])
     unexplained = left.T[~kept] @ triangle[:p, p:]
     tail = np.vstack((triangle[p:, p:], unexplained))
@@ -72,14 +98,18 @@ def triangular_factor(columns: FloatArray, guarded: int | None = None) -> FloatA
         columns: Matrix (rows, k), columns of about equal length.
         guarded: Number of leading columns that must be far from dependent for normal equations; all if None.
     """
+    triangle = _triangle_of_gram(columns.T @ columns, guarded)
+    return np.asarray(np.linalg.qr(columns, mode="r")) if triangle is None else triangle
+
+
+def _triangle_of_gram(gram: FloatArray, guarded: int | None) -> FloatArray | None:
+    """The triangle of columns of about unit length from their products; None if that would cost too many digits."""
     try:
-        triangle = np.linalg.cholesky(columns.T @ columns).T
+        triangle = np.linalg.cholesky(gram).T
     except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.qr(columns, mode="r"))
+        return None
     diagonal = np.abs(np.diag(triangle))[:guarded]
-    if diagonal.min(initial=1.0) * SQUARE_SAFE < 1.0:
-        return np.asarray(np.linalg.qr(columns, mode="r"))
-    return np.asarray(triangle)
+    return None if diagonal.min(initial=1.0) * SQUARE_SAFE < 1.0 else np.asarray(triangle)
 
 
 def scaled_triangle(columns: FloatArray, guarded: int | None = None) -> tuple[FloatArray, FloatArray]:
@@ -92,13 +122,8 @@ def scaled_triangle(columns: FloatArray, guarded: int | None = None) -> tuple[Fl
     gram = columns.T @ columns
     lengths = np.sqrt(np.diag(gram))
     lengths[lengths == 0.0] = 1.0
-    try:
-        triangle = np.linalg.cholesky(gram / np.outer(lengths, lengths)).T
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.qr(columns / lengths, mode="r")), lengths
-    if np.diag(triangle)[:guarded].min(initial=1.0) * SQUARE_SAFE < 1.0:
-        return np.asarray(np.linalg.qr(columns / lengths, mode="r")), lengths
-    return np.asarray(triangle), lengths
+    triangle = _triangle_of_gram(gram / np.outer(lengths, lengths), guarded)
+    return np.asarray(np.linalg.qr(columns / lengths, mode="r")) if triangle is None else triangle, lengths
 
 
 INDEPENDENT = 1e-9

@@ -12,18 +12,22 @@ from sysid.models.predict import predict, residuals
 from sysid.models.recursion import free_response
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation
-from sysid.polynomial.least_squares import solve
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import ROUNDING, IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.subspace.era import Realisation, era
 from sysid.subspace.observer_gain import deadbeat_gain, spectral_radius, stable_gain
+from sysid.subspace.observer_regression import ObserverRegression
+from sysid.subspace.predictor import Scales
+from sysid.subspace.predictor_estimate import RealiseLocally
 from sysid.validation.compare import fit_percent
 
 CHECKED = 800  # samples of each experiment whose fit is checked: as informative as all, and cheap
 WORTHLESS = -5.0  # fit in simulation, percent; below 0, since strong noise may make a good fit slightly negative
 LARGEST_HANKEL = 2.5e7  # entries of the Hankel matrix, 200 MB
+AMPLE = 8  # samples per coefficient above which a larger p can help an unstable model
+LARGEST_COVARIANCE = 4000  # observer parameters with a covariance, 128 MB: intervals of more would take many minutes
 
 
 class Realiser(Protocol):
@@ -165,16 +169,18 @@ def okid(
 
     Returns:
         The estimate. `parameters` and `covariance` are those of the observer Markov parameters, output by output; the
-        covariance does not include the bias of too small a p. Diagnostics: `observer_markov_u`, `observer_markov_y`,
-        `system_markov`, `gain_markov`, `hankel_singular_values`, `percent_described` (SOCIT's, of squared values),
-        `percent_described_unsquared`, `modal_singular_values`.
+        covariance does not include the bias of too small a p. Beyond 4,000 of them, as many outputs make them,
+        `parameters` are the entries of the predictor's matrices, and their covariance and all intervals are NaN
+        (unknown). Diagnostics: `observer_markov_u`, `observer_markov_y`, `system_markov`, `gain_markov`,
+        `hankel_singular_values`, `percent_described` (SOCIT's, of squared values), `percent_described_unsquared`,
+        `modal_singular_values`.
 
     Raises:
         SysidError: Constant input, p * ny < order, too little data.
 
     Warns:
         SysidWarning: Poor excitation, rank deficient regressors, unstable model or predictor, a fit to the own data
-            worse than their mean.
+            worse than their mean, unknown intervals.
     """
     experiments = as_experiments(data, missing=True)
     first = experiments[0]
@@ -191,26 +197,9 @@ def okid(
     if rows_of_h * min(ny, nu) < order:
         raise SysidError(f"block_rows = {rows_of_h} is too small for order {order}")
     messages = check_excitation(experiments, [p + (1 if direct else 0)] * nu)
-    starts = [max(0 if at_rest else p, e.window) for e in experiments]
-    width = p * (nu + ny) + (nu if direct else 0)
-    rows = sum(max(len(e) - s, 0) for e, s in zip(experiments, starts, strict=True))
-    if rows <= width or any(len(e) <= s for e, s in zip(experiments, starts, strict=True)):
-        raise SysidError(
-            f"too many observer parameters for the data: p = {p} gives {width} per output, "
-            f"{rows} usable samples in {len(experiments)} experiment(s)"
-        )
-    blocks = [_regressors(e, p, s, direct) for e, s in zip(experiments, starts, strict=True)]
-    phi = blocks[0] if len(blocks) == 1 else np.vstack(blocks)
-    target = np.vstack([e.y[s:] for e, s in zip(experiments, starts, strict=True)])
-    if not all(e.complete for e in experiments):
-        known = np.isfinite(phi).all(axis=1) & np.isfinite(target).all(axis=1)
-        if known.sum() <= width:
-            raise SysidError(
-                f"too many missing samples: {int(known.sum())} of {rows} equations are complete, {width} "
-                "observer parameters per output need more; try a smaller p, or pem_ss, which uses every known output"
-            )
-        phi, target, rows = phi[known], target[known], int(known.sum())
-    fit = solve(phi, target)
+    regression = ObserverRegression(experiments, int(p), direct, at_rest)
+    rows, width = regression.rows(), regression.width
+    fit = regression.solve()
     variance = fit.residual_gram / (rows - width)
     if fit.rank < width:
         messages.append(f"the regressors have rank {fit.rank} for {width} columns: this is the least-norm solution")
@@ -244,7 +233,25 @@ def okid(
     realise = replace(realise, order=realised.model.order)
     model = realise.model(realised, gain_markov)
     gain = model.gain if deadbeat else realise.observer_gain(realised, gain_markov)
-    messages += _stability(model, spectral_radius(model.A - gain @ model.C)) + _poor_fits(model, experiments)
+    if (radius := spectral_radius(model.A)) >= 1.0:
+        remedy = _remedy(regression, realise)
+        messages.append(f"the model is unstable: largest pole modulus {radius:.6g}; {remedy}")
+    messages += _predictor_stability(model, spectral_radius(model.A - gain @ model.C)) + _poor_fits(model, experiments)
+    to_model: Realise | RealiseLocally = realise
+    parameters, names = theta, regression.names(summary)
+    if len(theta) <= LARGEST_COVARIANCE:
+        covariance = np.asarray(np.kron(variance, fit.inverse_gram), dtype=np.float64)
+    else:
+        most = (LARGEST_COVARIANCE // ny - (nu if direct else 0)) // (nu + ny)
+        messages.append(
+            f"{ny} outputs and p = {p} make {len(theta)} observer parameters; only up to {LARGEST_COVARIANCE} have a "
+            "covariance: the intervals of this estimate are unknown"
+            + (f"; p = {most} keeps them" if most * ny >= order else "")
+        )
+        to_model = RealiseLocally.of_all_entries(model, Scales.of(experiments), summary)
+        parameters = to_model.parameters
+        names = tuple(f"entry{i + 1}" for i in range(len(parameters)))
+        covariance = np.full((len(parameters),) * 2, np.nan)
     for message in messages:
         warnings.warn(message, SysidWarning, stacklevel=2)
     with warnings.catch_warnings():
@@ -255,9 +262,9 @@ def okid(
     return Estimate(
         model=model,
         polynomials=None,
-        parameters=theta,
-        parameter_names=_names(summary, int(p), direct),
-        covariance=np.asarray(np.kron(variance, fit.inverse_gram), dtype=np.float64),
+        parameters=parameters,
+        parameter_names=names,
+        covariance=covariance,
         noise_variance=variance,
         residuals=errors,
         method="okid",
@@ -278,26 +285,8 @@ def okid(
             "warnings": tuple(messages),
         },
         data=summary,
-        realise=realise,
+        realise=to_model,
     )
-
-
-def _regressors(e: IOData, p: int, start: int, direct: bool) -> FloatArray:
-    """Rows [u(t)], u(t-1), y(t-1), u(t-2), y(t-2), ..., u(t-p), y(t-p); zero before the record."""
-    v = np.hstack((e.u, e.y))
-    rows, q, nu = len(e) - start, v.shape[1], e.nu if direct else 0
-    before = np.vstack((np.zeros((max(p - start, 0), q)), v[max(start - p, 0) : len(v) - 1]))
-    out = np.empty((rows, nu + p * q))
-    out[:, :nu] = e.u[start:, :nu]
-    latest_first = np.lib.stride_tricks.sliding_window_view(before, p, axis=0)[:, :, ::-1]
-    out[:, nu:].reshape(rows, p, q)[:] = latest_first.transpose(0, 2, 1)
-    return out
-
-
-def _names(data: DataSummary, p: int, direct: bool) -> tuple[str, ...]:
-    lagged_names = [f"{v}(t-{i})" for i in range(1, p + 1) for v in (*data.input_names, *data.output_names)]
-    row = ([f"{u}(t)" for u in data.input_names] if direct else []) + lagged_names
-    return tuple(f"{y}: {name}" for y in data.output_names for name in row)
 
 
 def _poor_fits(model: StateSpace, experiments: Sequence[IOData]) -> list[str]:
@@ -319,15 +308,29 @@ def _poor_fits(model: StateSpace, experiments: Sequence[IOData]) -> list[str]:
     ]
 
 
-def _stability(model: StateSpace, observer: float) -> list[str]:
-    messages = []
-    radius = spectral_radius(model.A)
-    if radius >= 1.0:
-        messages.append(f"the model is unstable: largest pole modulus {radius:.6g}; try a larger p or another order")
-    if observer >= 1.0:
-        if spectral_radius(model.A - model.gain @ model.C) < 1.0:
-            remedy = "replaced by the gain of the same disturbance spectrum with a stable predictor"
-        else:
-            remedy = "use the model for simulation only"
-        messages.append(f"K = -G makes the predictor unstable (A + G C has spectral radius {observer:.6g}): {remedy}")
-    return messages
+def _remedy(regression: ObserverRegression, realise: Realise) -> str:
+    """Advice on an unstable model: a smaller p if it gives a stable one, as with few samples per coefficient."""
+    rows, width = regression.rows(), regression.width
+    for p in (regression.p // 2, regression.p // 4):
+        if p * len(realise.output_scale) < realise.order:
+            break
+        theta = replace(regression, p=p).solve().solution.T.ravel()
+        smaller = replace(realise, p=p)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SysidWarning)
+            model = smaller.realisation(smaller.markov(theta)[0]).model
+        if model.is_stable():
+            return f"p = {p} gives a stable one (p = {regression.p} leaves {rows / width:.1f} samples per coefficient)"
+    what = "a larger p, another order" if rows > AMPLE * width else "more samples, another order"
+    return f"try {what} or n4sid(data, order, stable=True)"
+
+
+def _predictor_stability(model: StateSpace, observer: float) -> list[str]:
+    """Warning of an unstable predictor, and what became of its gain."""
+    if observer < 1.0:
+        return []
+    if spectral_radius(model.A - model.gain @ model.C) < 1.0:
+        remedy = "replaced by the gain of the same disturbance spectrum with a stable predictor"
+    else:
+        remedy = "use the model for simulation only"
+    return [f"K = -G makes the predictor unstable (A + G C has spectral radius {observer:.6g}): {remedy}"]

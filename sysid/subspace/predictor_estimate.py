@@ -36,6 +36,13 @@ class RealiseLocally:
     data: DataSummary
     covariance: FloatArray
 
+    @staticmethod
+    def of_all_entries(model: StateSpace, scales: Scales, data: DataSummary) -> "RealiseLocally":
+        """Coordinates that are all entries of the predictor's matrices, from a model with innovation covariance."""
+        origin = scales.predictor(model, gain=True)
+        covariance = np.asarray(model.innovation_covariance)
+        return RealiseLocally(origin, np.eye(len(origin.vector())), origin.vector(), scales, data, covariance)
+
     def __call__(self, theta: FloatArray) -> StateSpace:
         """Model for local coordinates (q,)."""
         moved = self.origin.moved(self.basis @ (theta - self.parameters))

@@ -13,7 +13,7 @@ import sysid
 from scenarios.problems.linear_problem import BURN_IN
 from scenarios.problems.registry import problem
 from sysid.polynomial.least_squares import solve
-from sysid.subspace.okid import _regressors
+from sysid.subspace.observer_regression import ObserverRegression
 from tests.benchmarks.tables import timed
 
 ORDER = 10
@@ -93,7 +93,8 @@ def test_time_beside_slicot():
 @pytest.mark.parametrize("p", [20, 40])
 def test_okid_beside_its_own_least_squares(p):
     data = draw(0, False)
-    phi, y = _regressors(data, p, p, True), data.y[p:]
+    regression = ObserverRegression([data], p, direct=True, at_rest=False)
+    phi, y = np.split(np.vstack(list(regression.blocks())), [regression.width], axis=1)
     ours = fastest(lambda: sysid.okid(data, ORDER, p=p, realiser=sysid.era_dc))
     plain = fastest(lambda: np.linalg.lstsq(phi, y, rcond=None))
     fast = fastest(lambda: solve(phi, y))

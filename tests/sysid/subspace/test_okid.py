@@ -1,10 +1,13 @@
+import pickle
+import tracemalloc
 from functools import partial
 
 import numpy as np
 import pytest
 
 import sysid
-from sysid import IOData, SysidWarning, era, era_dc, okid, simulate
+from sysid import IOData, StateSpace, SysidWarning, era, era_dc, okid, simulate
+from sysid.subspace import observer_regression
 from sysid.subspace.observer_gain import stable_gain
 from tests.refusals import refused
 from tests.sysid.systems import A, B, covered, multivariable, second_order
@@ -108,6 +111,91 @@ def test_a_start_at_rest_uses_every_sample():
     # from the middle the same claim is wrong, and the fit shows it
     late = IOData(np.vstack((u, u)), simulate(truth, np.vstack((u, u))), 0.02)[22:]
     assert np.abs(okid(late, 4, p=4, at_rest=True).model.markov(20) - truth.markov(20)).max() > 1e-3
+
+
+def flexible(samples, outputs=28, noise=0.05):
+    """Three lightly damped modes, two inputs and many outputs: the truth and a record of it."""
+    rng = np.random.default_rng(0)
+    A = np.zeros((6, 6))
+    for k, pole in enumerate((0.99 * np.exp(0.1j), 0.97 * np.exp(0.45j), 0.95 * np.exp(1.2j))):
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+    B, C = rng.standard_normal((6, 2)), rng.standard_normal((outputs, 6))
+    truth = StateSpace(A, B, C, np.zeros((outputs, 2)), None, 0.02)
+    u = rng.standard_normal((samples, 2))
+    y = simulate(truth, u)
+    return truth, IOData(u, y + noise * y.std(axis=0) * rng.standard_normal(y.shape), 0.02)
+
+
+def peak(data, p):
+    """Peak memory of a fit, bytes."""
+    tracemalloc.start()
+    try:
+        okid(data, 6, p=p)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.filterwarnings("ignore:28 outputs")
+def test_memory_grows_with_p_and_not_with_its_square():
+    """The covariance of all observer parameters would take 0.6 GB with p = 10, and 5 GB with p = 30."""
+    data = flexible(800)[1]
+    small, large = peak(data, 5), peak(data, 10)
+    assert large < 2.2 * small
+    assert large < 50e6
+
+
+def test_memory_per_sample_does_not_depend_on_p():
+    data = flexible(80_000, outputs=4)[1]
+    for p in (5, 20):
+        per_sample = (peak(data, p) - peak(data[:40_000], p)) / 40_000
+        # six channels of 8 bytes; a row of regressors alone would take 122 values with p = 20
+        assert per_sample < 12 * 6 * 8
+
+
+@pytest.mark.filterwarnings("ignore:28 outputs")
+def test_many_outputs_have_a_model_without_intervals():
+    truth, data = flexible(1000)
+    with pytest.warns(SysidWarning, match="make 8456 observer parameters.* p = 4 keeps them"):
+        estimate = okid(data, 6, p=10)
+    assert not np.isfinite(estimate.covariance).any()
+    assert estimate.frequency_response([1.0]).covariance is None
+    assert np.isnan(estimate.bandwidth().ci95[0]).all()
+    same = pickle.loads(pickle.dumps(estimate)).realise(estimate.parameters)
+    np.testing.assert_allclose(same.markov(30), estimate.model.markov(30), atol=1e-10)
+    np.testing.assert_allclose(same.gain, estimate.model.gain, atol=1e-10)
+    error = np.linalg.norm(estimate.model.markov(60) - truth.markov(60)) / np.linalg.norm(truth.markov(60))
+    assert error < 0.02
+
+
+@pytest.mark.filterwarnings("ignore:28 outputs")
+def test_advice_on_an_unstable_model_helps():
+    """With 362 coefficients per output and 388 samples, a larger p is impossible, and half of p helps."""
+    truth, data = flexible(400)
+    with pytest.warns(SysidWarning, match=r"unstable: .*; p = 6 gives a stable one \(p = 12 leaves 1.1 samples"):
+        unstable = okid(data, 6, p=12)
+    advised = okid(data, 6, p=6)
+    assert not unstable.model.is_stable()
+    assert advised.model.is_stable()
+    errors = [np.linalg.norm(e.model.markov(60) - truth.markov(60)) for e in (unstable, advised)]
+    assert errors[1] < 0.1 * errors[0]
+    growing = simulate(StateSpace([[1.02]], [[1.0]], [[1.0]], [[0.0]], None, 0.1), data.u[:, :1])
+    with pytest.warns(SysidWarning, match=r"try a larger p, another order or n4sid\(data, order, stable=True\)"):
+        okid(IOData(data.u[:, 0], growing + 0.01 * data.y[:, :1], 0.1), 1, p=4)
+
+
+@DEPENDENT
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+@pytest.mark.parametrize("at_rest", [False, True])
+def test_blocks_of_samples_give_the_same_estimate(monkeypatch, noise, at_rest):
+    """Without noise the regressors depend on each other, and QR updates replace the normal equations."""
+    parts = [second_order(seed, 500, noise, lost=lost) for seed, lost in ((0, 0.0), (1, 0.05))]
+    whole = okid(parts, 2, p=4, at_rest=at_rest)
+    monkeypatch.setattr(observer_regression, "BLOCK", 200)
+    blocks = okid(parts, 2, p=4, at_rest=at_rest)
+    np.testing.assert_allclose(blocks.parameters, whole.parameters, atol=1e-9)
+    np.testing.assert_allclose(blocks.covariance, whole.covariance, rtol=1e-6, atol=1e-20)
+    np.testing.assert_allclose(blocks.noise_variance, whole.noise_variance, rtol=1e-6, atol=1e-20)
 
 
 METHODS = {
