@@ -96,6 +96,14 @@ def wrong_imports(is_wrong: Callable[[Module, str, str | None], bool]) -> list[s
     ]
 
 
+def test_sysid_loads_scipy_and_what_draws_on_first_use():
+    # half the processor time of `import sysid` otherwise
+    code = "import sys, sysid; print(*(name for name in sys.modules if name.count('.') <= 1))"
+    loaded = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    heavy = {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.fft", "matplotlib", "control", "xarray", "pandas"}
+    assert not heavy & set(loaded.stdout.split())
+
+
 @pytest.mark.slow
 def test_packages_import_one_way():
     def is_wrong(module: Module, origin: str, name: str | None) -> bool:

@@ -5,10 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.fft import rfft
-from scipy.stats import chi2
-from scipy.stats import f as f_distribution
 
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.records.arguments import real_number, whole_number
@@ -151,7 +149,7 @@ def _combined(
     if r > 1:
         safe = np.where(noise > 0.0, noise, 1.0)
         ratio = np.where(noise > 0.0, total / safe, np.where(total > 0.0, np.inf, 1.0))
-        p_value = f_distribution.sf(ratio, 2 * (r - 1), freedom)
+        p_value = scipy.stats.f.sf(ratio, 2 * (r - 1), freedom)
     certain = total if r > 1 else noise
     return BestLinearApproximation(
         response=FrequencyResponse(
@@ -196,7 +194,7 @@ def _check_period(experiments: Sequence[IOData], period: int, counts: Sequence[i
 def _spectra(e: IOData, period: int, count: int) -> tuple[ComplexArray, ComplexArray]:
     """Transforms of the last `count` periods: (count, lines, nu) and (count, lines, ny)."""
     u, y = (part[len(part) - count * period :].reshape(count, period, -1) for part in (e.u, e.y))
-    return rfft(u, axis=1), rfft(y, axis=1)
+    return scipy.fft.rfft(u, axis=1), scipy.fft.rfft(y, axis=1)
 
 
 def _lines(lines: ArrayLike | None, power: FloatArray, period: int, audible: float) -> NDArray[np.int_]:
@@ -258,6 +256,6 @@ def response_agreement(approximation: BestLinearApproximation, expected: Complex
     if approximation.realisations < 2:
         raise SysidError("expected at least two realisations for the variance of the response, got one")
     statistic = np.abs(response - expected) ** 2 / approximation.total_variance
-    p = f_distribution.sf(statistic, 2, 2 * (approximation.realisations - 1))
-    over_all = chi2.sf(-2.0 * np.log(np.maximum(p, np.finfo(float).tiny)).sum(axis=0), 2 * len(p))
+    p = scipy.stats.f.sf(statistic, 2, 2 * (approximation.realisations - 1))
+    over_all = scipy.stats.chi2.sf(-2.0 * np.log(np.maximum(p, np.finfo(float).tiny)).sum(axis=0), 2 * len(p))
     return ResponseAgreement(approximation.response.frequencies, expected, response / expected, p, over_all)

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
-from scipy.stats import norm
 
 from sysid.polynomial.correlation import autoregression, prewhitened
 from sysid.polynomial.data_checks import check_excitation
@@ -57,7 +56,7 @@ class ImpulseResponse(Locked):
     @property
     def bound(self) -> FloatArray:
         """Bound at the level on the estimate of a zero response, lag by lag (lags + 1, ny, nu)."""
-        return float(norm.ppf(0.5 + 0.5 * self.level)) * self.deviation
+        return float(scipy.stats.norm.ppf(0.5 + 0.5 * self.level)) * self.deviation
 
     def interval(self) -> tuple[FloatArray, FloatArray]:
         """Confidence interval of the response, lag by lag (lags + 1, ny, nu) each."""
@@ -155,10 +154,10 @@ def _deviation(phi: Sequence[FloatArray], inverse_gram: FloatArray, errors: Floa
     if scale <= np.finfo(float).tiny:
         return np.zeros(width)
     whitener, _ = autoregression(errors / scale, COLOUR)
-    variance = float(np.mean(lfilter(whitener, [1.0], errors) ** 2)) * rows / (rows - width)
+    variance = float(np.mean(scipy.signal.lfilter(whitener, [1.0], errors) ** 2)) * rows / (rows - width)
     total = np.zeros((width, width))
     for part in phi:
-        filtered = lfilter([1.0], whitener, part, axis=0)
+        filtered = scipy.signal.lfilter([1.0], whitener, part, axis=0)
         total += filtered.T @ filtered
     squares = np.maximum(np.diagonal(inverse_gram @ total @ inverse_gram), 0.0)
     return np.asarray(np.sqrt(variance * squares), dtype=np.float64)

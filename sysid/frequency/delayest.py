@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
 
 from sysid.polynomial.correlation import covariance_function, prewhitened
 from sysid.polynomial.data_checks import check_excitation
@@ -107,7 +107,7 @@ def delayest(
             by_arx[i, j] = rejected[0] if len(rejected) else -1
 
     correlations, bound = np.empty((largest + 1, ny, nu)), np.empty((ny, nu))
-    z = float(norm.ppf(1.0 - 0.5 * (1.0 - level) / (largest + 1)))
+    z = float(scipy.stats.norm.ppf(1.0 - 0.5 * (1.0 - level) / (largest + 1)))
     for j in range(nu):
         filtered = prewhitened(experiments, j, whitening)
         starts = [max(whitening, e.window) for e in experiments]
@@ -139,4 +139,4 @@ def _leading_lags(triangle: FloatArray, first: int, count: int, freedom: int) ->
     # log1p keeps small ratios exact; without noise the ratio of any significant lag is infinite
     with np.errstate(divide="ignore"):
         statistic = freedom * np.log1p(added / max(full, 1e-24 * float(np.sum(tail)), np.finfo(float).tiny))
-    return np.asarray(chi2.sf(statistic, np.arange(1, count + 1)), dtype=np.float64)
+    return np.asarray(scipy.stats.chi2.sf(statistic, np.arange(1, count + 1)), dtype=np.float64)

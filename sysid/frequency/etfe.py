@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.fft import fft, rfftfreq
-from scipy.ndimage import convolve1d
+import scipy
 
 from sysid.frequency.spectra import response_of_spectra
 from sysid.models.frequency_response import FrequencyResponse
@@ -48,9 +47,9 @@ def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyRes
     smoothing = whole_number("smoothing", smoothing, 0, n // 2 - 1)
     check_excitation(experiments, [0])
     # (experiments, N, channels), both signs of the frequency: smoothing wraps around 0 and Nyquist
-    u = np.array([fft(e.u, axis=0) for e in experiments])
-    y = np.array([fft(e.y, axis=0) for e in experiments])
-    f = rfftfreq(n, first.dt)[1:]
+    u = np.array([scipy.fft.fft(e.u, axis=0) for e in experiments])
+    y = np.array([scipy.fft.fft(e.y, axis=0) for e in experiments])
+    f = scipy.fft.rfftfreq(n, first.dt)[1:]
     if smoothing:
         return _smoothed(experiments, u, y, f, smoothing)
     u, y = u[:, 1 : len(f) + 1], y[:, 1 : len(f) + 1]
@@ -84,7 +83,7 @@ def _smoothed(
 
     def over_neighbours(products: ComplexArray, w: FloatArray) -> ComplexArray:
         total = products.sum(axis=0)
-        real, imaginary = (convolve1d(part, w, axis=0, mode="wrap") for part in (total.real, total.imag))
+        real, imaginary = (scipy.ndimage.convolve1d(part, w, axis=0, mode="wrap") for part in (total.real, total.imag))
         return np.asarray(real + 1j * imaginary)[1 : len(f) + 1]
 
     scale = experiments[0].dt / (n * len(experiments))

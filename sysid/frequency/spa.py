@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.signal.windows import parzen
 
 from sysid.frequency.spectra import response_of_spectra
 from sysid.models.frequency_response import FrequencyResponse
@@ -88,7 +88,7 @@ def spa(
         with warnings.catch_warnings():
             # reported above
             warnings.simplefilter("ignore", SysidWarning)
-            positive = spa(experiments, lag=m, window=parzen, frequencies=f)
+            positive = spa(experiments, lag=m, window=scipy.signal.windows.parzen, frequencies=f)
         response = _with_positive_noise(response, positive)
     return response if complete else _with_gaps(response, experiments, weights)
 

@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.fft import rfft, rfftfreq
+import scipy
 
 from sysid.frequency.spectra import response_of_spectra
 from sysid.models.frequency_response import FrequencyResponse
@@ -64,14 +64,14 @@ def welch(
     for e, segments in zip(experiments, counts, strict=True):
         v = np.hstack((e.u, e.y))
         for k in range(segments):
-            transform = rfft(w[:, None] * v[k * hop : k * hop + length], axis=0)[1 : count + 1]
+            transform = scipy.fft.rfft(w[:, None] * v[k * hop : k * hop + length], axis=0)[1 : count + 1]
             phi += transform[:, :, None] * transform[:, None, :].conj()
     dt = experiments[0].dt
     phi *= dt / float(w @ w) / sum(counts)
     return response_of_spectra(
         "welch",
         experiments,
-        rfftfreq(length, dt)[1:],
+        scipy.fft.rfftfreq(length, dt)[1:],
         phi[:, :nu, :nu],
         phi[:, nu:, nu:],
         phi[:, nu:, :nu],

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+import scipy
 
 from sysid.models.estimate import Bandwidth, Estimate
 from sysid.models.frequency_response import FrequencyResponse
@@ -115,7 +115,9 @@ def _channel(response: FrequencyResponse, i: int, j: int) -> tuple[float, float,
     spread = 0.5 * np.sqrt(gradient @ covariance @ gradient) / x
     hz = float(scale * np.sqrt(x))
     freedom = response.degrees_of_freedom
-    reach = spread * (student.ppf(0.975, (2 * NEIGHBOURS + 1) * freedom) if freedom else student.ppf(0.975, np.inf))
+    reach = spread * (
+        scipy.stats.t.ppf(0.975, (2 * NEIGHBOURS + 1) * freedom) if freedom else scipy.stats.t.ppf(0.975, np.inf)
+    )
     return hz, float(hz * np.exp(-reach)), float(hz * np.exp(reach))
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from sysid.models.delta_method import spread, standard_directions
 from sysid.models.estimate import Estimate, as_estimate
@@ -186,5 +186,5 @@ def _matched(roots: ComplexArray, nominal: ComplexArray) -> ComplexArray:
     """`roots` in the sequence of the `nominal` ones that they are nearest to; NaN where their number differs."""
     if len(roots) != len(nominal):
         return np.full(len(nominal), complex(np.nan, np.nan))
-    _, sequence = linear_sum_assignment(np.abs(nominal[:, None] - roots))
+    _, sequence = scipy.optimize.linear_sum_assignment(np.abs(nominal[:, None] - roots))
     return roots[sequence]

@@ -4,8 +4,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import chndtrinc
-from scipy.stats import chi2, t
+import scipy
 
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.errors import SysidError
@@ -155,12 +154,14 @@ class FrequencyResponse(Locked):
         freedom = self.degrees_of_freedom
         total = np.einsum("fii->fi", self.noise_spectrum).real * (freedom + 2.0 * self.response.shape[2])
         total = np.maximum(total, 0.0)
-        return total / chi2.ppf(0.975, freedom), total / chi2.ppf(0.025, freedom)
+        return total / scipy.stats.chi2.ppf(0.975, freedom), total / scipy.stats.chi2.ppf(0.025, freedom)
 
     @property
     def quantile_95(self) -> float:
         """Half-width of a 95 % interval in standard deviations: Student's, or normal without degrees of freedom."""
-        return NORMAL_95 if self.degrees_of_freedom is None else float(t.ppf(0.975, self.degrees_of_freedom))
+        return (
+            NORMAL_95 if self.degrees_of_freedom is None else float(scipy.stats.t.ppf(0.975, self.degrees_of_freedom))
+        )
 
     def _direction(self) -> ComplexArray:
         # NaN stays NaN, without a warning of numpy
@@ -178,7 +179,7 @@ def _rice_interval(ratio: FloatArray, dimensions: int) -> tuple[FloatArray, Floa
     """95 % interval of a vector's length from its measured length (n,), both in standard deviations."""
     # A length that is small by chance must not bound the true one closer than one standard deviation.
     low, high = (
-        np.sqrt(chndtrinc(np.maximum(ratio, least) ** 2, dimensions, probability))
+        np.sqrt(scipy.special.chndtrinc(np.maximum(ratio, least) ** 2, dimensions, probability))
         for least, probability in ((0.1, 0.975), (1.0, 0.025))
     )
     return low, high

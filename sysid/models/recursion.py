@@ -1,8 +1,7 @@
 """State recursions over whole records, and the Kalman filter over missing output samples."""
 
 import numpy as np
-from scipy.linalg import schur
-from scipy.signal import lfilter
+import scipy
 
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
@@ -28,7 +27,7 @@ def state_trajectory(A: FloatArray, w: FloatArray, x0: FloatArray) -> FloatArray
     steps, n = w.shape
     if n == 0:
         return np.zeros((steps, 0))
-    triangle, basis = schur(A, output="complex")
+    triangle, basis = scipy.linalg.schur(A, output="complex")
     drive = w @ basis.conj()
     z = np.zeros((n, steps), dtype=complex)
     start = basis.conj().T @ x0
@@ -38,7 +37,7 @@ def state_trajectory(A: FloatArray, w: FloatArray, x0: FloatArray) -> FloatArray
             forced = drive[:, i] + triangle[i, i + 1 :] @ z[i + 1 :]
             # the input at t-1 drives the state at t
             entering = np.concatenate(([start[i]], forced[:-1]))
-            z[i] = lfilter([1.0], [1.0, -triangle[i, i]], entering)
+            z[i] = scipy.signal.lfilter([1.0], [1.0, -triangle[i, i]], entering)
         return np.ascontiguousarray((basis @ z).real.T)
 
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.linalg
+import scipy
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from sysid.models.system_matrices import balanced_truncation, transmission_zeros
 from sysid.records.arguments import real_number, sampling_interval, shown, whole_number
@@ -206,7 +205,7 @@ class StateSpace(Locked):
                 k = int(below[0])
                 channel = self.channel(j, i)
                 lower = grid[k - 1] if k else 0.0
-                out[i, j] = brentq(
+                out[i, j] = scipy.optimize.brentq(
                     lambda f, m=channel, v=level: abs(m.frequency_response(f)[0, 0, 0]) - v,
                     lower,
                     grid[k],

@@ -1,7 +1,7 @@
 """Computations on the matrices of a state-space model: balanced truncation and transmission zeros."""
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.errors import SysidError

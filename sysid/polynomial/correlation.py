@@ -3,9 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
-from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
+import scipy
 
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
@@ -27,9 +25,9 @@ def covariance_function(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: 
     """
     total = np.zeros((2 * lags + 1, x[0].shape[1], z[0].shape[1]))
     for xi, zi in zip(x, z, strict=True):
-        size = next_fast_len(len(xi) + lags + 1, real=True)
-        products = rfft(xi, size, axis=0)[:, :, None] * rfft(zi, size, axis=0).conj()[:, None, :]
-        circular = irfft(products, size, axis=0)
+        size = scipy.fft.next_fast_len(len(xi) + lags + 1, real=True)
+        products = scipy.fft.rfft(xi, size, axis=0)[:, :, None] * scipy.fft.rfft(zi, size, axis=0).conj()[:, None, :]
+        circular = scipy.fft.irfft(products, size, axis=0)
         total += np.concatenate((circular[size - lags :] if lags else circular[:0], circular[: lags + 1]))
     return total / sum(len(xi) for xi in x)
 
@@ -78,9 +76,9 @@ def autoregression(e: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
     r = covariance_function([e[:, None]], [e[:, None]], order)[order:, 0, 0]
     # keeps the equations regular for a signal of a few sinusoids, or one that grows
     r[0] *= 1.0 + 1e-9
-    whitener = np.concatenate(([1.0], -solve_toeplitz(r[:-1], r[1:])))
-    spectrum = 1.0 / np.abs(rfft(whitener, GRID)) ** 2
-    correlations = irfft(spectrum)[: min(len(e), GRID // 2)]
+    whitener = np.concatenate(([1.0], -scipy.linalg.solve_toeplitz(r[:-1], r[1:])))
+    spectrum = 1.0 / np.abs(scipy.fft.rfft(whitener, GRID)) ** 2
+    correlations = scipy.fft.irfft(spectrum)[: min(len(e), GRID // 2)]
     return whitener, correlations / correlations[0]
 
 
@@ -104,4 +102,7 @@ def prewhitened(experiments: Sequence[IOData], channel: int, order: int) -> list
         gap = np.zeros(order)
         joined = np.concatenate([part for e in experiments for part in (e.u[:, channel], gap)])
         whitener, _ = autoregression(joined, order)
-    return [(lfilter(whitener, [1.0], e.u, axis=0), lfilter(whitener, [1.0], e.y, axis=0)) for e in experiments]
+    return [
+        (scipy.signal.lfilter(whitener, [1.0], e.u, axis=0), scipy.signal.lfilter(whitener, [1.0], e.y, axis=0))
+        for e in experiments
+    ]

@@ -7,8 +7,7 @@ missing outputs at their conditional means, projected onto the complement of bot
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
-from scipy.signal import lfilter
+import scipy
 
 from sysid.models.polynomials import is_stable
 from sysid.polynomial.initial_conditions import InitialConditions
@@ -68,11 +67,11 @@ def _free_initial_conditions(
     """
     a, b, c, d, f = orders.split(theta)
     n = len(y)
-    responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
+    responses = [scipy.signal.lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
     noise_count = max(orders.nc, orders.nd)
     # A filter without coefficients would cost as much as any other.
     v = (np.convolve(a, y)[:n] if orders.na else y) - sum(responses)
-    eps = lfilter(d, c, v)[start:] if noise_count else v[start:].copy()
+    eps = scipy.signal.lfilter(d, c, v)[start:] if noise_count else v[start:].copy()
 
     transients = free_transients(orders, theta, n - start)
     basis, tau = _orthonormal(transients, eps) if transients.shape[1] else (None, np.zeros(0))
@@ -84,10 +83,10 @@ def _free_initial_conditions(
     columns = np.empty((n - start, orders.count + 1), order="F")
     k = 0
     if orders.na:
-        columns[:, : orders.na] = _shifts(lfilter(d, c, y), orders.na, first=1)[start:]
+        columns[:, : orders.na] = _shifts(scipy.signal.lfilter(d, c, y), orders.na, first=1)[start:]
         k = orders.na
     for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
-        filtered = lfilter(d, np.convolve(c, f[j]), u[:, j])
+        filtered = scipy.signal.lfilter(d, np.convolve(c, f[j]), u[:, j])
         columns[:, k : k + nb] = -_shifts(filtered, nb, first=nk)[start:]
         k += nb
     # w and v with the fitted initial conditions of eps
@@ -99,19 +98,19 @@ def _free_initial_conditions(
         if orders.nf[j]:
             initial = np.zeros(n - start)
             initial[: orders.nf[j]] = tau[used : used + orders.nf[j]]
-            transient = lfilter([1.0], f[j], initial)
+            transient = scipy.signal.lfilter([1.0], f[j], initial)
             w, corrected = w + transient, corrected - transient
             used += orders.nf[j]
         outputs.append(w)
     if orders.nc:
-        columns[:, k : k + orders.nc] = -_shifts(lfilter([1.0], c, eps), orders.nc, first=1)
+        columns[:, k : k + orders.nc] = -_shifts(scipy.signal.lfilter([1.0], c, eps), orders.nc, first=1)
         k += orders.nc
     if orders.nd:
-        columns[:, k : k + orders.nd] = _shifts(lfilter([1.0], c, corrected), orders.nd, first=1)
+        columns[:, k : k + orders.nd] = _shifts(scipy.signal.lfilter([1.0], c, corrected), orders.nd, first=1)
         k += orders.nd
     for j, nf in enumerate(orders.nf):
         if nf:
-            columns[:, k : k + nf] = _shifts(lfilter(d, np.convolve(c, f[j]), outputs[j]), nf, first=1)
+            columns[:, k : k + nf] = _shifts(scipy.signal.lfilter(d, np.convolve(c, f[j]), outputs[j]), nf, first=1)
             k += nf
     if basis is not None:
         columns[:length, :k] -= basis @ (basis.T @ columns[:length, :k])
@@ -122,16 +121,16 @@ def _free_initial_conditions(
 def _from_rest(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, window: int) -> ErrorJacobian:
     """Errors and Jacobian of all samples after the window, with zero initial conditions."""
     a, b, c, d, f = orders.split(theta)
-    responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
-    v = lfilter(a, [1.0], y) - sum(responses)
-    eps = lfilter(d, c, v)
+    responses = [scipy.signal.lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
+    v = scipy.signal.lfilter(a, [1.0], y) - sum(responses)
+    eps = scipy.signal.lfilter(d, c, v)
     paths = [np.convolve(c, fj) for fj in f]
-    blocks = [_shifts(lfilter(d, c, y), orders.na, first=1)]
+    blocks = [_shifts(scipy.signal.lfilter(d, c, y), orders.na, first=1)]
     for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
-        blocks.append(-_shifts(lfilter(d, paths[j], u[:, j]), nb, first=nk))
-    blocks.append(-_shifts(lfilter([1.0], c, eps), orders.nc, first=1))
-    blocks.append(_shifts(lfilter([1.0], c, v), orders.nd, first=1))
-    blocks += [_shifts(lfilter(d, paths[j], w), orders.nf[j], first=1) for j, w in enumerate(responses)]
+        blocks.append(-_shifts(scipy.signal.lfilter(d, paths[j], u[:, j]), nb, first=nk))
+    blocks.append(-_shifts(scipy.signal.lfilter([1.0], c, eps), orders.nc, first=1))
+    blocks.append(_shifts(scipy.signal.lfilter([1.0], c, v), orders.nd, first=1))
+    blocks += [_shifts(scipy.signal.lfilter(d, paths[j], w), orders.nf[j], first=1) for j, w in enumerate(responses)]
     columns = np.hstack((*blocks, eps[:, None]))[window:]
     return ErrorJacobian(columns, len(columns), 0)
 
@@ -145,34 +144,34 @@ def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, s
     rows, m = len(y) - start, max(orders.nc, orders.nd)
     pulse = np.zeros(rows)
     pulse[0] = 1.0
-    responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
-    v = (lfilter(a, [1.0], y) - sum(responses))[start:]
+    responses = [scipy.signal.lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
+    v = (scipy.signal.lfilter(a, [1.0], y) - sum(responses))[start:]
     root = _inverse_root(c, d, m)
-    paths = [_shifts(lfilter(d, np.convolve(c, f[j]), pulse), nf) for j, nf in enumerate(orders.nf)]
-    noise = np.vstack((root, _shifts(lfilter([1.0], c, pulse), m)))
+    paths = [_shifts(scipy.signal.lfilter(d, np.convolve(c, f[j]), pulse), nf) for j, nf in enumerate(orders.nf)]
+    noise = np.vstack((root, _shifts(scipy.signal.lfilter([1.0], c, pulse), m)))
     free = np.vstack((np.zeros((m, sum(orders.nf))), np.hstack(paths)))
-    errors = np.concatenate((np.zeros(m), lfilter(d, c, v)))
+    errors = np.concatenate((np.zeros(m), scipy.signal.lfilter(d, c, v)))
     basis, state = _orthonormal(np.hstack((noise, free)), errors)
     errors[: len(basis)] -= basis @ (basis.T @ errors[: len(basis)])
 
     columns = np.zeros((m + rows, orders.count + 1), order="F")
     k = orders.na
     if k:
-        columns[m:, :k] = lfilter(d, c, lagged(y, output_lags(k), start), axis=0)
+        columns[m:, :k] = scipy.signal.lfilter(d, c, lagged(y, output_lags(k), start), axis=0)
     for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
-        inputs = lagged(lfilter([1.0], f[j], u[:, j]), input_lags(nb, nk), start)
-        columns[m:, k : k + nb] = -lfilter(d, c, inputs, axis=0)
+        inputs = lagged(scipy.signal.lfilter([1.0], f[j], u[:, j]), input_lags(nb, nk), start)
+        columns[m:, k : k + nb] = -scipy.signal.lfilter(d, c, inputs, axis=0)
         k += nb
     used, outputs = m, []
     for j, nf in enumerate(orders.nf):
         initial = np.zeros(len(y))
         initial[start : start + nf] = state[used : used + nf]
-        transient = lfilter([1.0], f[j], initial)
+        transient = scipy.signal.lfilter([1.0], f[j], initial)
         outputs.append(responses[j] + transient)
         v = v - transient[start:]
         used += nf
     for i, (polynomial, sign) in enumerate(((c, -1.0), (d, 1.0))):
-        driven = lfilter([1.0], c, errors[m:] if i == 0 else v)
+        driven = scipy.signal.lfilter([1.0], c, errors[m:] if i == 0 else v)
         n = len(polynomial) - 1
         columns[m:, k : k + n] = sign * _shifts(driven, n, first=1)
         for lag in range(1, n + 1):
@@ -188,8 +187,8 @@ def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, s
         k += n
     for j, nf in enumerate(orders.nf):
         if nf:
-            filtered = _shifts(lfilter([1.0], f[j], outputs[j]), nf, first=1)[start:]
-            columns[m:, k : k + nf] = lfilter(d, c, filtered, axis=0)
+            filtered = _shifts(scipy.signal.lfilter([1.0], f[j], outputs[j]), nf, first=1)[start:]
+            columns[m:, k : k + nf] = scipy.signal.lfilter(d, c, filtered, axis=0)
             k += nf
     columns[: len(basis), :k] -= basis @ (basis.T @ columns[: len(basis), :k])
     columns[:, k] = errors
@@ -233,7 +232,7 @@ def _transients(blocks: list[tuple[FloatArray, FloatArray, int]], rows: int) -> 
     while True:
         pulse = np.zeros(length)
         pulse[0] = 1.0
-        responses = [lfilter(numerator, denominator, pulse) for numerator, denominator, _ in blocks]
+        responses = [scipy.signal.lfilter(numerator, denominator, pulse) for numerator, denominator, _ in blocks]
         tail = max(np.abs(h[-(length // 4) :]).max() / np.abs(h).max() for h in responses)
         if length == rows or tail < NEGLIGIBLE:
             break
@@ -271,8 +270,8 @@ def gapped_error_jacobian(
     response = _died_out(np.convolve(d, a), c, len(y))
     gaps = MissingOutputs.of(known[start:, None], response[:, None, None])
 
-    inputs = sum(lfilter(bj, fj, experiment.u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True)))
-    errors = lfilter(d, c, lfilter(a, [1.0], y) - inputs)[start:]
+    inputs = sum(scipy.signal.lfilter(bj, fj, experiment.u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True)))
+    errors = scipy.signal.lfilter(d, c, scipy.signal.lfilter(a, [1.0], y) - inputs)[start:]
     # outputs that are missing before the first error are free initial conditions
     reach = len(response) if initial_conditions is InitialConditions.ZERO else orders.na
     early = [t for t in range(max(start - reach, 0), start) if not known[t]]
@@ -304,9 +303,9 @@ def _slope(gaps: MissingOutputs, orders: Orders, theta: FloatArray) -> FloatArra
     pulse = np.zeros(len(gaps.response))
     pulse[0] = 1.0
     by_noise = [
-        (0, orders.na, lfilter(d, c, pulse)),
-        (orders.na + sum(orders.nb), orders.nc, -lfilter([1.0], c, gaps.response[:, 0, 0])),
-        (orders.na + sum(orders.nb) + orders.nc, orders.nd, lfilter(a, c, pulse)),
+        (0, orders.na, scipy.signal.lfilter(d, c, pulse)),
+        (orders.na + sum(orders.nb), orders.nc, -scipy.signal.lfilter([1.0], c, gaps.response[:, 0, 0])),
+        (orders.na + sum(orders.nb) + orders.nc, orders.nd, scipy.signal.lfilter(a, c, pulse)),
     ]
     index, derivatives = [], []
     for first, count, derivative in by_noise:
@@ -325,7 +324,7 @@ def _died_out(numerator: FloatArray, denominator: FloatArray, most: int) -> Floa
     while True:
         pulse = np.zeros(length)
         pulse[0] = 1.0
-        response = lfilter(numerator, denominator, pulse)
+        response = scipy.signal.lfilter(numerator, denominator, pulse)
         alive = np.flatnonzero(np.abs(response) > NEGLIGIBLE_RESPONSE * np.abs(response).max())
         if length == most or alive[-1] < 3 * length // 4:
             return np.asarray(response[: alive[-1] + 1])

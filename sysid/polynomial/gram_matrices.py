@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+import scipy
 
 from sysid.polynomial.least_squares import SQUARE_SAFE
 from sysid.records.arrays import FloatArray
@@ -54,13 +54,13 @@ def lagged_solution(products: FloatArray, lags: Sequence[range], target: Sequenc
     if not len(lag) or not scale.all():
         return None
     try:
-        factor = cho_factor(gram / np.outer(scale, scale))
+        factor = scipy.linalg.cho_factor(gram / np.outer(scale, scale))
     except np.linalg.LinAlgError:
         return None
     if np.diag(factor[0]).min() * SQUARE_SAFE < 1.0:
         return None
     right = products[:, 0, signal, lag].T @ np.asarray(target)
-    return np.asarray(cho_solve(factor, right / scale) / scale)
+    return np.asarray(scipy.linalg.cho_solve(factor, right / scale) / scale)
 
 
 def hankel_moments(signals: Sequence[FloatArray], blocks: int) -> FloatArray:

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import hankel
-from scipy.signal import lfilter
+import scipy
 
 from sysid.models.polynomials import stabilised
 from sysid.polynomial.gram_matrices import lagged_products, lagged_solution
@@ -169,8 +168,8 @@ def steiglitz_mcbride(
     for k in range(iterations + 1):
         before = f
         if k or first is not None:
-            filtered_y = [lfilter([1.0], f, yi) for yi in y]
-            filtered_u = [lfilter([1.0], f, ui, axis=0) for ui in u]
+            filtered_y = [scipy.signal.lfilter([1.0], f, yi) for yi in y]
+            filtered_u = [scipy.signal.lfilter([1.0], f, ui, axis=0) for ui in u]
         else:
             filtered_y, filtered_u = list(y), u
         theta = arx_solution(filtered_y, filtered_u, nf, orders.nb, orders.nk, initial_estimates)
@@ -192,7 +191,7 @@ def reduced_path(experiments: Sequence[IOData], orders: Orders, model: LongArx) 
     for e in experiments:
         start = orders.first_row(e.window)
         columns = [
-            lagged(lfilter([1.0], fj, e.u[:, j]), input_lags(nb, nk), start)
+            lagged(scipy.signal.lfilter([1.0], fj, e.u[:, j]), input_lags(nb, nk), start)
             for j, (fj, nb, nk) in enumerate(zip(f, orders.nb, orders.nk, strict=True))
         ]
         blocks.append(np.hstack(columns))
@@ -209,7 +208,7 @@ def reduced_denominator(responses: Sequence[FloatArray], order: int, rows: int) 
     """
     if order == 0:
         return np.ones(1)
-    blocks = [hankel(g[:rows], g[rows - 1 : 2 * rows - 1]) for g in responses]
+    blocks = [scipy.linalg.hankel(g[:rows], g[rows - 1 : 2 * rows - 1]) for g in responses]
     _, vectors = np.linalg.eigh(sum(block @ block.T for block in blocks))
     observability = vectors[:, -order:]
     dynamics, *_ = np.linalg.lstsq(observability[:-1], observability[1:], rcond=None)
@@ -231,7 +230,7 @@ def _reduced_armax(experiments: Sequence[IOData], orders: Orders, model: LongArx
         start = max(max(e.window, model.skip) + orders.nc, orders.first_row(0))
         inputs = arx_regressors(e.y[:, 0], e.u, 0, orders.nb, orders.nk, start)
         blocks.append(np.hstack((inputs, lagged(error, output_lags(orders.nc), start))))
-        targets.append((lfilter(a, [1.0], e.y[:, 0]) - error)[start:])
+        targets.append((scipy.signal.lfilter(a, [1.0], e.y[:, 0]) - error)[start:])
     theta = solve(np.vstack(blocks), np.concatenate(targets)[:, None]).solution[:, 0]
     return with_stable_noise(orders, np.concatenate((a[1:], theta)))
 
@@ -272,7 +271,10 @@ def _whitened_path(experiments: Sequence[IOData], path_orders: Orders, model: Lo
     a = model.a
     noise_free = [model.simulate(e) for e in experiments]
     first = steiglitz_mcbride(experiments, path_orders, noise_free, REFINEMENTS)
-    white = [replace(e, u=lfilter(a, [1.0], e.u, axis=0), y=lfilter(a, [1.0], e.y, axis=0)) for e in experiments]
+    white = [
+        replace(e, u=scipy.signal.lfilter(a, [1.0], e.u, axis=0), y=scipy.signal.lfilter(a, [1.0], e.y, axis=0))
+        for e in experiments
+    ]
     return steiglitz_mcbride(white, path_orders, [e.y[:, 0] for e in white], REFINEMENTS, first)
 
 
@@ -284,7 +286,9 @@ def _with_disturbance(
     rows, targets = [], []
     for e in experiments:
         innovations = model.errors(e)
-        v = e.y[:, 0] - sum(lfilter(bj, fj, e.u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True)))
+        v = e.y[:, 0] - sum(
+            scipy.signal.lfilter(bj, fj, e.u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))
+        )
         start = max(e.window, model.skip) + max(orders.nc, orders.nd)
         columns = (lagged(innovations, output_lags(orders.nc), start), -lagged(v, output_lags(orders.nd), start))
         rows.append(np.hstack(columns))

@@ -4,8 +4,8 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import stabilised
@@ -70,7 +70,7 @@ def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
 
     theta = fit.solution[:, 0]
     disturbances = _disturbances(experiments, orders, theta)
-    innovations = _known(np.concatenate([lfilter(whitener, [1.0], v)[order:] for v in disturbances]))
+    innovations = _known(np.concatenate([scipy.signal.lfilter(whitener, [1.0], v)[order:] for v in disturbances]))
     errors = [_known(v) for v in disturbances]
     freedom = max(len(innovations) - orders.count, 1)
     if fit.rank < orders.count:
@@ -111,9 +111,9 @@ def _instrumented(
     order = len(whitener) - 1
     instruments, regressors, targets = [], [], []
     for e in experiments:
-        clean = np.asarray(sum(lfilter(bj, stable, e.u[:, j]) for j, bj in enumerate(b)))
-        x, y = lfilter(whitener, [1.0], clean), lfilter(whitener, [1.0], e.y[:, 0])
-        u = lfilter(whitener, [1.0], e.u, axis=0)
+        clean = np.asarray(sum(scipy.signal.lfilter(bj, stable, e.u[:, j]) for j, bj in enumerate(b)))
+        x, y = scipy.signal.lfilter(whitener, [1.0], clean), scipy.signal.lfilter(whitener, [1.0], e.y[:, 0])
+        u = scipy.signal.lfilter(whitener, [1.0], e.u, axis=0)
         # the filter starts from zeros: its first samples are no data
         start = orders.first_row(e.window) + order
         instruments.append(arx_regressors(x, u, orders.na, orders.nb, orders.nk, start))

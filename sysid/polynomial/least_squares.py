@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lstsq, solve_triangular
+import scipy
 
 from sysid.records.arrays import FloatArray
 
@@ -155,12 +155,14 @@ def tall_least_squares(columns: FloatArray, target: FloatArray, *, cond: float) 
         diagonal = np.abs(np.diag(triangle)[:n])
         if not diagonal.min(initial=np.inf) > INDEPENDENT * diagonal.max(initial=0.0):
             break
-        scaled = solve_triangular(triangle[:n, :n], triangle[:n, n]) * lengths[n]
+        scaled = scipy.linalg.solve_triangular(triangle[:n, :n], triangle[:n, n]) * lengths[n]
         if not refined:
             return np.asarray(scaled / lengths[:n])
         rest = (table[:, n] - table[:, :n] @ (scaled / lengths[:n])) @ table[:, :n] / lengths[:n]
-        step = solve_triangular(triangle[:n, :n], solve_triangular(triangle[:n, :n], rest, trans="T"))
+        step = scipy.linalg.solve_triangular(
+            triangle[:n, :n], scipy.linalg.solve_triangular(triangle[:n, :n], rest, trans="T")
+        )
         if np.abs(step).max(initial=0.0) <= REFINED * np.abs(scaled).max(initial=0.0):
             return np.asarray((scaled + step) / lengths[:n])
         triangle = np.asarray(np.linalg.qr(table / lengths, mode="r"))
-    return np.asarray(lstsq(columns, target, cond=cond, lapack_driver="gelsy")[0])
+    return np.asarray(scipy.linalg.lstsq(columns, target, cond=cond, lapack_driver="gelsy")[0])

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.linalg import toeplitz
-from scipy.signal import lfilter
+import scipy
 
 from sysid.models.polynomials import stabilised
 from sysid.polynomial.gram_matrices import lagged_products, lagged_solution
@@ -46,14 +45,14 @@ class LongArx:
     def simulate(self, experiment: IOData) -> FloatArray:
         """Noise-free output from rest (N,), the model stabilised."""
         stable = stabilised(self.a)
-        return np.asarray(sum(lfilter(bj, stable, experiment.u[:, j]) for j, bj in enumerate(self.b)))
+        return np.asarray(sum(scipy.signal.lfilter(bj, stable, experiment.u[:, j]) for j, bj in enumerate(self.b)))
 
     def responses(self, length: int) -> list[FloatArray]:
         """Pulse responses B/A per input and 1/A, the model stabilised (length,) each."""
         stable = stabilised(self.a)
         pulse = np.zeros(length)
         pulse[0] = 1.0
-        return [lfilter(numerator, stable, pulse) for numerator in (*self.b, np.ones(1))]
+        return [scipy.signal.lfilter(numerator, stable, pulse) for numerator in (*self.b, np.ones(1))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +113,8 @@ def long_arx_order(experiments: Sequence[IOData], orders: Orders, factor: int) -
 
 def arx_errors(experiment: IOData, a: FloatArray, b: Sequence[FloatArray]) -> FloatArray:
     """A y - B u from rest (N,)."""
-    inputs = sum(lfilter(bj, [1.0], experiment.u[:, j]) for j, bj in enumerate(b))
-    return np.asarray(lfilter(a, [1.0], experiment.y[:, 0]) - inputs)
+    inputs = sum(scipy.signal.lfilter(bj, [1.0], experiment.u[:, j]) for j, bj in enumerate(b))
+    return np.asarray(scipy.signal.lfilter(a, [1.0], experiment.y[:, 0]) - inputs)
 
 
 def arx_solution(
@@ -164,12 +163,14 @@ def long_arx_simulation(u: FloatArray, y: FloatArray, order: int) -> FloatArray 
     pulse = np.zeros(len(y))
     pulse[0] = 1.0
     with np.errstate(over="ignore", invalid="ignore"):
-        forced = sum(lfilter(np.concatenate([[0.0], bj]), a, signal) for bj, signal in zip(b, u.T, strict=True))
-        free = lfilter([1.0], a, pulse)
+        forced = sum(
+            scipy.signal.lfilter(np.concatenate([[0.0], bj]), a, signal) for bj, signal in zip(b, u.T, strict=True)
+        )
+        free = scipy.signal.lfilter([1.0], a, pulse)
     if not (np.abs(free) < UNSTABLE).all() or not (np.abs(forced) < UNSTABLE).all():
         return None
     alive = int(np.flatnonzero(np.abs(free) > DIED * np.abs(free).max())[-1]) + 1
     rows = min(len(y), alive + order)
-    columns = toeplitz(free[:rows], np.zeros(order))
+    columns = scipy.linalg.toeplitz(free[:rows], np.zeros(order))
     weights = tall_least_squares(columns, (y - forced)[:rows], cond=1e-15)
     return np.asarray(forced + np.convolve(free, weights)[: len(y)])

@@ -9,9 +9,8 @@ outputs, only the band is needed [Erisman1975].
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
-from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from sysid.records.arrays import FloatArray
 
@@ -44,11 +43,11 @@ class MissingOutputs:
         rows = len(known)
         response = response[:rows]
         times, channels = np.nonzero(~known)
-        size = next_fast_len(rows + len(response), real=True)
+        size = scipy.fft.next_fast_len(rows + len(response), real=True)
         last = np.searchsorted(times, times + len(response)) - 1
         band = int((last - np.arange(len(times))).max(initial=0))
         empty = np.zeros((band + 1, len(times)))
-        bare = MissingOutputs(rows, times, channels, response, rfft(response, size, axis=0), empty)
+        bare = MissingOutputs(rows, times, channels, response, scipy.fft.rfft(response, size, axis=0), empty)
         if not len(times):
             return bare
         lag, to, valid = bare._pairs()
@@ -59,7 +58,7 @@ class MissingOutputs:
         first = len(times) - len(ends)
         for d in range(min(band + 1, len(ends))):
             gram[d, first : len(times) - d] -= np.diag(products, -d)
-        return replace(bare, factor=cholesky_banded(gram, lower=True, check_finite=False))
+        return replace(bare, factor=scipy.linalg.cholesky_banded(gram, lower=True, check_finite=False))
 
     @property
     def count(self) -> int:
@@ -79,21 +78,23 @@ class MissingOutputs:
         if len(self.response) == 1:
             return np.einsum("ec,qct->teq", self.response[0], pulses)
         size = self._size
-        spread = np.einsum("fec,qcf->qef", self.spectrum, rfft(pulses, size))
-        return np.ascontiguousarray(irfft(spread, size)[:, :, : self.rows].transpose(2, 1, 0))
+        spread = np.einsum("fec,qcf->qef", self.spectrum, scipy.fft.rfft(pulses, size))
+        return np.ascontiguousarray(scipy.fft.irfft(spread, size)[:, :, : self.rows].transpose(2, 1, 0))
 
     def transposed(self, errors: FloatArray) -> FloatArray:
         """G' times errors (N, ny, q): (k, q)."""
         if len(self.response) == 1:
             return np.einsum("kec,teq->tcq", self.response, errors)[self.times, self.channels]
         size = self._size
-        spread = rfft(np.ascontiguousarray(errors.transpose(2, 1, 0)), size)
-        products = irfft(np.einsum("fec,qef->qcf", self.spectrum.conj(), spread), size)
+        spread = scipy.fft.rfft(np.ascontiguousarray(errors.transpose(2, 1, 0)), size)
+        products = scipy.fft.irfft(np.einsum("fec,qef->qcf", self.spectrum.conj(), spread), size)
         return np.ascontiguousarray(products[:, self.channels, self.times].T)
 
     def best(self, errors: FloatArray) -> FloatArray:
         """Least-squares coefficients of the errors in G (k, q)."""
-        return np.asarray(cho_solve_banded((self.factor, True), self.transposed(errors), check_finite=False))
+        return np.asarray(
+            scipy.linalg.cho_solve_banded((self.factor, True), self.transposed(errors), check_finite=False)
+        )
 
     def eliminated(self, errors: FloatArray) -> FloatArray:
         """Errors (N, ny, q) minus their projection onto G."""
@@ -158,7 +159,7 @@ class MissingOutputs:
 
     @property
     def _size(self) -> int:
-        return next_fast_len(self.rows + len(self.response), real=True)
+        return scipy.fft.next_fast_len(self.rows + len(self.response), real=True)
 
     def _pairs(self) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.bool_]]:
         """Lag of each entry of the band, its row, and whether it exists (band + 1, k)."""
@@ -181,6 +182,8 @@ class MissingOutputs:
 def _correlation(first: FloatArray, second: FloatArray) -> FloatArray:
     """Sums over s of first(s)[:, a]' second(s + lag)[:, b], (L, ny, ny)."""
     lags = len(first)
-    size = next_fast_len(2 * lags, real=True)
-    product = np.einsum("fea,feb->fab", rfft(first, size, axis=0).conj(), rfft(second, size, axis=0))
-    return np.asarray(irfft(product, size, axis=0)[:lags])
+    size = scipy.fft.next_fast_len(2 * lags, real=True)
+    product = np.einsum(
+        "fea,feb->fab", scipy.fft.rfft(first, size, axis=0).conj(), scipy.fft.rfft(second, size, axis=0)
+    )
+    return np.asarray(scipy.fft.irfft(product, size, axis=0)[:lags])

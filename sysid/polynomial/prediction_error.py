@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from sysid.models.polynomials import is_stable
 from sysid.polynomial.correlation import autoregression
@@ -162,9 +162,9 @@ def coloured_information(
     whitener, _ = autoregression(errors, order)
     total = np.zeros((orders.count,) * 2)
     for part in parts:
-        filtered = lfilter([1.0], whitener, part[:, :-1], axis=0)
+        filtered = scipy.signal.lfilter([1.0], whitener, part[:, :-1], axis=0)
         total += filtered.T @ filtered
-    return total * float(np.mean(lfilter(whitener, [1.0], errors) ** 2))
+    return total * float(np.mean(scipy.signal.lfilter(whitener, [1.0], errors) ** 2))
 
 
 def scores(

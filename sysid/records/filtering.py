@@ -3,9 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.fft import irfft, rfft, rfftfreq
-from scipy.signal import lfilter, lfilter_zi, resample_poly
 
 from sysid.records.arguments import real_number, whole_number
 from sysid.records.arrays import FloatArray, real_array
@@ -42,8 +41,8 @@ def prefilter(data: IOData, numerator: ArrayLike, denominator: ArrayLike = 1.0) 
     def filtered(channels: FloatArray) -> FloatArray:
         if max(len(a), len(b)) == 1:
             return channels * b[0] / a[0]
-        start = lfilter_zi(b, a)[:, None] * channels[0]
-        return np.asarray(lfilter(b, a, channels, axis=0, zi=start)[0], dtype=np.float64)
+        start = scipy.signal.lfilter_zi(b, a)[:, None] * channels[0]
+        return np.asarray(scipy.signal.lfilter(b, a, channels, axis=0, zi=start)[0], dtype=np.float64)
 
     return replace(data, u=filtered(data.u), y=filtered(data.y))
 
@@ -68,7 +67,7 @@ def keep_band(data: IOData, low_hz: float = 0.0, high_hz: float = np.inf) -> IOD
     data = as_record(data)
     low_hz = real_number("low_hz", low_hz, "be a frequency >= 0 Hz", lambda f: f >= 0.0)
     high_hz = real_number("high_hz", high_hz, "be a frequency >= 0 Hz", lambda f: f >= 0.0)
-    f = rfftfreq(len(data), data.dt)
+    f = scipy.fft.rfftfreq(len(data), data.dt)
     in_band = (f >= low_hz) & (f <= high_hz)
     if not in_band.any():
         raise SysidError(
@@ -78,7 +77,10 @@ def keep_band(data: IOData, low_hz: float = 0.0, high_hz: float = np.inf) -> IOD
     _refuse_gaps(data)
 
     def limited(channels: FloatArray) -> FloatArray:
-        return np.asarray(irfft(rfft(channels, axis=0) * in_band[:, None], len(channels), axis=0), dtype=np.float64)
+        return np.asarray(
+            scipy.fft.irfft(scipy.fft.rfft(channels, axis=0) * in_band[:, None], len(channels), axis=0),
+            dtype=np.float64,
+        )
 
     return replace(data, u=limited(data.u), y=limited(data.y), intersample="bl")
 
@@ -119,7 +121,7 @@ def resample(data: IOData, up: int, down: int = 1) -> IOData:
         raise SysidError(f"of {len(data)} samples only {samples} would remain at {up}/{down} of the rate")
 
     def resampled(channels: FloatArray) -> FloatArray:
-        return np.asarray(resample_poly(channels, up, down, axis=0, padtype="line"), dtype=np.float64)
+        return np.asarray(scipy.signal.resample_poly(channels, up, down, axis=0, padtype="line"), dtype=np.float64)
 
     return replace(
         data,

@@ -1,7 +1,7 @@
 """Observer gains: stable, or deadbeat."""
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from sysid.records.arrays import FloatArray
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
 
 from sysid.models.estimate import DataSummary
 from sysid.models.recursion import state_trajectory
@@ -179,13 +179,13 @@ class Record:
 
     def correlations(self, e: FloatArray, lags: int) -> Correlations:
         """Sums over t of w(t - j) w(t)' and of w(t - j) e(t)', j = 1..lags, (lags, nw, nw) and (lags, nw, ny)."""
-        size = next_fast_len(len(self.w) + (1 << lags.bit_length()), real=True)
+        size = scipy.fft.next_fast_len(len(self.w) + (1 << lags.bit_length()), real=True)
         if size not in self.transforms:
-            spectrum = rfft(self.w.T, size)
-            products = irfft(spectrum.conj()[:, None] * spectrum, size)
+            spectrum = scipy.fft.rfft(self.w.T, size)
+            products = scipy.fft.irfft(spectrum.conj()[:, None] * spectrum, size)
             self.transforms[size] = spectrum, np.ascontiguousarray(products[:, :, : size - len(self.w)].T)
         spectrum, own = self.transforms[size]
-        cross = irfft(spectrum.conj()[:, None] * rfft(e.T, size), size)[:, :, 1 : lags + 1]
+        cross = scipy.fft.irfft(spectrum.conj()[:, None] * scipy.fft.rfft(e.T, size), size)[:, :, 1 : lags + 1]
         # axes of `own` are (lag, t, t - lag) after the transposition
         return own[1 : lags + 1].transpose(0, 2, 1), cross.transpose(2, 0, 1)
 

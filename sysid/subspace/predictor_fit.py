@@ -10,8 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
-from scipy.signal import lfilter
+import scipy
 
 from sysid.polynomial.correlation import autoregression
 from sysid.records.arrays import FloatArray
@@ -74,7 +73,7 @@ def constrained_step(values: FloatArray, g: FloatArray, rows: FloatArray) -> Flo
     lengths = np.linalg.norm(sides, axis=0)
     kept = lengths > 0.0
     try:
-        forces, _ = nnls(sides[:, kept] / lengths[kept], root * free)
+        forces, _ = scipy.optimize.nnls(sides[:, kept] / lengths[kept], root * free)
     except RuntimeError:
         # not converged: the caller moves poles beyond the limit back
         return free
@@ -226,7 +225,9 @@ def coloured_information(records: Sequence[Record], point: Point, basis: FloatAr
     root = np.linalg.cholesky(point.weight)
     errors = np.concatenate(point.errors) @ root
     whiteners = [autoregression(e, order)[0] for e in errors.T]
-    variances = [float(np.mean(lfilter(w, [1.0], e) ** 2)) for w, e in zip(whiteners, errors.T, strict=True)]
+    variances = [
+        float(np.mean(scipy.signal.lfilter(w, [1.0], e) ** 2)) for w, e in zip(whiteners, errors.T, strict=True)
+    ]
     q = basis.shape[1]
     total = np.zeros((q, q))
     for record, x0, prior in zip(records, point.states, point.spreads, strict=True):
@@ -236,7 +237,7 @@ def coloured_information(records: Sequence[Record], point: Point, basis: FloatAr
         corner = sum(part[:, q:].T @ part[:, q:] for part in columns) + np.diag(prior**-2.0)
         onto = np.linalg.solve(corner, sum(part[:, q:].T @ part[:, :q] for part in columns))
         for part, whitener, variance in zip(columns, whiteners, variances, strict=True):
-            filtered = lfilter([1.0], whitener, part[:, :q] - part[:, q:] @ onto, axis=0)
+            filtered = scipy.signal.lfilter([1.0], whitener, part[:, :q] - part[:, q:] @ onto, axis=0)
             total += variance * (filtered.T @ filtered)
     return total
 

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
+import scipy
 from numpy.polynomial.polynomial import polyadd
-from scipy.signal import lfilter
 
 from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.polynomial.orders import Orders
@@ -95,14 +94,14 @@ def signals_from_rest(
         Its signals.
     """
     p = polynomials
-    noise = lfilter(p.C, np.convolve(p.A, p.D), innovation)
+    noise = scipy.signal.lfilter(p.C, np.convolve(p.A, p.D), innovation)
     if not feedback:
         paths = [p.channel(j) for j in range(p.nu)]
-        parts = [lfilter(b, np.convolve(p.A, f), reference[:, j]) for j, (b, f) in enumerate(paths)]
+        parts = [scipy.signal.lfilter(b, np.convolve(p.A, f), reference[:, j]) for j, (b, f) in enumerate(paths)]
         return Signals(reference, np.sum(parts, axis=0) + noise, innovation)
     b, f = p.channel(0)
-    driven = lfilter(b, [1.0], reference[:, 0]) + lfilter(np.convolve(p.A, f), [1.0], noise)
-    y = lfilter([1.0], _closed_loop(p, feedback), driven)
+    driven = scipy.signal.lfilter(b, [1.0], reference[:, 0]) + scipy.signal.lfilter(np.convolve(p.A, f), [1.0], noise)
+    y = scipy.signal.lfilter([1.0], _closed_loop(p, feedback), driven)
     u = reference[:, 0] - feedback * y
     return Signals(u[:, None], y, innovation)
 
@@ -122,14 +121,14 @@ def prediction_gradient(polynomials: Polynomials, orders: Orders, signals: Signa
     """
     c, d = polynomials.C, polynomials.D
     channels = [polynomials.channel(j) for j in range(polynomials.nu)]
-    inputs = [lfilter(d, np.convolve(c, f), signals.u[:, j]) for j, (_, f) in enumerate(channels)]
-    rows = _delayed(-lfilter(d, c, signals.y), range(1, orders.na + 1))
+    inputs = [scipy.signal.lfilter(d, np.convolve(c, f), signals.u[:, j]) for j, (_, f) in enumerate(channels)]
+    rows = _delayed(-scipy.signal.lfilter(d, c, signals.y), range(1, orders.na + 1))
     for x, n, delay in zip(inputs, orders.nb, orders.nk, strict=True):
         rows += _delayed(x, range(delay, delay + n))
-    rows += _delayed(lfilter([1.0], c, signals.e), range(1, orders.nc + 1))
-    rows += _delayed(-lfilter([1.0], d, signals.e), range(1, orders.nd + 1))
+    rows += _delayed(scipy.signal.lfilter([1.0], c, signals.e), range(1, orders.nc + 1))
+    rows += _delayed(-scipy.signal.lfilter([1.0], d, signals.e), range(1, orders.nd + 1))
     for x, (b, f), n in zip(inputs, channels, orders.nf, strict=True):
-        rows += _delayed(-lfilter(b, f, x), range(1, n + 1))
+        rows += _delayed(-scipy.signal.lfilter(b, f, x), range(1, n + 1))
     return np.array(rows).reshape(orders.count, len(signals.y)).T
 
 

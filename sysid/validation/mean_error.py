@@ -3,9 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import f as f_distribution
-from scipy.stats import ncf
+import scipy
 
 from sysid.records.arrays import FloatArray
 
@@ -43,7 +41,9 @@ def mean_error(errors: FloatArray, false_alarm: float, allowed: float = 0.0) -> 
     records, q = errors.shape
     rest, noncentrality = records - q, records * allowed**2
     # the noncentral distribution loses digits where there is no noncentrality
-    upper = ncf.isf(false_alarm, q, rest, noncentrality) if allowed else f_distribution.isf(false_alarm, q, rest)
+    upper = (
+        scipy.stats.ncf.isf(false_alarm, q, rest, noncentrality) if allowed else scipy.stats.f.isf(false_alarm, q, rest)
+    )
     limit = _size(float(upper), records, q)
     statistic = f_statistic(errors)
     if not np.isfinite(statistic):
@@ -83,13 +83,13 @@ def _size(statistic: float, records: int, q: int) -> float:
 
 def _noncentrality(statistic: float, q: int, rest: int, above: float) -> float:
     """Noncentrality with which a larger statistic has the given probability; 0 where even that is too much."""
-    if float(f_distribution.sf(statistic, q, rest)) >= above:
+    if float(scipy.stats.f.sf(statistic, q, rest)) >= above:
         return 0.0
 
     def excess(value: float) -> float:
-        return float(ncf.sf(statistic, q, rest, value)) - above
+        return float(scipy.stats.ncf.sf(statistic, q, rest, value)) - above
 
     high = 4.0 * (q * statistic + 10.0)
     while excess(high) < 0.0 and high < 1e12:
         high *= 4.0
-    return float(brentq(excess, 0.0, high)) if excess(high) > 0.0 else high
+    return float(scipy.optimize.brentq(excess, 0.0, high)) if excess(high) > 0.0 else high

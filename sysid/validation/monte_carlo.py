@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import beta, chi2, norm, pearson3, t
+import scipy
 
 from sysid.records.arrays import FloatArray
 from sysid.validation.response_errors import free_parts
@@ -58,7 +58,9 @@ def limits_of_moments(
     deviation = float(np.sqrt(variance))
     skewness = third / deviation**3
     # without skewness Pearson's distribution is a normal one, which it is not numerically
-    shape = norm(mean, deviation) if abs(skewness) < 1e-6 else pearson3(skewness, mean, deviation)
+    shape = (
+        scipy.stats.norm(mean, deviation) if abs(skewness) < 1e-6 else scipy.stats.pearson3(skewness, mean, deviation)
+    )
     share = false_alarm / (1 + low)
     return (float(shape.ppf(share)) if low else -np.inf, float(shape.isf(share)))
 
@@ -111,10 +113,10 @@ def interval_of_positive_mean(values: FloatArray) -> tuple[float, float]:
     freedom = 2.0 * n * (mean / deviation) ** 2 if deviation > 0.0 else np.inf
     if not np.isfinite(freedom):
         return (size * mean, size * mean)
-    tail = float(norm.sf(t.isf(TAIL, n - 1)))
+    tail = float(scipy.stats.norm.sf(scipy.stats.t.isf(TAIL, n - 1)))
     return (
-        size * mean * (freedom / float(chi2.isf(tail, freedom))),
-        size * mean * (freedom / float(chi2.ppf(tail, freedom))),
+        size * mean * (freedom / float(scipy.stats.chi2.isf(tail, freedom))),
+        size * mean * (freedom / float(scipy.stats.chi2.ppf(tail, freedom))),
     )
 
 
@@ -139,7 +141,7 @@ def interval_of_mean_share(values: FloatArray) -> tuple[float, float]:
     draws = float(n)
     # 1e-9: a deviation that is rounding
     if n > 1 and (deviation := float(np.std(values, ddof=1))) > 1e-9:
-        reduction = float(norm.isf(TAIL) / t.isf(TAIL, n - 1)) ** 2
+        reduction = float(scipy.stats.norm.isf(TAIL) / scipy.stats.t.isf(TAIL, n - 1)) ** 2
         draws = max(draws, n * mean * (1.0 - mean) / deviation**2 * reduction)
     return exact_interval_of_share(draws * mean, draws)
 
@@ -157,6 +159,6 @@ def exact_interval_of_share(count: float, total: float, whole: float = 1.0) -> t
     """
     if total <= 0.0:
         return (float("nan"), float("nan"))
-    low = float(beta.ppf(TAIL, count, total - count + 1.0)) if count > 0.0 else 0.0
-    high = float(beta.isf(TAIL, count + 1.0, total - count)) if count < total else 1.0
+    low = float(scipy.stats.beta.ppf(TAIL, count, total - count + 1.0)) if count > 0.0 else 0.0
+    high = float(scipy.stats.beta.isf(TAIL, count + 1.0, total - count)) if count < total else 1.0
     return (whole * low, whole * high)

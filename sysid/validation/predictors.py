@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import block_diag
+import scipy
 
 from sysid.models.estimate import Estimate
 from sysid.models.predict import channels_in, predict
@@ -143,7 +143,7 @@ def _with_constant(model: StateSpace) -> StateSpace:
     ny = model.ny
     return replace(
         model,
-        A=block_diag(model.A, np.eye(ny)),
+        A=scipy.linalg.block_diag(model.A, np.eye(ny)),
         B=np.vstack([model.B, np.zeros((ny, model.nu))]),
         C=np.hstack([model.C, np.eye(ny)]),
         K=np.vstack([model.gain, np.zeros((ny, ny))]),

@@ -4,10 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
-from scipy.stats import chi2, norm
-from scipy.stats import f as f_distribution
 
 from sysid.models.estimate import Estimate
 from sysid.models.predict import residuals
@@ -48,9 +46,9 @@ def whiteness_p(correlations: FloatArray, counts: NDArray[np.int_]) -> FloatArra
     variance = (n * (n + 2.0)) ** 2 * float(np.sum(fourth / ((n - a) * (n - b)))) - h**2
     excess = variance / h - 2.0
     if excess <= 0.0:
-        return np.asarray(chi2.sf(statistic, h), dtype=np.float64)
+        return np.asarray(scipy.stats.chi2.sf(statistic, h), dtype=np.float64)
     second = (2.0 * h - 4.0 + 4.0 * variance / h) / excess
-    return np.asarray(f_distribution.sf(statistic / h * second / (second - 2.0), h, second), dtype=np.float64)
+    return np.asarray(scipy.stats.f.sf(statistic / h * second / (second - 2.0), h, second), dtype=np.float64)
 
 
 def independence_p(e: Sequence[FloatArray], u: Sequence[FloatArray], lags: int) -> float:
@@ -72,8 +70,8 @@ def independence_p(e: Sequence[FloatArray], u: Sequence[FloatArray], lags: int) 
     reach = min(lags, sum(len(part) - start for part in e) // 2 - 1)
     phi, target = [], []
     for errors, inputs in zip(e, u, strict=True):
-        phi.append(lagged(lfilter(whitener, [1.0], inputs), range(reach + 1), start))
-        target.append(lfilter(whitener, [1.0], errors)[start:])
+        phi.append(lagged(scipy.signal.lfilter(whitener, [1.0], inputs), range(reach + 1), start))
+        target.append(scipy.signal.lfilter(whitener, [1.0], errors)[start:])
     columns, y = np.vstack(phi), np.concatenate(target)
     columns = columns - columns.mean(axis=0)
     y = y - y.mean()
@@ -84,7 +82,7 @@ def independence_p(e: Sequence[FloatArray], u: Sequence[FloatArray], lags: int) 
     residual = float(fit.residual_gram[0, 0])
     explained = max(float(y @ y) - residual, 0.0)
     return float(
-        f_distribution.sf(explained / fit.rank * freedom / max(residual, np.finfo(float).tiny), fit.rank, freedom)
+        scipy.stats.f.sf(explained / fit.rank * freedom / max(residual, np.finfo(float).tiny), fit.rank, freedom)
     )
 
 
@@ -213,7 +211,7 @@ def resid(
         raise SysidError("an input is constant: independence of it cannot be tested")
     auto = covariance_function(e, e, lags)[lags:] / (e_size[:, None] * e_size)
     cross = covariance_function(e, v, lags) / (e_size[:, None] * v_size)
-    z = float(norm.ppf(0.5 + 0.5 * level))
+    z = float(scipy.stats.norm.ppf(0.5 + 0.5 * level))
     single = np.einsum("kii->ki", auto)[1:]
     counts = np.array([sum(len(part) - k for part in parts) for k in range(lags + 1)])
 

@@ -6,7 +6,7 @@ the others.
 """
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+import scipy
 
 from sysid.models.frequency_response import NORMAL_95
 from sysid.records.arrays import ComplexArray, FloatArray
@@ -27,11 +27,11 @@ def normalised_error(error: FloatArray, covariance: FloatArray) -> float:
     if not (deviations > 0.0).all():
         return float("inf")
     try:
-        factor = cho_factor(covariance / np.outer(deviations, deviations))
-    except (LinAlgError, ValueError):
+        factor = scipy.linalg.cho_factor(covariance / np.outer(deviations, deviations))
+    except (scipy.linalg.LinAlgError, ValueError):
         return float("inf")
     scaled = error / deviations
-    return float(scaled @ cho_solve(factor, scaled))
+    return float(scaled @ scipy.linalg.cho_solve(factor, scaled))
 
 
 def real_and_imaginary(difference: ComplexArray) -> FloatArray:

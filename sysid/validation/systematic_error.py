@@ -4,9 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import f as f_distribution
-from scipy.stats import t as student
+import scipy
 
 from sysid.records.arrays import ComplexArray, FloatArray
 
@@ -60,7 +58,7 @@ def scatter_of(groups: Sequence[ComplexArray], power: float) -> Scatter:
     less, noise, ends = 0.0, np.nan, (np.nan, np.nan)
     if freedom:
         less = float(sum(np.sum(np.abs(group - group.mean(axis=0)) ** 2) for group in groups)) / freedom
-        low, high = (less * freedom / chi2.ppf(tail, freedom) for tail in (0.975, 0.025))
+        low, high = (less * freedom / scipy.stats.chi2.ppf(tail, freedom) for tail in (0.975, 0.025))
         noise, ends = _percent(less, power), (_percent(low, power), _percent(high, power))
     distortion = _jackknife_interval(total - less, jackknife - less, power)
     return Scatter(noise, ends, _percent(total - less, power), distortion)
@@ -89,7 +87,7 @@ def systematic_of(errors: ComplexArray, power: float, *, allowed: float, false_a
     squared = float(np.sum(np.abs(mean) ** 2))
     without = np.array([_square_of_mean(np.delete(errors, w, 0)) for w in range(count)])
     directions = _directions(errors - mean)
-    critical = float(f_distribution.isf(false_alarm, directions, directions * (count - 1)))
+    critical = float(scipy.stats.f.isf(false_alarm, directions, directions * (count - 1)))
     most = (allowed / 100.0 * np.sqrt(power) + np.sqrt(critical * variance / count)) ** 2
     return SystematicError(
         _percent(squared - variance / count, power),
@@ -119,7 +117,7 @@ def _jackknife_interval(whole: float, without: FloatArray, power: float) -> tupl
     """95 % interval by Student's distribution of the jackknife's pseudo-values, percent of the linear part."""
     count = len(without)
     pseudo = count * whole - (count - 1) * without
-    half = float(student.ppf(0.975, count - 1)) * float(np.std(pseudo, ddof=1)) / np.sqrt(count)
+    half = float(scipy.stats.t.ppf(0.975, count - 1)) * float(np.std(pseudo, ddof=1)) / np.sqrt(count)
     return (_percent(whole - half, power), _percent(whole + half, power))
 
 
