@@ -234,7 +234,9 @@ def figures(result: Identification) -> Mapping[str, "Figure"]:
     longest = max(range(len(checked)), key=lambda k: len(checked[k]))
     fit = result.fit.by_experiment[longest] if result.fit.by_experiment else result.fit
     try:
-        response = sysid.spa(result.fitted.parts)
+        lengths = [len(part.scored) for part in result.fitted.parts]
+        # MATLAB's default of 30 lags does not resolve bandwidths of about 1 Hz
+        response = sysid.spa(result.fitted.parts, lag=min(sum(lengths) // 10, min(lengths) - 1))
         nonparametric = [response] if np.isfinite(response.response).any() else []
     except SysidError:
         nonparametric = []

@@ -284,12 +284,12 @@ def _response(record: IOData, method: str, period: int) -> FrequencyResponse:
     if periodic(record, period):
         lines = np.arange(1, period // 2) * SAMPLE_RATE / period
         if method == "spa":
-            return sysid.spa(record, frequencies=lines)
+            return sysid.spa(record, lag=len(record) // 10, frequencies=lines)
         return sysid.etfe([record[start : start + period] for start in range(0, len(record) - period + 1, period)])
     if method == "etfe":
         raise SysidError(f"the command does not repeat every {period} samples; the mean over periods has none")
     # A held command has next to no power at half of the sampling rate.
-    return sysid.spa(record).determined()
+    return sysid.spa(record, lag=len(record) // 10).determined()
 
 
 def periodic(record: IOData, period: int) -> bool:

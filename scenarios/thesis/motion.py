@@ -244,7 +244,7 @@ def _plain(value: Any) -> Any:
 
 def _spectra(data: IOData) -> Row:
     """Break frequency and disturbance by the thesis' own estimator [Morris1996, sec. III.2A and III.2C]."""
-    spectrum = sysid.spa(data, frequencies=GRID[GRID <= FASTEST])
+    spectrum = sysid.spa(data, lag=len(data) // 10, frequencies=GRID[GRID <= FASTEST])
     return {
         "break_rad_s": 2 * np.pi * gain_crossing(spectrum.determined(), HALF_POWER),
         "disturbance_orders": orders_below(spectrum, np.isfinite(spectrum.frequencies)),

@@ -202,13 +202,15 @@ def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> 
     white = replace(binary, u=u, y=y)[WHITENING:]
     data = {n: campaign.single(n, joint) for n in (SINES, PULSE) if single_joint_test(n, joint) in campaign.logs}
     return Nonparametric(
-        spectra={n: sysid.spa(record, frequencies=GRID) for n, record in data.items()},
+        spectra={n: sysid.spa(record, lag=len(record) // 10, frequencies=GRID) for n, record in data.items()},
         resolution_hz={n: SAMPLE_RATE / (len(record) // 10) for n, record in data.items()},
         repeated={
             n: period_spectra(record, load(single_joint_test(n, joint)).period)
             for n, record in {PRBS: binary, **data}.items()
         },
-        positive=sysid.spa(data[SINES], window=parzen, frequencies=GRID) if SINES in data else None,
+        positive=sysid.spa(data[SINES], lag=len(data[SINES]) // 10, window=parzen, frequencies=GRID)
+        if SINES in data
+        else None,
         covariances=sysid.covf(binary, lags=LAGS),
         whitened=sysid.covf(white, lags=LAGS),
         pulse=sysid.cra(binary, lags=PULSE_LAGS, whitening=WHITENING),

@@ -244,7 +244,7 @@ def study_joint(joint: str, campaign: Campaign) -> JointResult:
         data,
         models,
         # Between the lines of the held file there is nothing but noise and leakage.
-        sysid.spa(own, frequencies=np.arange(1, period // 2) * SAMPLE_RATE / period),
+        sysid.spa(own, lag=len(own) // 10, frequencies=np.arange(1, period // 2) * SAMPLE_RATE / period),
         published(joint),
         slewing={number: velocity_limited_share(log) for number, log in logs.items()},
         swing={number: swing(log, joint) for number, log in logs.items()},

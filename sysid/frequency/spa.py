@@ -18,6 +18,7 @@ from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 
 GRID = 512  # default number of frequencies
+LAG = 30  # longest default lag, as in MATLAB: more resolution costs variance and is the user's choice
 SIDE_LOBES = 0.01  # power relative to the peak: above the side lobes of the Hamming window, at -43 dB
 
 
@@ -33,14 +34,14 @@ def spa(
     Phi(f) = dt sum_tau w(tau) R(tau) exp(-2 pi i f dt tau) with the lag window w; G = Phi_yu Phi_u^-1;
     disturbance Phi_v = Phi_y - Phi_yu Phi_u^-1 Phi_uy (in SISO Phi_y - |Phi_yu|^2 / Phi_u). Detrend first: a mean
     leaks into the lowest frequencies. Intervals include the variance, not the bias by smoothing over about
-    1 / (lag dt) Hz: near a sharp resonance use a longer lag.
+    1 / (lag dt) Hz: near a sharp resonance, and for frequencies below that, use a longer lag.
 
     Missing outputs enter as zeros and widen the intervals as one more disturbance; with little noise this costs far
     more than the missing samples: use `data.complete_parts()` if the parts are long.
 
     Args:
         data: One experiment, or several whose covariances are averaged; any numbers of inputs and outputs.
-        lag: Length of the lag window; by default a tenth of the samples.
+        lag: Length of the lag window; by default a tenth of the samples, 30 at most.
         window: Lag window: 2 lag + 1 values, 1 in the middle, e.g. `np.hamming`, `np.bartlett`,
             `scipy.signal.windows.parzen`. The last two cannot give a negative spectrum; where another one makes
             that of the disturbance negative, it and the covariance are those of the Parzen window of the same lag.
@@ -64,7 +65,7 @@ def spa(
     shortest = min(len(e) for e in experiments)
     if shortest < 2:
         raise SysidError(f"too few samples: {shortest} behind the initialisation window, at least 2 are needed")
-    m = whole_number("lag", max(1, min(samples // 10, shortest - 1)) if lag is None else lag, 1, shortest - 1)
+    m = whole_number("lag", max(1, min(samples // 10, LAG, shortest - 1)) if lag is None else lag, 1, shortest - 1)
     f = (
         np.arange(1, GRID + 1) / GRID * (0.5 / dt)
         if frequencies is None

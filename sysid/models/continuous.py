@@ -1,7 +1,8 @@
 """Conversion between discrete and continuous time."""
 
+import warnings
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import scipy
@@ -10,9 +11,9 @@ from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model
 from sysid.models.state_space import StateSpace
 from sysid.models.zero_pole_gain import ZeroPoleGain, zero_pole_gain
-from sysid.records.arguments import sampling_interval
+from sysid.records.arguments import sampling_interval, shown
 from sysid.records.arrays import ComplexArray
-from sysid.records.errors import SysidError
+from sysid.records.errors import SysidError, SysidWarning
 
 if TYPE_CHECKING:
     import control
@@ -22,13 +23,19 @@ AT_INFINITY = 30.0  # modulus of a zero, times dt, from which exp(s dt) is lost 
 AT_ONE = 1e-9  # distance from z = 1 below which a pole counts as an integrator
 
 
-def d2c(model: StateSpace | Estimate) -> "control.StateSpace":
-    """Convert to the continuous-time system whose zero-order-hold discretisation is `model`.
+Hold = Literal["zoh", "foh"]
 
-    exp([F G; 0 0] dt) = [A B; 0 I], by the principal logarithm: frequencies are taken to lie below Nyquist.
+
+def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "control.StateSpace":
+    """Convert to the continuous-time system of which `model` is the discretisation.
+
+    A = exp(F dt), by the principal logarithm: frequencies are taken to lie below Nyquist. With phi the mean of
+    exp(F s) over 0 <= s <= dt, an input that is held gives B = phi G dt, a linear one phi^2 G dt [Franklin1998].
 
     Args:
-        model: A model or estimate; its noise model is ignored, and its input is taken as held.
+        model: A model or estimate; its noise model is ignored.
+        intersample: Behaviour of the input between samples: held (`zoh`) or linear (`foh`). By default that of the data
+            of an estimate, and held of a model.
 
     Returns:
         A continuous-time python-control system with the names of `model`.
@@ -36,9 +43,18 @@ def d2c(model: StateSpace | Estimate) -> "control.StateSpace":
     Raises:
         SysidError: A pole at zero or on the negative real axis (a delay, or an oscillation at Nyquist): no real
             system of this order has it.
+
+    Warns:
+        SysidWarning: Data whose input is band-limited, which no hold describes: it is taken as held.
     """
     import control
 
+    hold = intersample or (model.data.intersample if isinstance(model, Estimate) else "zoh")
+    if hold == "bl" and intersample is None:
+        text = "the input of the data is band-limited: taken as held, which is exact only far below Nyquist"
+        warnings.warn(f"{text}; intersample='zoh' or 'foh' chooses", SysidWarning, stacklevel=2)
+        hold = "zoh"
+    linear = _is_linear(hold)
     model = as_model(model).input_path()
     poles = model.poles()
     unmatched = poles[_without_match(poles)]
@@ -50,23 +66,31 @@ def d2c(model: StateSpace | Estimate) -> "control.StateSpace":
     n, nu = model.B.shape
     held = np.block([[model.A, model.B], [np.zeros((nu, n)), np.eye(nu)]])
     rates = np.real(scipy.linalg.logm(held)) / model.dt
+    F, G, D = rates[:n, :n], rates[:n, n:], model.D
+    if linear:
+        blocks = np.eye(3 * n, k=n)
+        blocks[:n, :n] = F * model.dt
+        _, phi, ramp = np.split(scipy.linalg.expm(blocks)[:n], 3, axis=1)
+        G = np.linalg.solve(phi, G)
+        D = D - model.C @ ramp @ G * model.dt
     return control.ss(
-        rates[:n, :n],
-        rates[:n, n:],
+        F,
+        G,
         model.C,
-        model.D,
+        D,
         0,
         inputs=list(model.input_names or ()),
         outputs=list(model.output_names or ()),
     )
 
 
-def c2d(system: "control.LTI", dt: float) -> StateSpace:
-    """Discretise a continuous-time system whose input is held between samples.
+def c2d(system: "control.LTI", dt: float, *, intersample: Hold = "zoh") -> StateSpace:
+    """Discretise a continuous-time system whose input is held, or linear, between samples.
 
     Args:
         system: A continuous-time python-control system.
         dt: Sampling interval in s.
+        intersample: Behaviour of the input between samples: held (`zoh`) or linear (`foh`).
 
     Returns:
         The discrete-time model, without noise model.
@@ -76,7 +100,7 @@ def c2d(system: "control.LTI", dt: float) -> StateSpace:
     """
     import control
 
-    dt = sampling_interval(dt)
+    dt, linear = sampling_interval(dt), _is_linear(intersample)
     system = _continuous(system)
     if isinstance(system, control.TransferFunction):
         for numerator, denominator in zip(chain(*system.num), chain(*system.den), strict=True):
@@ -85,7 +109,7 @@ def c2d(system: "control.LTI", dt: float) -> StateSpace:
     if not held.nstates:
         # python-control samples nothing without a state
         return StateSpace(np.zeros((0, 0)), np.zeros((0, held.ninputs)), np.zeros((held.noutputs, 0)), held.D, None, dt)
-    return StateSpace.from_control(control.sample_system(held, dt, method="zoh"))
+    return StateSpace.from_control(control.sample_system(held, dt, method="foh" if linear else "zoh"))
 
 
 def d2c_matched(model: StateSpace | Estimate) -> "control.TransferFunction":
@@ -154,6 +178,12 @@ def c2d_matched(system: "control.LTI", dt: float) -> StateSpace:
     gain = complex(system(2j * np.pi * f)) / unscaled.frequency_response([f])[0]
     scaled = float(np.copysign(abs(gain), gain.real))
     return ZeroPoleGain(unscaled.zeros, unscaled.poles, scaled, dt).to_state_space()
+
+
+def _is_linear(intersample: str) -> bool:
+    if intersample not in ("zoh", "foh"):
+        raise SysidError(f"intersample must be 'zoh' (held) or 'foh' (linear), got {shown(intersample)}")
+    return intersample == "foh"
 
 
 def _continuous(system: "control.LTI") -> "control.LTI":

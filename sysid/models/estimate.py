@@ -60,6 +60,7 @@ class DataSummary:
         input_units: One unit per input.
         output_units: One unit per output.
         names: Name of each experiment.
+        intersample: Behaviour of the inputs between samples, of the first experiment.
     """
 
     samples: tuple[int, ...]
@@ -69,6 +70,7 @@ class DataSummary:
     input_units: tuple[str, ...]
     output_units: tuple[str, ...]
     names: tuple[str, ...]
+    intersample: str = "zoh"
 
     @staticmethod
     def of(experiments: Sequence[IOData]) -> "DataSummary":
@@ -82,6 +84,7 @@ class DataSummary:
             input_units=first.input_units or (),
             output_units=first.output_units or (),
             names=tuple(e.name for e in experiments),
+            intersample=first.intersample,
         )
 
     @property

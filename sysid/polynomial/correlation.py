@@ -8,12 +8,14 @@ import scipy
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
+LARGEST_PRODUCT = 4_000_000  # entries of the products of two spectra, 32 MB
+
 
 def covariance_function(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: int) -> FloatArray:
     """R_xz(tau) = 1/N sum_t x(t + tau) z(t)', tau = -lags..lags [Ljung1999, sec. 6.1].
 
     Division is by the total N at every lag (biased, positive semidefinite). Means are not removed. Products do
-    not cross the boundary of an experiment.
+    not cross the boundary of an experiment. Blocks of samples bound the memory.
 
     Args:
         x: First signal per experiment (N_i, nx).
@@ -24,11 +26,16 @@ def covariance_function(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: 
         Covariances (2 lags + 1, nx, nz), lag zero in the middle.
     """
     total = np.zeros((2 * lags + 1, x[0].shape[1], z[0].shape[1]))
+    length = max(LARGEST_PRODUCT // total[0].size, 4 * lags, 1)
     for xi, zi in zip(x, z, strict=True):
-        size = scipy.fft.next_fast_len(len(xi) + lags + 1, real=True)
-        products = scipy.fft.rfft(xi, size, axis=0)[:, :, None] * scipy.fft.rfft(zi, size, axis=0).conj()[:, None, :]
-        circular = scipy.fft.irfft(products, size, axis=0)
-        total += np.concatenate((circular[size - lags :] if lags else circular[:0], circular[: lags + 1]))
+        for begin in range(0, len(zi), length):
+            first, end = max(begin - lags, 0), min(begin + length, len(zi))
+            around, part = xi[first : end + lags], np.concatenate((np.zeros_like(zi[first:begin]), zi[begin:end]))
+            size = scipy.fft.next_fast_len(len(around) + lags + 1, real=True)
+            spectra = (scipy.fft.rfft(signal, size, axis=0) for signal in (around, part))
+            products = np.einsum("fi,fj->fij", next(spectra), next(spectra).conj())
+            circular = scipy.fft.irfft(products, size, axis=0)
+            total += np.concatenate((circular[size - lags :] if lags else circular[:0], circular[: lags + 1]))
     return total / sum(len(xi) for xi in x)
 
 

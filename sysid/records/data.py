@@ -31,7 +31,8 @@ class IOData(Locked):
         output_names: One name per output; `y1, y2, ...` by default.
         input_units: One unit per input; empty by default.
         output_units: One unit per output; empty by default.
-        intersample: Behaviour of the input between samples: held (`zoh`), linear (`foh`), band-limited (`bl`).
+        intersample: Behaviour of the input between samples: held (`zoh`), linear (`foh`), band-limited (`bl`). A
+            discrete-time estimate does not depend on it; its conversion by `d2c` does.
         window: Number of leading samples that only initialise a model: they enter no cost and no score.
         start: Time of the first sample in s; a slice keeps the time of the whole.
         missing: Whether NaN among the outputs marks samples that were lost; without it NaN is refused. Inputs must be

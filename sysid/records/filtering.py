@@ -58,7 +58,7 @@ def keep_band(data: IOData, low_hz: float = 0.0, high_hz: float = np.inf) -> IOD
         high_hz: Upper edge in Hz, itself kept.
 
     Returns:
-        The filtered record, its input taken as band-limited between samples.
+        The filtered record.
 
     Raises:
         SysidError: Not a record, edges that are no frequencies, no frequency of the record within them, missing
@@ -82,7 +82,7 @@ def keep_band(data: IOData, low_hz: float = 0.0, high_hz: float = np.inf) -> IOD
             dtype=np.float64,
         )
 
-    return replace(data, u=limited(data.u), y=limited(data.y), intersample="bl")
+    return replace(data, u=limited(data.u), y=limited(data.y))
 
 
 def _refuse_gaps(data: IOData, operation: str = "filtered") -> None:

@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 from scipy.signal.windows import parzen
 
 from sysid import FrequencyResponse, IOData, arx, etfe, spa, welch
+from sysid.polynomial import correlation
 from sysid.polynomial.correlation import covariance_function
 from tests.refusals import refused
 
@@ -70,7 +71,7 @@ def test_disturbance_spectrum_is_the_noise():
     """Coloured noise beside a flat response, less the part sum(w^2)/N of it that the response has fitted."""
     u, e = np.random.default_rng(0).standard_normal((2, 12_000))
     f = np.linspace(1, 24, 200)
-    estimate = spa(IOData(u, 2 * u + lfilter([1.0], [1, -0.5], e), 0.02), frequencies=f)
+    estimate = spa(IOData(u, 2 * u + lfilter([1.0], [1, -0.5], e), 0.02), lag=1200, frequencies=f)
     truth = 0.02 / np.abs(1 - 0.5 * np.exp(-2j * np.pi * f * 0.02)) ** 2
     fitted = np.sum(np.hamming(2401) ** 2) / 12_000
     assert np.mean(estimate.noise_spectrum[:, 0, 0].real / truth) == pytest.approx(1 - fitted, rel=0.05)
@@ -98,6 +99,20 @@ def test_experiments_are_averaged_not_joined():
     whole, parts = (welch(d, segment=100, overlap=0.0) for d in (data, [data[100:500], data[500:]]))
     np.testing.assert_allclose(parts.input_spectrum, whole.input_spectrum, rtol=1e-12)
     assert parts.degrees_of_freedom == pytest.approx(14.0)
+
+
+def test_the_default_lag_is_a_tenth_of_the_samples_and_30_at_most():
+    for samples, lag in ((150, 15), (4000, 30)):
+        data = noise(3, samples)
+        np.testing.assert_array_equal(spa(data).response, spa(data, lag=lag).response)
+
+
+@pytest.mark.parametrize("lags", [0, 1, 40])
+def test_covariances_of_blocks_are_those_of_the_record(monkeypatch, lags):
+    x, z = np.random.default_rng(0).standard_normal((2, 1500, 2))
+    whole = covariance_function([x, x[:7]], [z, z[:7]], lags)
+    monkeypatch.setattr(correlation, "LARGEST_PRODUCT", 1)
+    np.testing.assert_allclose(covariance_function([x, x[:7]], [z, z[:7]], lags), whole, atol=1e-12)
 
 
 def test_the_window_is_chosen_and_the_initialisation_window_left_out():
@@ -162,7 +177,7 @@ def magnitudes_covered(estimate, magnitude, keep):
 @pytest.mark.parametrize(
     "estimator",
     [
-        lambda d: spa(d, frequencies=F),
+        lambda d: spa(d, lag=200, frequencies=F),
         lambda d: spa(d, lag=60, frequencies=F),
         lambda d: spa(d, lag=120, window=parzen, frequencies=F),
         lambda d: welch(d, segment=200),
@@ -193,7 +208,7 @@ def test_a_window_that_makes_the_disturbance_negative_still_gives_intervals_that
     covered = []
     for seed in range(20):
         u, e = np.random.default_rng(seed).standard_normal((2, 2000))
-        estimate = spa(IOData(u, lfilter([0.0, 0.0, 0.0, 1.0, 0.5], [1.0, -1.2, 0.5], u) + 0.1 * e, DT))
+        estimate = spa(IOData(u, lfilter([0.0, 0.0, 0.0, 1.0, 0.5], [1.0, -1.2, 0.5], u) + 0.1 * e, DT), lag=200)
         assert np.isfinite(estimate.magnitude_deviation()).all()
         assert estimate.noise_spectrum.real.min() > -1e-9 * np.abs(estimate.output_spectrum).max()
         z = np.exp(-2j * np.pi * estimate.frequencies * DT)
@@ -223,7 +238,7 @@ def test_too_little_smoothing_is_refused_and_a_parametric_response_has_normal_in
     refused("1 independent averages", lambda: welch(data, segment=2000))
     response = arx(data, 1, 1).frequency_response(F)
     assert response.quantile_95 == pytest.approx(1.959964)
-    assert spa(data).quantile_95 == pytest.approx(2.07, abs=0.03)
+    assert spa(data, lag=len(data) // 10).quantile_95 == pytest.approx(2.07, abs=0.03)
     refused("no disturbance spectrum", response.noise_ci95)
 
 

@@ -4,10 +4,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lsim
 
 import sysid
-from sysid import IOData, StateSpace, balred, c2d, d2c, findstates, predict, simulate, transfer_function, zero_pole_gain
+from sysid import (
+    IOData,
+    StateSpace,
+    SysidWarning,
+    balred,
+    c2d,
+    d2c,
+    findstates,
+    predict,
+    simulate,
+    transfer_function,
+    zero_pole_gain,
+)
 from sysid.models import hankel_singular_values
 from sysid.models.continuous import c2d_matched, d2c_matched
 from sysid.models.zero_pole_gain import ZeroPoleGain
@@ -63,6 +75,33 @@ def test_first_order_lag_in_continuous_time_by_hand():
     np.testing.assert_allclose(model.markov(3)[:, 0, 0], [0.0, 1 - a, a * (1 - a)], rtol=1e-10)
     back = d2c(model)
     np.testing.assert_allclose(back.poles(), [-1 / tau], rtol=1e-10)
+
+
+@given(models(channels=1))
+def test_linear_inputs_there_and_back(model):
+    continuous = d2c(model, intersample="foh")
+    t = np.arange(60) * DT
+    u = np.cumsum(np.random.default_rng(0).standard_normal(60))
+    # between the samples lsim takes the input as linear; both start at rest with u(0) = 0
+    _, y, _ = lsim((continuous.A, continuous.B, continuous.C, continuous.D), u - u[0], t)
+    np.testing.assert_allclose(
+        c2d(continuous, DT, intersample="foh").frequency_response(GRID), model.frequency_response(GRID), atol=1e-8
+    )
+    np.testing.assert_allclose(simulate(model, u - u[0])[:, 0], y, atol=1e-8 * max(np.abs(y).max(), 1.0))
+
+
+def test_estimates_know_how_their_input_behaved_between_samples():
+    """A record of a lag of 0.05 s with a linear input gives the lag back; taken as held, half a sample of delay."""
+    u = np.random.default_rng(0).standard_normal(400)
+    lag = c2d(control.tf([1.0], [0.05, 1.0]), DT, intersample="foh")
+    data = IOData(u, simulate(lag, u), DT, intersample="foh")
+    estimate = sysid.oe(data, 2, 1, 0)
+    linear, held = d2c(estimate), d2c(estimate, intersample="zoh")
+    np.testing.assert_allclose((linear.C @ linear.B, linear.D, held.D > 0.1), ([[20.0]], [[0.0]], [[True]]), atol=1e-6)
+    limited = sysid.oe(sysid.resample(data, 2), 2, 1, 0)
+    with pytest.warns(SysidWarning, match="band-limited: taken as held"):
+        d2c(limited)
+    refused("intersample must be 'zoh'", lambda: c2d(control.tf([1.0], [0.05, 1.0]), DT, intersample="bl"))
 
 
 def test_integrators_survive():
