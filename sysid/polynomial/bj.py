@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from sysid.models.estimate import Estimate
+from sysid.models.polynomials import Polynomials
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import bj_initial_estimates
 from sysid.polynomial.orders import make_orders
@@ -18,6 +19,7 @@ def bj(
     nf: int | Sequence[int],
     nk: int | Sequence[int] = 1,
     *,
+    start: Polynomials | None = None,
     max_iterations: int = 100,
     coloured: bool = False,
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
@@ -35,6 +37,8 @@ def bj(
         nd: Degree of D.
         nf: Degree of F, one for all inputs or one per input.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+        start: A further initial estimate, also of a smaller structure, such as the `polynomials` of another estimate;
+            the fit is no worse. Without it, smaller structures are fitted where several minima are likely.
         max_iterations: Limit on the steps of the final minimisation.
         coloured: Whether the covariance allows for prediction errors that are not white, as with too small orders, by
             the "sandwich" formula [Ljung1999, ch. 9]. It is then the spread about the limit of the estimate, which need
@@ -46,7 +50,8 @@ def bj(
         The estimate; parameters b1.., c1.., d1.., f1...
 
     Raises:
-        SysidError: Constant input, several outputs, orders negative or too many for the data.
+        SysidError: Constant input, several outputs, orders negative or too many for the data, a start
+            that does not fit.
 
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, C, D or F at the edge of stability.
@@ -59,6 +64,7 @@ def bj(
         orders,
         orders.select("nb", "nc", "nd", "nf", "nk"),
         bj_initial_estimates,
+        start=start,
         max_iterations=max_iterations,
         coloured=coloured,
         initial_conditions=initial_conditions,

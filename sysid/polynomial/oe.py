@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from sysid.models.estimate import Estimate
+from sysid.models.polynomials import Polynomials
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import oe_initial_estimates
 from sysid.polynomial.orders import make_orders
@@ -16,6 +17,7 @@ def oe(
     nf: int | Sequence[int],
     nk: int | Sequence[int] = 1,
     *,
+    start: Polynomials | None = None,
     max_iterations: int = 100,
     coloured: bool = False,
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
@@ -31,6 +33,8 @@ def oe(
         nb: Number of coefficients of B, one for all inputs or one per input.
         nf: Degree of F, likewise.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+        start: A further initial estimate, also of a smaller structure, such as the `polynomials` of another estimate;
+            the fit is no worse. Without it, smaller structures are fitted where several minima are likely.
         max_iterations: Limit on the steps of the final minimisation.
         coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
             an autoregressive model of it [Ljung1999, ch. 9]. The estimate itself is the same.
@@ -41,7 +45,8 @@ def oe(
         The estimate; parameters b1.., f1...
 
     Raises:
-        SysidError: Constant input, several outputs, orders negative or too many for the data.
+        SysidError: Constant input, several outputs, orders negative or too many for the data, a start
+            that does not fit.
 
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, F at the edge of stability.
@@ -54,6 +59,7 @@ def oe(
         orders,
         orders.select("nb", "nf", "nk"),
         oe_initial_estimates,
+        start=start,
         max_iterations=max_iterations,
         coloured=coloured,
         initial_conditions=initial_conditions,

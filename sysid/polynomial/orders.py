@@ -124,9 +124,14 @@ class Orders:
         """Inverse of `polynomials`: parameters (p,), zero where a polynomial is shorter than its order.
 
         Raises:
-            SysidError: A polynomial is longer than its order.
+            SysidError: A polynomial is longer than its order, other inputs, or a shorter delay.
         """
         rows = [polynomials.channel(j) for j in range(polynomials.nu)]
+        if len(rows) != len(self.nk):
+            raise SysidError(f"expected polynomials of {len(self.nk)} input(s), got {len(rows)}")
+        for j, ((b, _), k) in enumerate(zip(rows, self.nk, strict=True)):
+            if b[:k].any():
+                raise SysidError(f"expected nk = {k} zeros at the beginning of B of input {j + 1}, got {b}")
         return self.join(
             _filled("A", polynomials.A, self.na + 1),
             [_filled("B", b, n + k) for (b, _), n, k in zip(rows, self.nb, self.nk, strict=True)],

@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -164,6 +165,7 @@ def prediction_error_estimate(
     order_values: Mapping[str, Any],
     initial_estimates: Callable[[Sequence[IOData], Orders], Iterable[InitialEstimate]],
     *,
+    start: Polynomials | None,
     max_iterations: int,
     coloured: bool = False,
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
@@ -191,9 +193,14 @@ def prediction_error_estimate(
     messages += check_means(experiments, max(orders.na, *orders.nf))
     check_enough_data(experiments, orders, transients)
     check_room_to_start(experiments, orders)
-    candidates = initial_estimates(completed(experiments, orders) if gaps else experiments, orders)
+    filled = completed(experiments, orders) if gaps else experiments
     result = search(
-        experiments, orders, candidates, max_iterations=max_iterations, initial_conditions=initial_conditions
+        experiments,
+        partial(initial_estimates, filled),
+        orders,
+        start=None if start is None else InitialEstimate("start", orders.parameters(start)),
+        max_iterations=max_iterations,
+        initial_conditions=initial_conditions,
     )
     at = result.best.at
     variance = at.sum_of_squares / (at.errors - orders.count - at.transients)

@@ -5,22 +5,23 @@ and F the unknown initial conditions enter linearly, as a few transient columns.
 projection [GolubPereyra2003]), so that they add no parameters to the search and no bias.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain
 
 import numpy as np
 import scipy
 
-from sysid.models.polynomials import is_stable
 from sysid.polynomial.correlation import autoregression
 from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobian
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.orders import Orders
+from sysid.polynomial.stability_limit import admissible, constrained_step, outward, pulled_in
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
-STABILITY_MARGIN = 1e-7  # least distance of the roots of C, D and F from the unit circle
 CONVERGED = 1e-9  # remaining decrease, relative to the sum of squares
 ROUNDING = 1e-30  # sum of squares, relative to that of the output, that is rounding alone
 
@@ -96,54 +97,50 @@ def minimise(
         if at.cost <= ROUNDING * energy:
             return Minimum(at, iterations, evaluations, True, "errors at rounding level")
         left, values, right = np.linalg.svd(at.triangle)
-        g = left.T @ at.target
         significant = values > 1e-13 * values[0] if len(values) else values > 0
-        if float(g[significant] @ g[significant]) <= CONVERGED * at.cost:
-            return Minimum(at, iterations, evaluations, True, "no decrease left")
+        g = left.T @ at.target
+        rows = np.where(significant, outward(orders, at.theta) / at.scale @ right.T, 0.0)
+
+        predict = partial(_predicted_step, np.where(significant, values, 0.0), g, rows)
+        decrease = predict(0.0)[1]
+        if decrease <= CONVERGED * at.cost:
+            where = " at the edge of stability" if len(rows) else ""
+            return Minimum(at, iterations, evaluations, True, f"no decrease left{where}")
         if at.cost <= good_enough:
             return Minimum(at, iterations, evaluations, False, "good enough")
         if iterations >= max_iterations:
             return Minimum(at, iterations, evaluations, False, f"stopped after {iterations} iterations")
-        accepted = blocked = False
-        while damping < 1e10:
-            weights = np.where(significant, values / (values**2 + damping), 0.0)
-            step = -(right.T @ (weights * g)) / at.scale
-            theta = at.theta + step
+        accepted = False
+        while damping < 1e10 and not accepted:
+            direction, predicted = predict(damping)
+            theta = at.theta + right.T @ direction / at.scale
+            if not admissible(orders, theta) and np.isfinite(theta).all():
+                theta = pulled_in(orders, theta, at.theta)
             if admissible(orders, theta):
                 trial = linearise(experiments, orders, theta, initial_conditions)
                 evaluations += 1
-                if trial.cost < at.cost:
-                    # decrease predicted by the linear model
-                    remaining = g * (1.0 - values * weights)
-                    predicted = float(g @ g - remaining @ remaining)
-                    gain = (at.cost - trial.cost) / predicted if predicted > 0.0 else 0.0
-                    accepted = True
-                    break
-            else:
-                blocked = True
-            damping = max(damping * 10.0, 1e-8)
+                accepted = trial.cost < at.cost
+            if not accepted:
+                damping = max(damping * 10.0, 1e-8)
         if not accepted:
-            decrease = float(g[significant] @ g[significant])
             flat = decrease <= 1e-4 * at.cost or at.cost <= 1e-16 * energy
-            why = "the stability limit blocks the step" if blocked else "no step decreases the errors further"
-            return Minimum(at, iterations, evaluations, flat, why)
-        tiny = at.cost - trial.cost <= 1e-15 * at.cost
+            return Minimum(at, iterations, evaluations, flat, "no step decreases the errors further")
+        achieved, tiny = at.cost - trial.cost, at.cost - trial.cost <= 1e-15 * at.cost
         at = trial
         iterations += 1
-        if gain > 0.75:
+        if achieved > 0.75 * predicted:
             damping /= 30.0
-        elif gain < 0.25:
+        elif achieved < 0.25 * predicted:
             damping = max(damping * 4.0, 1e-8)
         if tiny:
             return Minimum(at, iterations, evaluations, True, "decrease at rounding level")
 
 
-def admissible(orders: Orders, theta: FloatArray) -> bool:
-    """Whether C, D and every F have their roots inside the unit circle."""
-    if not np.isfinite(theta).all():
-        return False
-    _, _, c, d, f = orders.split(theta)
-    return all(is_stable(polynomial, STABILITY_MARGIN) for polynomial in (c, d, *f))
+def _predicted_step(values: FloatArray, g: FloatArray, rows: FloatArray, damping: float) -> tuple[FloatArray, float]:
+    """Damped step in singular directions that keeps roots inside, and the decrease by the linear model."""
+    step = constrained_step(np.where(values > 0.0, values**2 + damping, 1.0), -values * g, rows)
+    remaining = g + values * step
+    return step, float(g @ g - remaining @ remaining)
 
 
 def coloured_information(
@@ -218,6 +215,7 @@ def linearise(
 
 SCREENING_STEPS = 4  # steps from every initial estimate before the best is chosen
 AGREED = 0.1  # N dV/V between two initial estimates that lead to the same minimum
+SHORT = 50.0  # samples per parameter below which the criterion often has several minima
 EASY = 20  # steps to the minimum; more suggest a difficult criterion, for which all initial estimates are tried
 
 
@@ -251,15 +249,21 @@ class Search:
 
 def search(
     experiments: Sequence[IOData],
+    initial_estimates: Callable[[Orders], Iterable[InitialEstimate]],
     orders: Orders,
-    initial_estimates: Iterable[InitialEstimate],
     *,
+    start: InitialEstimate | None = None,
+    smaller_too: bool = True,
     max_iterations: int = 100,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> Search:
-    """Refine initial estimates by a few steps until two agree, then the best to the minimum; if that is slow, all."""
+    """Refine initial estimates by a few steps until two agree, then the best to the minimum; if that is slow, all.
+
+    Where several minima are likely, minima of the next smaller structures, padded with zeros, are further initial
+    estimates: a larger structure never fits worse. A `start` of the caller's replaces these.
+    """
     samples = sum(len(e) for e in experiments)
-    remaining = iter(initial_estimates)
+    remaining = chain([] if start is None else [start], initial_estimates(orders))
     screened: dict[str, Minimum] = {}
 
     def screen(start: InitialEstimate, good_enough: float = 0.0) -> None:
@@ -281,19 +285,45 @@ def search(
             experiments, orders, screening.at, max_iterations=max_iterations, initial_conditions=initial_conditions
         )
 
-    for start in remaining:
+    for one in remaining:
         # a cost that agrees with the best one needs no further steps
         least = min((minimum.at.cost for minimum in screened.values()), default=0.0)
-        screen(start, least * (1.0 + AGREED / samples))
+        screen(one, least * (1.0 + AGREED / samples))
         costs = sorted(minimum.at.cost for minimum in screened.values())
         if len(costs) > 1 and samples * (costs[1] - costs[0]) <= AGREED * costs[0]:
             break
     chosen = min(screened, key=lambda name: screened[name].at.cost)
     best = polish(chosen)
-    if not best.converged or best.iterations > EASY:
-        for start in remaining:
-            screen(start)
-        for name in sorted(screened, key=lambda name: screened[name].at.cost):
-            if name != chosen and (other := polish(name)).at.cost < best.at.cost:
-                best, chosen = other, name
+    others: list[str] = []
+    difficult = not best.converged or best.iterations > EASY
+    if difficult:
+        for one in remaining:
+            screen(one)
+        others = [name for name in screened if name != chosen]
+    if smaller_too and start is None and best.at.cost > 0.0 and (difficult or samples < SHORT * orders.count):
+        for smaller in _next_smaller(orders):
+            found = search(
+                experiments,
+                initial_estimates,
+                smaller,
+                smaller_too=False,
+                max_iterations=EASY,
+                initial_conditions=initial_conditions,
+            )
+            padded = orders.parameters(smaller.polynomials(found.best.at.theta))
+            name = f"padded from {smaller.count} parameters, {found.start}"
+            if found.best.at.cost < best.at.cost:
+                screen(InitialEstimate(name, padded))
+                others.append(name)
+    for name in sorted(others, key=lambda name: screened[name].at.cost):
+        if (other := polish(name)).at.cost < best.at.cost:
+            best, chosen = other, name
     return Search(best, {name: minimum.at.cost for name, minimum in screened.items()}, chosen)
+
+
+def _next_smaller(orders: Orders) -> list[Orders]:
+    """Structures with one degree less, that of B or F for all inputs together."""
+    b, f = tuple(max(n - 1, 1) for n in orders.nb), tuple(max(n - 1, 0) for n in orders.nf)
+    smaller = [replace(orders, nb=b), replace(orders, nf=f)]
+    smaller += [replace(orders, **{name: max(getattr(orders, name) - 1, 0)}) for name in ("na", "nc", "nd")]
+    return [one for one in smaller if one != orders]

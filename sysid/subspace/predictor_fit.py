@@ -13,6 +13,7 @@ import numpy as np
 import scipy
 
 from sysid.polynomial.correlation import autoregression
+from sysid.polynomial.stability_limit import constrained_step
 from sysid.records.arrays import FloatArray
 from sysid.subspace.predictor import STABILITY_MARGIN, Predictor, Record
 from sysid.subspace.predictor_errors import Point, gapped_normal
@@ -60,24 +61,6 @@ def outward(predictor: Predictor, basis: FloatArray, limit: float) -> FloatArray
     changes = basis[: n * n].T.reshape(-1, n, n)
     slopes = np.einsum("pi,qij,jp->pq", left[at], changes, right[:, at])
     return np.asarray((slopes * (poles[at].conj() / np.abs(poles[at]))[:, None]).real, dtype=np.float64)
-
-
-def constrained_step(values: FloatArray, g: FloatArray, rows: FloatArray) -> FloatArray:
-    """Minimise s' diag(values) s / 2 - g' s subject to rows @ s <= 0."""
-    free = g / values
-    if not (rows @ free > 0.0).any():
-        return free
-    # the dual problem: forces f >= 0 of the constraints, s = free - diag(values)^-1 rows' f
-    root = np.sqrt(values)
-    sides = (rows / root).T
-    lengths = np.linalg.norm(sides, axis=0)
-    kept = lengths > 0.0
-    try:
-        forces, _ = scipy.optimize.nnls(sides[:, kept] / lengths[kept], root * free)
-    except RuntimeError:
-        # not converged: the caller moves poles beyond the limit back
-        return free
-    return np.asarray(free - (sides[:, kept] / lengths[kept]) @ forces / root)
 
 
 CONVERGED = 1e-8  # remaining decrease, relative to the sum of squares

@@ -191,17 +191,25 @@ def structure_scan(
     others = () if validation is None else as_experiments(validation)
     fits: list[tuple[tuple[Order, ...], Estimate]] = []
     failed = []
+    wanted: list[tuple[Order, ...]] = []
     for orders in candidates:
         if not isinstance(orders, Sequence | tuple):
             raise SysidError(f"expected a tuple of the orders {', '.join(names)} per candidate, got {orders!r}")
-        candidate = tuple(orders)
-        if len(candidate) != len(names):
-            raise SysidError(f"expected the orders {', '.join(names)}, got {candidate}")
+        if len(orders) != len(names):
+            raise SysidError(f"expected the orders {', '.join(names)}, got {tuple(orders)}")
+        wanted.append(tuple(orders))
+    chained = "start" in inspect.signature(estimator).parameters
+    for candidate in sorted(wanted, key=lambda one: int(np.sum(np.hstack(one)))) if chained else wanted:
+        options: dict[str, object] = dict(zip(names, candidate, strict=True))
+        smaller = [estimate for other, estimate in fits if chained and _nested(names, other, candidate)]
+        if smaller:
+            # the minimum of a smaller structure is a cheap initial estimate that the larger one cannot fit worse
+            options["start"] = min(smaller, key=lambda estimate: estimate.loss).polynomials
         try:
             with warnings.catch_warnings():
                 # candidates that are too large give many warnings; a later fit of the chosen one repeats its own
                 warnings.simplefilter("ignore", SysidWarning)
-                fits.append((candidate, estimator(data, **dict(zip(names, candidate, strict=True)))))
+                fits.append((candidate, estimator(data, **options)))
         except SysidError as error:
             failed.append((candidate, str(error)))
     start = max((estimate.model.order for _, estimate in fits), default=0)
@@ -282,6 +290,12 @@ def choose_orders(
         if tried.index(tuple(best.values())) + patience < count:  # type: ignore[arg-type]
             break
     return best
+
+
+def _nested(names: Sequence[str], small: tuple[Order, ...], large: tuple[Order, ...]) -> bool:
+    """Whether a structure contains another one with the same delays."""
+    pairs = zip(names, small, large, strict=True)
+    return all(np.all(np.equal(a, b) if name == "nk" else np.less_equal(a, b)) for name, a, b in pairs)
 
 
 def _check_names(estimator: Callable[..., Estimate], names: Sequence[str]) -> None:
