@@ -54,6 +54,19 @@ def test_without_gain_it_is_an_output_error_model(p2):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [8, 14, 18])
+def test_clean_data_of_higher_order_are_fitted_as_well_as_by_armax(seed):
+    rng = np.random.default_rng(seed)
+    A = np.diag(rng.uniform(0.3, 0.999, 5))
+    truth = StateSpace(A, rng.standard_normal((5, 1)), rng.standard_normal((1, 5)), np.zeros((1, 1)), None, 1.0)
+    u = np.repeat(rng.standard_normal(40), 50)
+    data = IOData(u, simulate(truth, u[:, None]) + 1e-4 * rng.standard_normal((2000, 1)), 1.0)
+    estimate, expected = pem_ss(data, n4sid(data, 3, stable=True)), armax(data, 3, 4, 3, 0)
+    assert estimate.diagnostics["converged"]
+    assert np.mean(estimate.residuals**2) <= 1.02 * np.mean(expected.residuals**2)
+
+
+@pytest.mark.slow
 def test_efficient_and_covered():
     """Responses scatter as their covariances say, in several outputs too."""
     f = np.array([0.5, 3.0, 15.0])
