@@ -104,8 +104,8 @@ class Estimate(Locked):
         parameter_names: One name per parameter.
         covariance: Of the parameters (p, p); NaN where the method does not know it (`n4sid`).
         noise_variance: Unbiased covariance of the innovation (ny, ny).
-        residuals: One-step prediction errors of `model` on its own data, the initial state fitted, (N, ny); experiments
-            one after the other.
+        residuals: One-step prediction errors of `model` on its own data, the initial state fitted, or zero if the fit
+            took it as zero, (N, ny); experiments one after the other.
         method: Name of the estimator.
         orders: Orders given to the estimator.
         diagnostics: Condition number, iterations, convergence, initial estimates, `warnings` (a tuple of texts), and

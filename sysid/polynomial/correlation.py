@@ -67,23 +67,33 @@ def covariance_with_gaps(x: Sequence[FloatArray], z: Sequence[FloatArray], lags:
 GRID = 8192  # frequencies of the spectrum: correlations of slow models must decay within half of them
 
 
-def autoregression(e: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+def autoregression(e: FloatArray, order: int, *, select: bool = False) -> tuple[FloatArray, FloatArray]:
     """Autoregressive model of a signal by the Yule-Walker equations, and the correlations of that model.
 
     Unlike sample correlations these decay smoothly, so that sums over lags do not accumulate noise.
 
     Args:
-        e: Signal with zero mean (N,).
+        e: Signal with zero mean (N,); NaN marks missing samples.
         order: Number of coefficients.
+        select: Whether to take fewer coefficients where BIC prefers them [Schwarz1978].
 
     Returns:
         The whitening filter 1, a1, ..., (order + 1,), whose inverse is stable, and normalised correlations at lags
         0, 1, ... (k,).
     """
-    r = covariance_function([e[:, None]], [e[:, None]], order)[order:, 0, 0]
+    covariances = covariance_with_gaps if np.isnan(e).any() else covariance_function
+    r = covariances([e[:, None]], [e[:, None]], order)[order:, 0, 0]
     # keeps the equations regular for a signal of a few sinusoids, or one that grows
     r[0] *= 1.0 + 1e-9
-    whitener = np.concatenate(([1.0], -scipy.linalg.solve_toeplitz(r[:-1], r[1:])))
+    if covariances is covariance_with_gaps:
+        # the smallest white part that makes them those of a signal
+        r[0] += max(-1.01 * float(np.linalg.eigvalsh(scipy.linalg.toeplitz(r))[0]), 0.0)
+    if select:
+        # variances of the one-step errors of all orders
+        variances = np.diag(np.linalg.cholesky(scipy.linalg.toeplitz(r))) ** 2
+        order = int(np.argmin(np.log(variances) + np.arange(order + 1) * np.log(len(e)) / len(e)))
+    solution = scipy.linalg.solve_toeplitz(r[:order], r[1 : order + 1]) if order else np.zeros(0)
+    whitener = np.concatenate(([1.0], -solution))
     spectrum = 1.0 / np.abs(scipy.fft.rfft(whitener, GRID)) ** 2
     correlations = scipy.fft.irfft(spectrum)[: min(len(e), GRID // 2)]
     return whitener, correlations / correlations[0]

@@ -19,13 +19,13 @@ def oe(
     *,
     start: Polynomials | None = None,
     max_iterations: int = 100,
-    coloured: bool = False,
+    coloured: bool = True,
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, sec. 4.2, ch. 10].
 
     F stays stable at every step; by default the unknown initial conditions of each experiment are projected out. The
-    covariance holds for a white disturbance, unless `coloured` is set.
+    covariance holds for a disturbance of any colour that is independent of the input.
 
     Args:
         data: One experiment, or several that share the model. With missing outputs, the likelihood of the known ones is
@@ -37,7 +37,11 @@ def oe(
             the fit is no worse. Without it, smaller structures are fitted where several minima are likely.
         max_iterations: Limit on the steps of the final minimisation.
         coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
-            an autoregressive model of it [Ljung1999, ch. 9]. The estimate itself is the same.
+            an autoregressive model of it whose order BIC selects [Ljung1999, ch. 9]. The estimate itself is the same.
+            Of a second-order path with an input held 10 samples, beside a disturbance of 20 dB less power, intervals of
+            95 % cover, without and with it, 0.93 and 0.93 if it is white and 0.64 and 0.80 if its pole is 0.9, from 100
+            samples; 0.94, 0.94, 0.74 and 0.93 from 250; 0.94, 0.94, 0.77 and 0.95 from 1,000; the same with a tenth of
+            the outputs missing but for 0.90 at 250. It takes a tenth more time.
         initial_conditions: Assumption about the time before each experiment, or its name ("zero", "backcast"); by
             default none, and free initial conditions are estimated.
 
@@ -51,7 +55,7 @@ def oe(
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, F at the edge of stability.
     """
-    experiments = as_experiments(data, missing=not coloured)
+    experiments = as_experiments(data, missing=True)
     orders = make_orders(experiments[0].nu, nb=nb, nf=nf, nk=nk)
     return prediction_error_estimate(
         "oe",

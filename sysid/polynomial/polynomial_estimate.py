@@ -55,8 +55,9 @@ def make_estimate(
     variance: float,
     diagnostics: Mapping[str, Any],
     messages: Sequence[str],
+    at_rest: bool = False,
 ) -> Estimate:
-    """Assemble the estimate: model, polynomials, residuals of the model on its own data."""
+    """Assemble the estimate: model, polynomials, residuals on its own data, their initial state fitted or at rest."""
     summary = DataSummary.of(experiments)
     realise = Realise(orders, summary, variance)
     model = realise(theta)
@@ -71,7 +72,9 @@ def make_estimate(
     with warnings.catch_warnings():
         # the estimator has already refused or reported an unstable predictor
         warnings.simplefilter("ignore", SysidWarning)
-        errors = np.concatenate([residuals(model, e) for e in experiments])
+        errors = np.concatenate(
+            [residuals(model, e, x0=np.zeros(model.order) if at_rest else None) for e in experiments]
+        )
     return Estimate(
         model=model,
         polynomials=orders.polynomials(theta),
@@ -213,7 +216,7 @@ def prediction_error_estimate(
         if orders.na == orders.nc == orders.nd == 0:
             half = covariance / variance
             information = coloured_information(
-                experiments, orders, at.theta, min(COLOUR, at.errors // 20), initial_conditions
+                experiments, orders, at.theta, min(COLOUR, at.errors // 20), variance, initial_conditions
             )
             covariance = half @ information @ half
         else:
@@ -248,6 +251,7 @@ def prediction_error_estimate(
             "initial_conditions": at.transients,
         },
         messages=messages,
+        at_rest=initial_conditions is InitialConditions.ZERO,
     )
 
 

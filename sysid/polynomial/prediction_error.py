@@ -148,20 +148,28 @@ def coloured_information(
     orders: Orders,
     theta: FloatArray,
     order: int,
+    variance: float,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> FloatArray:
-    """J' R J (p, p) with the covariance R of errors that are independent of the input but not white.
+    """J' R J (p, p) with the covariance R of output errors that are independent of the input but not white.
 
-    R is that of an autoregressive model of the errors: J is filtered by the model [Ljung1999, ch. 9].
+    R is that of an autoregressive model of the errors with their variance, of the order up to `order` that BIC prefers,
+    which is 0 for white ones: J is filtered by the model [Ljung1999, ch. 9]. Missing outputs have rows of zeros.
     """
-    parts = [error_jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
-    errors = np.concatenate([part[:, -1] for part in parts])
-    whitener, _ = autoregression(errors, order)
+    jacobian = gapped_error_jacobian if any(not e.complete for e in experiments) else error_jacobian
+    parts = [jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
+    errors = np.concatenate(
+        [
+            np.where(e.known[len(e) - len(part) :, 0], part[:, -1], np.nan)
+            for e, part in zip(experiments, parts, strict=True)
+        ]
+    )
+    whitener, correlations = autoregression(errors, order, select=True)
     total = np.zeros((orders.count,) * 2)
     for part in parts:
         filtered = scipy.signal.lfilter([1.0], whitener, part[:, :-1], axis=0)
         total += filtered.T @ filtered
-    return total * float(np.mean(scipy.signal.lfilter(whitener, [1.0], errors) ** 2))
+    return total * variance * float(whitener @ correlations[: len(whitener)])
 
 
 def scores(
