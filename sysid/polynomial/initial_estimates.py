@@ -30,7 +30,7 @@ def completed(experiments: Sequence[IOData], orders: Orders) -> tuple[IOData, ..
     if all(e.complete for e in experiments):
         return tuple(experiments)
     n = long_arx_order(experiments, orders, 3)
-    filled = tuple(replace(e, y=_interpolated(e), missing=False) for e in experiments)
+    filled = tuple(replace(e, y=interpolated(e), missing=False) for e in experiments)
     for _ in range(FILL_ROUNDS):
         model = long_arx_family(filled, orders, n).model(n)
         update = tuple(_conditional_mean(model, e, f) for e, f in zip(experiments, filled, strict=True))
@@ -42,10 +42,12 @@ def completed(experiments: Sequence[IOData], orders: Orders) -> tuple[IOData, ..
     return filled
 
 
-def _interpolated(experiment: IOData) -> FloatArray:
-    known = experiment.known[:, 0]
+def interpolated(experiment: IOData) -> FloatArray:
+    """Outputs with straight lines across their gaps (N, ny)."""
     times = np.arange(len(experiment))
-    return np.interp(times, times[known], experiment.y[known, 0])
+    return np.column_stack(
+        [np.interp(times, times[k], y[k]) for y, k in zip(experiment.y.T, experiment.known.T, strict=True)]
+    )
 
 
 def _conditional_mean(model: LongArx, experiment: IOData, filled: IOData) -> IOData:

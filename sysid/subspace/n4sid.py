@@ -15,6 +15,7 @@ from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
+from sysid.subspace.gaps import estimate_with_gaps
 from sysid.subspace.predictor import (
     STABILITY_MARGIN,
     Predictor,
@@ -201,7 +202,8 @@ def n4sid(
     local minimum; the estimate is consistent, not efficient: `pem_ss` refines it.
 
     Args:
-        data: One experiment, or several that share the model; any numbers of inputs and outputs.
+        data: One experiment, or several that share the model; any numbers of inputs and outputs. Missing outputs are
+            filled by their conditional means under the model, in several rounds.
         order: Number of states, 60 at most.
         block_rows: Samples of past, and of future; by default 2.5 times the order, at least 10. If the model of this
             horizon is slow, a quarter of its slowest time constant, up to three times as many. Short data allow fewer.
@@ -221,7 +223,13 @@ def n4sid(
         SysidWarning: Poor excitation, means that do not fit the dynamics, an order beyond the rank of the data, an
             unstable model.
     """
-    experiments = as_experiments(data)
+    experiments = as_experiments(data, missing=True)
+    if not all(e.complete for e in experiments):
+
+        def fit(filled: Sequence[IOData], gain: bool) -> Estimate:
+            return n4sid(filled, order, block_rows=block_rows, direct=direct, gain=gain, stable=stable)
+
+        return estimate_with_gaps(fit, experiments, truth_value("gain", gain))
     nu, ny = experiments[0].nu, experiments[0].ny
     order = whole_number("order", order, 1, LARGEST_ORDER)
     direct, gain, stable = (

@@ -91,7 +91,7 @@ def pem_ss(
 
     Args:
         data: One experiment, or several that share the model; any numbers of inputs and outputs. With missing outputs,
-            the likelihood of the known ones is maximised; `okid`, `armax` and others give a start.
+            the likelihood of the known ones is maximised; `n4sid`, `armax` and others give a start.
         start: Initial estimate by `n4sid`, `okid` or any other method, or a model; or several of one order.
         direct: Whether D is estimated; otherwise it is zero.
         gain: Whether K is estimated; otherwise it is zero.

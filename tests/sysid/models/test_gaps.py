@@ -124,13 +124,31 @@ def test_covariances_average_known_products():
     np.testing.assert_allclose(covf(opened).values, covf(whole).values, rtol=1e-12)
 
 
+@pytest.mark.parametrize("lost", [0.02, 0.3])
+def test_scattered_losses_leave_a_subspace_start(lost):
+    """Parts without gaps have a few samples; the start is about as good as that of the whole record."""
+    f = np.linspace(0.05, 4.5, 30)
+    truth = MODEL.frequency_response(f)
+
+    def error(estimate):
+        return np.linalg.norm(estimate.model.frequency_response(f) - truth) / np.linalg.norm(truth)
+
+    data = record(1, 1000, lost=lost)
+    start, whole = sysid.n4sid(data, 2), sysid.n4sid(record(1, 1000, lost=0.0), 2)
+    assert error(start) < error(whole) + 0.02
+    assert start.noise_variance[0, 0] == pytest.approx(1.0, abs=0.15)
+    np.testing.assert_array_equal(np.isnan(start.residuals), np.isnan(data.y))
+    assert sysid.pem_ss(data, start).diagnostics["converged"]
+    without = sysid.n4sid(data, 2, gain=False)
+    assert not without.model.gain.any()
+    assert error(without) < 0.15
+
+
 @pytest.mark.parametrize(
     "identify",
     [
         lambda d: sysid.armax(d, 2, 2, 2, coloured=True),
-        lambda d: sysid.oe(d, 2, 2, coloured=True),
         lambda d: sysid.pem_ss(d, MODEL, gain=False, coloured=True),
-        lambda d: sysid.n4sid(d, 2),
         lambda d: sysid.etfe(d),
         lambda d: sysid.welch(d, segment=20),
         lambda d: sysid.cra(d, lags=4),
