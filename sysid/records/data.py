@@ -37,8 +37,8 @@ class IOData(Locked):
         start: Time of the first sample in s; a slice keeps the time of the whole.
         missing: Whether NaN among the outputs marks samples that were lost; without it NaN is refused. Inputs must be
             complete. `oe`, `armax`, `bj`, `n4sid` and `pem_ss` use every known output; `arx`, `iv4` and `okid` omit
-            equations with a missing one; `spa`, `covf`, `predict`, `residuals` and `compare` accept such records too. All other
-            functions refuse them and accept their `complete_parts()`.
+            equations with a missing one; `spa`, `covf`, `predict`, `residuals` and `compare` accept such records too.
+            All other functions refuse them and accept their `complete_parts()`.
         name: Name of the experiment.
 
     Raises:
