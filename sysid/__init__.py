@@ -8,7 +8,18 @@ import importlib
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from sysid.frequency import BestLinearApproximation, bla, covf, cra, delayest, etfe, spa, welch
+from sysid.frequency import (
+    BestLinearApproximation,
+    bla,
+    covf,
+    cra,
+    delayest,
+    etfe,
+    merge,
+    spa,
+    spafdr,
+    welch,
+)
 from sysid.models import (
     Bandwidth,
     Estimate,
@@ -86,6 +97,7 @@ __all__ = [
     "identifiability",
     "iv4",
     "keep_band",
+    "merge",
     "n4sid",
     "oe",
     "okid",
@@ -105,6 +117,7 @@ __all__ = [
     "selstruc",
     "simulate",
     "spa",
+    "spafdr",
     "split_delay",
     "structure_scan",
     "transfer_function",

@@ -267,10 +267,7 @@ def _estimates(study: Comparison, joint: str) -> dict[str, FrequencyResponse]:
 
 
 def _up_to(response: FrequencyResponse, hz: float) -> FrequencyResponse:
-    mask = np.isfinite(response.response[:, 0, 0]) & (response.frequencies <= hz + 1e-9)
-    power = None if response.input_spectrum is None else response.input_spectrum[mask]
-    lines, values = response.frequencies[mask], response.response[mask]
-    return FrequencyResponse(lines, values, response.dt, response.method, input_spectrum=power)
+    return response.select(np.isfinite(response.response[:, 0, 0]) & (response.frequencies <= hz + 1e-9))
 
 
 def _powered(study: Comparison, test: int) -> list[float]:

@@ -1,6 +1,7 @@
 """Charts over frequency and in the z plane: responses, spectra, poles and zeros, coupling."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -94,11 +95,8 @@ def well_known(response: FrequencyResponse) -> FrequencyResponse:
     if covariance is None:
         return response
     spread = np.sqrt(np.trace(covariance[:, 0, 0], axis1=1, axis2=2))
-    return _part(response, (spread < 0.2 * response.magnitude[:, 0, 0]) & (response.frequencies <= SAMPLE_RATE / 4))
-
-
-def _part(response: FrequencyResponse, kept: np.ndarray) -> FrequencyResponse:
-    return FrequencyResponse(response.frequencies[kept], response.response[kept], response.dt, response.method)
+    kept = (spread < 0.2 * response.magnitude[:, 0, 0]) & (response.frequencies <= SAMPLE_RATE / 4)
+    return replace(response.select(kept), covariance=None)
 
 
 @chart_of({"Joint": joints}, height=230)
@@ -109,6 +107,7 @@ def transfer_function(study: Comparison, entry: JointResult) -> tuple[Panel, ...
     if spectrum is None:
         return ()
     binary, known = estimates.repeated[PRBS], well_known(entry.spa)
+    excited = replace(spectrum.select(excited_lines(spectrum)), covariance=None)
     least = WEAK * np.median(binary.input[binary.frequencies <= FASTEST_DRAWN])
     strong = np.interp(known.frequencies, binary.frequencies, binary.input) >= least
     curves: list[Curve] = [("two sines, Hamming window", spectrum, Style(PALETTE["spa"].colour, "-", 0.8))]
@@ -116,9 +115,9 @@ def transfer_function(study: Comparison, entry: JointResult) -> tuple[Panel, ...
         curves.append(("Parzen window", estimates.positive, Style("#6b6b00", "-", 0.9)))
     marks: list[Curve] = [
         ("truth", entry.truth.model, PALETTE["truth"]),
-        ("where the input has power", _part(spectrum, excited_lines(spectrum)), points("spa", "v")),
+        ("where the input has power", excited, points("spa", "v")),
         ("from repetition", estimates.repeated[SINES].reliable_response(), points("oe", "^")),
-        ("strong PRBS lines", _part(known, strong), points("armax", ".")),
+        ("strong PRBS lines", known.select(strong), points("armax", ".")),
     ]
     limits = (0.1, FASTEST_DRAWN)
     gains, phases = [_gain(*curve) for curve in (*curves, *marks)], [_phase(*curve, entry) for curve in marks]

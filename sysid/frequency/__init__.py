@@ -5,7 +5,9 @@ from sysid.frequency.covf import CovarianceFunction, covf
 from sysid.frequency.cra import ImpulseResponse, cra
 from sysid.frequency.delayest import DelayEstimate, delayest
 from sysid.frequency.etfe import etfe
+from sysid.frequency.merge import merge
 from sysid.frequency.spa import spa
+from sysid.frequency.spafdr import spafdr
 from sysid.frequency.welch import welch
 
 __all__ = [
@@ -18,6 +20,8 @@ __all__ = [
     "cra",
     "delayest",
     "etfe",
+    "merge",
     "spa",
+    "spafdr",
     "welch",
 ]

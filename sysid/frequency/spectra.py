@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid.models.frequency_response import FrequencyResponse
+from sysid.models.frequency_response import FrequencyResponse, complex_covariance
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
@@ -19,7 +19,7 @@ def response_of_spectra(
     phi_y: ComplexArray,
     phi_yu: ComplexArray,
     *,
-    averages: float,
+    averages: float | FloatArray,
     weights: FloatArray | None = None,
 ) -> FrequencyResponse:
     """G = Phi_yu Phi_u^-1, disturbance Phi_v = Phi_y - Phi_yu Phi_u^-1 Phi_uy, coherence, covariance.
@@ -34,7 +34,8 @@ def response_of_spectra(
         phi_u: Input spectrum (nf, nu, nu).
         phi_y: Output spectrum (nf, ny, ny).
         phi_yu: Cross spectrum (nf, ny, nu).
-        averages: K; intervals use Student's distribution with 2 (K - nu) degrees of freedom.
+        averages: K, for all frequencies or for each (nf,); intervals use Student's distribution with the smallest
+            2 (K - nu) degrees of freedom.
         weights: K per frequency (nf,) for the variance, if the lines of the input differ in power.
 
     Raises:
@@ -42,9 +43,10 @@ def response_of_spectra(
     """
     first = experiments[0]
     nu = phi_u.shape[1]
-    if averages <= nu:
+    count = np.broadcast_to(averages, f.shape)
+    if count.min() <= nu:
         raise SysidError(
-            f"the smoothing amounts to {averages:.3g} independent averages, with {nu} input(s) more than {nu} are "
+            f"the smoothing amounts to {count.min():.3g} independent averages, with {nu} input(s) more than {nu} are "
             "needed: use a shorter lag window, shorter segments, or more neighbours"
         )
     power = np.einsum("fjj->fj", phi_u).real
@@ -64,9 +66,10 @@ def response_of_spectra(
     noise = np.einsum("fii->fi", phi_v).real
     output_power = np.maximum(np.einsum("fii->fi", phi_y).real, np.finfo(float).tiny)
     # the window leaks into nulls of the input; a negative noise power there means that nothing is determined
-    noise = np.where(noise < -1e-9 * output_power, np.nan, np.maximum(noise, 0.0)) * averages / (averages - nu)
+    noise = np.where(noise < -1e-9 * output_power, np.nan, np.maximum(noise, 0.0))
+    noise = noise * count[:, None] / (count - nu)[:, None]
     gain = np.maximum(np.einsum("fjj->fj", inverse).real, 0.0)
-    effective = np.full(len(f), averages) if weights is None else weights
+    effective = count if weights is None else weights
     variance = noise[:, :, None] * gain[:, None, :] / effective[:, None, None]
     products = output_power[:, :, None] * np.maximum(power, 0.0)[:, None, :]
     significant = products > 1e-24 * products.max()
@@ -85,16 +88,9 @@ def response_of_spectra(
         input_spectrum=phi_u,
         output_spectrum=phi_y,
         cross_spectrum=phi_yu,
-        degrees_of_freedom=2.0 * (averages - nu),
+        degrees_of_freedom=2.0 * (float(count.min()) - nu),
+        # K averages of a record of T seconds smooth over K / T Hz
+        resolution=effective / (sum(len(e) for e in experiments) * first.dt),
         input_names=first.input_names or (),
         output_names=first.output_names or (),
     )
-
-
-def complex_covariance(variance: FloatArray, f: FloatArray, dt: float) -> FloatArray:
-    """Half of the variance in each part; twice the variance in the real part at 0 and Nyquist, where G is real."""
-    out = np.zeros((*variance.shape, 2, 2))
-    real = (f == 0.0) | np.isclose(f, 0.5 / dt)
-    out[..., 0, 0] = np.where(real[:, None, None], 2.0, 0.5) * variance
-    out[..., 1, 1] = np.where(real[:, None, None], 0.0, 0.5) * variance
-    return out

@@ -1,15 +1,32 @@
 """Frequency responses with their uncertainty, from any method."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
-from sysid.records.arrays import ComplexArray, FloatArray, Locked
+from sysid.records.arguments import real_number, sampling_interval
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array
+from sysid.records.channels import channel_indices, channel_labels
 from sysid.records.errors import SysidError
 
 NORMAL_95 = 1.959963984540054
+AXES = {
+    **{name: "fyu" for name in ("response", "coherence", "cross_spectrum")},
+    **{name: "fyy" for name in ("noise_spectrum", "output_spectrum")},
+    **{
+        "frequencies": "f",
+        "resolution": "f",
+        "input_spectrum": "fuu",
+        "covariance": "fyupp",
+        "joint_covariance": "fee",
+    },
+}
+"""Axes of the arrays: frequency, output, input, part (real, imaginary), entry of the response (output by output)."""
+
 FAR = 20.0  # standard deviations from zero beyond which the Rice distribution is normal
 
 
@@ -22,7 +39,7 @@ class FrequencyResponse(Locked):
     Attributes:
         frequencies: Hz, ascending (nf,).
         response: Complex response (nf, ny, nu); NaN where the data do not determine it.
-        dt: Sampling interval in s.
+        dt: Sampling interval in s; 0 in continuous time.
         method: Name of the estimator.
         covariance: Of (real part, imaginary part) of every entry (nf, ny, nu, 2, 2), NaN where the response is; None
             where the method has none.
@@ -31,6 +48,10 @@ class FrequencyResponse(Locked):
         input_spectrum: Phi_u (nf, nu, nu), unit^2/Hz.
         output_spectrum: Phi_y (nf, ny, ny), unit^2/Hz.
         cross_spectrum: Phi_yu (nf, ny, nu).
+        joint_covariance: Circular covariance of all entries, row by row (nf, ny nu, ny nu); where it is None, entries
+            depend on each other as the spectra imply, or are independent.
+        resolution: Hz over which errors of neighbouring frequencies depend on each other, by smoothing (nf,); None
+            where frequencies are independent.
         degrees_of_freedom: Of the variance behind `covariance` and `noise_spectrum`; None for a parametric model, whose
             intervals are those of the normal distribution.
         input_names: One name per input.
@@ -48,6 +69,8 @@ class FrequencyResponse(Locked):
     output_spectrum: ComplexArray | None = None
     cross_spectrum: ComplexArray | None = None
     degrees_of_freedom: float | None = None
+    joint_covariance: ComplexArray | None = field(default=None, kw_only=True)
+    resolution: FloatArray | None = field(default=None, kw_only=True)
     input_names: tuple[str, ...] = field(default=(), kw_only=True)
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
 
@@ -57,27 +80,151 @@ class FrequencyResponse(Locked):
         if self.response.ndim != 3 or len(self.response) != nf:
             raise SysidError(f"response: expected shape ({nf}, ny, nu), got {self.response.shape}")
         _, ny, nu = self.response.shape
-        shapes = {
-            "covariance": (nf, ny, nu, 2, 2),
-            "coherence": (nf, ny, nu),
-            "noise_spectrum": (nf, ny, ny),
-            "input_spectrum": (nf, nu, nu),
-            "output_spectrum": (nf, ny, ny),
-            "cross_spectrum": (nf, ny, nu),
-        }
-        for attribute, shape in shapes.items():
-            value = getattr(self, attribute)
+        sizes = {"f": nf, "y": ny, "u": nu, "p": 2, "e": ny * nu}
+        for attribute, axes in AXES.items():
+            value, shape = getattr(self, attribute), tuple(sizes[axis] for axis in axes)
             if value is not None and value.shape != shape:
                 raise SysidError(f"{attribute}: expected shape {shape}, got {value.shape}")
         object.__setattr__(self, "frequencies", np.asarray(self.frequencies, dtype=float))
         object.__setattr__(self, "response", np.asarray(self.response, dtype=complex))
         super().__post_init__()
 
+    @staticmethod
+    def from_data(
+        hz: ArrayLike,
+        response: ArrayLike,
+        *,
+        dt: float = 0.0,
+        variance: ArrayLike | None = None,
+        covariance: ArrayLike | None = None,
+        coherence: ArrayLike | None = None,
+        averages: float | None = None,
+        input_names: Sequence[str] | None = None,
+        output_names: Sequence[str] | None = None,
+    ) -> "FrequencyResponse":
+        """A response that was measured elsewhere, as by an analyser, with at most one statement of its uncertainty.
+
+        Args:
+            hz: Frequencies in Hz, ascending (nf,).
+            response: Complex response (nf, ny, nu), or (nf,) for one input and one output.
+            dt: Sampling interval in s; 0 in continuous time.
+            variance: Mean of |error|^2 of every entry, shape as `response`.
+            covariance: Of all entries, row by row, E e e* (nf, ny nu, ny nu).
+            coherence: With one input, shape as `response`; the variance is |G|^2 (1 - c) / (c (averages - 1)).
+            averages: Number of independent averages behind `coherence`.
+            input_names: One name per input.
+            output_names: One name per output.
+
+        Raises:
+            SysidError: Wrong shapes, NaN, frequencies that do not ascend or pass Nyquist, negative variances.
+        """
+        f, values = np.atleast_1d(real_array("hz", hz)), np.atleast_1d(_complex_array("response", response))
+        values = values[:, None, None] if values.ndim == 1 else values
+        if f.ndim != 1 or values.ndim != 3 or len(f) != len(values) or not values.size:
+            raise SysidError(f"expected hz (nf,) and response (nf, ny, nu), got {f.shape} and {values.shape}")
+        dt = sampling_interval(dt) if dt else 0.0
+        if f[0] < 0.0 or (np.diff(f) <= 0.0).any() or (dt and f[-1] > 0.5 / dt * (1.0 + 1e-9)):
+            limit = f" up to Nyquist, {0.5 / dt:g} Hz" if dt else ""
+            raise SysidError(f"hz: expected ascending frequencies from 0{limit}, got {f[0]:g} to {f[-1]:g} Hz")
+        if sum(one is not None for one in (variance, covariance, coherence)) > 1:
+            raise SysidError("expected one of variance, covariance and coherence, got several")
+        joint, freedom = None, None
+        if coherence is not None:
+            count = real_number("averages", averages, "be a number above 1", lambda k: 1.0 < k < np.inf)
+            c = np.reshape(real_array("coherence", coherence), values.shape)
+            if values.shape[2] > 1 or (c <= 0.0).any() or (c > 1.0).any():
+                raise SysidError("coherence: expected values above 0 and up to 1 of one input; else pass a covariance")
+            variance, freedom = np.abs(values) ** 2 * (1.0 - c) / (c * (count - 1.0)), 2.0 * (count - 1.0)
+        if covariance is not None:
+            joint = _complex_array("covariance", covariance)
+            size = values[0].size
+            if joint.shape != (len(f), size, size) or not np.allclose(joint, joint.conj().transpose(0, 2, 1)):
+                raise SysidError(f"covariance: expected Hermitian ({len(f)}, {size}, {size}), got {joint.shape}")
+            variance = np.einsum("fee->fe", joint).real
+        if variance is not None:
+            try:
+                variance = np.reshape(real_array("variance", variance), values.shape)
+            except ValueError as error:
+                raise SysidError(f"variance: expected shape {values.shape}, got {np.shape(variance)}") from error
+            if (variance < 0.0).any():
+                raise SysidError("variance: expected values >= 0, got negative ones")
+        _, ny, nu = values.shape
+        return FrequencyResponse(
+            f,
+            values,
+            dt,
+            "data",
+            None if variance is None else complex_covariance(variance, f, dt, doubled=coherence is not None),
+            degrees_of_freedom=freedom,
+            joint_covariance=joint,
+            input_names=channel_labels("input_names", input_names, _default_names("u", nu)),
+            output_names=channel_labels("output_names", output_names, _default_names("y", ny)),
+        )
+
+    def select(
+        self,
+        kept: ArrayLike | slice | None = None,
+        *,
+        inputs: Sequence[int | str] | None = None,
+        outputs: Sequence[int | str] | None = None,
+    ) -> "FrequencyResponse":
+        """Return some frequencies, inputs and outputs, with all that is known of them.
+
+        Args:
+            kept: Mask (nf,), indices or slice of the frequencies; all by default.
+            inputs: Inputs by name or index; all by default.
+            outputs: Outputs by name or index; all by default.
+
+        Raises:
+            SysidError: A mask of another length, an index or a channel that does not exist.
+        """
+        nf, ny, nu = self.response.shape
+        names = self.input_names or _default_names("u", nu), self.output_names or _default_names("y", ny)
+        u, y = channel_indices("input", inputs, names[0]), channel_indices("output", outputs, names[1])
+        try:
+            f = np.arange(nf)[slice(None) if kept is None else kept if isinstance(kept, slice) else np.asarray(kept)]
+        except IndexError as error:
+            raise SysidError(f"kept: expected a mask of {nf} frequencies or indices below {nf}") from error
+        index = {"f": f, "y": y, "u": u, "p": range(2), "e": [i * nu + j for i in y for j in u]}
+        parts: dict[str, Any] = {
+            attribute: value[np.ix_(*(index[axis] for axis in axes))]
+            for attribute, axes in AXES.items()
+            if (value := getattr(self, attribute)) is not None
+        }
+        labels: dict[str, Any] = {
+            "input_names": tuple(names[0][j] for j in u),
+            "output_names": tuple(names[1][i] for i in y),
+        }
+        return replace(self, **parts, **labels)
+
     def determined(self) -> "FrequencyResponse":
         """Return the response at the frequencies at which the data determine all of it."""
-        kept = np.isfinite(self.response).all(axis=(1, 2))
-        parts: dict[str, Any] = {name: one[kept] for name, one in vars(self).items() if isinstance(one, np.ndarray)}
-        return replace(self, **parts)
+        return self.select(np.isfinite(self.response).all(axis=(1, 2)))
+
+    def full_covariance(self) -> FloatArray:
+        """Covariance of real and imaginary part of all entries, entry by entry (nf, 2 ny nu, 2 ny nu).
+
+        Errors of a nonparametric estimate depend on each other as E e_ij e_kl* = Phi_v,ik (Phi_u^-1)_lj / K.
+
+        Raises:
+            SysidError: The method gave no covariance.
+        """
+        if self.covariance is None:
+            raise SysidError(f"{self.method} gives no covariance of its frequency response")
+        nf, ny, nu = self.response.shape
+        joint = self.joint_covariance
+        if joint is None and self.noise_spectrum is not None and self.input_spectrum is not None:
+            inverse = np.linalg.pinv(self.input_spectrum, hermitian=True)
+            joint = np.einsum("fik,flj->fijkl", self.noise_spectrum, inverse).reshape(nf, ny * nu, ny * nu)
+        correlation = np.broadcast_to(np.eye(ny * nu), (nf, ny * nu, ny * nu))
+        if joint is not None:
+            size = np.sqrt(np.maximum(np.einsum("fee->fe", joint).real, np.finfo(float).tiny))
+            correlation = joint / size[:, :, None] / size[:, None, :]
+        parts = np.array([[correlation.real, -correlation.imag], [correlation.imag, correlation.real]])
+        values, vectors = np.linalg.eigh(self.covariance.reshape(nf, ny * nu, 2, 2))
+        root = np.einsum("fepk,fek,feqk->fepq", vectors, np.sqrt(np.maximum(values, 0.0)), vectors)
+        full = np.einsum("fapi,ijfab,fbqj->fapbq", root, parts, root)
+        return np.asarray(full.reshape(nf, 2 * ny * nu, 2 * ny * nu))
 
     @property
     def magnitude(self) -> FloatArray:
@@ -183,3 +330,25 @@ def _rice_interval(ratio: FloatArray, dimensions: int) -> tuple[FloatArray, Floa
         for least, probability in ((0.1, 0.975), (1.0, 0.025))
     )
     return low, high
+
+
+def complex_covariance(variance: FloatArray, f: FloatArray, dt: float, *, doubled: bool = True) -> FloatArray:
+    """Half of the variance in each part (..., 2, 2); all of it in the real part at 0 and Nyquist, where G is real.
+
+    A spectral estimate has half as many averages there, so that its variance is `doubled`.
+    """
+    out = np.zeros((*variance.shape, 2, 2))
+    real = (f == 0.0) | np.isclose(f, 0.5 / dt if dt else np.inf)
+    out[..., 0, 0] = np.where(real[:, None, None], 2.0 if doubled else 1.0, 0.5) * variance
+    out[..., 1, 1] = np.where(real[:, None, None], 0.0, 0.5) * variance
+    return out
+
+
+def _complex_array(name: str, value: ArrayLike) -> ComplexArray:
+    """Convert to complex; refuse what `real_array` refuses, NaN and infinite parts."""
+    raw = np.asarray(value)
+    return np.asarray(real_array(name, raw.real) + 1j * real_array(name, raw.imag))
+
+
+def _default_names(letter: str, count: int) -> tuple[str, ...]:
+    return tuple(f"{letter}{i + 1}" for i in range(count))
