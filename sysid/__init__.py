@@ -50,10 +50,12 @@ from sysid.records import (
 from sysid.recursive import RecursiveEstimate, rarmax, rarx, roe
 from sysid.subspace import era, era_dc, n4sid, okid, pem_ss
 from sysid.validation import (
+    FeedbackTest,
     ModelFit,
     ResidualTest,
     compare,
     cross_validate,
+    feedback,
     identifiability,
     resid,
     selstruc,
@@ -67,6 +69,7 @@ __all__ = [
     "Bandwidth",
     "BestLinearApproximation",
     "Estimate",
+    "FeedbackTest",
     "FrequencyResponse",
     "IOData",
     "InitialConditions",
@@ -93,6 +96,7 @@ __all__ = [
     "era",
     "era_dc",
     "etfe",
+    "feedback",
     "findstates",
     "identifiability",
     "iv4",

@@ -16,8 +16,10 @@ from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
+from sysid.validation.feedback import feedback
 
 IntArray = NDArray[np.int_]
+FEEDBACK = 1e-4  # p-value below which feedback is certain enough for a warning
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,7 +74,8 @@ def delayest(
         SysidError: Constant input, orders or level out of range, too little data.
 
     Warns:
-        SysidWarning: Dependent inputs.
+        SysidWarning: Dependent inputs; feedback, beside which the correlation method means nothing, and the ARX method
+            holds only if the feedback has a delay.
     """
     experiments = tuple(e.detrend() for e in as_experiments(data))
     nu, ny = experiments[0].nu, experiments[0].ny
@@ -106,6 +109,11 @@ def delayest(
             rejected = np.flatnonzero(p_values[:, i, j] < 1.0 - level)
             by_arx[i, j] = rejected[0] if len(rejected) else -1
 
+    for i, j in np.argwhere(_feedback_p(experiments, largest + nb) < FEEDBACK):
+        names = (experiments[0].output_names or ())[i], (experiments[0].input_names or ())[j]
+        text = f"input {names[1]} depends on past values of output {names[0]} (feedback): the delay by correlation"
+        text += " means nothing, that by ARX holds only if the feedback has a delay"
+        warnings.warn(text, SysidWarning, stacklevel=2)
     correlations, bound = np.empty((largest + 1, ny, nu)), np.empty((ny, nu))
     z = float(scipy.stats.norm.ppf(1.0 - 0.5 * (1.0 - level) / (largest + 1)))
     for j in range(nu):
@@ -126,6 +134,14 @@ def delayest(
         correlations=correlations,
         bound=bound,
     )
+
+
+def _feedback_p(experiments: Sequence[IOData], lags: int) -> FloatArray:
+    """p-values of feedback (ny, nu); NaN if the data are too few to test."""
+    try:
+        return feedback(experiments, lags=lags).p_values
+    except SysidError:
+        return np.full((experiments[0].ny, experiments[0].nu), np.nan)
 
 
 def _leading_lags(triangle: FloatArray, first: int, count: int, freedom: int) -> FloatArray:

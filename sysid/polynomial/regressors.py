@@ -11,20 +11,22 @@ import numpy as np
 from sysid.records.arrays import FloatArray
 
 
-def lagged(signal: FloatArray, lags: range, start: int) -> FloatArray:
-    """Columns signal(t - lag), lag by lag, for t = start, ..., N-1.
+def lagged(signal: FloatArray, lags: range, start: int, ahead: int = 0) -> FloatArray:
+    """Columns signal(t - lag), lag by lag, for t = start, ..., N - 1 - ahead.
 
     Args:
         signal: One channel (N,).
-        lags: Consecutive lags, none negative and none above `start`.
+        lags: Consecutive lags, none below `-ahead` and none above `start`.
         start: Time of the first row.
+        ahead: Samples that are left out at the end, for negative lags.
 
     Returns:
-        Matrix (N - start, len(lags)), Fortran order (columns are contiguous).
+        Matrix (N - start - ahead, len(lags)), Fortran order (columns are contiguous).
     """
-    out = np.empty((len(signal) - start, len(lags)), order="F")
+    end = len(signal) - ahead
+    out = np.empty((end - start, len(lags)), order="F")
     for k, lag in enumerate(lags):
-        out[:, k] = signal[start - lag : len(signal) - lag]
+        out[:, k] = signal[start - lag : end - lag]
     return out
 
 

@@ -3,6 +3,7 @@
 from sysid.validation.compare import ModelFit, compare, fit_percent
 from sysid.validation.cramer_rao import CramerRaoBound, cramer_rao_bound
 from sysid.validation.cross_validation import CrossValidation, cross_validate
+from sysid.validation.feedback import FeedbackTest, feedback
 from sysid.validation.identifiability import Identifiability, identifiability
 from sysid.validation.input_independence import InputIndependence, input_independence
 from sysid.validation.resid import ResidualTest, resid
@@ -12,6 +13,7 @@ from sysid.validation.structure_scan import StructureTable, choose_orders, struc
 __all__ = [
     "CramerRaoBound",
     "CrossValidation",
+    "FeedbackTest",
     "Identifiability",
     "InputIndependence",
     "ModelFit",
@@ -21,6 +23,7 @@ __all__ = [
     "compare",
     "cramer_rao_bound",
     "cross_validate",
+    "feedback",
     "fit_percent",
     "identifiability",
     "input_independence",

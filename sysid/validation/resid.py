@@ -8,15 +8,16 @@ import scipy
 from numpy.typing import NDArray
 
 from sysid.models.estimate import Estimate
-from sysid.models.predict import residuals
+from sysid.models.predict import aligned, as_model, channels_in, residuals
+from sysid.models.recursion import kalman_filter
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.correlation import autoregression, covariance_function
-from sysid.polynomial.least_squares import solve
 from sysid.polynomial.regressors import lagged
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import ROUNDING, IOData, as_experiments
 from sysid.records.errors import SysidError
+from sysid.validation.feedback import addition_p
 
 
 def whiteness_p(correlations: FloatArray, counts: NDArray[np.int_]) -> FloatArray:
@@ -51,8 +52,10 @@ def whiteness_p(correlations: FloatArray, counts: NDArray[np.int_]) -> FloatArra
     return np.asarray(scipy.stats.f.sf(statistic / h * second / (second - 2.0), h, second), dtype=np.float64)
 
 
-def independence_p(e: Sequence[FloatArray], u: Sequence[FloatArray], lags: int) -> float:
-    """p-value of "e does not depend on u(t), u(t - 1), ..., u(t - lags)".
+def independence_p(
+    e: Sequence[FloatArray], u: Sequence[FloatArray], lags: int, *, first: int = 0, future: bool = False
+) -> float:
+    """p-value of "e does not depend on u(t - first), ..., u(t - lags)", or with `future` on later inputs beside those.
 
     Both are filtered by the whitener of e; then an F test of the regression of e on the lags of u, which is exact for
     white Gaussian e, however short the record and whatever the input. Directions without power are dropped.
@@ -60,30 +63,27 @@ def independence_p(e: Sequence[FloatArray], u: Sequence[FloatArray], lags: int) 
     Args:
         e: Residuals per experiment (N_i,), zero mean.
         u: Input per experiment (N_i,), zero mean.
-        lags: Largest lag; less than half of the shortest experiment.
+        lags: Largest lag, on both sides; less than half of the shortest experiment.
+        first: First lag at which a model may depend on the input.
+        future: Whether to test for feedback.
     """
     samples = sum(len(part) for part in e)
     order = max(1, min(lags, samples // 20, min(len(part) for part in e) // 8))
     whitener, _ = autoregression(np.concatenate(e), order)
-    start = order + lags
+    start, ahead = order + lags, lags if future else 0
+    usable = [pair for pair in zip(e, u, strict=True) if len(pair[0]) > start + ahead]
     # at least half of the samples must remain as degrees of freedom
-    reach = min(lags, sum(len(part) - start for part in e) // 2 - 1)
+    rows = sum(len(part) - start - ahead for part, _ in usable)
+    reach = min(lags, rows // (4 if future else 2) - 1)
+    if reach < first:
+        return float("nan")
     phi, target = [], []
-    for errors, inputs in zip(e, u, strict=True):
-        phi.append(lagged(scipy.signal.lfilter(whitener, [1.0], inputs), range(reach + 1), start))
-        target.append(scipy.signal.lfilter(whitener, [1.0], errors)[start:])
-    columns, y = np.vstack(phi), np.concatenate(target)
-    columns = columns - columns.mean(axis=0)
-    y = y - y.mean()
-    fit = solve(columns, y[:, None])
-    freedom = len(y) - fit.rank - 1
-    if fit.rank < 1 or freedom < 1:
-        return np.nan
-    residual = float(fit.residual_gram[0, 0])
-    explained = max(float(y @ y) - residual, 0.0)
-    return float(
-        scipy.stats.f.sf(explained / fit.rank * freedom / max(residual, np.finfo(float).tiny), fit.rank, freedom)
-    )
+    for errors, inputs in usable:
+        filtered, white = (scipy.signal.lfilter(whitener, [1.0], signal) for signal in (inputs, errors))
+        phi.append(lagged(filtered, range(-reach if future else first, reach + 1), start, ahead))
+        target.append(white[start : len(white) - ahead])
+    columns, tested = np.vstack(phi), reach + first if future else reach + 1 - first
+    return addition_p(columns[:, :tested], columns[:, tested:], np.concatenate(target))
 
 
 BoolArray = NDArray[np.bool_]
@@ -108,9 +108,12 @@ class ResidualTest(Locked):
         whiteness_p: p-value per output (ny,) of N sum r(tau)^2, tau = 1..lags (Ljung and Box's form, with its exact
             variance).
         independence_p: p-value per pair (ny, nu) of the regression of the whitened residual on the input's lags
-            0..lags.
+            first..lags; the first is 1 on a path without direct term (nk >= 1), otherwise 0.
         outside_whiteness: Number of lags 1..lags outside the bound, per output (ny,).
-        outside_independence: Number of lags 0..lags outside the bound, per pair (ny, nu).
+        outside_independence: Number of lags first..lags outside the bound, per pair (ny, nu).
+        first_lags: First tested lag of the input, per pair (ny, nu).
+        feedback_p: p-value per pair (ny, nu) of the lags -lags..first - 1 added to that regression: the test for
+            feedback, or for a direct term that the model lacks.
         output_names: One name per output.
         input_names: One name per input.
     """
@@ -127,6 +130,8 @@ class ResidualTest(Locked):
     independence_p: FloatArray
     outside_whiteness: NDArray[np.int_]
     outside_independence: NDArray[np.int_]
+    first_lags: NDArray[np.int_]
+    feedback_p: FloatArray
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
     input_names: tuple[str, ...] = field(default=(), kw_only=True)
 
@@ -144,9 +149,14 @@ class ResidualTest(Locked):
         ]
         lines += [
             f"  {outputs[i]} and {inputs[j]}: {'independent' if self.independent[i, j] else 'not independent'} "
-            f"(p = {self.independence_p[i, j]:.3g}, {self.outside_independence[i, j]} of {last + 1} lags outside)"
+            f"(p = {self.independence_p[i, j]:.3g}, {self.outside_independence[i, j]} of "
+            f"{last + 1 - self.first_lags[i, j]} lags outside)"
             for i in range(ny)
             for j in range(nu)
+        ]
+        lines += [
+            f"  {outputs[i]} to {inputs[j]}: feedback (p = {self.feedback_p[i, j]:.3g})"
+            for i, j in np.argwhere(self.feedback)
         ]
         return "\n".join(lines)
 
@@ -161,6 +171,11 @@ class ResidualTest(Locked):
         return np.asarray(self.independence_p >= 1.0 - self.level)
 
     @property
+    def feedback(self) -> BoolArray:
+        """Whether the residual shows in later inputs at the level, per pair (ny, nu); no part of `passed`."""
+        return np.asarray(self.feedback_p < 1.0 - self.level)
+
+    @property
     def passed(self) -> bool:
         """Whether every output is white and every pair independent."""
         return bool(self.white.all() and self.independent.all())
@@ -173,7 +188,10 @@ def resid(
 
     Under the null hypothesis r_e(tau) ~ N(0, 1/N), and r_eu(tau) is normal with variance sum_k r_e(k) r_u(k) / N
     [Ljung1999, sec. 16.6]. Means are removed first. On the data of the fit the tests are conservative, since the
-    parameters take degrees of freedom.
+    parameters take degrees of freedom. Missing residuals count as zero, and those after a gap by their variance.
+
+    The residuals of an unstable predictor (A - K C has an eigenvalue beyond 1) grow without bound, whatever the data:
+    they fail every test. Without K, the tests are of the simulation.
 
     Args:
         estimate: The estimate, or the model itself.
@@ -189,18 +207,21 @@ def resid(
             zero.
     """
     level = confidence_level(level)
-    experiments = as_experiments(data)
+    experiments, model = as_experiments(data, missing=True), as_model(estimate)
     parts = [residuals(estimate, e)[e.window :] for e in experiments]
     errors = np.concatenate(parts)
     first = experiments[0]
     shortest = min(len(part) for part in parts)
     lags = whole_number("lags", lags, 1, shortest // 2 - 1)
     n, (ny, nu) = len(errors), (first.ny, first.nu)
-    largest = float(np.abs(errors).max())
-    if not np.isfinite(largest) or largest <= 1e-14 * max(np.abs(e.y).max() for e in experiments):
-        raise SysidError("the residuals are zero or not finite: there is nothing to test")
+    known = np.concatenate([x.known[x.window :] for x in experiments])
+    if not np.isfinite(errors[known]).all():
+        raise SysidError("the residuals overflow, as those of an unstable predictor do (A - K C has poles beyond 1)")
+    largest = float(np.abs(errors[known]).max(initial=0.0))
+    if largest <= 1e-14 * max(np.nanmax(np.abs(e.y)) for e in experiments):
+        raise SysidError("the residuals are zero: there is nothing to test")
     # residuals of an unstable predictor may overflow when squared
-    e = [part / largest - part.mean(axis=0) / largest for part in parts]
+    e = [_weighted(model, x, part / largest) for x, part in zip(experiments, parts, strict=True)]
     v = [x.u[x.window :] - x.u[x.window :].mean(axis=0) for x in experiments]
     e_size, v_size = (np.sqrt(np.mean(np.concatenate(s) ** 2, axis=0)) for s in (e, v))
     if (e_size <= 1e-14).any():
@@ -213,9 +234,12 @@ def resid(
     cross = covariance_function(e, v, lags) / (e_size[:, None] * v_size)
     z = float(scipy.stats.norm.ppf(0.5 + 0.5 * level))
     single = np.einsum("kii->ki", auto)[1:]
-    counts = np.array([sum(len(part) - k for part in parts) for k in range(lags + 1)])
+    masks = [x.known[x.window :] for x in experiments]
+    counts = np.array([sum((m[k:] & m[: len(m) - k]).sum(axis=0) for m in masks) for k in range(lags + 1)])
 
-    bound, p_cross = np.empty((ny, nu)), np.empty((ny, nu))
+    bound, p_cross, p_feedback = (np.empty((ny, nu)) for _ in range(3))
+    in_model = channels_in(model, first)
+    first_lags = (model.D[np.ix_(in_model[1], in_model[0])] == 0.0).astype(int)
     for i in range(ny):
         own = [part[:, i] for part in e]
         _, r_e = autoregression(np.concatenate(own), lags)
@@ -226,8 +250,12 @@ def resid(
             # the exact sum is positive, as the integral of a spectrum; with sample correlations it may not be
             variance = max(r_u[0] * r_e[0] + 2.0 * float(r_u[1:] @ r_e[1 : reach + 1]), 1.0 / n)
             bound[i, j] = z * np.sqrt(variance / n)
-            p_cross[i, j] = independence_p(own, [part[:, 0] for part in inputs], int(lags))
-    outside = (np.abs(cross[lags:]) > bound).sum(axis=0)
+            pair, earliest = (own, [part[:, 0] for part in inputs], int(lags)), int(first_lags[i, j])
+            p_cross[i, j] = independence_p(*pair, first=earliest)
+            p_feedback[i, j] = independence_p(*pair, first=earliest, future=True)
+    outside = np.abs(cross[lags:]) > bound
+    outside[0] &= first_lags == 0
+    smallest = float(counts[0].min())
     return ResidualTest(
         residuals=errors,
         lags=np.arange(lags + 1),
@@ -235,12 +263,25 @@ def resid(
         cross_lags=np.arange(-lags, lags + 1),
         cross_correlation=cross,
         level=level,
-        whiteness_bound=z / float(np.sqrt(n)),
+        whiteness_bound=z / float(np.sqrt(smallest)),
         independence_bound=bound,
-        whiteness_p=whiteness_p(single, counts),
+        whiteness_p=np.concatenate([whiteness_p(single[:, [i]], counts[:, i]) for i in range(ny)]),
         independence_p=p_cross,
-        outside_whiteness=(np.abs(single) > z / np.sqrt(n)).sum(axis=0),
-        outside_independence=outside,
+        outside_whiteness=(np.abs(single) > z / np.sqrt(smallest)).sum(axis=0),
+        outside_independence=outside.sum(axis=0),
+        first_lags=first_lags,
+        feedback_p=p_feedback,
         output_names=first.output_names or (),
         input_names=first.input_names or (),
     )
+
+
+def _weighted(model: StateSpace, experiment: IOData, errors: FloatArray) -> FloatArray:
+    """Errors of equal variance and zero mean after the window, zero where an output is missing."""
+    if not experiment.complete:
+        if model.order and model.gain.any():
+            # after a gap the prediction has a larger variance
+            weights = kalman_filter(aligned(model, experiment), experiment, np.zeros(model.order))[1]
+            errors = errors * (weights / weights.max(axis=0))[experiment.window :]
+        return np.nan_to_num(errors - np.nanmean(errors, axis=0), nan=0.0)
+    return np.asarray(errors - errors.mean(axis=0))

@@ -155,7 +155,6 @@ def test_scattered_losses_leave_a_subspace_start(lost):
         lambda d: sysid.delayest(d, largest=2, na=2, nb=2),
         lambda d: sysid.selstruc(d, 2, 2),
         lambda d: sysid.bla(d, 20),
-        lambda d: sysid.resid(MODEL, d, lags=5),
         lambda d: sysid.rarx(d, 2, 2),
     ],
 )

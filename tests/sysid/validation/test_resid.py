@@ -18,7 +18,7 @@ def test_true_model_is_rejected_at_the_nominal_rate(p3):
     assert 8 <= sum(not t.white[0] for t in tests) <= 33
     assert 8 <= sum(not t.independent[0, 0] for t in tests) <= 33
     assert np.mean([t.outside_whiteness[0] / 25 for t in tests]) == pytest.approx(0.1, abs=0.015)
-    assert np.mean([t.outside_independence[0, 0] / 26 for t in tests]) == pytest.approx(0.1, abs=0.02)
+    assert np.mean([t.outside_independence[0, 0] / 25 for t in tests]) == pytest.approx(0.1, abs=0.02)
 
 
 def test_independence_keeps_its_size_with_coloured_residuals():

@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from sysid import IOData, armax, delayest, feedback, resid
+from tests.refusals import refused
+
+
+def loop(seed, gain, samples=600):
+    """y(t) = 0.7 y(t-1) + u(t-1) + e(t) + 0.3 e(t-1), u(t) = r(t) - gain y(t-1), r of first order."""
+    r, e = np.random.default_rng(seed).standard_normal((2, samples))
+    r, y, u = lfilter([1.0], [1, -0.8], r), np.zeros(samples), np.zeros(samples)
+    for t in range(1, samples):
+        y[t] = 0.7 * y[t - 1] + u[t - 1] + e[t] + 0.3 * e[t - 1]
+        u[t] = r[t] - gain * y[t - 1]
+    return IOData(u, y, 0.1)
+
+
+def test_an_open_loop_is_rejected_at_the_nominal_rate():
+    p = [feedback(loop(seed, 0.0), lags=8).p_values[0, 0] for seed in range(300)]
+    assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.035)
+    assert np.mean(p) == pytest.approx(0.5, abs=0.06)
+
+
+def test_a_loop_is_seen_in_data_and_residuals_and_by_delayest():
+    data = loop(0, 0.4, 2000)
+    test, model = feedback(data), armax(data, 1, 1, 1)
+    assert test.feedback.all()
+    assert "from y1 to u1: feedback" in str(test)
+    checked = resid(model, data)
+    assert checked.feedback.all()
+    assert checked.passed
+    assert "y1 to u1: feedback" in str(checked)
+    with pytest.warns(match="depends on past values of output y1"):
+        delayest(data)
+    assert not feedback(loop(1, 0.0, 2000)).feedback.any()
+
+
+def test_what_cannot_be_told_is_not_claimed():
+    u = np.sin(0.5 * np.arange(400))
+    assert np.isnan(feedback(IOData(u, loop(0, 0.0, 400).y, 0.1)).p_values).all()
+    refused("too little data", lambda: feedback(loop(0, 0.0)[:60]))
+
+
+def test_residuals_with_gaps_keep_the_size_of_the_tests():
+    white, independent = [], []
+    for seed in range(120):
+        data = loop(seed, 0.0, 500)
+        y = np.where(np.random.default_rng(seed).random((500, 1)) < 0.2, np.nan, data.y)
+        test = resid(MODEL, IOData(data.u, y, 0.1, missing=True), level=0.9, lags=10)
+        white.append(test.white[0])
+        independent.append(test.independent[0, 0])
+    assert np.mean(white) == pytest.approx(0.9, abs=0.07)
+    assert np.mean(independent) == pytest.approx(0.9, abs=0.07)
+
+
+MODEL = armax(loop(1000, 0.0, 50_000), 1, 1, 1).model
