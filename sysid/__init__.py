@@ -8,6 +8,7 @@ import importlib
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from sysid.design import InputDesign, InputSignal, design_input, idinput
 from sysid.frequency import (
     BestLinearApproximation,
     bla,
@@ -73,6 +74,8 @@ __all__ = [
     "FrequencyResponse",
     "IOData",
     "InitialConditions",
+    "InputDesign",
+    "InputSignal",
     "ModelFit",
     "Polynomials",
     "RecursiveEstimate",
@@ -93,12 +96,14 @@ __all__ = [
     "cross_validate",
     "d2c",
     "delayest",
+    "design_input",
     "era",
     "era_dc",
     "etfe",
     "feedback",
     "findstates",
     "identifiability",
+    "idinput",
     "iv4",
     "keep_band",
     "merge",

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.signal import max_len_seq
 
 import sysid
 from hmtb_twin import IDEAL, JOINTS, STUDIED_JOINTS, linearize, load_arm, simulate
@@ -14,6 +13,7 @@ from scenarios.experiments.campaign import Condition
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import SUFFICIENT
 from scenarios.thesis.attribution import scaled
+from sysid.design import maximum_length_sequence
 from tests.hmtb_twin.conftest import BinaryTest
 
 SEEDS = range(1, 21)
@@ -29,8 +29,8 @@ class SmallSignal(BinaryTest):
     """A long binary sequence of 1 mrad, rich down to the lowest frequencies, on an arm without friction and noise."""
 
     def volts(self) -> np.ndarray:
-        bits = 2.0 * max_len_seq(11)[0] - 1.0
-        return 0.015 * np.resize(np.repeat(bits, 4), (round(50 * self.duration), 1))
+        period = maximum_length_sequence(4 * (2**11 - 1), 11, clock=4)
+        return 0.015 * np.resize(period, (round(50 * self.duration), 1))
 
 
 @pytest.fixture(scope="module")

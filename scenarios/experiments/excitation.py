@@ -8,17 +8,15 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
-from scipy.signal import max_len_seq
 
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.waveform import POINTS, WINDOW, Waveform, check_seed, points
 from scenarios.files.errors import ScenarioError
+from sysid.design import idinput, sum_of_sines
+from sysid.design.idinput import LONGEST_REGISTER, shortest_register
 
 TIME = np.arange(POINTS) / SAMPLE_RATE
 """Times of the points at the default update rate (100,), s."""
-
-LONGEST_REGISTER = 32
-"""Bits of the longest register that `scipy.signal.max_len_seq` has taps for."""
 
 
 def sine(*, frequency: float, amplitude: float = 1.0) -> Waveform:
@@ -120,9 +118,7 @@ def multisine(
         chosen &= lines % 2 == 1
     if not chosen.any() or f_max >= SAMPLE_RATE / 2:
         raise ScenarioError(f"no line of a multisine in {f_min} to {f_max} Hz; expected 0.5 to 24.5 Hz")
-    spectrum = np.zeros(POINTS // 2 + 1, dtype=complex)
-    spectrum[lines[chosen]] = np.exp(2j * np.pi * np.random.default_rng(seed).random(int(chosen.sum())))
-    points = np.fft.irfft(spectrum, POINTS)
+    points = sum_of_sines(POINTS, lines[chosen], np.random.default_rng(seed).random(int(chosen.sum())))
     # Scaled by its peak, not by its power: the peak is what the converter limits.
     parameters = {"f_min": f_min, "f_max": f_max, "amplitude": amplitude, "odd": odd, "seed": seed}
     return Waveform(amplitude * points / np.abs(points).max(), "multisine", parameters)
@@ -152,18 +148,13 @@ def prbs(*, amplitude: float = 1.0, clock: int = 2, seed: int = 0, register: int
     # Three bits are the period of the shortest register: fewer may all be equal.
     if not 1 <= clock <= POINTS // 3:
         raise ScenarioError(f"clock must be 1 to {POINTS // 3} samples per bit, given {clock}")
-    bits = -(-POINTS // clock)
-    shortest = max(2, int(np.ceil(np.log2(bits + 1))))
+    shortest = shortest_register(POINTS, clock)
     if register and not shortest <= register <= LONGEST_REGISTER:
         raise ScenarioError(
             f"register must be {shortest} to {LONGEST_REGISTER} bits at {clock} samples per bit, or 0 for the "
             f"shortest, given {register}"
         )
-    state = np.random.default_rng(seed).integers(0, 2, register or shortest)
-    if not state.any():
-        state[0] = 1  # a register of zeros never leaves zero
-    sequence, _ = max_len_seq(len(state), state=state, length=bits)
-    points = amplitude * np.repeat(2.0 * sequence - 1.0, clock)[:POINTS]
+    points = amplitude * idinput(POINTS, "prbs", clock=clock, register=register or shortest, seed=seed).u[:, 0]
     parameters = {"amplitude": amplitude, "clock": clock, "seed": seed}
     return Waveform(points, "prbs", {**parameters, "register": register} if register else parameters)
 

@@ -11,6 +11,7 @@ from hmtb_twin.parameters.values import LARGE_MOTION, OPERATING_POSE, SAMPLE_RAT
 from scenarios.experiments.waveform import LONGEST, check_seed
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError
+from sysid.design import sum_of_sines
 
 GROUP = 4
 """Size of the groups of odd lines of which one, drawn at random, stays silent in an odd-random grid."""
@@ -115,10 +116,9 @@ class Multisines:
         axis_phases = rng.random((axes, len(lines)))
         record_phases = rng.random((axes, len(lines)))
         turns = axis_phases + record_phases[record] + (record * np.arange(axes)[:, None]) / axes
-        spectrum = np.zeros((self.samples // 2 + 1, axes), dtype=complex)
         # Every line carries an equal part of the mean square: |X_k|^2 = rms^2 N^2 / (2 L) in numpy's scaling.
-        spectrum[lines] = (self.rms * self.samples / np.sqrt(2.0 * len(lines))) * np.exp(2j * np.pi * turns).T
-        return np.tile(np.fft.irfft(spectrum, self.samples, axis=0), (self.settling + self.periods, 1))
+        height = self.rms * self.samples / np.sqrt(2.0 * len(lines))
+        return np.tile(sum_of_sines(self.samples, lines, turns.T, height), (self.settling + self.periods, 1))
 
 
 MODE = "single_joint"

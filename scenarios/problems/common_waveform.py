@@ -5,8 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from scenarios.problems.linear_problem import BURN_IN, LinearProblem, binary_sequence, noise_variance
+from scenarios.problems.linear_problem import BITS, BURN_IN, LinearProblem, noise_variance
 from sysid import IOData, Polynomials, StateSpace, oe
+from sysid.design import maximum_length_sequence
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.validation import CramerRaoBound
 from sysid.validation.cramer_rao import signals_from_rest
@@ -84,6 +85,6 @@ def shared(plain: str, name: str, samples: int | None) -> LinearProblem:
 
 def _inputs(samples: int) -> FloatArray:
     """(BURN_IN + samples, 2)."""
-    common = binary_sequence(samples + BURN_IN, HOLD)
-    own = binary_sequence(samples + BURN_IN, HOLD, OTHER_BITS)
+    common = maximum_length_sequence(samples + BURN_IN, BITS, clock=HOLD)
+    own = maximum_length_sequence(samples + BURN_IN, OTHER_BITS, clock=HOLD)
     return np.stack((common, common + OWN * own), axis=1)

@@ -4,13 +4,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import lfilter, max_len_seq
+from scipy.signal import lfilter
 
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.estimators.task import Task
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.problem import MORE_ORDERS, Problem
 from sysid import IOData, Polynomials, StateSpace
+from sysid.design import maximum_length_sequence
 from sysid.models import innovations_form
 from sysid.polynomial.structures import Embedding, embedding, layout, own_structure
 from sysid.records.arrays import FloatArray
@@ -159,16 +160,10 @@ class BinaryExcitation:
         """The problem of a system under this excitation; another number of samples leaves the same system and noise."""
         variance = self.variance
         if variance is None:
-            full = binary_sequence(self.samples + BURN_IN, self.hold)
+            full = maximum_length_sequence(self.samples + BURN_IN, BITS, clock=self.hold)
             variance = noise_variance(truth, full[:, None], self.signal_to_noise_db)
-        reference = binary_sequence((samples or self.samples) + BURN_IN, self.hold)
+        reference = maximum_length_sequence((samples or self.samples) + BURN_IN, BITS, clock=self.hold)
         return LinearProblem(name, truth, reference[:, None], variance, self.feedback)
-
-
-def binary_sequence(samples: int, hold: int, bits: int = BITS) -> FloatArray:
-    """Maximum-length sequence of +-1, every bit held for some samples (N,)."""
-    sequence = max_len_seq(bits, length=-(-samples // hold))[0] * 2.0 - 1.0
-    return np.repeat(sequence, hold)[:samples]
 
 
 def noise_variance(truth: Polynomials, inputs: FloatArray, signal_to_noise_db: float) -> float:

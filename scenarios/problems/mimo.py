@@ -5,13 +5,13 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from scipy.signal import max_len_seq
 
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.estimators.task import Task
-from scenarios.problems.linear_problem import BITS, BURN_IN, binary_sequence
+from scenarios.problems.linear_problem import BITS, BURN_IN
 from scenarios.problems.problem import MORE_ORDERS, Problem
 from sysid import IOData, StateSpace
+from sysid.design import maximum_length_sequence
 from sysid.models.recursion import state_trajectory
 from sysid.records.arrays import FloatArray
 from sysid.subspace.cramer_rao_ss import LocalCoordinates, cramer_rao_bound_ss
@@ -127,7 +127,7 @@ def _inputs(samples: int) -> FloatArray:
     """One binary sequence, a third of its period apart in the three inputs (BURN_IN + samples, 3)."""
     n, period = samples + BURN_IN, 2**BITS - 1
     first = np.concatenate(([1], np.zeros(BITS - 1)))
-    sequence = max_len_seq(BITS, state=first, length=-(-n // HOLD))[0] * 2.0 - 1.0
-    whole = binary_sequence(period * HOLD, HOLD)
+    sequence = maximum_length_sequence(n, BITS, clock=HOLD, state=first)
+    whole = maximum_length_sequence(period * HOLD, BITS, clock=HOLD)
     shifted = [np.resize(np.roll(whole, i * (period // CHANNELS) * HOLD), n) for i in range(1, CHANNELS)]
-    return np.stack([np.repeat(sequence, HOLD)[:n], *shifted], axis=1)
+    return np.stack([sequence, *shifted], axis=1)

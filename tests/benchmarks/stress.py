@@ -9,9 +9,10 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter, max_len_seq
+from scipy.signal import lfilter
 
 import sysid
+from sysid.design import maximum_length_sequence
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import admissible, minimise
 from sysid.polynomial.structures import STRUCTURES
@@ -57,8 +58,7 @@ def make_case(kind, seed, samples, snr_db):
     one = np.ones(1)
     dynamics = random_polynomial(rng, order, 0.985)
     b = np.concatenate((np.zeros(nk), rng.standard_normal(order)))
-    bits = max_len_seq(12, length=-(-(samples + BURN_IN) // hold))[0] * 2.0 - 1.0
-    u = np.repeat(bits, hold)[: samples + BURN_IN]
+    u = maximum_length_sequence(samples + BURN_IN, 12, clock=hold)
     clean = lfilter(b, dynamics, u)
     colour = random_polynomial(rng, order if kind == "armax" else 2, 0.9)
     ar = random_polynomial(rng, 2, 0.95)

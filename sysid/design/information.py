@@ -1,0 +1,211 @@
+"""Information of an input about a model, per frequency and of a record of finite length."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+
+from sysid.models.delta_method import spread, standard_directions
+from sysid.models.estimate import Estimate
+from sysid.models.polynomials import Polynomials, innovations_form
+from sysid.models.state_space import StateSpace
+from sysid.polynomial.orders import Orders
+from sysid.records.arguments import real_number, sampling_interval
+from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.records.errors import SysidError
+from sysid.validation.cramer_rao import cramer_rao_bound
+
+Quantity = Callable[[StateSpace], float | FloatArray]
+
+DIED_OUT = 1e-12  # of the response to a pulse
+LONGEST_PULSE = 60_000  # samples: poles that decay more slowly than this belong to no record of an experiment
+SINGULAR = 1e-12  # ratio of eigenvalues below which the record leaves parameters undetermined
+SAME = 1e-9  # ratio of singular values below which nuisances have the same effect
+
+
+@dataclass(frozen=True, eq=False)
+class Pilot:
+    """A model with a scale for each of its parameters.
+
+    Attributes:
+        parameters: (p,).
+        covariance: Steps of one standard deviation are small enough to be linear (p, p).
+        realise: From parameters to the model.
+        model: The model itself, one input, stable.
+        noise: Covariance of its innovation (ny, ny).
+    """
+
+    parameters: FloatArray
+    covariance: FloatArray
+    realise: Callable[[FloatArray], StateSpace]
+    model: StateSpace
+    noise: FloatArray
+
+    @staticmethod
+    def of(
+        model: Estimate | Polynomials, samples: int, *, dt: float | None, variance: float | None, size: float
+    ) -> "Pilot":
+        """Check a model.
+
+        Args:
+            model: An estimate; or polynomials, whose own coefficients are then the parameters.
+            samples: Length of the records.
+            dt: Sampling interval of polynomials, s; None for an estimate.
+            variance: Of the innovation of polynomials; None for an estimate.
+            size: Of the inputs.
+
+        Raises:
+            SysidError: Another model, several inputs, no covariance, or an unstable model.
+        """
+        if isinstance(model, Estimate):
+            if dt is not None or variance is not None:
+                raise SysidError("dt and variance given with an estimate, which has its own: expected neither")
+            if not np.isfinite(model.covariance).all():
+                raise SysidError(f"{model.method} gives no covariance of its parameters; refine it by pem_ss")
+            pilot = Pilot(model.parameters, model.covariance, model.realise, model.model, model.noise_variance)
+        elif isinstance(model, Polynomials):
+            if dt is None or variance is None:
+                raise SysidError("polynomials have no sampling interval and no noise: expected dt and variance as well")
+            step = sampling_interval(dt)
+            power = real_number("variance", variance, "be a variance > 0", lambda v: 0.0 < v < np.inf)
+            orders = Orders.of(model)
+            bits = np.random.default_rng(0).choice([-size, size], (max(samples, 20 * orders.count), model.nu))
+            bound = cramer_rao_bound(model, orders, bits, dt=step, variance=power, frequencies=np.zeros(0))
+            pilot = Pilot(
+                bound.parameters,
+                bound.covariance,
+                lambda theta: innovations_form(orders.polynomials(theta), step),
+                innovations_form(model, step),
+                np.array([[power]]),
+            )
+        else:
+            raise SysidError(f"expected an Estimate, or Polynomials with dt and variance, got {type(model).__name__}")
+        if pilot.model.nu != 1:
+            raise SysidError(f"the model has {pilot.model.nu} inputs, expected 1: design them one by one")
+        if not pilot.model.is_stable():
+            raise SysidError("the model is not stable: no input can be designed for it in open loop")
+        return pilot
+
+    def drawn(self, count: int, rng: np.random.Generator) -> "list[Pilot]":
+        """Models with parameters drawn from the normal distribution of the estimate, unstable ones left out."""
+        steps = rng.standard_normal((count, len(self.parameters))) @ standard_directions(self.covariance).T
+        models = [(self.parameters + step, self.realise(self.parameters + step)) for step in steps]
+        return [replace(self, parameters=theta, model=model) for theta, model in models if model.is_stable()]
+
+
+def transform_length(pilots: Sequence[Pilot], samples: int) -> int:
+    """Length of the transforms in which no response of a record wraps around into it."""
+    slowest = 0.0
+    for pilot in pilots:
+        m = pilot.model
+        for matrix in (m.A, m.A - m.gain @ m.C):
+            slowest = max(slowest, float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)))
+    memory = 100 if slowest < 1e-3 else 100 + int(np.log(DIED_OUT) / np.log(min(slowest, 1.0 - 1e-9)))
+    return int(scipy.fft.next_fast_len(samples + min(memory, LONGEST_PULSE), real=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """Information of an input about one model, its parameters in steps of one standard deviation of the pilot.
+
+    The prediction errors, made white, change with parameter k by S_k u + noise. What the noise tells does not depend on
+    the input: in open loop it adds a constant [Ljung1999, sec. 9.4 and 13.3].
+
+    Attributes:
+        filters: S at the frequencies of the transform (p, ny, nf).
+        noise: Information of the noise itself in a record (p, p).
+        nuisance: Effects of offset and initial state, which are estimated too, orthonormal (ny n, m).
+        target: Derivatives of the quantity (p, q); None for the parameters themselves.
+        samples: Length n of a record.
+        size: Length of the transform.
+    """
+
+    filters: ComplexArray
+    noise: FloatArray
+    nuisance: FloatArray
+    target: FloatArray | None
+    samples: int
+    size: int
+
+    @staticmethod
+    def of(pilot: Pilot, samples: int, size: int, quantity: Quantity | None, *, offset: bool) -> "Information":
+        """Differentiate a model by its parameters."""
+        m = pilot.model
+        f = np.fft.rfftfreq(size, m.dt)
+        shape, square = (len(f), m.ny, 1), (len(f), m.ny, m.ny)
+        cuts = 2 * np.cumsum([np.prod(shape), np.prod(square)])
+
+        def parts(theta: FloatArray) -> FloatArray:
+            model = pilot.realise(theta)
+            responses = model.frequency_response(f), model.noise_response(f)
+            value = np.zeros(0) if quantity is None else np.atleast_1d(np.asarray(quantity(model), dtype=float))
+            return np.concatenate([*(response.ravel().view(np.float64) for response in responses), value])
+
+        moves = spread(parts, pilot.parameters, pilot.covariance)
+        if not np.isfinite(moves).all():
+            raise SysidError("the quantity is not a finite number for the model, or for models near it")
+        *responses, target = np.split(moves, cuts, axis=1)
+        by_input, by_noise = (np.ascontiguousarray(part).view(np.complex128) for part in responses)
+        root = np.linalg.cholesky(pilot.noise)
+        whiten = np.linalg.inv(m.noise_response(f) @ root)
+        p = len(moves)
+        filters = (whiten @ by_input.reshape(p, *shape))[..., 0]
+        random = (whiten @ by_noise.reshape(p, *square) @ root).reshape(p, len(f), -1)
+        weights = np.where((np.arange(len(f)) == 0) | (2 * np.arange(len(f)) == size), 1.0, 2.0) * samples / size
+        # the predictor of the initial state, and offsets behind the whitening filter, which is constant at 0 Hz
+        free = StateSpace(m.A - m.gain @ m.C, np.eye(m.order), m.C, np.zeros((m.ny, m.order)), None, m.dt)
+        starts = np.linalg.solve(root, free.markov(samples + 1)[1:]) if m.order else np.zeros((samples, m.ny, 0))
+        columns = [starts] + ([np.broadcast_to(np.eye(m.ny), (samples, m.ny, m.ny))] if offset else [])
+        basis, values, _ = np.linalg.svd(
+            np.concatenate(columns, axis=2).transpose(1, 0, 2).reshape(samples * m.ny, -1), full_matrices=False
+        )
+        return Information(
+            np.ascontiguousarray(filters.transpose(0, 2, 1)),
+            np.einsum("kfi,lfi,f->kl", random.conj(), random, weights).real,
+            basis[:, values > SAME * values.max(initial=0.0)],
+            None if quantity is None else target,
+            samples,
+            size,
+        )
+
+    def effects(self, u: FloatArray) -> FloatArray:
+        """Changes of the white prediction errors with the parameters, less what nuisances explain (p, ny n)."""
+        effects = np.fft.irfft(self.filters * np.fft.rfft(u, self.size), self.size)[..., : self.samples]
+        flat = effects.reshape(len(effects), -1)
+        return flat - (flat @ self.nuisance) @ self.nuisance.T
+
+    def of_signal(self, u: FloatArray) -> tuple[float, FloatArray]:
+        """Criterion of a record (n,) from rest, and its derivatives by the samples (n,)."""
+        effects = self.effects(u)
+        value, roots = self.criterion(effects @ effects.T + self.noise)
+        signals = np.fft.rfft((roots.T @ effects).reshape(roots.shape[1], -1, self.samples), self.size)
+        combined = np.tensordot(roots.T, self.filters, 1)
+        slope = np.fft.irfft(np.sum(combined.conj() * signals, axis=(0, 1)), self.size)[: self.samples]
+        return value, -2.0 * slope
+
+    def of_shares(self, shares: FloatArray, energy: float) -> tuple[float, FloatArray]:
+        """Criterion of an input that divides its energy over the lines by shares (nf,), and its slopes, negated."""
+        flat = self.filters.reshape(len(self.filters), -1)
+        weighted = (self.filters * (shares * energy)).reshape(flat.shape)
+        value, roots = self.criterion((weighted @ flat.conj().T).real + self.noise)
+        gains = np.abs(np.tensordot(roots.T, self.filters, 1)) ** 2
+        # the noise tells as much whatever the shares are, and their sum is 1: it belongs to each
+        return value, energy * gains.sum(axis=(0, 1)) + float(np.sum(roots * (self.noise @ roots)))
+
+    def criterion(self, information: FloatArray) -> tuple[float, FloatArray]:
+        """Criterion of an information matrix: the variance of the quantity, or minus the mean logarithm of eigenvalues.
+
+        Returns:
+            Its value, and R of its differential -tr(R' dM R) (p, q).
+
+        Raises:
+            SysidError: The information does not determine the parameters.
+        """
+        values, vectors = np.linalg.eigh(information)
+        if not values[0] > SINGULAR * values[-1]:
+            raise SysidError(f"the input does not determine the {len(values)} parameters: eigenvalues {values}")
+        if self.target is None:
+            return -float(np.mean(np.log(values))), vectors / np.sqrt(values * len(values))
+        roots = (vectors / values) @ (vectors.T @ self.target)
+        return float(np.sum(roots * self.target)), roots
