@@ -19,6 +19,7 @@ from sysid.frequency import (
     merge,
     spa,
     spafdr,
+    vector_fit,
     welch,
 )
 from sysid.models import (
@@ -130,6 +131,7 @@ __all__ = [
     "split_delay",
     "structure_scan",
     "transfer_function",
+    "vector_fit",
     "welch",
     "zero_pole_gain",
 ]

@@ -8,6 +8,7 @@ from sysid.frequency.etfe import etfe
 from sysid.frequency.merge import merge
 from sysid.frequency.spa import spa
 from sysid.frequency.spafdr import spafdr
+from sysid.frequency.vector_fit import PartialFractions, vector_fit
 from sysid.frequency.welch import welch
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "CovarianceFunction",
     "DelayEstimate",
     "ImpulseResponse",
+    "PartialFractions",
     "bla",
     "covf",
     "cra",
@@ -23,5 +25,6 @@ __all__ = [
     "merge",
     "spa",
     "spafdr",
+    "vector_fit",
     "welch",
 ]
