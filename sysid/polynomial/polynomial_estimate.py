@@ -214,11 +214,11 @@ def prediction_error_estimate(
         )
     if coloured and at.cost > 0.0:
         if orders.na == orders.nc == orders.nd == 0:
-            half = covariance / variance
-            information = coloured_information(
-                experiments, orders, at.theta, min(COLOUR, at.errors // 20), variance, initial_conditions
+            half = _directions(at)[0]
+            middle = coloured_information(
+                experiments, orders, at.theta, min(COLOUR, at.errors // 20), half, initial_conditions
             )
-            covariance = half @ information @ half
+            covariance = variance * (half @ middle @ half.T)
         else:
             covariance = sandwich(experiments, orders, at.theta, covariance, variance, initial_conditions)
     if not result.best.converged:
@@ -257,13 +257,19 @@ def prediction_error_estimate(
 
 def covariance_of(at: Linearisation, variance: float) -> tuple[FloatArray, float]:
     """Covariance of the parameters (p, p), and the condition number of the scaled Jacobian."""
+    half, condition = _directions(at)
+    return variance * (half @ half.T), condition
+
+
+def _directions(at: Linearisation) -> tuple[FloatArray, float]:
+    """Columns L (p, q) with L L' = (J' J)^-1, and the condition number of the scaled Jacobian."""
     _, values, right = np.linalg.svd(at.triangle)
     if not len(values):
         return np.zeros((0, 0)), 1.0
     kept = values > 1e-14 * values[0]
     half = right[kept].T / values[kept] / at.scale[:, None]
     condition = float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf
-    return variance * (half @ half.T), condition
+    return half, condition
 
 
 def _near_unit_circle(orders: Orders, theta: FloatArray) -> list[str]:

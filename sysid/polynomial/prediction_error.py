@@ -148,13 +148,14 @@ def coloured_information(
     orders: Orders,
     theta: FloatArray,
     order: int,
-    variance: float,
+    directions: FloatArray,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> FloatArray:
-    """J' R J (p, p) with the covariance R of output errors that are independent of the input but not white.
+    """L' J' R J L (q, q) with the correlations R of output errors that are independent of the input but not white.
 
-    R is that of an autoregressive model of the errors with their variance, of the order up to `order` that BIC prefers,
-    which is 0 for white ones: J is filtered by the model [Ljung1999, ch. 9]. Missing outputs have rows of zeros.
+    R is that of an autoregressive model of the errors, of the order up to `order` that BIC prefers, which is 0 for
+    white ones: J is filtered by the model [Ljung1999, ch. 9]. Missing outputs have rows of zeros. The directions L
+    (p, q), for which J L is orthonormal, keep the digits that J' R J loses where parameters are poorly determined.
     """
     jacobian = gapped_error_jacobian if any(not e.complete for e in experiments) else error_jacobian
     parts = [jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
@@ -165,11 +166,11 @@ def coloured_information(
         ]
     )
     whitener, correlations = autoregression(errors, order, select=True)
-    total = np.zeros((orders.count,) * 2)
+    total = np.zeros((directions.shape[1],) * 2)
     for part in parts:
-        filtered = scipy.signal.lfilter([1.0], whitener, part[:, :-1], axis=0)
+        filtered = scipy.signal.lfilter([1.0], whitener, part[:, :-1] @ directions, axis=0)
         total += filtered.T @ filtered
-    return total * variance * float(whitener @ correlations[: len(whitener)])
+    return total * float(whitener @ correlations[: len(whitener)])
 
 
 def scores(
