@@ -25,10 +25,12 @@ from sysid.frequency import (
 from sysid.models import (
     Bandwidth,
     Estimate,
+    Forecast,
     FrequencyResponse,
     Polynomials,
     StateSpace,
     band,
+    forecast,
     predict,
     residuals,
     simulate,
@@ -37,7 +39,7 @@ from sysid.models.continuous import c2d, d2c
 from sysid.models.predict import findstates
 from sysid.models.reduction import balred, split_delay
 from sysid.models.zero_pole_gain import transfer_function, zero_pole_gain
-from sysid.polynomial import InitialConditions, armax, arx, bj, iv4, oe, order_of_excitation
+from sysid.polynomial import InitialConditions, ar, arma, armax, arx, bj, impulseest, iv4, oe, order_of_excitation
 from sysid.records import (
     IOData,
     SysidError,
@@ -72,6 +74,7 @@ __all__ = [
     "BestLinearApproximation",
     "Estimate",
     "FeedbackTest",
+    "Forecast",
     "FrequencyResponse",
     "IOData",
     "InitialConditions",
@@ -84,6 +87,8 @@ __all__ = [
     "StateSpace",
     "SysidError",
     "SysidWarning",
+    "ar",
+    "arma",
     "armax",
     "arx",
     "balred",
@@ -103,8 +108,10 @@ __all__ = [
     "etfe",
     "feedback",
     "findstates",
+    "forecast",
     "identifiability",
     "idinput",
+    "impulseest",
     "iv4",
     "keep_band",
     "merge",

@@ -70,7 +70,7 @@ def covf(data: IOData | Sequence[IOData], *, lags: int = 25) -> CovarianceFuncti
     Raises:
         SysidError: lags not between 0 and N - 1.
     """
-    experiments = tuple(e.scored for e in as_experiments(data, missing=True))
+    experiments = tuple(e.scored for e in as_experiments(data, missing=True, series=True))
     shortest = min(len(e) for e in experiments)
     lags = whole_number("lags", lags, 0, shortest - 1)
     z = [np.hstack((e.y, e.u)) for e in experiments]

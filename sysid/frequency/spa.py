@@ -40,7 +40,8 @@ def spa(
     more than the missing samples: use `data.complete_parts()` if the parts are long.
 
     Args:
-        data: One experiment, or several whose covariances are averaged; any numbers of inputs and outputs.
+        data: One experiment, or several whose covariances are averaged; any numbers of inputs and outputs. Of a time
+            series the disturbance is the output itself.
         lag: Length of the lag window; by default a tenth of the samples, 30 at most.
         window: Lag window: 2 lag + 1 values, 1 in the middle, e.g. `np.hamming`, `np.bartlett`,
             `scipy.signal.windows.parzen`. The last two cannot give a negative spectrum; where another one makes
@@ -57,7 +58,7 @@ def spa(
     Raises:
         SysidError: Constant input, lag not between 1 and N - 1, an invalid window, frequencies beyond Nyquist.
     """
-    experiments = tuple(e.scored for e in as_experiments(data, missing=True))
+    experiments = tuple(e.scored for e in as_experiments(data, missing=True, series=True))
     for text in check_excitation(experiments, [0] * experiments[0].nu) + large_means(experiments):
         warnings.warn(text, SysidWarning, stacklevel=2)
     dt = experiments[0].dt
@@ -111,9 +112,11 @@ def _with_positive_noise(response: FrequencyResponse, positive: FrequencyRespons
     noise, output = (
         np.einsum("fii->fi", np.asarray(s)).real for s in (response.noise_spectrum, response.output_spectrum)
     )
-    power = np.linalg.eigvalsh(np.asarray(response.input_spectrum))[:, 0]
+    power = np.linalg.eigvalsh(np.asarray(response.input_spectrum))[:, :1]
     # An input below the side lobes of its peak determines nothing, whatever the window.
-    swap = ((noise < -1e-9 * np.abs(output)).any(axis=1) & (power > SIDE_LOBES * power.max()))[:, None, None]
+    swap = ((noise < -1e-9 * np.abs(output)).any(axis=1) & (power > SIDE_LOBES * power.max(initial=0.0)).all(axis=1))[
+        :, None, None
+    ]
     return replace(
         response,
         noise_spectrum=np.where(swap, positive.noise_spectrum, response.noise_spectrum),
@@ -140,7 +143,7 @@ def _with_gaps(response: FrequencyResponse, experiments: Sequence[IOData], weigh
     g, phi_yu = np.nan_to_num(response.response), response.cross_spectrum
     powers = [np.maximum(np.einsum("fii->fi", s).real, 0.0) for s in (phi_y, response.input_spectrum)]
     products = powers[0][:, :, None] * powers[1][:, None, :]
-    significant = products > 1e-24 * products.max()
+    significant = products > 1e-24 * products.max(initial=0.0)
     coherence = np.where(significant, np.abs(phi_yu) ** 2 / np.where(significant, products, 1.0), 0.0)
     return replace(
         response,

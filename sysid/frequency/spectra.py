@@ -50,7 +50,7 @@ def response_of_spectra(
             "needed: use a shorter lag window, shorter segments, or more neighbours"
         )
     power = np.einsum("fjj->fj", phi_u).real
-    silent = np.linalg.eigvalsh(phi_u)[:, 0] <= 1e-12 * power.max()
+    silent = (np.linalg.eigvalsh(phi_u)[:, :1] <= 1e-12 * power.max(initial=0.0)).any(axis=1)
     if silent.all():
         warnings.warn(
             f"the inputs have no significant power, or are dependent, at all {len(f)} frequencies: the response is "
@@ -72,7 +72,7 @@ def response_of_spectra(
     effective = count if weights is None else weights
     variance = noise[:, :, None] * gain[:, None, :] / effective[:, None, None]
     products = output_power[:, :, None] * np.maximum(power, 0.0)[:, None, :]
-    significant = products > 1e-24 * products.max()
+    significant = products > 1e-24 * products.max(initial=0.0)
     coherence = np.where(significant, np.abs(phi_yu) ** 2 / np.where(significant, products, 1.0), 0.0)
     covariance = complex_covariance(variance, f, first.dt)
     g[silent] = np.nan

@@ -29,7 +29,7 @@ def welch(
     of an experiment.
 
     Args:
-        data: One experiment, or several; any numbers of inputs and outputs.
+        data: One experiment, or several; any numbers of inputs and outputs, as in `spa`.
         segment: Length of a segment; by default an eighth of the shortest experiment.
         overlap: Share of a segment in common with the next one, 0 <= overlap < 1.
         window: Data window: `segment` values, e.g. `np.hanning`, `np.ones`.
@@ -45,7 +45,7 @@ def welch(
         SysidError: Constant input, segment or overlap out of range, an invalid window, not more segments than
             inputs.
     """
-    experiments = tuple(e.scored for e in as_experiments(data))
+    experiments = tuple(e.scored for e in as_experiments(data, series=True))
     for text in check_excitation(experiments, [0] * experiments[0].nu) + large_means(experiments):
         warnings.warn(text, SysidWarning, stacklevel=2)
     shortest = min(len(e) for e in experiments)

@@ -2,6 +2,7 @@
 
 from sysid.models.confidence_bands import band, poles_band, sampled_band, zeros_band
 from sysid.models.estimate import Bandwidth, Estimate
+from sysid.models.forecast import Forecast, forecast
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.models.predict import predict, residuals, simulate
@@ -11,12 +12,14 @@ from sysid.models.state_space import StateSpace, block_diagonal
 __all__ = [
     "Bandwidth",
     "Estimate",
+    "Forecast",
     "FrequencyResponse",
     "Polynomials",
     "StateSpace",
     "add_delay",
     "band",
     "block_diagonal",
+    "forecast",
     "hankel_singular_values",
     "innovations_form",
     "poles_band",

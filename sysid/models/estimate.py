@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -160,7 +160,8 @@ class Estimate(Locked):
         else:
             lines.append(f"  {len(self.parameters)} parameters")
         poles = (f"{p.real:.4f}" + (f"{p.imag:+.4f}j" if abs(p.imag) > 1e-9 else "") for p in self.poles())
-        lines.append(f"  poles from input to output (z plane): {', '.join(poles) or 'none'}")
+        path = "from input to output " if self.model.nu else ""
+        lines.append(f"  poles {path}(z plane): {', '.join(poles) or 'none'}")
         lines.append(f"  innovation variance: {', '.join(f'{v:.4g}' for v in np.diag(self.noise_variance))}")
         lines.append(f"  final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
         lines += [f"  warning: {text}" for text in self.diagnostics.get("warnings", ())]
@@ -217,7 +218,8 @@ class Estimate(Locked):
 
     @property
     def _parameters_per_sample(self) -> float:
-        return len(self.parameters) / sum(self.data.samples)
+        # a prior leaves fewer of them free
+        return float(self.diagnostics.get("effective_parameters", len(self.parameters))) / sum(self.data.samples)
 
     def bandwidth(self) -> Bandwidth:
         """Half-power bandwidth with its 95 % interval, by the delta method on its logarithm.
@@ -242,6 +244,29 @@ class Estimate(Locked):
         f = np.atleast_1d(real_array("f_hz", f_hz))
         moves, _ = self._moves(f, np.full((self.model.ny, self.model.nu), np.nan))
         return self._frequency_response(f, moves)
+
+    def spectrum(self, f_hz: ArrayLike) -> FrequencyResponse:
+        """As `frequency_response`, with the uncertainty of the disturbance's spectrum.
+
+        To first order the parameters and the innovation variance are independent; the latter has the variance of a
+        sample covariance of normal innovations [Ljung1999, ch. 9].
+
+        Args:
+            f_hz: Frequencies in Hz (nf,).
+        """
+        f, innovation = np.atleast_1d(real_array("f_hz", f_hz)), self.noise_variance
+
+        def power(theta: FloatArray) -> FloatArray:
+            h = self.realise(theta).noise_response(f)
+            return np.log(np.maximum(np.einsum("fik,kl,fil->fi", h, innovation, h.conj()).real, np.finfo(float).tiny))
+
+        response = self.frequency_response(f)
+        moves = spread(power, self.parameters, self.covariance)
+        h = self.model.noise_response(f)
+        own, mixed = (np.einsum("fik,kl,fil->fi", h, innovation, other) for other in (h.conj(), h))
+        # of a complex h, h R h* has between one and two times 1/N of its square as variance
+        variance = (1.0 + np.abs(mixed / np.maximum(own.real, np.finfo(float).tiny)) ** 2) / len(self.residuals)
+        return replace(response, noise_deviation=np.sqrt(np.sum(moves**2, axis=0) + variance))
 
     def response_and_bandwidth(self, f_hz: ArrayLike) -> tuple[FrequencyResponse, Bandwidth]:
         """`frequency_response` and `bandwidth` at once, in half the time where models take long to realise.

@@ -19,6 +19,7 @@ AXES = {
     **{name: "fyy" for name in ("noise_spectrum", "output_spectrum")},
     **{
         "frequencies": "f",
+        "noise_deviation": "fy",
         "resolution": "f",
         "input_spectrum": "fuu",
         "covariance": "fyupp",
@@ -52,6 +53,8 @@ class FrequencyResponse(Locked):
             depend on each other as the spectra imply, or are independent.
         resolution: Hz over which errors of neighbouring frequencies depend on each other, by smoothing (nf,); None
             where frequencies are independent.
+        noise_deviation: Standard deviation of the logarithm of the disturbance's spectrum, per output (nf, ny); of
+            parametric models.
         degrees_of_freedom: Of the variance behind `covariance` and `noise_spectrum`; None for a parametric model, whose
             intervals are those of the normal distribution.
         input_names: One name per input.
@@ -71,6 +74,7 @@ class FrequencyResponse(Locked):
     degrees_of_freedom: float | None = None
     joint_covariance: ComplexArray | None = field(default=None, kw_only=True)
     resolution: FloatArray | None = field(default=None, kw_only=True)
+    noise_deviation: FloatArray | None = field(default=None, kw_only=True)
     input_names: tuple[str, ...] = field(default=(), kw_only=True)
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
 
@@ -288,14 +292,18 @@ class FrequencyResponse(Locked):
         return self.phase - reach, self.phase + reach
 
     def noise_ci95(self) -> tuple[FloatArray, FloatArray]:
-        """95 % interval of the disturbance's spectrum per output, by the chi-square distribution (nf, ny) each.
+        """95 % interval of the disturbance's spectrum per output (nf, ny) each.
 
+        Of a parametric model it is that of the spectrum's logarithm; otherwise by the chi-square distribution.
         The fitted response has removed a part of the spectrum, so that the interval is not centred on it. At 0 Hz and
         at the Nyquist frequency it holds half the degrees of freedom and the interval is too narrow.
 
         Raises:
             SysidError: The method gave no disturbance spectrum, or one of unknown degrees of freedom.
         """
+        if self.noise_spectrum is not None and self.noise_deviation is not None:
+            power, factor = np.einsum("fii->fi", self.noise_spectrum).real, np.exp(NORMAL_95 * self.noise_deviation)
+            return power / factor, power * factor
         if self.noise_spectrum is None or self.degrees_of_freedom is None:
             raise SysidError(f"{self.method} gives no disturbance spectrum with degrees of freedom")
         freedom = self.degrees_of_freedom

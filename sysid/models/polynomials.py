@@ -18,7 +18,8 @@ ONE = np.ones(1)
 class Polynomials(Locked):
     """A(q) y = B(q)/F(q) u + C(q)/D(q) e, coefficients of falling powers q^0, q^-1, ... [Ljung1999, eq. 4.33].
 
-    Omitted polynomials are 1 (B: no input): `Polynomials(B=[0, 0.1], F=[1, -0.9])` is an output-error model.
+    Omitted polynomials are 1 (B: 0): `Polynomials(B=[0, 0.1], F=[1, -0.9])` is an output-error model. Of a time series
+    without input B is empty: `Polynomials(A=[1, -0.9], B=[])`.
 
     Attributes:
         A: 1, a1, ..., (na + 1,).
@@ -41,9 +42,12 @@ class Polynomials(Locked):
         """Check and lock."""
         if self.F is ONE and np.ndim(self.B) == 2:
             object.__setattr__(self, "F", np.ones((len(self.B), 1)))
+        if not np.size(self.B):
+            object.__setattr__(self, "B", np.zeros((0, 1)))
+            object.__setattr__(self, "F", np.ones((0, 1)))
         for name in "ABCDF":
             value = np.atleast_1d(real_array(name, getattr(self, name)))
-            if value.ndim > (2 if name in "BF" else 1) or value.size == 0:
+            if value.ndim > (2 if name in "BF" else 1) or value.shape[-1] == 0:
                 raise SysidError(f"{name}: expected a row of coefficients, got shape {value.shape}")
             if name != "B" and not (np.atleast_2d(value)[:, 0] == 1.0).all():
                 raise SysidError(f"{name} must begin with 1, got {value}")

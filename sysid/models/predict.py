@@ -117,7 +117,7 @@ def predict(
     if x0 is None and not data.complete and m.order and gain.any():
         # one run of the Kalman filter serves the initial state and the prediction
         run = kalman_filter(m, data, np.zeros(m.order), free=True)
-        start = _fitted_state(m, data, run)
+        start = fitted_state(m, data, run)
     else:
         start = initial_state(m, data, gain) if x0 is None else as_state(m, x0)
     if steps is None or not gain.any():
@@ -157,7 +157,7 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     samples = data.window or len(data)
     u, y = data.u[:samples], data.y[:samples]
     if not data.complete:
-        return _fitted_state(model, data, kalman_filter(replace(model, K=K), data, np.zeros(model.order), free=True))
+        return fitted_state(model, data, kalman_filter(replace(model, K=K), data, np.zeros(model.order), free=True))
     observer = model.A - K @ model.C
     free = free_response(observer, model.C, samples)
     # samples after the free response has died out carry no information on the initial state
@@ -170,7 +170,7 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     return np.asarray(solution, dtype=np.float64)
 
 
-def _fitted_state(model: StateSpace, data: IOData, run: tuple[FloatArray, FloatArray]) -> FloatArray:
+def fitted_state(model: StateSpace, data: IOData, run: tuple[FloatArray, FloatArray]) -> FloatArray:
     """The same from the known outputs of a record with gaps, each weighted by its prediction variance."""
     states, weights = run
     outputs = np.einsum("ij,tjk->tik", model.C, states)

@@ -275,8 +275,13 @@ class StateSpace(Locked):
         """The path from u to y: without noise model, and without states that are structurally decoupled from it.
 
         These are states that the zeros of A, B and C cut off from all inputs or all outputs, as the noise model of OE
-        and Box-Jenkins estimates; there is no tolerance, and the model may be unstable.
+        and Box-Jenkins estimates; there is no tolerance, and the model may be unstable. The path of a time series is
+        that from the innovation e to y.
         """
+        if self.nu == 0:
+            names = tuple(f"e@{name}" for name in self.output_names or ())
+            bare = replace(self, K=None, innovation_covariance=None)
+            return replace(bare, B=self.gain, D=np.eye(self.ny), input_names=names, input_units=self.output_units)
         coupled, n = self.A != 0.0, self.order
         reached, observed = (self.B != 0.0).any(axis=1), (self.C != 0.0).any(axis=0)
         for _ in range(n):
@@ -287,10 +292,12 @@ class StateSpace(Locked):
         return replace(self, A=A, B=B, C=C, K=None, innovation_covariance=None)
 
     def to_control(self) -> "control.StateSpace":
-        """The path from u to y as a python-control system."""
+        """The path from u to y as a python-control system; of a time series, that from e to y."""
         # python-control loads matplotlib.pyplot, which takes longer than most analyses.
         import control
 
+        if self.nu == 0:
+            return self.input_path().to_control()
         return control.ss(
             self.A,
             self.B,

@@ -98,7 +98,7 @@ def zero_pole_gain(model: StateSpace | Estimate, *, input: int = 0, output: int 
     omitted; other poles that the channel does not have are cancelled by a zero.
 
     Args:
-        model: A model or estimate.
+        model: A model or estimate; of a time series its innovations take the place of inputs.
         input: Index of the input.
         output: Index of the output.
 
@@ -109,6 +109,7 @@ def zero_pole_gain(model: StateSpace | Estimate, *, input: int = 0, output: int 
         SysidError: No such channel, or one without any response.
     """
     model = as_model(model)
+    model = model if model.nu else model.input_path()
     if not (0 <= input < model.nu and 0 <= output < model.ny):
         raise SysidError(
             f"no channel from input {input} to output {output}: the model has {model.nu} input(s) and {model.ny} "
@@ -127,7 +128,7 @@ def transfer_function(model: StateSpace | Estimate) -> "control.TransferFunction
     Polynomials of high order lose digits: compute with the state space instead.
 
     Args:
-        model: A model or estimate; its noise model is ignored.
+        model: A model or estimate; its noise model is ignored, but for a time series, whose innovations are its inputs.
 
     Returns:
         One numerator and denominator per channel, with the names of the model.
@@ -138,6 +139,7 @@ def transfer_function(model: StateSpace | Estimate) -> "control.TransferFunction
     import control
 
     model = as_model(model)
+    model = model if model.nu else model.input_path()
     channels = [[_channel(model, j, i) for j in range(model.nu)] for i in range(model.ny)]
     numerators = [[_leading(c) * np.atleast_1d(np.poly(c.zeros()).real) for c in row] for row in channels]
     denominators = [[np.atleast_1d(np.poly(c.poles()).real) for c in row] for row in channels]

@@ -123,7 +123,7 @@ def record(
     Raises:
         SysidError: Nothing to draw, or records with different channels.
     """
-    experiments = as_experiments(list(data.values()) if isinstance(data, Mapping) else data, missing=True)
+    experiments = as_experiments(list(data.values()) if isinstance(data, Mapping) else data, missing=True, series=True)
     names = (
         list(data)
         if isinstance(data, Mapping)

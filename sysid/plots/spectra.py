@@ -39,7 +39,7 @@ def spectra(
 ) -> Figure:
     """Power spectral densities on logarithmic axes: of the disturbance, or of any traces.
 
-    Of spectral estimates and of parametric ones the disturbance is drawn, with 95 % bands where its degrees of freedom
+    Of spectral estimates and of parametric ones the disturbance is drawn, with 95 % bands where they
     are known, a panel per output; a single spectral estimate is drawn with the spectra of its outputs and inputs.
 
     Args:
@@ -91,7 +91,7 @@ def _of_records(
     for name, item in named_items(responses, (FrequencyResponse, Estimate)):
         nyquist = 0.5 / (item.model.dt if isinstance(item, Estimate) else item.dt)
         f = np.geomspace(1e-3 * nyquist, nyquist, 300) if frequencies is None else np.asarray(frequencies, dtype=float)
-        response = item.frequency_response(f) if isinstance(item, Estimate) else item
+        response = item.spectrum(f) if isinstance(item, Estimate) else item
         if response.noise_spectrum is None:
             raise SysidError(f"{response.method} gives no spectrum of the disturbance")
         shown = name or styles.label(item)
@@ -119,7 +119,7 @@ def _of_records(
             keep = response.frequencies > 0.0
             f = response.frequencies[keep]
             line(axes, f, _positive(noise[keep, i, i].real), style, text)
-            if response.degrees_of_freedom is not None:
+            if _has_interval(response):
                 low, high = (edge[keep, i] for edge in response.noise_ci95())
                 shade(axes, f, _positive(low), _positive(high), style)
         axes.set_ylabel(_density("output" if ny == 1 else names[i], unit))
@@ -132,6 +132,11 @@ def _of_records(
         axes.set_ylabel(_density("input" if nu == 1 else channel_names(first.input_names, nu, "u")[j], ""))
     figure.align_ylabels(list(grid[:, 0]))
     return figure, grid
+
+
+def _has_interval(response: FrequencyResponse) -> bool:
+    deviation = response.noise_deviation
+    return response.degrees_of_freedom is not None if deviation is None else bool(np.isfinite(deviation).all())
 
 
 def _density(what: str, unit: str) -> str:

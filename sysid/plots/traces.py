@@ -99,6 +99,8 @@ def curves_of(
             response, levels = item.response, _levels(item)
         else:
             response = item if isinstance(item, FrequencyResponse) else _response(item, frequencies)
+        if not response.response.shape[2]:
+            raise SysidError(f"{response.method}: a time series has no input; plots.spectra draws its spectrum")
         shown = name or styles.label(response if levels else item)
         curves.append(Curve(shown, response, styles.next(response.method), levels))
     return curves

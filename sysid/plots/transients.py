@@ -49,7 +49,7 @@ def impulse(
 ) -> Figure:
     """Response to a pulse of one sample and height one, with 95 % bands where the uncertainty is known.
 
-    With several channels a row per output and a column per input.
+    With several channels a row per output and a column per input. A time series responds to its innovation.
 
     Args:
         models: Models, estimates, or the result of `cra`: one, several, or several by name.
@@ -122,6 +122,7 @@ def _responses(
             if isinstance(item, Estimate) and np.isfinite(item.covariance).all():
                 deviation = band(item, quantity).deviation
         _, ny, nu = values.shape
+        model = model if not isinstance(model, StateSpace) or model.nu else model.input_path()
         names = (channel_names(model.output_names or (), ny, "y"), channel_names(model.input_names or (), nu, "u"))
         units = (getattr(model, "output_units", None) or ("",) * ny, getattr(model, "input_units", None) or ("",) * nu)
         time = np.arange(len(values)) * model.dt
@@ -133,6 +134,7 @@ def _responses(
 
 
 def _transient(model: StateSpace, samples: int, step: bool) -> FloatArray:
+    model = model if model.nu else model.input_path()
     return model.step_response(samples) if step else model.impulse_response(samples)
 
 

@@ -53,7 +53,7 @@ def armax(
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, C at the edge of stability.
     """
-    experiments = as_experiments(data, missing=not coloured)
+    experiments = as_experiments(data, missing=not coloured, series=True)
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nc=nc, nk=nk)
     return prediction_error_estimate(
         "armax",

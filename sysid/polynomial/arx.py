@@ -1,20 +1,24 @@
 """ARX models by linear least squares."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from sysid.models.estimate import Estimate
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.least_squares import solve
-from sysid.polynomial.orders import make_orders
+from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.polynomial.regressors import arx_regressors
+from sysid.polynomial.regularisation import Kernel, checked_kernel, empirical_bayes
 from sysid.polynomial.robust_covariance import sandwich
 from sysid.records.arguments import truth_value
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
+
+HYPER_PARAMETERS = 3  # of each block of coefficients with a prior, at most
 
 
 def arx(
@@ -24,8 +28,9 @@ def arx(
     nk: int | Sequence[int] = 1,
     *,
     coloured: bool = False,
+    regularisation: Kernel | None = None,
 ) -> Estimate:
-    """Fit A(q) y = B(q) u + e by least squares [Ljung1999, sec. 4.2, 7.3].
+    """Fit A(q) y = B(q) u + e by least squares [Ljung1999, sec. 4.2, 7.3], or by regularised ones.
 
     Args:
         data: One experiment, or several that share the model. Equations with a missing output are omitted.
@@ -36,22 +41,54 @@ def arx(
             the "sandwich" formula [Ljung1999, ch. 9]. It is then the spread about the limit of the estimate, which need
             not be the true parameters. The estimate itself is the same.
 
+        regularisation: Kernel "tc", "dc" or "ss" of a Gaussian prior of A and of each B as decaying responses, which
+            allows high orders on short records; see `impulseest`. The covariance is that of the posterior.
+
     Returns:
         The estimate; parameters a1.., b1...
 
     Raises:
-        SysidError: Constant input, several outputs, orders negative or too many for the data.
+        SysidError: Constant input, several outputs, orders negative or too many for the data, an unknown kernel, or one
+            together with `coloured`.
 
     Warns:
         SysidWarning: The input excites too little, means that do not fit the dynamics, rank deficient regressors.
     """
     coloured = truth_value("coloured", coloured)
-    experiments = as_experiments(data, missing=not coloured)
-    check_single_output(experiments)
+    if coloured and regularisation is not None:
+        raise SysidError("coloured=True needs regularisation=None: a posterior covariance rests on white errors")
+    experiments = as_experiments(data, missing=not coloured, series=True)
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk)
-    messages = check_excitation(experiments, orders.nb) + check_means(experiments, orders.na)
-    check_enough_data(experiments, orders, transients=0)
+    order_values = orders.select("na", "nb", "nk")
+    return regression_estimate("arx", experiments, orders, order_values, coloured=coloured, kernel=regularisation)
+
+
+def regression_estimate(
+    method: str,
+    experiments: Sequence[IOData],
+    orders: Orders,
+    order_values: Mapping[str, Any],
+    *,
+    coloured: bool = False,
+    kernel: Kernel | None = None,
+) -> Estimate:
+    """Check the data, solve for A and B by least squares or with a prior, and return the estimate.
+
+    `order_values` are the orders as the estimate reports them.
+    """
+    check_single_output(experiments)
+    kernel = None if kernel is None else checked_kernel(kernel)
+    # a prior takes the place of excitation and of samples
+    messages = check_excitation(experiments, orders.nb if kernel is None else [1] * len(orders.nb))
+    messages += check_means(experiments, orders.na)
+    if kernel is None:
+        check_enough_data(experiments, orders, transients=0)
     starts = [orders.first_row(e.window) for e in experiments]
+    sizes = [n for n in (orders.na, *orders.nb) if n]
+    unknown = orders.count if kernel is None else HYPER_PARAMETERS * len(sizes)
+    shortest = min(len(e) for e in experiments)
+    if shortest <= max(starts):
+        raise SysidError(f"the lags reach back {max(starts)} samples, the shortest experiment has {shortest}")
     phi = np.vstack(
         [
             arx_regressors(e.y[:, 0], e.u, orders.na, orders.nb, orders.nk, start)
@@ -60,32 +97,47 @@ def arx(
     )
     target = np.concatenate([e.y[start:] for e, start in zip(experiments, starts, strict=True)])
     known = np.isfinite(phi).all(axis=1) & np.isfinite(target[:, 0])
-    if known.sum() <= orders.count:
+    if known.sum() <= unknown:
         raise SysidError(
-            f"too many missing samples: {int(known.sum())} of {len(phi)} rows are complete, "
-            f"{orders.count} parameters need more"
+            f"too {'few' if known.all() else 'many missing'} samples: {int(known.sum())} of {len(phi)} rows are "
+            f"complete, {unknown} parameters need more"
         )
     if not known.all():
         phi, target = phi[known], target[known]
-    fit = solve(phi, target)
-    variance = float(fit.residual_gram[0, 0]) / (len(phi) - orders.count)
-    if fit.rank < orders.count:
-        messages.append(
-            f"the regressors have rank {fit.rank} for {orders.count} parameters: this is the least-norm solution"
-        )
-    covariance = variance * fit.inverse_gram
-    if coloured:
-        covariance = sandwich(experiments, orders, fit.solution[:, 0], covariance, variance)
+    diagnostics: dict[str, Any] = {"iterations": 0}
+    if kernel is not None and sizes:
+        posterior = empirical_bayes(phi, target[:, 0], sizes, kernel)
+        theta, covariance, variance = posterior.mean, posterior.covariance, posterior.variance
+        diagnostics |= {
+            "kernel": kernel,
+            "hyper_parameters": posterior.hyper_parameters,
+            "effective_parameters": posterior.effective,
+            "evidence": posterior.evidence,
+            "converged": posterior.converged,
+        }
+        if not posterior.converged:
+            messages.append("the search of the hyper-parameters did not converge")
+    else:
+        fit = solve(phi, target)
+        theta, variance = fit.solution[:, 0], float(fit.residual_gram[0, 0]) / (len(phi) - orders.count)
+        if fit.rank < orders.count:
+            messages.append(
+                f"the regressors have rank {fit.rank} for {orders.count} parameters: this is the least-norm solution"
+            )
+        covariance = variance * fit.inverse_gram
+        if coloured:
+            covariance = sandwich(experiments, orders, theta, covariance, variance)
+        diagnostics |= {"condition": fit.condition, "rank": fit.rank, "converged": True}
     for message in messages:
-        warnings.warn(message, SysidWarning, stacklevel=2)
+        warnings.warn(message, SysidWarning, stacklevel=3)
     return make_estimate(
-        "arx",
+        method,
         experiments,
         orders,
-        orders.select("na", "nb", "nk"),
-        theta=fit.solution[:, 0],
+        order_values,
+        theta=theta,
         covariance=covariance,
         variance=variance,
-        diagnostics={"condition": fit.condition, "rank": fit.rank, "iterations": 0, "converged": True},
+        diagnostics=diagnostics,
         messages=messages,
     )

@@ -26,7 +26,7 @@ def covariance_function(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: 
         Covariances (2 lags + 1, nx, nz), lag zero in the middle.
     """
     total = np.zeros((2 * lags + 1, x[0].shape[1], z[0].shape[1]))
-    length = max(LARGEST_PRODUCT // total[0].size, 4 * lags, 1)
+    length = max(LARGEST_PRODUCT // max(total[0].size, 1), 4 * lags, 1)
     for xi, zi in zip(x, z, strict=True):
         for begin in range(0, len(zi), length):
             first, end = max(begin - lags, 0), min(begin + length, len(zi))

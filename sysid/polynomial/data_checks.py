@@ -109,8 +109,11 @@ def check_means(experiments: Sequence[IOData], order: int) -> list[str]:
 
     The test is whether an ARX model, and a longer one, need a constant. It is made only if the means of an input and of
     the output exceed their standard deviations. Responses from rest and records that agree with the gain at 0 Hz pass.
-    A model with an order beyond that of the dynamics can difference the data and needs no detrending.
+    A model with an order beyond that of the dynamics can difference the data and needs no detrending. Of a time series,
+    the mean alone tells.
     """
+    if not experiments[0].nu:
+        return [f"{text}, as a slow pole that the series need not have; {ADVICE}" for text in _dominant(experiments)]
     u, y = (_joined([getattr(e, name)[e.window :] for e in experiments]) for name in ("u", "y"))
     means_u, sizes_u = np.nanmean(u, axis=0), np.nanstd(u, axis=0)
     means_y, sizes_y = np.nanmean(y, axis=0), np.nanstd(y, axis=0)
@@ -136,8 +139,15 @@ def check_means(experiments: Sequence[IOData], order: int) -> list[str]:
     return messages
 
 
+ADVICE = "detrend first: data.detrend()"
+
+
 def large_means(experiments: Sequence[IOData]) -> list[str]:
     """Describe channels whose mean exceeds their standard deviation, for frequency-domain methods."""
+    return [f"{text} and leaks into low frequencies; {ADVICE}" for text in _dominant(experiments)]
+
+
+def _dominant(experiments: Sequence[IOData]) -> list[str]:
     first = experiments[0]
     z = _joined([np.hstack((e.u, e.y))[e.window :] for e in experiments])
     means, sizes = np.nanmean(z, axis=0), np.nanstd(z, axis=0)
@@ -147,9 +157,7 @@ def large_means(experiments: Sequence[IOData]) -> list[str]:
         for name, mean, size in zip(names, means, sizes, strict=True)
         if abs(mean) > size
     ]
-    if not dominant:
-        return []
-    return [f"the mean dominates {', '.join(dominant)} and leaks into low frequencies; detrend first: data.detrend()"]
+    return [f"the mean dominates {', '.join(dominant)}"] if dominant else []
 
 
 def _joined(parts: Sequence[FloatArray]) -> FloatArray:

@@ -149,7 +149,7 @@ def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, s
     root = _inverse_root(c, d, m)
     paths = [_shifts(scipy.signal.lfilter(d, np.convolve(c, f[j]), pulse), nf) for j, nf in enumerate(orders.nf)]
     noise = np.vstack((root, _shifts(scipy.signal.lfilter([1.0], c, pulse), m)))
-    free = np.vstack((np.zeros((m, sum(orders.nf))), np.hstack(paths)))
+    free = np.vstack((np.zeros((m, sum(orders.nf))), np.hstack((np.zeros((rows, 0)), *paths))))
     errors = np.concatenate((np.zeros(m), scipy.signal.lfilter(d, c, v)))
     basis, state = _orthonormal(np.hstack((noise, free)), errors)
     errors[: len(basis)] -= basis @ (basis.T @ errors[: len(basis)])

@@ -88,16 +88,16 @@ def armax_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> It
 
 def check_room_to_start(experiments: Sequence[IOData], orders: Orders) -> None:
     """Refuse orders that are too large for an initial estimate."""
-    dynamics, rows = max(orders.na, *orders.nf), _hankel_rows(experiments, orders)
+    dynamics, rows = max((orders.na, *orders.nf)), _hankel_rows(experiments, orders)
     if dynamics >= rows:
         raise SysidError(
             f"too many orders for the data: dynamics of order {dynamics} need an experiment of {3 * (dynamics + 1)} "
             f"samples, the longest has {max(len(e) for e in experiments)}"
         )
-    skipped = long_arx_order(experiments, orders, 8) + max(orders.nk) + max(orders.nc, orders.nd)
-    firsts = [max(e.window, orders.first_row(0), max(orders.nf)) for e in experiments]
+    skipped = long_arx_order(experiments, orders, 8) + max(orders.nk, default=0) + max(orders.nc, orders.nd)
+    firsts = [max(e.window, orders.first_row(0), *orders.nf) for e in experiments]
     available = [len(e) - max(first, skipped) for e, first in zip(experiments, firsts, strict=True)]
-    shared = sum(orders.nb) + orders.nc + max(orders.na, *orders.nf)
+    shared = sum(orders.nb) + orders.nc + max((orders.na, *orders.nf))
     if min(available) <= 0 or sum(available) <= max(shared, orders.nc + orders.nd):
         raise SysidError(
             f"too many orders for the data: {orders.count} parameters and {max(sum(available), 0)} samples in "
@@ -238,7 +238,7 @@ def _reduced_armax(experiments: Sequence[IOData], orders: Orders, model: LongArx
 
 
 def _hankel_rows(experiments: Sequence[IOData], orders: Orders) -> int:
-    return min(max(HANKEL_ROWS, 2 * max(orders.na, *orders.nf)), max(len(e) for e in experiments) // 3)
+    return min(max(HANKEL_ROWS, 2 * max((orders.na, *orders.nf))), max(len(e) for e in experiments) // 3)
 
 
 def _without_noise_model(orders: Orders, arx_theta: FloatArray) -> FloatArray:

@@ -45,7 +45,9 @@ class LongArx:
     def simulate(self, experiment: IOData) -> FloatArray:
         """Noise-free output from rest (N,), the model stabilised."""
         stable = stabilised(self.a)
-        return np.asarray(sum(scipy.signal.lfilter(bj, stable, experiment.u[:, j]) for j, bj in enumerate(self.b)))
+        rest = np.zeros(len(experiment))
+        responses = (scipy.signal.lfilter(bj, stable, experiment.u[:, j]) for j, bj in enumerate(self.b))
+        return np.asarray(sum(responses, rest))
 
     def responses(self, length: int) -> list[FloatArray]:
         """Pulse responses B/A per input and 1/A, the model stabilised (length,) each."""
@@ -85,19 +87,19 @@ class LongArxFamily:
             n,
             (n,) * len(self.nk),
             self.nk,
-            [max(e.window, n + max(self.nk)) for e in self.experiments],
+            [max(e.window, n + max(self.nk, default=0)) for e in self.experiments],
         )
         return self._from_parameters(theta, n)
 
     def _from_parameters(self, theta: FloatArray, n: int) -> LongArx:
         a, *b = np.split(theta, np.cumsum([n] * len(self.nk)))
         padded = [np.concatenate((np.zeros(k), part)) for k, part in zip(self.nk, b, strict=True)]
-        return LongArx(np.concatenate(([1.0], a)), tuple(padded), n + max(self.nk))
+        return LongArx(np.concatenate(([1.0], a)), tuple(padded), n + max(self.nk, default=0))
 
 
 def long_arx_family(experiments: Sequence[IOData], orders: Orders, largest: int) -> LongArxFamily:
     """Prepare long ARX models for the delays of a structure."""
-    lags = largest + max(*orders.nk, 1)
+    lags = largest + max((*orders.nk, 1))
     gram = np.zeros((len(orders.nk) + 1, lags + 1) * 2)
     for e in experiments:
         gram += lagged_products(np.column_stack((e.y[:, 0], e.u)), lags, max(e.window, lags))
@@ -127,7 +129,7 @@ def arx_solution(
 ) -> FloatArray:
     """ARX parameters (na + sum(nb),) by least squares, outputs and inputs per experiment, `starts` the first rows."""
     lags = [output_lags(na), *(input_lags(n, k) for n, k in zip(nb, nk, strict=True))]
-    most = max(na, *(n + k - 1 for n, k in zip(nb, nk, strict=True)))
+    most = max((na, *(n + k - 1 for n, k in zip(nb, nk, strict=True))))
     if most <= min(starts):
         signals = (np.column_stack((yi, ui)) for yi, ui in zip(y, u, strict=True))
         products = sum(lagged_products(s, most, start) for s, start in zip(signals, starts, strict=True))

@@ -151,7 +151,9 @@ def make_orders(
     nd: int = 0,
     nf: int | Sequence[int] = 0,
 ) -> Orders:
-    """Check orders; a single number for nb, nf or nk holds for all inputs."""
+    """Check orders; a single number for nb, nf or nk holds for all inputs, () stands for no input."""
+    if nu == 0 and np.size(nb):
+        raise SysidError(f"nb = {shown(nb)} given for a time series, which has no input: use ar or arma")
     return Orders(
         na=whole_number("na", na, 0),
         nb=_per_input("nb", nb, nu, least=1),
@@ -177,7 +179,7 @@ def padded_rows(polynomials: Sequence[FloatArray]) -> FloatArray:
     """Rows of coefficients side by side, zeros behind the shorter ones (rows, longest); a single one as it is."""
     if len(polynomials) == 1:
         return polynomials[0]
-    out = np.zeros((len(polynomials), max(len(p) for p in polynomials)))
+    out = np.zeros((len(polynomials), max((len(p) for p in polynomials), default=1)))
     for row, p in zip(out, polynomials, strict=True):
         row[: len(p)] = p
     return out

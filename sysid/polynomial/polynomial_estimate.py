@@ -193,7 +193,7 @@ def prediction_error_estimate(
         )
     transients = max(orders.nc, orders.nd) + sum(orders.nf)
     messages = check_excitation(experiments, [n + max(orders.na, f) for n, f in zip(orders.nb, orders.nf, strict=True)])
-    messages += check_means(experiments, max(orders.na, *orders.nf))
+    messages += check_means(experiments, max((orders.na, *orders.nf)))
     check_enough_data(experiments, orders, transients)
     check_room_to_start(experiments, orders)
     filled = completed(experiments, orders) if gaps else experiments

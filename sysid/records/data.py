@@ -24,7 +24,7 @@ class IOData(Locked):
     A sequence of `IOData` is a multi-experiment data set; every estimator accepts one.
 
     Attributes:
-        u: Inputs (N, nu); a 1-D array is taken as one channel.
+        u: Inputs (N, nu); a 1-D array is taken as one channel. None for a time series, which has none (N, 0).
         y: Outputs (N, ny); a 1-D array is taken as one channel.
         dt: Sampling interval in s.
         input_names: One name per input; `u1, u2, ...` by default.
@@ -62,7 +62,10 @@ class IOData(Locked):
     def __post_init__(self) -> None:
         """Check and lock."""
         missing = truth_value("missing", self.missing)
-        u, y = _channels("u", self.u), _channels("y", self.y, missing=missing)
+        y = _channels("y", self.y, missing=missing)
+        # an array (N, 0) is what slices and copies of a time series pass on
+        empty = self.u is None or (isinstance(self.u, np.ndarray) and self.u.shape == (len(y), 0))
+        u = lock(np.zeros((len(y), 0))) if empty else _channels("u", self.u)
         if len(u) != len(y):
             raise SysidError(f"u and y must be equally long: u has {len(u)} samples, y has {len(y)}")
         dt = sampling_interval(self.dt)
@@ -105,7 +108,8 @@ class IOData(Locked):
             for labels, units in ((self.input_names, self.input_units), (self.output_names, self.output_units))
         )
         window = f", the first {self.window} to initialise" if self.window else ""
-        return f"{name}{len(self)} samples every {self.dt:g} s{window}; input {inputs}; output {outputs}"
+        inputs = f"input {inputs}" if self.nu else "no input"
+        return f"{name}{len(self)} samples every {self.dt:g} s{window}; {inputs}; output {outputs}"
 
     @property
     def nu(self) -> int:
@@ -235,16 +239,19 @@ class IOData(Locked):
         )
 
 
-def as_experiments(data: IOData | Sequence[IOData], *, missing: bool = False) -> tuple[IOData, ...]:
+def as_experiments(
+    data: IOData | Sequence[IOData], *, missing: bool = False, series: bool = False
+) -> tuple[IOData, ...]:
     """Return the experiments of a data set as a tuple, checked to belong together; channels as in the first, by name.
 
     Args:
         data: One experiment, or several.
         missing: Whether missing output samples are allowed.
+        series: Whether time series are allowed, records without input.
 
     Raises:
         SysidError: No experiment, something other than `IOData`, records that differ in `dt` or channels, or missing
-            samples that are not allowed.
+            samples or time series that are not allowed.
     """
     if not isinstance(data, IOData | Sequence) or isinstance(data, str):
         raise SysidError(f"expected an IOData record or a sequence of them, got {type(data).__name__}")
@@ -254,6 +261,11 @@ def as_experiments(data: IOData | Sequence[IOData], *, missing: bool = False) ->
     for i, record in enumerate(records):
         if not isinstance(record, IOData):
             raise SysidError(f"experiment {i}: expected an IOData record, got {type(record).__name__}")
+        if not record.nu and not series:
+            raise SysidError(
+                "expected an input, got a time series without one; ar, arma, n4sid and pem_ss fit its model, spa and "
+                "welch estimate its spectrum, forecast continues it"
+            )
         first = records[0]
         if (record.nu, record.ny) != (first.nu, first.ny):
             raise SysidError(

@@ -39,7 +39,7 @@ def prefilter(data: IOData, numerator: ArrayLike, denominator: ArrayLike = 1.0) 
     _refuse_gaps(data)
 
     def filtered(channels: FloatArray) -> FloatArray:
-        if max(len(a), len(b)) == 1:
+        if max(len(a), len(b)) == 1 or not channels.size:
             return channels * b[0] / a[0]
         start = scipy.signal.lfilter_zi(b, a)[:, None] * channels[0]
         return np.asarray(scipy.signal.lfilter(b, a, channels, axis=0, zi=start)[0], dtype=np.float64)

@@ -25,7 +25,7 @@ from sysid.subspace.predictor import (
     local_coordinates,
 )
 from sysid.subspace.predictor_errors import Point
-from sysid.subspace.predictor_estimate import check_enough_samples, make_predictor_estimate
+from sysid.subspace.predictor_estimate import check_enough_samples, check_gain, make_predictor_estimate
 from sysid.subspace.predictor_fit import least_squares_fit, pulled_in
 
 SINGULAR = 1e-10  # power in a direction of the future, relative to the largest, below which it gets no weight
@@ -202,8 +202,8 @@ def n4sid(
     local minimum; the estimate is consistent, not efficient: `pem_ss` refines it.
 
     Args:
-        data: One experiment, or several that share the model; any numbers of inputs and outputs. Missing outputs are
-            filled by their conditional means under the model, in several rounds.
+        data: One experiment, or several that share the model; any numbers of inputs (none: a time series) and outputs.
+            Missing outputs are filled by their conditional means under the model, in several rounds.
         order: Number of states, 60 at most.
         block_rows: Samples of past, and of future; by default 2.5 times the order, at least 10. If the model of this
             horizon is slow, a quarter of its slowest time constant, up to three times as many. Short data allow fewer.
@@ -223,7 +223,7 @@ def n4sid(
         SysidWarning: Poor excitation, means that do not fit the dynamics, an order beyond the rank of the data, an
             unstable model.
     """
-    experiments = as_experiments(data, missing=True)
+    experiments = as_experiments(data, missing=True, series=True)
     if not all(e.complete for e in experiments):
 
         def fit(filled: Sequence[IOData], gain: bool) -> Estimate:
@@ -235,6 +235,7 @@ def n4sid(
     direct, gain, stable = (
         truth_value(name, value) for name, value in (("direct", direct), ("gain", gain), ("stable", stable))
     )
+    check_gain(nu, gain)
     samples = check_enough_samples(experiments, order, order * (nu + 2 * ny) + nu * ny)
     shortest = min(len(e) - e.window for e in experiments)
     # the triangle has 2 s (nu + ny) rows, and needs as many columns

@@ -21,7 +21,12 @@ from sysid.subspace.observer_gain import spectral_radius, stable_gain
 from sysid.subspace.okid import okid
 from sysid.subspace.predictor import Predictor, Record, Scales, local_coordinates
 from sysid.subspace.predictor_errors import Point, gapped_covariance
-from sysid.subspace.predictor_estimate import check_enough_samples, degrees_of_freedom, make_predictor_estimate
+from sysid.subspace.predictor_estimate import (
+    check_enough_samples,
+    check_gain,
+    degrees_of_freedom,
+    make_predictor_estimate,
+)
 from sysid.subspace.predictor_fit import Minimum, coloured_information, column_scale, minimise
 
 HORIZONS = (8, 12, 16, 20)  # block rows of n4sid, beside the fewest that allow the order
@@ -90,8 +95,8 @@ def pem_ss(
     is set.
 
     Args:
-        data: One experiment, or several that share the model; any numbers of inputs and outputs. With missing outputs,
-            the likelihood of the known ones is maximised; `n4sid`, `armax` and others give a start.
+        data: One experiment, or several that share the model; any numbers of inputs (none: a time series) and outputs.
+            With missing outputs, the likelihood of the known ones is maximised; `n4sid` or `armax` give a start.
         start: Initial estimate by `n4sid`, `okid` or any other method, or a model; or several of one order.
         direct: Whether D is estimated; otherwise it is zero.
         gain: Whether K is estimated; otherwise it is zero.
@@ -119,7 +124,7 @@ def pem_ss(
     max_iterations = whole_number("max_iterations", max_iterations, 1)
     flags = {"direct": direct, "gain": gain, "coloured": coloured, "search": search}
     direct, gain, coloured, search = (truth_value(name, value) for name, value in flags.items())
-    experiments = as_experiments(data, missing=not coloured)
+    experiments = as_experiments(data, missing=not coloured, series=True)
     origins = list(start) if isinstance(start, Sequence) else [start]
     models = [aligned(as_model(origin), experiments[0]) for origin in origins]
     if coloured and gain:
@@ -132,6 +137,7 @@ def pem_ss(
             "expected a start with at least one state, got order 0: a direct term alone is arx(data, 0, 1, 0)"
         )
     nu, ny, n = model.nu, model.ny, model.order
+    check_gain(nu, gain)
     count = n * (nu + (2 if gain else 1) * ny) + (nu * ny if direct else 0)
     samples = check_enough_samples(experiments, n, count)
     messages = check_excitation(experiments, [n + (1 if direct else 0)] * nu) + check_means(experiments, -(-n // ny))

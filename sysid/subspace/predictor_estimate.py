@@ -49,6 +49,14 @@ class RealiseLocally:
         return self.scales.model(moved, self.data, self.covariance)
 
 
+def check_gain(nu: int, gain: bool) -> None:
+    """Refuse a model that neither inputs nor innovations drive."""
+    if not (gain or nu):
+        raise SysidError(
+            "gain=False given for a time series: without input, only the innovation gain drives its states"
+        )
+
+
 def check_enough_samples(experiments: Sequence[IOData], order: int, count: int) -> int:
     """Number of samples after the initialisation windows; refuse too few, and outputs that are zero."""
     samples = int(usable_samples(experiments))

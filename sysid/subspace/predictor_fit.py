@@ -159,6 +159,8 @@ def least_squares_fit(records: Sequence[Record], start: Predictor, directions: D
 
     Further steps repair rounding and the first weights if the errors are so small that these matter.
     """
+    if not directions(start).shape[1]:
+        return start
     point = Point.at(records, start.balanced(), np.eye(start.C.shape[0]))
     power = float(np.mean([np.mean(r.y**2) for r in records]))
     for _ in range(REPAIRS):

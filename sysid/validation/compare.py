@@ -90,7 +90,7 @@ def compare(
     if not named:
         raise SysidError("expected at least one model, got none")
     steps = whole_number("steps (the simulation is always included)", steps, 1)
-    experiments = as_experiments(data, missing=True)
+    experiments = as_experiments(data, missing=True, series=True)
     return tuple(_fit(name, model, experiments, steps) for name, model in named.items())
 
 

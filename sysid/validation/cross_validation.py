@@ -60,7 +60,7 @@ def cross_validate(
     Raises:
         SysidError: Fewer than two parts, or parts too short for the estimator.
     """
-    experiments = as_experiments(data)
+    experiments = as_experiments(data, series=True)
     if len(experiments) == 1:
         folds = whole_number("folds", folds, 2, len(experiments[0]))
         (whole,) = experiments

@@ -195,7 +195,7 @@ def resid(
 
     Args:
         estimate: The estimate, or the model itself.
-        data: Inputs and outputs, of the fit or others; one experiment or several.
+        data: Inputs and outputs, of the fit or others; one experiment or several. Of a time series whiteness is tested.
         lags: Largest lag.
         level: Confidence level, between 0 and 1.
 
@@ -207,7 +207,7 @@ def resid(
             zero.
     """
     level = confidence_level(level)
-    experiments, model = as_experiments(data, missing=True), as_model(estimate)
+    experiments, model = as_experiments(data, missing=True, series=True), as_model(estimate)
     parts = [residuals(estimate, e)[e.window :] for e in experiments]
     errors = np.concatenate(parts)
     first = experiments[0]
@@ -228,7 +228,7 @@ def resid(
         raise SysidError(
             "the residuals of one output are negligible against those of another: there is nothing to test"
         )
-    if (v_size <= ROUNDING * max(np.abs(x.u).max() for x in experiments)).any():
+    if (v_size <= ROUNDING * max(np.abs(x.u).max(initial=0.0) for x in experiments)).any():
         raise SysidError("an input is constant: independence of it cannot be tested")
     auto = covariance_function(e, e, lags)[lags:] / (e_size[:, None] * e_size)
     cross = covariance_function(e, v, lags) / (e_size[:, None] * v_size)

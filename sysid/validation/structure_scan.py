@@ -187,8 +187,8 @@ def structure_scan(
             that could be fitted.
     """
     _check_names(estimator, names)
-    experiments = as_experiments(data)
-    others = () if validation is None else as_experiments(validation)
+    experiments = as_experiments(data, series=True)
+    others = () if validation is None else as_experiments(validation, series=True)
     fits: list[tuple[tuple[Order, ...], Estimate]] = []
     failed = []
     wanted: list[tuple[Order, ...]] = []

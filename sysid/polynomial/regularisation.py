@@ -1,0 +1,216 @@
+"""Regularised least squares: Gaussian priors of impulse responses, their hyper-parameters by empirical Bayes.
+
+y = Phi theta + e with theta ~ N(0, s^2 P(eta)) and e ~ N(0, s^2 I). The hyper-parameters eta maximise the marginal
+likelihood of y, s^2 eliminated; the estimate is the posterior mean [ChenOhlssonLjung2012]. Each kernel has its square
+root in closed form, P = L L', so that neither P, which is nearly singular, nor the covariance of y is ever formed or
+inverted: one triangle of [Phi y], O(N n^2), serves all evaluations, each of which is a QR of O(n^3) [ChenLjung2013].
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal, get_args
+
+import numpy as np
+import scipy
+
+from sysid.polynomial.least_squares import scaled_triangle
+from sysid.records.arguments import shown
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
+
+Kernel = Literal["tc", "dc", "ss"]
+
+RATES = (0.03, 0.1, 0.3, 1.0)  # initial decay rates, in powers of e per sample
+GAINS = (0.0, 8.0, 12.0)  # initial scales, as logarithms about that of the data
+BOUNDS = {"scale": (-35.0, 35.0), "rate": (-8.0, 2.0), "correlation": (-5.0, 5.0)}
+STEP = 1e-6  # of the hyper-parameters, for central differences of the closed-form roots
+
+
+def checked_kernel(kernel: str) -> Kernel:
+    """Check the name of a kernel."""
+    for known in get_args(Kernel):
+        if kernel == known:
+            return known
+    raise SysidError(f"the kernel must be one of {', '.join(get_args(Kernel))}; got {shown(kernel)}")
+
+
+def kernel_root(kernel: Kernel, n: int, eta: FloatArray) -> FloatArray:
+    """Square root L of a kernel, P = L L', (n, n), of "ss" (n, 2 n).
+
+    With lags i, j = 1..n and decay l: TC c l^max(i, j); DC c l^((i + j)/2) r^|i - j|; SS (stable spline)
+    c (l^(i + j + max(i, j))/2 - l^(3 max(i, j))/6) [ChenOhlssonLjung2012, eq. 31, 37, 38].
+
+    Args:
+        kernel: Its name.
+        n: Number of coefficients.
+        eta: log c, log(-log l), and of "dc" artanh r.
+    """
+    scale, rate = np.exp(0.5 * eta[0]), np.exp(eta[1])
+    lag = np.arange(1, n + 1)
+    if kernel != "ss":
+        # DC is a first-order autoregression under an exponential envelope; TC is its case r = sqrt(l)
+        r = np.tanh(eta[2]) if kernel == "dc" else np.exp(-0.5 * rate)
+        rest = 1.0 / np.cosh(eta[2]) if kernel == "dc" else np.sqrt(-np.expm1(-rate))
+        distance = lag[:, None] - lag
+        root = np.where(distance >= 0, r ** np.maximum(distance, 0), 0.0)
+        root[:, 1:] *= rest
+        return np.asarray(scale * np.exp(-0.5 * rate * lag)[:, None] * root)
+    # SS is the covariance of integrated white noise at the times l^lag: increments between times, and their integrals
+    times = np.append(np.exp(-rate * lag), 0.0)
+    step, later = times[:-1] - times[1:], np.where(lag[:, None] <= lag, 1.0, 0.0)
+    gap = times[:-1, None] - times[:-1]
+    own = np.sqrt(step / 12.0) * step * later
+    drift = np.sqrt(step) * (gap + 0.5 * step) * later
+    return np.asarray(scale * np.hstack((drift, own)))
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Regularised estimate.
+
+    Attributes:
+        mean: Posterior mean of the coefficients (p,).
+        covariance: Posterior covariance (p, p).
+        variance: Variance of e.
+        effective: Effective number of parameters, the trace of the matrix from y to its fit.
+        hyper_parameters: Per block c s^2, l, and of "dc" r (blocks, 2 or 3).
+        evidence: Logarithm of the marginal likelihood at its maximum.
+        converged: Whether the search of hyper-parameters converged.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    variance: float
+    effective: float
+    hyper_parameters: FloatArray
+    evidence: float
+    converged: bool
+
+
+def empirical_bayes(phi: FloatArray, target: FloatArray, sizes: Sequence[int], kernel: Kernel) -> Posterior:
+    """Posterior of blocks of coefficients, each an impulse response with hyper-parameters of its own.
+
+    Args:
+        phi: Regressors (rows, p); fewer rows than coefficients are allowed.
+        target: Right-hand side (rows,).
+        sizes: Coefficients of each block; their sum is p.
+        kernel: Kernel of all blocks.
+
+    Raises:
+        SysidError: A right-hand side that is zero.
+    """
+    minimize = scipy.optimize.minimize
+    rows, p = len(phi), phi.shape[1]
+    if not target.any():
+        raise SysidError("the output is zero: there is no response to identify")
+    triangle, lengths = scaled_triangle(np.column_stack((phi, target)))
+    size = float(np.sqrt(target @ target / rows))
+    x, y = triangle[:, :p] * lengths[:p], triangle[:, p] * lengths[p]
+    evidence = Evidence(x / size, y / size, rows, tuple(sizes), kernel)
+    power = np.sum(x**2, axis=0) / size**2 / rows
+    edges = np.cumsum([0, *sizes])
+    # scale of a response whose effect would be as large as the output
+    levels = [-np.log(max(float(power[a:b].mean()), 1e-300)) for a, b in pairwise(edges)]
+    bounds = [pair for level in levels for pair in evidence.bounds(level)]
+    results = []
+    for gain in GAINS:
+        starts = [np.concatenate([evidence.start(gain + level, rate) for level in levels]) for rate in RATES]
+        # the likelihood has a maximum at noise alone, which a start at a small scale runs into
+        best = min(starts, key=lambda eta: evidence(eta)[0])
+        results.append(minimize(evidence, best, jac=True, method="L-BFGS-B", bounds=bounds))
+    result = min(results, key=lambda one: float(one.fun))
+    return evidence.posterior(result.x, size, bool(result.success))
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """-2 times the logarithm of the marginal likelihood, s^2 at its best value, with its gradient.
+
+    Attributes:
+        x: Columns of the triangle of [Phi y] that belong to Phi (k, p).
+        y: Its last column (k,).
+        rows: Rows of Phi.
+        sizes: Coefficients of each block.
+        kernel: Kernel of all blocks.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    rows: int
+    sizes: tuple[int, ...]
+    kernel: Kernel
+
+    def start(self, scale: float, rate: float) -> FloatArray:
+        """Hyper-parameters of one block from the logarithm of its scale and its decay rate; DC as TC."""
+        r = np.arctanh(np.exp(-0.5 * rate))
+        return np.array([scale, np.log(rate), r] if self.kernel == "dc" else [scale, np.log(rate)])
+
+    def bounds(self, level: float) -> list[tuple[float, float]]:
+        """Bounds of the hyper-parameters of one block, the scale about a level."""
+        low, high = BOUNDS["scale"]
+        out = [(low + level, high + level), BOUNDS["rate"]]
+        return [*out, BOUNDS["correlation"]] if self.kernel == "dc" else out
+
+    def __call__(self, eta: FloatArray) -> tuple[float, FloatArray]:
+        """Criterion and gradient."""
+        parts = self._roots(eta)
+        roots = np.asarray(scipy.linalg.block_diag(*parts))
+        triangle, weights, rest = self._solution(roots)
+        energy = rest**2
+        value = self.rows * np.log(energy) + 2.0 * float(np.sum(np.log(np.abs(np.diag(triangle)))))
+        # slopes of both terms by the entries of L
+        errors = self.y - self.x @ (roots @ weights)
+        product = self.x @ roots
+        half = scipy.linalg.solve_triangular(triangle, product.T, trans="T").T
+        smooth = self.x.T @ scipy.linalg.solve_triangular(triangle, half.T).T
+        by_root = 2.0 * smooth - 2.0 * self.rows / energy * np.outer(self.x.T @ errors, weights)
+        count, gradient = len(eta) // len(self.sizes), np.empty(len(eta))
+        row = column = 0
+        for b, (n, root) in enumerate(zip(self.sizes, parts, strict=True)):
+            part = by_root[row : row + n, column : column + root.shape[1]]
+            own = eta[b * count : (b + 1) * count]
+            gradient[b * count] = 0.5 * float(np.sum(part * root))
+            for k in range(1, count):
+                step = STEP * np.eye(count)[k]
+                change = kernel_root(self.kernel, n, own + step) - kernel_root(self.kernel, n, own - step)
+                gradient[b * count + k] = float(np.sum(part * change)) / (2.0 * STEP)
+            row, column = row + n, column + root.shape[1]
+        return float(value), gradient
+
+    def posterior(self, eta: FloatArray, size: float, converged: bool) -> Posterior:
+        """Posterior at hyper-parameters, the right-hand side in units of `size`."""
+        roots = np.asarray(scipy.linalg.block_diag(*self._roots(eta)))
+        triangle, weights, rest = self._solution(roots)
+        half = scipy.linalg.solve_triangular(triangle, roots.T, trans="T").T
+        variance = size**2 * rest**2 / self.rows
+        table = eta.reshape(len(self.sizes), -1)
+        natural = np.column_stack((np.exp(table[:, 0]) * variance / size**2, np.exp(-np.exp(table[:, 1]))))
+        if self.kernel == "dc":
+            natural = np.column_stack((natural, np.tanh(table[:, 2])))
+        constant = self.rows * (1.0 + np.log(2.0 * np.pi * size**2 / self.rows))
+        return Posterior(
+            mean=roots @ weights,
+            covariance=variance / size**2 * (half @ half.T),
+            variance=variance,
+            effective=float(np.sum((self.x @ half) ** 2)),
+            hyper_parameters=natural,
+            evidence=-0.5 * (self(eta)[0] + float(constant)),
+            converged=converged,
+        )
+
+    def _roots(self, eta: FloatArray) -> list[FloatArray]:
+        """Root of each block's kernel."""
+        parts = zip(self.sizes, eta.reshape(len(self.sizes), -1), strict=True)
+        return [kernel_root(self.kernel, n, own) for n, own in parts]
+
+    def _solution(self, roots: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """Triangle T of [Phi L; I], the coefficients w of L w, and the length of the remainder."""
+        m = roots.shape[1]
+        stacked = np.zeros((len(self.y) + m, m + 1))
+        stacked[: len(self.y), :m] = self.x @ roots
+        stacked[: len(self.y), m] = self.y
+        stacked[len(self.y) + np.arange(m), np.arange(m)] = 1.0
+        whole = np.asarray(np.linalg.qr(stacked, mode="r"))
+        weights = scipy.linalg.solve_triangular(whole[:m, :m], whole[:m, m])
+        return whole[:m, :m], weights, max(abs(float(whole[m, m])), float(np.finfo(float).tiny))
