@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from sysid.design import InputDesign, InputSignal, design_input, idinput
+from sysid.exchange import read_model, to_fmu, to_matlab, write_model
 from sysid.frequency import (
     BestLinearApproximation,
     bla,
@@ -126,6 +127,7 @@ __all__ = [
     "rarx",
     "read_csv",
     "read_mat",
+    "read_model",
     "read_netcdf",
     "resample",
     "resid",
@@ -137,9 +139,12 @@ __all__ = [
     "spafdr",
     "split_delay",
     "structure_scan",
+    "to_fmu",
+    "to_matlab",
     "transfer_function",
     "vector_fit",
     "welch",
+    "write_model",
     "zero_pole_gain",
 ]
 

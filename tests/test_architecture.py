@@ -20,7 +20,10 @@ ARROWS = {"scenarios": {"hmtb_twin", "sysid"}, "hmtb_twin": {"sysid"}, "sysid": 
 RECORDS = {"IOData", "StateSpace", "FrequencyResponse"}
 # Rooms of each package from the ground up: a room imports only rooms that stand before it.
 ROOMS = {
-    "sysid": ("records", "models", "polynomial", "validation", "subspace", "recursive", "frequency", "design", "plots"),
+    "sysid": (
+        *("records", "models", "exchange", "polynomial", "validation", "subspace", "recursive", "frequency", "design"),
+        "plots",
+    ),
     "hmtb_twin": ("files", "parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
     "scenarios": (
         *("files", "jobs", "experiments", "report", "truth", "identification", "datasets"),

@@ -47,6 +47,7 @@ def compare(
       published:4.7    one of them by its equation: 4.7 to 4.13, 5.8 to 5.10, 4.7+4.9
       published:okid   a published model of three joints: sysid, okid or hybrid; on one joint, its part for it
       oe:2/2/1         an estimator with its orders, as for hmtb identify, identified from --estimation
+      my-model.json    a model file, as hmtb identify --save writes it
 
     Fits are 100 (1 - |y - yhat| / |y - mean y|): 100 is perfect, 0 no better than the mean. A simulation uses only the
     commands. A prediction one step ahead also uses all earlier measurements, if the model describes the noise; one that
@@ -89,7 +90,7 @@ def compare(
         check_figure(out)
     elif piece is not None:
         raise ScenarioError("--piece given without --out: it is the part of the record that a figure shows")
-    identified = ", ".join(name.text for name in names if name.kind not in ("truth", "published"))
+    identified = ", ".join(name.text for name in names if name.kind not in ("truth", "published", "file"))
     if estimation is not None and not identified:
         raise ScenarioError("--estimation given, but no model that is identified; name one, as oe:2/2/1")
 
@@ -214,12 +215,12 @@ def _figure(
     if not (0.0 <= start < whole and length > 0.0):
         raise ScenarioError(f"--piece {start:g} {length:g} given, expected a start from 0 to below {whole:g} s")
     # The first model of a kind has the colour that the kind has everywhere; further ones take colours of absent kinds.
-    looks = {entry.kind: PALETTE[entry.kind] for entry in judged}
+    looks = {entry.kind: PALETTE[entry.kind] for entry in judged if entry.kind in PALETTE}
     free = [look for name, look in PALETTE.items() if name not in (*looks, "measured", "etfe", "truth")]
     traces = []
     for entry in judged:
         fit = entry.fit.by_experiment[longest] if entry.fit.by_experiment else entry.fit
-        style = looks.pop(entry.kind, None) or (free.pop(0) if free else PALETTE[entry.kind])
+        style = looks.pop(entry.kind, None) or (free.pop(0) if free else PALETTE["published"])
         percents = ", ".join(f"{value:.1f}" for value in fit.simulation)
         traces.append(Trace(f"{entry.label}: fit {percents} %", fit.simulated + entry.level, style))
     radians = all(unit == "rad" for unit in record.output_units or ("",))

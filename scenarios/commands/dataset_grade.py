@@ -20,9 +20,9 @@ def grade(
     """Grade predictions and models against the complete data sets in a withheld folder.
 
     A submission is a folder of predictions as hmtb dataset score reads them, one for each test record, and
-    optionally of models model-JOINT.json with matrices A, B, C, D and dt; without predictions the models are scored.
-    Where each person has a data set, the folders in SUBMISSIONS are named after the persons. No code of a
-    submission is executed. Exits with 1 if a submission cannot be graded.
+    optionally of models model-JOINT.json, as hmtb identify --save writes them or with matrices A, B, C, D and dt;
+    without predictions the models are scored. Where each person has a data set, the folders in SUBMISSIONS are named
+    after the persons. No code of a submission is executed. Exits with 1 if a submission cannot be graded.
 
       hmtb dataset grade withheld submissions
 

@@ -8,9 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from scenarios.commands.output import output_folder, print_json, print_table, say_each
+from scenarios.commands.usage import command_line
+from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
     from scenarios.identification.identification import Identification
+
+SAVED = (".json", ".m", ".c", ".fmu")
+"""Endings of files of models."""
 
 LISTED = 24
 """Most parameters that are listed one by one."""
@@ -32,6 +37,7 @@ def identify(
     steps: int = 1,
     validate: Path | None = None,
     validate_test: str | None = None,
+    save: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     out: Path | None = None,
     json: bool = False,
 ) -> int:
@@ -52,7 +58,7 @@ def identify(
 
       hmtb identify siso-5-elbow_pitch.nc --method oe --orders 2 2 1
       hmtb identify siso-5-elbow_pitch.nc --method armax --orders 2 2 2 1 --validate siso-8-elbow_pitch.nc
-      hmtb identify robot.csv --input command --output angle --method oe --orders 2 2 1
+      hmtb identify robot.csv --input command --output angle --method oe --orders 2 2 1 --save robot.json
 
     Args:
         data: The record.
@@ -69,15 +75,20 @@ def identify(
         steps: Horizon of a further prediction, samples, beside simulation and one step ahead.
         validate: Another record, on which fits and residual test are computed.
         validate_test: Which of its tests, by name or number.
+        save: Write the model: all of it as .json, which hmtb compare --models reads, a MATLAB function (.m), C source
+            (.c) or an FMU for co-simulation (.fmu).
         out: Folder for figures: records, outputs, responses, poles and zeros, residuals.
         json: Print JSON.
     """
+    typed = command_line("hmtb identify", identify, locals())
     import warnings
 
     from scenarios.files.data_file import joints_of, read_parts
     from scenarios.identification.identification import figures, usable
     from scenarios.identification.identification import identify as identify_model
 
+    if save is not None and save.suffix not in SAVED:
+        raise ScenarioError(f"--save {save} given, expected a file that ends with {', '.join(SAVED)}")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         read = read_parts(data, joint=joint, input=input, output=output, dt=dt, test=test, missing=missing)
@@ -89,7 +100,10 @@ def identify(
                 validate, joint=same, input=input, output=output, dt=dt, test=validate_test, missing=missing
             )
             check = usable(others, skip, method, validate, validate_test)
-    result = identify_model(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check)
+        result = identify_model(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check)
+        if save is not None:
+            with output_folder(save.parent):
+                _save(result, save, typed)
     texts = (*(str(one.message) for one in caught), *result.warnings)
     pictures: list[Path] = []
     if out is not None:
@@ -99,7 +113,7 @@ def identify(
             for name, figure in figures(result).items():
                 pictures.append(folder / f"{data.stem}-{name}.png")
                 save_figure(figure, pictures[-1], dpi=120)
-    record = {"method": method, **_record(result), "warnings": texts, "figures": pictures}
+    record = {"method": method, **_record(result), "warnings": texts, "model_file": save, "figures": pictures}
     if json:
         print_json(record)
         return 0
@@ -118,8 +132,24 @@ def identify(
         ]
         print_table("Parameters", ("", "value", "standard deviation"), rows)
     say_each("warning: ", texts)
+    say_each("model: ", [save] if save else [])
     say_each("figure: ", pictures)
     return 0
+
+
+def _save(result: "Identification", path: Path, typed: str) -> None:
+    """Write the model with its operating point, in the format that the ending names."""
+    from dataclasses import replace
+
+    from sysid import exchange
+
+    model, level = result.fitted.estimate, result.fitted.level
+    if level is not None:
+        model = replace(model, diagnostics={**model.diagnostics, "operating_point": level})
+    if path.suffix == ".json":
+        exchange.write_model(model, path, command=typed)
+    else:
+        {".m": exchange.to_matlab, ".c": exchange.to_c, ".fmu": exchange.to_fmu}[path.suffix](model, path)
 
 
 def _record(result: "Identification") -> dict[str, Any]:

@@ -6,6 +6,7 @@ import inspect
 import io
 import os
 import re
+import shlex
 import shutil
 import sys
 import textwrap
@@ -90,6 +91,24 @@ def read_options(command: Callable[Options, int], program: str, words: Sequence[
             raise ScenarioError(f"{_objection(err.getvalue(), program)}; see {program} --help") from None
         out.seek(0)
         return _wrapped(out.read())
+
+
+def command_line(program: str, command: Callable[..., int], values: Mapping[str, Any]) -> str:
+    """The words that run a command with these values; options with their defaults are left out.
+
+    Args:
+        program: Words that call it, e.g. ``"hmtb identify"``.
+        command: Its function: parameters before the star are words, others options.
+        values: By name of the parameter.
+    """
+    words = program.split()
+    for name, parameter in inspect.signature(command).parameters.items():
+        value = values[name]
+        if value == parameter.default:
+            continue
+        words += [] if parameter.kind is parameter.POSITIONAL_OR_KEYWORD else [f"--{name.replace('_', '-')}"]
+        words += [] if value is True else [str(one) for one in (value if isinstance(value, tuple) else (value,))]
+    return shlex.join(words)
 
 
 def _option(kind: Any) -> Any:

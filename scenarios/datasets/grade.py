@@ -16,7 +16,7 @@ from scenarios.datasets.tables import read_table
 from scenarios.datasets.withhold import read_persons
 from scenarios.files.codec import from_json
 from scenarios.files.errors import ScenarioError, unknown
-from sysid import StateSpace, SysidError
+from sysid import Estimate, Polynomials, StateSpace, SysidError, read_model
 
 Matrix = tuple[tuple[float, ...], ...]
 
@@ -156,8 +156,12 @@ def _read_models(submission: Path, data_set: DataSet) -> dict[str, StateSpace]:
         joint = path.stem.removeprefix("model-")
         if joint not in joints:
             raise ScenarioError(f"{path}: {unknown('joint', joint, sorted(joints))}")
-        file = from_json(SubmittedModel, path.read_bytes(), str(path))
+        content = path.read_bytes()
         try:
+            file = read_model(path) if b'"sysid-model"' in content else from_json(SubmittedModel, content, str(path))
+            file = file.model if isinstance(file, Estimate) else file
+            if isinstance(file, Polynomials):
+                raise ScenarioError(f"{path}: polynomials without a sampling interval given, expected a model")
             model = StateSpace(np.array(file.A), np.array(file.B), np.array(file.C), np.array(file.D), None, file.dt)
         except SysidError as error:
             raise ScenarioError(f"{path}: {error}") from error

@@ -16,10 +16,11 @@ from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.identification import identify, usable
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.truth.published import BY_NAME, EQUATIONS, PublishedModel, published, published_model
-from sysid import IOData, ModelFit, StateSpace
+from sysid import Estimate, IOData, ModelFit, StateSpace
+from sysid.models.predict import aligned, as_model, channels_in
 from sysid.polynomial.fit_with_offset import subtract_means, unexplained_offset
 
-FORMS = "truth, published, published:NAME (4.7 ... 5.10, sysid, okid, hybrid), METHOD:ORDERS (oe:2/2/1)"
+FORMS = "truth, published, published:NAME (4.7 ... 5.10, sysid, okid, hybrid), METHOD:ORDERS (oe:2/2/1), FILE.json"
 """Forms of a model's name, for messages."""
 
 DIGITS = 4  # of an order at most: more are a slip of the keyboard
@@ -30,7 +31,7 @@ class ModelName(NamedTuple):
 
     Attributes:
         text: The name as typed.
-        kind: `truth`, `published` or the method of an estimator.
+        kind: `truth`, `published`, `file` or the method of an estimator.
         name: Name of a printed model; empty for all of the joint, and for others.
         orders: Orders of an estimator.
     """
@@ -47,7 +48,7 @@ class JudgedModel:
 
     Attributes:
         label: Text for tables and legends.
-        kind: `truth`, `published` or the method of an estimator.
+        kind: `truth`, `published`, `file` or the method of an estimator.
         model: The model.
         fit: Its fits, about its own operating point.
         level: Constant on every output between the mean and that operating point (ny,).
@@ -70,12 +71,14 @@ def parsed(text: str) -> ModelName:
     """Parse the name of a model.
 
     Args:
-        text: `truth`, `published`, `published:4.7`, or a method with its orders: `oe:2/2/1`.
+        text: `truth`, `published`, `published:4.7`, a method with its orders, `oe:2/2/1`, or a model file, `my.json`.
 
     Raises:
         ScenarioError: It names no model.
     """
     kind, colon, rest = text.partition(":")
+    if text.endswith(".json"):
+        return ModelName(text, "file")
     if text in ("truth", "published"):
         return ModelName(text, kind)
     if kind == "published":
@@ -153,19 +156,32 @@ def compare_models(
                 )
             )
             continue
-        for label, model, remarks in _known_models(name, parts[0], path):
+        for label, known, remarks in _known_models(name, parts[0], path):
+            model = as_model(known)
             level = np.zeros(model.ny) if keep_mean else unexplained_offset(model, shown)[0]
             about = shown if keep_mean else [part.subtract(y=level) for part in shown]
             (fit,) = sysid.compare({label: model}, about, steps=steps)
-            band = model.bandwidth()
-            no_interval = np.full((*band.shape, 2), np.nan)
-            models.append(JudgedModel(label, name.kind, model, fit, level, band, no_interval, remarks))
+            band = known.bandwidth() if isinstance(known, Estimate) else None
+            hz, ci95 = (model.bandwidth(), None) if band is None else (band.hz, np.stack(band.ci95, axis=-1))
+            # channels in the sequence of the record's
+            inputs, outputs = channels_in(model, parts[0])
+            paths = np.ix_(outputs, inputs)
+            ends = np.full((*hz.shape, 2), np.nan) if ci95 is None else ci95[paths]
+            shaped = aligned(model, parts[0])
+            models.append(JudgedModel(label, name.kind, shaped, fit, level, hz[paths], ends, remarks))
     return shown, tuple(models)
 
 
-def _known_models(name: ModelName, record: IOData, path: Path) -> list[tuple[str, StateSpace, tuple[str, ...]]]:
+def _known_models(
+    name: ModelName, record: IOData, path: Path
+) -> list[tuple[str, StateSpace | Estimate, tuple[str, ...]]]:
     """Label, model and remarks of models that need no estimation."""
     joints = joints_of(record)
+    if name.kind == "file":
+        model = sysid.read_model(name.text)
+        if isinstance(model, sysid.Polynomials):
+            model = sysid.models.innovations_form(model, record.dt)
+        return [(Path(name.text).stem, model, ())]
     if name.kind == "truth":
         from hmtb_twin import linearize
         from hmtb_twin.truth.logged_arm import logged_arm
@@ -195,7 +211,7 @@ def _known_models(name: ModelName, record: IOData, path: Path) -> list[tuple[str
             f"{path.name} is sampled every {record.dt:g} s; the printed models hold at {SAMPLE_TIME:g} s only: "
             "resample the record"
         )
-    models = []
+    models: list[tuple[str, StateSpace | Estimate, tuple[str, ...]]] = []
     for entry in entries:
         parts = (entry,) if isinstance(entry, PublishedModel) else entry.parts
         # Of a model of three joints only the part of the record's joint counts.
@@ -209,9 +225,9 @@ def _known_models(name: ModelName, record: IOData, path: Path) -> list[tuple[str
                 f"published:{entry.name} takes {len(chosen)} input(s), {path.name} was read with {record.nu}"
             )
         label = entry.label if len(chosen) == len(parts) else f"{entry.label}, {chosen[0].label}"
-        model = sysid.models.block_diagonal([part.model for part in chosen])
-        if not joints and model.ny == record.ny:
+        blocks = sysid.models.block_diagonal([part.model for part in chosen])
+        if not joints and blocks.ny == record.ny:
             # the user says of which joint the record is: its channels may have any names
-            model = replace(model, input_names=record.input_names, output_names=record.output_names)
-        models.append((f"published {label}", model, tuple(f"{part.label}: {part.doubts}" for part in chosen)))
+            blocks = replace(blocks, input_names=record.input_names, output_names=record.output_names)
+        models.append((f"published {label}", blocks, tuple(f"{part.label}: {part.doubts}" for part in chosen)))
     return models

@@ -4,7 +4,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,9 @@ from sysid.models.state_space import StateSpace
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, locked_within, real_array
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
+
+if TYPE_CHECKING:
+    import control
 
 VAGUE = 3.5
 """Standard deviation of a bandwidth's logarithm from which its interval is useless: a factor of a thousand."""
@@ -174,6 +177,10 @@ class Estimate(Locked):
     def zeros(self) -> ComplexArray:
         """Transmission zeros of the path from input to output, largest modulus first; with intervals: `zeros_band`."""
         return self.model.input_path().zeros()
+
+    def to_control(self) -> "control.StateSpace":
+        """The path from u to y as a python-control system, with names and sampling interval; see `StateSpace`."""
+        return self.model.input_path().to_control()
 
     def dc_gain(self) -> FloatArray:
         """Gain at 0 Hz (ny, nu); with its interval: `band`."""

@@ -1,0 +1,92 @@
+"""Files of models: written whole or not at all, named by identifiers, marked with the software that wrote them."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from sysid.models.estimate import Estimate
+from sysid.models.predict import as_model
+from sysid.models.state_space import StateSpace
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
+
+PACKAGE = "hmtb-twin"
+LONGEST_IDENTIFIER = 63  # characters, MATLAB's limit
+KEYWORDS = (
+    "break|case|catch|classdef|continue|else|elseif|end|for|function|global|if|otherwise|parfor|persistent|return|spmd|"
+    "switch|try|while"
+)
+
+
+def software() -> str:
+    """Package and version that write a file."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return f"{PACKAGE} {version(PACKAGE)}"
+    except PackageNotFoundError:
+        return f"{PACKAGE}, not installed"
+
+
+def write_whole(files: Mapping[Path, bytes]) -> None:
+    """Write each file under a temporary name and rename it: readers find the old file or the new one, never a part.
+
+    Raises:
+        SysidError: There is a folder of that name.
+        OSError: A file cannot be written; the old ones stay.
+    """
+    for path in files:
+        if path.is_dir():
+            raise SysidError(f"cannot write {path}: it is a folder; expected a file or nothing there")
+    partial = {path: path.with_name(f"{path.name}.partial") for path in files}
+    try:
+        for path, content in files.items():
+            partial[path].write_bytes(content)
+        for path in files:
+            partial[path].replace(path)
+    finally:
+        for path in partial.values():
+            path.unlink(missing_ok=True)
+
+
+def named_path(path: str | Path, ending: str) -> Path:
+    """Check that the name of a file is an identifier of C and MATLAB with the expected ending.
+
+    Raises:
+        SysidError: Another ending or name.
+    """
+    file = Path(path)
+    name = file.stem
+    if file.suffix != ending:
+        raise SysidError(f"cannot write {file.name}: expected a name that ends with {ending}")
+    if not re.fullmatch(rf"(?!(?:{KEYWORDS})$)[A-Za-z]\w{{0,{LONGEST_IDENTIFIER - 1}}}", name, re.ASCII):
+        raise SysidError(
+            f"cannot write {file.name}: the file's name names functions too; expected a letter, then at most "
+            f"{LONGEST_IDENTIFIER - 1} letters, digits and underscores, as in servo{ending}"
+        )
+    return file
+
+
+def operating_point(model: StateSpace | Estimate) -> tuple[FloatArray, FloatArray]:
+    """Inputs (nu,) and outputs (ny,) that the signals of a model are relative to; zero where it knows none."""
+    point = model.diagnostics.get("operating_point") if isinstance(model, Estimate) else None
+    if point is not None:
+        return np.asarray(point[0], dtype=np.float64), np.asarray(point[1], dtype=np.float64)
+    return np.zeros(as_model(model).nu), np.zeros(as_model(model).ny)
+
+
+def heading(model: StateSpace | Estimate) -> str:
+    """One line on a model and its origin, in ASCII, for comments in source code."""
+    if isinstance(model, Estimate):
+        text = repr(model).removeprefix("<Estimate: ").removesuffix(">")
+    else:
+        text = f"state space of order {as_model(model).order}, every {model.dt:g} s"
+    return comment(f"{text}; written by {software()}")
+
+
+def comment(text: str) -> str:
+    """Text that ends no comment and no line."""
+    line = "".join(c if c.isprintable() else " " for c in text).replace("*/", "* /").replace("/*", "/ *")
+    return line.encode("ascii", "backslashreplace").decode().replace("\\", "|")

@@ -1,0 +1,223 @@
+"""Model files: every bit comes back, equal models are equal bytes, damaged files are refused in words."""
+
+import json
+import re
+from dataclasses import fields, replace
+from functools import cache
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import sysid
+from sysid import Estimate, IOData, Polynomials, StateSpace, read_model, write_model
+from sysid.models import band, innovations_form
+from sysid.models.estimate import DataSummary
+from tests.refusals import refused
+
+DT = 0.02
+PAGE = Path(__file__).parents[3] / "docs/model-file.md"
+
+
+@cache
+def estimate(method):
+    """Two inputs, a gap in the output where the estimator takes one; two outputs where it takes several."""
+    rng = np.random.default_rng(7)
+    u = np.repeat(rng.choice([-1.0, 1.0], (150, 2)), 2, axis=0)
+    truth = innovations_form(Polynomials(B=[[0, 0.1, 0.05], [0, 0, 0.2]], F=[[1, -1.5, 0.7], [1, -0.5, 0]]), DT, 0.01)
+    y = sysid.simulate(truth, u, rng=rng)
+    names = {"input_names": ("torque", 'of "oil" \n µ'), "input_units": ("N m", "°"), "name": "prbs"}
+    data = IOData(u, y, DT, **names)
+    y2 = np.hstack((y, np.roll(y, 1, axis=0) + 0.1 * rng.standard_normal(y.shape)))
+    gap = IOData(u, np.where(np.arange(300)[:, None] == 40, np.nan, y), DT, missing=True, **names)
+    both = IOData(u, y2, DT, output_units=("rad", "m"), **names)
+    return {
+        "arx": lambda: sysid.arx(data, 2, 2, (1, 2)),
+        "oe": lambda: sysid.oe(gap, 2, (2, 1), 1),
+        "bj": lambda: sysid.bj([data[:150], data[150:]], 2, 1, 1, 2, (1, 2)),
+        "pem_ss": lambda: sysid.pem_ss(both, sysid.n4sid(both, 3)),
+        "n4sid": lambda: sysid.n4sid(both, 3),
+        "okid": lambda: sysid.okid(both, 3, p=3),
+    }[method]()
+
+
+METHODS = ("arx", "oe", "bj", "pem_ss", "n4sid", "okid")
+
+
+def assert_equal(one, other):
+    """Equal to the last bit, NaN included."""
+    assert type(one) is type(other) or not isinstance(one, np.ndarray)
+    if isinstance(one, np.ndarray):
+        assert (one.dtype, one.shape) == (other.dtype, other.shape)
+        assert one.tobytes() == other.tobytes() or np.isnan(one).any()
+        np.testing.assert_array_equal(one, other)
+    elif isinstance(one, Estimate | StateSpace | Polynomials | DataSummary):
+        for field in fields(one):
+            if field.name != "realise":
+                assert_equal(getattr(one, field.name), getattr(other, field.name))
+    elif hasattr(one, "items"):
+        assert one.keys() == other.keys()
+        for key in one:
+            assert_equal(one[key], other[key])
+    elif isinstance(one, tuple):
+        assert len(one) == len(other)
+        for part, same in zip(one, other, strict=True):
+            assert_equal(part, same)
+    else:
+        assert one == other or (one != one and other != other)
+
+
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+@pytest.mark.parametrize("method", METHODS)
+def test_estimates_come_back(method, tmp_path):
+    original = estimate(method)
+    level = (np.array([1.0, -0.0]), np.arange(1.0, original.model.ny + 1.0))
+    original = replace(original, diagnostics={**original.diagnostics, "operating_point": level, "odd": (np.inf, 1j)})
+    path = write_model(original, tmp_path / "model.json", command="hmtb identify")
+    back = read_model(path)
+    assert_equal(original, back)
+    assert str(back) == str(original)
+    assert (back.fpe, back.aic, back.bic) == (original.fpe, original.aic, original.bic)
+    assert path.read_bytes() == write_model(back, tmp_path / "again.json", command="hmtb identify").read_bytes()
+    f = [0.1, 1.0, 5.0]
+    expected, got = original.frequency_response(f).covariance, back.frequency_response(f).covariance
+    if method == "n4sid":
+        assert got is expected is None
+    else:
+        # of other methods than those with polynomials, the matrices are linear in the parameters
+        tolerance = 0.0 if original.polynomials is not None else 1e-4 * np.abs(expected).max()
+        np.testing.assert_allclose(got, expected, rtol=0.0, atol=tolerance)
+
+
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+def test_states_that_turn_with_the_parameters_keep_the_interval(tmp_path):
+    """Realise in coordinates that jump: the response does not depend on them, its derivatives must not either."""
+    original = estimate("okid")
+
+    def turned(theta):
+        model = original.realise(theta)
+        turn = np.linalg.qr(np.random.default_rng(crc32(theta.tobytes())).random((3, 3)))[0]
+        return replace(model, A=turn.T @ model.A @ turn, B=turn.T @ model.B, C=model.C @ turn, K=turn.T @ model.gain)
+
+    back = read_model(write_model(replace(original, realise=turned), tmp_path / "model.json"))
+    expected, got = (band(one, lambda model: model.step_response(20)).ci95[1] for one in (original, back))
+    np.testing.assert_allclose(got, expected, rtol=1e-4)
+
+
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=64)
+
+
+@given(st.lists(NUMBERS, min_size=8, max_size=8))
+def test_every_finite_number_keeps_its_bits(tmp_path_factory, numbers):
+    path = tmp_path_factory.getbasetemp() / "bits.json"
+    A, B, C, D = np.reshape(numbers, (4, 2))
+    model = StateSpace([A, B], C[:, None], [D], [[-0.0]], None, 5e-14)
+    assert_equal(model, read_model(write_model(model, path)))
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[1.0, 2.0]], None, DT),
+        StateSpace([[0.5]], np.zeros((1, 0)), [[1.0]], np.zeros((1, 0)), [[0.1]], DT, [[2.0]], output_names=("e",)),
+        Polynomials(B=[0, 0.1], F=[1, -0.9]),
+        Polynomials(B=[[0, 0.1]], A=[1, 0.1, -1e-300]),
+    ],
+)
+def test_models_come_back(model, tmp_path):
+    assert_equal(model, read_model(write_model(model, tmp_path / "model.json")))
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path):
+    path = write_model(Polynomials(B=[0, 1.0]), tmp_path / "model.json")
+    before = path.read_bytes()
+    (tmp_path / "model.json.partial").mkdir()
+    with pytest.raises(OSError):
+        write_model(Polynomials(B=[0, 2.0]), path)
+    assert path.read_bytes() == before
+    (tmp_path / "folder.json").mkdir()
+    refused("is a folder", write_model, Polynomials(), tmp_path / "folder.json")
+    refused(r"ends with \.json", write_model, Polynomials(), tmp_path / "model.txt")
+    refused("got ndarray", write_model, np.eye(2), path)
+
+
+BROKEN = [
+    (r'"version": 1', '"version": 2', "version 2 given, expected 1"),
+    (r'"version": 1', '"version": true', "version True given"),
+    (r'"format": "sysid-model"', '"format": "other"', "no model file"),
+    (r'"kind": "estimate"', '"kind": "pickle"', "kind 'pickle' given, expected estimate"),
+    (r'"method": "arx"', '"method": "arx", "method": "oe"', "'method' stands twice"),
+    (r'"method": "arx"', '"methods": "arx"', "unknown key 'methods', expected"),
+    (r'"method": "arx"', '"method": 3', "method: expected a text"),
+    (r'"dt": 0.02,', '"dt": NaN,', "NaN given, expected finite"),
+    (r'"dt": 0.02,', '"dt": 1e999,', "1e999 is beyond float64"),
+    (r'"dt": 0.02,', f'"dt": {"9" * 5000},', "is beyond float64"),
+    (r'"dt": 0.02,', '"dt": null,', "dt must lie between"),
+    (r'"dt": 0.02,', '"dt": -0.02,', "dt must lie between"),
+    (r'"A": \[', '"A": [[1.0, 2.0, 3.0],', "A"),
+    (r'"K": \[', '"K": {"array": [],', "no JSON, or cut short"),
+    (r'"D": \[', '"D": ["0.0"], "E": [', "unknown key 'E'"),
+    (r'"samples": \[300\]', '"samples": [300, 4]', "data.samples: expected one number per experiment"),
+    (r'"samples": \[300\]', '"samples": [-3]', "data.samples must be a whole number"),
+    (r'"intersample": "zoh"', '"intersample": 1', "expected zoh, foh or bl"),
+    (r'"values": \[', '"values": [1.0, ', r"parameters.values: expected shape \(6,\), got \(7,\)"),
+    (r'\["A", 0, 1\]', '["A", 0, 9]', "power must be a whole number from 1 to 2, got 9"),
+    (r'\["A", 0, 1\]', '["B", 0, 1]', "parameters.places: the polynomials with these parameters are not the model"),
+    (r'\["A", 0, 1\]', '["__class__", 0, 1]', r"expected \[polynomial, row, power\]"),
+    (r'"covariance": \[', '"covariance": [[], ', "parameters.covariance: expected a rectangular"),
+    (r'"noise_variance": \[', '"noise_variance": [[1.0], ', r"noise_variance: expected shape \(1, 1\), got \(2, 1\)"),
+    (r'"residuals": \[', '"residuals": [[1.0, 2.0], ', "residuals: expected a rectangular"),
+    (r'"input_names": \[', '"input_names": "ab", "b": [', "unknown key 'b'"),
+    (r'"torque",', '"torque", "more",', "input_names: expected 2"),
+    (r'"diagnostics": {', '"diagnostics": {"x": {"array": [[1], 2], "shape": [2]},', "diagnostics.x"),
+    (r'"diagnostics": {', '"diagnostics": {"x": {"array": [1, 2], "shape": [3]},', "diagnostics.x"),
+    (r'"diagnostics": {', '"diagnostics": {"x": {"eval": "1"},', "diagnostics.x: unknown table"),
+    (r'"diagnostics": {', f'"diagnostics": {{"x": {"[" * 100000}', "brackets are nested too deep|no JSON"),
+    (r"\A", "﻿", "no JSON"),
+]
+
+
+@pytest.mark.parametrize(("pattern", "replacement", "message"), BROKEN)
+def test_damaged_files_are_refused(pattern, replacement, message, tmp_path):
+    path = write_model(estimate("arx"), tmp_path / "model.json")
+    text = path.read_text(encoding="utf-8")
+    damaged = re.sub(pattern, lambda _: replacement, text, count=1)
+    assert damaged != text
+    path.write_text(damaged, encoding="utf-8")
+    refused(rf"model\.json: (?s:.*)({message})", read_model, path)
+
+
+def test_files_that_are_cut_or_no_text_are_refused(tmp_path):
+    path = write_model(estimate("arx"), tmp_path / "model.json")
+    content = path.read_bytes()
+    for length in range(0, len(content) - 2, 97):
+        path.write_bytes(content[:length])
+        refused(r"model\.json: no JSON, or cut short", read_model, path)
+    for garbage, message in (
+        (b"\xff\xfe\x00", "expected JSON in UTF-8"),
+        (b"[1]", "no model file"),
+        (b"1", "no model"),
+    ):
+        path.write_bytes(garbage)
+        refused(message, read_model, path)
+    refused("cannot read", read_model, tmp_path / "none.json")
+    refused("cannot read", read_model, tmp_path)
+
+
+def test_the_page_lists_every_key(tmp_path):
+    written = json.loads(write_model(estimate("arx"), tmp_path / "a.json", command="c").read_text(encoding="utf-8"))
+    keys = {*written, "operating_point", "derivatives", *(key for key in written["parameters"])}
+    keys |= {key for part in ("state_space", "polynomials", "data", "fit") for key in written[part]}
+    listed = set(re.findall(r"`(\w+)`", PAGE.read_text(encoding="utf-8")))
+    assert keys <= listed, keys - listed
+
+
+def test_estimates_convert_to_python_control():
+    system = estimate("bj").to_control()
+    assert (system.dt, system.nstates, system.output_labels) == (DT, 5, ["y1"])
+    f = np.array([0.5, 3.0])
+    response = system.frequency_response(2 * np.pi * f).complex
+    np.testing.assert_allclose(np.moveaxis(response, -1, 0), estimate("bj").model.frequency_response(f), rtol=1e-10)
