@@ -10,7 +10,7 @@ from scipy.io import savemat
 from scipy.signal import lfilter
 
 from scenarios.identification.methods import ESTIMATORS
-from sysid import IOData, SysidError, arx, compare, oe
+from sysid import IOData, SysidError, arx, compare, oe, read_model
 from sysid.polynomial.fit_with_offset import fit_with_offset, unexplained_offset
 from tests.scenarios.commands.conftest import DT, signals, table
 
@@ -275,3 +275,32 @@ def test_advice_in_words_of_python_is_left_out():
     from scenarios.identification.identification import without_python_advice
 
     assert without_python_advice("the model is unstable: 1.1; stable=True forbids it") == "the model is unstable: 1.1"
+
+
+def test_a_saved_model_is_compared_and_holds_its_operating_point(result, csv, tmp_path):
+    path = tmp_path / "new folder" / "lag.json"
+    words = ("--method", "oe", "--orders", 1, 1)
+    identified = result("identify", csv, *words, "--save", path)
+    assert identified["model_file"] == str(path)
+    model = read_model(path)
+    u, y = model.diagnostics["operating_point"]
+    assert identified["operating_point"] == {"input": u.tolist(), "output": y.tolist()}
+    assert f"hmtb identify {csv} --method oe --orders 1 1 --save '{path}'" in path.read_text(encoding="utf-8")
+    saved, fitted = result("compare", csv, "--models", path, "oe:1/1")["models"]
+    assert (saved["model"], saved["kind"]) == ("lag", "file")
+    for key in ("bandwidth_hz", "ci95", "dc_gain"):
+        np.testing.assert_allclose(saved[key], fitted[key], rtol=1e-6)
+    np.testing.assert_allclose(saved["fit"]["simulation"], fitted["fit"]["simulation"], atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["lag.m", "lag.c", "lag.fmu"])
+def test_other_formats_go_by_the_ending(result, csv, tmp_path, name):
+    result("identify", csv, "--method", "arx", "--orders", 1, 1, "--save", tmp_path / name)
+    assert (tmp_path / name).stat().st_size > 500
+
+
+def test_files_of_models_that_cannot_be_are_refused(complaint, csv, tmp_path):
+    words = ("identify", csv, "--method", "arx", "--orders", 1, 1)
+    assert "expected a file that ends with .json, .m, .c, .fmu" in complaint(*words, "--save", tmp_path / "lag.mat")
+    (tmp_path / "bad.json").write_text("{}", encoding="utf-8")
+    assert "bad.json: no model file" in complaint("compare", csv, "--models", tmp_path / "bad.json")

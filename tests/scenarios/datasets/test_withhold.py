@@ -22,6 +22,7 @@ from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.score import score_model
 from scenarios.datasets.withhold import build_withheld, check_withholdable, read_persons, read_roster
 from scenarios.experiments.registry import names
+from sysid import write_model
 from sysid.validation.predictors import ModelPredictor
 from tests.mat_bytes import HEAD, nested, part, variable
 from tests.refusals import refused
@@ -177,6 +178,7 @@ def test_submissions_are_graded_as_hmtb_dataset_score_does(school, tmp_path, pri
     for person in ("ann", "bob", "eve"):
         (tmp_path / person).mkdir()
         (tmp_path / person / "model-elbow_pitch.json").write_text(json.dumps(model))
+    write_model(truth.model, tmp_path / "bob" / "model-elbow_pitch.json")
     (record,) = complete.test
     predictions = "\n".join(map(repr, (record.y + 0.001).tolist()))
     (tmp_path / "ann" / f"{record.name}.csv").write_text(f"elbow_pitch\n{predictions}")
@@ -209,6 +211,10 @@ def test_broken_submissions_are_refused_one_by_one(school, tmp_path):
     assert "unknown joint" in refusal("{}", "model-elbow.json")
     assert "missing" in refusal("{}")
     assert "one of each" in refusal('{"A": [[0.5]], "B": [[1, 1]], "C": [[1]], "D": [[0, 0]], "dt": 0.02}')
+    assert "without a sampling interval" in refusal(
+        '{"format": "sysid-model", "version": 1, "kind": "polynomials", "software": "x", '
+        '"polynomials": {"A": [1], "B": [1], "C": [1], "D": [1], "F": [1]}}'
+    )
     assert "A" in refusal('{"A": [["a"]], "B": [[1]], "C": [[1]], "D": [[0]], "dt": 0.02}')
     assert "no test record" in refusal("elbow_pitch\n0\n", "other.csv")
     # A link could lead to the withheld answer.
