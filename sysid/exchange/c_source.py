@@ -9,6 +9,7 @@ from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
 
 
 def to_c(model: StateSpace | Estimate, path: str | Path) -> tuple[Path, Path]:
@@ -25,7 +26,7 @@ def to_c(model: StateSpace | Estimate, path: str | Path) -> tuple[Path, Path]:
         The source and the header beside it.
 
     Raises:
-        SysidError: A name that is no identifier.
+        SysidError: A name that is no identifier, a time series without input.
     """
     source = named_path(path, ".c")
     header = source.with_suffix(".h")
@@ -42,6 +43,8 @@ def c_files(model: StateSpace | Estimate, name: str) -> dict[str, bytes]:
 def c_values(model: StateSpace | Estimate, name: str) -> dict[str, object]:
     """Values of the placeholders in the templates."""
     about, (u0, y0) = heading(model), operating_point(model)
+    if not as_model(model).nu:
+        raise SysidError("the model is of a time series, without input; expected a path from u to y to export")
     m = as_model(model).input_path()
     channels = [
         f"   {letter}[{k}]: {comment(label)} [{comment(unit)}]"
