@@ -86,12 +86,13 @@ def intervals_agree(one: Interval, other: Interval) -> bool:
     """Whether two bandwidths, each with the ends of its interval, differ by no more than both intervals allow together.
 
     Both are estimates with errors of their own: half-widths on the logarithmic scale, of the ends that face each other,
-    add as squares. Unknown numbers never agree.
+    add as squares; an interval that begins at 0 Hz excludes nothing. Unknown numbers never agree.
     """
     if not np.isfinite([*one, *other]).all():
         return False
     (mine, low, high), (hz, other_low, other_high) = one, other
-    facing = (high / mine, hz / other_low) if hz > mine else (mine / low, other_high / hz)
+    with np.errstate(divide="ignore"):
+        facing = np.divide(*((high, hz), (mine, other_low)) if hz > mine else ((mine, other_high), (low, hz)))
     return bool(abs(np.log(mine / hz)) <= np.hypot(*np.log(facing)))
 
 

@@ -76,6 +76,9 @@ def write_model(model: Estimate | StateSpace | Polynomials, path: str | Path, *,
 def read_model(path: str | Path) -> Estimate | StateSpace | Polynomials:
     """Read a model file.
 
+    Args:
+        path: The file, as `write_model` writes it.
+
     Returns:
         What was written: an estimate with covariance, residuals and diagnostics, a state-space model or polynomials.
         Of estimates whose parameters are no coefficients of polynomials, `realise` is linear in the parameters.

@@ -237,5 +237,7 @@ def test_no_linear_system_goes_below_the_floor_of_any_model(plant):
         floors = attainable(run(name, duration=14.0, chain=Chain(), plant=plant)[0])
         # The mean is fitted to the very record.
         allowed = floors.by_chance(floors.simulation.any_model.rmse, 1)
-        for floor in (floors.simulation.best_linear, floors.right_order, floors.simulation.small_signal):
+        for floor in (floors.simulation.best_linear, floors.simulation.small_signal):
             assert floor.rmse > allowed
+        # So are numerator and denominator of the model of the right order.
+        assert floors.right_order.rmse > floors.by_chance(floors.simulation.any_model.rmse, 1 + 2 * floors.order)
