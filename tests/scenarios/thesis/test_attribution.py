@@ -36,10 +36,10 @@ def test_a_record_that_gives_no_model_is_named(synthetic_logs, monkeypatch):
     logs = synthetic_logs([NAME, f"{NAME}-small"])
     oe = sysid.oe
 
-    def refuses(data, *orders):
+    def refuses(data, *orders, **options):
         if data.name.endswith("-small"):
             raise SysidError("too little motion")
-        return oe(data, *orders)
+        return oe(data, *orders, **options)
 
     monkeypatch.setattr(sysid, "oe", refuses)
     part = found({NAME: logs[NAME]}, logs, {})

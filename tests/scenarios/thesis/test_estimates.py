@@ -38,8 +38,8 @@ def test_an_estimate_is_computed_once_for_each_record_and_structure(calls):
         estimate(other, "arx", (1, 1, 1)).parameters, estimate(one, "arx", (1, 1, 1)).parameters
     )
     estimate(one, "arx", (2, 1, 1))
-    estimate(one, "oe", (1, 1, 1))
-    assert calls == ["arx", "arx", "arx", "oe"]
+    estimate(one, "armax", (1, 1, 1, 1))
+    assert calls == ["arx", "arx", "arx", "armax"]
 
 
 def test_a_refusal_is_raised_each_time():
