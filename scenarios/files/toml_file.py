@@ -8,7 +8,7 @@ from typing import Any
 from scenarios.files.errors import ScenarioError
 
 MOST_LEVELS = 32
-"""Levels of tables and lists in each other; Python cannot follow any depth."""
+"""Deepest nesting of tables and lists that is read: Python's recursion has a limit."""
 
 _DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t]*+){{{MOST_LEVELS}}}""")
 """A dotted key of more levels: `tomllib` takes quadratic time for it, minutes for a file of 200 kB."""

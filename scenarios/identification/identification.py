@@ -14,6 +14,7 @@ import sysid
 from scenarios.experiments.joint_inputs import LAGS
 from scenarios.files.data_file import excited
 from scenarios.files.errors import ScenarioError
+from scenarios.identification.long_lag import long_lag
 from scenarios.identification.methods import ESTIMATORS, SHORTEST, complete_parts, estimate
 from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
@@ -234,9 +235,7 @@ def figures(result: Identification) -> Mapping[str, "Figure"]:
     longest = max(range(len(checked)), key=lambda k: len(checked[k]))
     fit = result.fit.by_experiment[longest] if result.fit.by_experiment else result.fit
     try:
-        lengths = [len(part.scored) for part in result.fitted.parts]
-        # MATLAB's default of 30 lags does not resolve bandwidths of about 1 Hz
-        response = sysid.spa(result.fitted.parts, lag=min(sum(lengths) // 10, min(lengths) - 1))
+        response = sysid.spa(result.fitted.parts, lag=long_lag(result.fitted.parts))
         nonparametric = [response] if np.isfinite(response.response).any() else []
     except SysidError:
         nonparametric = []

@@ -21,14 +21,14 @@ class Estimator:
     Attributes:
         orders: Names of the required orders.
         optional: Names of the optional orders that follow, with their defaults.
-        run: Estimate from data and all orders.
+        run: Estimate from data and all orders, with options of the estimator.
         outputs: Whether it takes several outputs.
         gaps: Whether it uses records in which outputs are missing.
     """
 
     orders: tuple[str, ...]
     optional: Mapping[str, int]
-    run: Callable[[Records, Sequence[int]], Estimate]
+    run: Callable[..., Estimate]
     outputs: bool = False
     gaps: bool = True
 
@@ -69,7 +69,7 @@ ESTIMATORS: Mapping[str, Estimator] = MappingProxyType(
     {
         "arx": Estimator(("na", "nb"), {"nk": 1}, lambda data, n: sysid.arx(data, *n)),
         "armax": Estimator(("na", "nb", "nc"), {"nk": 1}, lambda data, n: sysid.armax(data, *n)),
-        "oe": Estimator(("nb", "nf"), {"nk": 1}, lambda data, n: sysid.oe(data, *n)),
+        "oe": Estimator(("nb", "nf"), {"nk": 1}, lambda data, n, **options: sysid.oe(data, *n, **options)),
         "bj": Estimator(("nb", "nc", "nd", "nf"), {"nk": 1}, lambda data, n: sysid.bj(data, *n)),
         "iv4": Estimator(("na", "nb"), {"nk": 1}, lambda data, n: sysid.iv4(data, *n)),
         "okid": Estimator(("order",), {"p": 5}, lambda data, n: sysid.okid(data, n[0], p=n[1]), outputs=True),
@@ -91,13 +91,14 @@ def complete_parts(parts: Sequence[IOData], shortest: int = SHORTEST) -> list[IO
     return kept
 
 
-def estimate(data: Records, method: str, orders: Sequence[int]) -> Estimate:
+def estimate(data: Records, method: str, orders: Sequence[int], **options: bool) -> Estimate:
     """Run an estimator by name.
 
     Args:
         data: Input and output, of one experiment or several.
         method: One of `ESTIMATORS`.
         orders: Its orders in their usual sequence; optional ones may be left out.
+        options: Options of the estimator, such as `coloured` of oe.
 
     Raises:
         ScenarioError: Unknown method, or orders that do not fit it.
@@ -105,4 +106,4 @@ def estimate(data: Records, method: str, orders: Sequence[int]) -> Estimate:
     if method not in ESTIMATORS:
         raise ScenarioError(unknown("method", method, ESTIMATORS))
     records = data if isinstance(data, IOData) or len(data) != 1 else data[0]
-    return ESTIMATORS[method].run(records, list(ESTIMATORS[method].complete(method, orders).values()))
+    return ESTIMATORS[method].run(records, list(ESTIMATORS[method].complete(method, orders).values()), **options)

@@ -13,6 +13,7 @@ from scenarios.experiments.model_structures import STRUCTURES, Structure, every_
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.identification import FittedModel, fit_model
+from scenarios.identification.long_lag import long_lag
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
@@ -285,12 +286,12 @@ def _response(record: IOData, method: str, period: int) -> FrequencyResponse:
     if periodic(record, period):
         lines = np.arange(1, period // 2) * SAMPLE_RATE / period
         if method == "spa":
-            return sysid.spa(record, lag=len(record) // 10, frequencies=lines)
+            return sysid.spa(record, lag=long_lag(record), frequencies=lines)
         return sysid.etfe([record[start : start + period] for start in range(0, len(record) - period + 1, period)])
     if method == "etfe":
         raise SysidError(f"the command does not repeat every {period} samples; the mean over periods has none")
     # A held command has next to no power at half of the sampling rate.
-    return sysid.spa(record, lag=len(record) // 10).determined()
+    return sysid.spa(record, lag=long_lag(record)).determined()
 
 
 def periodic(record: IOData, period: int) -> bool:

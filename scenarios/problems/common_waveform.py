@@ -65,7 +65,7 @@ class SharedAlone(LinearProblem):
         record = IOData(signals.u[BURN_IN:, :1], signals.y[BURN_IN:], self.both.dt)
         b, f = self.polynomials.channel(0)
         delay = int(np.argmax(b != 0.0))
-        return oe(record, len(b) - delay, len(f) - 1, delay).model
+        return oe(record, len(b) - delay, len(f) - 1, delay, coloured=False).model
 
     def expected_bias(self) -> ComplexArray:
         """Bias of the response (nf, 1, 1): `limit` less the truth."""

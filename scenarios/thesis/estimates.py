@@ -19,6 +19,9 @@ from sysid.validation import fit_percent
 
 T = TypeVar("T")
 
+WHITE = {"coloured": False}
+"""Intervals of output-error models for a white disturbance: those whose spread over twenty seeds is recorded."""
+
 _RESULTS: WeakKeyDictionary[IOData, dict[Hashable, Any]] = WeakKeyDictionary()
 
 
@@ -43,10 +46,8 @@ def estimate(record: IOData, estimator: str, orders: Sequence[int]) -> Estimate:
         ScenarioError: No such estimator, or orders that do not fit it.
     """
     key = (estimator, tuple(orders))
-    if estimator == "oe":
-        # the intervals whose spread over twenty seeds is recorded: those of a white disturbance
-        return _once(record, key, lambda: sysid.oe(record, *orders, coloured=False))
-    return _once(record, key, lambda: methods.estimate(record, estimator, orders))
+    options = WHITE if estimator == "oe" else {}
+    return _once(record, key, lambda: methods.estimate(record, estimator, orders, **options))
 
 
 def fits(model: Estimate | StateSpace, record: IOData) -> Fits:

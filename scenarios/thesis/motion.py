@@ -26,6 +26,7 @@ from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import fingerprint, versions
+from scenarios.identification.long_lag import long_lag
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.jobs.executor import Executor
 from scenarios.jobs.journal import Journal
@@ -244,7 +245,7 @@ def _plain(value: Any) -> Any:
 
 def _spectra(data: IOData) -> Row:
     """Break frequency and disturbance by the thesis' own estimator [Morris1996, sec. III.2A and III.2C]."""
-    spectrum = sysid.spa(data, lag=len(data) // 10, frequencies=GRID[GRID <= FASTEST])
+    spectrum = sysid.spa(data, lag=long_lag(data), frequencies=GRID[GRID <= FASTEST])
     return {
         "break_rad_s": 2 * np.pi * gain_crossing(spectrum.determined(), HALF_POWER),
         "disturbance_orders": orders_below(spectrum, np.isfinite(spectrum.frequencies)),

@@ -12,6 +12,7 @@ from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import MissingRecordError, ScenarioError
+from scenarios.identification.long_lag import long_lag
 from scenarios.thesis.campaign import Campaign
 from sysid import FrequencyResponse, IOData
 from sysid.frequency import CovarianceFunction, DelayEstimate, ImpulseResponse
@@ -202,13 +203,13 @@ def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> 
     white = replace(binary, u=u, y=y)[WHITENING:]
     data = {n: campaign.single(n, joint) for n in (SINES, PULSE) if single_joint_test(n, joint) in campaign.logs}
     return Nonparametric(
-        spectra={n: sysid.spa(record, lag=len(record) // 10, frequencies=GRID) for n, record in data.items()},
-        resolution_hz={n: SAMPLE_RATE / (len(record) // 10) for n, record in data.items()},
+        spectra={n: sysid.spa(record, lag=long_lag(record), frequencies=GRID) for n, record in data.items()},
+        resolution_hz={n: SAMPLE_RATE / long_lag(record) for n, record in data.items()},
         repeated={
             n: period_spectra(record, load(single_joint_test(n, joint)).period)
             for n, record in {PRBS: binary, **data}.items()
         },
-        positive=sysid.spa(data[SINES], lag=len(data[SINES]) // 10, window=parzen, frequencies=GRID)
+        positive=sysid.spa(data[SINES], lag=long_lag(data[SINES]), window=parzen, frequencies=GRID)
         if SINES in data
         else None,
         covariances=sysid.covf(binary, lags=LAGS),

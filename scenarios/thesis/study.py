@@ -19,6 +19,7 @@ from scenarios.experiments.registry import load
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
+from scenarios.identification.long_lag import long_lag
 from scenarios.identification.recovered_bandwidth import intervals_agree
 from scenarios.thesis.attribution import attribute, best_linear_of, order_effects, scaled
 from scenarios.thesis.campaign import CONDITIONS, ESTIMATION_TEST, EVERY_TEST, FAIRNESS_TESTS, Campaign, run_campaign
@@ -244,7 +245,7 @@ def study_joint(joint: str, campaign: Campaign) -> JointResult:
         data,
         models,
         # Between the lines of the held file there is nothing but noise and leakage.
-        sysid.spa(own, lag=len(own) // 10, frequencies=np.arange(1, period // 2) * SAMPLE_RATE / period),
+        sysid.spa(own, lag=long_lag(own), frequencies=np.arange(1, period // 2) * SAMPLE_RATE / period),
         published(joint),
         slewing={number: velocity_limited_share(log) for number, log in logs.items()},
         swing={number: swing(log, joint) for number, log in logs.items()},

@@ -246,7 +246,7 @@ def _right_order(model: StateSpace, exact: IOData, steps: int | None) -> tuple[i
     fits = [lambda: pem_ss(exact, start, direct=False, gain=False, search=False, max_iterations=most)]
     if exact.nu == 1:
         # It has initial estimates of its own, which often lead further down than the truth does.
-        fits.insert(0, lambda: oe(exact, start.order, start.order, 1, max_iterations=most))
+        fits.insert(0, lambda: oe(exact, start.order, start.order, 1, max_iterations=most, coloured=False))
     outputs: list[FloatArray] = []
     with warnings.catch_warnings():
         # Warnings of poor excitation are about parameters; here only the output counts.

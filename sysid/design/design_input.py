@@ -18,13 +18,13 @@ from sysid.records.arrays import FloatArray, Locked, real_array
 from sysid.records.errors import SysidError
 
 STARTS = 8
-"""Signals of the optimal spectrum from which the search begins: one of low peak, others of random phases."""
+"""Number of first signals, all with the optimal spectrum: one with a low peak, the others with random phases."""
 
 STEPS = 60
 """Most linear programmes of each search."""
 
 WEAK = 1e-3
-"""Share of the power below which a line is left out of the first signals."""
+"""Least share of the power of a spectral line that the first signals contain."""
 
 SETTLED = 1e-4
 """Relative improvement, and distance in amplitudes, below which a search ends."""
@@ -235,7 +235,7 @@ def _search(models: Sequence[Information], amplitude: float, step: float, x: Flo
 
 
 def _lowest(slope: FloatArray, low: FloatArray, high: FloatArray, step: float) -> FloatArray:
-    """Values between two limits, changing by `step` at most, that are lowest along a slope; from 0 on."""
+    """Minimise slope @ x within limits of each sample (n,) and of the changes between samples, from x = 0 on."""
     if step >= 2.0:
         return np.where(slope > 0.0, low, high)
     low[0], high[0] = max(low[0], -step), min(high[0], step)

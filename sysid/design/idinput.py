@@ -179,7 +179,7 @@ def _noise(n: int, inputs: int, inside: np.ndarray, rng: np.random.Generator) ->
 
 
 def _lines(lines: np.ndarray, inputs: int, sines: int | None) -> list[np.ndarray]:
-    """Lines of each input, in turns."""
+    """Divide the lines of the band among the inputs: every input takes each n-th line."""
     parts = [lines[j::inputs] for j in range(inputs)]
     count = None if sines is None else whole_number("sines", sines, 1)
     fewest = len(parts[-1])

@@ -1,4 +1,4 @@
-"""Sums of sines: one period, and phases that keep its peak low."""
+"""Multisines: one period of a sum of sines, and phases that give it a low crest factor."""
 
 import numpy as np
 import scipy

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from sysid.records.arguments import real_number, sampling_interval
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array
-from sysid.records.channels import channel_indices, channel_labels
+from sysid.records.channels import channel_indices, channel_labels, default_names
 from sysid.records.errors import SysidError
 
 NORMAL_95 = 1.959963984540054
@@ -161,8 +161,8 @@ class FrequencyResponse(Locked):
             None if variance is None else complex_covariance(variance, f, dt, doubled=coherence is not None),
             degrees_of_freedom=freedom,
             joint_covariance=joint,
-            input_names=channel_labels("input_names", input_names, _default_names("u", nu)),
-            output_names=channel_labels("output_names", output_names, _default_names("y", ny)),
+            input_names=channel_labels("input_names", input_names, default_names("u", nu)),
+            output_names=channel_labels("output_names", output_names, default_names("y", ny)),
         )
 
     def select(
@@ -183,7 +183,7 @@ class FrequencyResponse(Locked):
             SysidError: A mask of another length, an index or a channel that does not exist.
         """
         nf, ny, nu = self.response.shape
-        names = self.input_names or _default_names("u", nu), self.output_names or _default_names("y", ny)
+        names = self.input_names or default_names("u", nu), self.output_names or default_names("y", ny)
         u, y = channel_indices("input", inputs, names[0]), channel_indices("output", outputs, names[1])
         try:
             f = np.arange(nf)[slice(None) if kept is None else kept if isinstance(kept, slice) else np.asarray(kept)]
@@ -356,7 +356,3 @@ def _complex_array(name: str, value: ArrayLike) -> ComplexArray:
     """Convert to complex; refuse what `real_array` refuses, NaN and infinite parts."""
     raw = np.asarray(value)
     return np.asarray(real_array(name, raw.real) + 1j * real_array(name, raw.imag))
-
-
-def _default_names(letter: str, count: int) -> tuple[str, ...]:
-    return tuple(f"{letter}{i + 1}" for i in range(count))

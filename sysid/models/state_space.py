@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from sysid.models.system_matrices import balanced_truncation, transmission_zeros
 from sysid.records.arguments import real_number, sampling_interval, shown, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock, real_array
+from sysid.records.channels import default_names
 from sysid.records.errors import SysidError
 
 if TYPE_CHECKING:
@@ -86,8 +87,8 @@ class StateSpace(Locked):
             object.__setattr__(self, attribute, lock(shaped))
         object.__setattr__(self, "dt", sampling_interval(self.dt))
         for attribute, count, default in (
-            ("input_names", nu, tuple(f"u{i + 1}" for i in range(nu))),
-            ("output_names", ny, tuple(f"y{i + 1}" for i in range(ny))),
+            ("input_names", nu, default_names("u", nu)),
+            ("output_names", ny, default_names("y", ny)),
             ("input_units", nu, ("",) * nu),
             ("output_units", ny, ("",) * ny),
         ):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sysid.plots.palette import GRID, INK, Style
 from sysid.records.arrays import FloatArray
+from sysid.records.channels import default_names
 from sysid.records.errors import SysidError
 
 Panels = NDArray[np.object_]
@@ -111,7 +112,7 @@ def channel_indices(kind: str, channel: int | str | None, names: Sequence[str]) 
 
 def channel_names(names: Sequence[str], count: int, letter: str) -> tuple[str, ...]:
     """Names of channels, by default `u1, u2, ...`."""
-    return tuple(names) if len(names) == count else tuple(f"{letter}{k + 1}" for k in range(count))
+    return tuple(names) if len(names) == count else default_names(letter, count)
 
 
 def label(text: str, unit: str) -> str:

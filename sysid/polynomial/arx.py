@@ -40,7 +40,6 @@ def arx(
         coloured: Whether the covariance allows for prediction errors that are not white, as with too small orders, by
             the "sandwich" formula [Ljung1999, ch. 9]. It is then the spread about the limit of the estimate, which need
             not be the true parameters. The estimate itself is the same.
-
         regularisation: Kernel "tc", "dc" or "ss" of a Gaussian prior of A and of each B as decaying responses, which
             allows high orders on short records; see `impulseest`. The covariance is that of the posterior.
 

@@ -11,6 +11,11 @@ from sysid.records.errors import SysidError
 LONGEST_LIST = 160  # characters of a list of names in a message
 
 
+def default_names(letter: str, count: int) -> tuple[str, ...]:
+    """Names of channels that were never named: u1, u2, ... or y1, y2, ..."""
+    return tuple(f"{letter}{i + 1}" for i in range(count))
+
+
 def channel_labels(what: str, value: Sequence[str] | None, default: tuple[str, ...]) -> tuple[str, ...]:
     """Check names or units, one per channel; the default where there are none."""
     if value is None:
@@ -70,7 +75,7 @@ def matching_channels(
         return [others.index(name) for name in names]
     for one, another in ((names, others), (others, names)):
         letter = "u" if kind == "input" else "y"
-        unnamed = one == tuple(f"{letter}{i + 1}" for i in range(len(another)))
+        unnamed = one == default_names(letter, len(another))
         if unnamed and not any(re.fullmatch(rf"{letter}\d+", name) for name in another):
             return list(range(len(names)))
     raise SysidError(

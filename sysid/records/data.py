@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sysid.records.arguments import real_number, sampling_interval, truth_value, whole_number
 from sysid.records.arrays import FloatArray, Locked, lock, real_array
-from sysid.records.channels import channel_indices, channel_labels, matching_channels
+from sysid.records.channels import channel_indices, channel_labels, default_names, matching_channels
 from sysid.records.errors import SysidError
 
 ROUNDING = 1e-13  # remainder of a channel, relative to it, that counts as rounding and not as signal
@@ -82,8 +82,8 @@ class IOData(Locked):
             "window": window,
             "start": real_number("start", self.start, "be a finite time in s", lambda time: bool(np.isfinite(time))),
             "missing": missing,
-            "input_names": channel_labels("input_names", self.input_names, tuple(f"u{i + 1}" for i in range(nu))),
-            "output_names": channel_labels("output_names", self.output_names, tuple(f"y{i + 1}" for i in range(ny))),
+            "input_names": channel_labels("input_names", self.input_names, default_names("u", nu)),
+            "output_names": channel_labels("output_names", self.output_names, default_names("y", ny)),
             "input_units": channel_labels("input_units", self.input_units, ("",) * nu),
             "output_units": channel_labels("output_units", self.output_units, ("",) * ny),
         }

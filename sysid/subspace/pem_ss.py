@@ -226,7 +226,7 @@ def _polynomial_starts(
     if gain:
         yield from _attempt("armax", order, partial(armax, experiments, order, count, order, delay))
     elif experiments[0].nu == 1:
-        yield from _attempt("oe", order, partial(oe, experiments, count, order, delay))
+        yield from _attempt("oe", order, partial(oe, experiments, count, order, delay, coloured=False))
 
 
 def _searched(

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from sysid.polynomial.data_checks import order_of_excitation
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, real_array
+from sysid.records.channels import default_names
 from sysid.records.errors import SysidError
 
 LIMIT = 30.0
@@ -85,7 +86,7 @@ def input_independence(u: ArrayLike, names: Sequence[str] = (), *, lags: int = 8
         basis, values, _ = np.linalg.svd(block, full_matrices=False)
         bases.append(basis[:, values > NUMERICAL_RANK * values[0]])
     return InputIndependence(
-        names=tuple(names) or tuple(f"u{k + 1}" for k in range(count)),
+        names=tuple(names) or default_names("u", count),
         lags=lags,
         condition=float(np.linalg.cond(np.hstack(bases))),
         covariance_condition=float(np.linalg.cond(np.hstack(blocks))) ** 2,

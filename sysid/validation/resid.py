@@ -15,6 +15,7 @@ from sysid.polynomial.correlation import autoregression, covariance_function
 from sysid.polynomial.regressors import lagged
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
+from sysid.records.channels import default_names
 from sysid.records.data import ROUNDING, IOData, as_experiments
 from sysid.records.errors import SysidError
 from sysid.validation.feedback import addition_p
@@ -138,8 +139,8 @@ class ResidualTest(Locked):
     def __str__(self) -> str:
         """A line per output for whiteness, a line per pair for independence of past inputs."""
         ny, nu = self.independence_p.shape
-        outputs = self.output_names or tuple(f"y{i + 1}" for i in range(ny))
-        inputs = self.input_names or tuple(f"u{j + 1}" for j in range(nu))
+        outputs = self.output_names or default_names("y", ny)
+        inputs = self.input_names or default_names("u", nu)
         last = int(self.lags[-1])
         lines = [f"Residual tests at {100 * self.level:g} %: {'passed' if self.passed else 'not passed'}"]
         lines += [

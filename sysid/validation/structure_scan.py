@@ -186,7 +186,7 @@ def structure_scan(
         SysidError: No candidate, names that the estimator does not have, orders that do not match their names, or none
             that could be fitted.
     """
-    _check_names(estimator, names)
+    chained = "start" in _checked_signature(estimator, names).parameters
     experiments = as_experiments(data, series=True)
     others = () if validation is None else as_experiments(validation, series=True)
     fits: list[tuple[tuple[Order, ...], Estimate]] = []
@@ -198,7 +198,6 @@ def structure_scan(
         if len(orders) != len(names):
             raise SysidError(f"expected the orders {', '.join(names)}, got {tuple(orders)}")
         wanted.append(tuple(orders))
-    chained = "start" in inspect.signature(estimator).parameters
     for candidate in sorted(wanted, key=lambda one: int(np.sum(np.hstack(one)))) if chained else wanted:
         options: dict[str, object] = dict(zip(names, candidate, strict=True))
         smaller = [estimate for other, estimate in fits if chained and _nested(names, other, candidate)]
@@ -265,7 +264,7 @@ def choose_orders(
     Raises:
         SysidError: No candidate, names that the estimator does not have, or none that could be fitted.
     """
-    _check_names(estimator, names)
+    _checked_signature(estimator, names)
     fits: dict[tuple[int, ...], Estimate | SysidError] = {}
 
     def fit(record: IOData, **orders: int) -> Estimate:
@@ -298,8 +297,8 @@ def _nested(names: Sequence[str], small: tuple[Order, ...], large: tuple[Order, 
     return all(np.all(np.equal(a, b) if name == "nk" else np.less_equal(a, b)) for name, a, b in pairs)
 
 
-def _check_names(estimator: Callable[..., Estimate], names: Sequence[str]) -> None:
-    """Refuse names that the estimator does not accept as keywords beside the data, or that leave out an order."""
+def _checked_signature(estimator: Callable[..., Estimate], names: Sequence[str]) -> inspect.Signature:
+    """Signature of the estimator; refuses names that are no keywords of it, or that leave out an order."""
     signature = inspect.signature(estimator)
     if len(set(names)) != len(names):
         raise SysidError(f"the names of orders must differ, got {', '.join(names)}")
@@ -310,6 +309,7 @@ def _check_names(estimator: Callable[..., Estimate], names: Sequence[str]) -> No
         raise SysidError(
             f"the orders are named {', '.join(names)}, the parameters of the estimator {available}: {error}"
         ) from error
+    return signature
 
 
 def _stable_fit(estimator: Callable[..., Estimate], data: IOData, orders: Mapping[str, int]) -> Estimate | SysidError:

@@ -129,14 +129,15 @@ def test_slewing_counts_steps_at_the_velocity_limit(study):
 
 
 def test_orders_disagree_on_the_gain_at_0_hz_but_hardly_on_where_it_is_0707(study):
-    """Nothing excites 0 Hz; in twenty seconds one of the orders may put a slow pole beside a zero there."""
+    """Nothing excites 0 Hz."""
     for name, effects in study.orders.items():
         assert tuple(entry.orders[:2] for entry in effects) == ORDERS
         assert study.joints[name].models["oe_high"].bandwidth_hz in [entry.bandwidth_hz for entry in effects]
-        enough = [entry for entry in effects if entry.orders[:2] != (2, 2)]
+        # a pole at the unit circle, where the search stops, fits the noise of so short a record
+        enough = [entry for entry in effects if entry.orders[:2] != (2, 2) and entry.radius < 1.0 - 1e-5]
+        assert len(enough) >= 6
         bands, levels = [entry.bandwidth_hz for entry in enough], [entry.half_power_hz for entry in enough]
-        near = sorted(levels, key=lambda hz: abs(np.log(hz / np.median(levels))))[:-1]
-        assert max(near) / min(near) < min(max(bands) / min(bands), 1.03)
+        assert max(levels) / min(levels) < min(max(bands) / min(bands), 1.03)
 
 
 def test_period_spectra_tell_the_disturbance_apart():
