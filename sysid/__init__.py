@@ -8,6 +8,7 @@ import importlib
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from sysid.continuous import tfest
 from sysid.design import InputDesign, InputSignal, design_input, idinput
 from sysid.exchange import read_model, to_fmu, to_matlab, write_model
 from sysid.frequency import (
@@ -25,12 +26,15 @@ from sysid.frequency import (
 )
 from sysid.models import (
     Bandwidth,
+    ContinuousEstimate,
+    ContinuousModel,
     Estimate,
     Forecast,
     FrequencyResponse,
     Polynomials,
     StateSpace,
     band,
+    damp,
     forecast,
     predict,
     residuals,
@@ -73,6 +77,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Bandwidth",
     "BestLinearApproximation",
+    "ContinuousEstimate",
+    "ContinuousModel",
     "Estimate",
     "FeedbackTest",
     "Forecast",
@@ -102,6 +108,7 @@ __all__ = [
     "cra",
     "cross_validate",
     "d2c",
+    "damp",
     "delayest",
     "design_input",
     "era",
@@ -139,6 +146,7 @@ __all__ = [
     "spafdr",
     "split_delay",
     "structure_scan",
+    "tfest",
     "to_fmu",
     "to_matlab",
     "transfer_function",

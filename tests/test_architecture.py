@@ -21,8 +21,8 @@ RECORDS = {"IOData", "StateSpace", "FrequencyResponse"}
 # Rooms of each package from the ground up: a room imports only rooms that stand before it.
 ROOMS = {
     "sysid": (
-        *("records", "models", "exchange", "polynomial", "validation", "subspace", "recursive", "frequency", "design"),
-        "plots",
+        *("records", "models", "exchange", "polynomial", "validation", "subspace", "recursive", "frequency"),
+        *("continuous", "design", "plots"),
     ),
     "hmtb_twin": ("files", "parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
     "scenarios": (

@@ -81,6 +81,11 @@ def band(estimate: Estimate, quantity: Quantity) -> Band:
     estimate = as_estimate(estimate)
     value = _real(quantity(estimate.model))
     moves = spread(lambda theta: quantity(estimate.realise(theta)), estimate.parameters, estimate.covariance)
+    return normal_band(value, moves)
+
+
+def normal_band(value: FloatArray, moves: FloatArray) -> Band:
+    """Band of a quantity from its changes per standard direction, the first axis."""
     deviation = np.sqrt(np.sum(moves**2, axis=0))
     return Band(value, deviation, (value - NORMAL_95 * deviation, value + NORMAL_95 * deviation))
 
@@ -175,14 +180,14 @@ def _roots_band(estimate: Estimate, roots_of: Callable[[StateSpace], ComplexArra
     nominal = roots_of(estimate.model)
 
     def parts(theta: FloatArray) -> FloatArray:
-        matched = _matched(roots_of(estimate.realise(theta)), nominal)
+        matched = matched_roots(roots_of(estimate.realise(theta)), nominal)
         return np.stack((matched.real, matched.imag), axis=-1)
 
     moves = spread(parts, estimate.parameters, estimate.covariance)
     return RootBand(nominal, np.einsum("kni,knj->nij", moves, moves))
 
 
-def _matched(roots: ComplexArray, nominal: ComplexArray) -> ComplexArray:
+def matched_roots(roots: ComplexArray, nominal: ComplexArray) -> ComplexArray:
     """`roots` in the sequence of the `nominal` ones that they are nearest to; NaN where their number differs."""
     if len(roots) != len(nominal):
         return np.full(len(nominal), complex(np.nan, np.nan))

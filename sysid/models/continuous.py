@@ -1,18 +1,23 @@
 """Conversion between discrete and continuous time."""
 
 import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 import scipy
 
+from sysid.models.continuous_estimate import ContinuousEstimate, continuous_estimate
+from sysid.models.continuous_model import ContinuousModel
 from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model
+from sysid.models.reduction import split_delay
 from sysid.models.state_space import StateSpace
 from sysid.models.zero_pole_gain import ZeroPoleGain, zero_pole_gain
 from sysid.records.arguments import sampling_interval, shown
-from sysid.records.arrays import ComplexArray
+from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.errors import SysidError, SysidWarning
 
 if TYPE_CHECKING:
@@ -26,36 +31,94 @@ AT_ONE = 1e-9  # distance from z = 1 below which a pole counts as an integrator
 Hold = Literal["zoh", "foh"]
 
 
-def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "control.StateSpace":
+@overload
+def d2c(model: Estimate, *, intersample: Hold | None = None) -> ContinuousEstimate: ...
+@overload
+def d2c(model: StateSpace, *, intersample: Hold | None = None) -> "control.StateSpace": ...
+def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "control.StateSpace | ContinuousEstimate":
     """Convert to the continuous-time system of which `model` is the discretisation.
 
     A = exp(F dt), by the principal logarithm: frequencies are taken to lie below Nyquist. With phi the mean of
-    exp(F s) over 0 <= s <= dt, an input that is held gives B = phi G dt, a linear one phi^2 G dt [Franklin1998].
+    exp(F s) over 0 <= s <= dt, an input that is held gives B = phi G dt, a linear one phi^2 G dt [Franklin1998]. Of an
+    estimate the noise model is converted too, its innovation taken as held, and delays beyond one sample become those
+    of the continuous-time model; its parameters and their covariance stay, so that poles (`damp`), response and
+    bandwidth have intervals.
 
     Args:
-        model: A model or estimate; its noise model is ignored.
+        model: An estimate, or a model, whose noise model is ignored.
         intersample: Behaviour of the input between samples: held (`zoh`) or linear (`foh`). By default that of the data
             of an estimate, and held of a model.
 
     Returns:
-        A continuous-time python-control system with the names of `model`.
+        Of an estimate the same estimate with a continuous-time model; of a model a continuous-time python-control
+        system with its names.
 
     Raises:
         SysidError: A pole at zero or on the negative real axis (a delay, or an oscillation at Nyquist): no real
             system of this order has it.
 
     Warns:
-        SysidWarning: Data whose input is band-limited, which no hold describes: it is taken as held.
+        SysidWarning: Data whose input is band-limited, which no hold describes: it is taken as held. The noise model of
+            an estimate has such a pole, and is left out.
     """
-    import control
-
     hold = intersample or (model.data.intersample if isinstance(model, Estimate) else "zoh")
     if hold == "bl" and intersample is None:
         text = "the input of the data is band-limited: taken as held, which is exact only far below Nyquist"
         warnings.warn(f"{text}; intersample='zoh' or 'foh' chooses", SysidWarning, stacklevel=2)
         hold = "zoh"
-    linear = _is_linear(hold)
-    model = as_model(model).input_path()
+    _is_linear(hold)
+    if not isinstance(model, Estimate):
+        return _unsampled(replace(as_model(model).input_path(), K=None), hold).to_control()
+    realise = Unsampled(model.realise, hold, noise=True)
+    try:
+        realise(model.parameters)
+    except SysidError:
+        realise = Unsampled(model.realise, hold, noise=False)
+        realise(model.parameters)
+        message = "the noise model has a pole at zero or on the negative real axis and is left out of the conversion"
+        warnings.warn(message, SysidWarning, stacklevel=2)
+    return continuous_estimate(model, realise)
+
+
+@dataclass(frozen=True)
+class Unsampled:
+    """Pure function from the parameters of a discrete-time estimate to its continuous-time model; can be pickled.
+
+    Attributes:
+        realise: From parameters to the discrete-time model.
+        intersample: Input between samples, held or linear.
+        noise: Whether to convert the noise model.
+    """
+
+    realise: Callable[[FloatArray], StateSpace]
+    intersample: str
+    noise: bool
+
+    def __call__(self, theta: FloatArray) -> ContinuousModel:
+        """Model for parameters (p,)."""
+        model = self.realise(theta)
+        path, delays = split_delay(model)
+        if not (self.noise and model.gain.any()):
+            path = replace(path, innovation_covariance=model.innovation_covariance)
+            return _unsampled(path, self.intersample, delays)
+        if path.order == model.order and not any(delays):
+            return _unsampled(model, self.intersample)
+        # a noise model of its own, or states that only delay the input
+        colour = replace(model, B=model.gain, D=np.eye(model.ny), input_names=None, input_units=None).input_path()
+        n, m = path.order, colour.order
+        both = replace(
+            model,
+            A=scipy.linalg.block_diag(path.A, colour.A),
+            B=np.vstack((path.B, np.zeros((m, model.nu)))),
+            C=np.hstack((path.C, colour.C)),
+            D=path.D,
+            K=np.vstack((np.zeros((n, model.ny)), colour.B)),
+        )
+        return _unsampled(both, self.intersample, delays)
+
+
+def _unsampled(model: StateSpace, intersample: str, delays: Sequence[int] = (0,)) -> ContinuousModel:
+    """Model in continuous time, its innovation held; delays in samples, one for all inputs or one each."""
     poles = model.poles()
     unmatched = poles[_without_match(poles)]
     if len(unmatched):
@@ -63,44 +126,53 @@ def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "co
             f"the model has {len(unmatched)} pole(s) at zero or on the negative real axis, {_list(unmatched)}, which "
             "no continuous-time system of the same order has; remove delays by split_delay, or fit a lower order"
         )
-    n, nu = model.B.shape
-    held = np.block([[model.A, model.B], [np.zeros((nu, n)), np.eye(nu)]])
+    n, nu, drive = model.order, model.nu, np.hstack((model.B, model.gain))
+    held = np.block([[model.A, drive], [np.zeros((drive.shape[1], n)), np.eye(drive.shape[1])]])
     rates = np.real(scipy.linalg.logm(held)) / model.dt
-    F, G, D = rates[:n, :n], rates[:n, n:], model.D
-    if linear:
+    F, G, K, D = rates[:n, :n], rates[:n, n : n + nu], rates[:n, n + nu :], model.D
+    if intersample == "foh":
         blocks = np.eye(3 * n, k=n)
         blocks[:n, :n] = F * model.dt
         _, phi, ramp = np.split(scipy.linalg.expm(blocks)[:n], 3, axis=1)
         G = np.linalg.solve(phi, G)
         D = D - model.C @ ramp @ G * model.dt
-    return control.ss(
-        F,
-        G,
-        model.C,
-        D,
-        0,
-        inputs=list(model.input_names or ()),
-        outputs=list(model.output_names or ()),
-    )
+    states = replace(model, A=F, B=G, D=D, K=K if model.gain.any() else None)
+    late = model.dt * np.broadcast_to(np.asarray(delays, dtype=float), D.shape)
+    return ContinuousModel(states, late, intersample)
 
 
-def c2d(system: "control.LTI", dt: float, *, intersample: Hold = "zoh") -> StateSpace:
+@overload
+def c2d(system: ContinuousEstimate, dt: float, *, intersample: Hold | None = None) -> Estimate: ...
+@overload
+def c2d(system: "control.LTI | ContinuousModel", dt: float, *, intersample: Hold | None = None) -> StateSpace: ...
+def c2d(
+    system: "control.LTI | ContinuousModel | ContinuousEstimate", dt: float, *, intersample: Hold | None = None
+) -> StateSpace | Estimate:
     """Discretise a continuous-time system whose input is held, or linear, between samples.
 
+    An estimate keeps its parameters and their covariance, residuals and data; its model is sampled at `dt`.
+
     Args:
-        system: A continuous-time python-control system.
+        system: A continuous-time estimate or its model, or a continuous-time python-control system.
         dt: Sampling interval in s.
-        intersample: Behaviour of the input between samples: held (`zoh`) or linear (`foh`).
+        intersample: Behaviour of the input between samples: held (`zoh`) or linear (`foh`). By default that of an
+            estimate's data, and held for a system.
 
     Returns:
-        The discrete-time model, without noise model.
+        The discrete-time model; of an estimate the discrete-time estimate.
 
     Raises:
         SysidError: The system is not continuous, has more zeros than poles, or dt is not positive.
     """
+    dt, linear = sampling_interval(dt), _is_linear(intersample or "zoh")
+    if isinstance(system, ContinuousModel):
+        return (system if intersample is None else replace(system, intersample=intersample)).sampled(dt)
+    if isinstance(system, ContinuousEstimate):
+        content = {field.name: getattr(system, field.name) for field in fields(Estimate)}
+        realise = Resampled(system.realise_continuous, dt, intersample)
+        return Estimate(**content | {"model": realise(system.parameters), "polynomials": None, "realise": realise})
     import control
 
-    dt, linear = sampling_interval(dt), _is_linear(intersample)
     system = _continuous(system)
     if isinstance(system, control.TransferFunction):
         for numerator, denominator in zip(chain(*system.num), chain(*system.den), strict=True):
@@ -110,6 +182,26 @@ def c2d(system: "control.LTI", dt: float, *, intersample: Hold = "zoh") -> State
         # python-control samples nothing without a state
         return StateSpace(np.zeros((0, 0)), np.zeros((0, held.ninputs)), np.zeros((held.noutputs, 0)), held.D, None, dt)
     return StateSpace.from_control(control.sample_system(held, dt, method="foh" if linear else "zoh"))
+
+
+@dataclass(frozen=True)
+class Resampled:
+    """Pure function from the parameters of a continuous-time estimate to its model, sampled; can be pickled.
+
+    Attributes:
+        realise_continuous: From parameters to the continuous-time model.
+        dt: Sampling interval in s; None is that of the data.
+        intersample: Input between samples; None is as the model has it.
+    """
+
+    realise_continuous: Callable[[FloatArray], ContinuousModel]
+    dt: float | None = None
+    intersample: str | None = None
+
+    def __call__(self, theta: FloatArray) -> StateSpace:
+        """Model for parameters (p,)."""
+        model = self.realise_continuous(theta)
+        return (model if self.intersample is None else replace(model, intersample=self.intersample)).sampled(self.dt)
 
 
 def d2c_matched(model: StateSpace | Estimate) -> "control.TransferFunction":

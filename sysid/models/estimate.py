@@ -20,6 +20,8 @@ from sysid.records.errors import SysidError, SysidWarning
 if TYPE_CHECKING:
     import control
 
+    from sysid.models.continuous_model import ContinuousModel
+
 VAGUE = 3.5
 """Standard deviation of a bandwidth's logarithm from which its interval is useless: a factor of a thousand."""
 
@@ -162,13 +164,26 @@ class Estimate(Locked):
             ]
         else:
             lines.append(f"  {len(self.parameters)} parameters")
-        poles = (f"{p.real:.4f}" + (f"{p.imag:+.4f}j" if abs(p.imag) > 1e-9 else "") for p in self.poles())
-        path = "from input to output " if self.model.nu else ""
-        lines.append(f"  poles {path}(z plane): {', '.join(poles) or 'none'}")
+        lines += [f"  {line}" for line in self._dynamics()]
         lines.append(f"  innovation variance: {', '.join(f'{v:.4g}' for v in np.diag(self.noise_variance))}")
         lines.append(f"  final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
         lines += [f"  warning: {text}" for text in self.diagnostics.get("warnings", ())]
         return "\n".join(lines)
+
+    def _dynamics(self) -> list[str]:
+        """Lines on poles, for the text."""
+        poles = (f"{p.real:.4f}" + (f"{p.imag:+.4f}j" if abs(p.imag) > 1e-9 else "") for p in self.poles())
+        path = "from input to output " if self.model.nu else ""
+        return [f"poles {path}(z plane): {', '.join(poles) or 'none'}"]
+
+    @property
+    def _responding(self) -> "StateSpace | ContinuousModel":
+        """The model whose frequency response and bandwidth are reported."""
+        return self.model
+
+    def _response_of(self, theta: FloatArray) -> "StateSpace | ContinuousModel":
+        """The same at other parameters."""
+        return self.realise(theta)
 
     def poles(self) -> ComplexArray:
         """Poles of the path from input to output, largest modulus first; with intervals: `poles_band`."""
@@ -238,7 +253,7 @@ class Estimate(Locked):
             SysidWarning: A bandwidth uncertain by more than a factor of a thousand, as that of a model close to an
                 integrator.
         """
-        hz = self.model.bandwidth()
+        hz = self._responding.bandwidth()
         _, moves = self._moves(np.zeros(0), hz)
         return self._bandwidth(hz, moves)
 
@@ -284,7 +299,7 @@ class Estimate(Locked):
         Warns:
             SysidWarning: As `bandwidth` does.
         """
-        f, hz = np.atleast_1d(real_array("f_hz", f_hz)), self.model.bandwidth()
+        f, hz = np.atleast_1d(real_array("f_hz", f_hz)), self._responding.bandwidth()
         of_response, of_ratios = self._moves(f, hz)
         return self._frequency_response(f, of_response), self._bandwidth(hz, of_ratios)
 
@@ -299,7 +314,7 @@ class Estimate(Locked):
         at = np.concatenate((f, hz[i, j], np.zeros(min(len(i), 1))))
 
         def parts(theta: FloatArray) -> FloatArray:
-            g = self.realise(theta).frequency_response(at)
+            g = self._response_of(theta).frequency_response(at)
             ratios = _log_ratio(g[len(f) + np.arange(len(i)), i, j], g[-1, i, j]) if len(i) else np.zeros(0)
             return np.concatenate((np.stack((g.real, g.imag), axis=-1)[: len(f)].ravel(), ratios))
 
@@ -313,7 +328,7 @@ class Estimate(Locked):
         for (i, j), move in zip(np.argwhere(np.isfinite(hz)), moves.T, strict=True):
             h = 1e-4
             ends = min(hz[i, j] * (1 + h), nyquist), hz[i, j] * (1 - h)
-            up, down, dc = self.model.frequency_response([*ends, 0.0])[:, i, j]
+            up, down, dc = self._responding.frequency_response([*ends, 0.0])[:, i, j]
             slope = (_log_ratio(up, dc) - _log_ratio(down, dc)) / np.log(ends[0] / ends[1])
             deviation[i, j] = np.linalg.norm(move) / abs(slope) if slope else np.inf
         vague = deviation > VAGUE
@@ -329,10 +344,10 @@ class Estimate(Locked):
         return Bandwidth(hz, (low, np.where(np.isnan(hz), np.nan, high)))
 
     def _frequency_response(self, f: FloatArray, moves: FloatArray) -> FrequencyResponse:
-        h = self.model.noise_response(f)
+        h = self._responding.noise_response(f)
         return FrequencyResponse(
             frequencies=f,
-            response=self.model.frequency_response(f),
+            response=self._responding.frequency_response(f),
             dt=self.model.dt,
             method=self.method,
             covariance=np.einsum("k...i,k...j->...ij", moves, moves) if np.isfinite(self.covariance).all() else None,

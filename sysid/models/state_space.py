@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from sysid.models.half_power import half_power_frequencies
 from sysid.models.system_matrices import balanced_truncation, transmission_zeros
 from sysid.records.arguments import real_number, sampling_interval, shown, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock, real_array
@@ -17,8 +18,6 @@ from sysid.records.errors import SysidError
 
 if TYPE_CHECKING:
     import control
-
-HALF_POWER = 0.5  # -3.0103 dB
 
 LARGE = 24
 """Order from which one Schur decomposition for all frequencies is faster than a linear solve at each."""
@@ -150,7 +149,14 @@ class StateSpace(Locked):
         frequencies = np.atleast_1d(real_array("f_hz", f_hz))
         if frequencies.ndim != 1:
             raise SysidError(f"f_hz: expected a list of frequencies, got an array of shape {frequencies.shape}")
-        z = np.exp(2j * np.pi * self.dt * frequencies)
+        return self.transfer(np.exp(2j * np.pi * self.dt * frequencies), B, D)
+
+    def transfer(self, z: ComplexArray, B: FloatArray, D: FloatArray) -> ComplexArray:
+        """C (zI - A)^-1 B + D at complex points z (nf,), for any B and D that fit the states, (nf, ny, columns).
+
+        Raises:
+            SysidError: A pole at one of the points.
+        """
         if self.order == 0:
             return np.broadcast_to(D.astype(complex), (len(z), *D.shape)).copy()
         if self.order > LARGE:
@@ -193,29 +199,10 @@ class StateSpace(Locked):
             Bandwidths (ny, nu); NaN if the response does not fall to that level below the Nyquist frequency, or if the
             gain at 0 Hz is zero or infinite.
         """
-        grid = self._search_grid()
-        dc = self.dc_gain()
-        out = np.full((self.ny, self.nu), np.nan)
-        magnitude = np.abs(self.frequency_response(grid))
-        for i, j in np.ndindex(out.shape):
-            level = abs(dc[i, j]) * np.sqrt(HALF_POWER)
-            if not np.isfinite(level) or level <= 1e-13 * magnitude[:, i, j].max():
-                continue
-            below = np.flatnonzero(magnitude[:, i, j] < level)
-            if len(below):
-                k = int(below[0])
-                channel = self.channel(j, i)
-                lower = grid[k - 1] if k else 0.0
-                out[i, j] = scipy.optimize.brentq(
-                    lambda f, m=channel, v=level: abs(m.frequency_response(f)[0, 0, 0]) - v,
-                    lower,
-                    grid[k],
-                    xtol=1e-14 * grid[k],
-                    rtol=1e-13,
-                )
-        return out
+        return half_power_frequencies(self, self.search_grid())
 
-    def _search_grid(self) -> FloatArray:
+    def search_grid(self) -> FloatArray:
+        """Frequencies up to Nyquist in Hz, logarithmic, linear, and dense around every pole."""
         nyquist = 0.5 / self.dt
         parts = [np.geomspace(1e-7 * nyquist, nyquist, 1200), np.linspace(0.0, nyquist, 801)[1:]]
         poles = self.poles()

@@ -74,7 +74,7 @@ def _free_initial_conditions(
     eps = scipy.signal.lfilter(d, c, v)[start:] if noise_count else v[start:].copy()
 
     transients = free_transients(orders, theta, n - start)
-    basis, tau = _orthonormal(transients, eps) if transients.shape[1] else (None, np.zeros(0))
+    basis, tau = orthonormal(transients, eps) if transients.shape[1] else (None, np.zeros(0))
     if basis is not None:
         length = len(basis)
         eps[:length] -= basis @ (basis.T @ eps[:length])
@@ -151,7 +151,7 @@ def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, s
     noise = np.vstack((root, _shifts(scipy.signal.lfilter([1.0], c, pulse), m)))
     free = np.vstack((np.zeros((m, sum(orders.nf))), np.hstack((np.zeros((rows, 0)), *paths))))
     errors = np.concatenate((np.zeros(m), scipy.signal.lfilter(d, c, v)))
-    basis, state = _orthonormal(np.hstack((noise, free)), errors)
+    basis, state = orthonormal(np.hstack((noise, free)), errors)
     errors[: len(basis)] -= basis @ (basis.T @ errors[: len(basis)])
 
     columns = np.zeros((m + rows, orders.count + 1), order="F")
@@ -240,7 +240,7 @@ def _transients(blocks: list[tuple[FloatArray, FloatArray, int]], rows: int) -> 
     return np.hstack([_shifts(h, block[2]) for h, block in zip(responses, blocks, strict=True)])
 
 
-def _orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
+def orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Orthonormal basis of the transients until they have died out, and the coefficients of eps in them.
 
     Dependent transients (inputs with equal F) are dropped.

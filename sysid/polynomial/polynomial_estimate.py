@@ -16,7 +16,13 @@ from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import check_room_to_start, completed
 from sysid.polynomial.orders import Orders
-from sysid.polynomial.prediction_error import InitialEstimate, Linearisation, coloured_information, search
+from sysid.polynomial.prediction_error import (
+    InitialEstimate,
+    Linearisation,
+    coloured_information,
+    output_errors,
+    search,
+)
 from sysid.polynomial.robust_covariance import curvature_covariance, sandwich
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
@@ -214,10 +220,9 @@ def prediction_error_estimate(
         )
     if coloured and at.cost > 0.0:
         if orders.na == orders.nc == orders.nd == 0:
-            half = _directions(at)[0]
-            middle = coloured_information(
-                experiments, orders, at.theta, min(COLOUR, at.errors // 20), half, initial_conditions
-            )
+            half = directions(at)[0]
+            parts = output_errors(experiments, orders, at.theta, initial_conditions)
+            middle = coloured_information(parts, min(COLOUR, at.errors // 20), half)
             covariance = variance * (half @ middle @ half.T)
         else:
             covariance = sandwich(experiments, orders, at.theta, covariance, variance, initial_conditions)
@@ -257,11 +262,11 @@ def prediction_error_estimate(
 
 def covariance_of(at: Linearisation, variance: float) -> tuple[FloatArray, float]:
     """Covariance of the parameters (p, p), and the condition number of the scaled Jacobian."""
-    half, condition = _directions(at)
+    half, condition = directions(at)
     return variance * (half @ half.T), condition
 
 
-def _directions(at: Linearisation) -> tuple[FloatArray, float]:
+def directions(at: Linearisation) -> tuple[FloatArray, float]:
     """Columns L (p, q) with L L' = (J' J)^-1, and the condition number of the scaled Jacobian."""
     _, values, right = np.linalg.svd(at.triangle)
     if not len(values):

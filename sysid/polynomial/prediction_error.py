@@ -91,7 +91,42 @@ def minimise(
 ) -> Minimum:
     """Levenberg-Marquardt with exact gradients; C, D and every F stay stable at every accepted step [More1978]."""
     energy = sum(float(np.nansum(e.y[:, 0] ** 2)) if e.missing else float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
+
+    def criterion(theta: FloatArray, origin: FloatArray) -> Linearisation | None:
+        if not admissible(orders, theta) and np.isfinite(theta).all():
+            theta = pulled_in(orders, theta, origin)
+        return linearise(experiments, orders, theta, initial_conditions) if admissible(orders, theta) else None
+
     at = start if isinstance(start, Linearisation) else linearise(experiments, orders, start, initial_conditions)
+    return levenberg_marquardt(
+        criterion,
+        at,
+        energy,
+        outward=partial(outward, orders),
+        max_iterations=max_iterations,
+        good_enough=good_enough,
+    )
+
+
+def levenberg_marquardt(
+    criterion: Callable[[FloatArray, FloatArray], Linearisation | None],
+    at: Linearisation,
+    energy: float,
+    *,
+    outward: Callable[[FloatArray], FloatArray] | None = None,
+    max_iterations: int = 100,
+    good_enough: float = 0.0,
+) -> Minimum:
+    """Minimise a criterion from one linearisation of it [More1978].
+
+    Args:
+        criterion: Linearisation at parameters (p,) that a step from others (p,) leads to; None where not admissible.
+        at: That at the initial parameters.
+        energy: Sum of squares of the output: errors far below it are rounding.
+        outward: Directions at parameters that no step may take (k, p).
+        max_iterations: Limit on the accepted steps.
+        good_enough: Cost at which to stop early.
+    """
     damping, iterations, evaluations = 1e-4, 0, 1
     while True:
         if at.cost <= ROUNDING * energy:
@@ -99,7 +134,8 @@ def minimise(
         left, values, right = np.linalg.svd(at.triangle)
         significant = values > 1e-13 * values[0] if len(values) else values > 0
         g = left.T @ at.target
-        rows = np.where(significant, outward(orders, at.theta) / at.scale @ right.T, 0.0)
+        limits = outward(at.theta) if outward else np.zeros((0, len(at.theta)))
+        rows = np.where(significant, limits / at.scale @ right.T, 0.0)
 
         predict = partial(_predicted_step, np.where(significant, values, 0.0), g, rows)
         decrease = predict(0.0)[1]
@@ -110,19 +146,15 @@ def minimise(
             return Minimum(at, iterations, evaluations, False, "good enough")
         if iterations >= max_iterations:
             return Minimum(at, iterations, evaluations, False, f"stopped after {iterations} iterations")
-        accepted = False
-        while damping < 1e10 and not accepted:
+        trial = None
+        while damping < 1e10:
             direction, predicted = predict(damping)
-            theta = at.theta + right.T @ direction / at.scale
-            if not admissible(orders, theta) and np.isfinite(theta).all():
-                theta = pulled_in(orders, theta, at.theta)
-            if admissible(orders, theta):
-                trial = linearise(experiments, orders, theta, initial_conditions)
-                evaluations += 1
-                accepted = trial.cost < at.cost
-            if not accepted:
-                damping = max(damping * 10.0, 1e-8)
-        if not accepted:
+            trial = criterion(at.theta + right.T @ direction / at.scale, at.theta)
+            evaluations += trial is not None
+            if trial is not None and trial.cost < at.cost:
+                break
+            trial, damping = None, max(damping * 10.0, 1e-8)
+        if trial is None:
             flat = decrease <= 1e-4 * at.cost or at.cost <= 1e-16 * energy
             return Minimum(at, iterations, evaluations, flat, "no step decreases the errors further")
         achieved, tiny = at.cost - trial.cost, at.cost - trial.cost <= 1e-15 * at.cost
@@ -143,34 +175,35 @@ def _predicted_step(values: FloatArray, g: FloatArray, rows: FloatArray, damping
     return step, float(g @ g - remaining @ remaining)
 
 
-def coloured_information(
-    experiments: Sequence[IOData],
-    orders: Orders,
-    theta: FloatArray,
-    order: int,
-    directions: FloatArray,
-    initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
-) -> FloatArray:
+def coloured_information(parts: Sequence[FloatArray], order: int, directions: FloatArray) -> FloatArray:
     """L' J' R J L (q, q) with the correlations R of output errors that are independent of the input but not white.
 
     R is that of an autoregressive model of the errors, of the order up to `order` that BIC prefers, which is 0 for
-    white ones: J is filtered by the model [Ljung1999, ch. 9]. Missing outputs have rows of zeros. The directions L
-    (p, q), for which J L is orthonormal, keep the digits that J' R J loses where parameters are poorly determined.
+    white ones: J is filtered by the model [Ljung1999, ch. 9]. The directions L (p, q), for which J L is orthonormal,
+    keep the digits that J' R J loses where parameters are poorly determined.
+
+    Args:
+        parts: [J, errors] of each experiment (rows, p + 1); of a missing output J is zero and the error NaN.
+        order: Highest order of the model.
+        directions: L.
     """
-    jacobian = gapped_error_jacobian if any(not e.complete for e in experiments) else error_jacobian
-    parts = [jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
-    errors = np.concatenate(
-        [
-            np.where(e.known[len(e) - len(part) :, 0], part[:, -1], np.nan)
-            for e, part in zip(experiments, parts, strict=True)
-        ]
-    )
-    whitener, correlations = autoregression(errors, order, select=True)
+    whitener, correlations = autoregression(np.concatenate([part[:, -1] for part in parts]), order, select=True)
     total = np.zeros((directions.shape[1],) * 2)
     for part in parts:
         filtered = scipy.signal.lfilter([1.0], whitener, part[:, :-1] @ directions, axis=0)
         total += filtered.T @ filtered
     return total * float(whitener @ correlations[: len(whitener)])
+
+
+def output_errors(
+    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, initial_conditions: InitialConditions
+) -> list[FloatArray]:
+    """Jacobian and errors of each experiment (rows, p + 1) without noise model; errors of missing outputs are NaN."""
+    jacobian = gapped_error_jacobian if any(not e.complete for e in experiments) else error_jacobian
+    parts = [jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
+    for e, part in zip(experiments, parts, strict=True):
+        part[~e.known[len(e) - len(part) :, 0], -1] = np.nan
+    return parts
 
 
 def scores(

@@ -9,11 +9,13 @@ from scipy.signal import lfilter, lsim
 import sysid
 from sysid import (
     IOData,
+    Polynomials,
     StateSpace,
     SysidWarning,
     balred,
     c2d,
     d2c,
+    damp,
     findstates,
     predict,
     simulate,
@@ -90,13 +92,36 @@ def test_linear_inputs_there_and_back(model):
     np.testing.assert_allclose(simulate(model, u - u[0])[:, 0], y, atol=1e-8 * max(np.abs(y).max(), 1.0))
 
 
+@pytest.mark.parametrize("intersample", ["zoh", "foh"])
+@pytest.mark.parametrize(
+    "estimator, orders", [(sysid.armax, (2, 2, 2, 3)), (sysid.bj, (2, 1, 1, 2, 1)), (sysid.oe, (2, 2, 2))]
+)
+def test_conversion_of_an_estimate_keeps_noise_model_delays_and_covariance(estimator, orders, intersample):
+    truth = sysid.models.innovations_form(
+        Polynomials(B=[0, 0, 0, 0.1, 0.05], F=[1, -1.5, 0.7], C=[1, 0.3], D=[1, -0.5]), 0.1, 0.01
+    )
+    u = np.random.default_rng(0).standard_normal(500)
+    data = IOData(u, simulate(truth, u, rng=np.random.default_rng(1)), 0.1, intersample=intersample)
+    discrete = estimator(data, *orders)
+    continuous = d2c(discrete)
+    back = c2d(continuous, 0.1)
+    for name in ("frequency_response", "noise_response"):
+        expected = getattr(discrete.model, name)(GRID)
+        np.testing.assert_allclose(getattr(back.model, name)(GRID), expected, rtol=1e-6, atol=1e-9)
+    assert continuous.continuous.delays == pytest.approx(0.1 * (orders[-1] - 1))
+    np.testing.assert_allclose(
+        damp(continuous).natural_frequency.ci95, damp(discrete).natural_frequency.ci95, rtol=1e-6
+    )
+    np.testing.assert_allclose(continuous.bandwidth().ci95, discrete.bandwidth().ci95, rtol=0.05)
+
+
 def test_estimates_know_how_their_input_behaved_between_samples():
     """A record of a lag of 0.05 s with a linear input gives the lag back; taken as held, half a sample of delay."""
     u = np.random.default_rng(0).standard_normal(400)
     lag = c2d(control.tf([1.0], [0.05, 1.0]), DT, intersample="foh")
     data = IOData(u, simulate(lag, u), DT, intersample="foh")
     estimate = sysid.oe(data, 2, 1, 0)
-    linear, held = d2c(estimate), d2c(estimate, intersample="zoh")
+    linear, held = d2c(estimate).to_control(), d2c(estimate, intersample="zoh").to_control()
     np.testing.assert_allclose((linear.C @ linear.B, linear.D, held.D > 0.1), ([[20.0]], [[0.0]], [[True]]), atol=1e-6)
     limited = sysid.oe(sysid.resample(data, 2), 2, 1, 0)
     with pytest.warns(SysidWarning, match="band-limited: taken as held"):

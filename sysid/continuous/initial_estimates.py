@@ -1,0 +1,252 @@
+"""Initial estimates of transfer functions: refined instrumental variables at many time scales and delays.
+
+SRIVC [YoungJakeman1980; GarnierWang2008] iterates: filter input and output by the last 1/A, and solve for the next A
+and B with the noise-free output of the last model as instruments. It converges from state-variable filters of about the
+right bandwidth; fits of discrete-time models take over where samples are too few to differentiate.
+"""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.continuous.path_response import TransferFunction, derivatives_of, respond, transients
+from sysid.continuous.structures import PathStructure
+from sysid.polynomial.error_jacobian import orthonormal
+from sysid.polynomial.initial_estimates import oe_initial_estimates
+from sysid.polynomial.orders import make_orders
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+from sysid.records.errors import SysidError
+
+SCALES = 5  # bandwidths of the first state-variable filter
+COARSE = 5  # delays at which each is tried, where the delay is unknown
+REFINEMENTS = 4  # steps of SRIVC from each
+KEPT = 3  # of these, the best that go on
+LONGEST = 10_000  # samples of each experiment that initial estimates use
+
+
+@dataclass(frozen=True, eq=False)
+class PathData:
+    """Input and output of one path in every experiment, and what its transfer function may be.
+
+    Attributes:
+        inputs: Input of each experiment (N,).
+        outputs: Output of each experiment without the other paths (N,).
+        dt: Sampling interval in s.
+        intersample: Input between samples, held or linear.
+        first: First sample of each experiment whose error counts.
+        free: Whether initial states are free.
+        structure: Numbers of poles and zeros, and whether the delay is known.
+    """
+
+    inputs: Sequence[FloatArray]
+    outputs: Sequence[FloatArray]
+    dt: float
+    intersample: str
+    first: Sequence[int]
+    free: bool
+    structure: PathStructure
+
+    def stacked(self, a: FloatArray, blocks: Sequence[FloatArray]) -> FloatArray:
+        """Columns of all experiments (rows, k), from `first` on and without the free responses of 1/A."""
+        parts = [block[first:] for block, first in zip(blocks, self.first, strict=True)]
+        return np.vstack([without_transients(part, [a] if self.free else [], self.dt)[0] for part in parts])
+
+    def numerator(self, a: FloatArray, delay: float) -> tuple[TransferFunction, float]:
+        """Transfer function with the least-squares numerator, and its sum of squared errors."""
+        m = self.structure.zeros
+        blocks = [
+            np.column_stack((derivatives_of(u, a, self.dt, self.intersample, delay)[:, : m + 1], y))
+            for u, y in zip(self.inputs, self.outputs, strict=True)
+        ]
+        columns = self.stacked(a, blocks)
+        b, cost = _least_squares(columns)
+        return TransferFunction(b, a, delay), cost
+
+    def refined(self, path: TransferFunction, *, instruments: bool) -> FloatArray:
+        """Next denominator of rising powers, monic and stable, by one step of SRIVC, or of least squares."""
+        a, n, m, r = path.a, self.structure.poles, self.structure.zeros, self.structure.integrators
+        blocks = []
+        for u, y in zip(self.inputs, self.outputs, strict=True):
+            measured = derivatives_of(y, a, self.dt, "foh")
+            by_input = derivatives_of(u, a, self.dt, self.intersample, path.delay)[:, : m + 1]
+            by_output = respond(path, u, self.dt, self.intersample).by_a[:, r:n] if instruments else -measured[:, r:n]
+            blocks.append(np.column_stack((by_input, by_output, -measured[:, r:n], measured[:, n])))
+        columns = self.stacked(a, blocks)
+        lengths = np.sqrt(np.sum(columns**2, axis=0)) + np.finfo(float).tiny
+        columns = columns / lengths
+        k = m + 1 + n - r
+        z, phi = columns[:, :k], np.column_stack((columns[:, : m + 1], columns[:, k:-1]))
+        solution = np.linalg.lstsq(z.T @ phi, z.T @ columns[:, -1], rcond=1e-13)[0]
+        tail = solution[m + 1 :] * lengths[-1] / lengths[k:-1]
+        return _stabilised(np.concatenate((np.zeros(r), tail, [1.0])), r)
+
+    def by_delay(self, a: FloatArray, longest: float) -> tuple[FloatArray, FloatArray]:
+        """Whole numbers of samples as delays, in s, and the sum of squared errors with the best numerator of each."""
+        m, count = self.structure.zeros, int(longest / self.dt)
+        low = [derivatives_of(u, a, self.dt, self.intersample)[:, : m + 1] for u in self.inputs]
+        costs = []
+        for lag in range(count + 1):
+            blocks = [
+                np.column_stack((np.vstack((np.zeros((lag, m + 1)), x[: len(x) - lag])), y))
+                for x, y in zip(low, self.outputs, strict=True)
+            ]
+            costs.append(_least_squares(self.stacked(a, blocks))[1])
+        return np.linspace(0.0, count * self.dt, count + 1), np.array(costs)
+
+
+def without_transients(
+    columns: FloatArray,
+    denominators: Sequence[FloatArray],
+    dt: float,
+    known: np.ndarray | None = None,
+) -> tuple[FloatArray, int]:
+    """Columns (rows, k) without free responses of 1/A, those of rows that are not known left out; and their number."""
+    rows = len(columns)
+    known = np.ones(rows, dtype=bool) if known is None else known
+    free = [transients(a, dt, rows) for a in denominators if len(a) > 1]
+    out = columns[known]
+    if not free:
+        return out, 0
+    length = max(len(block) for block in free)
+    table = np.hstack([np.pad(block, ((0, length - len(block)), (0, 0))) for block in free])[known[:length]]
+    if not table.any():
+        return out, 0
+    basis, _ = orthonormal(table, out[:, 0])
+    out[: len(basis)] -= basis @ (basis.T @ out[: len(basis)])
+    return out, basis.shape[1]
+
+
+def path_estimates(data: PathData, longest: float) -> list[TransferFunction]:
+    """Transfer functions of one path, best first; several where the delay is unknown, each near a local minimum."""
+    unknown = data.structure.delay is None
+    n = data.structure.poles
+    delays = np.linspace(0.0, longest, COARSE) if unknown else [data.structure.delay or 0.0]
+    candidates = []
+    for delay in delays:
+        for rate in np.geomspace(10.0 / (len(data.inputs[0]) * data.dt), 1.0 / data.dt, SCALES) if n else [1.0]:
+            wide = TransferFunction(np.ones(1), np.atleast_1d(np.poly([-rate] * n))[::-1], float(delay))
+            candidates.append(_iterated(data, data.refined(wide, instruments=False) if n else wide.a, float(delay)))
+    candidates += [data.numerator(a, delay) for a, delay in _sampled_fits(data, _best(candidates)[:1])]
+    best = _best(candidates)[:KEPT]
+    if not unknown:
+        return [path for path, _ in best]
+    near: list[tuple[TransferFunction, float]] = []
+    for path, _ in best:
+        grid, costs = data.by_delay(path.a, longest)
+        inner = np.concatenate(([np.inf], costs, [np.inf]))
+        minima = np.flatnonzero((inner[1:-1] <= inner[:-2]) & (inner[1:-1] <= inner[2:]))
+        for k in minima[np.argsort(costs[minima])][:2]:
+            near.append(_iterated(data, path.a, float(grid[k])))
+    chosen: list[TransferFunction] = []
+    for path, _ in _best(near + best):
+        if all(abs(path.delay - other.delay) > 0.5 * data.dt for other in chosen):
+            chosen.append(path)
+    return chosen[: KEPT + 1]
+
+
+def _iterated(data: PathData, a: FloatArray, delay: float) -> tuple[TransferFunction, float]:
+    """The best of a few steps of SRIVC at one delay, and its sum of squared errors."""
+    best = data.numerator(a, delay)
+    last = best
+    for _ in range(REFINEMENTS if data.structure.poles else 0):
+        last = data.numerator(data.refined(last[0], instruments=True), delay)
+        if last[1] < best[1]:
+            best = last
+    return best
+
+
+def _sampled_fits(data: PathData, best: Sequence[tuple[TransferFunction, float]]) -> Iterator[tuple[FloatArray, float]]:
+    """Denominators by fits of discrete-time models, at no delay and at that of the best estimates."""
+    n = data.structure.poles
+    if n <= data.structure.integrators:
+        return
+    delays = {path.delay for path, _ in best} | ({0.0} if data.structure.delay is None else set())
+    records = [IOData(u, y, data.dt) for u, y in zip(data.inputs, data.outputs, strict=True)]
+    for delay in delays:
+        orders = make_orders(1, nb=n + 1, nf=n, nk=int(delay / data.dt))
+        try:
+            for start in itertools.islice(oe_initial_estimates(records, orders), 3):
+                z = np.roots(orders.split(start.theta)[4][0])
+                # poles without a continuous-time counterpart become fast real ones
+                z = np.where((z.imag == 0.0) & (z.real < 1e-3), 1e-3, z)
+                s = np.log(z) / data.dt
+                if data.structure.integrators:
+                    s = s[np.argsort(np.abs(s))[data.structure.integrators :]]
+                a = np.atleast_1d(np.poly(s).real)[::-1]
+                yield _stabilised(np.concatenate((np.zeros(data.structure.integrators), a)), 0), delay
+        except (SysidError, np.linalg.LinAlgError):
+            continue
+
+
+def initial_estimates(
+    experiments: Sequence[IOData],
+    structures: Sequence[PathStructure],
+    first: Sequence[int],
+    longest: float,
+    *,
+    free: bool,
+) -> list[FloatArray]:
+    """Parameters to start from, best first: path by path, each to the output without the others' responses."""
+    experiments = [_shortened(e) for e in experiments]
+    outputs = [_filled(e) for e in experiments]
+    dt, intersample = experiments[0].dt, experiments[0].intersample
+    responses = [[np.zeros(len(e)) for e in experiments] for _ in structures]
+    estimates: list[list[TransferFunction]] = [[] for _ in structures]
+    for _ in range(2 if len(structures) > 1 else 1):
+        for j, structure in enumerate(structures):
+            others = [sum((r[k] for i, r in enumerate(responses) if i != j), 0.0) for k in range(len(experiments))]
+            data = PathData(
+                inputs=[e.u[:, j] for e in experiments],
+                outputs=[y - other for y, other in zip(outputs, others, strict=True)],
+                dt=dt,
+                intersample=intersample,
+                first=first,
+                free=free,
+                structure=structure,
+            )
+            estimates[j] = path_estimates(data, longest)
+            responses[j] = [respond(estimates[j][0], u, dt, intersample).y for u in data.inputs]
+    best = [paths[0] for paths in estimates]
+    sets = [best]
+    for j, paths in enumerate(estimates):
+        sets += [[*best[:j], path, *best[j + 1 :]] for path in paths[1:]]
+    return [
+        np.concatenate([structure.parameters(path) for structure, path in zip(structures, paths, strict=True)])
+        for paths in sets
+    ]
+
+
+def _shortened(experiment: IOData) -> IOData:
+    return experiment[:LONGEST] if len(experiment) > LONGEST else experiment
+
+
+def _filled(experiment: IOData) -> FloatArray:
+    """Output (N,), missing samples interpolated."""
+    y, times = experiment.y[:, 0], np.arange(len(experiment))
+    known = np.isfinite(y)
+    return np.interp(times, times[known], y[known])
+
+
+def _least_squares(columns: FloatArray) -> tuple[FloatArray, float]:
+    """Coefficients of the last column in the others, and the sum of squares that remains."""
+    lengths = np.sqrt(np.sum(columns[:, :-1] ** 2, axis=0)) + np.finfo(float).tiny
+    scaled = columns[:, :-1] / lengths
+    solution = np.linalg.lstsq(scaled, columns[:, -1], rcond=1e-12)[0]
+    return solution / lengths, float(np.sum((columns[:, -1] - scaled @ solution) ** 2))
+
+
+def _best(candidates: Sequence[tuple[TransferFunction, float]]) -> list[tuple[TransferFunction, float]]:
+    usable = [one for one in candidates if np.isfinite(one[1])]
+    return sorted(usable, key=lambda one: one[1])
+
+
+def _stabilised(a: FloatArray, integrators: int) -> FloatArray:
+    """Rising powers, monic, with roots in the right half plane reflected into the left one."""
+    roots = np.roots(a[integrators:][::-1])
+    size = np.abs(roots).max(initial=0.0)
+    roots = np.where(roots.real < 0.0, roots, -roots.conj())
+    roots = np.where(roots.real > -1e-6 * size, roots - 1e-3 * size, roots)
+    return np.concatenate((np.zeros(integrators), np.atleast_1d(np.poly(roots).real)[::-1]))

@@ -1,0 +1,376 @@
+"""Likelihood fit of transfer functions to records: output errors by Levenberg-Marquardt, delays in real numbers."""
+
+import itertools
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy
+
+from sysid.continuous.initial_estimates import initial_estimates, without_transients
+from sysid.continuous.path_response import respond
+from sysid.continuous.structures import PathStructure
+from sysid.models.continuous import Resampled
+from sysid.models.continuous_estimate import ContinuousEstimate
+from sysid.models.continuous_model import ContinuousModel
+from sysid.models.estimate import DataSummary
+from sysid.models.predict import residuals
+from sysid.models.state_space import StateSpace
+from sysid.polynomial.data_checks import check_excitation, check_means
+from sysid.polynomial.initial_conditions import InitialConditions
+from sysid.polynomial.least_squares import scaled_triangle
+from sysid.polynomial.polynomial_estimate import COLOUR, ILL_CONDITIONED, directions
+from sysid.polynomial.prediction_error import (
+    SCREENING_STEPS,
+    Linearisation,
+    Minimum,
+    coloured_information,
+    levenberg_marquardt,
+)
+from sysid.records.arguments import real_number, truth_value, whole_number
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData, as_experiments
+from sysid.records.errors import SysidError, SysidWarning
+
+LONGEST_DELAY = 30  # samples, the default limit on delays that are estimated
+MARGIN = 1e-9  # least distance of poles from the imaginary axis, times dt
+FASTEST = 1e4  # greatest modulus of a pole, times dt: samples do not show a faster one
+REACH = 3  # samples by which a delay may grow from its initial estimate before the search starts again
+TIGHT = 1e-6  # part of a sample within which a delay is at its limit
+
+
+@dataclass(frozen=True, eq=False)
+class OutputError:
+    """Sum of squared output errors of one output.
+
+    Attributes:
+        experiments: Records with one output.
+        structures: Structure of the path from each input.
+        longest: Limit on delays in s.
+        free: Whether initial states are free.
+    """
+
+    experiments: Sequence[IOData]
+    structures: Sequence[PathStructure]
+    longest: float
+    free: bool
+    sizes: list[int] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Note where the parameters of each path end."""
+        object.__setattr__(self, "sizes", np.cumsum([len(s.names) for s in self.structures]).tolist())
+
+    def split(self, theta: FloatArray) -> list[FloatArray]:
+        """Parameters of each path."""
+        return np.split(theta, self.sizes[:-1])
+
+    def first(self, experiment: IOData) -> int:
+        """First sample whose error counts: with free initial states, no input from before the record acts on it."""
+        delays = [self.longest if s.delay is None else s.delay for s in self.structures]
+        return max(experiment.window, math.ceil(max(delays) / experiment.dt - TIGHT) if self.free else 0)
+
+    def delays(self) -> list[int]:
+        """Indices of the parameters that are delays."""
+        return [end - 1 for s, end in zip(self.structures, self.sizes, strict=True) if s.delay is None]
+
+    def __call__(self, theta: FloatArray, _: FloatArray | None = None) -> Linearisation | None:
+        """Criterion and first derivatives at parameters, delays moved to their limits; None where poles are unstable.
+
+        A delay at its limit with a gradient that points beyond is fixed there: its derivatives are zero.
+        """
+        theta = theta.copy()
+        limited = self.delays()
+        theta[limited] = np.clip(theta[limited], 0.0, self.longest)
+        if not (np.isfinite(theta).all() and self._stable(theta)):
+            return None
+        parts = [self.columns(e, theta) for e in self.experiments]
+        columns = np.vstack([part for part, _ in parts])
+        if not np.isfinite(columns).all():
+            return None
+        slack = TIGHT * self.experiments[0].dt
+        for k in limited:
+            slope = float(columns[:, k] @ columns[:, -1])
+            if (theta[k] <= slack and slope > 0.0) or (theta[k] >= self.longest - slack and slope < 0.0):
+                columns[:, k] = 0.0
+        p = len(theta)
+        triangle, lengths = scaled_triangle(columns, guarded=p)
+        return Linearisation(
+            theta=theta,
+            cost=float(columns[:, p] @ columns[:, p]),
+            triangle=triangle[:p, :p],
+            target=lengths[p] * triangle[:p, p],
+            scale=lengths[:p],
+            errors=sum(int(e.known[self.first(e) :].sum()) for e in self.experiments),
+            transients=sum(count for _, count in parts),
+        )
+
+    def columns(self, experiment: IOData, theta: FloatArray) -> tuple[FloatArray, int]:
+        """Derivatives of the errors and the errors (rows, p + 1), initial states projected out; and their number."""
+        blocks, denominators = [], []
+        errors = experiment.y[:, 0].copy()
+        for j, (structure, own) in enumerate(zip(self.structures, self.split(theta), strict=True)):
+            path = structure.transfer(own)
+            response = respond(path, experiment.u[:, j], experiment.dt, experiment.intersample)
+            errors -= response.y
+            by_coefficient = np.column_stack((response.by_b, response.by_a, response.by_delay))
+            blocks.append(-by_coefficient @ structure.jacobian(own))
+            denominators.append(path.a / path.a[-1])
+        first = self.first(experiment)
+        return without_transients(
+            np.column_stack((*blocks, errors))[first:],
+            denominators if self.free else [],
+            experiment.dt,
+            experiment.known[first:, 0],
+        )
+
+    def _stable(self, theta: FloatArray) -> bool:
+        dt = self.experiments[0].dt
+        for structure, own in zip(self.structures, self.split(theta), strict=True):
+            a = structure.transfer(own).a
+            poles = np.roots(a[structure.integrators :][::-1])
+            lost = len(poles) < structure.poles - structure.integrators or (np.abs(poles) * dt > FASTEST).any()
+            if lost or (poles.real * dt > -MARGIN).any():
+                return False
+        return True
+
+    def minimum(self, max_iterations: int) -> tuple["OutputError", Minimum, int]:
+        """The lowest minimum from several initial estimates, the criterion it is of, and the number of estimates."""
+        # matrix exponentials of stiff systems round more than the filters of discrete-time models
+        energy = 1e4 * sum(float(np.nansum(e.y**2)) for e in self.experiments)
+        first = [self.first(e) for e in self.experiments]
+        starts = initial_estimates(self.experiments, self.structures, first, self.longest, free=self.free)
+        screened = []
+        for start in starts:
+            at = self(start)
+            if at is not None:
+                screened.append(levenberg_marquardt(self, at, energy, max_iterations=2 * SCREENING_STEPS))
+        if not screened:
+            raise SysidError("no initial estimate is stable: try fewer poles, or other delays")
+        screened.sort(key=lambda one: one.at.cost)
+        finished = [levenberg_marquardt(self, one.at, energy, max_iterations=max_iterations) for one in screened[:2]]
+        best = self._hopped(min(finished, key=lambda one: one.at.cost), energy, max_iterations)
+        criterion = self
+        if self.delays() and self.free:
+            # fewer samples are lost before a shorter delay
+            longest = min(float(best.at.theta[self.delays()].max()) + REACH * self.experiments[0].dt, self.longest)
+            criterion = OutputError(self.experiments, self.structures, longest, self.free)
+            at = criterion(best.at.theta)
+            if at is not None:
+                best = levenberg_marquardt(criterion, at, energy, max_iterations=max_iterations)
+        return criterion, best, len(starts)
+
+    def _hopped(self, best: Minimum, energy: float, max_iterations: int) -> Minimum:
+        """The lowest minimum reached from the middles of sampling intervals around each delay.
+
+        A held input makes kinks at delays of whole samples, and often a minimum in each interval between them.
+        """
+        dt = self.experiments[0].dt
+        for k in self.delays():
+            tried: set[float] = set()
+            while True:
+                cell = math.ceil(best.at.theta[k] / dt - TIGHT)
+                middles = {(cell + hop - 0.5) * dt for hop in (-2, -1, 0, 1, 2)} - tried
+                tried |= middles
+                before = best.at.cost
+                for middle in sorted(middles):
+                    theta = best.at.theta.copy()
+                    theta[k] = middle
+                    at = self(theta) if 0.0 < middle < self.longest else None
+                    if at is not None:
+                        other = levenberg_marquardt(self, at, energy, max_iterations=max_iterations)
+                        best = min(best, other, key=lambda one: one.at.cost)
+                if best.at.cost >= before:
+                    break
+        return best
+
+
+@dataclass(frozen=True, eq=False)
+class RealisePaths:
+    """Pure function from parameters to the continuous-time model; a class, so that estimates can be pickled.
+
+    Attributes:
+        structures: Structure of each path, one row per output.
+        data: Sampling interval and names for the model.
+        intersample: Input between samples, held or linear.
+        covariance: Innovation covariance that the model carries (ny, ny).
+    """
+
+    structures: tuple[tuple[PathStructure, ...], ...]
+    data: DataSummary
+    intersample: str
+    covariance: FloatArray
+
+    def __call__(self, theta: FloatArray) -> ContinuousModel:
+        """Model for parameters (p,)."""
+        ny, nu = len(self.structures), len(self.structures[0])
+        parts = [s for row in self.structures for s in row]
+        ends = np.cumsum([len(s.names) for s in parts])
+        paths = [s.transfer(own) for s, own in zip(parts, np.split(theta, ends[:-1]), strict=True)]
+        blocks = [path.realisation() for path in paths]
+        sizes = [len(block[0]) for block in blocks]
+        begin = np.cumsum([0, *sizes])
+        A, B = np.zeros((begin[-1], begin[-1])), np.zeros((begin[-1], nu))
+        C, D = np.zeros((ny, begin[-1])), np.zeros((ny, nu))
+        for k, (a, b, c, d) in enumerate(blocks):
+            states = slice(begin[k], begin[k + 1])
+            A[states, states] = a
+            B[states, [k % nu]], C[k // nu, states], D[k // nu, k % nu] = b, c[0], d
+        delays = np.reshape([max(path.delay, 0.0) for path in paths], (ny, nu))
+        return ContinuousModel(
+            StateSpace(A, B, C, D, None, self.data.dt, self.covariance, **self.data.labels), delays, self.intersample
+        )
+
+
+def output_error_estimate(
+    method: str,
+    data: IOData | Sequence[IOData],
+    structures_of: Callable[[int, int], tuple[tuple[PathStructure, ...], ...]],
+    orders: Mapping[str, Any],
+    *,
+    max_delay: float | None,
+    max_iterations: int,
+    coloured: bool,
+    initial_conditions: InitialConditions | str,
+) -> ContinuousEstimate:
+    """Check the data, fit output by output, and return the estimate.
+
+    Errors of several outputs may be correlated: the covariance of parameters of two outputs is that of their errors
+    times (J1' J1)^-1 J1' J2 (J2' J2)^-1.
+
+    Args:
+        method: Name of the estimator.
+        data: One experiment, or several.
+        structures_of: From the numbers of outputs and inputs to the structures, one row per output.
+        orders: As the estimate reports them.
+        max_delay: Limit on estimated delays in s; None means 30 samples, or a tenth of the shortest experiment.
+        max_iterations: Limit on the steps of a search.
+        coloured: Whether the covariance allows for a disturbance that is not white.
+        initial_conditions: Assumption about the time before each experiment.
+    """
+    coloured, max_iterations = truth_value("coloured", coloured), whole_number("max_iterations", max_iterations, 1)
+    experiments = as_experiments(data, missing=True)
+    initial_conditions = InitialConditions.of(initial_conditions)
+    if initial_conditions is InitialConditions.BACKCAST:
+        raise SysidError(f"{method} has no noise model to backcast: initial_conditions must be 'estimated' or 'zero'")
+    intersample = experiments[0].intersample
+    if any(e.intersample != intersample for e in experiments):
+        raise SysidError(f"experiments must share one intersample, got {[e.intersample for e in experiments]}")
+    dt, shortest = experiments[0].dt, min(len(e) - e.window for e in experiments)
+    if max_delay is None:
+        max_delay = dt * min(LONGEST_DELAY, shortest // 10)
+    limit = 0.5 * shortest * dt
+    message = f"lie between 0 and half the shortest record, {limit:g} s"
+    max_delay = real_number("max_delay", max_delay, message, lambda value: 0.0 <= value <= limit)
+    structures = structures_of(experiments[0].ny, experiments[0].nu)
+    known = [s.delay for row in structures for s in row if s.delay is not None]
+    real_number("delay", max((0.0, *known)), message, lambda value: value <= limit)
+    for row in structures:
+        if any(s.poles == 0 and s.delay is None and intersample == "zoh" for s in row):
+            raise SysidError("a held input shows the delay of a gain without poles only to whole samples: use oe")
+    needed = [max(row[j].poles + row[j].zeros + 1 for row in structures) for j in range(experiments[0].nu)]
+    messages = check_excitation(experiments, needed)
+    messages += check_means(experiments, max(s.poles for row in structures for s in row))
+    fits = []
+    for i, row in enumerate(structures):
+        single = [e.select(outputs=[i]) for e in experiments]
+        criterion = OutputError(single, row, max_delay, initial_conditions is InitialConditions.ESTIMATED)
+        _check_enough(criterion)
+        fits.append(criterion.minimum(max_iterations))
+    theta = np.concatenate([minimum.at.theta for _, minimum, _ in fits])
+    covariance, noise, condition = _covariances(fits, coloured)
+    summary = DataSummary.of(experiments)
+    names = [
+        name + (f"[{i + 1},{j + 1}]" if len(structures) > 1 else f"[{j + 1}]" if len(row) > 1 else "")
+        for i, row in enumerate(structures)
+        for j, structure in enumerate(row)
+        for name in structure.names
+    ]
+    for criterion, minimum, _ in fits:
+        if not minimum.converged:
+            messages.append(f"{method} did not converge: {minimum.reason}")
+        for k in criterion.delays():
+            if minimum.at.theta[k] <= TIGHT * dt:
+                messages.append("a delay is at its lower limit 0, and its interval is unknown")
+            elif minimum.at.theta[k] >= max_delay - TIGHT * dt:
+                messages.append(f"a delay is at its limit {max_delay:g} s: a larger max_delay may fit better")
+    if condition > ILL_CONDITIONED and min(minimum.at.cost for _, minimum, _ in fits) > 0.0:
+        messages.append(f"the parameters are poorly determined: condition number {condition:.2g} of the Jacobian")
+    for text in messages:
+        warnings.warn(text, SysidWarning, stacklevel=3)
+    realise = RealisePaths(structures, summary, intersample, noise)
+    sampled = Resampled(realise)
+    model = sampled(theta)
+    return ContinuousEstimate(
+        model=model,
+        polynomials=None,
+        parameters=theta,
+        parameter_names=tuple(names),
+        covariance=covariance,
+        noise_variance=noise,
+        residuals=np.concatenate([residuals(model, e) for e in experiments]),
+        method=method,
+        orders=orders,
+        diagnostics={
+            "condition": condition,
+            "iterations": sum(minimum.iterations for _, minimum, _ in fits),
+            "converged": all(minimum.converged for _, minimum, _ in fits),
+            "reason": "; ".join(minimum.reason for _, minimum, _ in fits),
+            "initial_estimates": sum(count for _, _, count in fits),
+            "sum_of_squares": tuple(minimum.at.cost for _, minimum, _ in fits),
+            "warnings": tuple(messages),
+        },
+        data=summary,
+        realise=sampled,
+        realise_continuous=realise,
+    )
+
+
+def _check_enough(criterion: OutputError) -> None:
+    """Refuse data with fewer errors than unknowns."""
+    states = sum(s.poles for s in criterion.structures) if criterion.free else 0
+    usable = [int(e.known[criterion.first(e) :].sum()) for e in criterion.experiments]
+    count = criterion.sizes[-1]
+    if sum(usable) <= count + states * len(usable) or min(usable) <= states:
+        raise SysidError(
+            f"too many orders for the data: {count} parameters and {states} initial states per experiment from "
+            f"{sum(usable)} usable samples in {len(usable)} experiment(s)"
+        )
+
+
+def _covariances(
+    fits: Sequence[tuple[OutputError, Minimum, int]], coloured: bool
+) -> tuple[FloatArray, FloatArray, float]:
+    """Covariance of all parameters, that of the errors (ny, ny), and the largest condition number."""
+    variances, influences, errors, blocks, conditions = [], [], [], [], []
+    for criterion, minimum, _ in fits:
+        at = minimum.at
+        half, condition = directions(at)
+        parts = []
+        for e in criterion.experiments:
+            # every sample has its row, zeros where no error counts, NaN for the error of a missing output
+            first, part = criterion.first(e), np.zeros((len(e), len(at.theta) + 1))
+            part[first:, -1] = np.nan
+            part[first:][e.known[first:, 0]] = criterion.columns(e, at.theta)[0]
+            parts.append(part)
+        variances.append(at.cost / (at.errors - len(at.theta) - at.transients))
+        middle = np.eye(half.shape[1])
+        if coloured and at.cost > 0.0:
+            counted = [part[criterion.first(e) :] for e, part in zip(criterion.experiments, parts, strict=True)]
+            middle = coloured_information(counted, min(COLOUR, at.errors // 20), half)
+        blocks.append(variances[-1] * half @ middle @ half.T)
+        conditions.append(condition)
+        rows = np.nan_to_num(np.vstack(parts))
+        influences.append(rows[:, :-1] @ half @ half.T)
+        errors.append(rows[:, -1])
+    noise, covariance = np.diag(variances), scipy.linalg.block_diag(*blocks)
+    begin = np.cumsum([0, *(len(block) for block in blocks)])
+    for i, j in itertools.permutations(range(len(fits)), 2):
+        both = (errors[i] != 0.0) & (errors[j] != 0.0)
+        sizes = np.linalg.norm(errors[i][both]) * np.linalg.norm(errors[j][both])
+        noise[i, j] = np.sqrt(variances[i] * variances[j]) * (errors[i] @ errors[j] / sizes if sizes else 0.0)
+        cross = noise[i, j] * influences[i].T @ influences[j]
+        covariance[begin[i] : begin[i + 1], begin[j] : begin[j + 1]] = cross
+    return covariance, noise, max(conditions)

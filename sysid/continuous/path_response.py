@@ -1,0 +1,117 @@
+"""Response of one transfer function to a sampled input, with exact derivatives by its coefficients and delay."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from sysid.models.recursion import free_response, state_trajectory
+from sysid.models.sampling import lagged_input, sample
+from sysid.records.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class TransferFunction:
+    """B(s)/A(s) exp(-s delay), coefficients of rising powers of s.
+
+    Attributes:
+        b: Numerator (m + 1,).
+        a: Denominator (n + 1,), n >= m.
+        delay: In s.
+    """
+
+    b: FloatArray
+    a: FloatArray
+    delay: float
+
+    def realisation(self) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+        """A, B (n, 1), C (1, n) and D in a controllable form, scaled for accuracy (stiff poles)."""
+        scale, A, B = companion(self.a)
+        c, direct = _strictly_proper(self.b / self.a[-1], self.a / self.a[-1])
+        return A, B, (c * scale)[None], direct
+
+
+def companion(a: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Scale (n,), A and B (n, 1) of states z with scale z = [1, s, ..., s^(n-1)]/A u, A made monic; A is balanced."""
+    n = len(a) - 1
+    A, scale = np.eye(n, k=1), np.ones(n)
+    if n:
+        A[-1] = -a[:-1] / a[-1]
+        A, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
+    return scale, A, np.eye(n, 1, 1 - n) / scale[:, None]
+
+
+def _strictly_proper(b: FloatArray, a: FloatArray) -> tuple[FloatArray, float]:
+    n = len(a) - 1
+    padded = np.concatenate((b, np.zeros(n + 1 - len(b))))
+    return padded[:n] - padded[n] * a[:n], float(padded[n])
+
+
+def derivatives_of(signal: FloatArray, a: FloatArray, dt: float, intersample: str, delay: float = 0.0) -> FloatArray:
+    """s^i/A of a signal (N,), i = 0 ... n, from rest (N, n + 1); A of rising powers, monic."""
+    scale, A, B = companion(a)
+    sampled = sample(A, B, dt, delay, intersample)
+    low = sampled.trajectory(signal[:, None]) * scale
+    now = sum(weight * lagged_input(signal, lag) for lag, weight in sampled.weights.items())
+    return np.column_stack((low, now - low @ a[:-1]))
+
+
+def transients(a: FloatArray, dt: float, rows: int) -> FloatArray:
+    """Free responses of 1/A until they have died out (rows, n)."""
+    _, A, _ = companion(a)
+    n = len(A)
+    return free_response(scipy.linalg.expm(A * dt), np.eye(1, n), rows)[:, 0] if n else np.zeros((rows, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class PathResponse:
+    """Response of a transfer function from rest, with its derivatives.
+
+    Attributes:
+        y: Output (N,).
+        by_b: Derivatives by the numerator (N, m + 1).
+        by_a: Derivatives by the denominator (N, n + 1).
+        by_delay: Derivative by the delay (N,), from its left where the input jumps at a sample.
+    """
+
+    y: FloatArray
+    by_b: FloatArray
+    by_a: FloatArray
+    by_delay: FloatArray
+
+
+def respond(path: TransferFunction, u: FloatArray, dt: float, intersample: str) -> PathResponse:
+    """Exact response to one input (N,), zero before the record.
+
+    The cascade of B/A and 1/A has all derivatives as combinations of its states: those of y by the coefficients are
+    s^i/A u and -s^i/A y.
+    """
+    leading = path.a[-1]
+    a, b = path.a / leading, path.b / leading
+    n = len(a) - 1
+    scale, A, B = companion(a)
+    c, direct = _strictly_proper(b, a)
+    whole = sample(
+        np.block([[A, np.zeros((n, n))], [B * (c * scale), A]]),
+        np.vstack((B, direct * B)),
+        dt,
+        path.delay,
+        intersample,
+    )
+    drive, x0 = np.zeros((len(u), 2 * n)), np.zeros(2 * n)
+    for lag, gamma in whole.gamma.items():
+        drive += np.outer(lagged_input(u, lag), gamma[:, 0])
+        if lag == -1:
+            x0 = gamma[:, 0] * u[0]
+    one = whole.phi[:n, :n]
+    first = state_trajectory(one, drive[:, :n], x0[:n])
+    second = state_trajectory(one, drive[:, n:] + first @ whole.phi[n:, :n].T, x0[n:])
+    x = first * scale
+    now = sum(weight * lagged_input(u, lag) for lag, weight in whole.weights.items())
+    x = np.column_stack((x, now - x @ a[:n]))
+    y = x[:, : len(b)] @ b
+    filtered = second * scale
+    slope = sum((weight * lagged_input(u, lag) for lag, weight in whole.slopes.items()), np.zeros(len(u)))
+    by_delay = -(x[:, 1:] @ c + direct * slope)
+    by_a = -np.column_stack((filtered, y - filtered @ a[:n])) / leading
+    return PathResponse(y, x[:, : len(b)] / leading, by_a, by_delay)

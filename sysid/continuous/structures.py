@@ -1,0 +1,171 @@
+"""Structures of one path: which parameters its transfer function has, with derivatives of the coefficients by them."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.continuous.path_response import TransferFunction
+from sysid.records.arguments import shown
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
+
+
+@dataclass(frozen=True)
+class RationalPath:
+    """Numerator and denominator, both of falling powers, the denominator monic; then the delay if it is estimated.
+
+    Attributes:
+        poles: Degree n of the denominator.
+        zeros: Degree m of the numerator.
+        delay: Known delay in s; None if it is estimated.
+    """
+
+    poles: int
+    zeros: int
+    delay: float | None = 0.0
+
+    @property
+    def integrators(self) -> int:
+        """Number of poles fixed at zero."""
+        return 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Letters b and a with the power of s, and Td."""
+        numerator = [f"b{i}" for i in range(self.zeros, -1, -1)]
+        return (*numerator, *(f"a{i}" for i in range(self.poles - 1, -1, -1)), *(["Td"] * (self.delay is None)))
+
+    def transfer(self, theta: FloatArray) -> TransferFunction:
+        """Transfer function for parameters (p,)."""
+        b, a = theta[self.zeros :: -1], theta[self.zeros + self.poles : self.zeros : -1]
+        return TransferFunction(b, np.append(a, 1.0), theta[-1] if self.delay is None else self.delay)
+
+    def jacobian(self, theta: FloatArray) -> FloatArray:
+        """Derivatives of b, a and the delay by the parameters: ones."""
+        m, n = self.zeros, self.poles
+        rows = [*range(m, -1, -1), *range(m + n, m, -1), *([m + n + 2] * (self.delay is None))]
+        out = np.zeros((m + n + 3, len(rows)))
+        out[rows, np.arange(len(rows))] = 1.0
+        return out
+
+    def parameters(self, path: TransferFunction) -> FloatArray:
+        """Parameters (p,) of a transfer function."""
+        leading = path.a[-1]
+        late = [path.delay] if self.delay is None else []
+        return np.concatenate((path.b[::-1] / leading, path.a[-2::-1] / leading, late))
+
+
+@dataclass(frozen=True)
+class ProcessPath:
+    """Kp (1 + Tz s) exp(-Td s) / (s (1 + 2 Zeta Tw s + Tw^2 s^2) (1 + Tp3 s)), factors as the kind has them.
+
+    Attributes:
+        kind: "P", the number of poles 0 to 3 besides an integrator, and any of D (delay), Z (zero), I (integrator) and
+            U (a pair of poles that may be complex), such as "P2DZ" [MathWorks: procest].
+    """
+
+    kind: str
+
+    def __post_init__(self) -> None:
+        """Check the kind, and put its letters into one sequence."""
+        text = self.kind.upper() if isinstance(self.kind, str) else ""
+        if not re.fullmatch(r"P[0-3][DZIU]*", text) or len(set(text)) != len(text) or ("U" in text and text[1] in "01"):
+            raise SysidError(
+                f"a process model is P0, P1, P2 or P3 with any of D (delay), Z (zero), I (integrator) and, from P2 "
+                f"on, U (underdamped), such as 'P2DZ'; got {shown(self.kind)}"
+            )
+        if text[1] == "0" and "Z" in text:
+            raise SysidError(f"a zero needs a pole besides the integrator: expected P1{text[2:]}, got {text}")
+        object.__setattr__(self, "kind", text[:2] + "".join(sorted(text[2:], key="DZIU".index)))
+
+    @property
+    def integrators(self) -> int:
+        """1 for an integrator, else 0."""
+        return int("I" in self.kind)
+
+    @property
+    def poles(self) -> int:
+        """Number of poles, that of the integrator too."""
+        return int(self.kind[1]) + self.integrators
+
+    @property
+    def zeros(self) -> int:
+        """Degree of the numerator."""
+        return int("Z" in self.kind)
+
+    @property
+    def delay(self) -> float | None:
+        """None if the delay is estimated, else 0."""
+        return None if "D" in self.kind else 0.0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Kp, Tp1 ... or Tw, Zeta, Tp3; then Tz, Td."""
+        count = int(self.kind[1])
+        lags = ["Tw", "Zeta", *(["Tp3"] * (count - 2))] if "U" in self.kind else [f"Tp{i + 1}" for i in range(count)]
+        return ("Kp", *lags, *(["Tz"] * self.zeros), *(["Td"] * (self.delay is None)))
+
+    def _factors(self, theta: FloatArray) -> tuple[list[FloatArray], dict[int, tuple[int, FloatArray]]]:
+        """Factors of the denominator, and by parameter the factor that it is in and the derivative of that."""
+        count = int(self.kind[1])
+        factors = [np.array([0.0, 1.0])] * self.integrators
+        slopes: dict[int, tuple[int, FloatArray]] = {}
+        first = 1
+        if "U" in self.kind:
+            tw, zeta = theta[1:3]
+            slopes[1] = len(factors), np.array([0.0, 2.0 * zeta, 2.0 * tw])
+            slopes[2] = len(factors), np.array([0.0, 2.0 * tw, 0.0])
+            factors.append(np.array([1.0, 2.0 * zeta * tw, tw**2]))
+            first = 3
+        for i in range(first, count + 1):
+            slopes[i] = len(factors), np.array([0.0, 1.0])
+            factors.append(np.array([1.0, theta[i]]))
+        return factors, slopes
+
+    def transfer(self, theta: FloatArray) -> TransferFunction:
+        """Transfer function for parameters (p,)."""
+        b = theta[0] * np.array([1.0, *theta[self.names.index("Tz") :][: self.zeros]]) if self.zeros else theta[:1]
+        return TransferFunction(b, _product(self._factors(theta)[0]), theta[-1] if self.delay is None else 0.0)
+
+    def jacobian(self, theta: FloatArray) -> FloatArray:
+        """Derivatives of b, a and the delay by the parameters (m + n + 3, p)."""
+        m, names = self.zeros, self.names
+        out = np.zeros((m + self.poles + 3, len(theta)))
+        out[0, 0] = 1.0
+        if m:
+            at = names.index("Tz")
+            out[1, 0], out[1, at] = theta[at], theta[0]
+        factors, slopes = self._factors(theta)
+        for i, (k, slope) in slopes.items():
+            out[m + 1 : m + 2 + self.poles, i] = _product([*factors[:k], slope, *factors[k + 1 :]])
+        if self.delay is None:
+            out[-1, -1] = 1.0
+        return out
+
+    def parameters(self, path: TransferFunction) -> FloatArray:
+        """Parameters of the transfer function; complex poles of a kind without U become two near real ones."""
+        rest = path.a[self.integrators :]
+        roots = np.roots(rest[::-1])
+        gain = path.b[0] / rest[0]
+        pairs = roots[roots.imag > 0.0]
+        if "U" in self.kind and len(pairs):
+            size = abs(pairs[0])
+            lags = [1.0 / size, -pairs[0].real / size, *(-1.0 / roots[roots.imag == 0.0].real)]
+        else:
+            spread = np.where(roots.imag == 0.0, 1.0, np.where(roots.imag > 0.0, 1.2, 1.0 / 1.2))
+            lags = sorted(np.sign(-roots.real) * spread / np.abs(roots), reverse=True)
+            if "U" in self.kind:
+                lags[:2] = [np.sqrt(lags[0] * lags[1]), 0.5 * (lags[0] + lags[1]) / np.sqrt(lags[0] * lags[1])]
+        zero = [path.b[1] / path.b[0]] if self.zeros else []
+        return np.array([gain, *lags, *zero, *([path.delay] if self.delay is None else [])])
+
+
+def _product(factors: list[FloatArray]) -> FloatArray:
+    out = np.ones(1)
+    for factor in factors:
+        out = np.convolve(out, factor)
+    return out
+
+
+PathStructure = RationalPath | ProcessPath

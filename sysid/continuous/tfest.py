@@ -1,0 +1,94 @@
+"""Continuous-time transfer functions from records."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sysid.continuous.output_error import output_error_estimate
+from sysid.continuous.structures import PathStructure, RationalPath
+from sysid.models.continuous_estimate import ContinuousEstimate
+from sysid.polynomial.initial_conditions import InitialConditions
+from sysid.records.arguments import real_number, shown, whole_number
+from sysid.records.data import IOData
+from sysid.records.errors import SysidError
+
+PerPath = int | Sequence[int] | Sequence[Sequence[int]]
+
+
+def tfest(
+    data: IOData | Sequence[IOData],
+    poles: PerPath,
+    zeros: PerPath | None = None,
+    *,
+    delay: float | Sequence[float | None] | Sequence[Sequence[float | None]] | None = 0.0,
+    max_delay: float | None = None,
+    max_iterations: int = 100,
+    coloured: bool = True,
+    initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
+) -> ContinuousEstimate:
+    """Fit y = sum_j exp(-s Td_j) B_j(s)/A_j(s) u_j + e, e white at the samples, by maximum likelihood.
+
+    Initial estimates by SRIVC [YoungJakeman1980; GarnierWang2008] and from discrete-time models; then output errors are
+    minimised with exact sensitivities of the exactly sampled system. The input is held or linear between samples, as
+    `data.intersample` says. Poles stay stable; `procest` has integrators. A delay is any real number: its criterion has
+    several minima, of which the lowest from several initial delays is taken. Where a held input jumps exactly at the
+    delayed samples (true delays of whole samples), the interval of the delay of a first-order lag is approximate.
+
+    Args:
+        data: One experiment, or several that share the model; missing outputs are left out. Several outputs are fitted
+            one by one, each from all inputs.
+        poles: Degree of the denominators: a number for all paths, one per input, or with several outputs a row per
+            output of one per input.
+        zeros: Degree of the numerators, likewise; one less than `poles` by default.
+        delay: Delay in s, likewise; None is estimated.
+        max_delay: Limit on estimated delays in s; by default 30 samples, at most a tenth of the shortest record.
+        max_iterations: Limit on the steps of each search.
+        coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
+            an autoregressive model of it whose order BIC selects [Ljung1999, ch. 9]. The estimate itself is the same.
+        initial_conditions: "estimated", a free initial state of each experiment, or "zero", rest.
+
+    Returns:
+        The estimate; parameters b1, b0, a1, a0 ... by power of s, and Td. `continuous` is the model, `damp` gives its
+        natural frequencies, damping and time constants with intervals.
+
+    Raises:
+        SysidError: Constant input, more zeros than poles, orders or delays too large for the data, an input that is
+            band-limited between samples.
+
+    Warns:
+        SysidWarning: Poor excitation, no convergence, bad conditioning, a delay at its limit.
+    """
+
+    def structures(ny: int, nu: int) -> tuple[tuple[PathStructure, ...], ...]:
+        tables = [_table(name, value, ny, nu) for name, value in values.items()]
+        return tuple(tuple(_structure(*(table[i][j] for table in tables)) for j in range(nu)) for i in range(ny))
+
+    values = {"poles": poles, "zeros": zeros, "delay": delay}
+    orders = {"poles": poles, "zeros": "poles - 1" if zeros is None else zeros}
+    return output_error_estimate(
+        "tfest",
+        data,
+        structures,
+        orders,
+        max_delay=max_delay,
+        max_iterations=max_iterations,
+        coloured=coloured,
+        initial_conditions=initial_conditions,
+    )
+
+
+def _structure(poles: object, zeros: object, delay: object) -> RationalPath:
+    n = whole_number("poles", poles, 0)
+    m = max(n - 1, 0) if zeros is None else whole_number("zeros", zeros, 0, n)
+    late = None if delay is None else real_number("delay", delay, "be a time >= 0 in s, or None", lambda d: d >= 0.0)
+    return RationalPath(n, m, late)
+
+
+def _table(name: str, value: object, ny: int, nu: int) -> list[list[Any]]:
+    """One value for each path (ny, nu), from one for all, one per input, or a row per output."""
+    entries = np.array(value, dtype=object)
+    if entries.ndim and entries.shape != (ny, nu) and (ny > 1 or entries.shape != (nu,)):
+        expected = f"one per input ({nu})" if ny == 1 else f"{ny} rows, one per output, of {nu}, one per input"
+        raise SysidError(f"{name}: expected one value or {expected}, got {shown(value)}")
+    return [list(row) for row in np.broadcast_to(entries, (ny, nu))]

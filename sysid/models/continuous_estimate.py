@@ -1,0 +1,159 @@
+"""Estimates of continuous-time models, and natural frequencies, damping and time constants with intervals."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.models.confidence_bands import Band, matched_roots, normal_band
+from sysid.models.continuous_model import ContinuousModel
+from sysid.models.delta_method import spread
+from sysid.models.estimate import Estimate, as_estimate
+from sysid.records.arrays import ComplexArray, FloatArray, Locked
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContinuousEstimate(Estimate):
+    """An estimate of a continuous-time model.
+
+    Poles, zeros, gain, frequency response and bandwidth are those of `continuous`. `model` is its exact sampling at the
+    interval of the data: it predicts, simulates and is compared; `band`, `poles_band` and `step_response` are of it.
+
+    Attributes:
+        realise_continuous: Pure function from parameters to the continuous-time model.
+    """
+
+    realise_continuous: Callable[[FloatArray], ContinuousModel]
+
+    @cached_property
+    def continuous(self) -> ContinuousModel:
+        """The continuous-time model."""
+        return self.realise_continuous(self.parameters)
+
+    def continuous_band(self, quantity: Callable[[ContinuousModel], FloatArray]) -> Band:
+        """95 % interval of any real quantity of the continuous-time model, by the delta method [Ljung1999, ch. 9]."""
+        value = np.asarray(quantity(self.continuous), dtype=float)
+        moves = spread(lambda theta: quantity(self.realise_continuous(theta)), self.parameters, self.covariance)
+        return normal_band(value, moves)
+
+    def _dynamics(self) -> list[str]:
+        return [*str(self.continuous).splitlines(), *str(damp(self)).splitlines()]
+
+    @property
+    def _responding(self) -> ContinuousModel:
+        return self.continuous
+
+    def _response_of(self, theta: FloatArray) -> ContinuousModel:
+        return self.realise_continuous(theta)
+
+    def poles(self) -> ComplexArray:
+        """Poles of the path from input to output in rad/s, largest modulus first; with intervals: `damp`."""
+        return self.continuous.poles()
+
+    def zeros(self) -> ComplexArray:
+        """Finite transmission zeros of the dynamics without delays in rad/s, largest modulus first."""
+        return self.continuous.zeros()
+
+    def to_control(self, pade: int | None = None) -> "control.StateSpace":
+        """The path from u to y as a python-control system in continuous time; see `ContinuousModel`."""
+        return self.continuous.to_control(pade)
+
+    def dc_gain(self) -> FloatArray:
+        """Gain at 0 Hz (ny, nu); with its interval: `continuous_band`."""
+        return self.continuous.dc_gain()
+
+
+def continuous_estimate(
+    estimate: Estimate, realise_continuous: Callable[[FloatArray], ContinuousModel]
+) -> ContinuousEstimate:
+    """The estimate with a continuous-time model of the same parameters."""
+    content = {field.name: getattr(estimate, field.name) for field in fields(Estimate)}
+    return ContinuousEstimate(**content, realise_continuous=realise_continuous)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Modes(Locked):
+    """Poles with what they mean in time, each with its 95 % interval.
+
+    Attributes:
+        poles: Poles in rad/s, those with a positive imaginary part for their pairs, slowest first (m,).
+        natural_frequency: Modulus of the pole in rad/s (m,).
+        damping: Damping ratio: 1 for a decaying real pole, negative for an unstable one (m,).
+        time_constant: Time in s to decay to 1/e; infinite for an integrator, negative for an unstable pole (m,).
+    """
+
+    poles: ComplexArray
+    natural_frequency: Band
+    damping: Band
+    time_constant: Band
+
+    def __str__(self) -> str:
+        """One line per pole."""
+        return "\n".join(self._line(k) for k in range(len(self.poles)))
+
+    def _line(self, k: int) -> str:
+        def text(band: Band, unit: str) -> str:
+            known = f" ({band.ci95[0][k]:.4g} to {band.ci95[1][k]:.4g})" if np.isfinite(band.deviation[k]) else ""
+            return f"{band.value[k]:.5g}{unit}{known}"
+
+        pole, time = self.poles[k], text(self.time_constant, " s")
+        if not pole.imag:
+            return f"pole {pole.real:.5g} rad/s: time constant {time}"
+        frequency = text(self.natural_frequency, " rad/s")
+        return (
+            f"poles {pole.real:.5g} ± {pole.imag:.5g}j rad/s: natural frequency {frequency}, "
+            f"damping {text(self.damping, '')}, time constant {time}"
+        )
+
+
+def damp(estimate: Estimate) -> Modes:
+    """Natural frequencies, damping ratios and time constants of an estimate, with 95 % intervals by the delta method.
+
+    Poles of discrete-time estimates are taken to continuous time by s = log(z) / dt; those at z = 0, which are delays,
+    are left out, as are those of the noise model.
+
+    Args:
+        estimate: Any parametric estimate.
+
+    Returns:
+        Poles, slowest first, and their natural frequency, damping and time constant.
+
+    Raises:
+        SysidError: Something other than an estimate.
+    """
+    estimate = as_estimate(estimate)
+
+    def poles(theta: FloatArray) -> ComplexArray:
+        if isinstance(estimate, ContinuousEstimate):
+            return estimate.realise_continuous(theta).poles()
+        model = estimate.realise(theta).input_path()
+        z = model.poles()
+        return np.asarray(np.log(z[np.abs(z) > AT_ZERO]) / model.dt)
+
+    everything = poles(estimate.parameters)
+    upper = everything.imag >= -1e-9 * np.abs(everything)
+    slowest = np.argsort(np.abs(everything[upper]), kind="stable")
+    nominal = everything[upper][slowest]
+    nominal = np.where(np.abs(nominal.imag) <= 1e-9 * np.abs(nominal), nominal.real, nominal)
+
+    def quantities(theta: FloatArray) -> FloatArray:
+        return _meanings(matched_roots(poles(theta), everything)[upper][slowest])
+
+    moves = spread(quantities, estimate.parameters, estimate.covariance)
+    value = _meanings(nominal)
+    return Modes(nominal, *(normal_band(value[k], moves[:, k]) for k in range(3)))
+
+
+AT_ZERO = 1e-6  # modulus of a discrete pole that counts as a delay: multiple ones at zero scatter
+
+
+def _meanings(poles: ComplexArray) -> FloatArray:
+    """Natural frequency, damping and time constant of each pole (3, m)."""
+    size = np.abs(poles)
+    with np.errstate(divide="ignore"):
+        return np.stack((size, -poles.real / np.where(size, size, 1.0), -1.0 / poles.real))

@@ -1,0 +1,95 @@
+"""Exact sampling of continuous-time dynamics whose delayed input is held or linear between samples."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from sysid.models.recursion import state_trajectory
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
+
+INTEGER = 1e-9  # distance of a delay from a whole number of samples that is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """State at the samples: x(k+1) = phi x(k) + sum over lags of gamma[lag] u(k - lag), and the delayed input there.
+
+    Attributes:
+        phi: State transition over one sampling interval (n, n).
+        gamma: Weights of the inputs by their lag (n, m) each; lag -1 only for an input that is linear between samples.
+        weights: u(t - delay) at sample k is the sum of weights[lag] u(k - lag).
+        slopes: Likewise its derivative, units per s; that of a held input is zero.
+    """
+
+    phi: FloatArray
+    gamma: dict[int, FloatArray]
+    weights: dict[int, float]
+    slopes: dict[int, float]
+
+    def trajectory(self, u: FloatArray) -> FloatArray:
+        """States from rest (N, n) for inputs (N, m) that are zero before the record."""
+        drive = np.zeros((len(u), len(self.phi)))
+        for lag, gamma in self.gamma.items():
+            drive += lagged_input(u, lag) @ gamma.T
+        x0 = np.zeros(len(self.phi))
+        if -1 in self.gamma:
+            # a linear input rises to its first value before the record
+            x0 = self.gamma[-1] @ u[0]
+        return state_trajectory(self.phi, drive, x0)
+
+
+def sample(A: FloatArray, B: FloatArray, dt: float, delay: float = 0.0, intersample: str = "zoh") -> Sampled:
+    """Sample x' = A x + B u(t - delay) exactly, by matrix exponentials [AstromWittenmark1997, sec. 2.3].
+
+    Args:
+        A: State matrix (n, n).
+        B: Input matrix (n, m).
+        dt: Sampling interval in s.
+        delay: In s, any value >= 0.
+        intersample: Input between samples, held (`zoh`) or linear (`foh`).
+    """
+    whole = math.ceil(delay / dt - INTEGER)
+    ahead = max(whole - delay / dt, 0.0)  # part of the interval in which the next sample acts already
+    late, early = _integrals(A, B, dt, (1.0 - ahead) * dt), _integrals(A, B, dt, ahead * dt)
+    through = early[0]
+    if intersample == "zoh":
+        gamma = {whole: through @ late[1], whole - 1: early[1]}
+        weights, slopes = {whole: 1.0}, {}
+    elif intersample == "foh":
+        rise = ahead * late[1] + late[2]
+        gamma = {
+            whole: through @ (late[1] - rise),
+            whole - 1: through @ rise + early[1] - early[2],
+            whole - 2: early[2],
+        }
+        weights, slopes = {whole: 1.0 - ahead, whole - 1: ahead}, {whole: -1.0 / dt, whole - 1: 1.0 / dt}
+    else:
+        raise SysidError(
+            f"continuous-time models take an input that is held (zoh) or linear (foh) between samples, got "
+            f"{intersample!r}; dataclasses.replace(data, intersample='foh') takes it as linear"
+        )
+    if not ahead:
+        gamma.pop(whole - 1 if intersample == "zoh" else whole - 2)
+    return Sampled(through @ late[0], gamma, {lag: w for lag, w in weights.items() if w}, slopes)
+
+
+def lagged_input(u: FloatArray, lag: int) -> FloatArray:
+    """u(k - lag), zero outside the record, (N, m)."""
+    out = np.zeros_like(u)
+    if lag < 0:
+        out[:lag] = u[-lag:]
+    else:
+        out[lag:] = u[: max(len(u) - lag, 0)]
+    return out
+
+
+def _integrals(A: FloatArray, B: FloatArray, dt: float, time: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """exp(A t), and the states after `time` from rest for u = 1 and u = t/dt."""
+    n, m = B.shape
+    generator = np.zeros((n + 2 * m, n + 2 * m))
+    generator[:n, :n], generator[:n, n : n + m], generator[n : n + m, n + m :] = A, B, np.eye(m) / dt
+    whole = scipy.linalg.expm(generator * time)
+    return whole[:n, :n], whole[:n, n : n + m], whole[:n, n + m :]
