@@ -28,7 +28,7 @@ settings.load_profile("house")
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark tests of a study as slow, and say which tests stay together when they run in several processes."""
     groups = {
-        item: "study" if "study" in getattr(item, "fixturenames", ()) else item.nodeid.partition("::")[0]
+        item: "study" if "study_run" in getattr(item, "fixturenames", ()) else item.nodeid.partition("::")[0]
         for item in items
     }
     for item, group in groups.items():
