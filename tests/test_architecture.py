@@ -21,7 +21,7 @@ RECORDS = {"IOData", "StateSpace", "FrequencyResponse"}
 # Rooms of each package from the ground up: a room imports only rooms that stand before it.
 ROOMS = {
     "sysid": (
-        *("records", "models", "exchange", "polynomial", "validation", "subspace", "recursive", "frequency"),
+        *("records", "models", "polynomial", "exchange", "validation", "subspace", "recursive", "frequency"),
         *("continuous", "design", "plots"),
     ),
     "hmtb_twin": ("files", "parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),

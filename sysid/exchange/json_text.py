@@ -1,19 +1,23 @@
-"""JSON that keeps every bit of a number, and is refused where it is not exactly what was written."""
+"""Records as JSON that keeps every bit of a number, and is refused where it is not exactly what was written."""
 
 import json
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from sysid.records.arguments import shortened, shown
+from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
 LARGEST_FILE = 2**30  # bytes
 EXACT_DIGITS = 15  # of whole numbers that float64 holds exactly
 KINDS = "biufcU"  # of arrays that JSON can hold
+EXPECTED = {float: "a number", int: "a whole number", str: "a text", tuple: "a list", Mapping: "a table"}
 
 
 def parsed(path: Path) -> Any:
@@ -24,7 +28,7 @@ def parsed(path: Path) -> Any:
     """
     try:
         if (size := path.stat().st_size) > LARGEST_FILE:
-            raise SysidError(f"{path.name}: {size} bytes, expected at most {LARGEST_FILE}")
+            raise SysidError(f"{size} bytes, expected at most {LARGEST_FILE}")
         text = path.read_bytes().decode("utf-8")
         return json.loads(
             text, parse_float=_number, parse_int=_whole, parse_constant=_refused, object_pairs_hook=_without_duplicates
@@ -32,13 +36,9 @@ def parsed(path: Path) -> Any:
     except OSError as error:
         raise SysidError(f"cannot read {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise SysidError(f"{path.name}: expected JSON in UTF-8, got other bytes at {error.start}") from error
+        raise SysidError(f"expected JSON in UTF-8, got other bytes at {error.start}") from error
     except json.JSONDecodeError as error:
-        raise SysidError(f"{path.name}: no JSON, or cut short: {error}") from error
-    except RecursionError as error:
-        raise SysidError(f"{path.name}: brackets are nested too deep, expected three levels of a matrix") from error
-    except SysidError as error:
-        raise SysidError(f"{path.name}: {str(error).removeprefix(f'{path.name}: ')}") from error
+        raise SysidError(f"no JSON, or cut short: {error}") from error
 
 
 def _number(text: str) -> float:
@@ -78,69 +78,128 @@ def text_of(value: Any, indent: str = "") -> str:
 
 
 def encoded(value: Any) -> Any:
+    """Turn a field into JSON: records into tables of their fields, arrays into rows with null for NaN.
+
+    Entries of mappings may be anything: `tagged`; those that JSON cannot hold are left out.
+    """
+    if is_dataclass(value):
+        return {field.name: encoded(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, np.ndarray):
+        rows = value.astype(object)
+        rows[np.isnan(value)] = None
+        return rows.tolist()
+    if isinstance(value, Mapping):
+        table = {}
+        for key, entry in value.items():
+            with suppress(TypeError):
+                table[str(key)] = tagged(entry)
+        return table
+    return [encoded(entry) for entry in value] if isinstance(value, tuple) else value
+
+
+def decoded(where: str, value: Any, kind: Any) -> Any:
+    """Inverse of `encoded` for a field of some type.
+
+    Raises:
+        SysidError: Another type, or keys that are missing or unknown.
+    """
+    origin = get_origin(kind)
+    if isinstance(kind, type) and is_dataclass(kind):
+        return kind(**decoded_fields(where, value, kind))
+    if origin is np.ndarray:
+        return _array(where, value)
+    if origin is Mapping and isinstance(value, dict):
+        return {key: untagged(f"{where}.{key}", entry) for key, entry in value.items()}
+    if origin is tuple and isinstance(value, list):
+        return tuple(decoded(where, entry, get_args(kind)[0]) for entry in value)
+    if type(None) in get_args(kind):
+        return None if value is None else decoded(where, value, get_args(kind)[0])
+    if kind in EXPECTED and isinstance(value, int | float if kind is float else kind) and not isinstance(value, bool):
+        return kind(value)
+    raise SysidError(f"{where}: expected {EXPECTED[origin or kind]}, got {shown(value)}")
+
+
+def decoded_fields(where: str, value: Any, kind: type, **instead: Sequence[str]) -> dict[str, Any]:
+    """Fields of a record by name; a table may have some keys instead of a field, and lack fields with a default."""
+    known = {field.name: field.default is MISSING for field in fields(kind) if field.name not in instead}
+    others = [key for keys in instead.values() for key in keys]
+    optional = [name for name, required in known.items() if not required]
+    checked_keys(where, value, [name for name, required in known.items() if required], (*optional, *others))
+    hints = get_type_hints(kind)
+    return {name: decoded(f"{where}.{name}", value[name], hints[name]) for name in known if name in value}
+
+
+def checked_keys(where: str, value: Any, required: Collection[str], optional: Collection[str] = ()) -> None:
+    """Check that a value is a table with all the required keys, and no others but the optional ones."""
+    if not isinstance(value, dict):
+        raise SysidError(f"{where}: expected a table, got {shown(value)}")
+    for key in value:
+        if key not in (*required, *optional):
+            raise SysidError(f"{where}: unknown key {shown(key)}, expected {', '.join((*required, *optional))}")
+    if missing := [key for key in required if key not in value]:
+        raise SysidError(f"{where}: lacks {', '.join(missing)}")
+
+
+def _array(where: str, value: Any) -> FloatArray:
+    """Numbers in lists in lists; NaN for null."""
+
+    def with_nan(entry: Any) -> Any:
+        return [with_nan(one) for one in entry] if isinstance(entry, list) else np.nan if entry is None else entry
+
+    try:
+        array = np.array(with_nan(value))
+    except ValueError as error:
+        raise SysidError(f"{where}: expected rows of equal length") from error
+    if array.dtype.kind not in "if" or not array.ndim:
+        raise SysidError(f"{where}: expected numbers in lists, got {shown(value)}")
+    return array.astype(np.float64)
+
+
+def tagged(value: Any) -> Any:
     """Turn numbers, texts, arrays, tuples and mappings into what JSON holds; tables with one key say what JSON lacks.
 
     Raises:
         TypeError: Anything else.
     """
     if isinstance(value, np.ndarray) and value.dtype.kind in KINDS:
-        return {"array": encoded(value.tolist()), "shape": list(value.shape)}
+        return {"array": tagged(value.tolist()), "shape": list(value.shape)}
     if isinstance(value, np.generic):
-        return encoded(value.item())
+        return tagged(value.item())
     if isinstance(value, float) and not math.isfinite(value):
         return {"float": str(value)}
     if isinstance(value, complex):
-        return {"complex": [encoded(value.real), encoded(value.imag)]}
+        return {"complex": [tagged(value.real), tagged(value.imag)]}
     if isinstance(value, Mapping):
-        return {"mapping": {str(key): encoded(entry) for key, entry in value.items()}}
+        return {"mapping": {str(key): tagged(entry) for key, entry in value.items()}}
     if isinstance(value, tuple | list):
-        return [encoded(entry) for entry in value]
+        return [tagged(entry) for entry in value]
     if isinstance(value, bool | int | float | str | None):
         return value
     raise TypeError(f"{type(value).__name__} has no form in JSON")
 
 
-def decoded(where: str, value: Any) -> Any:
-    """Inverse of `encoded`; sequences become tuples.
+def untagged(where: str, value: Any) -> Any:
+    """Inverse of `tagged`; sequences become tuples.
 
     Raises:
-        SysidError: A table that `encoded` does not write.
+        SysidError: A table that `tagged` does not write.
     """
     if isinstance(value, list):
-        return tuple(decoded(where, entry) for entry in value)
+        return tuple(untagged(where, entry) for entry in value)
     if not isinstance(value, dict):
         return value
     try:
         match value:
             case {"array": list() as entries, "shape": list() as shape, **rest} if not rest:
-                array = np.array(decoded(where, entries)).reshape(shape)
+                array = np.array(untagged(where, entries)).reshape(shape)
                 if array.dtype.kind in KINDS:
                     return array
             case {"float": "nan" | "inf" | "-inf" as text, **rest} if not rest:
                 return float(text)
             case {"complex": [real, imaginary], **rest} if not rest:
-                return complex(decoded(where, real), decoded(where, imaginary))
+                return complex(untagged(where, real), untagged(where, imaginary))
             case {"mapping": dict() as entries, **rest} if not rest:
-                return {key: decoded(where, entry) for key, entry in entries.items()}
+                return {key: untagged(where, entry) for key, entry in entries.items()}
     except (TypeError, ValueError) as error:
         raise SysidError(f"{where}: {error}") from error
     raise SysidError(f"{where}: unknown table {shown(value)}, expected one of array, float, complex, mapping")
-
-
-def table(where: str, value: Any, required: Collection[str], optional: Collection[str] = ()) -> dict[str, Any]:
-    """Check that a value is a table with all the required keys, and no others but the optional ones."""
-    if not isinstance(value, dict):
-        raise SysidError(f"{where}: expected a table, got {shown(value)}")
-    for key in value:
-        if key not in {*required, *optional}:
-            raise SysidError(f"{where}: unknown key {shown(key)}, expected {', '.join((*required, *optional))}")
-    if missing := [key for key in required if key not in value]:
-        raise SysidError(f"{where}: lacks {', '.join(missing)}")
-    return value
-
-
-def texts(where: str, value: Any) -> tuple[str, ...]:
-    """Check that a value is a list of texts."""
-    if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
-        raise SysidError(f"{where}: expected a list of texts, got {shown(value)}")
-    return tuple(value)

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from sysid.exchange.files import heading, named_path, operating_point, write_whole
-from sysid.exchange.parameters import Coefficients, entries, entry_moves, places_of, with_entries
+from sysid.exchange.parameters import entries, entry_moves, portable, with_entries
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.models.predict import as_model
 from sysid.models.state_space import StateSpace
+from sysid.polynomial.polynomial_estimate import Realise
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
@@ -33,7 +34,7 @@ def to_matlab(model: StateSpace | Estimate, path: str | Path) -> Path:
         SysidError: A name that is no identifier, channels whose names or units do not fit on a line.
     """
     file = named_path(path, ".m")
-    m, places = as_model(model), places_of(model) if isinstance(model, Estimate) else None
+    m = as_model(model)
     labels = [
         f"'{key}', {{{', '.join(map(_text, texts or ()))}}}"
         for key, texts in (
@@ -46,11 +47,12 @@ def to_matlab(model: StateSpace | Estimate, path: str | Path) -> Path:
     ]
     known = isinstance(model, Estimate) and np.isfinite(model.covariance).all() and len(model.parameters) > 0
     # A model with the numbers of the parameters in their places shows where MATLAB puts them among its own.
-    if isinstance(model, Estimate) and model.polynomials is not None and places is not None:
-        shape = Coefficients(model.polynomials, places, model.data, None).moved(np.arange(1.0, len(places) + 1.0))
+    if isinstance(model, Estimate) and model.polynomials is not None and isinstance(by := portable(model), Realise):
+        count = len(model.parameters)
+        shape = by.orders.polynomials(np.arange(1.0, count + 1.0))
         rest = [_matrix(model.noise_variance), repr(m.dt), *labels]
         call, numbered = (_idpoly(polynomials, shape, rest) for polynomials in (model.polynomials, shape))
-        covariance, count = model.covariance, len(places)
+        covariance = model.covariance
     else:
         call, count = _idss(m, labels), len(entries(m))
         numbered = _idss(with_entries(m, np.arange(1.0, count + 1.0)), labels)

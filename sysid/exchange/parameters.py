@@ -1,49 +1,17 @@
 """How the parameters of an estimate enter its model, in a form that a file holds."""
 
-import re
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sysid.models.delta_method import spread, standard_directions
-from sysid.models.estimate import DataSummary, Estimate
-from sysid.models.polynomials import Polynomials, innovations_form
+from sysid.models.estimate import Estimate
 from sysid.models.state_space import StateSpace
+from sysid.polynomial.polynomial_estimate import Realise
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
-Place = tuple[str, int, int]
-"""Polynomial, row (input) and power of q^-1 of a coefficient, the latter two from 0."""
-
 TIED = 1e-8  # weight of the identity where outputs do not determine the change of basis
-
-
-@dataclass(frozen=True, eq=False)
-class Coefficients:
-    """Pure function from parameters to the model: every parameter is a coefficient of a polynomial.
-
-    Attributes:
-        polynomials: All coefficients, those that are no parameters too.
-        places: Of the parameters.
-        data: Sampling interval and names.
-        variance: Innovation variance that the model carries; None if unknown.
-    """
-
-    polynomials: Polynomials
-    places: tuple[Place, ...]
-    data: DataSummary
-    variance: FloatArray | None
-
-    def moved(self, theta: FloatArray) -> Polynomials:
-        """Polynomials with these parameters (p,)."""
-        rows = {name: np.array(getattr(self.polynomials, name)) for name in "ABCDF"}
-        for (name, row, power), value in zip(self.places, theta, strict=True):
-            np.atleast_2d(rows[name])[row, power] = value
-        return Polynomials(**rows)
-
-    def __call__(self, theta: FloatArray) -> StateSpace:
-        """Model for parameters (p,)."""
-        return replace(innovations_form(self.moved(theta), self.data.dt, self.variance), **self.data.labels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,26 +37,14 @@ class LinearEntries:
         return with_entries(self.model, entries(self.model) + (theta - self.parameters) @ self.derivatives)
 
 
-def places_of(estimate: Estimate) -> tuple[Place, ...] | None:
-    """Places of all parameters in the polynomials; None where parameters are no coefficients."""
-    polynomials = estimate.polynomials
-    if polynomials is None:
-        return None
-    zeros = [int(np.flatnonzero(row)[0]) if row.any() else 0 for row in np.atleast_2d(polynomials.B)]
-    delays = np.broadcast_to(estimate.orders.get("nk", zeros), len(zeros))
-    places = []
-    for name in estimate.parameter_names:
-        parts = re.fullmatch(r"([abcdf])(\d+)(?:\[(\d+)\])?", name)
-        if parts is None:
-            return None
-        row = int(parts[3] or 1) - 1
-        places.append((parts[1].upper(), row, int(parts[2]) + (int(delays[row]) - 1 if parts[1] == "b" else 0)))
-    realise = Coefficients(polynomials, tuple(places), estimate.data, estimate.model.innovation_covariance)
-    try:
-        exact = np.array_equal(entries(realise(estimate.parameters)), entries(estimate.model))
-    except (IndexError, SysidError):
-        return None
-    return tuple(places) if exact else None
+def portable(estimate: Estimate) -> Realise | LinearEntries:
+    """`estimate.realise` in one of the forms that a file holds: as it is, or to first order."""
+    realise = estimate.realise
+    if isinstance(realise, LinearEntries) or (
+        isinstance(realise, Realise) and np.array_equal(entries(realise(estimate.parameters)), entries(estimate.model))
+    ):
+        return realise
+    return LinearEntries(estimate.model, estimate.parameters, _derivatives(estimate))
 
 
 def entries(model: StateSpace) -> FloatArray:
@@ -117,10 +73,8 @@ def entry_moves(estimate: Estimate) -> FloatArray:
     return spread(aligned, estimate.parameters, estimate.covariance)
 
 
-def derivatives(estimate: Estimate) -> FloatArray | None:
+def _derivatives(estimate: Estimate) -> FloatArray | None:
     """Derivatives of `entries` by the parameters (p, entries); None without a covariance."""
-    if isinstance(estimate.realise, LinearEntries):
-        return estimate.realise.derivatives
     if not np.isfinite(estimate.covariance).all():
         return None
     scale = np.sqrt(np.maximum(np.diag(estimate.covariance), 0.0))

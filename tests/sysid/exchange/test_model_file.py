@@ -149,28 +149,33 @@ BROKEN = [
     (r'"version": 1', '"version": 2', "version 2 given, expected 1"),
     (r'"version": 1', '"version": true', "version True given"),
     (r'"format": "sysid-model"', '"format": "other"', "no model file"),
-    (r'"kind": "estimate"', '"kind": "pickle"', "kind 'pickle' given, expected estimate"),
+    (r'"estimate": {', '"pickle": {', "expected one of the keys estimate, state_space, polynomials"),
+    (r'"estimate": {', '"polynomials": {}, "estimate": {', "expected one of the keys estimate"),
     (r'"method": "arx"', '"method": "arx", "method": "oe"', "'method' stands twice"),
-    (r'"method": "arx"', '"methods": "arx"', "unknown key 'methods', expected"),
+    (r'"method": "arx"', '"methods": "arx"', "estimate: unknown key 'methods', expected"),
     (r'"method": "arx"', '"method": 3', "method: expected a text"),
     (r'"dt": 0.02,', '"dt": NaN,', "NaN given, expected finite"),
     (r'"dt": 0.02,', '"dt": 1e999,', "1e999 is beyond float64"),
     (r'"dt": 0.02,', f'"dt": {"9" * 5000},', "is beyond float64"),
-    (r'"dt": 0.02,', '"dt": null,', "dt must lie between"),
+    (r'"dt": 0.02,', '"dt": null,', "dt: expected a number, got None"),
     (r'"dt": 0.02,', '"dt": -0.02,', "dt must lie between"),
     (r'"A": \[', '"A": [[1.0, 2.0, 3.0],', "A"),
     (r'"K": \[', '"K": {"array": [],', "no JSON, or cut short"),
     (r'"D": \[', '"D": ["0.0"], "E": [', "unknown key 'E'"),
-    (r'"samples": \[300\]', '"samples": [300, 4]', "data.samples: expected one number per experiment"),
-    (r'"samples": \[300\]', '"samples": [-3]', "data.samples must be a whole number"),
-    (r'"intersample": "zoh"', '"intersample": 1', "expected zoh, foh or bl"),
-    (r'"values": \[', '"values": [1.0, ', r"parameters.values: expected shape \(6,\), got \(7,\)"),
-    (r'\["A", 0, 1\]', '["A", 0, 9]', "power must be a whole number from 1 to 2, got 9"),
-    (r'\["A", 0, 1\]', '["B", 0, 1]', "parameters.places: the polynomials with these parameters are not the model"),
-    (r'\["A", 0, 1\]', '["__class__", 0, 1]', r"expected \[polynomial, row, power\]"),
-    (r'"covariance": \[', '"covariance": [[], ', "parameters.covariance: expected a rectangular"),
+    (r'"samples": \[300\]', '"samples": [300, 4]', "a number of samples for each of the names"),
+    (r'"samples": \[300\]', '"samples": [-3]', "a number of samples for each of the names"),
+    (r'"intersample": "zoh"', '"intersample": 1', "intersample: expected a text"),
+    (r'"intersample": "zoh"', '"intersample": "spline"', "expected zoh, foh or bl"),
+    (r'"parameters": \[', '"parameters": [1.0, ', r"covariance: expected shape \(7, 7\), got \(6, 6\)"),
+    (r'"parameters": \[', '"parameters": [null, ', "parameters: 1 value.s. NaN"),
+    (r'"na": 2,(?=.*\n.*\n.*"nc")', '"na": 3,', "layout: .* does not fit 6 parameters"),
+    (r'"na": 2,(?=.*\n.*\n.*"nc")', '"na": -2,', "na must be a whole number"),
+    (r'"nk": \[1, 2\](?!\n *},)', '"nk": [2, 1]', "layout: the polynomials with these parameters are not the model"),
+    (r'"nk": \[1, 2\](?!\n *},)', '"nk": [1, 10000000]', "layout: .* does not fit"),
+    (r'"layout": {', '"derivatives": null, "layout": {', "expected either layout"),
+    (r'"covariance": \[', '"covariance": [[], ', "covariance: expected rows of equal length"),
     (r'"noise_variance": \[', '"noise_variance": [[1.0], ', r"noise_variance: expected shape \(1, 1\), got \(2, 1\)"),
-    (r'"residuals": \[', '"residuals": [[1.0, 2.0], ', "residuals: expected a rectangular"),
+    (r'"residuals": \[', '"residuals": [[1.0, 2.0], ', "residuals: expected rows of equal length"),
     (r'"input_names": \[', '"input_names": "ab", "b": [', "unknown key 'b'"),
     (r'"torque",', '"torque", "more",', "input_names: expected 2"),
     (r'"diagnostics": {', '"diagnostics": {"x": {"array": [[1], 2], "shape": [2]},', "diagnostics.x"),
@@ -210,8 +215,8 @@ def test_files_that_are_cut_or_no_text_are_refused(tmp_path):
 
 def test_the_page_lists_every_key(tmp_path):
     written = json.loads(write_model(estimate("arx"), tmp_path / "a.json", command="c").read_text(encoding="utf-8"))
-    keys = {*written, "operating_point", "derivatives", *(key for key in written["parameters"])}
-    keys |= {key for part in ("state_space", "polynomials", "data", "fit") for key in written[part]}
+    keys = {*written, *written["estimate"], "derivatives", "state_space"}
+    keys |= {key for part in ("model", "polynomials", "data", "layout") for key in written["estimate"][part]}
     listed = set(re.findall(r"`(\w+)`", PAGE.read_text(encoding="utf-8")))
     assert keys <= listed, keys - listed
 
