@@ -44,7 +44,20 @@ from sysid.models.continuous import c2d, d2c
 from sysid.models.predict import findstates
 from sysid.models.reduction import balred, split_delay
 from sysid.models.zero_pole_gain import transfer_function, zero_pole_gain
-from sysid.polynomial import InitialConditions, ar, arma, armax, arx, bj, impulseest, iv4, oe, order_of_excitation
+from sysid.polynomial import (
+    InitialConditions,
+    ar,
+    arma,
+    armax,
+    arx,
+    bj,
+    impulseest,
+    iv4,
+    ivx,
+    oe,
+    order_of_excitation,
+    polyest,
+)
 from sysid.records import (
     IOData,
     SysidError,
@@ -121,6 +134,7 @@ __all__ = [
     "idinput",
     "impulseest",
     "iv4",
+    "ivx",
     "keep_band",
     "merge",
     "n4sid",
@@ -128,6 +142,7 @@ __all__ = [
     "okid",
     "order_of_excitation",
     "pem_ss",
+    "polyest",
     "predict",
     "prefilter",
     "rarmax",

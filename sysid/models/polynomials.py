@@ -70,7 +70,8 @@ def innovations_form(polynomials: Polynomials, dt: float, variance: ArrayLike | 
     """State space in observer companion form: for one denominator, K = c - a [Morris1996, eq. 4.9].
 
     ARX, ARMAX and OE with one input share one companion block. With F beside A, with D, or with several F, every
-    input path B/(AF) and the noise path C/(AD) have a block each; the model need not be minimal then.
+    input path B/F and the noise path C/D have a block each, and 1/A follows their sum: the poles of A, which may be
+    unstable, occur once, so that the predictor is stable.
 
     Args:
         polynomials: A, B, C, D, F.
@@ -101,26 +102,24 @@ def innovations_form(polynomials: Polynomials, dt: float, variance: ArrayLike | 
         return StateSpace(A, B, C, D, K, dt, covariance)
     parts = []
     for j, (b, f) in enumerate(channels):
-        A, Bj, C, Dj = _companion(np.convolve(a, f), [b])
+        A, Bj, C, Dj = _companion(f, [b])
         B = np.zeros((len(A), p.nu))
         B[:, [j]] = Bj
         direct = np.zeros((1, p.nu))
         direct[:, [j]] = Dj
         parts.append((A, B, C, direct, np.zeros((len(A), 1))))
-    noise = np.convolve(a, d)
-    n = _states(noise, [c])
-    if n and not (len(noise) == len(c) and np.array_equal(noise, c)):
-        A, _, C, _ = _companion(noise, [np.zeros(1)], n)
-        parts.append((A, np.zeros((n, p.nu)), C, np.zeros((1, p.nu)), (_pad(c, n + 1) - _pad(noise, n + 1))[1:, None]))
-    return StateSpace(
-        np.asarray(scipy.linalg.block_diag(*[part[0] for part in parts])),
-        np.vstack([part[1] for part in parts]),
-        np.hstack([part[2] for part in parts]),
-        np.sum([part[3] for part in parts], axis=0),
-        np.vstack([part[4] for part in parts]),
-        dt,
-        covariance,
-    )
+    n = _states(d, [c])
+    if n and not (len(d) == len(c) and np.array_equal(d, c)):
+        A, _, C, _ = _companion(d, [np.zeros(1)], n)
+        parts.append((A, np.zeros((n, p.nu)), C, np.zeros((1, p.nu)), (_pad(c, n + 1) - _pad(d, n + 1))[1:, None]))
+    A = np.asarray(scipy.linalg.block_diag(*[part[0] for part in parts]))
+    B, K = np.vstack([part[1] for part in parts]), np.vstack([part[4] for part in parts])
+    C, D = np.hstack([part[2] for part in parts]), np.sum([part[3] for part in parts], axis=0)
+    if len(a) > 1:
+        own, into, out, _ = _companion(a, [np.ones(1)])
+        A = np.block([[own, into @ C], [np.zeros((len(A), len(own))), A]])
+        B, K, C = np.vstack((into @ D, B)), np.vstack((into, K)), np.hstack((out, C))
+    return StateSpace(A, B, C, D, K, dt, covariance)
 
 
 def is_stable(polynomial: FloatArray, margin: float = 0.0) -> bool:

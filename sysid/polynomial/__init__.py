@@ -10,7 +10,9 @@ from sysid.polynomial.fit_with_offset import fit_with_offset
 from sysid.polynomial.impulseest import impulseest
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.iv4 import iv4
+from sysid.polynomial.ivx import ivx
 from sysid.polynomial.oe import oe
+from sysid.polynomial.polyest import polyest
 from sysid.polynomial.structures import Embedding, embedding
 
 __all__ = [
@@ -25,6 +27,8 @@ __all__ = [
     "fit_with_offset",
     "impulseest",
     "iv4",
+    "ivx",
     "oe",
     "order_of_excitation",
+    "polyest",
 ]

@@ -6,7 +6,6 @@ from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.ar import as_series
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.polynomial.initial_estimates import armax_initial_estimates
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
 from sysid.records.data import IOData
@@ -53,7 +52,6 @@ def arma(
         experiments,
         orders,
         orders.select("na", "nc"),
-        armax_initial_estimates,
         max_iterations=max_iterations,
         coloured=coloured,
         initial_conditions=initial_conditions,

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.polynomial.initial_estimates import armax_initial_estimates
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
 from sysid.records.data import IOData, as_experiments
@@ -60,7 +59,6 @@ def armax(
         experiments,
         orders,
         orders.select("na", "nb", "nc", "nk"),
-        armax_initial_estimates,
         start=start,
         max_iterations=max_iterations,
         coloured=coloured,

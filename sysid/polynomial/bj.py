@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.polynomial.initial_estimates import bj_initial_estimates
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
 from sysid.records.data import IOData, as_experiments
@@ -63,7 +62,6 @@ def bj(
         experiments,
         orders,
         orders.select("nb", "nc", "nd", "nf", "nk"),
-        bj_initial_estimates,
         start=start,
         max_iterations=max_iterations,
         coloured=coloured,

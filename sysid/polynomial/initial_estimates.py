@@ -5,6 +5,7 @@ None of these is a prediction-error estimate; each fails on some systems, and on
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import scipy
@@ -67,6 +68,16 @@ REFINEMENTS = 8  # limit on the Steiglitz-McBride iterations
 SETTLED = 1e-3  # relative change of the denominator at which they end
 
 
+def initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
+    """Initial estimates for the structure that the orders select."""
+    if not (orders.nd or any(orders.nf)):
+        return armax_initial_estimates(experiments, orders)
+    if orders.na:
+        return general_initial_estimates(experiments, orders)
+    estimates = bj_initial_estimates if orders.nc or orders.nd else oe_initial_estimates
+    return estimates(experiments, orders)
+
+
 def armax_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
     """ARMAX: Hannan-Rissanen with two long ARX orders, long ARX models simulated and reduced, and ARX."""
     y = [e.y[:, 0] for e in experiments]
@@ -88,6 +99,7 @@ def armax_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> It
 
 def check_room_to_start(experiments: Sequence[IOData], orders: Orders) -> None:
     """Refuse orders that are too large for an initial estimate."""
+    orders = _as_armax(orders) if orders.na else orders
     dynamics, rows = max((orders.na, *orders.nf)), _hankel_rows(experiments, orders)
     if dynamics >= rows:
         raise SysidError(
@@ -298,3 +310,60 @@ def _with_disturbance(
     cd = solve(np.vstack(rows), np.concatenate(targets)[:, None]).solution[:, 0]
     c, d = (stabilised(np.concatenate(([1.0], part))) for part in np.split(cd, [orders.nc]))
     return orders.join(one, b, c, d, f)
+
+
+CANDIDATES = 8  # choices of the roots of A among those of A D F, the likeliest first
+ROUNDS = 3  # initial estimates of the other polynomials for each A
+
+
+def general_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
+    """A beside D or F: for several A, the initial estimates of the structure without A for the output A y.
+
+    A D F y = B D u + C F e is an ARMAX model, by Hannan and Rissanen. Of its poles, those of D are zeros of B D, and
+    those of F are zeros of C F; the others are roots of A.
+    """
+    whole, rest = _as_armax(orders), replace(orders, na=0)
+    n = long_arx_order(experiments, whole, 8)
+    model = long_arx_family(experiments, whole, n).model(n)
+    a, b, c, *_ = whole.split(hannan_rissanen(experiments, whole, model))
+    denominators = [(f"A {k}", factor) for k, factor in enumerate(_factors(a, [*b, c], orders.na), start=1)]
+    plain = replace(rest, na=orders.na, nd=0, nf=(0,) * len(orders.nf))
+    for start in armax_initial_estimates(experiments, plain):
+        denominators.append((f"A of {start.name}", plain.split(start.theta)[0]))
+    families = []
+    for name, a in denominators:
+        filtered = [
+            replace(e, y=scipy.signal.lfilter(a, [1.0], e.y, axis=0), window=max(e.window, orders.na))
+            for e in experiments
+        ]
+        families.append((name, a, initial_estimates(filtered, rest)))
+    for _ in range(ROUNDS):
+        for name, a, family in families:
+            if (start := next(family, None)) is not None:
+                _, b, c, d, f = rest.split(start.theta)
+                yield InitialEstimate(f"{name}, {start.name}", orders.join(a, b, c, d, f))
+
+
+def _as_armax(orders: Orders) -> Orders:
+    """Orders of A D F y = B D u + C F e, F the product of all inputs' F."""
+    f = sum(orders.nf)
+    b = tuple(nb + orders.nd + f - nf for nb, nf in zip(orders.nb, orders.nf, strict=True))
+    return replace(orders, na=orders.na + orders.nd + f, nb=b, nc=orders.nc + f, nd=0, nf=(0,) * len(orders.nf))
+
+
+def _factors(denominator: FloatArray, numerators: Sequence[FloatArray], degree: int) -> list[FloatArray]:
+    """Real factors of a degree, those first whose roots are least zeros of the numerators, the last one the noise's."""
+    roots = np.roots(denominator)
+    groups = [[r, r.conjugate()] if r.imag else [r] for r in roots if r.imag >= 0.0]
+    *inputs, noise = [
+        np.array([abs(np.polyval(p, g[0])) / np.polyval(np.abs(p), abs(g[0])) for g in groups]) for p in numerators
+    ]
+    likely = np.log(np.maximum(np.max(inputs, axis=0) * noise, np.finfo(float).tiny))
+    choices = [
+        choice
+        for count in range(1, degree + 1)
+        for choice in combinations(range(len(groups)), count)
+        if sum(len(groups[k]) for k in choice) == degree
+    ]
+    choices.sort(key=lambda choice: -sum(len(groups[k]) * likely[k] for k in choice))
+    return [np.poly([root for k in choice for root in groups[k]]).real for choice in choices[:CANDIDATES]]

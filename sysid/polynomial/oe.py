@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.polynomial.initial_estimates import oe_initial_estimates
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
 from sysid.records.data import IOData, as_experiments
@@ -62,7 +61,6 @@ def oe(
         experiments,
         orders,
         orders.select("nb", "nf", "nk"),
-        oe_initial_estimates,
         start=start,
         max_iterations=max_iterations,
         coloured=coloured,

@@ -1,7 +1,7 @@
 """Estimates of polynomial models: checks before the fit, the prediction-error fit, and the public record."""
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -14,7 +14,7 @@ from sysid.models.predict import residuals
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.polynomial.initial_estimates import check_room_to_start, completed
+from sysid.polynomial.initial_estimates import check_room_to_start, completed, initial_estimates
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.prediction_error import (
     InitialEstimate,
@@ -172,7 +172,6 @@ def prediction_error_estimate(
     experiments: Sequence[IOData],
     orders: Orders,
     order_values: Mapping[str, Any],
-    initial_estimates: Callable[[Sequence[IOData], Orders], Iterable[InitialEstimate]],
     *,
     start: Polynomials | None,
     max_iterations: int,

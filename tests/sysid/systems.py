@@ -1,6 +1,7 @@
 """A second-order textbook system whose records many tests share, its distribution, and a two-output system."""
 
 import numpy as np
+from numpy.polynomial.polynomial import polyadd
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
@@ -40,6 +41,18 @@ def second_order(seed=0, samples=400, noise=1.0, c=(1.0,), d=A, *, b=B, settle=0
     elif lost:
         y[rng.random(samples) < lost] = np.nan
     return IOData(u[settle:], y, 0.1, missing=bursts or lost > 0.0)
+
+
+def in_feedback(seed=0, samples=1000, noise=1.0, *, gain=0.5, truth=None):
+    """Record of a system in the loop u = r - gain y, from steady state, and the reference r (N,)."""
+    rng = np.random.default_rng(seed)
+    r, e = rng.standard_normal((2, samples + 200))
+    p = Polynomials(A, B) if truth is None else truth
+    own, into = np.convolve(np.convolve(p.A, p.F), p.D), np.convolve(p.B, p.D)
+    # A F D y = B D u + C F e
+    loop = polyadd(own, gain * into)
+    y = lfilter(into, loop, r) + lfilter(np.convolve(p.C, p.F), loop, noise * e)
+    return IOData(r - gain * y, y, 0.1)[200:], r[200:]
 
 
 def exact_system(order, nk):

@@ -1,0 +1,145 @@
+"""Instrumental variables: estimates of A y = B u + v from instruments that are independent of the disturbance v."""
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from sysid.models.estimate import Estimate
+from sysid.polynomial.least_squares import LeastSquares, solve
+from sysid.polynomial.long_arx import arx_errors
+from sysid.polynomial.orders import Orders
+from sysid.polynomial.polynomial_estimate import make_estimate
+from sysid.polynomial.regressors import arx_regressors, lagged, output_lags
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+from sysid.records.errors import SysidError, SysidWarning
+
+ROWS_PER_COEFFICIENT = 10  # least number of samples per coefficient of the disturbance model
+DEPENDENT = 1e-10  # remainder of an instrument, relative to it, after those before it are subtracted
+WHITE = np.ones(1)
+
+
+def instrumented(
+    experiments: Sequence[IOData],
+    orders: Orders,
+    instruments: Sequence[FloatArray],
+    whitener: FloatArray,
+    colour: FloatArray = WHITE,
+) -> tuple[LeastSquares, FloatArray]:
+    """Solve Z' (y - Phi theta) = 0 on data filtered by the whitener.
+
+    An orthonormal basis Q replaces Z: Q' Phi is no worse conditioned than Phi, and the estimate is that of least
+    squares with the regressors Q' Phi.
+
+    Args:
+        experiments: Records with one output.
+        orders: Orders na, nb, nk.
+        instruments: In place of [y, u] in the regressors Z, per experiment (N, 1 + nu).
+        whitener: 1, l1, ...
+        colour: 1, c1, ...: the filtered disturbance is white noise filtered by the inverse of it.
+
+    Returns:
+        The fit, and the covariance of theta (p, p) for white noise of variance 1 [Soderstrom1989, sec. 8.2].
+    """
+    order = len(whitener) - 1
+    blocks, rows, targets = [], [], []
+    for e, z in zip(experiments, instruments, strict=True):
+        z, y, u = (scipy.signal.lfilter(whitener, [1.0], signal, axis=0) for signal in (z, e.y[:, 0], e.u))
+        # the filter starts from zeros: its first samples are no data
+        start = orders.first_row(e.window) + order
+        blocks.append(arx_regressors(z[:, 0], z[:, 1:], orders.na, orders.nb, orders.nk, start))
+        rows.append(arx_regressors(y, u, orders.na, orders.nb, orders.nk, start))
+        targets.append(y[start:])
+    z, phi, target = np.vstack(blocks), np.vstack(rows), np.concatenate(targets)
+    # the filters have finite memory: a missing output affects only the rows within its reach
+    complete = np.isfinite(phi).all(axis=1) & np.isfinite(target)
+    if not complete.all():
+        _check_enough(complete, orders.count)
+        phi, target = phi[complete], target[complete]
+    lengths = np.linalg.norm(z[complete], axis=0)
+    basis, triangle = np.linalg.qr(z[complete] / np.where(lengths > 0.0, lengths, 1.0))
+    basis[:, np.abs(np.diag(triangle)) < DEPENDENT] = 0.0
+    regressors = basis.T @ phi
+    fit = solve(regressors, (basis.T @ target)[:, None])
+    if len(colour) == 1:
+        return fit, fit.inverse_gram
+    whole = np.zeros((len(z), basis.shape[1]))
+    whole[complete] = basis
+    parts = np.split(whole, np.cumsum([len(block) for block in blocks])[:-1])
+    filtered = np.vstack([scipy.signal.lfilter([1.0], colour, part, axis=0) for part in parts])
+    half = filtered @ regressors @ fit.inverse_gram
+    return fit, half.T @ half
+
+
+def disturbances(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> list[FloatArray]:
+    """A y - B u of each experiment, from the first row without samples from before the record."""
+    a, b, *_ = orders.split(theta)
+    return [arx_errors(e, a, b)[orders.first_row(e.window) :] for e in experiments]
+
+
+def disturbance_whitener(experiments: Sequence[IOData], orders: Orders, theta: FloatArray, usable: int) -> FloatArray:
+    """Autoregressive model 1, l1, ... of the disturbances by least squares, as many coefficients as parameters."""
+    order = min(orders.count, min(usable, *(len(e) for e in experiments)) // ROWS_PER_COEFFICIENT)
+    parts = disturbances(experiments, orders, theta)
+    phi = np.vstack([-lagged(v, output_lags(order), order) for v in parts])
+    target = np.concatenate([v[order:] for v in parts])
+    complete = np.isfinite(phi).all(axis=1) & np.isfinite(target)
+    if not complete.all():
+        _check_enough(complete, order)
+        phi, target = phi[complete], target[complete]
+    return np.concatenate(([1.0], solve(phi, target[:, None]).solution[:, 0]))
+
+
+def instrumental_estimate(
+    method: str,
+    experiments: Sequence[IOData],
+    orders: Orders,
+    fit: LeastSquares,
+    shape: FloatArray,
+    whitener: FloatArray,
+    messages: list[str],
+) -> Estimate:
+    """Warn, and return the estimate; its covariance is `shape` times the variance of the whitened disturbance."""
+    theta = fit.solution[:, 0]
+    parts = disturbances(experiments, orders, theta)
+    innovations = _known(np.concatenate([scipy.signal.lfilter(whitener, [1.0], v)[len(whitener) - 1 :] for v in parts]))
+    errors = [_known(v) for v in parts]
+    freedom = max(len(innovations) - orders.count, 1)
+    if fit.rank < orders.count:
+        messages.append(
+            f"the instruments have rank {fit.rank} for {orders.count} parameters: this is the least-norm solution"
+        )
+    for message in messages:
+        warnings.warn(message, SysidWarning, stacklevel=3)
+    return make_estimate(
+        method,
+        experiments,
+        orders,
+        orders.select("na", "nb", "nk"),
+        theta=theta,
+        covariance=float(innovations @ innovations) / freedom * shape,
+        variance=sum(float(v @ v) for v in errors) / (sum(len(v) for v in errors) - orders.count),
+        diagnostics={
+            "condition": fit.condition,
+            "rank": fit.rank,
+            "iterations": 0,
+            "converged": True,
+            "whitener": whitener,
+        },
+        messages=messages,
+    )
+
+
+def _check_enough(complete: NDArray[np.bool_], unknown: int) -> None:
+    if complete.sum() <= unknown:
+        raise SysidError(
+            f"too many missing samples: {int(complete.sum())} of {len(complete)} rows are complete, {unknown} "
+            "coefficients need more; armax, bj and oe use every known output"
+        )
+
+
+def _known(signal: FloatArray) -> FloatArray:
+    return signal[np.isfinite(signal)]

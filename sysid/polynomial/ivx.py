@@ -1,0 +1,80 @@
+"""Instrumental variables with instruments of one's own."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sysid.models.estimate import Estimate
+from sysid.polynomial.data_checks import check_excitation, check_means
+from sysid.polynomial.instrumental_variables import (
+    WHITE,
+    disturbance_whitener,
+    instrumental_estimate,
+    instrumented,
+)
+from sysid.polynomial.orders import make_orders
+from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output
+from sysid.records.arrays import FloatArray, real_array
+from sysid.records.data import IOData, as_experiments
+from sysid.records.errors import SysidError
+
+
+def ivx(
+    data: IOData | Sequence[IOData],
+    na: int,
+    nb: int | Sequence[int],
+    nk: int | Sequence[int],
+    x: ArrayLike | Sequence[ArrayLike],
+) -> Estimate:
+    """Fit A(q) y = B(q) u + v, v of any colour, with instruments of one's own [Ljung1999, sec. 7.6; Soderstrom1989].
+
+    The instruments take the place of y, or of y and u, in the regressors of `arx`; the estimate makes the disturbance v
+    uncorrelated with them. It is consistent if they correlate with the regressors and not with v. In open loop, the
+    input is its own instrument, and x an output without disturbance, as a model simulates it. Under feedback the input
+    depends on v: then x needs columns for the inputs too, such as signals that a model of the loop simulates from the
+    reference, or delayed copies of it. Without x, in open loop, `iv4` makes its own instruments.
+
+    The disturbance model of the estimate is 1/A, as for ARX. The covariance allows for the colour of v, by an
+    autoregressive model, its inverse in the diagnostics as `whitener`.
+
+    Args:
+        data: One experiment, or several that share the model. Equations with a missing output are omitted.
+        na: Degree of A.
+        nb: Number of coefficients of B, one for all inputs or one per input.
+        nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+        x: Instruments in place of the output (N,) or (N, 1), or of output and inputs (N, 1 + nu); for several
+            experiments, a sequence with one array for each.
+
+    Returns:
+        The estimate; parameters a1.., b1...
+
+    Raises:
+        SysidError: Constant input, several outputs, orders negative or too many for the data, instruments of another
+            length or number.
+
+    Warns:
+        SysidWarning: The input excites too little, means do not fit the dynamics, or the instruments are dependent.
+    """
+    experiments = as_experiments(data, missing=True)
+    check_single_output(experiments)
+    orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk)
+    signals = (x,) if isinstance(data, IOData) else x
+    if not isinstance(signals, Sequence) or len(signals) != len(experiments):
+        raise SysidError(f"x: expected a sequence of {len(experiments)} arrays, one per experiment")
+    instruments = [_instruments(e, signal) for e, signal in zip(experiments, signals, strict=True)]
+    messages = check_excitation(experiments, orders.nb) + check_means(experiments, orders.na)
+    usable = check_enough_data(experiments, orders, transients=0)
+    fit, _ = instrumented(experiments, orders, instruments, WHITE)
+    whitener = disturbance_whitener(experiments, orders, fit.solution[:, 0], usable)
+    fit, shape = instrumented(experiments, orders, instruments, WHITE, colour=whitener)
+    return instrumental_estimate("ivx", experiments, orders, fit, shape, whitener, messages)
+
+
+def _instruments(experiment: IOData, x: ArrayLike) -> FloatArray:
+    signals = real_array("x", x)
+    signals = signals[:, None] if signals.ndim == 1 else signals
+    n, nu = experiment.u.shape
+    if signals.ndim != 2 or len(signals) != n or signals.shape[1] not in (1, 1 + nu):
+        raise SysidError(f"x: expected shape ({n},), ({n}, 1) or ({n}, {1 + nu}), time first, got {np.shape(x)}")
+    return np.hstack((signals, experiment.u)) if signals.shape[1] == 1 else signals

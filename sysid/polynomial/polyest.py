@@ -1,0 +1,71 @@
+"""Polynomial models of any structure by the prediction-error method."""
+
+from collections.abc import Sequence
+
+from sysid.models.estimate import Estimate
+from sysid.models.polynomials import Polynomials
+from sysid.polynomial.initial_conditions import InitialConditions
+from sysid.polynomial.orders import make_orders
+from sysid.polynomial.polynomial_estimate import prediction_error_estimate
+from sysid.records.data import IOData, as_experiments
+
+
+def polyest(
+    data: IOData | Sequence[IOData],
+    na: int,
+    nb: int | Sequence[int],
+    nc: int,
+    nd: int,
+    nf: int | Sequence[int],
+    nk: int | Sequence[int] = 1,
+    *,
+    start: Polynomials | None = None,
+    max_iterations: int = 100,
+    coloured: bool = False,
+    initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
+) -> Estimate:
+    """Fit A(q) y = B(q)/F(q) u + C(q)/D(q) e by minimising the prediction errors [Ljung1999, sec. 4.2, ch. 10].
+
+    The general structure: `arx`, `armax`, `oe` and `bj` are the cases in which some orders are 0. With A beside D and
+    F, the dynamics of A belong to both paths, those of F to the input's alone, those of D to the disturbance's. C, D
+    and F stay stable at every step; A, and with it the model, may be unstable. By default the unknown initial
+    conditions of each experiment are projected out.
+
+    Args:
+        data: One experiment, or several that share the model. With missing outputs, the likelihood of the known ones is
+            maximised.
+        na: Degree of A.
+        nb: Number of coefficients of B, one for all inputs or one per input.
+        nc: Degree of C.
+        nd: Degree of D.
+        nf: Degree of F, one for all inputs or one per input.
+        nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+        start: A further initial estimate, also of a smaller structure, such as the `polynomials` of another estimate;
+            the fit is no worse. Without it, smaller structures are fitted where several minima are likely.
+        max_iterations: Limit on the steps of the final minimisation.
+        coloured: Whether the covariance allows for prediction errors that are not white, as in `armax`.
+        initial_conditions: Assumption about the time before each experiment, or its name ("zero", "backcast").
+
+    Returns:
+        The estimate; parameters a1.., b1.., c1.., d1.., f1...
+
+    Raises:
+        SysidError: No or a constant input, several outputs, orders negative or too many for the data, a start that does
+            not fit.
+
+    Warns:
+        SysidWarning: Poor excitation, no convergence, bad conditioning (also where A, D and F have roots in common), C,
+            D or F at the edge of stability.
+    """
+    experiments = as_experiments(data, missing=not coloured)
+    orders = make_orders(experiments[0].nu, na=na, nb=nb, nc=nc, nd=nd, nf=nf, nk=nk)
+    return prediction_error_estimate(
+        "polyest",
+        experiments,
+        orders,
+        orders.select("na", "nb", "nc", "nd", "nf", "nk"),
+        start=start,
+        max_iterations=max_iterations,
+        coloured=coloured,
+        initial_conditions=initial_conditions,
+    )

@@ -1,0 +1,103 @@
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import sysid
+from sysid import IOData, Polynomials, polyest, simulate
+from sysid.models import innovations_form
+from sysid.polynomial.orders import Orders
+from sysid.validation import cramer_rao_bound
+from tests.refusals import refused
+from tests.sysid.systems import in_feedback, second_order
+
+TRUTH = Polynomials(A=[1, -1.2, 0.6], B=[0, 1, 0.5], C=[1, 0.4], D=[1, 0.7], F=[1, -0.8])
+PARAMETERS = Orders.of(TRUTH).parameters(TRUTH)
+
+
+def record(seed=0, samples=2000, noise=1.0, inputs=1):
+    """Two inputs: the second through 2 q^-1 / (1 - 0.3 q^-1)."""
+    rng = np.random.default_rng(seed)
+    u, e = rng.standard_normal((samples + 200, inputs)), noise * rng.standard_normal(samples + 200)
+    y = lfilter(TRUTH.B, TRUTH.F, u[:, 0]) + lfilter(TRUTH.C, TRUTH.D, e)
+    y += lfilter([0, 2.0], [1, -0.3], u[:, 1]) if inputs == 2 else 0.0
+    return IOData(u, lfilter([1.0], TRUTH.A, y), 0.1)[200:]
+
+
+def test_exact_without_noise():
+    found = polyest(record(noise=0.0, samples=400), 2, 2, 1, 1, 1).polynomials
+    for name in "ABF":
+        np.testing.assert_allclose(getattr(found, name), getattr(TRUTH, name), atol=1e-9)
+    found = polyest(record(noise=0.0, samples=400, inputs=2), 2, (2, 1), 0, 0, (1, 1)).polynomials
+    np.testing.assert_allclose(found.A, TRUTH.A, atol=1e-9)
+    np.testing.assert_allclose(found.F, [[1, -0.8], [1, -0.3]], atol=1e-9)
+
+
+def test_model_has_the_states_of_each_polynomial_once():
+    model = innovations_form(TRUTH, 0.1, 1.0)
+    u, e = np.random.default_rng(0).standard_normal((2, 200))
+    y = lfilter([1.0], TRUTH.A, lfilter(TRUTH.B, TRUTH.F, u) + lfilter(TRUTH.C, TRUTH.D, e))
+    np.testing.assert_allclose(simulate(model, u, rng=Draws(e)), y[:, None], atol=1e-12)
+    assert model.order == 2 + 2 + 1
+    observer = np.linalg.eigvals(model.A - model.gain @ model.C)
+    np.testing.assert_allclose(np.sort(observer.real), [-0.4, 0.0, 0.0, 0.0, 0.8], atol=1e-7)
+
+
+class Draws(np.random.Generator):
+    """A generator of known draws."""
+
+    def __init__(self, e):
+        super().__init__(np.random.PCG64(0))
+        self.e = e
+
+    def standard_normal(self, shape):
+        return self.e.reshape(shape)
+
+
+@pytest.mark.parametrize(
+    ("orders", "special"),
+    [
+        ((2, 2, 0, 0, 0), lambda d: sysid.arx(d, 2, 2)),
+        ((2, 2, 2, 0, 0), lambda d: sysid.armax(d, 2, 2, 2)),
+        ((0, 2, 0, 0, 2), lambda d: sysid.oe(d, 2, 2)),
+        ((0, 2, 1, 1, 2), lambda d: sysid.bj(d, 2, 1, 1, 2)),
+    ],
+)
+def test_special_cases_are_the_other_estimators(orders, special):
+    data = second_order(c=[1.0, 0.4])
+    np.testing.assert_allclose(polyest(data, *orders).parameters, special(data).parameters, rtol=1e-4, atol=1e-5)
+
+
+def test_covariance_is_the_bound_and_holds_the_error():
+    data = record(samples=4000)
+    estimate = polyest(data, 2, 2, 1, 1, 1)
+    bound = cramer_rao_bound(
+        TRUTH, Orders.of(TRUTH), data.u, dt=0.1, variance=1.0, frequencies=np.array([0.5])
+    ).covariance
+    np.testing.assert_allclose(np.sqrt(np.diag(estimate.covariance)), np.sqrt(np.diag(bound)), rtol=0.15)
+    assert np.all(np.abs(estimate.parameters - PARAMETERS) < 4.0 * np.sqrt(np.diag(bound)))
+
+
+def test_missing_outputs():
+    data = record(samples=1500)
+    y = data.y.copy()
+    y[np.random.default_rng(1).random(1500) < 0.1] = np.nan
+    estimate = polyest(IOData(data.u, y, 0.1, missing=True), 2, 2, 1, 1, 1)
+    assert np.all(np.abs(estimate.parameters - PARAMETERS) < 4.0 * np.sqrt(np.diag(estimate.covariance)))
+
+
+@pytest.mark.filterwarnings("ignore:the model is not stable")
+def test_an_unstable_system_in_a_loop():
+    """With A unstable the predictor is stable: output-error and Box-Jenkins models cannot hold the pole."""
+    truth = Polynomials(A=[1, -1.1], B=[0, 1.0], F=[1, -0.5], C=[1, 0.3])
+    data, _ = in_feedback(samples=3000, truth=truth)
+    estimate = polyest(data, 1, 1, 1, 0, 1)
+    error = estimate.parameters - Orders.of(truth).parameters(truth)
+    assert np.all(np.abs(error) < 4.0 * np.sqrt(np.diag(estimate.covariance)))
+    assert abs(estimate.parameters[0] + 1.1) < 0.02
+    assert sysid.compare(estimate, data)[0].one_step > 50.0
+
+
+def test_refusals():
+    data = record(samples=100)
+    refused("expected an input", polyest, IOData(None, data.y, 0.1), 1, 1, 1, 1, 1)
+    refused("too many orders for the data", polyest, data[:40], 6, 6, 6, 6, 6)
