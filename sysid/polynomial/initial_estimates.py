@@ -5,7 +5,7 @@ None of these is a prediction-error estimate; each fails on some systems, and on
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 import scipy
@@ -339,7 +339,7 @@ def general_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> 
         families.append((name, a, initial_estimates(filtered, rest)))
     for _ in range(ROUNDS):
         for name, a, family in families:
-            if (start := next(family, None)) is not None:
+            for start in islice(family, 1):
                 _, b, c, d, f = rest.split(start.theta)
                 yield InitialEstimate(f"{name}, {start.name}", orders.join(a, b, c, d, f))
 
@@ -366,4 +366,5 @@ def _factors(denominator: FloatArray, numerators: Sequence[FloatArray], degree: 
         if sum(len(groups[k]) for k in choice) == degree
     ]
     choices.sort(key=lambda choice: -sum(len(groups[k]) * likely[k] for k in choice))
-    return [np.poly([root for k in choice for root in groups[k]]).real for choice in choices[:CANDIDATES]]
+    factors = [np.poly([root for k in choice for root in groups[k]]).real for choice in choices[:CANDIDATES]]
+    return [np.asarray(factor, dtype=np.float64) for factor in factors]
