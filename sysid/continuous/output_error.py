@@ -16,7 +16,7 @@ from sysid.continuous.structures import PathStructure
 from sysid.models.continuous import Resampled
 from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.models.continuous_model import ContinuousModel
-from sysid.models.estimate import DataSummary
+from sysid.models.data_summary import DataSummary
 from sysid.models.predict import residuals
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation, check_means

@@ -13,6 +13,7 @@ from sysid.records.arguments import real_number, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.printing import Part, numbers
 
 SAME_PERIODS = 1e-3  # difference of periods, relative to the standard deviation, that counts as rounding
 
@@ -44,6 +45,12 @@ class BestLinearApproximation(Locked):
     lines: NDArray[np.int_]
     realisations: int
     periods: tuple[int, ...]
+
+    def _parts(self) -> list[Part]:
+        heading = f"{self.realisations} realisation(s) of {min(self.periods)} or more periods"
+        several = self.realisations > 1
+        share = f"nonlinear distortion / %: {', '.join(numbers(self.distortion_percent))}" if several else ""
+        return [heading, share, *self.response._parts()]
 
     @property
     def distortion_percent(self) -> FloatArray:

@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sysid.models.data_summary import DataSummary
 from sysid.models.delta_method import spread
 from sysid.models.frequency_response import NORMAL_95, FrequencyResponse
 from sysid.models.polynomials import Polynomials
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, locked_within, real_array
-from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.labelled import Labelled
+from sysid.records.printing import LISTED, Part, Table, number, numbers, poles_table, uncertain
 
 if TYPE_CHECKING:
     import control
@@ -24,9 +26,6 @@ if TYPE_CHECKING:
 
 VAGUE = 3.5
 """Standard deviation of a bandwidth's logarithm from which its interval is useless: a factor of a thousand."""
-
-LISTED = 16
-"""Largest number of parameters that a printed estimate lists one by one."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,54 +51,15 @@ class Bandwidth(Locked):
         low, high = (float(end[output, input]) for end in self.ci95)
         return float(self.hz[output, input]), low, high
 
-
-@dataclass(frozen=True)
-class DataSummary:
-    """Description of the data of an estimate.
-
-    Attributes:
-        samples: Length of each experiment.
-        dt: Sampling interval in s.
-        input_names: One name per input.
-        output_names: One name per output.
-        input_units: One unit per input.
-        output_units: One unit per output.
-        names: Name of each experiment.
-        intersample: Behaviour of the inputs between samples, of the first experiment.
-    """
-
-    samples: tuple[int, ...]
-    dt: float
-    input_names: tuple[str, ...]
-    output_names: tuple[str, ...]
-    input_units: tuple[str, ...]
-    output_units: tuple[str, ...]
-    names: tuple[str, ...]
-    intersample: str = "zoh"
-
-    @staticmethod
-    def of(experiments: Sequence[IOData]) -> "DataSummary":
-        """Describe a data set."""
-        first = experiments[0]
-        return DataSummary(
-            samples=tuple(len(e) for e in experiments),
-            dt=first.dt,
-            input_names=first.input_names or (),
-            output_names=first.output_names or (),
-            input_units=first.input_units or (),
-            output_units=first.output_units or (),
-            names=tuple(e.name for e in experiments),
-            intersample=first.intersample,
-        )
-
-    @property
-    def labels(self) -> dict[str, Any]:
-        """Names and units of the channels, as keyword arguments of `StateSpace`."""
-        return {key: getattr(self, key) for key in ("input_names", "output_names", "input_units", "output_units")}
+    def _parts(self) -> list[Part]:
+        paths = [f"output {i + 1} from input {j + 1}" for i, j in np.ndindex(self.hz.shape)]
+        interval = [f"{number(low)} to {number(high)}" for low, high in zip(*map(np.ravel, self.ci95), strict=True)]
+        columns = [("path", paths), ("bandwidth / Hz", numbers(self.hz.ravel())), ("95 % interval / Hz", interval)]
+        return ["Half-power bandwidth", Table(columns)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Estimate(Locked):
+class Estimate(Labelled, Locked):
     """A model with its parameters, their covariance, and the diagnostics of the fit.
 
     Attributes:
@@ -153,28 +113,37 @@ class Estimate(Locked):
         orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
         return f"{self.method.upper()} ({orders}) from {sum(self.data.samples)} samples every {self.data.dt:g} s"
 
-    def __str__(self) -> str:
-        """A few lines: method and orders, parameters with standard deviations, poles, warnings."""
-        lines = [self._heading()]
-        if len(self.parameters) <= LISTED:
-            spreads = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-            lines += [
-                f"  {name} = {value:.6g}" + (f" ± {one:.2g}" if np.isfinite(one) else "")
-                for name, value, one in zip(self.parameter_names, self.parameters, spreads, strict=True)
-            ]
+    def _parts(self) -> list[Part]:
+        parts: list[Part] = [self._heading()]
+        of_states = self.polynomials is None and self._responding is self.model
+        if of_states:
+            parts += self.model.matrices()
+        elif len(self.parameters) <= LISTED:
+            deviations = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+            parts.append(
+                Table([("parameter", self.parameter_names), ("value", uncertain(self.parameters, deviations))])
+            )
         else:
-            lines.append(f"  {len(self.parameters)} parameters")
-        lines += [f"  {line}" for line in self._dynamics()]
-        lines.append(f"  innovation variance: {', '.join(f'{v:.4g}' for v in np.diag(self.noise_variance))}")
-        lines.append(f"  final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
-        lines += [f"  warning: {text}" for text in self.diagnostics.get("warnings", ())]
-        return "\n".join(lines)
+            parts += [str(self.polynomials or ""), f"{len(self.parameters)} parameters, with deviations: to_dataframe()"]
+        parts += self._dynamics()
+        if not of_states:
+            parts.append(f"innovation variance: {', '.join(numbers(np.diag(self.noise_variance)))}")
+        parts.append(f"final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
+        return [*parts, *(f"warning: {text}" for text in self.diagnostics.get("warnings", ()))]
 
-    def _dynamics(self) -> list[str]:
-        """Lines on poles, for the text."""
-        poles = (f"{p.real:.4f}" + (f"{p.imag:+.4f}j" if abs(p.imag) > 1e-9 else "") for p in self.poles())
-        path = "from input to output " if self.model.nu else ""
-        return [f"poles {path}(z plane): {', '.join(poles) or 'none'}"]
+    def _dynamics(self) -> Sequence[Part]:
+        """Poles, for the text."""
+        poles = self.poles()
+        path = "from input to output" if self.model.nu else "from innovation to output"
+        return [f"poles {path}:", poles_table(poles, self.model.dt)] if len(poles) else [f"no poles {path}"]
+
+    def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        reach = NORMAL_95 * deviation
+        values = {"value": self.parameters, "deviation": deviation}
+        values |= {"low": self.parameters - reach, "high": self.parameters + reach}
+        arrays = {name: ("parameter", array) for name, array in values.items()}
+        return arrays, {"parameter": list(self.parameter_names)}, {"method": self.method}
 
     @property
     def _responding(self) -> "StateSpace | ContinuousModel":

@@ -1,6 +1,7 @@
 """Forecast of outputs beyond the end of a record, with its uncertainty."""
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -13,12 +14,15 @@ from sysid.models.recursion import free_response, kalman_filter, state_trajector
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
+from sysid.records.channels import default_names
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
+from sysid.records.labelled import Labelled
+from sysid.records.printing import Part, Table, numbers, uncertain
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Forecast(Locked):
+class Forecast(Labelled, Locked):
     """Outputs forecast from the end of a record.
 
     Attributes:
@@ -34,6 +38,20 @@ class Forecast(Locked):
     covariance: FloatArray
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
     output_units: tuple[str, ...] = field(default=(), kw_only=True)
+
+    def _parts(self) -> list[Part]:
+        names = self.output_names or default_names("y", self.y.shape[1])
+        units = self.output_units or ("",) * len(names)
+        cells = [
+            (f"{name} / {unit}" if unit else name, uncertain(self.y[:, k], self.deviation[:, k]))
+            for k, (name, unit) in enumerate(zip(names, units, strict=True))
+        ]
+        return [f"Forecast of {len(self.time)} samples", Table([("time / s", numbers(self.time)), *cells])]
+
+    def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        axes, names = ("time", "output"), self.output_names or default_names("y", self.y.shape[1])
+        arrays = {name: (axes, getattr(self, name)) for name in ("y", "deviation")}
+        return arrays, {"time": ("time", self.time, {"units": "s"}), "output": list(names)}, {}
 
     @property
     def deviation(self) -> FloatArray:

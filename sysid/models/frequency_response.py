@@ -8,10 +8,13 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from sysid.models.rice_interval import rice_interval
 from sysid.records.arguments import real_number, sampling_interval
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array
 from sysid.records.channels import channel_indices, channel_labels, default_names
 from sysid.records.errors import SysidError
+from sysid.records.labelled import Labelled
+from sysid.records.printing import Part, numbers, path_tables, spaced, uncertain
 
 NORMAL_95 = 1.959963984540054
 AXES = {
@@ -32,7 +35,7 @@ FAR = 20.0  # standard deviations from zero beyond which the Rice distribution i
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrequencyResponse(Locked):
+class FrequencyResponse(Labelled, Locked):
     """A response over frequency, with the spectra that it was computed from.
 
     Spectra are two-sided densities: the sum over -Nyquist..Nyquist times the spacing in Hz is the variance.
@@ -165,6 +168,55 @@ class FrequencyResponse(Locked):
             output_names=channel_labels("output_names", output_names, default_names("y", ny)),
         )
 
+    @property
+    def _names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Names of inputs and outputs."""
+        _, ny, nu = self.response.shape
+        return self.input_names or default_names("u", nu), self.output_names or default_names("y", ny)
+
+    def _parts(self) -> list[Part]:
+        f, (inputs, outputs) = self.frequencies, self._names
+        listed = spaced(len(f))
+        if len(f) > len(listed) and f[0] >= 0.0:
+            listed = np.unique(np.searchsorted(f, np.geomspace(f[f > 0.0][0], f[-1], len(listed))))
+        some, phase = self.select(listed), np.degrees(self.phase[listed])
+        deviations = [np.full(phase.shape, np.nan)] * 2
+        if self.covariance is not None:
+            deviations = [some.magnitude_deviation(), np.degrees(some.phase_deviation())]
+
+        def columns(i: int, j: int) -> list[tuple[str, list[str]]]:
+            pairs = zip(("magnitude", "phase / °"), (some.magnitude, phase), deviations, strict=True)
+            cells = [(name, uncertain(values[:, i, j], errors[:, i, j])) for name, values, errors in pairs]
+            return [("frequency / Hz", numbers(some.frequencies)), *cells]
+
+        def powers(i: int, _: int) -> list[tuple[str, list[str]]]:
+            power = numbers(np.asarray(some.noise_spectrum)[:, i, i].real)
+            return [("frequency / Hz", numbers(some.frequencies)), ("spectral density", power)]
+
+        of = (
+            f"response of {', '.join(outputs)} to {', '.join(inputs)}"
+            if inputs
+            else f"spectrum of {', '.join(outputs)}"
+        )
+        heading = f"{self.method.upper()}: {of}, {len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz"
+        tables = path_tables(outputs, inputs, columns) if inputs else path_tables(outputs, ["e"], powers)
+        return [heading, *tables]
+
+    def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        path, (inputs, outputs) = ("frequency", "output", "input"), self._names
+        arrays: dict[str, Any] = {}
+        if inputs:
+            arrays = {name: (path, getattr(self, name)) for name in ("response", "magnitude", "phase")}
+            if self.covariance is not None:
+                arrays["magnitude_deviation"] = (path, self.magnitude_deviation())
+                arrays["phase_deviation"] = (path, self.phase_deviation())
+            if self.coherence is not None:
+                arrays["coherence"] = (path, self.coherence)
+        if self.noise_spectrum is not None:
+            arrays["noise_spectrum"] = (path[:2], np.einsum("fii->fi", self.noise_spectrum).real)
+        coordinates = {"frequency": ("frequency", self.frequencies, {"units": "Hz"}), "output": list(outputs)}
+        return arrays, coordinates | ({"input": list(inputs)} if inputs else {}), {"method": self.method, "dt": self.dt}
+
     def select(
         self,
         kept: ArrayLike | slice | None = None,
@@ -182,8 +234,8 @@ class FrequencyResponse(Locked):
         Raises:
             SysidError: A mask of another length, an index or a channel that does not exist.
         """
-        nf, ny, nu = self.response.shape
-        names = self.input_names or default_names("u", nu), self.output_names or default_names("y", ny)
+        nf, _, nu = self.response.shape
+        names = self._names
         u, y = channel_indices("input", inputs, names[0]), channel_indices("output", outputs, names[1])
         try:
             f = np.arange(nf)[slice(None) if kept is None else kept if isinstance(kept, slice) else np.asarray(kept)]
@@ -278,7 +330,7 @@ class FrequencyResponse(Locked):
             ratio = size / deviation
         for entries, dimensions in ((real, 1), (~real, 2)):
             near = entries & (ratio < FAR)
-            edges = _rice_interval(ratio[near], dimensions)
+            edges = rice_interval(ratio[near], dimensions)
             low[near], high[near] = deviation[near] * edges[0], deviation[near] * edges[1]
         return low, high
 
@@ -328,16 +380,6 @@ class FrequencyResponse(Locked):
             raise SysidError(f"{self.method} gives no covariance of its frequency response")
         d = np.stack((direction.real, direction.imag), axis=-1)
         return np.sqrt(np.maximum(np.einsum("...i,...ij,...j->...", d, self.covariance, d), 0.0))
-
-
-def _rice_interval(ratio: FloatArray, dimensions: int) -> tuple[FloatArray, FloatArray]:
-    """95 % interval of a vector's length from its measured length (n,), both in standard deviations."""
-    # A length that is small by chance must not bound the true one closer than one standard deviation.
-    low, high = (
-        np.sqrt(scipy.special.chndtrinc(np.maximum(ratio, least) ** 2, dimensions, probability))
-        for least, probability in ((0.1, 0.975), (1.0, 0.025))
-    )
-    return low, high
 
 
 def complex_covariance(variance: FloatArray, f: FloatArray, dt: float, *, doubled: bool = True) -> FloatArray:

@@ -10,6 +10,7 @@ from sysid.models.state_space import StateSpace
 from sysid.records.arguments import real_number
 from sysid.records.arrays import FloatArray, Locked, lock, real_array
 from sysid.records.errors import SysidError
+from sysid.records.printing import polynomial
 
 ONE = np.ones(1)
 
@@ -54,6 +55,27 @@ class Polynomials(Locked):
             object.__setattr__(self, name, lock(value))
         if np.atleast_2d(self.B).shape[0] != np.atleast_2d(self.F).shape[0]:
             raise SysidError(f"B and F need a row per input each, got shapes {self.B.shape} and {self.F.shape}")
+
+    def __str__(self) -> str:
+        """The equation of the model and its polynomials."""
+        rows = {name: np.atleast_2d(getattr(self, name)) for name in "ABFCD"}
+        several = self.nu > 1
+        present = {
+            f"{name}{k + 1 if several and name in 'BF' else ''}": row
+            for name, some in rows.items()
+            for k, row in enumerate(some)
+            if not np.array_equal(_trim(row), ONE)
+        }
+
+        def term(above: str, below: str, signal: str) -> str:
+            upper, lower = (f"{name}(q)" if name in present else "" for name in (above, below))
+            return f"{(upper or '1') + '/' + lower if lower else upper} {signal}(t)".lstrip()
+
+        inputs = (term(f"B{j}", f"F{j}", f"u{j}") for j in (range(1, self.nu + 1) if several else [""] * self.nu))
+        equation = f"{term('A', '', 'y')} = {' + '.join((*inputs, term('C', 'D', 'e')))}"
+        return "\n".join(
+            (equation, *(f"  {polynomial(name, row)}".replace("\n", "\n  ") for name, row in present.items()))
+        )
 
     @property
     def nu(self) -> int:

@@ -15,6 +15,7 @@ from sysid.records.arguments import real_number, sampling_interval, shown, whole
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock, real_array
 from sysid.records.channels import default_names
 from sysid.records.errors import SysidError
+from sysid.records.printing import Part, matrix_table, poles_table
 
 if TYPE_CHECKING:
     import control
@@ -96,6 +97,24 @@ class StateSpace(Locked):
             if len(labels) != count:
                 raise SysidError(f"{attribute}: expected {count}, one per channel, got {len(labels)}: {labels}")
             object.__setattr__(self, attribute, labels)
+
+    def _parts(self) -> list[Part]:
+        poles = [poles_table(self.poles(), self.dt)] if self.order else []
+        return [f"State space of order {self.order}, sampled every {self.dt:g} s", *self.matrices(), *poles]
+
+    def matrices(self) -> list[Part]:
+        """Equations, tables of A, B, C, D, and of K and the innovation covariance where there are any, with names."""
+        inputs, noise = (
+            ((" + B u", " + D u") if self.nu else ("", "")),
+            ((" + K e", " + e") if self.gain.any() else ("", "")),
+        )
+        equations = f"x(t+1) = A x{inputs[0]}{noise[0]}, y = C x{inputs[1]}{noise[1]}"
+        x, (u, y) = default_names("x", self.order), (self.input_names or (), self.output_names or ())
+        named = [("A", self.A, x, x), ("B", self.B, x, u), ("C", self.C, y, x), ("D", self.D, y, u)]
+        named += [("K", self.gain, x, y)] if self.gain.any() else []
+        if self.innovation_covariance is not None:
+            named.append(("covariance of e", self.innovation_covariance, y, y))
+        return [equations, *(matrix_table(*one) for one in named if one[1].size)]
 
     @property
     def order(self) -> int:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sysid.models.estimate import DataSummary, Estimate
+from sysid.models.data_summary import DataSummary
+from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.models.predict import residuals
 from sysid.models.state_space import StateSpace

@@ -3,12 +3,15 @@
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.filtering import keep_band, prefilter, resample
+from sysid.records.frames import from_dataframe, from_xarray
 from sysid.records.importers import read_csv, read_mat, read_netcdf
 
 __all__ = [
     "IOData",
     "SysidError",
     "SysidWarning",
+    "from_dataframe",
+    "from_xarray",
     "keep_band",
     "prefilter",
     "read_csv",

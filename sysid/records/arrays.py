@@ -1,7 +1,8 @@
 """Read-only float arrays, and the base class of all records that hold them."""
 
+import importlib
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Sequence
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sysid.records.errors import SysidError
+from sysid.records.printing import Part, as_html, as_text, brief, fields_table
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -40,21 +42,24 @@ class Locked:
         self.__dict__.update({name: locked_within(value) for name, value in state.items()})
 
     def __repr__(self) -> str:
-        """One short line: arrays by their shape."""
-        parts = (f"{name}={_short_form(value)}" for name, value in vars(self).items() if value is not None)
+        """One short line: few numbers in full, other arrays by their shape."""
+        parts = (f"{name}={brief(value, FEW)}" for name, value in vars(self).items() if value is not None)
         return textwrap.shorten(f"{type(self).__name__}({', '.join(parts)})", LINE, placeholder=" ...)")
 
+    def __str__(self) -> str:
+        """What the record is, and its numbers."""
+        return as_text(self._parts())
 
-def _short_form(value: Any) -> str:
-    if isinstance(value, np.ndarray):
-        return f"<{' x '.join(map(str, value.shape))}>"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, tuple):
-        return f"({', '.join(_short_form(part) for part in value)})" if len(value) <= FEW else f"<{len(value)}>"
-    if isinstance(value, str | int):
-        return repr(value)
-    return f"<{len(value)}>" if isinstance(value, Mapping) else type(value).__name__
+    def _repr_html_(self) -> str:
+        """The text with a small figure, as notebooks show a result."""
+        own = type(self).__str__ is not Locked.__str__
+        # figures are made in the last room, which none may import
+        thumbnail = importlib.import_module("sysid.plots.thumbnail").thumbnail(self)
+        return as_html([str(self)] if own else self._parts(), thumbnail)
+
+    def _parts(self) -> Sequence[Part]:
+        """Paragraphs and tables that print shows, the heading first: by default all fields."""
+        return [(type(self).__doc__ or "").partition("\n")[0], *fields_table(vars(self))]
 
 
 def locked_within(value: Any) -> Any:

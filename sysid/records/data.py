@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,13 +11,14 @@ from sysid.records.arguments import real_number, sampling_interval, truth_value,
 from sysid.records.arrays import FloatArray, Locked, lock, real_array
 from sysid.records.channels import channel_indices, channel_labels, default_names, matching_channels
 from sysid.records.errors import SysidError
+from sysid.records.labelled import Labelled
 
 ROUNDING = 1e-13  # remainder of a channel, relative to it, that counts as rounding and not as signal
 LARGEST = 1e60  # largest magnitude of a signal, its inverse the smallest: sums of squares must stay finite
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class IOData(Locked):
+class IOData(Labelled, Locked):
     """Uniformly sampled inputs and outputs of one experiment, time first.
 
     Slicing, detrending and selecting return new records that keep names, units and inter-sample behaviour.
@@ -110,6 +111,21 @@ class IOData(Locked):
         window = f", the first {self.window} to initialise" if self.window else ""
         inputs = f"input {inputs}" if self.nu else "no input"
         return f"{name}{len(self)} samples every {self.dt:g} s{window}; {inputs}; output {outputs}"
+
+    def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        sides = (
+            ("input", self.u, self.input_names, self.input_units),
+            ("output", self.y, self.output_names, self.output_units),
+        )
+        variables = {
+            name: ("time", values[:, k], {"role": role, "units": unit})
+            for role, values, names, units in sides
+            for k, (name, unit) in enumerate(zip(names or (), units or (), strict=True))
+        }
+        if len(variables) < self.nu + self.ny or "time" in variables:
+            raise SysidError(f"expected names that differ from each other and from time, got {', '.join(variables)}")
+        attributes = {key: getattr(self, key) for key in ("dt", "name", "intersample", "window")}
+        return variables, {"time": ("time", self.time, {"units": "s"})}, {**attributes, "missing": int(self.missing)}
 
     @property
     def nu(self) -> int:

@@ -1,10 +1,15 @@
 """The result of `rarx`, `rarmax` and `roe`, and the state from which they continue."""
 
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from sysid.models.estimate import Estimate
 from sysid.polynomial.orders import Orders
 from sysid.records.arrays import FloatArray, Locked
+from sysid.records.labelled import Labelled
+from sysid.records.printing import Part
 from sysid.recursive.adaptation import Adaptation
 
 
@@ -55,7 +60,7 @@ class RecursiveState(Locked):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RecursiveEstimate(Locked):
+class RecursiveEstimate(Labelled, Locked):
     """Parameters sample by sample, and the last model.
 
     Attributes:
@@ -78,3 +83,14 @@ class RecursiveEstimate(Locked):
     final: Estimate
     state: RecursiveState
     shortened: int
+
+    def _parts(self) -> list[Part]:
+        lengths = f", {self.shortened} steps shortened to keep the predictor stable" if self.shortened else ""
+        return [f"{len(self.parameters)} samples of parameters{lengths}; the last ones:", *self.final._parts()]
+
+    def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        arrays = {name: ("time", self.parameters[:, k]) for k, name in enumerate(self.parameter_names)}
+        arrays |= {name: ("time", getattr(self, name)[:, 0]) for name in ("predicted", "residuals")}
+        # the record may be the last part of a longer recursion
+        time = (np.arange(len(self.parameters)) + self.state.samples - len(self.parameters)) * self.state.dt
+        return arrays, {"time": ("time", time, {"units": "s"})}, {"method": self.final.method}

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.models.data_summary import DataSummary
 from sysid.models.delta_method import spread
-from sysid.models.estimate import DataSummary
 from sysid.models.predict import aligned
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray

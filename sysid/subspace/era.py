@@ -1,5 +1,6 @@
 """Eigensystem realisation: state-space models from Markov parameters or from their correlations."""
 
+import textwrap
 import warnings
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, Locked, real_array
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.printing import Part, numbers
 
 NUMERICAL_RANK = 1e-13  # singular value, relative to the largest, that is rounding
 
@@ -33,6 +35,11 @@ class Realisation(Locked):
     percent_described: float
     percent_described_unsquared: float
     modal_singular_values: FloatArray
+
+    def _parts(self) -> list[Part]:
+        values = textwrap.shorten(", ".join(numbers(self.hankel_singular_values)), 90, placeholder=" ...")
+        share = f"{self.percent_described:.2f} % of the Markov parameters described"
+        return [f"Realisation of order {self.model.order}, {share}", f"singular values: {values}", *self.model._parts()]
 
 
 def era(

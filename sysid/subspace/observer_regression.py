@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.models.estimate import DataSummary
+from sysid.models.data_summary import DataSummary
 from sysid.polynomial.least_squares import LeastSquares, solve, solve_blocks
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData

@@ -7,7 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from sysid.models.estimate import DataSummary, Estimate
+from sysid.models.data_summary import DataSummary
+from sysid.models.estimate import Estimate
 from sysid.models.predict import predict, residuals
 from sysid.models.recursion import free_response
 from sysid.models.state_space import StateSpace

@@ -6,7 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from sysid.models.estimate import DataSummary, Estimate
+from sysid.models.data_summary import DataSummary
+from sysid.models.estimate import Estimate
 from sysid.models.predict import aligned, as_model
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.armax import armax

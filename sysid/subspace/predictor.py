@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from sysid.models.estimate import DataSummary
+from sysid.models.data_summary import DataSummary
 from sysid.models.recursion import state_trajectory
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.orthonormal_basis import gramian

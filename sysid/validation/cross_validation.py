@@ -12,6 +12,7 @@ from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidWarning
+from sysid.records.printing import Part, Table
 from sysid.validation.compare import ModelFit, compare
 
 SAME = 1e-6
@@ -37,6 +38,16 @@ class CrossValidation(Locked):
     one_step: FloatArray
     simulation_deviation: FloatArray
     one_step_deviation: FloatArray
+
+    def _parts(self) -> list[Part]:
+        names = self.fits[0].output_names if len(self.simulation) > 1 else ("",)
+        columns: list[tuple[str, list[str]]] = [("left out", [*(fit.name for fit in self.fits), "mean ± deviation"])]
+        for k, name in enumerate(names):
+            for kind, head in (("simulation", "in simulation"), ("one_step", "one step ahead")):
+                mean, deviation = getattr(self, kind)[[k]], getattr(self, f"{kind}_deviation")[[k]]
+                cells = [f"{getattr(fit, kind)[k]:.2f} %" for fit in self.fits]
+                columns.append((f"{name} {head}".strip(), [*cells, f"{mean[0]:.2f} ± {deviation[0]:.2f} %"]))
+        return [f"Fits to {len(self.fits)} parts that were left out", Table(columns)]
 
 
 def cross_validate(

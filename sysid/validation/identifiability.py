@@ -9,6 +9,7 @@ from sysid.models.estimate import Estimate, as_estimate
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.errors import SysidError
+from sysid.records.printing import Part, Table, numbers
 
 POORLY_KNOWN = 1e3  # square root of the condition of the correlation matrix that is reported
 TOGETHER = 2.0  # distance of a pole and a zero, in standard deviations, below which they may coincide
@@ -53,6 +54,11 @@ class Identifiability(Locked):
     weakest: FloatArray
     cancellations: tuple[Cancellation, ...]
     texts: tuple[str, ...]
+
+    def _parts(self) -> list[Part]:
+        columns = [("deviation / value", self.relative_deviation), ("weakest direction", self.weakest)]
+        table = Table([("parameter", self.names), *((head, numbers(values)) for head, values in columns)])
+        return [f"Condition of the parameters {self.condition:.4g}", table, *(self.texts or ("nothing to report",))]
 
 
 def identifiability(estimate: Estimate) -> Identifiability:

@@ -4,6 +4,7 @@ import inspect
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,8 @@ from sysid.models.predict import predict
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.labelled import Labelled
+from sysid.records.printing import LISTED, Part, Table, numbers
 
 Order = int | tuple[int, ...]
 CRITERIA = ("loss", "aic", "aicc", "bic", "fpe", "mdl", "validation")
@@ -20,7 +23,7 @@ FLOOR = 1e-20  # loss, relative to the mean square output, below which candidate
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StructureTable(Locked):
+class StructureTable(Labelled, Locked):
     """Candidate structures with their criteria, the best one first.
 
     With R the covariance of the one-step errors (ny, ny), p the number of parameters and N that of samples, normal
@@ -96,15 +99,21 @@ class StructureTable(Locked):
         """Orders of the first candidate: the best in validation if there is one, else by `bic`."""
         return dict(zip(self.names, self.orders[0], strict=True))
 
-    def __str__(self) -> str:
-        """The table as text, 30 rows at most."""
-        heads = [*self.names, "p", "loss", "AIC", "BIC", "MDL", "validation"]
-        lines = ["".join(f"{head:>12}" for head in heads)]
-        for k in range(min(len(self), 30)):
-            cells = [*(str(o) for o in self.orders[k]), str(self.parameters[k])]
-            figures = (self.loss[k], self.aic[k], self.bic[k], self.mdl[k], self.validation[k])
-            lines.append("".join(f"{cell:>12}" for cell in (*cells, *(f"{x:.6g}" for x in figures))))
-        return "\n".join(lines)
+    def _parts(self) -> list[Part]:
+        arrays, _, _ = self._variables()
+        columns = [(name, numbers(values[:LISTED])) for name, (_, values) in arrays.items()]
+        chosen = ", ".join(f"{name} {order}" for name, order in self.chosen.items())
+        return [f"{min(len(self), LISTED)} of {len(self)} candidates, the best first: {chosen}", Table(columns)]
+
+    def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        # several orders, of several inputs, have no number
+        orders = (
+            [one if isinstance(one, int) else str(one) for one in column] for column in zip(*self.orders, strict=True)
+        )
+        arrays = dict(zip(self.names, orders, strict=True))
+        arrays |= {name: getattr(self, name) for name in ("parameters", *CRITERIA)}
+        variables = {name: ("candidate", values) for name, values in arrays.items()}
+        return variables, {"candidate": range(len(self))}, {"samples": self.samples}
 
 
 def make_table(

@@ -12,6 +12,8 @@ from scipy.signal import lfilter
 import sysid
 import sysid.plots
 from sysid import IOData, StateSpace, SysidWarning
+from sysid.polynomial.orders import make_orders
+from sysid.records.printing import uncertain
 from tests.refusals import refused
 from tests.sysid.systems import second_order
 
@@ -29,12 +31,20 @@ def test_an_estimate_lists_parameters_with_their_deviations():
     first, *rest = str(estimate).splitlines()
     assert first.startswith("OE (")
     assert first.endswith("from 600 samples every 0.02 s")
-    deviation = np.sqrt(estimate.covariance[0, 0])
-    assert f"  {estimate.parameter_names[0]} = {estimate.parameters[0]:.6g} ± {deviation:.2g}" in rest
-    assert f"  poles from input to output (z plane): {estimate.poles()[0].real:.4f}" in rest
-    large = sysid.arx(DATA, 10, 10, 1)
-    assert "  20 parameters" in str(large)
-    assert str(large).count("\n") == 4
+    rows = {line.split()[0]: line.split()[1:] for line in rest}
+    deviations = np.sqrt(np.diag(estimate.covariance))
+    for name, value, deviation in zip(estimate.parameter_names, estimate.parameters, deviations, strict=True):
+        number, sign, uncertainty = rows[name]
+        assert sign == "±"
+        assert float(number) == pytest.approx(value, abs=0.06 * deviation)
+        assert float(uncertainty) == pytest.approx(deviation, rel=0.05)
+    (pole,) = estimate.poles()
+    shown = rows[f"{pole.real:.5g}"]
+    frequency = abs(np.log(pole)) / (2.0 * np.pi * 0.02)
+    np.testing.assert_allclose([float(number) for number in shown], [frequency, 1.0, 0.02 / -np.log(pole.real)], 1e-4)
+    large = sysid.arx(DATA, 11, 10, 1)
+    assert "21 parameters" in str(large)
+    assert "A(q) = 1 - 0." in str(large)
     assert str(replace(large, diagnostics={"warnings": ("poor",)})).endswith("\n  warning: poor")
     # Deviations that are not known are left out.
     assert "nan" not in str(sysid.n4sid(second_order(noise=0.0), 1))
@@ -54,22 +64,33 @@ def test_short_forms_are_short():
     estimate = sysid.oe(DATA, 1, 1)
     assert repr(DATA) == "<IOData robot: 600 samples every 0.02 s; input u1 [rad]; output y1>"
     assert repr(estimate) == "<Estimate: OE (nb 1, nf 1, nk 1) from 600 samples every 0.02 s>"
-    assert repr(estimate.bandwidth()) == "Bandwidth(hz=<1 x 1>, ci95=(<1 x 1>, <1 x 1>))"
-    records = [
-        estimate.model,
-        estimate.frequency_response([1.0, 2.0]),
-        sysid.delayest(DATA),
-        sysid.identifiability(estimate),
-        sysid.band(estimate, StateSpace.dc_gain),
-        sysid.cross_validate(lambda parts: sysid.arx(parts, 1, 1), DATA),
-        sysid.era(estimate.model.markov(20), 1),
-        sysid.rarx(DATA, 1, 1),
-        sysid.resid(estimate, DATA),
-        *sysid.compare(estimate, DATA),
-    ]
-    for record in records:
+    hz, low, high = estimate.bandwidth().path()
+    assert repr(estimate.bandwidth()) == f"Bandwidth(hz={hz:.5g}, ci95=({low:.5g}, {high:.5g}))"
+    response, forecast = sysid.spa(DATA), sysid.forecast(estimate, DATA, 3, np.zeros((3, 1)))
+    validation = sysid.cross_validate(lambda parts: sysid.arx(parts, 1, 1), DATA)
+    band = sysid.band(estimate, StateSpace.dc_gain)
+    orders, truth = make_orders(1, nb=1, nf=1, nk=1), estimate.polynomials
+    bound = sysid.validation.cramer_rao_bound(truth, orders, DATA.u, dt=0.02, variance=1e-4, frequencies=np.ones(1))
+    cells = uncertain(forecast.y, forecast.deviation)
+    records = {
+        sysid.delayest(DATA): "output 1 from input 1    1            1",
+        sysid.identifiability(estimate): f"{estimate.parameter_names[0]} ",
+        band: f"({band.ci95[0][0, 0]:.5g}, {band.ci95[1][0, 0]:.5g})",
+        validation: f"{validation.simulation[0]:.2f} ± {validation.simulation_deviation[0]:.2f} %",
+        sysid.era(estimate.model.markov(20), 1): f"{estimate.poles()[0].real:.5g}",
+        sysid.rarx(DATA, 1, 1): "600 samples of parameters",
+        response: uncertain(response.magnitude[0, 0], response.magnitude_deviation()[0, 0])[0],
+        sysid.cra(DATA): "Impulse response of y1 to u1, 21 lags",
+        forecast: f"12.02     {cells[1]}",
+        estimate.bandwidth(): f"{low:.5g} to {high:.5g}",
+        bound: uncertain(bound.bandwidth_hz, bound.bandwidth_hz * bound.bandwidth_deviation)[0],
+        sysid.resid(estimate, DATA): "y1: white",
+    }
+    for record, numbers in records.items():
         assert len(repr(record)) <= 160
         assert "\n" not in repr(record)
+        assert numbers in str(record)
+        assert max(map(len, str(record).splitlines())) <= 120
 
 
 def test_okid_warns_of_outputs_that_its_model_does_not_explain():

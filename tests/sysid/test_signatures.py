@@ -2,14 +2,18 @@
 
 import inspect
 
-import pytest
-
 import sysid
+import sysid.plots
 
-PUBLIC = [name for name in sysid.__all__ if callable(getattr(sysid, name)) and not name.endswith(("Error", "Warning"))]
 
-
-@pytest.mark.parametrize("name", PUBLIC)
-def test_signature_names_every_argument(name):
-    kinds = {parameter.kind for parameter in inspect.signature(getattr(sysid, name)).parameters.values()}
-    assert not kinds & {inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD}
+def test_signatures_name_every_argument():
+    functions = {
+        name: value
+        for package in (sysid, sysid.plots)
+        for name in package.__all__
+        if inspect.isfunction(value := getattr(package, name))
+    }
+    assert {"oe", "bode"} <= functions.keys()
+    for name, function in functions.items():
+        kinds = {parameter.kind for parameter in inspect.signature(function).parameters.values()}
+        assert not kinds & {inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD}, name

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import sysid
 from sysid import Estimate, IOData, Polynomials, StateSpace, read_model, write_model
 from sysid.models import band, innovations_form
-from sysid.models.estimate import DataSummary
+from sysid.models.data_summary import DataSummary
 from tests.refusals import refused
 
 DT = 0.02

@@ -123,7 +123,7 @@ def test_a_time_series_passes_through_the_toolbox():
     assert sysid.resid(estimate, data).passed
     assert poles_band(estimate).roots.shape == (2,)
     np.testing.assert_allclose(estimate.zeros(), [-estimate.parameters[2], 0.0], atol=1e-9)
-    assert "poles (z plane)" in str(estimate)
+    assert "poles from innovation to output" in str(estimate)
     spectrum = sysid.spa(data)
     assert spectrum.response.shape[1:] == (1, 0)
     np.testing.assert_array_equal(spectrum.noise_spectrum, spectrum.output_spectrum)

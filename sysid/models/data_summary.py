@@ -1,0 +1,52 @@
+"""Description of the data that a model was estimated from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sysid.records.data import IOData
+
+
+@dataclass(frozen=True)
+class DataSummary:
+    """Description of the data of an estimate.
+
+    Attributes:
+        samples: Length of each experiment.
+        dt: Sampling interval in s.
+        input_names: One name per input.
+        output_names: One name per output.
+        input_units: One unit per input.
+        output_units: One unit per output.
+        names: Name of each experiment.
+        intersample: Behaviour of the inputs between samples, of the first experiment.
+    """
+
+    samples: tuple[int, ...]
+    dt: float
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+    names: tuple[str, ...]
+    intersample: str = "zoh"
+
+    @staticmethod
+    def of(experiments: Sequence[IOData]) -> "DataSummary":
+        """Describe a data set."""
+        first = experiments[0]
+        return DataSummary(
+            samples=tuple(len(e) for e in experiments),
+            dt=first.dt,
+            input_names=first.input_names or (),
+            output_names=first.output_names or (),
+            input_units=first.input_units or (),
+            output_units=first.output_units or (),
+            names=tuple(e.name for e in experiments),
+            intersample=first.intersample,
+        )
+
+    @property
+    def labels(self) -> dict[str, Any]:
+        """Names and units of the channels, as keyword arguments of `StateSpace`."""
+        return {key: getattr(self, key) for key in ("input_names", "output_names", "input_units", "output_units")}
