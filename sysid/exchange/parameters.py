@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.models.data_summary import DataSummary
 from sysid.models.delta_method import spread, standard_directions
 from sysid.models.estimate import Estimate
 from sysid.models.state_space import StateSpace

@@ -124,7 +124,10 @@ class Estimate(Labelled, Locked):
                 Table([("parameter", self.parameter_names), ("value", uncertain(self.parameters, deviations))])
             )
         else:
-            parts += [str(self.polynomials or ""), f"{len(self.parameters)} parameters, with deviations: to_dataframe()"]
+            parts += [
+                str(self.polynomials or ""),
+                f"{len(self.parameters)} parameters, with deviations: to_dataframe()",
+            ]
         parts += self._dynamics()
         if not of_states:
             parts.append(f"innovation variance: {', '.join(numbers(np.diag(self.noise_variance)))}")
