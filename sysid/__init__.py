@@ -57,6 +57,7 @@ from sysid.polynomial import (
     oe,
     order_of_excitation,
     polyest,
+    two_stage,
 )
 from sysid.records import (
     IOData,
@@ -72,7 +73,7 @@ from sysid.records import (
     resample,
 )
 from sysid.recursive import RecursiveEstimate, rarmax, rarx, roe
-from sysid.subspace import era, era_dc, n4sid, okid, pem_ss
+from sysid.subspace import era, era_dc, n4sid, okid, pbsid, pem_ss
 from sysid.validation import (
     FeedbackTest,
     ModelFit,
@@ -145,6 +146,7 @@ __all__ = [
     "oe",
     "okid",
     "order_of_excitation",
+    "pbsid",
     "pem_ss",
     "polyest",
     "predict",
@@ -169,6 +171,7 @@ __all__ = [
     "to_fmu",
     "to_matlab",
     "transfer_function",
+    "two_stage",
     "vector_fit",
     "welch",
     "write_model",

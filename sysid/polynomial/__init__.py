@@ -14,6 +14,7 @@ from sysid.polynomial.ivx import ivx
 from sysid.polynomial.oe import oe
 from sysid.polynomial.polyest import polyest
 from sysid.polynomial.structures import Embedding, embedding
+from sysid.polynomial.two_stage import two_stage
 
 __all__ = [
     "Embedding",
@@ -31,4 +32,5 @@ __all__ = [
     "oe",
     "order_of_excitation",
     "polyest",
+    "two_stage",
 ]

@@ -15,8 +15,7 @@ from sysid.polynomial.instrumental_variables import (
 )
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output
-from sysid.records.arrays import FloatArray, real_array
-from sysid.records.data import IOData, as_experiments
+from sysid.records.data import IOData, as_experiments, external_signals
 from sysid.records.errors import SysidError
 
 
@@ -58,23 +57,15 @@ def ivx(
     """
     experiments = as_experiments(data, missing=True)
     check_single_output(experiments)
-    orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk)
-    signals = (x,) if isinstance(data, IOData) else x
-    if not isinstance(signals, Sequence) or len(signals) != len(experiments):
-        raise SysidError(f"x: expected a sequence of {len(experiments)} arrays, one per experiment")
-    instruments = [_instruments(e, signal) for e, signal in zip(experiments, signals, strict=True)]
+    nu = experiments[0].nu
+    orders = make_orders(nu, na=na, nb=nb, nk=nk)
+    signals = external_signals("x", data, x)
+    if signals[0].shape[1] not in (1, 1 + nu):
+        raise SysidError(f"x: expected 1 or {1 + nu} columns, in place of y or of y and u, got {signals[0].shape[1]}")
+    instruments = [np.hstack((z, e.u)) if z.shape[1] == 1 else z for z, e in zip(signals, experiments, strict=True)]
     messages = check_excitation(experiments, orders.nb) + check_means(experiments, orders.na)
     usable = check_enough_data(experiments, orders, transients=0)
     fit, _ = instrumented(experiments, orders, instruments, WHITE)
     whitener = disturbance_whitener(experiments, orders, fit.solution[:, 0], usable)
     fit, shape = instrumented(experiments, orders, instruments, WHITE, colour=whitener)
     return instrumental_estimate("ivx", experiments, orders, fit, shape, whitener, messages)
-
-
-def _instruments(experiment: IOData, x: ArrayLike) -> FloatArray:
-    signals = real_array("x", x)
-    signals = signals[:, None] if signals.ndim == 1 else signals
-    n, nu = experiment.u.shape
-    if signals.ndim != 2 or len(signals) != n or signals.shape[1] not in (1, 1 + nu):
-        raise SysidError(f"x: expected shape ({n},), ({n}, 1) or ({n}, {1 + nu}), time first, got {np.shape(x)}")
-    return np.hstack((signals, experiment.u)) if signals.shape[1] == 1 else signals

@@ -199,7 +199,8 @@ def n4sid(
 
     A and C from the shift of the observability matrix; B, D and the initial states by least squares on the simulated
     output, given A and C; K from the residual covariance of the regression of the states. There is no search, hence no
-    local minimum; the estimate is consistent, not efficient: `pem_ss` refines it.
+    local minimum; the estimate is consistent, not efficient: `pem_ss` refines it. Under feedback it is biased, and
+    `pbsid` is not.
 
     Args:
         data: One experiment, or several that share the model; any numbers of inputs (none: a time series) and outputs.

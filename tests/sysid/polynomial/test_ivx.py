@@ -54,7 +54,8 @@ def test_rows_with_a_missing_output_are_omitted():
 
 def test_refusals_and_dependent_instruments():
     data, r = in_feedback(samples=200)
-    refused(r"expected shape \(200,\), \(200, 1\) or \(200, 2\)", ivx, data, 2, 2, 1, r[:-1])
+    refused(r"expected 200 samples, time first, got shape \(199, 1\)", ivx, data, 2, 2, 1, r[:-1])
+    refused("expected 1 or 2 columns", ivx, data, 2, 2, 1, np.column_stack((r, r, r)))
     refused("one per experiment", ivx, [data, data], 2, 2, 1, r)
     with pytest.warns(SysidWarning, match="the instruments have rank 3 for 4 parameters"):
         ivx(data, 2, 2, 1, np.column_stack((np.r_[0, r[:-1]], r)))
