@@ -15,8 +15,9 @@ from sysid.polynomial.instrumental_variables import (
 )
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output
-from sysid.records.data import IOData, as_experiments, external_signals
+from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
+from sysid.records.external_signals import external_signals
 
 
 def ivx(

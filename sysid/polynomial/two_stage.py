@@ -20,8 +20,9 @@ from sysid.polynomial.regressors import arx_regressors
 from sysid.polynomial.robust_covariance import long_run_covariance
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
-from sysid.records.data import IOData, as_experiments, external_signals
+from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidWarning
+from sysid.records.external_signals import external_signals
 
 ORDERS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)  # of the model of the input, of which AIC selects one
 ROWS_PER_COEFFICIENT = 10  # least number of samples per coefficient of it: noise that it explains is bias

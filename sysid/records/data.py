@@ -313,26 +313,6 @@ def in_sequence_of(first: IOData, record: IOData, *, owner: str, other: str) -> 
     return record if sorted_already else record.select(inputs=inputs, outputs=outputs)
 
 
-def external_signals(
-    name: str, data: IOData | Sequence[IOData], signals: ArrayLike | Sequence[ArrayLike]
-) -> list[FloatArray]:
-    """Signals beside a data set (N, k): one array for a record, a sequence with one array each for several.
-
-    Raises:
-        SysidError: Another number or length of arrays.
-    """
-    experiments = [data] if isinstance(data, IOData) else list(data)
-    several: object = [signals] if isinstance(data, IOData) else signals
-    if not isinstance(several, Sequence) or len(several) != len(experiments):
-        raise SysidError(f"{name}: expected a sequence of {len(experiments)} arrays, one per experiment")
-    arrays = [real_array(name, signal) for signal in several]
-    arrays = [array[:, None] if array.ndim == 1 else array for array in arrays]
-    for array, e in zip(arrays, experiments, strict=True):
-        if array.ndim != 2 or array.shape != (len(e), arrays[0].shape[1]):
-            raise SysidError(f"{name}: expected {len(e)} samples, time first, got shape {array.shape}")
-    return arrays
-
-
 def as_record(data: IOData) -> IOData:
     """Check that the data are a single record."""
     if not isinstance(data, IOData):
