@@ -73,6 +73,7 @@ from sysid.records import (
     resample,
 )
 from sysid.recursive import RecursiveEstimate, rarmax, rarx, roe
+from sysid.selection import StructureChoice, auto
 from sysid.subspace import era, era_dc, n4sid, okid, pbsid, pem_ss
 from sysid.validation import (
     FeedbackTest,
@@ -108,12 +109,14 @@ __all__ = [
     "RecursiveEstimate",
     "ResidualTest",
     "StateSpace",
+    "StructureChoice",
     "SysidError",
     "SysidWarning",
     "ar",
     "arma",
     "armax",
     "arx",
+    "auto",
     "balred",
     "band",
     "bj",

@@ -22,7 +22,7 @@ RECORDS = {"IOData", "StateSpace", "FrequencyResponse"}
 ROOMS = {
     "sysid": (
         *("records", "models", "polynomial", "exchange", "validation", "subspace", "recursive", "frequency"),
-        *("continuous", "design", "plots"),
+        *("continuous", "design", "selection", "plots"),
     ),
     "hmtb_twin": ("files", "parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
     "scenarios": (

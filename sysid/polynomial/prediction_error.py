@@ -296,13 +296,15 @@ def search(
     *,
     start: InitialEstimate | None = None,
     smaller_too: bool = True,
+    thorough: bool = True,
     max_iterations: int = 100,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> Search:
     """Refine initial estimates by a few steps until two agree, then the best to the minimum; if that is slow, all.
 
     Where several minima are likely, minima of the next smaller structures, padded with zeros, are further initial
-    estimates: a larger structure never fits worse. A `start` of the caller's replaces these.
+    estimates: a larger structure never fits worse. A `start` of the caller's replaces these. If not `thorough`, only
+    the best initial estimate is refined, however slowly.
     """
     samples = sum(len(e) for e in experiments)
     remaining = chain([] if start is None else [start], initial_estimates(orders))
@@ -337,7 +339,7 @@ def search(
     chosen = min(screened, key=lambda name: screened[name].at.cost)
     best = polish(chosen)
     others: list[str] = []
-    difficult = not best.converged or best.iterations > EASY
+    difficult = thorough and (not best.converged or best.iterations > EASY)
     if difficult:
         for one in remaining:
             screen(one)

@@ -234,7 +234,7 @@ def structure_scan(
     return make_table(
         tuple(names),
         [candidate for candidate, _ in fits],
-        [_parameters(estimate) for _, estimate in fits],
+        [parameter_count(estimate) for _, estimate in fits],
         loss,
         checked,
         samples=rows,
@@ -330,7 +330,7 @@ def _stable_fit(estimator: Callable[..., Estimate], data: IOData, orders: Mappin
     return estimate if stable else SysidError(f"orders {tuple(orders.values())} give an unstable model")
 
 
-def _parameters(estimate: Estimate) -> int:
+def parameter_count(estimate: Estimate) -> int:
     """Free parameters: a state-space model in innovation form has n (nu + 2 ny) + nu ny of them."""
     if estimate.polynomials is not None:
         return len(estimate.parameters)

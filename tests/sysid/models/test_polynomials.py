@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
@@ -67,6 +67,12 @@ def test_what_is_not_given_is_one():
 def test_monic_polynomials_begin_with_one():
     refused("C must begin with 1", lambda: Polynomials(ONE, ONE, [2.0, 1.0], ONE, ONE))
     refused("row per input", lambda: Polynomials(ONE, [[1.0], [1.0]], ONE, ONE, [[1.0]]))
+
+
+@given(st.lists(st.floats(-1.2, 1.2), min_size=1, max_size=4), st.sampled_from([0.0, 1e-7, 0.1]))
+def test_stability_is_that_of_the_roots(roots, margin):
+    assume(all(abs(1.0 - margin - abs(root)) > 1e-3 for root in roots))
+    assert is_stable(np.poly(roots), margin) == (max(map(abs, roots)) < 1.0 - margin)
 
 
 @given(st.lists(st.floats(-3, 3).filter(lambda x: abs(x) > 1e-3), min_size=1, max_size=5))

@@ -1,0 +1,185 @@
+"""Choice of delay, structure and orders from the data alone."""
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.frequency.delayest import delayest
+from sysid.models.estimate import Estimate
+from sysid.polynomial import armax, arx, bj, oe
+from sysid.records.arguments import whole_number
+from sysid.records.data import IOData, as_experiments
+from sysid.records.errors import SysidError, SysidWarning
+from sysid.selection.structure_search import ORDERS, Candidate, Experiments, StructureSearch, complete_parts
+from sysid.subspace import n4sid, pem_ss
+from sysid.validation.feedback import feedback
+
+LISTED = 8
+"""Candidates that a printed choice lists."""
+
+STRETCHES = 4
+"""Parts of a long experiment on which candidates are compared, spread over it."""
+
+FEEDBACK = "oe is left out: the input depends on past outputs, and a disturbance that is not white would bias oe"
+
+
+@dataclass(frozen=True, repr=False)
+class StructureChoice:
+    """The best of many structures, and the others.
+
+    Attributes:
+        estimate: The chosen model, estimated from all data.
+        candidates: Every candidate, the best first; unstable ones last.
+        delays: Delays in samples of each input at which the search begins, by `delayest`; empty for several outputs.
+        samples: Samples on which the candidates are compared.
+        reason: Why this one, in words.
+    """
+
+    estimate: Estimate
+    candidates: tuple[Candidate, ...]
+    delays: tuple[int, ...]
+    samples: int
+    reason: str
+
+    def __str__(self) -> str:
+        """The reason, and a table of the best candidates."""
+        best, shown = self.candidates[0], self.candidates[:LISTED]
+        width = max(len(str(one)) for one in shown)
+        judged = bool(np.isfinite(best.validation))
+        lines = [
+            self.reason,
+            f"{'candidate':{width}}   parameters       loss      BIC above" + "   validation" * judged,
+        ]
+        for one in shown:
+            text = f"{one!s:{width}} {one.parameters:12d} {one.loss:10.4g} {one.bic - best.bic:14.1f}"
+            lines.append(text + (f" {one.validation:12.4g}" if judged else "") + f"   {one.remark}".rstrip())
+        if len(self.candidates) > LISTED:
+            lines.append(f"and {len(self.candidates) - LISTED} more")
+        return "\n".join(lines)
+
+
+def auto(
+    data: IOData | Sequence[IOData],
+    *,
+    methods: Sequence[str] | None = None,
+    validation: IOData | Sequence[IOData] | None = None,
+    largest: int = 10,
+    longest: int = 10_000,
+) -> StructureChoice:
+    """Choose delay, structure and orders, and estimate the model.
+
+    With one output the delays start at those of `delayest`; arx, oe, armax and bj rise in order until the criterion of
+    each gets worse twice; then single orders of the best ones, the delays among them, change by one as long as that
+    helps. Beside feedback (`sysid.feedback`) oe does not take part, which only a white disturbance would leave
+    unbiased. With several outputs it is the order of a state-space model, `n4sid` refined by `pem_ss`.
+
+    The criterion is Schwarz's BIC [Schwarz1978] over the same samples for all, or the error of the simulated validation
+    outputs where there are such data. Unstable models are chosen only if all are unstable.
+
+    Args:
+        data: One experiment, or several that share the model; means removed (`IOData.detrend`).
+        methods: Estimators to try, some of arx, oe, armax, bj; by default all, or all but oe beside feedback. One
+            output only.
+        validation: Data to judge on, means removed.
+        largest: Largest order tried.
+        longest: Samples on which candidates are compared; of longer records `STRETCHES` parts are used. The model
+            itself is estimated from all.
+
+    Returns:
+        The model with the table of candidates and the reason.
+
+    Raises:
+        SysidError: Data without input, unknown methods, or no candidate that could be fitted.
+
+    Warns:
+        SysidWarning: What the estimator says about the chosen model.
+    """
+    experiments = as_experiments(data)
+    others = () if validation is None else as_experiments(validation)
+    largest, longest = whole_number("largest", largest, 1), whole_number("longest", longest, 100)
+    names = tuple(ORDERS) if methods is None else tuple(methods)
+    if not names or not set(names) <= set(ORDERS):
+        raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {', '.join(map(str, names)) or 'none'}")
+    search = StructureSearch(_stretches(experiments, longest), others, largest, names)
+    delays, fed_back = tuple[int, ...](), False
+    with warnings.catch_warnings():
+        # candidates that are too large give many warnings; the fit of the chosen one repeats its own
+        warnings.simplefilter("ignore", SysidWarning)
+        if experiments[0].ny == 1:
+            delays = _delays(search.experiments, largest)
+            fed_back = methods is None and _feedback(search.experiments)
+            if fed_back:
+                search.methods = tuple(name for name in names if name != "oe")
+            search.climb_structures(delays)
+        elif methods is not None:
+            raise SysidError(f"methods are of one output, the data have {experiments[0].ny}: pem_ss is tried alone")
+        else:
+            search.climb_states()
+    best = search.ranked()[0]
+    return StructureChoice(
+        estimate=_estimate(experiments, best),
+        candidates=search.ranked(),
+        delays=delays,
+        samples=search.samples,
+        reason=_reason(search, delays) + fed_back * f"; {FEEDBACK}",
+    )
+
+
+def _estimate(experiments: Experiments, chosen: Candidate) -> Estimate:
+    estimators: Mapping[str, Callable[..., Estimate]] = {
+        **{"arx": arx, "armax": armax, "oe": oe, "bj": bj},
+        "pem_ss": lambda parts, order: pem_ss(parts, n4sid(complete_parts(parts), order)),
+    }
+    return estimators[chosen.method](experiments, **chosen.orders)
+
+
+def _delays(experiments: Experiments, largest: int) -> tuple[int, ...]:
+    """Delay of each input; 1 where no lag is significant."""
+    try:
+        table = delayest(complete_parts(experiments), largest=2 * largest).arx
+    except SysidError:
+        return (1,) * experiments[0].nu
+    return tuple(max(int(one), 1) if one else 0 for one in table[0])
+
+
+def _feedback(experiments: Experiments) -> bool:
+    """Whether an input depends on past outputs; False where no test can tell."""
+    try:
+        return bool(feedback(complete_parts(experiments)).feedback.any())
+    except SysidError:
+        return False
+
+
+def _reason(search: StructureSearch, delays: tuple[int, ...]) -> str:
+    """Why the best candidate is the best, in words."""
+    ranked, judged = search.ranked(), bool(search.others)
+    best = ranked[0]
+    rival = next((one for one in ranked if one.method != best.method), None)
+    what = "the least error in simulation of the validation data" if judged else "the lowest BIC"
+    text = f"{best}: {what} of {len(ranked)} candidates, compared on {search.samples} samples"
+    if rival is not None and rival.radius < 1.0:
+        gap = f"{rival.validation / best.validation:.3g} times" if judged else f"{rival.bic - best.bic:.1f} above"
+        text += f"; the next method is {rival}, {gap}"
+    if delays:
+        text += f"; delays by delayest: {', '.join(map(str, delays))} samples"
+    if best.radius >= 1.0:
+        text += "; every candidate is unstable"
+    return text
+
+
+def _stretches(experiments: Experiments, longest: int) -> Experiments:
+    """At most `longest` samples or so: stretches spread over each experiment, of as many experiments as that needs."""
+    total = sum(map(len, experiments))
+    if total <= longest:
+        return experiments
+    # stretches shorter than a thousand samples would spend many of them on initial states
+    kept = experiments[:: max(round(len(experiments) * STRETCHES * 1000 / longest), 1)]
+    length = longest // (STRETCHES * len(kept))
+    out: list[IOData] = []
+    for one in kept:
+        starts = np.linspace(0, len(one) - length, STRETCHES).astype(int) if len(one) > STRETCHES * length else [0]
+        end = length if len(one) > STRETCHES * length else len(one)
+        out += [one[int(start) : int(start) + end] for start in starts]
+    return tuple(out)

@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+import scipy
+
+import sysid
+from sysid import IOData, SysidError, auto
+from tests.sysid.systems import exact_system, second_order
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("order", "nk"), [(1, 1), (2, 3), (3, 2)])
+def test_without_noise_the_system_itself_is_chosen(order, nk):
+    system, data = exact_system(order, nk)
+    choice = auto(data)
+    best = choice.candidates[0]
+    assert choice.delays == (nk,) and best.orders["nk"] == nk
+    assert choice.estimate.model.order <= order + nk
+    hz = np.linspace(0.0, 20.0, 30)
+    truth = sysid.models.innovations_form(system, dt=0.02, variance=1.0).frequency_response(hz)
+    np.testing.assert_allclose(choice.estimate.model.frequency_response(hz), truth, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("noise", "method", "orders"),
+    [
+        ("white", "oe", {"nb": 2, "nf": 2, "nk": 1}),
+        ("of the equation", "arx", {"na": 2, "nb": 2, "nk": 1}),
+        ("resonant", "bj", {"nb": 2, "nf": 2, "nk": 1}),
+    ],
+)
+def test_the_structure_of_the_noise_is_recognised(noise, method, orders):
+    c, d = {"white": ([1.0], [1.0]), "of the equation": ([1.0], (1.0, -1.5, 0.7))}.get(
+        noise, ([1.0, 0.4], [1.0, -1.2, 0.8])
+    )
+    choice = auto(second_order(seed=3, samples=1500, noise=0.3, c=c, d=d), largest=4)
+    best = choice.candidates[0]
+    assert best.method == method, str(choice)
+    assert {name: best.orders[name] for name in orders} == orders
+    assert all(choice.candidates[0].bic <= one.bic for one in choice.candidates if one.radius < 1.0)
+
+
+@pytest.mark.slow
+def test_feedback_leaves_out_oe():
+    rng, u, y = np.random.default_rng(1), np.zeros(1000), np.zeros(1000)
+    v = scipy.signal.lfilter([1.0], [1.0, -0.9], 0.1 * rng.standard_normal(1000))
+    command = rng.standard_normal(1000)
+    x = 0.0
+    for t in range(1, 1000):
+        x = 0.8 * x + 0.5 * u[t - 1]
+        y[t] = x + v[t]
+        u[t] = command[t] - 0.8 * y[t]
+    choice = auto(IOData(u, y, 0.1), largest=3)
+    assert "oe is left out: the input depends on past outputs" in choice.reason
+    assert not any(one.method == "oe" for one in choice.candidates)
+    assert choice.estimate.dc_gain()[0, 0] == pytest.approx(2.5, rel=0.1)
+
+
+@pytest.mark.slow
+def test_two_inputs_get_delays_of_their_own():
+    rng = np.random.default_rng(5)
+    u = rng.standard_normal((1500, 2))
+    y = scipy.signal.lfilter([0.0, 0.5], [1.0, -0.8], u[:, 0]) + scipy.signal.lfilter(
+        [0, 0, 0, 1.0], [1.0, -0.5], u[:, 1]
+    )
+    choice = auto(IOData(u, y + 0.05 * rng.standard_normal(1500), 0.1), methods=["oe"])
+    assert choice.candidates[0].orders == {"nb": (1, 1), "nf": (1, 1), "nk": (1, 3)}
+
+
+@pytest.mark.slow
+def test_several_outputs_get_a_state_space_model():
+    rng = np.random.default_rng(2)
+    model = sysid.StateSpace(
+        [[0.9, 0.2], [-0.2, 0.7]], [[1.0], [0.3]], [[1.0, 0.0], [0.3, 1.0]], [[0.0], [0.0]], None, 0.1
+    )
+    u = rng.standard_normal((600, 1))
+    y = sysid.simulate(model, u) + 0.05 * rng.standard_normal((600, 2))
+    choice = auto(IOData(u, y, 0.1), largest=4)
+    assert choice.candidates[0].orders == {"order": 2} and choice.estimate.method == "pem_ss"
+
+
+@pytest.mark.slow
+def test_validation_data_decide_where_there_are_such():
+    data, fresh = second_order(seed=1, noise=0.2, d=(1.0,)), second_order(seed=2, noise=0.2, d=(1.0,))
+    choice = auto(data, methods=["oe", "arx"], validation=fresh, largest=4)
+    stable = [one for one in choice.candidates if one.radius < 1.0]
+    assert choice.candidates[0].validation == min(one.validation for one in stable)
+    assert "validation" in str(choice) and "the least error in simulation" in choice.reason
+
+
+@pytest.mark.slow
+def test_a_long_record_is_searched_by_parts_and_estimated_whole():
+    data = second_order(seed=4, samples=6000, noise=0.3, d=(1.0,))
+    choice = auto(data, methods=["oe"], longest=2000, largest=3)
+    assert choice.samples < 2000 and choice.estimate.data.samples == (6000,)
+    assert choice.candidates[0].orders == {"nb": 2, "nf": 2, "nk": 1}
+
+
+def test_what_cannot_be_chosen_is_refused():
+    data = second_order()
+    with pytest.raises(SysidError, match="expected some of arx, oe, armax, bj, got n4sid"):
+        auto(data, methods=["n4sid"])
+    with pytest.raises(SysidError, match="expected an input"):
+        auto(IOData(None, data.y, 0.1))
+    with pytest.raises(SysidError, match="pem_ss is tried alone"):
+        auto(IOData(data.u, np.column_stack((data.y, data.y[::-1])), 0.1), methods=["oe"])
