@@ -27,6 +27,10 @@ KEPT = 3  # of these, the best that go on
 LONGEST = 10_000  # samples of each experiment that initial estimates use
 
 
+Candidate = tuple[TransferFunction, float]
+"""A transfer function and its sum of squared errors."""
+
+
 @dataclass(frozen=True, eq=False)
 class PathData:
     """Input and output of one path in every experiment, and what its transfer function may be.
@@ -37,7 +41,7 @@ class PathData:
         dt: Sampling interval in s.
         intersample: Input between samples, held or linear.
         first: First sample of each experiment whose error counts.
-        free: Whether initial states are free.
+        free: Denominators of other paths whose initial states are free too; None if every path begins at rest.
         structure: Numbers of poles and zeros, and whether the delay is known.
     """
 
@@ -46,15 +50,16 @@ class PathData:
     dt: float
     intersample: str
     first: Sequence[int]
-    free: bool
+    free: Sequence[FloatArray] | None
     structure: PathStructure
 
     def stacked(self, a: FloatArray, blocks: Sequence[FloatArray]) -> FloatArray:
         """Columns of all experiments (rows, k), from `first` on and without the free responses of 1/A."""
         parts = [block[first:] for block, first in zip(blocks, self.first, strict=True)]
-        return np.vstack([without_transients(part, [a] if self.free else [], self.dt)[0] for part in parts])
+        free = [] if self.free is None else [a, *self.free]
+        return np.vstack([without_transients(part, free, self.dt)[0] for part in parts])
 
-    def numerator(self, a: FloatArray, delay: float) -> tuple[TransferFunction, float]:
+    def numerator(self, a: FloatArray, delay: float) -> Candidate:
         """Transfer function with the least-squares numerator, and its sum of squared errors."""
         m = self.structure.zeros
         blocks = [
@@ -119,7 +124,7 @@ def without_transients(
     return out, basis.shape[1]
 
 
-def path_estimates(data: PathData, longest: float) -> list[TransferFunction]:
+def path_estimates(data: PathData, longest: float) -> list[Candidate]:
     """Transfer functions of one path, best first; several where the delay is unknown, each near a local minimum."""
     unknown = data.structure.delay is None
     n = data.structure.poles
@@ -132,22 +137,22 @@ def path_estimates(data: PathData, longest: float) -> list[TransferFunction]:
     candidates += [data.numerator(a, delay) for a, delay in _sampled_fits(data, _best(candidates)[:1])]
     best = _best(candidates)[:KEPT]
     if not unknown:
-        return [path for path, _ in best]
-    near: list[tuple[TransferFunction, float]] = []
+        return best
+    near: list[Candidate] = []
     for path, _ in best:
         grid, costs = data.by_delay(path.a, longest)
         inner = np.concatenate(([np.inf], costs, [np.inf]))
         minima = np.flatnonzero((inner[1:-1] <= inner[:-2]) & (inner[1:-1] <= inner[2:]))
         for k in minima[np.argsort(costs[minima])][:2]:
             near.append(_iterated(data, path.a, float(grid[k])))
-    chosen: list[TransferFunction] = []
-    for path, _ in _best(near + best):
-        if all(abs(path.delay - other.delay) > 0.5 * data.dt for other in chosen):
-            chosen.append(path)
+    chosen: list[Candidate] = []
+    for path, cost in _best(near + best):
+        if all(abs(path.delay - other.delay) > 0.5 * data.dt for other, _ in chosen):
+            chosen.append((path, cost))
     return chosen[: KEPT + 1]
 
 
-def _iterated(data: PathData, a: FloatArray, delay: float) -> tuple[TransferFunction, float]:
+def _iterated(data: PathData, a: FloatArray, delay: float) -> Candidate:
     """The best of a few steps of SRIVC at one delay, and its sum of squared errors."""
     best = data.numerator(a, delay)
     last = best
@@ -158,7 +163,7 @@ def _iterated(data: PathData, a: FloatArray, delay: float) -> tuple[TransferFunc
     return best
 
 
-def _sampled_fits(data: PathData, best: Sequence[tuple[TransferFunction, float]]) -> Iterator[tuple[FloatArray, float]]:
+def _sampled_fits(data: PathData, best: Sequence[Candidate]) -> Iterator[tuple[FloatArray, float]]:
     """Denominators by fits of discrete-time models, at no delay and at that of the best estimates."""
     n = data.structure.poles
     if n <= data.structure.integrators:
@@ -193,25 +198,37 @@ def initial_estimates(
     experiments = [_shortened(e) for e in experiments]
     outputs = [_filled(e) for e in experiments]
     dt, intersample = experiments[0].dt, experiments[0].intersample
-    responses = [[np.zeros(len(e)) for e in experiments] for _ in structures]
-    estimates: list[list[TransferFunction]] = [[] for _ in structures]
-    for _ in range(2 if len(structures) > 1 else 1):
-        for j, structure in enumerate(structures):
-            others = [sum((r[k] for i, r in enumerate(responses) if i != j), 0.0) for k in range(len(experiments))]
-            data = PathData(
-                inputs=[e.u[:, j] for e in experiments],
-                outputs=[y - other for y, other in zip(outputs, others, strict=True)],
-                dt=dt,
-                intersample=intersample,
-                first=first,
-                free=free,
-                structure=structure,
-            )
-            estimates[j] = path_estimates(data, longest)
-            responses[j] = [respond(estimates[j][0], u, dt, intersample).y for u in data.inputs]
-    best = [paths[0] for paths in estimates]
+    estimates: dict[int, list[Candidate]] = {}
+
+    def fit(j: int) -> list[Candidate]:
+        others = {i: known[0][0] for i, known in estimates.items() if i != j}
+        responses = [
+            sum((respond(path, e.u[:, i], dt, intersample).y for i, path in others.items()), 0.0) for e in experiments
+        ]
+        data = PathData(
+            inputs=[e.u[:, j] for e in experiments],
+            outputs=[y - other for y, other in zip(outputs, responses, strict=True)],
+            dt=dt,
+            intersample=intersample,
+            first=first,
+            free=[path.a / path.a[-1] for path in others.values()] + integrators if free else None,
+            structure=structures[j],
+        )
+        return path_estimates(data, longest)
+
+    # those of other inputs are part of the noise as yet: the path that explains most comes first
+    integrators = [np.array([0.0, 1.0])] * any(structure.integrators for structure in structures)
+    while len(estimates) < len(structures):
+        fits = {j: fit(j) for j in range(len(structures)) if j not in estimates}
+        most = min(fits, key=lambda j: fits[j][0][1])
+        estimates[most] = fits[most]
+    if len(structures) > 1:
+        for j in estimates:
+            estimates[j] = fit(j)
+    estimated = [[path for path, _ in estimates[j]] for j in range(len(structures))]
+    best = [paths[0] for paths in estimated]
     sets = [best]
-    for j, paths in enumerate(estimates):
+    for j, paths in enumerate(estimated):
         sets += [[*best[:j], path, *best[j + 1 :]] for path in paths[1:]]
     return [
         np.concatenate([structure.parameters(path) for structure, path in zip(structures, paths, strict=True)])
@@ -238,7 +255,7 @@ def _least_squares(columns: FloatArray) -> tuple[FloatArray, float]:
     return solution / lengths, float(np.sum((columns[:, -1] - scaled @ solution) ** 2))
 
 
-def _best(candidates: Sequence[tuple[TransferFunction, float]]) -> list[tuple[TransferFunction, float]]:
+def _best(candidates: Sequence[Candidate]) -> list[Candidate]:
     usable = [one for one in candidates if np.isfinite(one[1])]
     return sorted(usable, key=lambda one: one[1])
 

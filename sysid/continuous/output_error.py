@@ -81,7 +81,7 @@ class OutputError:
 
         A delay at its limit with a gradient that points beyond is fixed there: its derivatives are zero.
         """
-        theta = theta.copy()
+        theta = np.concatenate([s.arranged(own) for s, own in zip(self.structures, self.split(theta), strict=True)])
         limited = self.delays()
         theta[limited] = np.clip(theta[limited], 0.0, self.longest)
         if not (np.isfinite(theta).all() and self._stable(theta)):
@@ -268,8 +268,11 @@ def output_error_estimate(
     known = [s.delay for row in structures for s in row if s.delay is not None]
     real_number("delay", max((0.0, *known)), message, lambda value: value <= limit)
     for row in structures:
-        if any(s.poles == 0 and s.delay is None and intersample == "zoh" for s in row):
-            raise SysidError("a held input shows the delay of a gain without poles only to whole samples: use oe")
+        if any(s.poles == s.zeros and s.delay is None and intersample == "zoh" for s in row):
+            raise SysidError(
+                "a held input shows the delay of a transfer function with as many zeros as poles only to whole samples: "
+                "try fewer zeros, or a known delay"
+            )
     needed = [max(row[j].poles + row[j].zeros + 1 for row in structures) for j in range(experiments[0].nu)]
     messages = check_excitation(experiments, needed)
     messages += check_means(experiments, max(s.poles for row in structures for s in row))
@@ -291,9 +294,11 @@ def output_error_estimate(
     for criterion, minimum, _ in fits:
         if not minimum.converged:
             messages.append(f"{method} did not converge: {minimum.reason}")
+        paths = zip(criterion.structures, criterion.split(minimum.at.theta), strict=True)
+        messages += [text for structure, own in paths for text in structure.warnings(own)]
         for k in criterion.delays():
             if minimum.at.theta[k] <= TIGHT * dt:
-                messages.append("a delay is at its lower limit 0, and its interval is unknown")
+                messages.append("a delay is at its lower limit 0, which the intervals take as known")
             elif minimum.at.theta[k] >= max_delay - TIGHT * dt:
                 messages.append(f"a delay is at its limit {max_delay:g} s: a larger max_delay may fit better")
     if condition > ILL_CONDITIONED and min(minimum.at.cost for _, minimum, _ in fits) > 0.0:

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +10,9 @@ from sysid.continuous.path_response import TransferFunction
 from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
+
+
+COINCIDING = 0.99  # ratio of time constants from which they count as one
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,14 @@ class RationalPath:
         out = np.zeros((m + n + 3, len(rows)))
         out[rows, np.arange(len(rows))] = 1.0
         return out
+
+    def arranged(self, theta: FloatArray) -> FloatArray:
+        """The parameters (p,)."""
+        return theta
+
+    def warnings(self, theta: FloatArray) -> list[str]:
+        """None: every value has its meaning."""
+        return []
 
     def parameters(self, path: TransferFunction) -> FloatArray:
         """Parameters (p,) of a transfer function."""
@@ -105,6 +117,21 @@ class ProcessPath:
         count = int(self.kind[1])
         lags = ["Tw", "Zeta", *(["Tp3"] * (count - 2))] if "U" in self.kind else [f"Tp{i + 1}" for i in range(count)]
         return ("Kp", *lags, *(["Tz"] * self.zeros), *(["Td"] * (self.delay is None)))
+
+    def arranged(self, theta: FloatArray) -> FloatArray:
+        """The same transfer function with Tw > 0, and real time constants that fall (p,)."""
+        first, end = 3 if "U" in self.kind else 1, int(self.kind[1]) + 1
+        middle = theta[1:first] * np.sign(theta[1]) if first > 1 else theta[1:first]
+        return np.concatenate((theta[:1], middle, np.sort(theta[first:end])[::-1], theta[end:]))
+
+    def warnings(self, theta: FloatArray) -> list[str]:
+        """Texts on real poles that coincide."""
+        first, end = 3 if "U" in self.kind else 1, int(self.kind[1])
+        return [
+            f"Tp{i} and Tp{i + 1} coincide, and their intervals are wrong: the poles may be complex, as U allows"
+            for i in range(first, end)
+            if theta[i + 1] > COINCIDING * theta[i]
+        ]
 
     def _factors(self, theta: FloatArray) -> tuple[list[FloatArray], dict[int, tuple[int, FloatArray]]]:
         """Factors of the denominator, and by parameter the factor that it is in and the derivative of that."""
@@ -169,3 +196,11 @@ def _product(factors: list[FloatArray]) -> FloatArray:
 
 
 PathStructure = RationalPath | ProcessPath
+
+def per_path(name: str, value: object, ny: int, nu: int) -> list[list[Any]]:
+    """One value for each path (ny, nu), from one for all, one per input, or a row per output."""
+    entries = np.array(value, dtype=object)
+    if entries.ndim and entries.shape != (ny, nu) and (ny > 1 or entries.shape != (nu,)):
+        expected = f"one per input ({nu})" if ny == 1 else f"{ny} rows, one per output, of {nu}, one per input"
+        raise SysidError(f"{name}: expected one value or {expected}, got {shown(value)}")
+    return [list(row) for row in np.broadcast_to(entries, (ny, nu))]

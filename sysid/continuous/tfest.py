@@ -1,17 +1,13 @@
 """Continuous-time transfer functions from records."""
 
 from collections.abc import Sequence
-from typing import Any
-
-import numpy as np
 
 from sysid.continuous.output_error import output_error_estimate
-from sysid.continuous.structures import PathStructure, RationalPath
+from sysid.continuous.structures import PathStructure, RationalPath, per_path
 from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.records.arguments import real_number, shown, whole_number
+from sysid.records.arguments import real_number, whole_number
 from sysid.records.data import IOData
-from sysid.records.errors import SysidError
 
 PerPath = int | Sequence[int] | Sequence[Sequence[int]]
 
@@ -61,7 +57,7 @@ def tfest(
     """
 
     def structures(ny: int, nu: int) -> tuple[tuple[PathStructure, ...], ...]:
-        tables = [_table(name, value, ny, nu) for name, value in values.items()]
+        tables = [per_path(name, value, ny, nu) for name, value in values.items()]
         return tuple(tuple(_structure(*(table[i][j] for table in tables)) for j in range(nu)) for i in range(ny))
 
     values = {"poles": poles, "zeros": zeros, "delay": delay}
@@ -83,12 +79,3 @@ def _structure(poles: object, zeros: object, delay: object) -> RationalPath:
     m = max(n - 1, 0) if zeros is None else whole_number("zeros", zeros, 0, n)
     late = None if delay is None else real_number("delay", delay, "be a time >= 0 in s, or None", lambda d: d >= 0.0)
     return RationalPath(n, m, late)
-
-
-def _table(name: str, value: object, ny: int, nu: int) -> list[list[Any]]:
-    """One value for each path (ny, nu), from one for all, one per input, or a row per output."""
-    entries = np.array(value, dtype=object)
-    if entries.ndim and entries.shape != (ny, nu) and (ny > 1 or entries.shape != (nu,)):
-        expected = f"one per input ({nu})" if ny == 1 else f"{ny} rows, one per output, of {nu}, one per input"
-        raise SysidError(f"{name}: expected one value or {expected}, got {shown(value)}")
-    return [list(row) for row in np.broadcast_to(entries, (ny, nu))]

@@ -102,6 +102,8 @@ class Modes(Locked):
             return f"{band.value[k]:.5g}{unit}{known}"
 
         pole, time = self.poles[k], text(self.time_constant, " s")
+        if not pole:
+            return "pole 0 rad/s: integrator"
         if not pole.imag:
             return f"pole {pole.real:.5g} rad/s: time constant {time}"
         frequency = text(self.natural_frequency, " rad/s")
@@ -144,7 +146,8 @@ def damp(estimate: Estimate) -> Modes:
     def quantities(theta: FloatArray) -> FloatArray:
         return _meanings(matched_roots(poles(theta), everything)[upper][slowest])
 
-    moves = spread(quantities, estimate.parameters, estimate.covariance)
+    with np.errstate(invalid="ignore"):  # integrators stay such
+        moves = spread(quantities, estimate.parameters, estimate.covariance)
     value = _meanings(nominal)
     return Modes(nominal, *(normal_band(value[k], moves[:, k]) for k in range(3)))
 
@@ -156,4 +159,4 @@ def _meanings(poles: ComplexArray) -> FloatArray:
     """Natural frequency, damping and time constant of each pole (3, m)."""
     size = np.abs(poles)
     with np.errstate(divide="ignore"):
-        return np.stack((size, -poles.real / np.where(size, size, 1.0), -1.0 / poles.real))
+        return np.stack((size, -poles.real / np.where(size, size, 1.0), 1.0 / np.where(size, -poles.real, 0.0)))
