@@ -56,8 +56,10 @@ class PathData:
     def stacked(self, a: FloatArray, blocks: Sequence[FloatArray]) -> FloatArray:
         """Columns of all experiments (rows, k), from `first` on and without the free responses of 1/A."""
         parts = [block[first:] for block, first in zip(blocks, self.first, strict=True)]
-        free = [] if self.free is None else [a, *self.free]
-        return np.vstack([without_transients(part, free, self.dt)[0] for part in parts])
+        if self.free is None:
+            return np.vstack(parts)
+        table = free_responses([a, *self.free], self.dt, max(len(part) for part in parts))
+        return np.vstack([without_transients(part, table)[0] for part in parts])
 
     def numerator(self, a: FloatArray, delay: float) -> Candidate:
         """Transfer function with the least-squares numerator, and its sum of squared errors."""
@@ -102,21 +104,20 @@ class PathData:
         return np.linspace(0.0, count * self.dt, count + 1), np.array(costs)
 
 
+def free_responses(denominators: Sequence[FloatArray], dt: float, rows: int) -> FloatArray:
+    """Free responses of all 1/A until the last has died out (at most `rows`, sum of degrees)."""
+    blocks = [transients(a, dt, rows) for a in denominators]
+    length = max((len(block) for block in blocks if block.size), default=0)
+    return np.hstack([np.pad(block[:length], ((0, max(length - len(block), 0)), (0, 0))) for block in blocks])
+
+
 def without_transients(
-    columns: FloatArray,
-    denominators: Sequence[FloatArray],
-    dt: float,
-    known: np.ndarray | None = None,
+    columns: FloatArray, table: FloatArray, known: np.ndarray | None = None
 ) -> tuple[FloatArray, int]:
-    """Columns (rows, k) without free responses of 1/A, those of rows that are not known left out; and their number."""
-    rows = len(columns)
-    known = np.ones(rows, dtype=bool) if known is None else known
-    free = [transients(a, dt, rows) for a in denominators if len(a) > 1]
-    out = columns[known]
-    if not free:
-        return out, 0
-    length = max(len(block) for block in free)
-    table = np.hstack([np.pad(block, ((0, length - len(block)), (0, 0))) for block in free])[known[:length]]
+    """Columns (rows, k) without `free_responses`, rows that are not known left out; and the rank of the responses."""
+    known = np.ones(len(columns), dtype=bool) if known is None else known
+    out, table = columns[known], table[: len(columns)]
+    table = table[known[: len(table)]]
     if not table.any():
         return out, 0
     basis, _ = orthonormal(table, out[:, 0])

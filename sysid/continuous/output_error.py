@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from sysid.continuous.initial_estimates import initial_estimates, without_transients
+from sysid.continuous.initial_estimates import free_responses, initial_estimates, without_transients
 from sysid.continuous.path_response import respond
 from sysid.continuous.structures import PathStructure
 from sysid.models.continuous import Resampled
@@ -119,12 +119,8 @@ class OutputError:
             blocks.append(-by_coefficient @ structure.jacobian(own))
             denominators.append(path.a / path.a[-1])
         first = self.first(experiment)
-        return without_transients(
-            np.column_stack((*blocks, errors))[first:],
-            denominators if self.free else [],
-            experiment.dt,
-            experiment.known[first:, 0],
-        )
+        table = free_responses(denominators if self.free else [np.ones(1)], experiment.dt, len(errors) - first)
+        return without_transients(np.column_stack((*blocks, errors))[first:], table, experiment.known[first:, 0])
 
     def _stable(self, theta: FloatArray) -> bool:
         dt = self.experiments[0].dt
@@ -270,8 +266,8 @@ def output_error_estimate(
     for row in structures:
         if any(s.poles == s.zeros and s.delay is None and intersample == "zoh" for s in row):
             raise SysidError(
-                "a held input shows the delay of a transfer function with as many zeros as poles only to whole samples: "
-                "try fewer zeros, or a known delay"
+                "a held input shows the delay of a transfer function with as many zeros as poles only to whole "
+                "samples: try fewer zeros, or a known delay"
             )
     needed = [max(row[j].poles + row[j].zeros + 1 for row in structures) for j in range(experiments[0].nu)]
     messages = check_excitation(experiments, needed)

@@ -11,7 +11,6 @@ from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
-
 COINCIDING = 0.99  # ratio of time constants from which they count as one
 
 
@@ -196,6 +195,7 @@ def _product(factors: list[FloatArray]) -> FloatArray:
 
 
 PathStructure = RationalPath | ProcessPath
+
 
 def per_path(name: str, value: object, ny: int, nu: int) -> list[list[Any]]:
     """One value for each path (ny, nu), from one for all, one per input, or a row per output."""
