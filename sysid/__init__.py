@@ -8,7 +8,7 @@ import importlib
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from sysid.continuous import tfest
+from sysid.continuous import procest, tfest
 from sysid.design import InputDesign, InputSignal, design_input, idinput
 from sysid.exchange import read_model, to_fmu, to_matlab, write_model
 from sysid.frequency import (
@@ -154,6 +154,7 @@ __all__ = [
     "polyest",
     "predict",
     "prefilter",
+    "procest",
     "rarmax",
     "rarx",
     "read_csv",

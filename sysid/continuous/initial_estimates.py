@@ -59,7 +59,11 @@ class PathData:
         if self.free is None:
             return np.vstack(parts)
         table = free_responses([a, *self.free], self.dt, max(len(part) for part in parts))
-        return np.vstack([without_transients(part, table)[0] for part in parts])
+        for part in parts:
+            if table.any():
+                basis, _ = orthonormal(table[: len(part)], part[:, 0])
+                part[: len(basis)] -= basis @ (basis.T @ part[: len(basis)])
+        return np.vstack(parts)
 
     def numerator(self, a: FloatArray, delay: float) -> Candidate:
         """Transfer function with the least-squares numerator, and its sum of squared errors."""
@@ -108,21 +112,8 @@ def free_responses(denominators: Sequence[FloatArray], dt: float, rows: int) -> 
     """Free responses of all 1/A until the last has died out (at most `rows`, sum of degrees)."""
     blocks = [transients(a, dt, rows) for a in denominators]
     length = max((len(block) for block in blocks if block.size), default=0)
-    return np.hstack([np.pad(block[:length], ((0, max(length - len(block), 0)), (0, 0))) for block in blocks])
-
-
-def without_transients(
-    columns: FloatArray, table: FloatArray, known: np.ndarray | None = None
-) -> tuple[FloatArray, int]:
-    """Columns (rows, k) without `free_responses`, rows that are not known left out; and the rank of the responses."""
-    known = np.ones(len(columns), dtype=bool) if known is None else known
-    out, table = columns[known], table[: len(columns)]
-    table = table[known[: len(table)]]
-    if not table.any():
-        return out, 0
-    basis, _ = orthonormal(table, out[:, 0])
-    out[: len(basis)] -= basis @ (basis.T @ out[: len(basis)])
-    return out, basis.shape[1]
+    padded = (np.pad(block[:length], ((0, max(length - len(block), 0)), (0, 0))) for block in blocks)
+    return np.hstack([np.zeros((length, 0)), *padded])
 
 
 def path_estimates(data: PathData, longest: float) -> list[Candidate]:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from sysid.continuous.initial_estimates import free_responses, initial_estimates, without_transients
-from sysid.continuous.path_response import respond
+from sysid.continuous.initial_estimates import free_responses, initial_estimates
+from sysid.continuous.path_response import respond, transient_slopes
 from sysid.continuous.structures import PathStructure
 from sysid.models.continuous import Resampled
 from sysid.models.continuous_estimate import ContinuousEstimate
@@ -20,6 +20,7 @@ from sysid.models.data_summary import DataSummary
 from sysid.models.predict import residuals
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation, check_means
+from sysid.polynomial.error_jacobian import orthonormal
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.polynomial_estimate import COLOUR, ILL_CONDITIONED, directions
@@ -109,18 +110,29 @@ class OutputError:
 
     def columns(self, experiment: IOData, theta: FloatArray) -> tuple[FloatArray, int]:
         """Derivatives of the errors and the errors (rows, p + 1), initial states projected out; and their number."""
-        blocks, denominators = [], []
-        errors = experiment.y[:, 0].copy()
-        for j, (structure, own) in enumerate(zip(self.structures, self.split(theta), strict=True)):
-            path = structure.transfer(own)
-            response = respond(path, experiment.u[:, j], experiment.dt, experiment.intersample)
-            errors -= response.y
-            by_coefficient = np.column_stack((response.by_b, response.by_a, response.by_delay))
-            blocks.append(-by_coefficient @ structure.jacobian(own))
-            denominators.append(path.a / path.a[-1])
         first = self.first(experiment)
-        table = free_responses(denominators if self.free else [np.ones(1)], experiment.dt, len(errors) - first)
-        return without_transients(np.column_stack((*blocks, errors))[first:], table, experiment.known[first:, 0])
+        known = experiment.known[first:, 0]
+        paths = [structure.transfer(own) for structure, own in zip(self.structures, self.split(theta), strict=True)]
+        responses = [
+            respond(path, experiment.u[:, j], experiment.dt, experiment.intersample) for j, path in enumerate(paths)
+        ]
+        errors = (experiment.y[:, 0] - sum(response.y for response in responses))[first:]
+        table = free_responses([path.a for path in paths] if self.free else [], experiment.dt, len(errors))
+        table = table[known[: len(table)]]
+        basis, states = orthonormal(table, errors[known]) if table.any() else (table, np.zeros(0))
+        blocks, begin = [], 0
+        for structure, own, path, response in zip(self.structures, self.split(theta), paths, responses, strict=True):
+            by_coefficient = np.column_stack((response.by_b, response.by_a, response.by_delay))[first:]
+            if len(states) and structure.poles:
+                # the free response from the best initial state depends on the denominator too
+                state = states[begin : begin + structure.poles]
+                slopes = transient_slopes(path.a, state, experiment.dt, len(errors))
+                by_coefficient[: len(slopes), structure.zeros + 1 : -1] += slopes
+                begin += structure.poles
+            blocks.append(-by_coefficient @ structure.jacobian(own))
+        columns = np.column_stack((*blocks, errors))[known]
+        columns[: len(basis)] -= basis @ (basis.T @ columns[: len(basis)])
+        return columns, basis.shape[1]
 
     def _stable(self, theta: FloatArray) -> bool:
         dt = self.experiments[0].dt
@@ -292,13 +304,14 @@ def output_error_estimate(
             messages.append(f"{method} did not converge: {minimum.reason}")
         paths = zip(criterion.structures, criterion.split(minimum.at.theta), strict=True)
         messages += [text for structure, own in paths for text in structure.warnings(own)]
+        limits = len(messages)
         for k in criterion.delays():
             if minimum.at.theta[k] <= TIGHT * dt:
                 messages.append("a delay is at its lower limit 0, which the intervals take as known")
             elif minimum.at.theta[k] >= max_delay - TIGHT * dt:
                 messages.append(f"a delay is at its limit {max_delay:g} s: a larger max_delay may fit better")
-    if condition > ILL_CONDITIONED and min(minimum.at.cost for _, minimum, _ in fits) > 0.0:
-        messages.append(f"the parameters are poorly determined: condition number {condition:.2g} of the Jacobian")
+        if len(messages) == limits and condition > ILL_CONDITIONED and minimum.at.cost > 0.0:
+            messages.append(f"the parameters are poorly determined: condition number {condition:.2g} of the Jacobian")
     for text in messages:
         warnings.warn(text, SysidWarning, stacklevel=3)
     realise = RealisePaths(structures, summary, intersample, noise)

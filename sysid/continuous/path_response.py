@@ -63,6 +63,21 @@ def transients(a: FloatArray, dt: float, rows: int) -> FloatArray:
     return free_response(scipy.linalg.expm(A * dt), np.eye(1, n), rows)[:, 0] if n else np.zeros((rows, 0))
 
 
+def transient_slopes(a: FloatArray, state: FloatArray, dt: float, rows: int) -> FloatArray:
+    """Derivatives of `transients` @ state by A (at most `rows`, n + 1), up to free responses: -s^i/A of it, at rest."""
+    scale, A, B = companion(a)
+    n = len(A)
+    cascade = np.block([[A, np.zeros((n, n))], [B @ np.eye(1, n), A]])
+    shown = np.vstack((np.eye(1, 2 * n), np.eye(n, 2 * n, n)))
+    both = free_response(scipy.linalg.expm(cascade * dt), shown, rows)[:, :, :n] @ state
+    return _by_denominator(both[:, 0], both[:, 1:] * scale, a)
+
+
+def _by_denominator(y: FloatArray, filtered: FloatArray, a: FloatArray) -> FloatArray:
+    """Derivatives (N, n + 1) of y = x/A by A: -s^i/A y, `filtered` (N, n) with A made monic up to i = n - 1."""
+    return -np.column_stack((filtered, y - filtered @ (a[:-1] / a[-1]))) / a[-1]
+
+
 @dataclass(frozen=True, eq=False)
 class PathResponse:
     """Response of a transfer function from rest, with its derivatives.
@@ -110,8 +125,6 @@ def respond(path: TransferFunction, u: FloatArray, dt: float, intersample: str) 
     now = sum(weight * lagged_input(u, lag) for lag, weight in whole.weights.items())
     x = np.column_stack((x, now - x @ a[:n]))
     y = x[:, : len(b)] @ b
-    filtered = second * scale
     slope = sum((weight * lagged_input(u, lag) for lag, weight in whole.slopes.items()), np.zeros(len(u)))
     by_delay = -(x[:, 1:] @ c + direct * slope)
-    by_a = -np.column_stack((filtered, y - filtered @ a[:n])) / leading
-    return PathResponse(y, x[:, : len(b)] / leading, by_a, by_delay)
+    return PathResponse(y, x[:, : len(b)] / leading, _by_denominator(y, second * scale, path.a), by_delay)

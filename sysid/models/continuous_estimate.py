@@ -1,6 +1,6 @@
 """Estimates of continuous-time models, and natural frequencies, damping and time constants with intervals."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -12,6 +12,7 @@ from sysid.models.continuous_model import ContinuousModel
 from sysid.models.delta_method import spread
 from sysid.models.estimate import Estimate, as_estimate
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
+from sysid.records.printing import Part, Table, number
 
 if TYPE_CHECKING:
     import control
@@ -41,8 +42,8 @@ class ContinuousEstimate(Estimate):
         moves = spread(lambda theta: quantity(self.realise_continuous(theta)), self.parameters, self.covariance)
         return normal_band(value, moves)
 
-    def _dynamics(self) -> list[str]:
-        return [*str(self.continuous).splitlines(), *str(damp(self)).splitlines()]
+    def _dynamics(self) -> Sequence[Part]:
+        return [*self.continuous.fractions(), damp(self).table()]
 
     @property
     def _responding(self) -> ContinuousModel:
@@ -82,7 +83,7 @@ class Modes(Locked):
 
     Attributes:
         poles: Poles in rad/s, those with a positive imaginary part for their pairs, slowest first (m,).
-        natural_frequency: Modulus of the pole in rad/s (m,).
+        natural_frequency: Modulus of the pole in Hz (m,).
         damping: Damping ratio: 1 for a decaying real pole, negative for an unstable one (m,).
         time_constant: Time in s to decay to 1/e; infinite for an integrator, negative for an unstable pole (m,).
     """
@@ -92,25 +93,25 @@ class Modes(Locked):
     damping: Band
     time_constant: Band
 
-    def __str__(self) -> str:
-        """One line per pole."""
-        return "\n".join(self._line(k) for k in range(len(self.poles)))
+    def _parts(self) -> list[Part]:
+        return ["Poles with 95 % intervals", self.table()]
 
-    def _line(self, k: int) -> str:
-        def text(band: Band, unit: str) -> str:
-            known = f" ({band.ci95[0][k]:.4g} to {band.ci95[1][k]:.4g})" if np.isfinite(band.deviation[k]) else ""
-            return f"{band.value[k]:.5g}{unit}{known}"
+    def table(self) -> Table:
+        """A row per pole or pair."""
+        roots = [f"{number(p.real)} ± {number(p.imag)}j" if p.imag else number(p.real) for p in self.poles]
+        bands = {
+            "natural frequency / Hz": self.natural_frequency,
+            "damping": self.damping,
+            "time constant / s": self.time_constant,
+        }
+        return Table([("pole / (rad/s)", roots), *((head, _with_intervals(band)) for head, band in bands.items())])
 
-        pole, time = self.poles[k], text(self.time_constant, " s")
-        if not pole:
-            return "pole 0 rad/s: integrator"
-        if not pole.imag:
-            return f"pole {pole.real:.5g} rad/s: time constant {time}"
-        frequency = text(self.natural_frequency, " rad/s")
-        return (
-            f"poles {pole.real:.5g} ± {pole.imag:.5g}j rad/s: natural frequency {frequency}, "
-            f"damping {text(self.damping, '')}, time constant {time}"
-        )
+
+def _with_intervals(band: Band) -> list[str]:
+    return [
+        number(value) + (f" ({number(low)} to {number(high)})" if high > low else "")
+        for value, low, high in zip(band.value, *band.ci95, strict=True)
+    ]
 
 
 def damp(estimate: Estimate) -> Modes:
@@ -158,5 +159,5 @@ AT_ZERO = 1e-6  # modulus of a discrete pole that counts as a delay: multiple on
 def _meanings(poles: ComplexArray) -> FloatArray:
     """Natural frequency, damping and time constant of each pole (3, m)."""
     size = np.abs(poles)
-    with np.errstate(divide="ignore"):
-        return np.stack((size, -poles.real / np.where(size, size, 1.0), 1.0 / np.where(size, -poles.real, 0.0)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.stack((size / (2.0 * np.pi), -poles.real / size, 1.0 / np.where(size, -poles.real, 0.0)))

@@ -13,6 +13,7 @@ from sysid.models.system_matrices import transmission_zeros
 from sysid.records.arguments import sampling_interval
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array
 from sysid.records.errors import SysidError
+from sysid.records.printing import LISTED, Part
 
 if TYPE_CHECKING:
     import control
@@ -44,11 +45,15 @@ class ContinuousModel(Locked):
             raise SysidError(f"delays: expected {shape} values >= 0 s, one per path, got {delays.tolist()}")
         super().__post_init__()
 
-    def __str__(self) -> str:
-        """Transfer function of each path."""
+    def _parts(self) -> list[Part]:
+        return [f"Continuous-time model of order {self.order}", *self.fractions()]
+
+    def fractions(self) -> list[str]:
+        """Transfer function of each path, as text."""
         names = self.states.input_names or (), self.states.output_names or ()
-        paths = np.ndindex(self.delays.shape)
-        return "\n".join(f"{names[0][j]} to {names[1][i]}: {_fraction(*self.path(j, i))}" for i, j in paths)
+        paths = list(np.ndindex(self.delays.shape))
+        lines = [f"{names[0][j]} to {names[1][i]}: {_fraction(*self.path(j, i))}" for i, j in paths[:LISTED]]
+        return [*lines, f"... {len(paths)} paths"] if len(paths) > LISTED else lines
 
     @property
     def order(self) -> int:
