@@ -78,9 +78,11 @@
         if (!text) continue;
         const shown = layout["xaxis" + n].type === "log" && on === "x" ? Math.log10(value) : value;
         const shownY = layout["yaxis" + n].type === "log" && on === "y" ? Math.log10(value) : value;
+        // Where responses leave room: on the right, and at the top, of logarithmic gains at the bottom.
+        const low = panel.log.includes("y");
         layout.annotations.push({ text, showarrow: false, font: { size: 11, color: "#545e66" },
-          ...(on === "x" ? { xref: "x" + n, yref: `y${n} domain`, x: shown, y: 0.02, xanchor: "left", yanchor: "bottom", textangle: -90 }
-            : { xref: `x${n} domain`, yref: "y" + n, x: 0.01, y: shownY, xanchor: "left", yanchor: "bottom" }) });
+          ...(on === "x" ? { xref: "x" + n, yref: `y${n} domain`, x: shown, y: low ? 0.02 : 0.98, xanchor: "left", yanchor: low ? "bottom" : "top", textangle: -90 }
+            : { xref: `x${n} domain`, yref: "y" + n, x: 0.99, y: shownY, xanchor: "right", yanchor: "bottom" }) });
       }
     });
     Plotly.react(box, data, layout, { displayModeBar: false, responsive: false });
