@@ -12,8 +12,8 @@ from sysid.plots.panels import (
     channel_indices,
     channel_names,
     decibel,
+    finish,
     fit_to_lines,
-    legend,
     line,
     panels,
     plain_frequencies,
@@ -98,7 +98,7 @@ def bode(
             axes.set_xlim(*limits_hz)
     for axes in grid[-1]:
         axes.set_xlabel("frequency / Hz")
-    legend(figure, grid[0, 0])
+    finish(figure, grid[0, 0])
     return figure
 
 
@@ -150,6 +150,8 @@ def _draw(upper: Axes, lower: Axes, curve: Curve, reference: FrequencyResponse |
 
 def _of_model(response: FrequencyResponse) -> bool:
     """Whether a response is that of a model, whose smooth phase can be unwrapped reliably."""
+    if response.method in ("etfe", "data"):
+        return False
     return response.coherence is None and response.degrees_of_freedom is None and response.cross_spectrum is None
 
 

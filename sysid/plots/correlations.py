@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sysid.frequency.covf import CovarianceFunction
 from sysid.plots.palette import GRID, INK, PALETTE, Style
-from sysid.plots.panels import channel_indices, channel_names, legend, panels, size_of
+from sysid.plots.panels import channel_indices, channel_names, finish, panels, size_of
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 from sysid.validation.resid import ResidualTest
@@ -72,7 +72,7 @@ def correlations(
             axes.set_ylim(-top, top)
             axes.set_ylabel(label, fontsize=10 if width == 1 and height < 4 else 8)
         grid[-1, b].set_xlabel("lag / samples")
-    legend(figure, grid[0, 0])
+    finish(figure, grid[0, 0])
     return figure
 
 
@@ -96,6 +96,7 @@ def _of_record(covariance: CovarianceFunction, style: Style, size: tuple[float, 
         axes.set_ylabel("correlation", fontsize=9)
     for axes in grid[-1]:
         axes.set_xlabel("lag / samples", fontsize=9)
+    finish(figure, grid[0, 0])
     return figure
 
 

@@ -10,7 +10,7 @@ from sysid.models.estimate import Estimate
 from sysid.models.reduction import hankel_singular_values
 from sysid.models.state_space import StateSpace
 from sysid.plots.palette import BOUND, PALETTE, Style
-from sysid.plots.panels import legend, panels
+from sysid.plots.panels import finish, panels
 from sysid.plots.traces import StyleChooser, named_items
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
@@ -78,7 +78,7 @@ def singular_values(
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_xlabel("number (filled: in the model)")
     axes.set_ylabel("singular value")
-    legend(figure, axes)
+    finish(figure, axes)
     return figure
 
 
@@ -151,5 +151,5 @@ def structures(table: StructureTable, *, size: tuple[float, float] = (7.0, 4.2))
     for which in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
         which(lambda value, _: f"{value:g}")
     axes.tick_params(which="minor", labelsize=7, colors=BOUND.colour)
-    legend(figure, axes)
+    finish(figure, axes)
     return figure

@@ -39,6 +39,11 @@ PALETTE: Mapping[str, Style] = MappingProxyType(
         "bla": Style("#882255", "", 1.2, "o"),
         "cra": Style("#6b6b00", "", 1.2, "o"),
         "welch": Style("#332288", "-", 1.0, "."),
+        "spafdr": Style("#aa4499", "-", 1.0, "."),
+        "impulseest": Style("#117733", "-", 1.4, "o"),
+        "tfest": Style("#44aa99", "-", 1.4, "<"),
+        "polyest": Style("#661100", "-.", 1.4, ">"),
+        "ivx": Style("#cc6677", ":", 1.4, "p"),
         "published": Style("#b8860b", (0, (4, 1.5, 1, 1.5, 1, 1.5)), 1.4, "*"),  # type: ignore[arg-type]
     }
 )

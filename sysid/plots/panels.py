@@ -1,8 +1,10 @@
 """Panels, lines, legends and channel choice of all figures."""
 
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -17,6 +19,12 @@ Panels = NDArray[np.object_]
 
 LONG = 800
 """Number of points from which a line is drawn without a pattern."""
+
+LETTER = 0.0076
+"""Mean width of a letter, inch per point of its size."""
+
+TITLE = 9
+"""Font size of the titles of panels, points."""
 
 SMALL = 8
 """Font size of titles and tick labels in a figure of many panels, points."""
@@ -69,14 +77,39 @@ def shade(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, style: S
     axes.fill_between(x, low, high, color=style.colour, alpha=0.18, lw=0)
 
 
-def legend(figure: Figure, axes: Axes) -> None:
-    """A legend above the figure, where it never covers data."""
+def finish(figure: Figure, axes: Axes) -> None:
+    """A legend above the figure, where it never covers data, and labels on lines no longer than their panel."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        # An entry has a handle of about half an inch and, at 9 points, about 0.068 inch per letter.
-        entry = 0.55 + 0.068 * max(len(label) for label in labels)
+        # An entry has a handle of about half an inch.
+        entry = 0.55 + 9 * LETTER * max(len(label) for label in labels)
         columns = min(len(handles), max(1, int(figure.get_figwidth() / entry)))
         figure.legend(handles, labels, loc="outside upper left", ncols=columns, frameon=False, fontsize=9)
+    for panel in figure.axes:
+        place = panel.get_subplotspec()
+        if place is not None:
+            grid = place.get_gridspec()
+            ratios = np.asarray(grid.get_height_ratios(), dtype=float)
+            height = ratios[place.rowspan.start] / ratios.sum() * figure.get_figheight()
+            panel.set_ylabel(_wrapped(panel.get_ylabel(), panel.yaxis.label.get_fontsize(), 0.8 * height))
+            width = 0.9 / grid.ncols * figure.get_figwidth()
+            panel.set_title(_wrapped(panel.get_title(loc="left"), TITLE, width), loc="left", fontsize=TITLE)
+
+
+def _wrapped(text: str, size: float | str, length: float) -> str:
+    """A text of a font size in points, on lines of a length, inch."""
+    letters = max(int(length / (LETTER * float(size))), 1)
+    # a unit stays behind its stroke
+    parts = text.replace(" / ", "\xa0/\xa0").split("\n")
+    return "\n".join(textwrap.fill(part, letters) for part in parts).replace("\xa0", " ")
+
+
+def apart(values: FloatArray, gap: float) -> FloatArray:
+    """Values (n,) moved as little as possible, in mean square, until neighbours are a gap apart."""
+    sequence, steps = np.argsort(values, kind="stable"), gap * np.arange(len(values))
+    out = np.empty(len(values))
+    out[sequence] = scipy.optimize.isotonic_regression(values[sequence] - steps).x + steps
+    return out
 
 
 def fit_to_lines(axes: Axes, *, floor: float = -np.inf) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sysid.plots.palette import BOUND, GRID
-from sysid.plots.panels import legend, panels
+from sysid.plots.panels import finish, panels
 from sysid.plots.traces import REACH, Rooted, roots_of
 
 
@@ -48,5 +48,5 @@ def pzmap(
     axes.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), aspect="equal")
     axes.set_xlabel("real part of z (× pole, ○ zero)")
     axes.set_ylabel("imaginary part of z")
-    legend(figure, axes)
+    finish(figure, axes)
     return figure

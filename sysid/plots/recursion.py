@@ -6,12 +6,15 @@ from matplotlib.figure import Figure
 from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import NORMAL_95
 from sysid.plots.palette import PALETTE
-from sysid.plots.panels import legend, panels, size_of
+from sysid.plots.panels import apart, finish, panels, size_of
 from sysid.records.errors import SysidError
 from sysid.recursive.recursive_estimate import RecursiveEstimate
 
 LOOKS = tuple(PALETTE[name] for name in ("armax", "oe", "okid", "bj", "arx", "iv4", "n4sid", "spa"))
 """Styles of the coefficients of a polynomial, in their sequence."""
+
+LINE = 0.14
+"""Height of a line of a label, inch."""
 
 SETTLING = 0.05
 """Initial part of the record whose parameters may exceed the axis: they are arbitrary."""
@@ -51,6 +54,13 @@ def recursion(
     for axes, letter in zip(grid[:, 0], letters, strict=True):
         own = [k for k, name in enumerate(estimate.parameter_names) if name[0] == letter]
         settled = estimate.parameters[int(SETTLING * count) :, own]
+        low, high = float(settled.min()), float(settled.max())
+        values = [truth[estimate.parameter_names[k]] for k in own if estimate.parameter_names[k] in truth]
+        low, high = min([low, *values]), max([high, *values])
+        margin = 0.15 * max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-12)
+        axes.set_ylim(low - margin, high + margin)
+        height = 0.75 * figure.get_figheight() / len(letters)
+        places = apart(estimate.final.parameters[own], LINE / height * (high - low + 2.0 * margin))
         for place, k in enumerate(own):
             style = LOOKS[place % len(LOOKS)]
             name = estimate.parameter_names[k]
@@ -67,7 +77,7 @@ def recursion(
             )
             axes.annotate(
                 name,
-                (1.0, estimate.final.parameters[k]),
+                (1.0, places[place]),
                 xycoords=("axes fraction", "data"),
                 xytext=(4, 0),
                 textcoords="offset points",
@@ -77,13 +87,8 @@ def recursion(
             )
             if name in truth:
                 axes.axhline(truth[name], color=style.colour, ls=":", lw=1.1)
-        low, high = float(settled.min()), float(settled.max())
-        values = [truth[estimate.parameter_names[k]] for k in own if estimate.parameter_names[k] in truth]
-        low, high = min([low, *values]), max([high, *values])
-        margin = 0.15 * max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-12)
-        axes.set_ylim(low - margin, high + margin)
         axes.set_ylabel(f"{letter} coefficients")
     grid[-1, 0].set_xlabel("time / s")
     figure.align_ylabels(list(grid[:, 0]))
-    legend(figure, grid[0, 0])
+    finish(figure, grid[0, 0])
     return figure

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sysid.plots.palette import PALETTE, Style
-from sysid.plots.panels import LONG, channel_indices, label, legend, line, panels, size_of
+from sysid.plots.panels import LONG, channel_indices, finish, label, line, panels, size_of
 from sysid.plots.traces import Trace, traces_of
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -82,7 +82,7 @@ def output_comparison(
             upper.axvspan(data.time[first], data.time[min(data.window, len(data) - 1)], color="#f0f0f0", lw=0, zorder=0)
     figure.align_ylabels(list(grid[:, 0]))
     grid[-1, 0].set_xlabel("time / s")
-    legend(figure, grid[0, 0])
+    finish(figure, grid[0, 0])
     return figure
 
 
@@ -154,7 +154,7 @@ def record(
         axes.set_ylabel(label(text, unit))
     figure.align_ylabels(list(grid[:, 0]))
     grid[-1, 0].set_xlabel("time / s")
-    legend(figure, grid[0, 0])
+    finish(figure, grid[0, 0])
     return figure
 
 

@@ -11,8 +11,8 @@ from sysid.plots.palette import PALETTE
 from sysid.plots.panels import (
     channel_indices,
     channel_names,
+    finish,
     label,
-    legend,
     line,
     panels,
     plain_frequencies,
@@ -75,7 +75,7 @@ def spectra(
         plain_frequencies(axes)
     for axes in grid[-1]:
         axes.set_xlabel("frequency / Hz")
-    legend(figure, grid[0, 0])
+    finish(figure, grid[0, 0])
     return figure
 
 

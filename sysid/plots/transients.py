@@ -13,7 +13,7 @@ from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import NORMAL_95
 from sysid.models.state_space import StateSpace
 from sysid.plots.palette import INK, Style
-from sysid.plots.panels import channel_indices, channel_names, label, legend, line, panels, shade, size_of
+from sysid.plots.panels import channel_indices, channel_names, finish, label, line, panels, shade, size_of
 from sysid.plots.traces import StyleChooser, named_items
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
@@ -180,5 +180,5 @@ def _draw(
                 )
     for axes in grid[-1]:
         axes.set_xlabel("time / s")
-    legend(figure, grid[0, 0])
+    finish(figure, grid[0, 0])
     return figure
