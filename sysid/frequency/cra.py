@@ -15,7 +15,7 @@ from sysid.polynomial.least_squares import solve
 from sysid.polynomial.regressors import lagged
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
-from sysid.records.channels import default_names
+from sysid.records.channels import default_names, listed
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.labelled import Labelled
@@ -60,7 +60,7 @@ class ImpulseResponse(Labelled, Locked):
             cells = uncertain(self.response[:, i, j], self.deviation[:, i, j])
             return [("time / s", numbers(self.time)), ("response to a unit pulse", cells)]
 
-        heading = f"Impulse response of {', '.join(outputs)} to {', '.join(inputs)}, {len(self.lags)} lags"
+        heading = f"Impulse response of {listed(outputs)} to {listed(inputs)}, {len(self.lags)} lags"
         return [heading, *path_tables(outputs, inputs, columns)]
 
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:

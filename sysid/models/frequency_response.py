@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from sysid.models.rice_interval import rice_interval
 from sysid.records.arguments import real_number, sampling_interval
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array
-from sysid.records.channels import channel_indices, channel_labels, default_names
+from sysid.records.channels import channel_indices, channel_labels, default_names, listed
 from sysid.records.errors import SysidError
 from sysid.records.labelled import Labelled
 from sysid.records.printing import Part, numbers, path_tables, spaced, uncertain
@@ -176,10 +176,10 @@ class FrequencyResponse(Labelled, Locked):
 
     def _parts(self) -> list[Part]:
         f, (inputs, outputs) = self.frequencies, self._names
-        listed = spaced(len(f))
-        if len(f) > len(listed) and f[0] >= 0.0:
-            listed = np.unique(np.searchsorted(f, np.geomspace(f[f > 0.0][0], f[-1], len(listed))))
-        some, phase = self.select(listed), np.degrees(self.phase[listed])
+        rows = spaced(len(f))
+        if len(f) > len(rows) and f[0] >= 0.0:
+            rows = np.unique(np.searchsorted(f, np.geomspace(f[f > 0.0][0], f[-1], len(rows))))
+        some, phase = self.select(rows), np.degrees(self.phase[rows])
         deviations = [np.full(phase.shape, np.nan)] * 2
         if self.covariance is not None:
             deviations = [some.magnitude_deviation(), np.degrees(some.phase_deviation())]
@@ -193,11 +193,7 @@ class FrequencyResponse(Labelled, Locked):
             power = numbers(np.asarray(some.noise_spectrum)[:, i, i].real)
             return [("frequency / Hz", numbers(some.frequencies)), ("spectral density", power)]
 
-        of = (
-            f"response of {', '.join(outputs)} to {', '.join(inputs)}"
-            if inputs
-            else f"spectrum of {', '.join(outputs)}"
-        )
+        of = f"response of {listed(outputs)} to {listed(inputs)}" if inputs else f"spectrum of {listed(outputs)}"
         heading = f"{self.method.upper()}: {of}, {len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz"
         tables = path_tables(outputs, inputs, columns) if inputs else path_tables(outputs, ["e"], powers)
         return [heading, *tables]

@@ -2,8 +2,6 @@
 
 import base64
 import io
-from collections.abc import Callable
-from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -30,8 +28,8 @@ from sysid.validation.structure_scan import StructureTable
 SIZE = (5.0, 3.6)
 """Width and height of a figure, inch."""
 
-MOST = 4
-"""Paths of a figure; of a system with more the first one is drawn."""
+MOST = 3
+"""Inputs and outputs of a figure; of many the first ones are drawn."""
 
 
 def thumbnail(result: object) -> str:
@@ -40,41 +38,42 @@ def thumbnail(result: object) -> str:
     Args:
         result: Any result.
     """
-    draw = next((draw for kind, draw in FIGURES.items() if isinstance(result, kind)), None)
-    if draw is None:
-        return ""
     file = io.BytesIO()
     try:
-        draw(result).savefig(file, format="png", dpi=100)
-    except SysidError:  # the text beside it says why, as of a response that is nowhere determined
+        figure = _figure(result)
+    except SysidError:  # such as a response that is nowhere determined
+        figure = None
+    if figure is None:
         return ""
+    figure.savefig(file, format="png", dpi=100)
     return f'<img alt="figure" src="data:image/png;base64,{base64.b64encode(file.getvalue()).decode()}">'
 
 
-def _response(result: Any) -> Figure:
-    response = result.response if isinstance(result, BestLinearApproximation) else result
-    shape = (
-        response.response.shape[1:]
-        if isinstance(response, FrequencyResponse)
-        else getattr(result, "model", result).D.shape
-    )
-    if not shape[1] and not isinstance(result, StateSpace):
-        return spectra(result, size=SIZE)
-    few = shape[0] * shape[1] <= MOST
-    return bode(result, output=None if few else 0, input=None if few else 0, size=SIZE)
-
-
-FIGURES: dict[type, Callable[[Any], Figure]] = {
-    IOData: lambda data: record(data, size=SIZE),
-    Estimate: _response,
-    StateSpace: _response,
-    FrequencyResponse: _response,
-    BestLinearApproximation: _response,
-    ImpulseResponse: lambda response: impulse(response, size=SIZE),
-    Realisation: lambda realisation: singular_values(realisation, size=SIZE),
-    StructureTable: lambda table: structures(table, size=SIZE),
-    RecursiveEstimate: lambda estimate: recursion(estimate, size=SIZE),
-    ResidualTest: lambda test: correlations(test, size=SIZE),
-    CovarianceFunction: lambda covariance: correlations(covariance, size=SIZE),
-}
-"""Figure of each kind of result."""
+def _figure(result: object) -> Figure | None:
+    match result:
+        case IOData():
+            u, y = list(range(min(result.nu, MOST))) or None, list(range(min(result.ny, MOST)))
+            return record(result.select(inputs=u, outputs=y), size=SIZE)
+        case Estimate() | FrequencyResponse() | StateSpace() | BestLinearApproximation():
+            response = result.response if isinstance(result, BestLinearApproximation) else result
+            model = response.model if isinstance(response, Estimate) else response
+            ny, nu = model.response.shape[1:] if isinstance(model, FrequencyResponse) else model.D.shape
+            if not nu:
+                return None if isinstance(response, StateSpace) else spectra(response, size=SIZE)
+            first = None if ny * nu <= 2 * MOST else 0
+            return bode(result, output=first, input=first, size=SIZE)
+        case ResidualTest():
+            first = None if result.independence_p.size <= MOST else 0
+            return correlations(result, output=first, input=first, size=SIZE)
+        case CovarianceFunction():
+            return correlations(result, size=SIZE) if len(result.names) <= MOST else None
+        case ImpulseResponse():
+            first = None if result.response[0].size <= 2 * MOST else 0
+            return impulse(result, output=first, input=first, size=SIZE)
+        case Realisation():
+            return singular_values(result, size=SIZE)
+        case StructureTable():
+            return structures(result, size=SIZE)
+        case RecursiveEstimate():
+            return recursion(result, size=SIZE)
+    return None

@@ -7,8 +7,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sysid.records.arguments import real_number, sampling_interval, truth_value, whole_number
-from sysid.records.arrays import FloatArray, Locked, lock, real_array
+from sysid.records.arguments import real_number, sampling_interval, shortened, truth_value, whole_number
+from sysid.records.arrays import LINE, FloatArray, Locked, lock, real_array
 from sysid.records.channels import channel_indices, channel_labels, default_names, matching_channels
 from sysid.records.errors import SysidError
 from sysid.records.labelled import Labelled
@@ -97,7 +97,7 @@ class IOData(Labelled, Locked):
 
     def __repr__(self) -> str:
         """One short line: the text in brackets."""
-        return f"<IOData {self}>"
+        return f"<IOData {shortened(str(self), LINE)}>"
 
     def __str__(self) -> str:
         """One line: length, interval, channels with their units."""

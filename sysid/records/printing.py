@@ -75,7 +75,8 @@ def as_text(parts: Iterable[Part]) -> str:
 
 def as_html(parts: Iterable[Part], figure: str = "") -> str:
     """The same for a notebook, beside a figure."""
-    shown = (f"<pre>{html.escape(part)}</pre>" if isinstance(part, str) else part.html() for part in parts if part)
+    pre = '<pre style="white-space:pre-wrap">'
+    shown = (f"{pre}{html.escape(part)}</pre>" if isinstance(part, str) else part.html() for part in parts if part)
     style = "display:flex;flex-wrap:wrap;align-items:flex-start;gap:1em"
     return f'<div style="{style}"><div>{"".join(shown)}</div>{figure}</div>'
 
@@ -166,11 +167,11 @@ def brief(value: Any, most: int) -> str:
     """A value on one line: arrays of up to `most` entries in full, others by shape and range, long tuples by length."""
     if isinstance(value, np.ndarray):
         shape = " x ".join(map(str, value.shape))
-        if value.size == 1 or value.size == 0:
-            return number(value.item()) if value.size else f"<{shape}>"
-        if value.size <= most and value.ndim <= 2:
+        if value.size == 1:
+            return number(value.item())
+        if 1 < value.size <= most and value.ndim <= 2:
             return "[" + "; ".join(", ".join(numbers(row)) for row in np.atleast_2d(value)) + "]"
-        if value.dtype.kind == "c" or not np.isfinite(value).any():
+        if value.dtype.kind not in "biuf" or not np.isfinite(value).any():
             return f"<{shape}>"
         return f"<{shape}, {number(np.nanmin(value))} to {number(np.nanmax(value))}>"
     if isinstance(value, tuple):
