@@ -27,9 +27,9 @@ from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import fingerprint, versions
 from scenarios.identification.long_lag import long_lag
-from scenarios.identification.methods import ESTIMATORS
 from scenarios.jobs.executor import Executor
 from scenarios.jobs.journal import Journal
+from scenarios.thesis.estimates import estimate
 from scenarios.thesis.findings_chapter_3 import FASTEST, orders_below
 from scenarios.thesis.nonparametric import GRID, SINES, WHITENING
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
@@ -261,13 +261,13 @@ def _models(joint: str, data: IOData) -> Row:
             continue
         name = structure.method
         try:
-            estimate = ESTIMATORS[structure.estimator].run(data, structure.orders)
-            row |= {f"{name}_{key}": value for key, value in model_numbers(estimate.model).items()}
+            fitted = estimate(data, structure.estimator, structure.orders)
+            row |= {f"{name}_{key}": value for key, value in model_numbers(fitted.model).items()}
             if name == "okid":
-                values = np.asarray(estimate.diagnostics["hankel_singular_values"], dtype=float) ** 2
+                values = np.asarray(fitted.diagnostics["hankel_singular_values"], dtype=float) ** 2
                 row["okid_tail_percent"] = float(100.0 * values[2:].sum() / values.sum())
                 continue
-            test = sysid.resid(estimate, data)
+            test = sysid.resid(fitted, data)
         except (SysidError, np.linalg.LinAlgError):
             continue  # no model: every number of it is missing
         row[f"{name}_white"] = bool(test.whiteness_p[0] > 0.01)

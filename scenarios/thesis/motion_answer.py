@@ -30,7 +30,6 @@ def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Seque
     }
     every = arms(cells)
     best, worth = every[0], profile(every)
-    as_good = [arm for arm in every if arm.score <= best.score + 2.0 * float(np.hypot(arm.error, best.error))]
     fixed = {name: factors(best.cells[0])[name] for name in OF_MAP}
     return {
         "decided": "2026-11-23, before results",
@@ -53,10 +52,6 @@ def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Seque
         "arms": {
             "number": len(every),
             "explain_all": sum(len(arm.explains) == len(STUDIED_JOINTS) for arm in every),
-            "as_good": len(as_good),
-            "levels": {
-                name: list(dict.fromkeys(str(factors(arm.cells[0])[name]) for arm in as_good)) for name in worth
-            },
             "best": [_arm(arm, cells) for arm in every[:SHOWN]],
         },
         "nominal": _arm(_nominal(tests.values()), cells),

@@ -172,10 +172,11 @@ def test_workers_change_no_bit_and_an_interrupted_campaign_resumes(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_command_writes_scores_and_the_map(printed, result, tmp_path, monkeypatch):
+def test_the_command_writes_scores_and_the_map(run, result, tmp_path, monkeypatch):
     monkeypatch.setattr(MotionCampaign, "quick", classmethod(lambda _: replace(SMALL, seeds=1, multisines=0)))
-    text = printed("motion", "--quick", "--out", tmp_path / "made", "--workers", 1)
-    assert "Shoulder yaw: none of" in text
+    # on a busy machine there is progress on stderr
+    code, text, _ = run("motion", "--quick", "--out", tmp_path / "made", "--workers", 1)
+    assert code == 0 and "Shoulder yaw: none of" in text
     record = json.loads((tmp_path / "made" / "motion.json").read_text())
     assert record["arms"]["number"] == 2 and set(record["joints"]) == set(STUDIED_JOINTS)
     with (tmp_path / "made" / "motion.csv").open() as file:

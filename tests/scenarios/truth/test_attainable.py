@@ -30,9 +30,14 @@ def sliding():
     return run("siso-5-shoulder_yaw", chain=QUIET)[0]
 
 
+@pytest.fixture(scope="module")
+def floors(sliding):
+    """Those of the yaw joint without friction."""
+    return attainable(sliding)
+
+
 @pytest.mark.slow
-def test_on_a_linear_joint_all_floors_are_the_recorder_noise(sliding):
-    floors = attainable(sliding)
+def test_on_a_linear_joint_all_floors_are_the_recorder_noise(sliding, floors):
     noise = float(np.hypot(1e-4, 2 * np.pi / 2**16 / np.sqrt(12)))
     assert floors.joint == "shoulder_yaw"
     assert floors.samples == 3000
@@ -47,12 +52,12 @@ def test_on_a_linear_joint_all_floors_are_the_recorder_noise(sliding):
 
 
 @pytest.mark.slow
-def test_without_noise_nothing_is_left(sliding):
-    floors = attainable(run("siso-5-shoulder_yaw", chain=IDEAL)[0])
-    assert floors.simulation.any_model.rmse == 0.0
-    assert floors.simulation.any_model.fit == 100.0
-    assert floors.simulation.best_linear.rmse == pytest.approx(floors.distortion)
-    assert floors.simulation.best_linear.rmse < 1e-2 * attainable(sliding).simulation.best_linear.rmse
+def test_without_noise_nothing_is_left(floors):
+    ideal = attainable(run("siso-5-shoulder_yaw", chain=IDEAL)[0])
+    assert ideal.simulation.any_model.rmse == 0.0
+    assert ideal.simulation.any_model.fit == 100.0
+    assert ideal.simulation.best_linear.rmse == pytest.approx(ideal.distortion)
+    assert ideal.simulation.best_linear.rmse < 1e-2 * floors.simulation.best_linear.rmse
 
 
 @pytest.mark.slow
@@ -84,18 +89,17 @@ def test_a_sufficient_model_reaches_them_on_fresh_data(sliding):
 
 
 @pytest.mark.slow
-def test_process_noise_parts_simulation_from_prediction(sliding):
+def test_process_noise_parts_simulation_from_prediction(floors):
     """The right predictor is that with the true K; a simulation cannot know what the drives did."""
     noisy = run("siso-5-shoulder_yaw", chain=QUIET, plant=Plant(process_noise=0.01))[0]
-    floors = attainable(noisy)
-    assert floors.provenance["noise-free angles"] == "simulated anew without process noise"
-    assert floors.simulation.any_model.rmse > 2 * floors.one_step.small_signal.rmse
-    assert floors.simulation.small_signal.rmse == pytest.approx(floors.simulation.any_model.rmse, rel=0.01)
-    assert floors.one_step.small_signal.rmse == pytest.approx(floors.one_step.best_linear.rmse, rel=0.02)
-    assert floors.one_step.small_signal.rmse > 1.2 * floors.one_step.any_model.rmse
+    shaken = attainable(noisy)
+    assert shaken.provenance["noise-free angles"] == "simulated anew without process noise"
+    assert shaken.simulation.any_model.rmse > 2 * shaken.one_step.small_signal.rmse
+    assert shaken.simulation.small_signal.rmse == pytest.approx(shaken.simulation.any_model.rmse, rel=0.01)
+    assert shaken.one_step.small_signal.rmse == pytest.approx(shaken.one_step.best_linear.rmse, rel=0.02)
+    assert shaken.one_step.small_signal.rmse > 1.2 * shaken.one_step.any_model.rmse
     # What is simulated anew is what the arm does without that noise.
-    quiet = attainable(sliding)
-    assert floors.distortion == pytest.approx(quiet.distortion, rel=1e-6)
+    assert shaken.distortion == pytest.approx(floors.distortion, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -164,19 +168,18 @@ def test_the_window_is_not_scored(sliding):
 
 
 @pytest.mark.slow
-def test_a_few_steps_find_nearly_what_a_long_search_finds(sliding):
+def test_a_few_steps_find_nearly_what_a_long_search_finds(sliding, floors):
     """Nothing else depends on the search, and what it was is said."""
-    whole, quick = attainable(sliding), attainable(sliding, steps=10)
-    assert whole.right_order.rmse <= quick.right_order.rmse < 1.05 * whole.right_order.rmse
+    quick = attainable(sliding, steps=10)
+    assert floors.right_order.rmse <= quick.right_order.rmse < 1.05 * floors.right_order.rmse
     assert quick.right_order.rmse < quick.simulation.small_signal.rmse
-    assert quick.simulation.any_model == whole.simulation.any_model
+    assert quick.simulation.any_model == floors.simulation.any_model
     assert quick.provenance["steps of each search for the right order"] == "10"
 
 
 @pytest.mark.slow
-def test_chance_is_that_of_chi_square(sliding):
+def test_chance_is_that_of_chi_square(floors):
     """A constant fitted to white noise undercuts by one degree of freedom; nothing else is claimed."""
-    floors = attainable(sliding)
     rng = np.random.default_rng(0)
     noise = rng.standard_normal((2000, floors.samples))
     fitted = noise - noise.mean(axis=1, keepdims=True)
