@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sysid.design.information import Information, Pilot, Quantity, transform_length
+from sysid.design.information import Information, Quantity, drawn, pilot_of, transform_length
 from sysid.design.multisine import crest_factor, low_crest_turns, sum_of_sines
 from sysid.design.spectrum import optimal_spectrum
 from sysid.models.estimate import Estimate
@@ -171,9 +171,9 @@ def _pilots(
     size: float,
     draws: int,
     rng: np.random.Generator,
-) -> list[Pilot]:
+) -> list[Estimate]:
     models = list(model) if isinstance(model, Sequence) else [model]
-    pilots = [Pilot.of(one, n, dt=dt, variance=variance, size=size) for one in models]
+    pilots = [pilot_of(one, n, dt=dt, variance=variance, size=size) for one in models]
     intervals = sorted({pilot.model.dt for pilot in pilots})
     if len(intervals) != 1:
         raise SysidError(f"models with the sampling intervals {intervals} s: expected one or more models of one")
@@ -181,10 +181,10 @@ def _pilots(
         return pilots
     if any(isinstance(one, Polynomials) for one in models):
         raise SysidError("polynomials have no uncertainty to draw models from: expected estimates, or draws = 0")
-    drawn = [one for pilot in pilots for one in pilot.drawn(draws, rng)]
-    if not drawn:
+    stable = [one for pilot in pilots for one in drawn(pilot, draws, rng)]
+    if not stable:
         raise SysidError(f"all of {draws} drawn models are unstable: the estimate is too uncertain")
-    return drawn
+    return stable
 
 
 def _signal(u: ArrayLike, n: int) -> FloatArray:

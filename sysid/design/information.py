@@ -11,8 +11,10 @@ from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.orders import Orders
-from sysid.records.arguments import real_number, sampling_interval
+from sysid.polynomial.polynomial_estimate import known_estimate
+from sysid.records.arguments import real_number
 from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 from sysid.validation.cramer_rao import cramer_rao_bound
 
@@ -24,77 +26,54 @@ SINGULAR = 1e-12  # ratio of eigenvalues below which the record leaves parameter
 SAME = 1e-9  # ratio of singular values below which nuisances have the same effect
 
 
-@dataclass(frozen=True, eq=False)
-class Pilot:
-    """A model with a scale for each of its parameters.
+def pilot_of(
+    model: Estimate | Polynomials, samples: int, *, dt: float | None, variance: float | None, size: float
+) -> Estimate:
+    """Check a model; polynomials become an estimate, as uncertain as after a binary input.
 
-    Attributes:
-        parameters: (p,).
-        covariance: Steps of one standard deviation are small enough to be linear (p, p).
-        realise: From parameters to the model.
-        model: The model itself, one input, stable.
-        noise: Covariance of its innovation (ny, ny).
+    Args:
+        model: An estimate; or polynomials, whose own coefficients are then the parameters.
+        samples: Length of the records.
+        dt: Sampling interval of polynomials, s; None for an estimate.
+        variance: Of the innovation of polynomials; None for an estimate.
+        size: Of the inputs.
+
+    Raises:
+        SysidError: Another model, several inputs, no covariance, or an unstable model.
     """
-
-    parameters: FloatArray
-    covariance: FloatArray
-    realise: Callable[[FloatArray], StateSpace]
-    model: StateSpace
-    noise: FloatArray
-
-    @staticmethod
-    def of(
-        model: Estimate | Polynomials, samples: int, *, dt: float | None, variance: float | None, size: float
-    ) -> "Pilot":
-        """Check a model.
-
-        Args:
-            model: An estimate; or polynomials, whose own coefficients are then the parameters.
-            samples: Length of the records.
-            dt: Sampling interval of polynomials, s; None for an estimate.
-            variance: Of the innovation of polynomials; None for an estimate.
-            size: Of the inputs.
-
-        Raises:
-            SysidError: Another model, several inputs, no covariance, or an unstable model.
-        """
-        if isinstance(model, Estimate):
-            if dt is not None or variance is not None:
-                raise SysidError("dt and variance given with an estimate, which has its own: expected neither")
-            if not np.isfinite(model.covariance).all():
-                raise SysidError(f"{model.method} gives no covariance of its parameters; refine it by pem_ss")
-            pilot = Pilot(model.parameters, model.covariance, model.realise, model.model, model.noise_variance)
-        elif isinstance(model, Polynomials):
-            if dt is None or variance is None:
-                raise SysidError("polynomials have no sampling interval and no noise: expected dt and variance as well")
-            step = sampling_interval(dt)
-            power = real_number("variance", variance, "be a variance > 0", lambda v: 0.0 < v < np.inf)
-            orders = Orders.of(model)
-            bits = np.random.default_rng(0).choice([-size, size], (max(samples, 20 * orders.count), model.nu))
-            bound = cramer_rao_bound(model, orders, bits, dt=step, variance=power, frequencies=np.zeros(0))
-            pilot = Pilot(
-                bound.parameters,
-                bound.covariance,
-                lambda theta: innovations_form(orders.polynomials(theta), step),
-                innovations_form(model, step),
-                np.array([[power]]),
-            )
-        else:
-            raise SysidError(f"expected an Estimate, or Polynomials with dt and variance, got {type(model).__name__}")
-        if pilot.model.nu != 1:
-            raise SysidError(f"the model has {pilot.model.nu} inputs, expected 1: design them one by one")
-        if not pilot.model.is_stable():
-            raise SysidError("the model is not stable: no input can be designed for it in open loop")
-        return pilot
-
-    def drawn(self, count: int, rng: np.random.Generator) -> "list[Pilot]":
-        """Models with parameters drawn from the normal distribution of the estimate, unstable ones left out."""
-        steps = rng.standard_normal((count, len(self.parameters))) @ standard_directions(self.covariance).T
-        models = [(self.parameters + step, self.realise(self.parameters + step)) for step in steps]
-        return [replace(self, parameters=theta, model=model) for theta, model in models if model.is_stable()]
+    if isinstance(model, Polynomials):
+        if dt is None or variance is None:
+            raise SysidError("polynomials have no sampling interval and no noise: expected dt and variance as well")
+        power = real_number("variance", variance, "be a variance > 0", lambda v: 0.0 < v < np.inf)
+        orders = Orders.of(model)
+        bits = np.random.default_rng(0).choice([-size, size], (max(samples, 20 * orders.count), model.nu))
+        data = IOData(bits, np.zeros((len(bits), 1)), dt)
+        bound = cramer_rao_bound(model, orders, bits, dt=data.dt, variance=power, frequencies=np.zeros(0))
+        form = innovations_form(model, data.dt)
+        pilot = known_estimate(form, model, orders, bound.covariance, variance=power, data=data)
+    elif not isinstance(model, Estimate):
+        raise SysidError(f"expected an Estimate, or Polynomials with dt and variance, got {type(model).__name__}")
+    elif dt is not None or variance is not None:
+        raise SysidError("dt and variance given with an estimate, which has its own: expected neither")
+    elif not np.isfinite(model.covariance).all():
+        raise SysidError(f"{model.method} gives no covariance of its parameters; refine it by pem_ss")
+    else:
+        pilot = model
+    if pilot.model.nu != 1:
+        raise SysidError(f"the model has {pilot.model.nu} inputs, expected 1: design them one by one")
+    if not pilot.model.is_stable():
+        raise SysidError("the model is not stable: no input can be designed for it in open loop")
+    return pilot
 
 
-def transform_length(pilots: Sequence[Pilot], samples: int) -> int:
+def drawn(pilot: Estimate, count: int, rng: np.random.Generator) -> list[Estimate]:
+    """Estimates with parameters drawn from the normal distribution of one, unstable ones left out."""
+    steps = rng.standard_normal((count, len(pilot.parameters))) @ standard_directions(pilot.covariance).T
+    models = [(pilot.parameters + step, pilot.realise(pilot.parameters + step)) for step in steps]
+    return [replace(pilot, parameters=theta, model=model) for theta, model in models if model.is_stable()]
+
+
+def transform_length(pilots: Sequence[Estimate], samples: int) -> int:
     """Length of the transforms in which no response of a record wraps around into it."""
     slowest = 0.0
     for pilot in pilots:
@@ -129,7 +108,7 @@ class Information:
     size: int
 
     @staticmethod
-    def of(pilot: Pilot, samples: int, size: int, quantity: Quantity | None, *, offset: bool) -> "Information":
+    def of(pilot: Estimate, samples: int, size: int, quantity: Quantity | None, *, offset: bool) -> "Information":
         """Differentiate a model by its parameters."""
         m = pilot.model
         f = np.fft.rfftfreq(size, m.dt)
@@ -147,7 +126,7 @@ class Information:
             raise SysidError("the quantity is not a finite number for the model, or for models near it")
         *responses, target = np.split(moves, cuts, axis=1)
         by_input, by_noise = (np.ascontiguousarray(part).view(np.complex128) for part in responses)
-        root = np.linalg.cholesky(pilot.noise)
+        root = np.linalg.cholesky(pilot.noise_variance)
         whiten = np.linalg.inv(m.noise_response(f) @ root)
         p = len(moves)
         filters = (whiten @ by_input.reshape(p, *shape))[..., 0]

@@ -30,7 +30,9 @@ def to_c(model: StateSpace | Estimate, path: str | Path) -> tuple[Path, Path]:
     """
     source = named_path(path, ".c")
     header = source.with_suffix(".h")
-    write_whole({source: (texts := c_files(model, source.stem))[source.name], header: texts[header.name]})
+    texts = c_files(model, source.stem)
+    for file in (source, header):
+        write_whole(file, texts[file.name])
     return source, header
 
 

@@ -1,7 +1,6 @@
 """Files of models: written whole or not at all, named by identifiers, marked with the software that wrote them."""
 
 import re
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -30,25 +29,21 @@ def software() -> str:
         return f"{PACKAGE}, not installed"
 
 
-def write_whole(files: Mapping[Path, bytes]) -> None:
-    """Write each file under a temporary name and rename it: readers find the old file or the new one, never a part.
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file under a temporary name and rename it: readers find the old file or the new one, never a part.
 
     Raises:
         SysidError: There is a folder of that name.
-        OSError: A file cannot be written; the old ones stay.
+        OSError: The file cannot be written; the old one stays.
     """
-    for path in files:
-        if path.is_dir():
-            raise SysidError(f"cannot write {path}: it is a folder; expected a file or nothing there")
-    partial = {path: path.with_name(f"{path.name}.partial") for path in files}
+    if path.is_dir():
+        raise SysidError(f"cannot write {path}: it is a folder; expected a file or nothing there")
+    partial = path.with_name(f"{path.name}.partial")
     try:
-        for path, content in files.items():
-            partial[path].write_bytes(content)
-        for path in files:
-            partial[path].replace(path)
+        partial.write_bytes(content)
+        partial.replace(path)
     finally:
-        for path in partial.values():
-            path.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)
 
 
 def named_path(path: str | Path, ending: str) -> Path:

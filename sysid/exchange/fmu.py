@@ -62,7 +62,7 @@ def to_fmu(model: StateSpace | Estimate, path: str | Path, *, compiler: str | No
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in contents.items():
             archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
-    write_whole({file: buffer.getvalue()})
+    write_whole(file, buffer.getvalue())
     return file
 
 

@@ -74,7 +74,7 @@ def to_matlab(model: StateSpace | Estimate, path: str | Path) -> Path:
         inputs, outputs = map(_row, levels)
         lines.append(f"sys.UserData = struct('InputOffset', {inputs}, 'OutputOffset', {outputs});")
     text = "\n".join((f"function sys = {file.stem}()", *lines, "end", ""))
-    write_whole({file: text.encode("utf-8")})
+    write_whole(file, text.encode("utf-8"))
     return file
 
 

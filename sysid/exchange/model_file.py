@@ -55,7 +55,7 @@ def write_model(model: Estimate | StateSpace | Polynomials, path: str | Path, *,
         content[kind] = _estimate(model)
     else:
         content[kind] = encoded(model)
-    write_whole({file: (text_of(content) + "\n").encode("ascii")})
+    write_whole(file, (text_of(content) + "\n").encode("ascii"))
     return file
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import sysid
 from sysid import Polynomials, design_input
-from sysid.design.information import Information, Pilot, transform_length
+from sysid.design.information import Information, pilot_of, transform_length
 from sysid.polynomial.orders import Orders
 from sysid.validation import cramer_rao_bound
 from tests.refusals import refused
@@ -19,7 +19,7 @@ BITS = np.repeat(np.random.default_rng(1).choice([-1.0, 1.0], 150), 2)
 
 
 def information(model=SERVO, quantity=lambda m: m.bandwidth()[0, 0], n=300):
-    pilot = Pilot.of(model, n, **NOISE, size=1.0)
+    pilot = pilot_of(model, n, **NOISE, size=1.0)
     return Information.of(pilot, n, transform_length([pilot], n), quantity, offset=True)
 
 
