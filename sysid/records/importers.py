@@ -1,29 +1,57 @@
 """Records from files: CSV, MATLAB, NetCDF."""
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sysid.records.arguments import shown
+from sysid.records.arguments import shortened, shown
 from sysid.records.arrays import FloatArray
+from sysid.records.channels import listed
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
+from sysid.records.mat_hdf5 import read_hdf5_variables
 from sysid.records.mat_variables import read_variables
+from sysid.records.text_columns import text_columns
+from sysid.records.time_grid import Signal, experiments, period
+from sysid.records.time_stamps import Column, Place, interval_unit, is_time, stamps, time_column
 
-TIME_NAMES = ("t", "time", "ts")
-INTERVAL_NAMES = ("ts", "dt")
-MOST_BYTES = 2**31
-SECONDS = {
-    **dict.fromkeys(("", "s", "sec", "second", "seconds"), 1.0),
-    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
-    **dict.fromkeys(("us", "µs", "microsecond", "microseconds"), 1e-6),
-}
-SAME_INTERVAL = 1e-3  # two intervals closer than this part are one, written with few digits
-Columns = Mapping[str, FloatArray]
+MOST_NUMBERS = 2**28
+"""Numbers of a NetCDF4 file, 2 GiB as float64: packed zeros of a small file can claim more than there is memory."""
+
+SAME_INTERVAL = 1e-3
+"""Two intervals closer than this part are one, written with few digits."""
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """Columns and times to read, as in `read_csv`, and whether gaps cut a record into experiments."""
+
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    time: str | None
+    time_unit: str | None
+    dt: float | None
+    missing: bool
+    cut: bool = False
+
+    def __post_init__(self) -> None:
+        for side in ("inputs", "outputs"):
+            names = getattr(self, side)
+            object.__setattr__(self, side, (names,) if isinstance(names, str) else tuple(names))
+        for name in self.channels:
+            if not isinstance(name, str):
+                raise SysidError(f"expected inputs and outputs by name, got {shown(name)}")
+        if len(set(self.channels)) != len(self.channels):
+            raise SysidError(f"expected different columns, got {listed(self.channels)}")
+        if self.dt is not None and not 0 < self.dt < np.inf:
+            raise SysidError(f"dt must be above 0 s, got {self.dt}")
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        return (*self.inputs, *self.outputs)
 
 
 def read_csv(
@@ -31,31 +59,39 @@ def read_csv(
     *,
     inputs: Sequence[str] = ("u",),
     outputs: Sequence[str] = ("y",),
+    time: str | None = None,
+    time_unit: str | None = None,
     dt: float | None = None,
     missing: bool = False,
 ) -> IOData:
     """Read a record from text: columns separated by commas, semicolons, tabs or spaces.
 
-    The first line names the columns; a file without such a line has the columns `inputs` then `outputs`. Lines that
-    begin with # or % are ignored. Empty cells and `nan` are missing samples.
+    The first line names the columns. A file without such a line has the columns `time`, if named, `inputs`, `outputs`.
+    Lines that begin with # or % are ignored. Empty cells and `nan` are missing samples.
+
+    Times are numbers or texts as `2026-01-31T12:00:00.5` or `12:00:00.5`. Their unit is that of the name, as in `Time
+    (ms)` or `stamp_ns`; stamps since 1970 in s, ms, µs or ns are known by their size; others are in s. Samples whose
+    stamps jitter are put on a uniform grid, steps above 2.5 intervals are gaps; a `SysidWarning` says what was done.
 
     Args:
         path: The file.
         inputs: Names of the input columns.
         outputs: Names of the output columns.
-        dt: Sampling interval, s. Required unless the file has a column of times (`t`, `time`, `Time (ms)`) or a
-            constant column `dt`; must agree with it otherwise.
-        missing: Whether missing output samples are allowed.
+        time: Name of the column of times. None: `t`, `time`, `timestamp`, `Time (ms)` ..., or without `dt` the only
+            other column that increases as steadily as a clock.
+        time_unit: Unit of the times: s, ms, us, ns, min or h.
+        dt: Sampling interval, s. Required unless the file has times or a constant column `dt`; must agree with them
+            otherwise, and samples whose stamps jitter are then taken for uniform ones, if none was lost.
+        missing: Whether outputs may be missing; those in gaps then are, and inputs are held.
 
     Returns:
         The record, named after the file.
 
     Raises:
         SysidError: No file, no text, no such column, cells that are no numbers, no or contradicting sampling intervals,
-            times that are not uniform.
+            times that do not increase or are too irregular, gaps without `missing`.
     """
-    file = _existing(path, "a text file")
-    return record_of(_csv_columns(file, (*inputs, *outputs)), inputs, outputs, dt, missing, file)
+    return _single(_from_text, path, "a text file", _Choice(inputs, outputs, time, time_unit, dt, missing))
 
 
 def read_mat(
@@ -63,17 +99,22 @@ def read_mat(
     *,
     inputs: Sequence[str] = ("u",),
     outputs: Sequence[str] = ("y",),
+    time: str | None = None,
+    time_unit: str | None = None,
     dt: float | None = None,
     missing: bool = False,
 ) -> IOData:
-    """Read a record from a MATLAB file of version 7.2 or older.
+    """Read a record from a MATLAB file of any version.
 
     Args:
         path: The file.
-        inputs: Names of the input variables, vectors, or matrices with time first.
+        inputs: Names of the input variables, vectors, or matrices with time first. Version 7.3 also has the fields of
+            structs, as `log.u`.
         outputs: Names of the output variables, likewise.
-        dt: As in `read_csv`; the file may hold it as a scalar `dt` or `Ts`, or as a vector of times.
-        missing: Whether missing output samples are allowed.
+        time: As in `read_csv`, likewise the following.
+        time_unit: Unit of the times.
+        dt: Sampling interval, s; the file may hold it as a scalar `dt` or `Ts`.
+        missing: Whether outputs may be missing.
 
     Returns:
         The record, named after the file.
@@ -81,14 +122,7 @@ def read_mat(
     Raises:
         SysidError: No file, another format, no such variable, and as in `read_csv`.
     """
-    file = _existing(path, "a .mat file")
-    # A row vector can only be a signal; a matrix is taken time first, never transposed on a guess.
-    columns = {
-        name: values.astype(float).reshape(-1, 1) if 1 in values.shape else values.astype(float)
-        for name, values in read_variables(file).items()
-        if values.dtype.kind in "biuf" and values.ndim == 2 and values.size
-    }
-    return record_of(columns, inputs, outputs, dt, missing, file)
+    return _single(_from_mat, path, "a .mat file", _Choice(inputs, outputs, time, time_unit, dt, missing))
 
 
 def read_netcdf(
@@ -96,6 +130,8 @@ def read_netcdf(
     *,
     inputs: Sequence[str] = ("u",),
     outputs: Sequence[str] = ("y",),
+    time: str | None = None,
+    time_unit: str | None = None,
     dt: float | None = None,
     missing: bool = False,
 ) -> IOData:
@@ -105,8 +141,10 @@ def read_netcdf(
         path: The file.
         inputs: Names of the input variables; their first dimension is time.
         outputs: Names of the output variables, likewise.
-        dt: As in `read_csv`; the file may hold it as an attribute or scalar `dt`, or as the time coordinate.
-        missing: Whether missing output samples are allowed.
+        time: As in `read_csv`, likewise the following.
+        time_unit: Unit of the times; the attribute `units` holds it too, also as `milliseconds since 2026-01-31`.
+        dt: Sampling interval, s; the file may hold it as an attribute or scalar `dt`.
+        missing: Whether outputs may be missing.
 
     Returns:
         The record, named after the file; units from the attributes `units`.
@@ -114,21 +152,102 @@ def read_netcdf(
     Raises:
         SysidError: No file, another format, no such variable, and as in `read_csv`.
     """
+    return _single(_from_netcdf, path, "a NetCDF4 file", _Choice(inputs, outputs, time, time_unit, dt, missing))
+
+
+def read_experiments(
+    paths: str | Path | Sequence[str | Path],
+    *,
+    inputs: Sequence[str] = ("u",),
+    outputs: Sequence[str] = ("y",),
+    time: str | None = None,
+    time_unit: str | None = None,
+    dt: float | None = None,
+    missing: bool = False,
+) -> tuple[IOData, ...]:
+    """Read the experiments of several files, and those between the gaps of a log.
+
+    Args:
+        paths: One file or several; the endings .mat and .nc name their formats, others are text.
+        inputs: As in `read_csv`, likewise the following.
+        outputs: Names of the outputs.
+        time: Name of the times.
+        time_unit: Unit of the times.
+        dt: Sampling interval, s.
+        missing: Whether outputs may be missing; otherwise records are cut at gaps of the stamps.
+
+    Returns:
+        The records, of one interval.
+
+    Raises:
+        SysidError: As in `read_csv`; different intervals.
+    """
+    choice = _Choice(inputs, outputs, time, time_unit, dt, missing, cut=True)
+    files = [_existing(path, "a data file") for path in ((paths,) if isinstance(paths, str | Path) else paths)]
+    if not files:
+        raise SysidError("expected the paths of data files, got none")
+    return one_interval(
+        [part for file in files for part in _LOADERS.get(file.suffix.lower(), _from_text)(file, choice)]
+    )
+
+
+def one_interval(parts: Sequence[IOData]) -> tuple[IOData, ...]:
+    """Give experiments the interval of the first, from which those that were measured differ by little.
+
+    Raises:
+        SysidError: The intervals differ by more than 0.1 %.
+    """
+    first = parts[0]
+    for part in parts:
+        if abs(part.dt - first.dt) > SAME_INTERVAL * first.dt:
+            raise SysidError(
+                f"{part.name} is sampled every {part.dt:.6g} s, {first.name} every {first.dt:.6g} s; "
+                "expected one interval (resample brings them to one)"
+            )
+    return tuple(part if part.dt == first.dt else replace(part, dt=first.dt) for part in parts)
+
+
+def _single(
+    load: Callable[[Path, _Choice], tuple[IOData, ...]], path: str | Path, kind: str, choice: _Choice
+) -> IOData:
+    (record,) = load(_existing(path, kind), choice)
+    return record
+
+
+def _from_text(file: Path, choice: _Choice) -> tuple[IOData, ...]:
+    columns, place = text_columns(file, (*((choice.time,) if choice.time else ()), *choice.channels))
+    return _records_of(columns, choice, file, place)
+
+
+def _from_mat(file: Path, choice: _Choice) -> tuple[IOData, ...]:
+    from h5py import is_hdf5
+
+    # A row vector can only be a signal; a matrix is taken time first, never transposed on a guess.
+    columns = {
+        name: values.reshape(-1, 1) if 1 in values.shape else values
+        for name, values in (read_hdf5_variables if is_hdf5(file) else read_variables)(file).items()
+        if values.dtype.kind in "biuf" and values.ndim == 2 and values.size
+    }
+    return _records_of(columns, choice, file)
+
+
+def _from_netcdf(file: Path, choice: _Choice) -> tuple[IOData, ...]:
     import h5py
     import xarray as xr
 
-    file = _existing(path, "a NetCDF4 file")
     try:
         with h5py.File(file) as whole:
-            # h5py detects a damaged file here and closes it; xarray would leave it half open.
+            # h5py detects a damaged file here and closes it; xarray would leave it half open, and reads coordinates at
+            # once, however many numbers they claim.
             _ = dict(whole["/"].attrs)
+            arrays = [one for one in whole.values() if isinstance(one, h5py.Dataset) and one.dtype.kind in "biuf"]
+            if (numbers := sum(array.size for array in arrays)) > MOST_NUMBERS:
+                raise SysidError(f"{file.name}: arrays of {numbers} numbers, expected at most {MOST_NUMBERS}")
         with xr.open_dataset(file, engine="h5netcdf", decode_times=False) as stored:
-            numbers = {str(n): v for n, v in stored.variables.items() if v.dtype.kind in "biuf" and v.ndim <= 2}
-            # Packed zeros of a small file can claim more memory than there is.
-            if (size := sum(variable.nbytes for variable in numbers.values())) > MOST_BYTES:
-                raise SysidError(f"{file.name}: arrays of {size} bytes, expected at most {MOST_BYTES}")
             columns = {
-                name: np.atleast_1d(np.asarray(variable.values, dtype=float)) for name, variable in numbers.items()
+                str(name): np.atleast_1d(variable.values)
+                for name, variable in stored.variables.items()
+                if variable.dtype.kind in "biuf" and variable.ndim <= 2
             }
             units = {str(name): str(variable.attrs.get("units", "")) for name, variable in stored.variables.items()}
             if "dt" not in columns and "dt" in stored.attrs:
@@ -138,174 +257,101 @@ def read_netcdf(
     except SysidError:
         raise
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
-        raise SysidError(f"{file.name}: not a NetCDF4 file, or a damaged one ({error})") from error
-    for name in [n for n in columns if units.get(n) in SECONDS and units.get(n) and n.lower() in TIME_NAMES]:
-        columns[f"{name} ({units[name]})"] = columns.pop(name)
-    return record_of(columns, inputs, outputs, dt, missing, file, units)
+        raise SysidError(f"{file.name}: not a NetCDF4 file, or a damaged one ({shortened(str(error), 200)})") from error
+    return _records_of(columns, choice, file, units=units)
 
 
-def record_of(
-    columns: Columns,
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-    dt: float | None,
-    missing: bool,
+def _records_of(
+    columns: Mapping[str, Column],
+    choice: _Choice,
     file: Path,
+    place: Place = lambda sample: f"sample {sample}",
     units: Mapping[str, str] | None = None,
-) -> IOData:
-    """Make a record of named columns (N,) or (N, k); columns that are no channels may hold the sampling interval."""
-    channels = [
-        *((inputs,) if isinstance(inputs, str) else inputs),
-        *((outputs,) if isinstance(outputs, str) else outputs),
-    ]
-    for name in channels:
-        if not isinstance(name, str):
-            raise SysidError(f"{file.name}: expected columns by name, got {name!r}; there are {', '.join(columns)}")
+) -> tuple[IOData, ...]:
+    """Make records of named columns (N,) or (N, k); a column that is no channel may hold times or the interval."""
+    units = units or {}
+    for name in choice.channels:
         if name not in columns:
             near = get_close_matches(name, columns, 1)
             hint = f" (did you mean {near[0]!r}?)" if near else ""
+            kinds = " (structs, tables and objects such as iddata are not read; save their arrays)"
             there = ", ".join(columns) or "none of numbers"
-            raise SysidError(f"{file.name}: unknown column {name!r}{hint}; there are {there}")
-    if len(set(channels)) != len(channels):
-        raise SysidError(f"{file.name}: expected different columns, got {', '.join(channels)}")
-    step = sampling_interval({n: v for n, v in columns.items() if n not in channels}, dt, file)
-    split = 1 if isinstance(inputs, str) else len(inputs)
-    parts = []
-    for names in (channels[:split], channels[split:]):
-        tables = [v[:, None] if v.ndim == 1 else v for v in (columns[n] for n in names)]
-        if len({len(table) for table in tables}) > 1:
-            raise SysidError(f"{file.name}: {', '.join(f'{n} has {len(columns[n])} samples' for n in names)}")
-        labels = [
-            (name if table.shape[1] == 1 else f"{name}{k + 1}", (units or {}).get(name, ""))
-            for name, table in zip(names, tables, strict=True)
-            for k in range(table.shape[1])
-        ]
-        parts.append((np.hstack(tables), tuple(label for label, _ in labels), tuple(unit for _, unit in labels)))
-    (u, input_names, input_units), (y, output_names, output_units) = parts
-    try:
-        return IOData(
-            u,
-            y,
-            step,
-            input_names=input_names,
-            output_names=output_names,
-            input_units=input_units,
-            output_units=output_units,
-            missing=missing,
-            name=file.stem,
-        )
-    except SysidError as error:
-        raise SysidError(f"{file.name}: {error}") from error
-
-
-def sampling_interval(columns: Columns, dt: float | None, file: Path) -> float:
-    """Sampling interval in s on which the columns of times and `dt` agree."""
-    if dt is not None and not 0 < dt < np.inf:
-        raise SysidError(f"dt must be above 0 s, got {dt}")
-    intervals = {} if dt is None else {"dt as given": float(dt)}
-    for name, table in columns.items():
-        values = table.ravel()
-        key, unit = _name_and_unit(name)
-        if key not in (*TIME_NAMES, *INTERVAL_NAMES) or (values.size == 1 and key not in INTERVAL_NAMES):
-            continue
-        if unit not in SECONDS:
-            raise SysidError(f"{file.name}: column {name!r} is in {unit!r}; expected a time in s, ms or us")
-        constant = bool((values == values[0]).all())
-        if key in INTERVAL_NAMES and (constant or key not in TIME_NAMES or values.size == 1):
-            step = float(values[0])
-            if not (constant and 0.0 < step < np.inf):
-                present = f"{step:g}" if values.size == 1 else f"{values.min():g} to {values.max():g}"
-                raise SysidError(f"{file.name}: {name!r} is {present}; expected one sampling interval above 0 s")
-        else:
-            step = _step(values, name, file, dt is not None)
-        intervals[repr(name)] = step * SECONDS[unit]
-    if not intervals:
+            raise SysidError(
+                f"{file.name}: unknown column {name!r}{hint}; there are {there}{kinds if file.suffix == '.mat' else ''}"
+            )
+    if len({len(columns[name]) for name in choice.channels}) > 1:
         raise SysidError(
-            f"{file.name}: no sampling interval; expected a column of times (t, time, 'Time (s)'), "
-            f"a variable dt or Ts, or dt in s; the file has {', '.join(columns) or 'no other column'}"
+            f"{file.name}: {', '.join(f'{n} has {len(columns[n])} samples' for n in choice.channels)}; time is first"
+        )
+    intervals = _intervals(columns, choice, file)
+    clock_name, remarks = time_column(columns, choice.time, choice.channels, guess=not intervals, file=file.name)
+    clock = None
+    if clock_name is not None:
+        unit = choice.time_unit or units.get(clock_name, "").partition(" since ")[0].lower() or None
+        clock = stamps(clock_name, columns[clock_name], unit, place, file.name)
+        intervals[repr(clock_name)] = period(clock.seconds, f"column {clock_name!r}", file.name)
+    if not intervals:
+        there = listed([n for n in columns if n not in choice.channels]) or "no other column"
+        raise SysidError(
+            f"{file.name}: no sampling interval; expected a column of times (t, time, 'Time (s)', time=NAME), "
+            f"a variable dt or Ts, or dt in s; the file has {there}"
         )
     (first, interval), *others = intervals.items()
-    for name, other in others:
-        if abs(other - interval) > SAME_INTERVAL * interval:
+    for other, value in others:
+        if abs(value - interval) > SAME_INTERVAL * interval:
             raise SysidError(
-                f"{file.name}: sampling interval {interval:.6g} s by {first}, {other:.6g} s by {name}; "
+                f"{file.name}: sampling interval {interval:.6g} s by {first}, {value:.6g} s by {other}; "
                 "expected one value (omit the wrong one)"
             )
-    return interval
+    count = len(columns[choice.channels[0]])
+    if clock is not None and len(clock.seconds) != count:
+        raise SysidError(f"{file.name}: {clock_name} has {len(clock.seconds)} samples, the channels have {count}")
+    times = interval * np.arange(count, dtype=np.float64) if clock is None else clock.seconds
+    u, y = (
+        [_signal(n, times, columns[n], units.get(n, "")) for n in names] for names in (choice.inputs, choice.outputs)
+    )
+    return experiments(
+        u,
+        y,
+        interval,
+        missing=choice.missing,
+        cut=choice.cut,
+        name=file.name,
+        resolution=clock.resolution if clock else 0.0,
+        # An interval that the user states is that of the samples, whose stamps then only jitter.
+        nominal=len(intervals) > 1,
+        remarks=(*remarks, *(clock.remarks if clock else ())),
+    )
+
+
+def _signal(name: str, times: FloatArray, values: Column, unit: str) -> Signal:
+    table = values.astype(np.float64).reshape(len(values), -1)
+    names = (name,) if table.shape[1] == 1 else tuple(f"{name}{k + 1}" for k in range(table.shape[1]))
+    return Signal(times, table, names, (unit,) * len(names))
+
+
+def _intervals(columns: Mapping[str, Column], choice: _Choice, file: Path) -> dict[str, float]:
+    """Sampling intervals in s that are stated: by the user, and by constant columns `dt` or `Ts`."""
+    intervals = {} if choice.dt is None else {"dt as given": choice.dt}
+    for name, values in columns.items():
+        scale = None if name in (*choice.channels, choice.time) else interval_unit(name)
+        if scale is None or (is_time(name) and np.ptp(values) > 0):
+            continue
+        low, high = float(values.min()), float(values.max())
+        if not 0.0 < low == high < np.inf:
+            present = f"{low:g}" if values.size == 1 else f"{low:g} to {high:g}"
+            raise SysidError(f"{file.name}: {name!r} is {present}; expected one sampling interval above 0 s")
+        intervals[repr(name)] = low * scale
+    return intervals
 
 
 def _existing(path: str | Path, kind: str) -> Path:
     if not isinstance(path, str | Path):
         raise SysidError(f"expected the path of {kind}, got {shown(path)}")
     file = Path(path)
-    if not file.is_file():
+    if not file.exists() or (file.is_dir() and "folder" not in kind):
         raise SysidError(f"no data file {str(path)!r}; expected {kind}")
     return file
 
 
-def _name_and_unit(name: str) -> tuple[str, str]:
-    """Split `Time (s)`, `t[ms]`, `time_s` or `time / s` into name and unit, lower case."""
-    text = name.strip().lower()
-    match = re.fullmatch(r"([a-z]+)\s*(?:[(\[]\s*([^)\]]*?)\s*[)\]]|(?:_|\s*/\s*|\s+)([a-zµ]+))?", text)
-    if match is None:
-        return text, ""
-    return match[1], match[2] or match[3] or ""
-
-
-def _step(times: FloatArray, name: str, file: Path, allow_jitter: bool) -> float:
-    """Interval of uniform times, in their unit; jitter is allowed where the user has given the interval."""
-    steps = np.diff(times)
-    middle = float(np.median(steps))
-    if not middle > 0 or (np.abs(steps - middle).max() > 0.01 * middle and not allow_jitter):
-        raise SysidError(
-            f"{file.name}: column {name!r} is not uniform: steps from {steps.min():.6g} to {steps.max():.6g}; "
-            "expected one sampling interval (resample, or give dt if the times only jitter)"
-        )
-    # the mean step: single times are rounded in the text
-    return float((times[-1] - times[0]) / (len(times) - 1))
-
-
-def _csv_columns(file: Path, expected: Sequence[str]) -> dict[str, FloatArray]:
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise SysidError(f"{file.name}: not a text file; expected columns {', '.join(expected)}") from error
-    numbered = [(k, line) for k, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    lines = [(k, line) for k, line in numbered if line.lstrip()[0] not in "#%"]
-    if not lines:
-        raise SysidError(f"{file.name}: the file is empty; expected columns {', '.join(expected)}")
-    separator = next((mark for mark in (";", ",", "\t") if mark in lines[0][1]), None)
-    rows = [(k, [cell.strip().strip('"') for cell in line.split(separator)]) for k, line in lines]
-    if all(not row[-1] for _, row in rows):
-        # A separator at the end of every line starts no further column.
-        rows = [(k, row[:-1]) for k, row in rows]
-    if _is_number(rows[0][1][0]):
-        names = list(expected)
-        if len(rows[0][1]) != len(names):
-            raise SysidError(
-                f"{file.name}: {len(rows[0][1])} columns without a header; expected a header, or the columns "
-                f"{', '.join(names)}"
-            )
-    else:
-        names = rows.pop(0)[1]
-    if not rows:
-        raise SysidError(f"{file.name}: a header and no data")
-    values: NDArray[np.float64] = np.empty((len(rows), len(names)))
-    for target, (number, row) in zip(values, rows, strict=True):
-        if len(row) != len(names):
-            raise SysidError(
-                f"{file.name}, line {number}: {len(row)} values, expected {len(names)} ({', '.join(names)})"
-            )
-        try:
-            target[:] = [float(cell) if cell else np.nan for cell in row]
-        except ValueError as error:
-            raise SysidError(f"{file.name}, line {number}: {error}; expected numbers") from error
-    return dict(zip(names, values.T, strict=True))
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+_LOADERS = {".mat": _from_mat, ".nc": _from_netcdf}

@@ -51,7 +51,7 @@ def test_mat(tmp_path):
     assert data.dt == 0.02
     np.testing.assert_array_equal(data.y[:, 0], Y)
     savemat(path, {"u": np.ones((2, 50)), "y": np.ones(50), "dt": 0.1})  # never transposed
-    refused("more channels than samples", read_mat, path)
+    refused("u has 2 samples, y has 50 samples; time is first", read_mat, path)
     for dt in (np.nan, [0.1, 0.2]):
         savemat(path, {"u": U, "y": Y, "dt": dt})
         refused(r"'dt' is (nan|0\.1 to 0\.2); expected one sampling interval above 0 s", read_mat, path)
@@ -61,7 +61,7 @@ def test_a_small_file_that_claims_all_memory_and_a_text_for_dt_are_refused(tmp_p
     path = tmp_path / "huge.nc"
     with h5py.File(path, "w") as file:
         file.create_dataset("u", (2**40,), "f8", chunks=(65536,))
-    refused("arrays of 8796093022208 bytes, expected at most 2147483648", read_netcdf, path)
+    refused("arrays of 1099511627776 numbers, expected at most 268435456", read_netcdf, path)
     xr.Dataset({"u": ("t", U), "y": ("t", Y)}, attrs={"dt": "0.1"}).to_netcdf(path, engine="h5netcdf")
     refused("attribute dt is the text '0.1'; expected a number", read_netcdf, path)
 
@@ -90,8 +90,8 @@ def test_netcdf(tmp_path):
         ("t,u,y\n", {}, "a header and no data"),
         ("t,u,y\n0,1\n", {}, r"line 2: 2 values, expected 3 \(t, u, y\)"),
         ("t,u,y\n0,1,x\n", {}, "line 2: could not convert"),
-        ("t,u,y\n0,1,2\n1,1,2\n5,3,4\n6,1,1", {}, "not uniform: steps from 1 to 4"),
-        ("t (weeks),u,y\n0,1,2\n1,1,2", {}, "expected a time in s, ms or us"),
+        ("t,u,y\n0,1,2\n1,1,2\n5,3,4\n6,1,1", {}, "not uniform: 1 gap"),
+        ("t (weeks),u,y\n0,1,2\n1,1,2", {}, "expected s, ms, us, ns, min or h"),
         ("u,y\n1,2\n2,2\n3,2", {}, "no sampling interval"),
         ("u,y,dt\n1,2,0.1\n2,2,0.1\n3,2,0.1", {"dt": 0.2}, "omit the wrong one"),
         ("u,y,dt\n1,2,0.1\n2,2,0.2\n3,2,0.1", {}, "'dt' is 0.1 to 0.2; expected one sampling interval"),
@@ -121,6 +121,58 @@ def test_foreign_files(tmp_path, read, ending):
 def test_a_damaged_mat_file_is_refused(tmp_path, content):
     (tmp_path / "bad.mat").write_bytes(content)
     refused(r"not a \.mat file", lambda: read_mat(tmp_path / "bad.mat"))
+
+
+def test_text_of_spreadsheets(tmp_path):
+    path = tmp_path / "log.csv"
+    # A comma as decimal mark, the Windows character set, quoted names with commas, columns of words, ragged ends.
+    path.write_bytes('t;u;"Drehmoment, Welle °";state\n0;1;0,5;on;\n0,5;2;1;off\n1;4;-1,5e1;on\n'.encode("cp1252"))
+    data = read_csv(path, outputs=["Drehmoment, Welle °"])
+    assert (data.dt, data.y[:, 0].tolist()) == (0.5, [0.5, 1.0, -15.0])
+    for content in ("% time angle torque\n0 1.5 2\n\n1 2 3.5\n", "time angle torque\n0 1,5 2\n1 2 3,5\n"):
+        data = read_csv(_text(tmp_path, content), inputs="torque", outputs="angle")
+        assert (data.u[:, 0].tolist(), data.y[:, 0].tolist()) == ([2.0, 3.5], [1.5, 2.0])
+    refused("log.csv, line 2: 3 values, expected 2", read_csv, _text(tmp_path, "u y\n1 2 3"), dt=1)
+    refused("2 columns are named 'u'", read_csv, _text(tmp_path, "u,u,y\n1,2,3"), dt=1)
+    refused("log.csv, line 5: could not convert 'x'", read_csv, _text(tmp_path, "# a\nu,y\n1,2\n\n1,x"), dt=1)
+
+
+def _text(folder, content):
+    (folder / "log.csv").write_text(content)
+    return folder / "log.csv"
+
+
+def matlab_7_3(path, variables, **objects):
+    """Write HDF5 as MATLAB does: 512 bytes of its own, columns first, classes as attributes."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in variables.items():
+            value = np.asarray(value)
+            array = file.create_dataset(
+                name, data=np.atleast_2d(value).T, compression="gzip" if value.size > 9 else None
+            )
+            array.attrs["MATLAB_class"] = np.bytes_({"f": "double", "u": "uint8", "i": "int64"}[value.dtype.kind])
+        for name, kind in objects.items():
+            file.create_dataset(name, data=np.zeros((1, 6), np.uint32)).attrs["MATLAB_class"] = np.bytes_(kind)
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+    return path
+
+
+def test_mat_7_3(tmp_path):
+    path = tmp_path / "robot.mat"
+    stamps = 1_767_225_600_000_000_000 + 20_000_000 * np.arange(30)
+    matlab_7_3(path, {"u": np.column_stack((U, Y)), "log/angle": Y[:, None], "log/time": stamps[None]}, note="char")
+    with pytest.warns(match="'log.time' are taken for ns since 1970"):
+        data = read_mat(path, outputs="log.angle")
+    assert (data.dt, data.input_names, data.output_names) == (0.02, ("u1", "u2"), ("log.angle",))
+    np.testing.assert_array_equal(data.u, np.column_stack((U, Y)))
+    refused("unknown column 'y'; there are log.angle, log.time, u", read_mat, path)
+    matlab_7_3(path, {}, data="iddata")
+    refused(r"no arrays of numbers, but data \(iddata\); expected the arrays of such objects", read_mat, path)
+    matlab_7_3(path, {"u": U, "y": Y, "Ts": 0.02})
+    assert read_mat(path).dt == 0.02
+    path.write_bytes(path.read_bytes()[:1500])
+    refused("robot.mat: a damaged .mat file of version 7.3", read_mat, path)
 
 
 def test_columns_may_end_in_a_tab_or_blanks(tmp_path):

@@ -1,0 +1,69 @@
+"""Numbers in MATLAB files of version 7.3, which are HDF5 files."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid.records.arguments import shortened
+from sysid.records.channels import listed
+from sysid.records.errors import SysidError
+
+MOST_NUMBERS = 2**28
+"""Numbers of all arrays, 2 GiB as float64: packed zeros of a small file can claim any size."""
+
+MOST_DEPTH = 8
+"""Structs within structs that are followed; links of a damaged file can lead in circles."""
+
+CLASSES = {"double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
+"""Classes of arrays, in the attribute `MATLAB_class`."""
+
+
+def read_hdf5_variables(file: Path) -> dict[str, NDArray[np.generic]]:
+    """Read the real numbers of arrays and of structs of arrays, as `log.u`; other kinds are left out.
+
+    HDF5 stores rows first what MATLAB has columns first: arrays are transposed back.
+
+    Raises:
+        SysidError: A damaged file, one that MATLAB did not write, too many numbers, or nothing but objects.
+    """
+    import h5py
+
+    try:
+        with h5py.File(file) as whole:
+            arrays = list(_arrays(whole, "", 0))
+            kept = {
+                name: one
+                for name, kind, one in arrays
+                if kind in CLASSES
+                and not {"MATLAB_empty", "MATLAB_object_decode"} & set(one.attrs)
+                and one.dtype.names is None
+            }
+            if (numbers := sum(one.size for one in kept.values())) > MOST_NUMBERS:
+                raise SysidError(f"{file.name}: {numbers} numbers, expected at most {MOST_NUMBERS}")
+            if arrays and not kept:
+                others = [f"{name} ({kind or 'not of MATLAB'})" for name, kind, _ in arrays]
+                raise SysidError(
+                    f"{file.name}: no arrays of numbers, but {listed(others)}; expected the arrays of such objects, as "
+                    "u = data.u; y = data.y; Ts = data.Ts; save('log.mat', 'u', 'y', 'Ts')"
+                )
+            return {name: np.asarray(one[()]).T for name, one in kept.items()}
+    except SysidError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
+        raise SysidError(f"{file.name}: a damaged .mat file of version 7.3 ({shortened(str(error), 200)})") from error
+
+
+def _arrays(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, str, Any]]:
+    """Yield name, class and data set of every variable and field; `#refs#` and `#subsystem#` belong to objects."""
+    import h5py
+
+    for name, item in group.items():
+        if isinstance(item, h5py.Group) and not name.startswith("#") and depth < MOST_DEPTH:
+            if "MATLAB_sparse" not in item.attrs:
+                yield from _arrays(item, f"{prefix}{name}.", depth + 1)
+        elif isinstance(item, h5py.Dataset):
+            kind = item.attrs.get("MATLAB_class", b"")
+            yield f"{prefix}{name}", kind.decode() if isinstance(kind, bytes) else str(kind), item

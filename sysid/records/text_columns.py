@@ -1,0 +1,148 @@
+"""Columns of numbers and times from text, also of files of a million lines."""
+
+import csv
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sysid.records.channels import listed
+from sysid.records.errors import SysidError
+from sysid.records.time_stamps import Column, Place
+
+CLOCK_TIME = re.compile(r"\s*(?:(\d{4}-\d\d-\d\d)|\d{1,2}:\d\d:\d\d)")
+"""Times as 2026-01-31T12:00:00.5, with or without a zone, and as 12:00:00.5."""
+
+DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*")
+
+
+def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column], Place]:
+    """Read the columns of a table by name, and a function from a sample to its line.
+
+    Columns of other texts than times are left out, unless they are expected.
+
+    Args:
+        file: The file, in UTF-8 or the Windows character set.
+        expected: Names of the columns of a file without a header, and of those that must be numbers.
+
+    Raises:
+        SysidError: No text, no data, lines of unequal length, cells that are no numbers.
+    """
+    import pandas as pd
+
+    for encoding in ("utf-8-sig", "cp1252"):
+        try:
+            names, separator, decimal, skipped = _layout(file, encoding, expected)
+            break
+        except UnicodeDecodeError:
+            continue
+    else:
+        raise SysidError(f"{file.name}: not a text file; expected columns {', '.join(expected)}")
+    if repeated := [name for name in expected if names.count(name) > 1]:
+        raise SysidError(f"{file.name}: {names.count(repeated[0])} columns are named {repeated[0]!r}; expected one")
+
+    def place(sample: int) -> str:
+        line = sample + 1
+        for other in skipped:
+            line += other < line + 1
+        return f"line {line}"
+
+    try:
+        table = pd.read_csv(
+            file,
+            sep=separator or r"\s+",
+            header=None,
+            names=range(len(names)),
+            skiprows=[line - 1 for line in skipped],
+            usecols=range(len(names)),
+            skip_blank_lines=False,
+            skipinitialspace=True,
+            decimal=decimal,
+            encoding=encoding,
+            low_memory=False,
+        )
+    except (ValueError, OSError) as error:
+        raise SysidError(f"{file.name}: not a table of columns {', '.join(expected)} ({error})") from error
+    columns: dict[str, Column] = {}
+    for name, number in zip(names, table, strict=True):
+        cells = table[number]
+        if cells.dtype.kind in "biuf":
+            columns[name] = cells.to_numpy()
+            continue
+        first = CLOCK_TIME.match(str(cells.iloc[0]))
+        if not first and name not in expected:
+            continue
+        if not first:
+            values = pd.to_numeric(cells, errors="coerce")
+        elif first[1]:
+            values = pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce").dt.tz_localize(None)
+        else:
+            values = pd.to_timedelta(cells, errors="coerce")
+        bad = np.flatnonzero(values.isna() & (cells.notna() | bool(first)))
+        if len(bad):
+            what = f"could not convert {str(cells.iloc[bad[0]])!r} in column {name!r}"
+            raise SysidError(f"{file.name}, {place(int(bad[0]))}: {what}; expected {'times' if first else 'numbers'}")
+        columns[name] = values.to_numpy()
+    return columns, place
+
+
+def _layout(file: Path, encoding: str, expected: Sequence[str]) -> tuple[list[str], str | None, str, list[int]]:
+    """Check the lines; names, separator (None: blanks), decimal mark, and the lines from 1 that hold no data."""
+    names: list[str] = []
+    separator: str | None = None
+    decimal, comment, skipped, number = "", "", [], 0
+    with file.open(encoding=encoding) as lines:
+        for number, line in enumerate(lines, start=1):
+            text = line.strip(" \r\n\f")
+            if not text or text[0] in "#%":
+                skipped.append(number)
+                comment = comment if names else text.strip("#% ")
+                continue
+            if not names:
+                separator = next((mark for mark in (";", ",", "\t") if mark in text), None)
+                names = _cells(text, separator)
+                if not _is_number(names[0]):
+                    skipped.append(number)
+                    continue
+                names = _names_without_header(file, names, expected, _cells(comment, separator))
+            # A separator at the end of a line starts no further column.
+            count = text.count(separator) + 1 if separator and '"' not in text else len(_cells(text, separator))
+            if count != len(names) and not (separator and text[-1] == separator and count == len(names) + 1):
+                there = f"expected {len(names)} ({listed(names)})"
+                raise SysidError(f"{file.name}, line {number}: {count} values, {there}")
+            if not decimal:
+                comma = separator != "," and any(map(DECIMAL_COMMA.fullmatch, text.split(separator)))
+                decimal = "," if comma else "."
+    if not names:
+        raise SysidError(f"{file.name}: the file is empty; expected columns {', '.join(expected)}")
+    if number == len(skipped):
+        raise SysidError(f"{file.name}: a header and no data")
+    return names, separator, decimal, skipped
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    if separator is None:
+        return [cell.strip('"') for cell in line.split()]
+    cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+    return cells[:-1] if cells[1:] and not cells[-1] else cells
+
+
+def _names_without_header(file: Path, first: list[str], expected: Sequence[str], comment: list[str]) -> list[str]:
+    """Names from the comment above the numbers, if it names all columns that are expected; else the expected ones."""
+    if len(comment) == len(first) and set(expected) <= set(comment):
+        return comment
+    if len(first) != len(expected):
+        raise SysidError(
+            f"{file.name}: {len(first)} columns without a header; expected a header, or the columns "
+            f"{', '.join(expected)}"
+        )
+    return list(expected)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,173 @@
+"""Stamps of samples: which column holds them, in which unit, and the seconds that they mean."""
+
+import re
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid.records.arguments import shown
+from sysid.records.arrays import FloatArray
+from sysid.records.channels import listed
+from sysid.records.errors import SysidError
+
+TIME_NAMES = ("t", "time", "ts", "timestamp", "stamp", "datetime", "date", "epoch", "unix", "utc", "elapsed", "clock")
+INTERVAL_NAMES = ("ts", "dt")
+SECONDS = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "micros", "microsecond", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nanos", "nanosecond", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("min", "minute", "minutes"), 60.0),
+    **dict.fromkeys(("h", "hour", "hours"), 3600.0),
+}
+"""Units of time, s."""
+
+EPOCH = (9.4e8, 4.2e9)
+"""Seconds since 1970 of the years 1999 to 2103: unnamed units of larger stamps follow from their size."""
+
+ROUNDED = 1e-2
+"""Largest remainder of a multiple of the resolution: float64 rounds stamps of 1.7e9 s to 2.4e-7 s."""
+
+MOST_DIGITS = 4
+"""Most digits of the smallest step; a finer resolution is not the reason why steps differ."""
+
+STEADY = 0.5
+"""Part of their median by which the steps of a column without a name of time may deviate and still be a clock's."""
+
+Column = NDArray[Any]
+Place = Callable[[int], str]
+"""Where a sample stands in its file, for messages: "line 7"."""
+
+
+class Stamps(NamedTuple):
+    """Times of the samples of a table.
+
+    Attributes:
+        seconds: Time since the first sample (N,), s.
+        resolution: Power of ten that all times are multiples of, s; 0 if there is none.
+        remarks: How the unit was concluded, where no name says it.
+    """
+
+    seconds: FloatArray
+    resolution: float
+    remarks: tuple[str, ...]
+
+
+def time_column(
+    columns: Mapping[str, Column], time: str | None, channels: Collection[str], *, guess: bool, file: str
+) -> tuple[str | None, tuple[str, ...]]:
+    """Name of the column of times, and a remark where no name says it.
+
+    Args:
+        columns: All columns of a file.
+        time: Its name, if known.
+        channels: Names of inputs and outputs, which it cannot be.
+        guess: Whether to take the only column that increases as steadily as a clock, where none has the name of a time.
+        file: Name of the file.
+
+    Raises:
+        SysidError: No such column, or a choice between several clocks.
+    """
+    if time is not None:
+        if time not in columns or time in channels:
+            raise SysidError(f"{file}: no column of times {time!r}; there are {listed([*columns])}")
+        return time, ()
+    others = {name: values for name, values in columns.items() if name not in channels and values.size > 1}
+    named = [name for name, values in others.items() if is_time(name) and not _constant(values)]
+    if named or not guess:
+        return (named[0] if named else None), ()
+    clocks = [name for name, values in others.items() if _is_clock(values)]
+    if len(clocks) > 1:
+        raise SysidError(f"{file}: several columns may be times: {listed(clocks)}; expected one, named by time=NAME")
+    if clocks:
+        return clocks[0], (f"times are column {clocks[0]!r}, the only one that increases steadily (time=NAME)",)
+    return None, ()
+
+
+def stamps(name: str, values: Column, unit: str | None, place: Place, file: str) -> Stamps:
+    """Seconds since the first sample of a column of times; differences of whole numbers are exact.
+
+    Args:
+        name: Name of the column, which may hold the unit: `Time (ms)`.
+        values: Numbers or `datetime64` (N,).
+        unit: Unit of the numbers; None: by the name, else by the size of stamps since 1970, else s.
+        place: Where a sample stands in its file.
+        file: Name of the file.
+
+    Raises:
+        SysidError: An unknown unit, times that are no numbers or do not increase.
+    """
+    values = values.ravel()
+    if values.dtype.kind in "mM":
+        values, unit = values.astype("datetime64[ns]" if values.dtype.kind == "M" else "m8[ns]").view(np.int64), "ns"
+    elif values.dtype.kind not in "iuf":
+        raise SysidError(f"{file}: column {name!r} holds no times; expected numbers or times as 2026-01-31T12:00:00.5")
+    if values.dtype.kind == "f" and not np.isfinite(values).all():
+        raise SysidError(f"{file}, {place(int(np.argmin(np.isfinite(values))))}: no time in column {name!r}")
+    unit = unit or _name_and_unit(name)[1]
+    if unit and unit not in SECONDS:
+        raise SysidError(f"{file}: times of column {name!r} are in {shown(unit)}; expected s, ms, us, ns, min or h")
+    # Unsigned numbers would turn a step back into a large one.
+    back = np.flatnonzero(values[1:] <= values[:-1])
+    if back.size:
+        k = int(back[0]) + 1
+        raise SysidError(
+            f"{file}, {place(k)}: time {values[k]} in column {name!r} is not after {values[k - 1]} in {place(k - 1)} "
+            f"({back.size} such steps); expected increasing times"
+        )
+    remarks: tuple[str, ...] = ()
+    if not unit:
+        epochs = (one for one in ("s", "ms", "us", "ns") if EPOCH[0] <= float(values[0]) * SECONDS[one] <= EPOCH[1])
+        if known := next(epochs, None):
+            remarks = (f"times in column {name!r} are taken for {known} since 1970, by their size (time_unit=UNIT)",)
+        unit = known or "s"
+    numbers: FloatArray = (values - values[0]).astype(np.float64)
+    return Stamps(np.asarray(numbers * SECONDS[unit]), _resolution(numbers) * SECONDS[unit], remarks)
+
+
+def is_time(name: str) -> bool:
+    """Whether a column has the name of a time."""
+    return _name_and_unit(name)[0] in TIME_NAMES
+
+
+def interval_unit(name: str) -> float | None:
+    """Unit in s of a constant column of the sampling interval; None for other columns."""
+    key, unit = _name_and_unit(name)
+    return SECONDS.get(unit or "s") if key in INTERVAL_NAMES else None
+
+
+def _name_and_unit(name: str) -> tuple[str, str]:
+    """Split `Time (s)`, `t[ms]`, `time_s`, `log.time / s` or `%time` into name and unit, lower case."""
+    text = name.strip().lower().rpartition(".")[2].strip("% ").replace("time_stamp", "timestamp")
+    match = re.fullmatch(r"([a-z]+)\s*(?:[(\[]\s*([^)\]]*?)\s*[)\]]|(?:_|\s*/\s*|\s+)([a-zµμ]+))?", text)
+    if match is None:
+        return text, ""
+    return match[1], match[2] or match[3] or ""
+
+
+def _resolution(numbers: FloatArray) -> float:
+    """Largest power of ten that increasing numbers, of which the first is 0, are multiples of; 0 if there is none."""
+    largest = np.floor(np.log10(np.diff(numbers).min(initial=numbers[-1])))
+    for exponent in np.arange(largest, largest - MOST_DIGITS, -1.0):
+        multiples = numbers / 10.0**exponent
+        if np.abs(multiples - np.rint(multiples)).max() < ROUNDED:
+            return float(10.0**exponent)
+    return 0.0
+
+
+def _constant(values: Column) -> bool:
+    return bool((values.ravel() == values.ravel()[0]).all())
+
+
+def _is_clock(values: Column) -> bool:
+    """Whether numbers increase by steps like those of a clock; 0, 1, 2 ... count samples."""
+    if values.dtype.kind == "M":
+        return True
+    if values.dtype.kind not in "iuf" or values.ravel().shape != (len(values),) or len(values) < 3:
+        return False
+    steps = np.diff(values.ravel().astype(np.float64))
+    middle = np.median(steps)
+    near = np.abs(steps - middle) <= STEADY * middle
+    return bool((steps > 0).all() and near.mean() > 0.9 and not (steps == 1).all())

@@ -1,0 +1,114 @@
+import warnings
+
+import numpy as np
+import pytest
+
+from sysid import SysidWarning
+from sysid.records.time_grid import Signal, experiments, period
+from tests.refusals import refused
+
+N, DT = 400, 0.02
+RNG = np.random.default_rng(3)
+# Stamps within 1 % of the grid would be moved there.
+JITTERED = DT * (np.arange(N) + np.append(0.0, RNG.choice([-1, 1], N - 1) * RNG.uniform(0.02, 0.2, N - 1)))
+
+
+def signal(times, values, name="y"):
+    return Signal(times, values[:, None], (name,), ("",))
+
+
+def integrator(times):
+    """A held input and its integral."""
+    u = RNG.standard_normal(len(times))
+    return signal(times, u, "u"), signal(times, np.append(0.0, np.cumsum(u[:-1] * np.diff(times))))
+
+
+def put(u, y, dt=None, *, missing=False, cut=False, says="", **options):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        parts = experiments([u], [y], dt, missing=missing, cut=cut, name="log.csv", **options)
+    assert [one.category for one in caught] == [SysidWarning] * bool(says)
+    assert all(text in str(one.message) for one in caught for text in says.split("|"))
+    return parts
+
+
+def increments(record):
+    """Left and right sides of y(t + 1) - y(t) = dt u(t)."""
+    return np.diff(record.y[:, 0]), record.dt * record.u[:-1, 0]
+
+
+def test_an_integrator_stays_one_when_jittering_samples_are_put_on_a_grid():
+    (record,) = put(
+        *integrator(JITTERED), says=f"log.csv: resampled every 0.02 s, as {N} stamps are|are interpolated linearly"
+    )
+    assert (record.dt, len(record)) == (DT, int(JITTERED[-1] / DT) + 1)
+    np.testing.assert_allclose(*increments(record), atol=1e-12)
+
+
+def test_channels_with_stamps_of_their_own_are_put_on_the_grid_of_the_slowest_output():
+    slow, fast = 0.1 * np.arange(40) + 0.025, 0.0125 * np.arange(330)
+    u, y = integrator(fast)
+    moved = signal(slow, np.interp(slow, y.times, y.values[:, 0]), "slow")
+    with pytest.warns(SysidWarning, match=r"resampled every 0\.1 s, as u: 330 stamps.*slow: 40 stamps"):
+        (record,) = experiments([u], [moved], None, missing=False, cut=False, name="log")
+    np.testing.assert_array_equal(record.y[:, 0], moved.values[:, 0])
+    assert record.start == slow[0]
+    np.testing.assert_allclose(*increments(record), atol=1e-12)
+    refused(
+        "no time in common: u from 0 to .*; slow from -8.975 to",
+        experiments,
+        [u],
+        [moved._replace(times=slow - 9)],
+        None,
+        missing=False,
+        cut=False,
+        name="log",
+    )
+
+
+def test_stamps_with_few_digits_and_those_of_a_stated_interval_are_taken_for_uniform_ones():
+    u, y = integrator(np.round(np.arange(N) / 120, 3))
+    (record,) = put(u, y, resolution=1e-3, says="log.csv: samples are taken as uniform, every 0.00833333 s")
+    assert record.dt == 1 / 120
+    np.testing.assert_array_equal(record.y, y.values)
+    u, y = integrator(JITTERED)
+    (record,) = put(u, y, DT, nominal=True, says="taken as uniform, every 0.02 s")
+    np.testing.assert_array_equal(record.u, u.values)
+    u, y = integrator(DT * (np.arange(N) + 1e-3 * RNG.standard_normal(N)))
+    put(u, y)
+
+
+def test_gaps_cut_a_record_or_are_missing_outputs():
+    keep = np.setdiff1d(np.arange(N), [50, *range(100, 110), *range(200, 250), 251, 252, 253])
+    u, y = (one._replace(times=one.times[keep], values=one.values[keep]) for one in integrator(DT * np.arange(N)))
+    text = r"3 gap\(s\) above 2.5 intervals, the longest of 1.02 s after 3.98 s"
+    refused(f"log.csv: not uniform: {text}; expected none", put, u, y)
+    says = (
+        text.replace("\\", "") + ": cut there into 3 experiment(s), 1 sample(s) between gaps left out|1 of 336 samples"
+    )
+    parts = put(u, y, cut=True, says=says)
+    assert [(len(part), round(part.start / DT)) for part in parts] == [(100, 0), (90, 110), (146, 254)]
+    (record,) = put(u, y, missing=True, says="their outputs are missing, inputs held")
+    np.testing.assert_array_equal(np.flatnonzero(~record.known), np.setdiff1d(np.arange(N), keep))
+    np.testing.assert_allclose(record.u[99:110, 0], np.full(11, u.values[98, 0]))
+    np.testing.assert_array_equal(record.y[keep], y.values)
+
+
+@pytest.mark.parametrize(
+    ("true", "spread", "expected"), [(0.02, 0.2, 0.02), (1 / 30, 0.2, 1 / 30), (0.0200001, 0.0, 0.0200001)]
+)
+def test_jitter_and_losses_do_not_change_the_interval(true, spread, expected):
+    times = true * (np.arange(N) + spread * RNG.uniform(-0.5, 0.5, N))
+    assert period(np.delete(times, [40, 41, 90]), "y", "log") == pytest.approx(expected, rel=1e-12)
+
+
+def test_stamps_without_a_rate_are_refused():
+    refused(
+        r"y is not uniform: steps from .* outside 0\.5 to 1\.5 times",
+        period,
+        np.cumsum(RNG.exponential(1, N)),
+        "y",
+        "log",
+    )
+    once = signal(np.zeros(1), np.ones(1))
+    refused(r"y has 1 sample\(s\), expected at least 2", put, once, once)
