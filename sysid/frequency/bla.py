@@ -50,7 +50,7 @@ class BestLinearApproximation(Locked):
         heading = f"{self.realisations} realisation(s) of {min(self.periods)} or more periods"
         several = self.realisations > 1
         share = f"nonlinear distortion / %: {', '.join(numbers(self.distortion_percent))}" if several else ""
-        return [heading, share, *self.response._parts()]
+        return [heading, share, *self.response._parts()[1:]]
 
     @property
     def distortion_percent(self) -> FloatArray:

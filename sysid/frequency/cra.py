@@ -15,11 +15,10 @@ from sysid.polynomial.least_squares import solve
 from sysid.polynomial.regressors import lagged
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
-from sysid.records.channels import default_names, listed
+from sysid.records.channels import default_names
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.labelled import Labelled
-from sysid.records.printing import Part, numbers, path_tables, uncertain
 
 RESOLVED = 1e-6  # share of other lags in a value beyond which it is not determined
 COLOUR = 20  # order of the autoregressive model of the residual
@@ -53,19 +52,9 @@ class ImpulseResponse(Labelled, Locked):
         _, ny, nu = self.response.shape
         return self.input_names or default_names("u", nu), self.output_names or default_names("y", ny)
 
-    def _parts(self) -> list[Part]:
-        inputs, outputs = self._names
-
-        def columns(i: int, j: int) -> list[tuple[str, list[str]]]:
-            cells = uncertain(self.response[:, i, j], self.deviation[:, i, j])
-            return [("time / s", numbers(self.time)), ("response to a unit pulse", cells)]
-
-        heading = f"Impulse response of {listed(outputs)} to {listed(inputs)}, {len(self.lags)} lags"
-        return [heading, *path_tables(outputs, inputs, columns)]
-
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         axes, (inputs, outputs) = ("lag", "output", "input"), self._names
-        arrays = {name: (axes, getattr(self, name)) for name in ("response", "deviation")}
+        arrays = {"response": (axes, self.response), "response_deviation": (axes, self.deviation)}
         return arrays, {"lag": self.lags, "output": list(outputs), "input": list(inputs)}, {"dt": self.dt}
 
     @property

@@ -16,7 +16,6 @@ from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
-from sysid.records.printing import Part, Table, numbers
 from sysid.validation.feedback import feedback
 
 IntArray = NDArray[np.int_]
@@ -41,11 +40,6 @@ class DelayEstimate(Locked):
     p_values: FloatArray
     correlations: FloatArray
     bound: FloatArray
-
-    def _parts(self) -> list[Part]:
-        paths = [f"output {i + 1} from input {j + 1}" for i, j in np.ndindex(self.arx.shape)]
-        columns = [("ARX", numbers(self.arx.ravel())), ("correlation", numbers(self.correlation.ravel()))]
-        return ["Delays nk in samples; -1: no significant lag", Table([("path", paths), *columns])]
 
 
 def delayest(

@@ -17,7 +17,7 @@ from sysid.models.state_space import StateSpace
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, locked_within, real_array
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.labelled import Labelled
-from sysid.records.printing import LISTED, Part, Table, number, numbers, poles_table, uncertain
+from sysid.records.printing import LISTED, Part, Table, numbers, poles_table, uncertain
 
 if TYPE_CHECKING:
     import control
@@ -50,12 +50,6 @@ class Bandwidth(Locked):
         """Bandwidth of the path from one input to one output, and the ends of its interval, Hz."""
         low, high = (float(end[output, input]) for end in self.ci95)
         return float(self.hz[output, input]), low, high
-
-    def _parts(self) -> list[Part]:
-        paths = [f"output {i + 1} from input {j + 1}" for i, j in np.ndindex(self.hz.shape)]
-        interval = [f"{number(low)} to {number(high)}" for low, high in zip(*map(np.ravel, self.ci95), strict=True)]
-        columns = [("path", paths), ("bandwidth / Hz", numbers(self.hz.ravel())), ("95 % interval / Hz", interval)]
-        return ["Half-power bandwidth", Table(columns)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -18,7 +18,6 @@ from sysid.records.channels import default_names
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 from sysid.records.labelled import Labelled
-from sysid.records.printing import Part, Table, numbers, uncertain
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,18 +38,10 @@ class Forecast(Labelled, Locked):
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
     output_units: tuple[str, ...] = field(default=(), kw_only=True)
 
-    def _parts(self) -> list[Part]:
-        names = self.output_names or default_names("y", self.y.shape[1])
-        units = self.output_units or ("",) * len(names)
-        cells = [
-            (f"{name} / {unit}" if unit else name, uncertain(self.y[:, k], self.deviation[:, k]))
-            for k, (name, unit) in enumerate(zip(names, units, strict=True))
-        ]
-        return [f"Forecast of {len(self.time)} samples", Table([("time / s", numbers(self.time)), *cells])]
-
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         axes, names = ("time", "output"), self.output_names or default_names("y", self.y.shape[1])
-        arrays = {name: (axes, getattr(self, name)) for name in ("y", "deviation")}
+        common = {"units": self.output_units[0]} if len(set(self.output_units)) == 1 else {}
+        arrays = {"y": (axes, self.y, common), "y_deviation": (axes, self.deviation, common)}
         return arrays, {"time": ("time", self.time, {"units": "s"}), "output": list(names)}, {}
 
     @property

@@ -8,13 +8,11 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sysid.models.rice_interval import rice_interval
 from sysid.records.arguments import real_number, sampling_interval
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array
-from sysid.records.channels import channel_indices, channel_labels, default_names, listed
+from sysid.records.channels import channel_indices, channel_labels, default_names
 from sysid.records.errors import SysidError
 from sysid.records.labelled import Labelled
-from sysid.records.printing import Part, numbers, path_tables, spaced, uncertain
 
 NORMAL_95 = 1.959963984540054
 AXES = {
@@ -174,38 +172,15 @@ class FrequencyResponse(Labelled, Locked):
         _, ny, nu = self.response.shape
         return self.input_names or default_names("u", nu), self.output_names or default_names("y", ny)
 
-    def _parts(self) -> list[Part]:
-        f, (inputs, outputs) = self.frequencies, self._names
-        rows = spaced(len(f))
-        if len(f) > len(rows) and f[0] >= 0.0:
-            rows = np.unique(np.searchsorted(f, np.geomspace(f[f > 0.0][0], f[-1], len(rows))))
-        some, phase = self.select(rows), np.degrees(self.phase[rows])
-        deviations = [np.full(phase.shape, np.nan)] * 2
-        if self.covariance is not None:
-            deviations = [some.magnitude_deviation(), np.degrees(some.phase_deviation())]
-
-        def columns(i: int, j: int) -> list[tuple[str, list[str]]]:
-            pairs = zip(("magnitude", "phase / °"), (some.magnitude, phase), deviations, strict=True)
-            cells = [(name, uncertain(values[:, i, j], errors[:, i, j])) for name, values, errors in pairs]
-            return [("frequency / Hz", numbers(some.frequencies)), *cells]
-
-        def powers(i: int, _: int) -> list[tuple[str, list[str]]]:
-            power = numbers(np.asarray(some.noise_spectrum)[:, i, i].real)
-            return [("frequency / Hz", numbers(some.frequencies)), ("spectral density", power)]
-
-        of = f"response of {listed(outputs)} to {listed(inputs)}" if inputs else f"spectrum of {listed(outputs)}"
-        heading = f"{self.method.upper()}: {of}, {len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz"
-        tables = path_tables(outputs, inputs, columns) if inputs else path_tables(outputs, ["e"], powers)
-        return [heading, *tables]
-
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         path, (inputs, outputs) = ("frequency", "output", "input"), self._names
         arrays: dict[str, Any] = {}
         if inputs:
-            arrays = {name: (path, getattr(self, name)) for name in ("response", "magnitude", "phase")}
+            arrays = {name: (path, getattr(self, name)) for name in ("response", "magnitude")}
+            arrays["phase"] = (path, self.phase, {"units": "rad"})
             if self.covariance is not None:
                 arrays["magnitude_deviation"] = (path, self.magnitude_deviation())
-                arrays["phase_deviation"] = (path, self.phase_deviation())
+                arrays["phase_deviation"] = (path, self.phase_deviation(), {"units": "rad"})
             if self.coherence is not None:
                 arrays["coherence"] = (path, self.coherence)
         if self.noise_spectrum is not None:
@@ -326,7 +301,7 @@ class FrequencyResponse(Labelled, Locked):
             ratio = size / deviation
         for entries, dimensions in ((real, 1), (~real, 2)):
             near = entries & (ratio < FAR)
-            edges = rice_interval(ratio[near], dimensions)
+            edges = _rice_interval(ratio[near], dimensions)
             low[near], high[near] = deviation[near] * edges[0], deviation[near] * edges[1]
         return low, high
 
@@ -376,6 +351,16 @@ class FrequencyResponse(Labelled, Locked):
             raise SysidError(f"{self.method} gives no covariance of its frequency response")
         d = np.stack((direction.real, direction.imag), axis=-1)
         return np.sqrt(np.maximum(np.einsum("...i,...ij,...j->...", d, self.covariance, d), 0.0))
+
+
+def _rice_interval(ratio: FloatArray, dimensions: int) -> tuple[FloatArray, FloatArray]:
+    """95 % interval of a vector's length from its measured length (n,), both in standard deviations."""
+    # A length that is small by chance must not bound the true one closer than one standard deviation.
+    low, high = (
+        np.sqrt(scipy.special.chndtrinc(np.maximum(ratio, least) ** 2, dimensions, probability))
+        for least, probability in ((0.1, 0.975), (1.0, 0.025))
+    )
+    return low, high
 
 
 def complex_covariance(variance: FloatArray, f: FloatArray, dt: float, *, doubled: bool = True) -> FloatArray:

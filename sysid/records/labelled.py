@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from sysid.records.printing import Part, brief, tables
+
 if TYPE_CHECKING:
     import pandas
     import xarray
@@ -24,6 +26,15 @@ class Labelled:
         frame = dataset.to_dataframe()
         frame.attrs = {**dataset.attrs, "columns": {str(name): array.attrs for name, array in dataset.items()}}
         return frame
+
+    def _parts(self) -> list[Part]:
+        variables, coordinates, attributes = self._variables()
+        first = (type(self).__doc__ or "").partition("\n")[0]
+        return [
+            first,
+            ", ".join(f"{name} {brief(value, 1)}" for name, value in attributes.items()),
+            *tables(variables, coordinates),
+        ]
 
     def _variables(self) -> tuple[Mapping[str, Any], Mapping[str, Any], Mapping[str, Any]]:
         """Arrays by name as (axes, values, attributes), coordinates of the axes likewise, attributes of the whole."""

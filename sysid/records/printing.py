@@ -2,8 +2,9 @@
 
 import html
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,8 @@ def _uncertain(value: float, deviation: float) -> str:
         return number(value)
     last = int(np.floor(np.log10(deviation)))
     if last >= -5 and max(abs(value), deviation) < 1e7:
-        return " ± ".join(f"{one:.{max(1 - last, 0)}f}" for one in (value, deviation))
+        digits = max(1 - last, 0)
+        return f"{round(value, digits) + 0.0:.{digits}f} ± {deviation:.{digits}f}"
     size = int(np.floor(np.log10(abs(value)))) if value else last
     return f"{value:#.{min(max(size - last + 2, 2), 7)}g} ± {deviation:#.2g}"
 
@@ -141,16 +143,39 @@ def poles_table(poles: NDArray[np.complex128], dt: float) -> Table:
     return Table([("pole (z plane)", [*roots, *delays]), *cells])
 
 
-def path_tables(
-    outputs: Sequence[str], inputs: Sequence[str], columns: Callable[[int, int], Sequence[tuple[str, Sequence[str]]]]
-) -> list[Part]:
-    """A table for each path, of output i and input j, with its name where there are several; the first of many."""
-    paths = [(i, j) for i in range(len(outputs)) for j in range(len(inputs))]
+def tables(variables: Mapping[str, Any], coordinates: Mapping[str, Any]) -> list[Part]:
+    """A table over the first axis for all labels of the other axes; values ± their deviations, complex ones left out.
+
+    Args:
+        variables: Arrays by name as (tuple of axes, values, attributes), deviations with the name NAME_deviation.
+        coordinates: Labels of every axis, or (axis, values, attributes); the first axis is that of the rows.
+    """
+    (axis, first), *others = coordinates.items()
+    _, points, attributes = first if isinstance(first, tuple) else (axis, first, {})
+    points = np.asarray(points)
+    rows = spaced(len(points))
+    if axis == "frequency" and len(rows) < len(points):
+        rows = np.unique(np.searchsorted(points, np.geomspace(points[points > 0.0][0], points[-1], len(rows))))
+    paths = list(np.ndindex(*(len(labels) for _, labels in others)))
     parts: list[Part] = []
-    for i, j in paths[:LISTED]:
-        parts += [f"{inputs[j]} to {outputs[i]}:"] if len(paths) > 1 else []
-        parts.append(Table(columns(i, j)))
-    return [*parts, f"... {len(paths)} paths"] if len(paths) > LISTED else parts
+    for path in paths[:LISTED]:
+        place = {name: k for (name, _), k in zip(others, path, strict=True)}
+        parts += [", ".join(f"{name} {labels[place[name]]}" for name, labels in others)] if others else []
+        columns = [(_with_unit(axis, attributes), numbers(points[rows]))]
+        for name, (axes, values, *further) in variables.items():
+            if np.iscomplexobj(values) or name.endswith("_deviation"):
+                continue
+            entries = (rows, *(place[other] for other in axes[1:]))
+            cells, errors = np.asarray(values)[entries], variables.get(f"{name}_deviation")
+            head = _with_unit(name.replace("_", " "), *further)
+            columns.append((head, numbers(cells) if errors is None else uncertain(cells, errors[1][entries])))
+        parts.append(Table(columns))
+    parts += [f"... {len(paths)} paths"] if len(paths) > LISTED else []
+    return parts + ([f"({len(rows)} of {len(points)} rows)"] if len(rows) < len(points) else [])
+
+
+def _with_unit(name: str, attributes: Mapping[str, Any] = MappingProxyType({})) -> str:
+    return f"{name} / {attributes['units']}" if attributes.get("units") else name
 
 
 def fields_table(fields: Mapping[str, Any]) -> list[Part]:

@@ -10,7 +10,6 @@ from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.polynomial.orders import Orders
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.errors import SysidError
-from sysid.records.printing import Part, Table, uncertain
 
 LOG_STEP = 1e-4  # relative step of the slope at the half-power frequency
 SINGULAR = 1e-10  # ratio of singular values of the scaled root information: below, some parameters are undetermined
@@ -42,14 +41,6 @@ class CramerRaoBound(Locked):
     response_directions: FloatArray
     bandwidth_hz: FloatArray
     bandwidth_deviation: FloatArray
-
-    def _parts(self) -> list[Part]:
-        parts: list[Part] = ["Least standard deviations of an unbiased estimate"]
-        parts += [] if self.polynomials is None else [str(self.polynomials)]
-        cells = uncertain(self.parameters, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
-        parts.append(Table([("parameter", [str(k + 1) for k in range(len(cells))]), ("value", cells)]))
-        hz = uncertain(self.bandwidth_hz, self.bandwidth_hz * self.bandwidth_deviation)
-        return [*parts, f"bandwidth / Hz: {', '.join(hz)}"]
 
     @property
     def response_covariance(self) -> FloatArray:
