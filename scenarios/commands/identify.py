@@ -139,13 +139,9 @@ def identify(
 
 def _save(result: "Identification", path: Path, typed: str) -> None:
     """Write the model with its operating point, in the format that the ending names."""
-    from dataclasses import replace
-
     from sysid import exchange
 
-    model, level = result.fitted.estimate, result.fitted.level
-    if level is not None:
-        model = replace(model, diagnostics={**model.diagnostics, "operating_point": level})
+    model = result.fitted.estimate
     if path.suffix == ".json":
         exchange.write_model(model, path, command=typed)
     else:

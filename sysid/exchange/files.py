@@ -66,9 +66,8 @@ def named_path(path: str | Path, ending: str) -> Path:
 
 def operating_point(model: StateSpace | Estimate) -> tuple[FloatArray, FloatArray]:
     """Inputs (nu,) and outputs (ny,) that the signals of a model are relative to; zero where it knows none."""
-    point = model.diagnostics.get("operating_point") if isinstance(model, Estimate) else None
-    if point is not None:
-        return np.asarray(point[0], dtype=np.float64), np.asarray(point[1], dtype=np.float64)
+    if isinstance(model, Estimate) and model.operating_point is not None:
+        return model.operating_point
     return np.zeros(as_model(model).nu), np.zeros(as_model(model).ny)
 
 

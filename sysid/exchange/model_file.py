@@ -116,9 +116,11 @@ def _read_estimate(value: Any) -> Estimate:
         raise SysidError(f"data: expected dt {model.dt:g} and a number of samples for each of the names, got {data}")
     if data.intersample not in ("zoh", "foh", "bl"):
         raise SysidError(f"data.intersample: expected zoh, foh or bl, got {shown(data.intersample)}")
-    for name, labels in data.labels.items():
-        if len(labels) != (count := len(getattr(model, name))):
-            raise SysidError(f"data.{name}: expected {count}, one per channel of the model, got {len(labels)}")
+    offsets = {"input_offset": (data.input_offset, model.nu), "output_offset": (data.output_offset, model.ny)}
+    sides = {name: (labels, len(getattr(model, name))) for name, labels in data.labels.items()} | offsets
+    for name, (values, count) in sides.items():
+        if values is not None and len(values) != count:
+            raise SysidError(f"data.{name}: expected {count}, one per channel of the model, got {len(values)}")
     realise: Realise | LinearEntries
     if "layout" in value and "derivatives" not in value:
         realise = Realise(_layout(value["layout"], known["polynomials"], p), data, float(known["noise_variance"][0, 0]))

@@ -4,6 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
 
@@ -20,6 +23,9 @@ class DataSummary:
         output_units: One unit per output.
         names: Name of each experiment.
         intersample: Behaviour of the inputs between samples, of the first experiment.
+        input_offset: Operating point that was subtracted from the inputs, the mean of the experiments by their lengths;
+            None if an experiment holds the signals themselves.
+        output_offset: The same of the outputs.
     """
 
     samples: tuple[int, ...]
@@ -30,6 +36,8 @@ class DataSummary:
     output_units: tuple[str, ...]
     names: tuple[str, ...]
     intersample: str = "zoh"
+    input_offset: tuple[float, ...] | None = None
+    output_offset: tuple[float, ...] | None = None
 
     @staticmethod
     def of(experiments: Sequence[IOData]) -> "DataSummary":
@@ -44,9 +52,20 @@ class DataSummary:
             output_units=first.output_units or (),
             names=tuple(e.name for e in experiments),
             intersample=first.intersample,
+            input_offset=_mean([e.input_offset for e in experiments], experiments),
+            output_offset=_mean([e.output_offset for e in experiments], experiments),
         )
 
     @property
     def labels(self) -> dict[str, Any]:
         """Names and units of the channels, as keyword arguments of `StateSpace`."""
         return {key: getattr(self, key) for key in ("input_names", "output_names", "input_units", "output_units")}
+
+
+def _mean(offsets: Sequence[FloatArray | None], experiments: Sequence[IOData]) -> tuple[float, ...] | None:
+    known = [offset for offset in offsets if offset is not None]
+    if len(known) < len(offsets):
+        return None
+    if all(np.array_equal(offset, known[0]) for offset in known):
+        return tuple(known[0].tolist())
+    return tuple(np.average(known, axis=0, weights=[len(e) for e in experiments]).tolist())

@@ -159,6 +159,12 @@ class Estimate(Labelled, Locked):
         """Transmission zeros of the path from input to output, largest modulus first; with intervals: `zeros_band`."""
         return self.model.input_path().zeros()
 
+    @property
+    def operating_point(self) -> tuple[FloatArray, FloatArray] | None:
+        """Inputs (nu,) and outputs (ny,) that the signals of the model are relative to; None without such a point."""
+        inputs, outputs = self.data.input_offset, self.data.output_offset
+        return None if inputs is None or outputs is None else (np.array(inputs), np.array(outputs))
+
     def to_control(self) -> "control.StateSpace":
         """The path from u to y as a python-control system, with names and sampling interval; see `StateSpace`."""
         return self.model.input_path().to_control()

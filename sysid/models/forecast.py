@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from sysid.models.delta_method import spread, standard_directions
 from sysid.models.estimate import Estimate
-from sysid.models.predict import aligned, as_inputs, as_model, fitted_state, initial_state
+from sysid.models.predict import about_operating_point, aligned, as_inputs, as_model, fitted_state, initial_state
 from sysid.models.recursion import free_response, kalman_filter, state_trajectory
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import confidence_level, whole_number
@@ -66,7 +66,7 @@ def forecast(model: StateSpace | Estimate, data: IOData, steps: int, u: ArrayLik
         model: The model with its innovation covariance, or an estimate of it.
         data: The past, all of which the forecast uses; it may end in missing outputs.
         steps: Number of samples, >= 1.
-        u: Future inputs (steps, nu); None for a time series.
+        u: Future inputs (steps, nu) in the coordinates of the record; None for a time series.
 
     Returns:
         The forecast, in the sequence of the data's channels.
@@ -86,7 +86,8 @@ def forecast(model: StateSpace | Estimate, data: IOData, steps: int, u: ArrayLik
     inputs = np.zeros((steps, 0)) if u is None else as_inputs(m, u)
     if len(inputs) != steps:
         raise SysidError(f"u: expected one row per step, shape ({steps}, {m.nu}), got {inputs.shape}")
-    past = replace(data, window=0)
+    past, (input_level, level) = about_operating_point(model, replace(data, window=0))
+    inputs = inputs - input_level
     covariance = _error_covariance(m, past, steps)
     if isinstance(model, Estimate) and np.isfinite(model.covariance).all():
         moves = spread(
@@ -97,7 +98,7 @@ def forecast(model: StateSpace | Estimate, data: IOData, steps: int, u: ArrayLik
         covariance = covariance + np.einsum("kti,ktj->tij", moves, moves)
     return Forecast(
         time=data.start + data.dt * (len(data) + np.arange(steps, dtype=np.float64)),
-        y=_continued(m, past, inputs),
+        y=_continued(m, past, inputs) + level,
         covariance=covariance,
         output_names=data.output_names or (),
         output_units=data.output_units or (),

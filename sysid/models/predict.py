@@ -18,13 +18,18 @@ from sysid.records.errors import SysidError, SysidWarning
 
 
 def simulate(
-    model: StateSpace | Estimate, u: ArrayLike, *, x0: ArrayLike | None = None, rng: np.random.Generator | None = None
+    model: StateSpace | Estimate,
+    u: ArrayLike | IOData,
+    *,
+    x0: ArrayLike | None = None,
+    rng: np.random.Generator | None = None,
 ) -> FloatArray:
     """Output of x(t+1) = A x + B u + K e, y = C x + D u + e; without `rng` there is no noise, e = 0.
 
     Args:
         model: The model, or an estimate of it.
-        u: Inputs (N, nu); 1-D for one input.
+        u: Inputs (N, nu), relative to the operating point of an estimate; 1-D for one input. Or a record, for the
+            output in the coordinates of the record, as `predict` returns it.
         x0: State at the first sample (n,); zero by default, where `predict` and `compare` estimate it.
         rng: Generator of normal innovations e with the model's innovation covariance.
 
@@ -34,6 +39,9 @@ def simulate(
     Raises:
         SysidError: Inputs or initial state that do not fit the model; noise without an innovation covariance.
     """
+    if isinstance(u, IOData):
+        record, (_, level) = about_operating_point(model, u)
+        return simulate(aligned(as_model(model), u), record.u, x0=x0, rng=rng) + level
     m = as_model(model)
     inputs, start = as_inputs(m, u), as_state(m, x0)
     if rng is None:
@@ -91,7 +99,9 @@ def predict(
 
     Channels of model and data are matched by name, those without names of their own by position.
 
-    Missing outputs are predicted too, and later ones from the known outputs, by the Kalman filter.
+    Missing outputs are predicted too, and later ones from the known outputs, by the Kalman filter. A record of the
+    signals themselves, from which nothing was subtracted, is taken relative to the operating point of an estimate, and
+    the prediction is in the coordinates of the record.
 
     Args:
         model: The model, or an estimate of it.
@@ -111,7 +121,11 @@ def predict(
         SysidWarning: The predictor A - K C is not stable, so that its errors grow.
     """
     m = aligned(as_model(model), data)
-    steps = None if steps is None else whole_number("steps", steps, 1)
+    record, (_, level) = about_operating_point(model, data)
+    return _predicted(m, record, None if steps is None else whole_number("steps", steps, 1), x0) + level
+
+
+def _predicted(m: StateSpace, data: IOData, steps: int | None, x0: ArrayLike | None) -> FloatArray:
     gain = np.zeros_like(m.gain) if steps is None else m.gain
     run = None
     if x0 is None and not data.complete and m.order and gain.any():
@@ -128,7 +142,7 @@ def predict(
         warnings.warn(
             f"the predictor is unstable: A - K C has spectral radius {radius:.6g}; its predictions grow without bound",
             SysidWarning,
-            stacklevel=2,
+            stacklevel=3,
         )
     if data.complete:
         drive = data.u @ (m.B - m.gain @ m.D).T + data.y @ m.gain.T
@@ -229,6 +243,18 @@ def aligned(model: StateSpace, data: IOData) -> StateSpace:
     )
 
 
+def about_operating_point(model: StateSpace | Estimate, data: IOData) -> tuple[IOData, tuple[FloatArray, FloatArray]]:
+    """The record relative to the operating point of an estimate, and what was subtracted (nu,) and (ny,).
+
+    That is nothing where the record is relative to a point of its own, or the model has none.
+    """
+    point = model.operating_point if isinstance(model, Estimate) else None
+    if point is None or data.input_offset is not None:
+        return data, (np.zeros(data.nu), np.zeros(data.ny))
+    i, o = channels_in(as_model(model), data)
+    return data.subtract(u=point[0][i], y=point[1][o]), (point[0][i], point[1][o])
+
+
 def residuals(model: StateSpace | Estimate, data: IOData, *, x0: ArrayLike | None = None) -> FloatArray:
     """y(t) minus its one-step prediction [Ljung1999, sec. 3.2].
 
@@ -263,4 +289,5 @@ def findstates(model: StateSpace | Estimate, data: IOData, *, simulation: bool =
         SysidError: Channels that do not fit the model.
     """
     m = aligned(as_model(model), data)
+    data, _ = about_operating_point(model, data)
     return initial_state(m, data, np.zeros_like(m.gain) if simulation else None)

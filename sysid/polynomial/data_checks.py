@@ -10,8 +10,9 @@ from sysid.polynomial.least_squares import solve
 from sysid.polynomial.regressors import arx_regressors
 from sysid.records.arguments import real_number, whole_number
 from sysid.records.arrays import FloatArray, real_array
-from sysid.records.data import ROUNDING, IOData
+from sysid.records.data import IOData
 from sysid.records.errors import SysidError
+from sysid.records.trends import ROUNDING
 
 
 def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float = 1e-6) -> int:
@@ -101,40 +102,34 @@ ROWS_PER_COEFFICIENT = 5
 LONGER = 10  # lags of outputs and inputs in the second, longer model
 CERTAIN = 4.0  # offset, in its standard deviations, that counts as significant
 EXACT = 1e4  # the same in data without noise
-SERIOUS = 0.5  # offset, relative to the mean output: a smaller one may be the bias of ARX by output noise
+SERIOUS = 0.5  # offset, relative to mean or size of the output: a smaller one may be the bias of ARX by output noise
 
 
 def check_means(experiments: Sequence[IOData], order: int) -> list[str]:
-    """Describe outputs whose mean the dynamics do not explain, which biases a model without an offset.
+    """Describe outputs with an offset that the dynamics do not explain, which biases a model without one.
 
-    The test is whether an ARX model, and a longer one, need a constant. It is made only if the means of an input and of
-    the output exceed their standard deviations. Responses from rest and records that agree with the gain at 0 Hz pass.
+    The test is whether an ARX model, and a longer one, need a constant. It is made only if the mean of some
+    channel exceeds its standard deviation. Responses from rest and records that agree with the gain at 0 Hz pass.
     A model with an order beyond that of the dynamics can difference the data and needs no detrending. Of a time series,
     the mean alone tells.
     """
+    dominant = _dominant(experiments)
     if not experiments[0].nu:
-        return [f"{text}, as a slow pole that the series need not have; {ADVICE}" for text in _dominant(experiments)]
-    u, y = (_joined([getattr(e, name)[e.window :] for e in experiments]) for name in ("u", "y"))
-    means_u, sizes_u = np.nanmean(u, axis=0), np.nanstd(u, axis=0)
-    means_y, sizes_y = np.nanmean(y, axis=0), np.nanstd(y, axis=0)
-    if not (np.abs(means_u) > sizes_u).any():
-        return []
-    largest = int(np.argmax(np.abs(means_u) / np.maximum(sizes_u, np.finfo(float).tiny)))
+        return [f"{text}, as a slow pole that the series need not have; {ADVICE}" for text in dominant]
     messages = []
-    for i in np.flatnonzero(np.abs(means_y) > sizes_y):
+    for i, name in enumerate(experiments[0].output_names or () if dominant else ()):
         # a model that is too small, or biased by output noise, may miss the gain at 0 Hz: a longer one must agree
-        offset, certain = _missing_offset(experiments, int(i), order)
-        longer, also = _missing_offset(experiments, int(i), max(order, LONGER))
+        offset, certain = _missing_offset(experiments, i, order)
+        longer, also = _missing_offset(experiments, i, max(order, LONGER))
         if np.isnan(also):
             # without noise the longer model can difference the data: then the first must be exact
             longer, also = (offset, certain) if certain > EXACT else (0.0, 0.0)
-        least = SERIOUS * abs(means_y[i])
+        y = _joined([e.y[e.window :, i] for e in experiments])
+        least = SERIOUS * max(abs(float(np.nanmean(y))), float(np.nanstd(y)))
         if min(certain, also) > CERTAIN and min(abs(offset), abs(longer)) > least and offset * longer > 0.0:
-            names = (experiments[0].input_names or ())[largest], (experiments[0].output_names or ())[i]
             messages.append(
-                f"means dominate and do not fit the dynamics: input {names[0]} has mean {means_u[largest]:.4g} and "
-                f"standard deviation {sizes_u[largest]:.4g}, output {names[1]} {means_y[i]:.4g} and {sizes_y[i]:.4g}, "
-                f"of which about {offset:.4g} is an offset that the model lacks; detrend first: data.detrend()"
+                f"{dominant[0]} and does not fit the dynamics: output {name} has an offset of about {offset:.4g} that "
+                f"the model lacks; {ADVICE}"
             )
     return messages
 

@@ -12,8 +12,8 @@ from sysid.records.arrays import LINE, FloatArray, Locked, lock, real_array
 from sysid.records.channels import channel_indices, channel_labels, default_names, matching_channels
 from sysid.records.errors import SysidError
 from sysid.records.labelled import Labelled
+from sysid.records.trends import difference, trend
 
-ROUNDING = 1e-13  # remainder of a channel, relative to it, that counts as rounding and not as signal
 LARGEST = 1e60  # largest magnitude of a signal, its inverse the smallest: sums of squares must stay finite
 
 
@@ -41,6 +41,9 @@ class IOData(Labelled, Locked):
             equations with a missing one; `spa`, `covf`, `predict`, `residuals` and `compare` accept such records too.
             All other functions refuse them and accept their `complete_parts()`.
         name: Name of the experiment.
+        input_offset: Operating point that was subtracted from the inputs, by `detrend` or `subtract` (nu,), of a trend
+            its mean; None if u holds the signals themselves. Estimates keep it.
+        output_offset: The same of the outputs (ny,); both or none.
 
     Raises:
         SysidError: Empty, non-real, NaN or infinite values, unequal lengths, more channels than samples,
@@ -59,6 +62,8 @@ class IOData(Labelled, Locked):
     start: float = field(default=0.0, kw_only=True)
     name: str = field(default="", kw_only=True)
     missing: bool = field(default=False, kw_only=True)
+    input_offset: FloatArray | None = field(default=None, kw_only=True)
+    output_offset: FloatArray | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         """Check and lock."""
@@ -88,6 +93,12 @@ class IOData(Labelled, Locked):
             "input_units": channel_labels("input_units", self.input_units, ("",) * nu),
             "output_units": channel_labels("output_units", self.output_units, ("",) * ny),
         }
+        if self.input_offset is not None or self.output_offset is not None:
+            offsets = {"input_offset": (self.input_offset, nu), "output_offset": (self.output_offset, ny)}
+            for attribute, (offset, count) in offsets.items():
+                checked[attribute] = values = lock(real_array(attribute, np.zeros(0) if offset is None else offset))
+                if values.shape != (count,):
+                    raise SysidError(f"{attribute}: expected one value per channel, shape ({count},), got {offset}")
         for attribute, value in checked.items():
             object.__setattr__(self, attribute, value)
 
@@ -114,12 +125,16 @@ class IOData(Labelled, Locked):
 
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         sides = (
-            ("input", self.u, self.input_names, self.input_units),
-            ("output", self.y, self.output_names, self.output_units),
+            ("input", self.u, self.input_names, self.input_units, self.input_offset),
+            ("output", self.y, self.output_names, self.output_units, self.output_offset),
         )
         variables = {
-            name: ("time", values[:, k], {"role": role, "units": unit})
-            for role, values, names, units in sides
+            name: (
+                "time",
+                values[:, k],
+                {"role": role, "units": unit, **({} if offset is None else {"offset": float(offset[k])})},
+            )
+            for role, values, names, units, offset in sides
             for k, (name, unit) in enumerate(zip(names or (), units or (), strict=True))
         }
         if len(variables) < self.nu + self.ny or "time" in variables:
@@ -206,11 +221,7 @@ class IOData(Labelled, Locked):
         order = whole_number("detrend order", order, 0, len(self) - self.window - 1)
         times = np.linspace(-1.0, 1.0, max(len(self), 2))[: len(self)]
         basis = np.asarray(np.polynomial.legendre.legvander(times, order), dtype=np.float64)
-        return replace(
-            self,
-            u=_difference(self.u, _trend(basis, self.u, self.window)),
-            y=_difference(self.y, _trend(basis, self.y, self.window)),
-        )
+        return self._without(trend(basis, self.u, self.window), trend(basis, self.y, self.window))
 
     def subtract(self, *, u: ArrayLike = 0.0, y: ArrayLike = 0.0) -> "IOData":
         """Remove a known operating point or trend.
@@ -222,17 +233,36 @@ class IOData(Labelled, Locked):
         Raises:
             SysidError: Shapes that do not fit, NaN.
         """
-        parts = {}
+        removed = []
         for name, value, channel in (("u", u, self.u), ("y", y, self.y)):
             offset = real_array(name, value)
             try:
-                parts[name] = _difference(channel, np.broadcast_to(offset, channel.shape))
+                removed.append(np.broadcast_to(offset, channel.shape))
             except ValueError as error:
                 raise SysidError(
                     f"{name}: expected one value, one per channel ({channel.shape[1]},), or shape {channel.shape}, "
                     f"got shape {offset.shape}"
                 ) from error
-        return replace(self, u=parts["u"], y=parts["y"])
+        return self._without(*removed)
+
+    def _without(self, u: FloatArray, y: FloatArray) -> "IOData":
+        before = (0.0, 0.0) if self.input_offset is None else (self.input_offset, self.output_offset)
+        # the mean of a constant may differ from it by rounding
+        levels = [np.where(np.ptp(part, axis=0) > 0.0, part.mean(axis=0), part[0]) for part in (u, y)]
+        return replace(
+            self,
+            u=difference(self.u, u),
+            y=difference(self.y, y),
+            input_offset=before[0] + levels[0],
+            output_offset=before[1] + levels[1],
+        )
+
+    def retrend(self) -> "IOData":
+        """Add the operating point that `detrend` or `subtract` removed, of a trend its mean; the inverse of both."""
+        if self.input_offset is None or self.output_offset is None:
+            return self
+        u, y = self.u + self.input_offset, self.y + self.output_offset
+        return replace(self, u=u, y=y, input_offset=None, output_offset=None)
 
     def select(
         self, *, inputs: Sequence[int | str] | None = None, outputs: Sequence[int | str] | None = None
@@ -252,6 +282,8 @@ class IOData(Labelled, Locked):
             output_names=_pick(self.output_names, o),
             input_units=_pick(self.input_units, i),
             output_units=_pick(self.output_units, o),
+            input_offset=None if self.input_offset is None else self.input_offset[i],
+            output_offset=None if self.output_offset is None else self.output_offset[o],
         )
 
 
@@ -320,28 +352,6 @@ def as_record(data: IOData) -> IOData:
         hint = "; take several experiments one after the other: [... for one in data]"
         raise SysidError(f"expected an IOData record, got {type(data).__name__}{hint if several else ''}")
     return data
-
-
-def _difference(channels: FloatArray, trend: FloatArray) -> FloatArray:
-    """Subtract the trend; a channel that only rounding remains of becomes exactly zero."""
-    rest = channels - trend
-    size = np.maximum(np.nanmax(np.abs(channels), axis=0), np.abs(trend).max(axis=0))
-    rounding = np.nanmax(np.abs(rest), axis=0) <= ROUNDING * size
-    rest[:, rounding] = np.where(np.isnan(rest[:, rounding]), np.nan, 0.0)
-    return rest
-
-
-def _trend(basis: FloatArray, channels: FloatArray, window: int) -> FloatArray:
-    """Polynomial trend (N, channels), fitted to the known samples after the window; basis (N, k)."""
-    out = np.empty(channels.shape)
-    for j, channel in enumerate(channels.T):
-        used = np.isfinite(channel)
-        used[:window] = False
-        if used.sum() < basis.shape[1]:
-            raise SysidError(f"{int(used.sum())} known samples are too few for a trend of order {basis.shape[1] - 1}")
-        q, triangle = np.linalg.qr(basis[used])
-        out[:, j] = basis @ np.linalg.solve(triangle, q.T @ channel[used])
-    return out
 
 
 def _channels(name: str, value: FloatArray, *, missing: bool = False) -> FloatArray:

@@ -105,6 +105,7 @@ def from_xarray(
     start, step = _uniform(times, dt if dt is not None else dataset.attrs.get("dt"))
     u, y = (np.column_stack([channel.values for channel in part]) if part else None for part in channels)
     units = [tuple(str(channel.attrs.get("units", "")) for channel in part) for part in channels]
+    offsets = [[channel.attrs["offset"] for channel in part if "offset" in channel.attrs] for part in channels]
     return IOData(
         u,  # type: ignore[arg-type]
         y,  # type: ignore[arg-type]
@@ -118,6 +119,8 @@ def from_xarray(
         name=dataset.attrs.get("name", ""),
         start=start,
         missing=missing or bool(dataset.attrs.get("missing", False)),
+        input_offset=np.array(offsets[0]) if any(offsets) else None,
+        output_offset=np.array(offsets[1]) if any(offsets) else None,
     )
 
 

@@ -15,8 +15,9 @@ from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
-from sysid.records.data import ROUNDING, IOData, as_experiments
+from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.trends import ROUNDING
 from sysid.subspace.era import Realisation, era
 from sysid.subspace.observer_gain import deadbeat_gain, spectral_radius, stable_gain
 from sysid.subspace.observer_regression import ObserverRegression

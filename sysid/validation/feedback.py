@@ -11,8 +11,9 @@ from sysid.polynomial.least_squares import solve
 from sysid.polynomial.regressors import lagged, output_lags
 from sysid.records.arguments import confidence_level, truth_value, whole_number
 from sysid.records.arrays import FloatArray, Locked
-from sysid.records.data import ROUNDING, IOData, as_experiments
+from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
+from sysid.records.trends import ROUNDING
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -16,8 +16,9 @@ from sysid.polynomial.regressors import lagged
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.channels import default_names
-from sysid.records.data import ROUNDING, IOData, as_experiments
+from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
+from sysid.records.trends import ROUNDING
 from sysid.validation.feedback import addition_p
 
 

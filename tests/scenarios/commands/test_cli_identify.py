@@ -283,7 +283,7 @@ def test_a_saved_model_is_compared_and_holds_its_operating_point(result, csv, tm
     identified = result("identify", csv, *words, "--save", path)
     assert identified["model_file"] == str(path)
     model = read_model(path)
-    u, y = model.diagnostics["operating_point"]
+    u, y = model.operating_point
     assert identified["operating_point"] == {"input": u.tolist(), "output": y.tolist()}
     assert f"hmtb identify {csv} --method oe --orders 1 1 --save '{path}'" in path.read_text(encoding="utf-8")
     saved, fitted = result("compare", csv, "--models", path, "oe:1/1")["models"]

@@ -75,8 +75,9 @@ def assert_equal(one, other):
 @pytest.mark.parametrize("method", METHODS)
 def test_estimates_come_back(method, tmp_path):
     original = estimate(method)
-    level = (np.array([1.0, -0.0])[: original.model.nu], np.arange(1.0, original.model.ny + 1.0))
-    original = replace(original, diagnostics={**original.diagnostics, "operating_point": level, "odd": (np.inf, 1j)})
+    level = (1.0, -0.0)[: original.model.nu], (0.1, 2.0, 3.0)[: original.model.ny]
+    data = replace(original.data, input_offset=level[0], output_offset=level[1])
+    original = replace(original, data=data, diagnostics={**original.diagnostics, "odd": (np.inf, 1j)})
     path = write_model(original, tmp_path / "model.json", command="hmtb identify")
     back = read_model(path)
     assert_equal(original, back)

@@ -46,7 +46,8 @@ def record(model, samples=400):
 def about_a_point(estimate):
     """With an operating point, and its levels."""
     level = np.arange(1.0, estimate.model.nu + 1.0), -np.arange(1.0, estimate.model.ny + 1.0)
-    return replace(estimate, diagnostics={**estimate.diagnostics, "operating_point": level}), level
+    offsets = {"input_offset": tuple(level[0].tolist()), "output_offset": tuple(level[1].tolist())}
+    return replace(estimate, data=replace(estimate.data, **offsets)), level
 
 
 # --- C ---

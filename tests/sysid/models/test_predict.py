@@ -4,7 +4,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from sysid import IOData, Polynomials, StateSpace, SysidWarning, findstates, predict, residuals, simulate
+from sysid import (
+    IOData,
+    Polynomials,
+    StateSpace,
+    SysidWarning,
+    arx,
+    compare,
+    findstates,
+    forecast,
+    predict,
+    residuals,
+    simulate,
+)
 from sysid.models import innovations_form
 from sysid.models.predict import initial_state
 from tests.refusals import refused
@@ -122,3 +134,21 @@ def test_refusals_of_simulations():
     refused("x0", lambda: simulate(MODEL, np.ones(5), x0=[1.0]))
     refused("NaN", lambda: simulate(MODEL, [1.0, np.nan]))
     refused("StateSpace or an Estimate, got str", lambda: simulate("model", np.ones(3)))
+
+
+def test_an_estimate_applies_to_signals_about_its_operating_point():
+    """Raw records are predicted in their own coordinates, detrended ones relative to their own means, as ever."""
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(400)
+    raw = IOData(5.0 + u, 7.0 + lfilter(B, A, u) + 0.1 * rng.standard_normal(400), 0.1)
+    about = raw.detrend()
+    estimate = arx(about, 2, 2)
+    u0, y0 = estimate.operating_point
+    np.testing.assert_allclose([u0, y0], [about.input_offset, about.output_offset])
+    assert arx(raw, 2, 2).operating_point is None
+    for function in (predict, simulate, lambda m, d: forecast(m, d[:300], 100, d.u[300:]).y):
+        np.testing.assert_allclose(function(estimate, raw), function(estimate, about) + y0, atol=1e-10)
+    np.testing.assert_allclose(residuals(estimate, raw), residuals(estimate, about), atol=1e-12)
+    np.testing.assert_allclose(findstates(estimate, raw), findstates(estimate, about), atol=1e-10)
+    np.testing.assert_allclose(compare(estimate, raw)[0].simulation, compare(estimate, about)[0].simulation)
+    np.testing.assert_allclose(predict(estimate.model, about), predict(estimate, about))

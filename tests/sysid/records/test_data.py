@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -5,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import butter, lfilter
 
 from sysid import IOData, SysidError, arx, keep_band, prefilter, resample
+from sysid.records import from_xarray
 from sysid.records.data import as_experiments
 from tests.refusals import refused
 
@@ -76,6 +79,18 @@ def test_a_given_operating_point():
     np.testing.assert_allclose(data.subtract(y=trend).y, data.y - trend)
     np.testing.assert_array_equal(data.subtract(y=trend).u, data.u)
     refused(r"one per channel \(2,\)", lambda: data.subtract(u=[1.0, 2.0, 3.0]))
+
+
+def test_the_record_keeps_its_operating_point():
+    data = record()
+    about = data.subtract(u=[0.1, 2.0], y=0.3).subtract(y=[1.0, 0.0, 0.0])[3:].select(inputs=[1])
+    np.testing.assert_array_equal(about.input_offset, [2.0])
+    np.testing.assert_allclose(about.output_offset, [1.3, 0.3, 0.3], rtol=1e-15)
+    np.testing.assert_allclose(about.retrend().y, data.y[3:], atol=1e-14)
+    assert data.input_offset is data.output_offset is about.retrend().input_offset is None
+    np.testing.assert_allclose(data.detrend(1).output_offset, data.y.mean(axis=0))
+    np.testing.assert_array_equal(from_xarray(about.to_xarray()).output_offset, about.output_offset)
+    refused("output_offset: expected one value per channel", lambda: replace(data, input_offset=[1.0, 2.0]))
 
 
 def test_select_by_name_and_index():
