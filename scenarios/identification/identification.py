@@ -182,8 +182,7 @@ def usable(
                 )
     if len(kept) == 1 and kept[0].complete:
         return (kept[0],)
-    whole = complete_parts(kept) if method in ESTIMATORS and not ESTIMATORS[method].gaps else kept
-    whole = [part for part in whole if part.known.all(axis=1).sum() >= SHORTEST]
+    whole = [part for part in kept if part.known.all(axis=1).sum() >= SHORTEST]
     if not whole:
         raise ScenarioError(f"{path.name}: between the gaps no part has {SHORTEST} samples; nothing to identify from")
     return tuple(whole)

@@ -23,14 +23,12 @@ class Estimator:
         optional: Names of the optional orders that follow, with their defaults.
         run: Estimate from data and all orders, with options of the estimator.
         outputs: Whether it takes several outputs.
-        gaps: Whether it uses records in which outputs are missing.
     """
 
     orders: tuple[str, ...]
     optional: Mapping[str, int]
     run: Callable[..., Estimate]
     outputs: bool = False
-    gaps: bool = True
 
     def complete(self, name: str, given: Sequence[int]) -> dict[str, int]:
         """Return all orders by name, defaults filled in.
@@ -53,18 +51,6 @@ class Estimator:
         return dict(zip(names, (*given, *defaults), strict=True))
 
 
-def _pem_ss(data: Records, order: int) -> Estimate:
-    """Start the search at N4SID on the complete parts, at OKID where none is long enough."""
-    parts = (data,) if isinstance(data, IOData) else tuple(data)
-    try:
-        start = sysid.n4sid(complete_parts(parts), order)
-    except sysid.SysidError:
-        if all(part.complete for part in parts):
-            raise
-        start = sysid.okid(parts, order, p=max(order, 5))
-    return sysid.pem_ss(data, start)
-
-
 ESTIMATORS: Mapping[str, Estimator] = MappingProxyType(
     {
         "arx": Estimator(("na", "nb"), {"nk": 1}, lambda data, n: sysid.arx(data, *n)),
@@ -73,8 +59,8 @@ ESTIMATORS: Mapping[str, Estimator] = MappingProxyType(
         "bj": Estimator(("nb", "nc", "nd", "nf"), {"nk": 1}, lambda data, n: sysid.bj(data, *n)),
         "iv4": Estimator(("na", "nb"), {"nk": 1}, lambda data, n: sysid.iv4(data, *n)),
         "okid": Estimator(("order",), {"p": 5}, lambda data, n: sysid.okid(data, n[0], p=n[1]), outputs=True),
-        "n4sid": Estimator(("order",), {}, lambda data, n: sysid.n4sid(data, n[0]), outputs=True, gaps=False),
-        "pem_ss": Estimator(("order",), {}, lambda data, n: _pem_ss(data, n[0]), outputs=True),
+        "n4sid": Estimator(("order",), {}, lambda data, n: sysid.n4sid(data, n[0]), outputs=True),
+        "pem_ss": Estimator(("order",), {}, lambda data, n: sysid.pem_ss(data, sysid.n4sid(data, n[0])), outputs=True),
     }
 )
 """Every estimator of the command line."""

@@ -17,7 +17,7 @@ from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.channels import default_names
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, SysidWarning, warn_each
 from sysid.records.labelled import Labelled
 
 RESOLVED = 1e-6  # share of other lags in a value beyond which it is not determined
@@ -114,8 +114,7 @@ def cra(
             f"too little data: lags = {lags} give {width} unknowns per output, "
             f"{rows} usable samples in {len(experiments)} experiment(s), at least twice as many are needed"
         )
-    for message in messages:
-        warnings.warn(message, SysidWarning, stacklevel=2)
+    warn_each(messages)
     response, deviation = np.empty((2, lags + 1, first.ny, first.nu))
     deficiency = 0
     for j in range(first.nu):

@@ -1,6 +1,5 @@
 """Autoregressive models of time series."""
 
-import warnings
 from collections.abc import Sequence
 from typing import Literal, get_args
 
@@ -17,7 +16,7 @@ from sysid.polynomial.regressors import lagged, output_lags
 from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, warn_each
 
 Approach = Literal["fb", "ls", "burg", "yw"]
 
@@ -55,8 +54,7 @@ def ar(data: IOData | Sequence[IOData], na: int, *, approach: Approach = "fb") -
     # the samples before the first equation only initialise it
     parts = [e.y[orders.first_row(e.window) - na :, 0] for e in experiments]
     fit = _least_squares(parts, na)
-    if fit.rank < na:
-        messages.append(f"the regressors have rank {fit.rank} for {na} parameters: this is a least-norm solution")
+    messages += fit.rank_message()
     if approach == "ls":
         a = fit.solution[:, 0]
     elif approach == "fb":
@@ -65,8 +63,7 @@ def ar(data: IOData | Sequence[IOData], na: int, *, approach: Approach = "fb") -
         a = burg(parts, na) if approach == "burg" else yule_walker(parts, na)
     rows, target = _equations(parts, na)
     variance = float(np.sum((target - rows @ a) ** 2)) / (len(rows) - na)
-    for message in messages:
-        warnings.warn(message, SysidWarning, stacklevel=2)
+    warn_each(messages)
     return make_estimate(
         "ar",
         experiments,

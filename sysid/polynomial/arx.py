@@ -1,6 +1,5 @@
 """ARX models by linear least squares."""
 
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,7 +15,7 @@ from sysid.polynomial.regularisation import Kernel, checked_kernel, empirical_ba
 from sysid.polynomial.robust_covariance import sandwich
 from sysid.records.arguments import truth_value
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, warn_each
 
 HYPER_PARAMETERS = 3  # of each block of coefficients with a prior, at most
 
@@ -119,16 +118,12 @@ def regression_estimate(
     else:
         fit = solve(phi, target)
         theta, variance = fit.solution[:, 0], float(fit.residual_gram[0, 0]) / (len(phi) - orders.count)
-        if fit.rank < orders.count:
-            messages.append(
-                f"the regressors have rank {fit.rank} for {orders.count} parameters: this is the least-norm solution"
-            )
+        messages += fit.rank_message()
         covariance = variance * fit.inverse_gram
         if coloured:
             covariance = sandwich(experiments, orders, theta, covariance, variance)
         diagnostics |= {"condition": fit.condition, "rank": fit.rank, "converged": True}
-    for message in messages:
-        warnings.warn(message, SysidWarning, stacklevel=3)
+    warn_each(messages, stacklevel=2)
     return make_estimate(
         method,
         experiments,

@@ -1,6 +1,5 @@
 """Instrumental variables: estimates of A y = B u + v from instruments that are independent of the disturbance v."""
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,7 +14,7 @@ from sysid.polynomial.polynomial_estimate import make_estimate
 from sysid.polynomial.regressors import arx_regressors, lagged, output_lags
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, warn_each
 
 ROWS_PER_COEFFICIENT = 10  # least number of samples per coefficient of the disturbance model
 DEPENDENT = 1e-10  # remainder of an instrument, relative to it, after those before it are subtracted
@@ -108,12 +107,8 @@ def instrumental_estimate(
     innovations = _known(np.concatenate([scipy.signal.lfilter(whitener, [1.0], v)[len(whitener) - 1 :] for v in parts]))
     errors = [_known(v) for v in parts]
     freedom = max(len(innovations) - orders.count, 1)
-    if fit.rank < orders.count:
-        messages.append(
-            f"the instruments have rank {fit.rank} for {orders.count} parameters: this is the least-norm solution"
-        )
-    for message in messages:
-        warnings.warn(message, SysidWarning, stacklevel=3)
+    messages = messages + fit.rank_message("instruments")
+    warn_each(messages, stacklevel=2)
     return make_estimate(
         method,
         experiments,

@@ -29,6 +29,12 @@ class LeastSquares:
     rank: int
     condition: float
 
+    def rank_message(self, what: str = "regressors") -> list[str]:
+        """Description of a rank deficiency, if there is one."""
+        p = len(self.solution)
+        text = f"the {what} have rank {self.rank} for {p} parameters: this is the least-norm solution"
+        return [text] if self.rank < p else []
+
 
 def solve(phi: FloatArray, target: FloatArray) -> LeastSquares:
     """Solve by the triangle of [Phi Y] and its SVD: faster than the SVD of Phi, and as accurate.

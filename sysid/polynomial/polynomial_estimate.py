@@ -28,7 +28,7 @@ from sysid.polynomial.robust_covariance import curvature_covariance, sandwich
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, SysidWarning, warn_each
 
 
 @dataclass(frozen=True)
@@ -233,8 +233,7 @@ def prediction_error_estimate(
             f"the parameters are poorly determined: condition number {condition:.2g} of the scaled Jacobian"
         )
     messages += _near_unit_circle(orders, at.theta)
-    for message in messages:
-        warnings.warn(message, SysidWarning, stacklevel=3)
+    warn_each(messages, stacklevel=2)
     return make_estimate(
         method,
         experiments,

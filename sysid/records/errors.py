@@ -1,5 +1,8 @@
 """Error and warning classes of the package."""
 
+import warnings
+from collections.abc import Iterable
+
 MOST_CHARACTERS = 1000
 """Longest message of an error, half a screen: names of channels in it have any length and number."""
 
@@ -17,3 +20,9 @@ class SysidError(ValueError):
 
 class SysidWarning(UserWarning):
     """Root of the warnings on numerics and data: poor excitation, rank, conditioning, instability."""
+
+
+def warn_each(messages: Iterable[str], *, stacklevel: int = 1) -> None:
+    """Warn of every message, at the caller of the calling function; `stacklevel` counts functions in between."""
+    for message in messages:
+        warnings.warn(message, SysidWarning, stacklevel=stacklevel + 2)

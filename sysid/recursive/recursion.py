@@ -20,7 +20,7 @@ from sysid.polynomial.prediction_error import linearise
 from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, SysidWarning, warn_each
 from sysid.recursive.adaptation import Adaptation, Forgetting, Gradient
 from sysid.recursive.initial_state import Channel, Start, regressed_channels, stable, starting_state
 from sysid.recursive.recursive_estimate import RecursiveEstimate, RecursiveState
@@ -61,8 +61,7 @@ def recurse(
         messages += check_excitation([data], orders.nb)
         check_enough_data([data], orders, transients=0)
         messages += check_means([data], max(orders.na, *orders.nf))
-        for message in messages:
-            warnings.warn(message, SysidWarning, stacklevel=3)
+        warn_each(messages, stacklevel=2)
     rule = adaptation if adaptation is not None else _rule(origin, default)
     if not isinstance(rule, Adaptation):
         raise SysidError(

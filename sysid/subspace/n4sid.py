@@ -1,6 +1,5 @@
 """Subspace identification: states from the past of the data, weighted by canonical variates."""
 
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,7 +13,7 @@ from sysid.polynomial.gram_matrices import hankel_moments, hankel_triangle
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, warn_each
 from sysid.subspace.gaps import estimate_with_gaps
 from sysid.subspace.predictor import (
     STABILITY_MARGIN,
@@ -292,8 +291,7 @@ def n4sid(
         predictor = _with_gain(fitted, step.gain(), messages)
     else:
         predictor = fitted
-    for message in messages:
-        warnings.warn(message, SysidWarning, stacklevel=2)
+    warn_each(messages)
     basis = local_coordinates(predictor, direct)
     return make_predictor_estimate(
         "n4sid",

@@ -16,7 +16,7 @@ from sysid.polynomial.data_checks import check_excitation
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, SysidWarning, warn_each
 from sysid.records.trends import ROUNDING
 from sysid.subspace.era import Realisation, era
 from sysid.subspace.observer_gain import deadbeat_gain, spectral_radius, stable_gain
@@ -203,8 +203,7 @@ def okid(
     rows, width = regression.rows(), regression.width
     fit = regression.solve()
     variance = fit.residual_gram / (rows - width)
-    if fit.rank < width:
-        messages.append(f"the regressors have rank {fit.rank} for {width} columns: this is the least-norm solution")
+    messages += fit.rank_message()
 
     u_max = np.max([np.abs(e.u).max(axis=0) for e in experiments], axis=0)
     y_max = np.max([np.nanmax(np.abs(e.y), axis=0) for e in experiments], axis=0)
@@ -254,8 +253,7 @@ def okid(
         parameters = to_model.parameters
         names = tuple(f"entry{i + 1}" for i in range(len(parameters)))
         covariance = np.full((len(parameters),) * 2, np.nan)
-    for message in messages:
-        warnings.warn(message, SysidWarning, stacklevel=2)
+    warn_each(messages)
     with warnings.catch_warnings():
         # reported above
         warnings.simplefilter("ignore", SysidWarning)

@@ -1,6 +1,5 @@
 """Predictor-based subspace identification, consistent under feedback."""
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -12,7 +11,7 @@ from sysid.polynomial.least_squares import LeastSquares, solve
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidWarning
+from sysid.records.errors import warn_each
 from sysid.subspace.gaps import estimate_with_gaps
 from sysid.subspace.observer_gain import deadbeat_gain, spectral_radius, stable_gain
 from sysid.subspace.observer_regression import ObserverRegression
@@ -101,8 +100,7 @@ def pbsid(
     radius = spectral_radius(predictor.A + predictor.M[:, nu:] @ predictor.C)
     if radius >= 1.0:
         messages.append(f"the model is unstable: its largest pole has modulus {radius:.6g}")
-    for message in messages:
-        warnings.warn(message, SysidWarning, stacklevel=2)
+    warn_each(messages)
     basis = local_coordinates(predictor, direct)
     return make_predictor_estimate(
         "pbsid",

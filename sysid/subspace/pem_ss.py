@@ -16,7 +16,7 @@ from sysid.polynomial.oe import oe
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, SysidWarning, warn_each
 from sysid.subspace.n4sid import n4sid
 from sysid.subspace.observer_gain import spectral_radius, stable_gain
 from sysid.subspace.okid import okid
@@ -195,8 +195,7 @@ def pem_ss(
         messages.append(
             f"the {what} has a pole of modulus {radius:.7f}, at the edge of stability: intervals may be wrong"
         )
-    for message in messages:
-        warnings.warn(message, SysidWarning, stacklevel=2)
+    warn_each(messages)
     return make_predictor_estimate(
         "pem_ss",
         experiments,

@@ -4,12 +4,14 @@ import inspect
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sysid.models.estimate import Estimate, mean_square
+from sysid.models.polynomials import Polynomials
 from sysid.models.predict import predict
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
@@ -273,13 +275,14 @@ def choose_orders(
     Raises:
         SysidError: No candidate, names that the estimator does not have, or none that could be fitted.
     """
-    _checked_signature(estimator, names)
+    chained = "start" in _checked_signature(estimator, names).parameters
     fits: dict[tuple[int, ...], Estimate | SysidError] = {}
 
-    def fit(record: IOData, **orders: int) -> Estimate:
+    def fit(record: IOData, start: Polynomials | None = None, **orders: int) -> Estimate:
         candidate = tuple(orders.values())
         if candidate not in fits:
-            fits[candidate] = _stable_fit(estimator, record, orders)
+            run = partial(estimator, start=start) if chained and start is not None else estimator
+            fits[candidate] = _stable_fit(run, record, orders)
         estimate = fits[candidate]
         if isinstance(estimate, SysidError):
             raise estimate

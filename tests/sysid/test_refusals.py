@@ -82,7 +82,6 @@ def test_numbers_of_any_kind():
         lambda d, e: MODEL.minimal("2"),
         lambda d, e: MODEL.frequency_response(np.ones((2, 2))),
         lambda d, e: sysid.read_csv(3),
-        lambda d, e: sysid.simulate(MODEL, d),
         lambda d, e: IOData([[1.0, 2.0], [3.0]], d.y, 0.02),
         lambda d, e: IOData(d.u, d.y, 10**400),
         lambda d, e: IOData(d.u, d.y, 0.02, missing="no"),
