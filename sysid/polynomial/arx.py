@@ -106,14 +106,8 @@ def regression_estimate(
     if kernel is not None and sizes:
         posterior = empirical_bayes(phi, target[:, 0], sizes, kernel)
         theta, covariance, variance = posterior.mean, posterior.covariance, posterior.variance
-        diagnostics |= {
-            "kernel": kernel,
-            "hyper_parameters": posterior.hyper_parameters,
-            "effective_parameters": posterior.effective,
-            "evidence": posterior.evidence,
-            "converged": posterior.converged,
-        }
-        if not posterior.converged:
+        diagnostics |= {"kernel": kernel, **posterior.diagnostics}
+        if not diagnostics["converged"]:
             messages.append("the search of the hyper-parameters did not converge")
     else:
         fit = solve(phi, target)

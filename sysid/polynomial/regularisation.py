@@ -9,7 +9,7 @@ inverted: one triangle of [Phi y], O(N n^2), serves all evaluations, each of whi
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import scipy
@@ -73,19 +73,14 @@ class Posterior:
         mean: Posterior mean of the coefficients (p,).
         covariance: Posterior covariance (p, p).
         variance: Variance of e.
-        effective: Effective number of parameters, the trace of the matrix from y to its fit.
-        hyper_parameters: Per block c s^2, l, and of "dc" r (blocks, 2 or 3).
-        evidence: Logarithm of the marginal likelihood at its maximum.
-        converged: Whether the search of hyper-parameters converged.
+        diagnostics: `hyper_parameters`, per block c s^2, l, and of "dc" r (blocks, 2 or 3); `effective_parameters`, the
+            trace of the matrix from y to its fit; `evidence`, the logarithm of the marginal likelihood; `converged`.
     """
 
     mean: FloatArray
     covariance: FloatArray
     variance: float
-    effective: float
-    hyper_parameters: FloatArray
-    evidence: float
-    converged: bool
+    diagnostics: dict[str, Any]
 
 
 def empirical_bayes(phi: FloatArray, target: FloatArray, sizes: Sequence[int], kernel: Kernel) -> Posterior:
@@ -189,15 +184,13 @@ class Evidence:
         if self.kernel == "dc":
             natural = np.column_stack((natural, np.tanh(table[:, 2])))
         constant = self.rows * (1.0 + np.log(2.0 * np.pi * size**2 / self.rows))
-        return Posterior(
-            mean=roots @ weights,
-            covariance=variance / size**2 * (half @ half.T),
-            variance=variance,
-            effective=float(np.sum((self.x @ half) ** 2)),
-            hyper_parameters=natural,
-            evidence=-0.5 * (self(eta)[0] + float(constant)),
-            converged=converged,
-        )
+        diagnostics = {
+            "hyper_parameters": natural,
+            "effective_parameters": float(np.sum((self.x @ half) ** 2)),
+            "evidence": -0.5 * (self(eta)[0] + float(constant)),
+            "converged": converged,
+        }
+        return Posterior(roots @ weights, variance / size**2 * (half @ half.T), variance, diagnostics)
 
     def _roots(self, eta: FloatArray) -> list[FloatArray]:
         """Root of each block's kernel."""

@@ -128,22 +128,22 @@ def test_what_a_killed_run_started_ends_with_it_and_another_goes_on_as_if_nobody
 
 @pytest.mark.slow
 def test_one_that_only_hangs_is_given_up_and_one_that_sometimes_does_is_not(tmp_path, faulty, monkeypatch):
-    monkeypatch.setattr("scenarios.bench.run_progress.HANGS", 3)
+    monkeypatch.setattr("scenarios.bench.run_progress.HANGS", 2)
     notes = []
-    few = Few(draws=3, problems=("p1@300", "p3@301"))
+    few = Few(draws=2, problems=("p1@300", "p3@301"))
     plan = replace(PLAN, estimators=(faulty("hanging"), faulty("sometimes")), metrics=(few,), limits=Limits(0.2))
     hanging, sometimes = verify(plan, tmp_path, Here(), notify=notes.append)
-    unasked = "hang: given up after 3 hangs in a row: not asked any more"
-    assert hanging.outcomes == {"hang": 6}
-    assert hanging.reasons == {"hang: no answer within 0.2 s": 3, unasked: 3}
-    assert sometimes.outcomes == {"hang": 3, "model": 3}
-    words = "hanging: given up after 3 hangs in a row: not asked any more; its other 3 trials count as hangs"
+    unasked = "hang: given up after 2 hangs in a row: not asked any more"
+    assert hanging.outcomes == {"hang": 4}
+    assert hanging.reasons == {"hang: no answer within 0.2 s": 2, unasked: 2}
+    assert sometimes.outcomes == {"hang": 2, "model": 2}
+    words = "hanging: given up after 2 hangs in a row: not asked any more; its other 2 trials count as hangs"
     assert [note for note in notes if "still to do" not in note] == [words]
     # A run that goes on asks nothing of it, and of what it was not wanted for before, anew.
     assert plain(verify(plan, tmp_path, Here(after=0))[0]) == plain(hanging)
-    more = replace(plan, metrics=(replace(few, draws=4),), estimators=plan.estimators[:1])
+    more = replace(plan, metrics=(replace(few, draws=3),), estimators=plan.estimators[:1])
     (longer,) = verify(more, tmp_path, Here())
-    assert longer.reasons == {"hang: no answer within 0.2 s": 5, unasked: 3}
+    assert longer.reasons == {"hang: no answer within 0.2 s": 4, unasked: 2}
 
 
 def test_what_is_done_is_not_done_again(tmp_path):
