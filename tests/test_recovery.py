@@ -37,7 +37,7 @@ class SmallSignal(BinaryTest):
 def clean():
     """Records as deviations from the operating pose."""
     records = {}
-    kind = SmallSignal(duration=240.0, chain=replace(IDEAL, velocity_limit=True))
+    kind = SmallSignal(duration=168.0, chain=replace(IDEAL, velocity_limit=True))
     for log in simulate([replace(kind, name=joint, axes=(joint,)) for joint in STUDIED_JOINTS]):
         (joint,) = log.axes
         angle = load_arm().pose("rpcm_holster_out_approach")[JOINTS.index(joint)]

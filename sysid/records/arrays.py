@@ -94,8 +94,8 @@ def real_array(name: str, value: ArrayLike) -> FloatArray:
     if raw.dtype.kind not in "biuf":
         raise SysidError(f"{name}: expected real numbers, got an array of type {raw.dtype}")
     out = raw.astype(np.float64)
-    bad = np.argwhere(~np.isfinite(out))
-    if len(bad):
+    if not np.isfinite(out).all():
+        bad = np.argwhere(~np.isfinite(out))
         where = ", ".join(str(i) for i in bad[0])
         raise SysidError(f"{name}: {len(bad)} value(s) NaN or infinite, the first at index ({where})")
     return out
