@@ -26,7 +26,7 @@ SAME_INTERVAL = 1e-3
 
 
 @dataclass(frozen=True)
-class _Choice:
+class Choice:
     """Columns and times to read, as in `read_csv`, and whether gaps cut a record into experiments."""
 
     inputs: Sequence[str]
@@ -51,6 +51,7 @@ class _Choice:
 
     @property
     def channels(self) -> tuple[str, ...]:
+        """Names of inputs, then outputs."""
         return (*self.inputs, *self.outputs)
 
 
@@ -91,7 +92,7 @@ def read_csv(
         SysidError: No file, no text, no such column, cells that are no numbers, no or contradicting sampling intervals,
             times that do not increase or are too irregular, gaps without `missing`.
     """
-    return _single(_from_text, path, "a text file", _Choice(inputs, outputs, time, time_unit, dt, missing))
+    return _single(_from_text, path, "a text file", Choice(inputs, outputs, time, time_unit, dt, missing))
 
 
 def read_mat(
@@ -122,7 +123,7 @@ def read_mat(
     Raises:
         SysidError: No file, another format, no such variable, and as in `read_csv`.
     """
-    return _single(_from_mat, path, "a .mat file", _Choice(inputs, outputs, time, time_unit, dt, missing))
+    return _single(_from_mat, path, "a .mat file", Choice(inputs, outputs, time, time_unit, dt, missing))
 
 
 def read_netcdf(
@@ -152,7 +153,7 @@ def read_netcdf(
     Raises:
         SysidError: No file, another format, no such variable, and as in `read_csv`.
     """
-    return _single(_from_netcdf, path, "a NetCDF4 file", _Choice(inputs, outputs, time, time_unit, dt, missing))
+    return _single(_from_netcdf, path, "a NetCDF4 file", Choice(inputs, outputs, time, time_unit, dt, missing))
 
 
 def read_experiments(
@@ -182,7 +183,7 @@ def read_experiments(
     Raises:
         SysidError: As in `read_csv`; different intervals.
     """
-    choice = _Choice(inputs, outputs, time, time_unit, dt, missing, cut=True)
+    choice = Choice(inputs, outputs, time, time_unit, dt, missing, cut=True)
     files = [_existing(path, "a data file") for path in ((paths,) if isinstance(paths, str | Path) else paths)]
     if not files:
         raise SysidError("expected the paths of data files, got none")
@@ -207,19 +208,17 @@ def one_interval(parts: Sequence[IOData]) -> tuple[IOData, ...]:
     return tuple(part if part.dt == first.dt else replace(part, dt=first.dt) for part in parts)
 
 
-def _single(
-    load: Callable[[Path, _Choice], tuple[IOData, ...]], path: str | Path, kind: str, choice: _Choice
-) -> IOData:
+def _single(load: Callable[[Path, Choice], tuple[IOData, ...]], path: str | Path, kind: str, choice: Choice) -> IOData:
     (record,) = load(_existing(path, kind), choice)
     return record
 
 
-def _from_text(file: Path, choice: _Choice) -> tuple[IOData, ...]:
+def _from_text(file: Path, choice: Choice) -> tuple[IOData, ...]:
     columns, place = text_columns(file, (*((choice.time,) if choice.time else ()), *choice.channels))
-    return _records_of(columns, choice, file, place)
+    return records_of(columns, choice, file, place)
 
 
-def _from_mat(file: Path, choice: _Choice) -> tuple[IOData, ...]:
+def _from_mat(file: Path, choice: Choice) -> tuple[IOData, ...]:
     from h5py import is_hdf5
 
     # A row vector can only be a signal; a matrix is taken time first, never transposed on a guess.
@@ -228,10 +227,10 @@ def _from_mat(file: Path, choice: _Choice) -> tuple[IOData, ...]:
         for name, values in (read_hdf5_variables if is_hdf5(file) else read_variables)(file).items()
         if values.dtype.kind in "biuf" and values.ndim == 2 and values.size
     }
-    return _records_of(columns, choice, file)
+    return records_of(columns, choice, file)
 
 
-def _from_netcdf(file: Path, choice: _Choice) -> tuple[IOData, ...]:
+def _from_netcdf(file: Path, choice: Choice) -> tuple[IOData, ...]:
     import h5py
     import xarray as xr
 
@@ -258,12 +257,12 @@ def _from_netcdf(file: Path, choice: _Choice) -> tuple[IOData, ...]:
         raise
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
         raise SysidError(f"{file.name}: not a NetCDF4 file, or a damaged one ({shortened(str(error), 200)})") from error
-    return _records_of(columns, choice, file, units=units)
+    return records_of(columns, choice, file, units=units)
 
 
-def _records_of(
+def records_of(
     columns: Mapping[str, Column],
-    choice: _Choice,
+    choice: Choice,
     file: Path,
     place: Place = lambda sample: f"sample {sample}",
     units: Mapping[str, str] | None = None,
@@ -330,7 +329,7 @@ def _signal(name: str, times: FloatArray, values: Column, unit: str) -> Signal:
     return Signal(times, table, names, (unit,) * len(names))
 
 
-def _intervals(columns: Mapping[str, Column], choice: _Choice, file: Path) -> dict[str, float]:
+def _intervals(columns: Mapping[str, Column], choice: Choice, file: Path) -> dict[str, float]:
     """Sampling intervals in s that are stated: by the user, and by constant columns `dt` or `Ts`."""
     intervals = {} if choice.dt is None else {"dt as given": choice.dt}
     for name, values in columns.items():

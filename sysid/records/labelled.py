@@ -24,7 +24,10 @@ class Labelled:
         """The same as a table, a row per sample, frequency and path, lag, parameter or candidate; `attrs` has units."""
         dataset = self.to_xarray()
         frame = dataset.to_dataframe()
-        frame.attrs = {**dataset.attrs, "columns": {str(name): array.attrs for name, array in dataset.items()}}
+        frame.attrs = {
+            **dataset.attrs,
+            "columns": {str(name): array.attrs for name, array in dataset.variables.items()},
+        }
         return frame
 
     def _parts(self) -> list[Part]:

@@ -41,15 +41,15 @@ def test_stamps_and_numbers_of_rows():
     series = from_dataframe(frame.set_index(pandas.to_timedelta(np.arange(50), "ms")), outputs="y")
     assert (series.nu, series.dt) == (0, pytest.approx(1e-3))
     assert from_dataframe(frame, inputs=["u"], outputs=["y"], dt=0.5).dt == 0.5
-    uneven = frame.set_index(np.arange(50.0) ** 1.1)
+    uneven = frame.set_index(np.arange(50.0) ** 3)
     for table, arguments, message in (
         (frame, {"outputs": ["y"]}, "no sampling interval"),
-        (frame, {"outputs": ["z"], "dt": 1.0}, "no column 'z'; there are u, y, note"),
+        (frame, {"outputs": ["z"], "dt": 1.0}, "unknown column 'z'"),
         (frame, {"dt": 1.0}, "no column is marked as output"),
-        (frame, {"outputs": ["note"], "dt": 1.0}, "expected real numbers"),
-        (stamps, {"outputs": ["y"], "dt": 0.5}, "0.02 s by the times, 0.5 s by dt"),
+        (frame, {"outputs": ["note"], "dt": 1.0}, "unknown column 'note'; there are u, y"),
+        (stamps, {"outputs": ["y"], "dt": 0.5}, "0.5 s by dt as given, 0.02 s by 'time'"),
         (uneven, {"outputs": ["y"]}, "not uniform"),
-        (frame.set_index("note"), {"outputs": ["y"]}, "expected times in s"),
+        (frame.set_index("note"), {"outputs": ["y"]}, "holds no times"),
         (frame.set_index(["u", "y"]), {"outputs": ["note"]}, "an index of time alone"),
         (Y, {"outputs": ["y"]}, "expected a pandas DataFrame"),
     ):
