@@ -57,15 +57,15 @@ def instrumented(
     complete = np.isfinite(phi).all(axis=1) & np.isfinite(target)
     if not complete.all():
         _check_enough(complete, orders.count)
-        phi, target = phi[complete], target[complete]
-    lengths = np.linalg.norm(z[complete], axis=0)
-    basis, triangle = np.linalg.qr(z[complete] / np.where(lengths > 0.0, lengths, 1.0))
+        z, phi, target = z[complete], phi[complete], target[complete]
+    lengths = np.linalg.norm(z, axis=0)
+    basis, triangle = np.linalg.qr(z / np.where(lengths > 0.0, lengths, 1.0))
     basis[:, np.abs(np.diag(triangle)) < DEPENDENT] = 0.0
     regressors = basis.T @ phi
     fit = solve(regressors, (basis.T @ target)[:, None])
     if len(colour) == 1:
         return fit, fit.inverse_gram
-    whole = np.zeros((len(z), basis.shape[1]))
+    whole = np.zeros((len(complete), basis.shape[1]))
     whole[complete] = basis
     parts = np.split(whole, np.cumsum([len(block) for block in blocks])[:-1])
     filtered = np.vstack([scipy.signal.lfilter([1.0], colour, part, axis=0) for part in parts])
