@@ -92,14 +92,14 @@ def identify(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         read = read_parts(data, joint=joint, input=input, output=output, dt=dt, test=test, missing=missing)
-        parts, check = usable(read, skip, method, data, test), None
+        parts, check = usable(read, skip, data, test), None
         if validate is not None:
             # A log is validated on the joint that the model is of, whichever it excites.
             same = joints_of(parts[0]) or joint
             others = read_parts(
                 validate, joint=same, input=input, output=output, dt=dt, test=validate_test, missing=missing
             )
-            check = usable(others, skip, method, validate, validate_test)
+            check = usable(others, skip, validate, validate_test)
         result = identify_model(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check)
         if save is not None:
             with output_folder(save.parent):
@@ -154,6 +154,7 @@ def _record(result: "Identification") -> dict[str, Any]:
 
     fitted, test = result.fitted, result.test
     model, first = fitted.estimate, fitted.parts[0]
+    point = model.operating_point
     single = len(fitted.claims) == len(fitted.claims[0]) == 1
 
     def of_paths(value: "Callable[[Any], object]", paths: Iterable[Iterable[object]]) -> Any:
@@ -180,7 +181,7 @@ def _record(result: "Identification") -> dict[str, Any]:
         "residuals": None
         if test is None
         else {key: getattr(test, key) for key in ("passed", "whiteness_p", "independence_p")},
-        "operating_point": fitted.level and dict(zip(("input", "output"), fitted.level, strict=True)),
+        "operating_point": point and dict(zip(("input", "output"), point, strict=True)),
         "samples": sum(map(len, fitted.parts)),
         "dt": first.dt,
     }
@@ -206,8 +207,8 @@ def _rows(result: "Identification") -> list[tuple[str, str]]:
     ]
     # Records of joints are in rad; what other tables hold, only their owner knows.
     unit = " rad" if joints_of(first) else ""
-    if fitted.level is not None:
-        levels = np.where(np.abs(level := np.concatenate(fitted.level)) < 1e-12, 0.0, level)
+    if model.operating_point is not None:
+        levels = np.where(np.abs(level := np.concatenate(model.operating_point)) < 1e-12, 0.0, level)
         named = (f"{name} {value:.4g}{unit}" for name, value in zip((*ins, *outs), levels, strict=True))
         rows.append(("operating point", ", ".join(named)))
     rows += [("fit in simulation", percents(fit.simulation)), ("fit one step ahead", percents(fit.one_step))]

@@ -145,8 +145,8 @@ def identified(method: Method, parts: Sequence[IOData]) -> Predictor:
     with warnings.catch_warnings():
         # A poor model shows in its score.
         warnings.simplefilter("ignore", SysidWarning)
-        about = fit_with_offset(partial(estimate, method=method.name, orders=method.orders), parts)
-    return ModelPredictor(about.estimate.model, about.input, about.output)
+        model = fit_with_offset(partial(estimate, method=method.name, orders=method.orders), parts).estimate
+    return ModelPredictor(model.model, *(model.operating_point or ()))
 
 
 def _true_predictor(data_set: DataSet, arm: str, joints: Sequence[str]) -> ModelPredictor:

@@ -15,7 +15,7 @@ from scenarios.experiments.joint_inputs import LAGS
 from scenarios.files.data_file import excited
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.long_lag import long_lag
-from scenarios.identification.methods import ESTIMATORS, SHORTEST, complete_parts, estimate
+from scenarios.identification.methods import ESTIMATORS, estimate
 from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offset
@@ -23,6 +23,9 @@ from sysid.validation.input_independence import LIMIT, input_independence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+SHORTEST = 100
+"""Shortest part between two gaps that is used, samples: the initial conditions would take most of a shorter one."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +35,7 @@ class FittedModel:
     Attributes:
         estimate: The model.
         orders: All its orders by name.
-        parts: The records about the operating point.
-        level: Inputs and outputs of the operating point; None where the means were left in.
+        parts: The records about the operating point of the estimate, which has none where the means were left in.
         band: Bandwidth of every path with its interval.
         claims: The same (ny, nu), withheld where the record cannot support it.
     """
@@ -41,7 +43,6 @@ class FittedModel:
     estimate: Estimate
     orders: dict[str, int]
     parts: tuple[IOData, ...]
-    level: tuple[np.ndarray, np.ndarray] | None
     band: Bandwidth
     claims: tuple[tuple[BandwidthClaim, ...], ...]
 
@@ -88,16 +89,16 @@ def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[int], *, ke
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
         if keep_mean:
-            model, used, level = run(tuple(parts)), tuple(parts), None
+            model, used = run(tuple(parts)), tuple(parts)
         else:
             about = fit_with_offset(run, parts)
-            model, used, level = about.estimate, about.parts, (about.input, about.output)
+            model, used = about.estimate, about.parts
         band, longest = model.bandwidth(), max(used, key=len)
         claims = tuple(
             tuple(bandwidth_claim(model, longest, output=i, input=j, band=band) for j in range(first.nu))
             for i in range(first.ny)
         )
-    return FittedModel(model, ESTIMATORS[method].complete(method, orders), used, level, band, claims)
+    return FittedModel(model, ESTIMATORS[method].complete(method, orders), used, band, claims)
 
 
 def identify(
@@ -129,31 +130,24 @@ def identify(
         checked = tuple(check or parts)
         if not keep_mean:
             # Records to judge on have an operating point of their own, which the model's dynamics tell.
-            checked, _, _ = subtract_means(checked)
+            checked = subtract_means(checked)
             offset, _, _ = unexplained_offset(fitted.estimate.model, checked)
             checked = tuple(part.subtract(y=offset) for part in checked)
         (fit,) = sysid.compare({method: fitted.estimate}, checked, steps=steps)
         test, untested = None, ""
-        whole = [one for part in checked for one in complete_parts([part], 1 if part.complete else SHORTEST)]
         try:
-            if whole:
-                test = sysid.resid(fitted.estimate, whole)
-            else:
-                untested = f"no part without missing samples has {SHORTEST}"
+            test = sysid.resid(fitted.estimate, checked)
         except SysidError as error:
             untested = str(error)
     return Identification(fitted, checked, fit, test, untested, _remarks(fitted))
 
 
-def usable(
-    records: Sequence[IOData], skip: float, method: str, path: Path, test: str | None = None
-) -> tuple[IOData, ...]:
-    """Leave out the start, and cut records at their gaps where the method needs complete ones.
+def usable(records: Sequence[IOData], skip: float, path: Path, test: str | None = None) -> tuple[IOData, ...]:
+    """Leave out the start, and records of which too little is known.
 
     Args:
         records: As read.
         skip: Length of the start that is left out, s.
-        method: Name of the estimator.
         path: File of the records, for messages.
         test: Which test of the file, likewise.
 

@@ -8,9 +8,6 @@ import sysid
 from scenarios.files.errors import ScenarioError, unknown
 from sysid import Estimate, IOData
 
-SHORTEST = 100
-"""Shortest part between two gaps that is used, samples: the initial conditions would take most of a shorter one."""
-
 Records = IOData | Sequence[IOData]
 
 
@@ -64,17 +61,6 @@ ESTIMATORS: Mapping[str, Estimator] = MappingProxyType(
     }
 )
 """Every estimator of the command line."""
-
-
-def complete_parts(parts: Sequence[IOData], shortest: int = SHORTEST) -> list[IOData]:
-    """Cut records at their gaps; parts shorter than `shortest` samples are left out."""
-    kept: list[IOData] = []
-    for part in parts:
-        try:
-            kept += part.complete_parts(shortest=shortest)
-        except sysid.SysidError:
-            continue
-    return kept
 
 
 def estimate(data: Records, method: str, orders: Sequence[int], **options: bool) -> Estimate:

@@ -132,12 +132,12 @@ def compare_models(
         ScenarioError: A model does not go with the record: other joints, another sampling interval, no truth known.
         SysidError: An estimator refuses the records.
     """
-    parts = usable(records, skip, "", path, test)
-    shown = tuple(parts) if keep_mean else subtract_means(parts)[0]
+    parts = usable(records, skip, path, test)
+    shown = tuple(parts) if keep_mean else subtract_means(parts)
     models: list[JudgedModel] = []
     for name in names:
         if name.kind in ESTIMATORS:
-            own = usable(estimation or records, skip, name.kind, estimation_path or path, test)
+            own = usable(estimation or records, skip, estimation_path or path, test)
             result = identify(own, name.kind, name.orders, keep_mean=keep_mean, steps=steps, check=parts)
             label = f"{name.kind.upper()} {'/'.join(map(str, result.fitted.orders.values()))}"
             # The same samples twice, about their means and about the model's own operating point.

@@ -31,33 +31,26 @@ LARGEST_RATIO = 0.95
 
 @dataclass(frozen=True)
 class OffsetFit:
-    """A model and its operating point.
+    """A model and the records that it was fitted to.
 
     Attributes:
         estimate: The model.
-        parts: The records relative to the operating point, which the model was fitted to.
-        input: Inputs at the operating point (nu,).
-        output: Outputs at the operating point (ny,).
+        parts: The records relative to its operating point.
     """
 
     estimate: Estimate
     parts: tuple[IOData, ...]
-    input: FloatArray
-    output: FloatArray
 
 
-def subtract_means(parts: Sequence[IOData]) -> tuple[tuple[IOData, ...], FloatArray, FloatArray]:
+def subtract_means(parts: Sequence[IOData]) -> tuple[IOData, ...]:
     """Subtract the means of all records together: the mean of a single part differs from it only by chance.
 
     Args:
         parts: Records with the same channels; outputs may be missing.
-
-    Returns:
-        The records, the means of the inputs (nu,) and of the outputs (ny,).
     """
     u = np.concatenate([part.u for part in parts]).mean(axis=0)
     y = np.nanmean(np.concatenate([part.y for part in parts]), axis=0)
-    return tuple(part.subtract(u=u, y=y) for part in parts), u, y
+    return tuple(part.subtract(u=u, y=y) for part in parts)
 
 
 def fit_with_offset(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence[IOData]) -> OffsetFit:
@@ -71,21 +64,21 @@ def fit_with_offset(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence
         parts: Records with the same channels; outputs may be missing.
 
     Returns:
-        Model, records and operating point.
+        Model and records.
     """
-    shifted, u, y = subtract_means(parts)
+    shifted = subtract_means(parts)
     estimate, best = run(shifted), np.inf
     power = sum(float(np.nansum(part.y**2)) for part in shifted)
-    result, last = OffsetFit(estimate, shifted, u, y), np.zeros(len(y))
+    result, last = OffsetFit(estimate, shifted), np.zeros(parts[0].ny)
     for _ in range(ROUNDS):
         offset, before, after = unexplained_offset(estimate.model, shifted)
         if not before < best:
             break
-        best, result = before, OffsetFit(estimate, shifted, u, y)
+        best, result = before, OffsetFit(estimate, shifted)
         if not before - after > WORTH * before or before < EXACT * power:
             break
         step, last = _extrapolated(offset, last), offset
-        shifted, y = tuple(part.subtract(y=step) for part in shifted), y + step
+        shifted = tuple(part.subtract(y=step) for part in shifted)
         try:
             estimate = run(shifted)
         except SysidError:

@@ -62,8 +62,9 @@ def test_a_constant_on_the_output_is_found_with_the_model():
         u = rng.standard_normal(400)
         u[:200] += 1.0
         y = lfilter([0, 0.05], [1, -0.95], u) + 0.05 * rng.standard_normal(400) + 7.0
-        estimate = fit_with_offset(lambda parts: oe(parts, 1, 1, 1), [IOData(u, y, DT)])
-        errors.append(estimate.output[0] - estimate.estimate.dc_gain()[0, 0] * estimate.input[0] - 7.0)
+        estimate = fit_with_offset(lambda parts: oe(parts, 1, 1, 1), [IOData(u, y, DT)]).estimate
+        inputs, outputs = estimate.operating_point
+        errors.append(outputs[0] - estimate.dc_gain()[0, 0] * inputs[0] - 7.0)
     assert abs(np.mean(errors)) < 3 * np.std(errors) / np.sqrt(30)
     assert np.std(errors) < 0.02
 
