@@ -16,6 +16,9 @@ LISTED = 20
 WIDEST = 10
 """Columns of a printed matrix, likewise."""
 
+PATHS = 4
+"""Tables of a printed result over time or frequency, one for each path from input to output."""
+
 AT_ZERO = 1e-9
 """Modulus of a pole in the z plane below which it is a delay."""
 
@@ -155,10 +158,11 @@ def tables(variables: Mapping[str, Any], coordinates: Mapping[str, Any]) -> list
     points = np.asarray(points)
     rows = spaced(len(points))
     if axis == "frequency" and len(rows) < len(points):
-        rows = np.unique(np.searchsorted(points, np.geomspace(points[points > 0.0][0], points[-1], len(rows))))
+        spread = np.searchsorted(points, np.geomspace(points[points > 0.0].min(), points.max(), len(rows)))
+        rows = np.unique(np.minimum(spread, len(points) - 1))
     paths = list(np.ndindex(*(len(labels) for _, labels in others)))
     parts: list[Part] = []
-    for path in paths[:LISTED]:
+    for path in paths[:PATHS]:
         place = {name: k for (name, _), k in zip(others, path, strict=True)}
         parts += [", ".join(f"{name} {labels[place[name]]}" for name, labels in others)] if others else []
         columns = [(_with_unit(axis, attributes), numbers(points[rows]))]
@@ -170,7 +174,7 @@ def tables(variables: Mapping[str, Any], coordinates: Mapping[str, Any]) -> list
             head = _with_unit(name.replace("_", " "), *further)
             columns.append((head, numbers(cells) if errors is None else uncertain(cells, errors[1][entries])))
         parts.append(Table(columns))
-    parts += [f"... {len(paths)} paths"] if len(paths) > LISTED else []
+    parts += [f"... {len(paths)} tables, all in to_dataframe()"] if len(paths) > PATHS else []
     return parts + ([f"({len(rows)} of {len(points)} rows)"] if len(rows) < len(points) else [])
 
 
