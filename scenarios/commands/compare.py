@@ -28,6 +28,8 @@ def compare(
     input: tuple[str, ...] = ("u",),
     output: tuple[str, ...] = ("y",),
     dt: float | None = None,
+    time: str | None = None,
+    time_unit: str | None = None,
     test: str | None = None,
     estimation_test: str | None = None,
     missing: bool = False,
@@ -67,6 +69,8 @@ def compare(
         input: Names of the input columns of a table, or variables of a .mat or .nc file.
         output: Names of the output columns, likewise.
         dt: Sampling interval of a table without one, s.
+        time: Name of the column of times, when it is not t, time, stamp or the like.
+        time_unit: Unit of the times: s, ms, us, ns, min or h.
         test: Which test of a 1553 record, by name or number.
         estimation_test: Which test of the record to identify from, likewise.
         missing: Outputs may be missing, as NaN or empty cells; inputs must be complete.
@@ -100,7 +104,17 @@ def compare(
     def read(path: Path, joints: tuple[str, ...], test: str | None) -> "tuple[IOData, ...]":
         if len(joints) > 1 and (input, output) != (("u",), ("y",)):
             raise ScenarioError("--joint names joints of our own records; --input and --output are for tables")
-        return read_parts(path, joint=joints, input=input, output=output, dt=dt, test=test, missing=missing)
+        return read_parts(
+            path,
+            joint=joints,
+            input=input,
+            output=output,
+            dt=dt,
+            time=time,
+            time_unit=time_unit,
+            test=test,
+            missing=missing,
+        )
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)

@@ -1,6 +1,7 @@
 """`hmtb identify`: any estimator on any record, also of your own robot."""
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,7 +23,7 @@ LISTED = 24
 
 
 def identify(
-    data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")],
+    data: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="DATA ...")],
     *,
     method: Annotated[str, tyro.conf.arg(metavar="arx|armax|oe|bj|iv4|okid|n4sid|pem_ss")],
     orders: tuple[int, ...],
@@ -30,6 +31,8 @@ def identify(
     input: tuple[str, ...] = ("u",),
     output: tuple[str, ...] = ("y",),
     dt: float | None = None,
+    time: str | None = None,
+    time_unit: str | None = None,
     test: str | None = None,
     missing: bool = False,
     skip: float = 0.0,
@@ -51,7 +54,8 @@ def identify(
     It reads the logs and records of hmtb simulate and hmtb convert (.nc, .csv, .mat, .asc, .ch10), other .mat and .nc
     files (variables by name) and tables as text (.csv, .txt, .dat or any other ending). Columns of tables are separated
     by commas, semicolons, tabs or spaces; without a header they are the inputs, then the outputs. Samples that the bus
-    lost are left out, as are missing outputs (--missing).
+    lost are left out, as are missing outputs (--missing). Several files are experiments with one model; gaps in the
+    times of a table divide it into experiments, samples that jitter are put on a uniform grid, and a warning says so.
 
     The model describes motion about an operating point: the means are removed, and a remaining constant of the output
     (a record that starts from rest has one) is estimated with the model. --keep-mean uses the values as they are.
@@ -59,15 +63,19 @@ def identify(
       hmtb identify siso-5-elbow_pitch.nc --method oe --orders 2 2 1
       hmtb identify siso-5-elbow_pitch.nc --method armax --orders 2 2 2 1 --validate siso-8-elbow_pitch.nc
       hmtb identify robot.csv --input command --output angle --method oe --orders 2 2 1 --save robot.json
+      hmtb identify run-1.csv run-2.csv --time stamp --method n4sid --orders 3
 
     Args:
-        data: The record.
+        data: The record, or several.
         method: One of the methods above.
         orders: Orders of the model, in the sequence given above, as in MATLAB.
         joint: Which joint of a log; the excited one when not given.
         input: Names of the input columns of a table, or variables of a .mat or .nc file.
         output: Names of the output columns, likewise.
         dt: Sampling interval of a table without one, s. A column t, time or Time (s), or a variable dt or Ts, gives it.
+        time: Name of the column of times, when it is not t, time, stamp or the like.
+        time_unit: Unit of the times: s, ms, us, ns, min or h; by the name, or the size of times since 1970, when not
+            given.
         test: Which test of a 1553 record, by name or number.
         missing: Outputs may be missing, as NaN or empty cells; inputs must be complete.
         skip: Leave out this much of the start, s.
@@ -86,19 +94,23 @@ def identify(
     from scenarios.files.data_file import joints_of, read_parts
     from scenarios.identification.identification import figures, usable
     from scenarios.identification.identification import identify as identify_model
+    from sysid.records.channels import listed
+    from sysid.records.importers import one_interval
 
+    if not data:
+        raise ScenarioError("expected the path of a record; see hmtb identify --help")
     if save is not None and save.suffix not in SAVED:
         raise ScenarioError(f"--save {save} given, expected a file that ends with {', '.join(SAVED)}")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        read = read_parts(data, joint=joint, input=input, output=output, dt=dt, test=test, missing=missing)
-        parts, check = usable(read, skip, data, test), None
+        read = partial(read_parts, input=input, output=output, dt=dt, time=time, time_unit=time_unit, missing=missing)
+        parts = one_interval(
+            [part for path in data for part in usable(read(path, joint=joint, test=test), skip, path, test)]
+        )
+        check = None
         if validate is not None:
             # A log is validated on the joint that the model is of, whichever it excites.
-            same = joints_of(parts[0]) or joint
-            others = read_parts(
-                validate, joint=same, input=input, output=output, dt=dt, test=validate_test, missing=missing
-            )
+            others = read(validate, joint=joints_of(parts[0]) or joint, test=validate_test)
             check = usable(others, skip, validate, validate_test)
         result = identify_model(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check)
         if save is not None:
@@ -111,14 +123,15 @@ def identify(
 
         with output_folder(out) as folder:
             for name, figure in figures(result).items():
-                pictures.append(folder / f"{data.stem}-{name}.png")
+                pictures.append(folder / f"{data[0].stem}-{name}.png")
                 save_figure(figure, pictures[-1], dpi=120)
     record = {"method": method, **_record(result), "warnings": texts, "model_file": save, "figures": pictures}
     if json:
         print_json(record)
         return 0
     print_table(
-        f"{method.upper()} from {data.name}" + (f", fits to {validate.name}" if validate else ""),
+        f"{method.upper()} from {listed([path.name for path in data])}"
+        + (f", fits to {validate.name}" if validate else ""),
         ("", ""),
         _rows(result),
     )

@@ -26,7 +26,6 @@ KINDS = {"INT": "a whole number", "FLOAT": "a number", "[INT [INT ...]]": "whole
 
 STRAY = {
     "hmtb waveform": "--path",
-    "hmtb identify": "--validate",
     "hmtb video": "--out",
     "hmtb thesis": "--out",
 }

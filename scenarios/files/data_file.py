@@ -16,7 +16,7 @@ from scenarios.files.record_file import ENDINGS, is_record, netcdf_format, read_
 from sysid import IOData
 from sysid.records.importers import SAME_INTERVAL
 
-KINDS = f"{', '.join(ENDINGS.values())} or a table as text (.txt, .dat, ...)"
+KINDS = f"{', '.join(ENDINGS.values())}, .mcap, .bag, a rosbag2 folder or a table as text (.txt, .dat, ...)"
 """Kinds of data files, for messages."""
 
 Names = str | Sequence[str]
@@ -52,20 +52,24 @@ def read_parts(
     input: Names = "u",
     output: Names = "y",
     dt: float | None = None,
+    time: str | None = None,
+    time_unit: str | None = None,
     test: str | None = None,
     missing: bool = False,
 ) -> tuple[IOData, ...]:
-    """Read inputs and outputs from a file, cut where inputs were lost.
+    """Read inputs and outputs from a file, cut where inputs were lost and at gaps of the times of a table.
 
     Args:
-        path: `.nc` (a joint log, a bus record, or any variables over time), `.mat` (version 7.2 or older), `.ch10` (a
-            1553 record), `.asc` (our ASCII records), or any table as text, with a header or bare columns.
+        path: `.nc` (a joint log, a bus record, or any variables over time), `.mat`, `.ch10` (a 1553 record), `.asc`
+            (our ASCII records), `.mcap`, `.bag` or a rosbag2 folder, or any table as text, with or without a header.
         joint: Joint of a log or record, or of a CSV written from one; or several.
         input: Names of the input columns or variables.
         output: Names of the output columns or variables.
         dt: Sampling interval, s. Needed if the file has none; must agree with it otherwise.
+        time: Name of the column or variable of times; `header` or `log` of a log of messages.
+        time_unit: Unit of the times: s, ms, us, ns, min or h.
         test: Test of a 1553 record, by name or number, if it holds several.
-        missing: Whether outputs of a table may be missing (NaN or empty); those of our own records always may.
+        missing: Whether outputs of a table may be missing (NaN, empty or in gaps); those of our own records always may.
 
     Returns:
         One record, or as many as there are stretches of inputs; lost outputs are declared as missing. A damaged 1553
@@ -80,7 +84,7 @@ def read_parts(
     inputs, outputs, joints = (
         (names,) if isinstance(names, str) else tuple(names) for names in (input, output, joint or ())
     )
-    if not path.is_file():
+    if not path.exists():
         raise ScenarioError(f"no data file {str(path)!r}; expected {KINDS}")
     if dt is not None and not 0 < dt < np.inf:
         raise ScenarioError(f"dt must be above 0 s, given {dt}")
@@ -89,9 +93,9 @@ def read_parts(
     if test is not None and not (ours and path.suffix != ".csv"):
         raise ScenarioError(f"{path.name} holds one test; --test is for 1553 records")
     log = log_of(path)
-    if (ours or log) and (inputs, outputs) != (("u",), ("y",)):
+    if (ours or log) and ((inputs, outputs) != (("u",), ("y",)) or time or time_unit):
         raise ScenarioError(
-            f"{path.name} is a record of joints: choose one by --joint; --input and --output are for tables"
+            f"{path.name} is a record of joints: choose one by --joint; --input, --output and --time are for tables"
         )
     parts: tuple[IOData, ...] = ()
     try:
@@ -119,9 +123,10 @@ def read_parts(
             if name not in JOINTS:
                 raise ScenarioError(unknown("joint", name, JOINTS))
         inputs, outputs = (tuple(f"{name}_{what}" for name in joints) for what in ("commanded", "measured"))
-    read = {".mat": sysid.read_mat, ".nc": sysid.read_netcdf}.get(path.suffix, sysid.read_csv)
     try:
-        return (read(path, inputs=inputs, outputs=outputs, dt=dt, missing=missing),)
+        return sysid.read_experiments(
+            path, inputs=inputs, outputs=outputs, time=time, time_unit=time_unit, dt=dt, missing=missing
+        )
     except sysid.SysidError as error:
         raise ScenarioError(_for_users(str(error), path, inputs, outputs)) from error
 
@@ -153,7 +158,7 @@ def _for_users(text: str, path: Path, inputs: Sequence[str], outputs: Sequence[s
     for analyst, user in (
         ("dt as given", "--dt"),
         ("or dt in s", "or --dt SECONDS"),
-        ("give dt where", "give --dt where"),
+        ("time=NAME", "--time NAME"),
         ("missing=True takes NaN", "--missing takes NaN or empty cells among outputs"),
     ):
         text = text.replace(analyst, user)

@@ -188,7 +188,10 @@ def _remarks(fitted: FittedModel) -> tuple[str, ...]:
     values, samples = sum(part.y.size for part in parts), sum(map(len, parts))
     texts = []
     if len(parts) > 1:
-        texts.append(f"the model and the fits are of {len(parts)} parts between lost samples, {samples} samples in all")
+        texts.append(
+            f"the model and the fits are of {len(parts)} parts between lost samples or of several files, "
+            f"{samples} samples in all"
+        )
     if missing:
         texts.append(f"{missing} of {values} output samples are missing")
     inputs = input_independence(max(parts, key=len).scored.u, first.input_names or (), lags=LAGS)

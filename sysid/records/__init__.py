@@ -4,7 +4,7 @@ from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.filtering import keep_band, prefilter, resample
 from sysid.records.frames import from_dataframe, from_xarray
-from sysid.records.importers import read_csv, read_experiments, read_mat, read_netcdf
+from sysid.records.importers import read_csv, read_experiments, read_log, read_mat, read_netcdf
 
 __all__ = [
     "IOData",
@@ -16,6 +16,7 @@ __all__ = [
     "prefilter",
     "read_csv",
     "read_experiments",
+    "read_log",
     "read_mat",
     "read_netcdf",
     "resample",

@@ -1,4 +1,4 @@
-"""Records from files: CSV, MATLAB, NetCDF."""
+"""Records from files: CSV, MATLAB, NetCDF, logs of messages."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,19 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid.records.arguments import shortened, shown
+from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.channels import listed
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 from sysid.records.mat_hdf5 import read_hdf5_variables
 from sysid.records.mat_variables import read_variables
+from sysid.records.message_logs import message_signals
+from sysid.records.netcdf_columns import netcdf_columns
 from sysid.records.text_columns import text_columns
 from sysid.records.time_grid import Signal, experiments, period
 from sysid.records.time_stamps import Column, Place, interval_unit, is_time, stamps, time_column
-
-MOST_NUMBERS = 2**28
-"""Numbers of a NetCDF4 file, 2 GiB as float64: packed zeros of a small file can claim more than there is memory."""
 
 SAME_INTERVAL = 1e-3
 """Two intervals closer than this part are one, written with few digits."""
@@ -156,6 +155,41 @@ def read_netcdf(
     return _single(_from_netcdf, path, "a NetCDF4 file", Choice(inputs, outputs, time, time_unit, dt, missing))
 
 
+def read_log(
+    path: str | Path,
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    time: str | None = None,
+    dt: float | None = None,
+    missing: bool = False,
+) -> IOData:
+    """Read a record from a log of messages: MCAP (ROS messages or JSON), a rosbag2 folder, or a bag of ROS 1.
+
+    Every topic has stamps of its own. They are put on the grid of the slowest output, or of `dt`: outputs are
+    interpolated, inputs hold until their next message. Needs the packages mcap and rosbags, the extra `logs`.
+
+    Args:
+        path: The file or folder.
+        inputs: Fields of the inputs: topic, field and index or joint name, as `/cmd.data`, `/joint_states.position[3]`,
+            `/joint_states.velocity[elbow]`. A field that is a vector is as many channels.
+        outputs: Fields of the outputs, likewise.
+        time: `header`: the stamps of the messages' headers; `log`: the times at which they were logged. None: headers
+            if all topics have them.
+        dt: Interval of the grid, s.
+        missing: As in `read_csv`.
+
+    Returns:
+        The record, named after the file.
+
+    Raises:
+        SysidError: No log, no such topic or field, stamps that do not increase, no time in common, gaps without
+            `missing`, a package that is missing.
+    """
+    kind = "an MCAP file, a rosbag2 folder or a bag"
+    return _single(_from_log, path, kind, Choice(inputs, outputs, time, None, dt, missing))
+
+
 def read_experiments(
     paths: str | Path | Sequence[str | Path],
     *,
@@ -169,7 +203,8 @@ def read_experiments(
     """Read the experiments of several files, and those between the gaps of a log.
 
     Args:
-        paths: One file or several; the endings .mat and .nc name their formats, others are text.
+        paths: One file or several; the endings .mat, .nc, .mcap and .bag name their formats, a folder is a rosbag2,
+            others are text.
         inputs: As in `read_csv`, likewise the following.
         outputs: Names of the outputs.
         time: Name of the times.
@@ -184,12 +219,14 @@ def read_experiments(
         SysidError: As in `read_csv`; different intervals.
     """
     choice = Choice(inputs, outputs, time, time_unit, dt, missing, cut=True)
-    files = [_existing(path, "a data file") for path in ((paths,) if isinstance(paths, str | Path) else paths)]
+    files = [
+        _existing(path, "a data file or the folder of a rosbag2")
+        for path in ((paths,) if isinstance(paths, str | Path) else paths)
+    ]
     if not files:
         raise SysidError("expected the paths of data files, got none")
-    return one_interval(
-        [part for file in files for part in _LOADERS.get(file.suffix.lower(), _from_text)(file, choice)]
-    )
+    loaders = [_from_log if file.is_dir() else _LOADERS.get(file.suffix.lower(), _from_text) for file in files]
+    return one_interval([part for load, file in zip(loaders, files, strict=True) for part in load(file, choice)])
 
 
 def one_interval(parts: Sequence[IOData]) -> tuple[IOData, ...]:
@@ -231,32 +268,7 @@ def _from_mat(file: Path, choice: Choice) -> tuple[IOData, ...]:
 
 
 def _from_netcdf(file: Path, choice: Choice) -> tuple[IOData, ...]:
-    import h5py
-    import xarray as xr
-
-    try:
-        with h5py.File(file) as whole:
-            # h5py detects a damaged file here and closes it; xarray would leave it half open, and reads coordinates at
-            # once, however many numbers they claim.
-            _ = dict(whole["/"].attrs)
-            arrays = [one for one in whole.values() if isinstance(one, h5py.Dataset) and one.dtype.kind in "biuf"]
-            if (numbers := sum(array.size for array in arrays)) > MOST_NUMBERS:
-                raise SysidError(f"{file.name}: arrays of {numbers} numbers, expected at most {MOST_NUMBERS}")
-        with xr.open_dataset(file, engine="h5netcdf", decode_times=False) as stored:
-            columns = {
-                str(name): np.atleast_1d(variable.values)
-                for name, variable in stored.variables.items()
-                if variable.dtype.kind in "biuf" and variable.ndim <= 2
-            }
-            units = {str(name): str(variable.attrs.get("units", "")) for name, variable in stored.variables.items()}
-            if "dt" not in columns and "dt" in stored.attrs:
-                if isinstance(stored.attrs["dt"], str):
-                    raise SysidError(f"{file.name}: attribute dt is the text {stored.attrs['dt']!r}; expected a number")
-                columns["dt"] = np.atleast_1d(np.asarray(stored.attrs["dt"], dtype=float))
-    except SysidError:
-        raise
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
-        raise SysidError(f"{file.name}: not a NetCDF4 file, or a damaged one ({shortened(str(error), 200)})") from error
+    columns, units = netcdf_columns(file)
     return records_of(columns, choice, file, units=units)
 
 
@@ -353,4 +365,11 @@ def _existing(path: str | Path, kind: str) -> Path:
     return file
 
 
-_LOADERS = {".mat": _from_mat, ".nc": _from_netcdf}
+def _from_log(file: Path, choice: Choice) -> tuple[IOData, ...]:
+    if choice.time_unit is not None:
+        raise SysidError(f"{file.name}: time_unit={shown(choice.time_unit)}, but stamps of messages are in ns")
+    u, y, remark = message_signals(file, choice.inputs, choice.outputs, choice.time)
+    return experiments(u, y, choice.dt, missing=choice.missing, cut=choice.cut, name=file.name, remarks=(remark,))
+
+
+_LOADERS = {".mat": _from_mat, ".nc": _from_netcdf, ".mcap": _from_log, ".bag": _from_log, ".db3": _from_log}

@@ -82,7 +82,7 @@ def time_column(
     if len(clocks) > 1:
         raise SysidError(f"{file}: several columns may be times: {listed(clocks)}; expected one, named by time=NAME")
     if clocks:
-        return clocks[0], (f"times are column {clocks[0]!r}, the only one that increases steadily (time=NAME)",)
+        return clocks[0], (f"times are column {clocks[0]!r}, the only one that increases steadily",)
     return None, ()
 
 
@@ -121,7 +121,7 @@ def stamps(name: str, values: Column, unit: str | None, place: Place, file: str)
     if not unit:
         epochs = (one for one in ("s", "ms", "us", "ns") if EPOCH[0] <= float(values[0]) * SECONDS[one] <= EPOCH[1])
         if known := next(epochs, None):
-            remarks = (f"times in column {name!r} are taken for {known} since 1970, by their size (time_unit=UNIT)",)
+            remarks = (f"times in column {name!r} are taken for {known} since 1970, by their size",)
         unit = known or "s"
     numbers: FloatArray = (values - values[0]).astype(np.float64)
     return Stamps(np.asarray(numbers * SECONDS[unit]), _resolution(numbers) * SECONDS[unit], remarks)

@@ -186,6 +186,26 @@ def test_any_table_is_read(result, tmp_path, ending, delimiter):
     assert output["poles"][0][0] == pytest.approx(0.9, abs=0.02)
 
 
+def test_logs_with_stamps_of_any_name_are_experiments(result, printed, complaint, tmp_path):
+    rng, paths = np.random.default_rng(2), [tmp_path / "run-1.csv", tmp_path / "run-2.csv"]
+    for seed, path in enumerate(paths):
+        u, y = signals(seed=seed)
+        stamps = 1_767_225_600_000_000 + np.cumsum(np.full(1200, 20_000)) + rng.integers(-100, 100, 1200)
+        keep = np.setdiff1d(np.arange(1200), np.arange(500, 540) if seed else [])
+        table(path, {"ticker": stamps[keep], "u": u[keep], "y": y[keep]})
+    words = (*paths, "--method", "oe", "--orders", "1", "1")
+    output = result("identify", *words, "--time", "ticker", "--time-unit", "us")
+    assert output["poles"][0][0] == pytest.approx(0.9, abs=0.01)
+    assert (output["dt"], output["samples"]) == (0.02, 2360)
+    assert "run-2.csv: 1 gap(s) above 2.5 intervals" in output["warnings"][0]
+    text = printed("identify", *words)
+    assert "OE from run-1.csv, run-2.csv" in text
+    assert "warning: run-1.csv: times are column 'ticker', the only one that increases steadily; " in text
+    assert "--time NAME" in complaint("identify", table(tmp_path / "bare.csv", {"u": u, "y": y}), *words[2:])
+    assert "no column of times 'clk'" in complaint("identify", *words, "--time", "clk")
+    assert result("compare", paths[1], "--models", "oe:1/1", "--time", "ticker")["samples"] == 1160
+
+
 def test_a_bare_table_of_more_columns_says_how_to_name_them(result, complaint, tmp_path):
     u, y = signals()
     path = table(tmp_path / "bare.dat", {"a": u, "b": -u, "c": y}, header=False, delimiter=" ")
