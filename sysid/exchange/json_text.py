@@ -10,12 +10,11 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from sysid.records.arguments import shortened, shown
+from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
 LARGEST_FILE = 2**30  # bytes
-EXACT_DIGITS = 15  # of whole numbers that float64 holds exactly
 KINDS = "biufcU"  # of arrays that JSON can hold
 EXPECTED = {float: "a number", int: "a whole number", str: "a text", tuple: "a list", Mapping: "a table"}
 
@@ -24,32 +23,17 @@ def parsed(path: Path) -> Any:
     """Parse a JSON file.
 
     Raises:
-        SysidError: No file, no UTF-8, no JSON, brackets nested too deep, numbers beyond float64, NaN or a key twice.
+        SysidError: No file, no JSON in UTF-8, NaN, or a key twice.
     """
     try:
         if (size := path.stat().st_size) > LARGEST_FILE:
             raise SysidError(f"{size} bytes, expected at most {LARGEST_FILE}")
         text = path.read_bytes().decode("utf-8")
-        return json.loads(
-            text, parse_float=_number, parse_int=_whole, parse_constant=_refused, object_pairs_hook=_without_duplicates
-        )
+        return json.loads(text, parse_constant=_refused, object_pairs_hook=_without_duplicates)
     except OSError as error:
         raise SysidError(f"cannot read {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise SysidError(f"expected JSON in UTF-8, got other bytes at {error.start}") from error
-    except json.JSONDecodeError as error:
-        raise SysidError(f"no JSON, or cut short: {error}") from error
-
-
-def _number(text: str) -> float:
-    value = float(text)
-    if math.isinf(value):
-        raise SysidError(f"the number {shortened(text)} is beyond float64")
-    return value
-
-
-def _whole(text: str) -> int | float:
-    return int(text) if len(text) <= EXACT_DIGITS else _number(text)
+    except ValueError as error:
+        raise SysidError(f"no JSON in UTF-8, or cut short: {error}") from error
 
 
 def _refused(text: str) -> None:
@@ -150,8 +134,8 @@ def _array(where: str, value: Any) -> FloatArray:
         array = np.array(with_nan(value))
     except ValueError as error:
         raise SysidError(f"{where}: expected rows of equal length") from error
-    if array.dtype.kind not in "if" or not array.ndim:
-        raise SysidError(f"{where}: expected numbers in lists, got {shown(value)}")
+    if array.dtype.kind not in "if" or not array.ndim or np.isinf(array).any():
+        raise SysidError(f"{where}: expected numbers of 64 bits in lists, got {shown(value)}")
     return array.astype(np.float64)
 
 

@@ -12,7 +12,7 @@ from sysid.exchange.parameters import LinearEntries, entries, portable
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.models.state_space import StateSpace
-from sysid.polynomial.orders import Orders, make_orders
+from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import Realise
 from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray, real_array
@@ -112,8 +112,10 @@ def _read_estimate(value: Any) -> Estimate:
     p, ny = len(theta), model.ny
     for name, shape in (("covariance", (p, p)), ("noise_variance", (ny, ny)), ("residuals", (None, ny))):
         known[name] = _shaped(name, known[name], shape)
-    if data.dt != model.dt or len(data.samples) != len(data.names) or min(data.samples, default=-1) < 0:
-        raise SysidError(f"data: expected dt {model.dt:g} and a number of samples for each of the names, got {data}")
+    if data.dt != model.dt:
+        raise SysidError(f"data.dt: expected {model.dt:g} s as the model, got {data.dt:g}")
+    if len(data.samples) != len(data.names) or min(data.samples, default=-1) < 0:
+        raise SysidError(f"data: expected a number of samples for each of the names, got {shown(data.samples)}")
     if data.intersample not in ("zoh", "foh", "bl"):
         raise SysidError(f"data.intersample: expected zoh, foh or bl, got {shown(data.intersample)}")
     offsets = {"input_offset": (data.input_offset, model.nu), "output_offset": (data.output_offset, model.ny)}
@@ -123,7 +125,8 @@ def _read_estimate(value: Any) -> Estimate:
             raise SysidError(f"data.{name}: expected {count}, one per channel of the model, got {len(values)}")
     realise: Realise | LinearEntries
     if "layout" in value and "derivatives" not in value:
-        realise = Realise(_layout(value["layout"], known["polynomials"], p), data, float(known["noise_variance"][0, 0]))
+        orders = _layout(value["layout"], known["polynomials"], known["parameter_names"])
+        realise = Realise(orders, data, float(known["noise_variance"][0, 0]))
         if not np.array_equal(entries(realise(theta)), entries(model)):
             raise SysidError("layout: the polynomials with these parameters are not the model")
     elif "derivatives" in value and "layout" not in value:
@@ -135,13 +138,15 @@ def _read_estimate(value: Any) -> Estimate:
     return Estimate(**known, realise=realise)
 
 
-def _layout(value: Any, polynomials: Polynomials | None, count: int) -> Orders:
-    if polynomials is None:
-        raise SysidError("layout: expected polynomials as well")
-    checked_keys("layout", value, [field.name for field in fields(Orders)])
-    orders = make_orders(polynomials.nu, **value)
-    if orders.count != count or max(orders.nk, default=0) >= polynomials.B.shape[-1]:
-        raise SysidError(f"layout: {shown(value)} does not fit {count} parameters and B of shape {polynomials.B.shape}")
+def _layout(value: Any, polynomials: Polynomials | None, names: tuple[str, ...]) -> Orders:
+    orders = decoded("layout", value, Orders)
+    widths = {len(orders.nb), len(orders.nf), len(orders.nk)}
+    if polynomials is None or widths != {polynomials.nu} or orders.names != names:
+        raise SysidError(f"layout: expected that of {len(names)} parameters of polynomials, got {shown(value)}")
+    if not all(0 <= k < polynomials.B.shape[-1] for k in orders.nk):
+        raise SysidError(
+            f"layout.nk: expected delays below the length of B, {polynomials.B.shape[-1]}, got {orders.nk}"
+        )
     return orders
 
 
