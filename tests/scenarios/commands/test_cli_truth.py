@@ -8,12 +8,30 @@ import numpy as np
 import pytest
 
 from hmtb_twin import NOMINAL_PLANT, STUDIED_JOINTS, Plant, linearize, load_arm, simulate
+from hmtb_twin.truth import linearization
+from hmtb_twin.truth.linearization import small_signal_error
 from scenarios import load
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.truth import truth_summary
 from scenarios.truth.best_linear import best_linear, cautions, measured_best_linear
 from scenarios.truth.maps import Density
 from scenarios.truth.truth_figure import truth_figure
+
+
+@pytest.fixture(scope="module", autouse=True)
+def errors_simulated_once():
+    """The error of the same linear model at the same amplitude, which most commands here print."""
+    known = {}
+
+    def once(arm, model, angles, amplitude):
+        key = arm, angles.tobytes(), amplitude
+        if key not in known:
+            known[key] = small_signal_error(arm, model, angles, amplitude)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(linearization, "small_signal_error", once)
+        yield
 
 
 @pytest.mark.slow
