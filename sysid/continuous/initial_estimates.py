@@ -23,6 +23,7 @@ from sysid.records.errors import SysidError
 SCALES = 5  # bandwidths of the first state-variable filter
 COARSE = 5  # delays at which each is tried, where the delay is unknown
 REFINEMENTS = 4  # steps of SRIVC from each
+SETTLED = 1e-3  # relative change of the errors at which SRIVC stops: the search goes on from there
 KEPT = 3  # of these, the best that go on
 LONGEST = 10_000  # samples of each experiment that initial estimates use
 
@@ -149,9 +150,11 @@ def _iterated(data: PathData, a: FloatArray, delay: float) -> Candidate:
     best = data.numerator(a, delay)
     last = best
     for _ in range(REFINEMENTS if data.structure.poles else 0):
-        last = data.numerator(data.refined(last[0], instruments=True), delay)
+        before, last = last[1], data.numerator(data.refined(last[0], instruments=True), delay)
         if last[1] < best[1]:
             best = last
+        if abs(before - last[1]) <= SETTLED * before:
+            break
     return best
 
 
