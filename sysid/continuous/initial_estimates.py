@@ -2,11 +2,10 @@
 
 SRIVC [YoungJakeman1980; GarnierWang2008] iterates: filter input and output by the last 1/A, and solve for the next A
 and B with the noise-free output of the last model as instruments. It converges from state-variable filters of about the
-right bandwidth; fits of discrete-time models take over where samples are too few to differentiate.
+right bandwidth, so that several bandwidths and delays are tried.
 """
 
-import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,11 +13,8 @@ import numpy as np
 from sysid.continuous.path_response import TransferFunction, derivatives_of, respond, transients
 from sysid.continuous.structures import PathStructure
 from sysid.polynomial.error_jacobian import orthonormal
-from sysid.polynomial.initial_estimates import oe_initial_estimates
-from sysid.polynomial.orders import make_orders
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
-from sysid.records.errors import SysidError
 
 SCALES = 5  # bandwidths of the first state-variable filter
 COARSE = 5  # delays at which each is tried, where the delay is unknown
@@ -127,7 +123,6 @@ def path_estimates(data: PathData, longest: float) -> list[Candidate]:
         for rate in np.geomspace(10.0 / (len(data.inputs[0]) * data.dt), 1.0 / data.dt, SCALES) if n else [1.0]:
             wide = TransferFunction(np.ones(1), np.atleast_1d(np.poly([-rate] * n))[::-1], float(delay))
             candidates.append(_iterated(data, data.refined(wide, instruments=False) if n else wide.a, float(delay)))
-    candidates += [data.numerator(a, delay) for a, delay in _sampled_fits(data, _best(candidates)[:1])]
     best = _best(candidates)[:KEPT]
     if not unknown:
         return best
@@ -156,29 +151,6 @@ def _iterated(data: PathData, a: FloatArray, delay: float) -> Candidate:
         if abs(before - last[1]) <= SETTLED * before:
             break
     return best
-
-
-def _sampled_fits(data: PathData, best: Sequence[Candidate]) -> Iterator[tuple[FloatArray, float]]:
-    """Denominators by fits of discrete-time models, at no delay and at that of the best estimates."""
-    n = data.structure.poles
-    if n <= data.structure.integrators:
-        return
-    delays = {path.delay for path, _ in best} | ({0.0} if data.structure.delay is None else set())
-    records = [IOData(u, y, data.dt) for u, y in zip(data.inputs, data.outputs, strict=True)]
-    for delay in delays:
-        orders = make_orders(1, nb=n + 1, nf=n, nk=int(delay / data.dt))
-        try:
-            for start in itertools.islice(oe_initial_estimates(records, orders), 3):
-                z = np.roots(orders.split(start.theta)[4][0])
-                # poles without a continuous-time counterpart become fast real ones
-                z = np.where((z.imag == 0.0) & (z.real < 1e-3), 1e-3, z)
-                s = np.log(z) / data.dt
-                if data.structure.integrators:
-                    s = s[np.argsort(np.abs(s))[data.structure.integrators :]]
-                a = np.atleast_1d(np.poly(s).real)[::-1]
-                yield _stabilised(np.concatenate((np.zeros(data.structure.integrators), a)), 0), delay
-        except (SysidError, np.linalg.LinAlgError):
-            continue
 
 
 def initial_estimates(
@@ -251,8 +223,12 @@ def _least_squares(columns: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _best(candidates: Sequence[Candidate]) -> list[Candidate]:
-    usable = [one for one in candidates if np.isfinite(one[1])]
-    return sorted(usable, key=lambda one: one[1])
+    """Candidates of rising cost, one of those that have hardly another cost."""
+    chosen: list[Candidate] = []
+    for one in sorted((one for one in candidates if np.isfinite(one[1])), key=lambda one: one[1]):
+        if not chosen or one[1] > chosen[-1][1] * (1.0 + SETTLED):
+            chosen.append(one)
+    return chosen
 
 
 def _stabilised(a: FloatArray, integrators: int) -> FloatArray:

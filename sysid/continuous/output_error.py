@@ -218,14 +218,10 @@ class RealisePaths:
         ends = np.cumsum([len(s.names) for s in parts])
         paths = [s.transfer(own) for s, own in zip(parts, np.split(theta, ends[:-1]), strict=True)]
         blocks = [path.realisation() for path in paths]
-        sizes = [len(block[0]) for block in blocks]
-        begin = np.cumsum([0, *sizes])
-        A, B = np.zeros((begin[-1], begin[-1])), np.zeros((begin[-1], nu))
-        C, D = np.zeros((ny, begin[-1])), np.zeros((ny, nu))
-        for k, (a, b, c, d) in enumerate(blocks):
-            states = slice(begin[k], begin[k + 1])
-            A[states, states] = a
-            B[states, [k % nu]], C[k // nu, states], D[k // nu, k % nu] = b, c[0], d
+        A = scipy.linalg.block_diag(*(a for a, *_ in blocks))
+        B = np.vstack([b @ np.eye(nu)[[k % nu]] for k, (_, b, _, _) in enumerate(blocks)])
+        C = np.hstack([np.eye(ny)[:, [k // nu]] @ c for k, (_, _, c, _) in enumerate(blocks)])
+        D = np.reshape([d for *_, d in blocks], (ny, nu))
         delays = np.reshape([max(path.delay, 0.0) for path in paths], (ny, nu))
         return ContinuousModel(
             StateSpace(A, B, C, D, None, self.data.dt, self.covariance, **self.data.labels), delays, self.intersample

@@ -51,7 +51,7 @@ def derivatives_of(signal: FloatArray, a: FloatArray, dt: float, intersample: st
     """s^i/A of a signal (N,), i = 0 ... n, from rest (N, n + 1); A of rising powers, monic."""
     scale, A, B = companion(a)
     sampled = sample(A, B, dt, delay, intersample)
-    low = sampled.trajectory(signal[:, None]) * scale
+    low = state_trajectory(sampled.phi, *sampled.drive(signal[:, None])) * scale
     now = sum(weight * lagged_input(signal, lag) for lag, weight in sampled.weights.items())
     return np.column_stack((low, now - low @ a[:-1]))
 
@@ -113,11 +113,7 @@ def respond(path: TransferFunction, u: FloatArray, dt: float, intersample: str) 
         path.delay,
         intersample,
     )
-    drive, x0 = np.zeros((len(u), 2 * n)), np.zeros(2 * n)
-    for lag, gamma in whole.gamma.items():
-        drive += np.outer(lagged_input(u, lag), gamma[:, 0])
-        if lag == -1:
-            x0 = gamma[:, 0] * u[0]
+    drive, x0 = whole.drive(u[:, None])
     one = whole.phi[:n, :n]
     first = state_trajectory(one, drive[:, :n], x0[:n])
     second = state_trajectory(one, drive[:, n:] + first @ whole.phi[n:, :n].T, x0[n:])

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from sysid.models.half_power import half_power_frequencies
@@ -119,16 +120,9 @@ class ContinuousModel(Locked):
         rows = [[i] for i in range(len(self.delays))]
         if (self.delays == self.delays[0]).all():
             rows = [list(range(len(self.delays)))]
-        blocks = [self._sampled_outputs(dt, one) for one in rows]
-        if len(blocks) == 1:
-            A, B, C, D, K = blocks[0]
-        else:
-            sizes = np.cumsum([0, *(len(block[0]) for block in blocks)])
-            A, C = np.zeros((sizes[-1], sizes[-1])), np.zeros((len(rows), sizes[-1]))
-            for i, (a, _, c, _, _) in enumerate(blocks):
-                A[sizes[i] : sizes[i + 1], sizes[i] : sizes[i + 1]] = a
-                C[i, sizes[i] : sizes[i + 1]] = c
-            B, D, K = (np.vstack([block[k] for block in blocks]) for k in (1, 3, 4))
+        blocks = list(zip(*(self._sampled_outputs(dt, one) for one in rows), strict=True))
+        A, C = (scipy.linalg.block_diag(*blocks[k]) for k in (0, 2))
+        B, D, K = (np.vstack(blocks[k]) for k in (1, 3, 4))
         covariance = self.states.innovation_covariance
         covariance = None if covariance is None else covariance * (self.states.dt / dt)
         return replace(
@@ -137,7 +131,9 @@ class ContinuousModel(Locked):
 
     def _sampled_outputs(self, dt: float, rows: list[int]) -> tuple[FloatArray, ...]:
         """A, B, C, D and K of the sampled paths to outputs that share the delay of each input."""
-        m = self.states if len(rows) == self.states.ny else _seen_by(self.states, rows)
+        m = self.states
+        if len(rows) < m.ny:
+            m = StateSpace(m.A, m.B, m.C[rows], m.D[rows], None, m.dt).input_path()
         nu, n = m.nu, m.order
         held = sample(m.A, m.gain, dt)
         taps = [sample(m.A, m.B[:, [j]], dt, self.delays[rows[0], j], self.intersample) for j in range(nu)]
@@ -193,20 +189,6 @@ class ContinuousModel(Locked):
             delays = [control.ss(control.tf(*control.pade(float(delay), pade))) for delay in self.delays[0]]
             system = control.series(control.append(*delays), system)
         return control.ss(system.A, system.B, system.C, system.D, 0, **labels)
-
-
-def _seen_by(model: StateSpace, outputs: list[int]) -> StateSpace:
-    """Some outputs of a model and the states that act on them."""
-    part = replace(
-        model,
-        C=model.C[outputs],
-        D=model.D[outputs],
-        K=None,
-        innovation_covariance=None,
-        output_names=None,
-        output_units=None,
-    )
-    return part.input_path()
 
 
 def _fraction(numerator: FloatArray, denominator: FloatArray, delay: float) -> str:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from sysid.models.recursion import state_trajectory
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
@@ -29,16 +28,15 @@ class Sampled:
     weights: dict[int, float]
     slopes: dict[int, float]
 
-    def trajectory(self, u: FloatArray) -> FloatArray:
-        """States from rest (N, n) for inputs (N, m) that are zero before the record."""
-        drive = np.zeros((len(u), len(self.phi)))
+    def drive(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Effect (N, n) of inputs (N, m) that are zero before the record, and the initial state from rest (n,)."""
+        drive, x0 = np.zeros((len(u), len(self.phi))), np.zeros(len(self.phi))
         for lag, gamma in self.gamma.items():
             drive += lagged_input(u, lag) @ gamma.T
-        x0 = np.zeros(len(self.phi))
-        if -1 in self.gamma:
-            # a linear input rises to its first value before the record
-            x0 = self.gamma[-1] @ u[0]
-        return state_trajectory(self.phi, drive, x0)
+            if lag == -1:
+                # a linear input rises to its first value before the record
+                x0 = gamma @ u[0]
+        return drive, x0
 
 
 def sample(A: FloatArray, B: FloatArray, dt: float, delay: float = 0.0, intersample: str = "zoh") -> Sampled:
