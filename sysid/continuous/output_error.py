@@ -150,11 +150,11 @@ class OutputError:
         energy = 1e4 * sum(float(np.nansum(e.y**2)) for e in self.experiments)
         first = [self.first(e) for e in self.experiments]
         starts = initial_estimates(self.experiments, self.structures, first, self.longest, free=self.free)
-        screened = []
-        for start in starts:
-            at = self(start)
-            if at is not None:
-                screened.append(levenberg_marquardt(self, at, energy, max_iterations=2 * SCREENING_STEPS))
+        screened = [
+            levenberg_marquardt(self, at, energy, max_iterations=2 * SCREENING_STEPS)
+            for at in map(self, starts)
+            if at is not None
+        ]
         if not screened:
             raise SysidError("no initial estimate is stable: try fewer poles, or other delays")
         screened.sort(key=lambda one: one.at.cost)
@@ -304,8 +304,8 @@ def output_error_estimate(
         for k in criterion.delays():
             if minimum.at.theta[k] <= TIGHT * dt:
                 messages.append("a delay is at its lower limit 0, which the intervals take as known")
-            elif minimum.at.theta[k] >= max_delay - TIGHT * dt:
-                messages.append(f"a delay is at its limit {max_delay:g} s: a larger max_delay may fit better")
+            elif minimum.at.theta[k] >= criterion.longest - TIGHT * dt:
+                messages.append(f"a delay is at its limit {criterion.longest:g} s: a larger max_delay may fit better")
         if len(messages) == limits and condition > ILL_CONDITIONED and minimum.at.cost > 0.0:
             messages.append(f"the parameters are poorly determined: condition number {condition:.2g} of the Jacobian")
     for text in messages:

@@ -9,6 +9,7 @@ import numpy as np
 from sysid.exchange.files import software, write_whole
 from sysid.exchange.json_text import checked_keys, decoded, decoded_fields, encoded, parsed, tagged, text_of
 from sysid.exchange.parameters import LinearEntries, entries, portable
+from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.models.state_space import StateSpace
@@ -39,7 +40,7 @@ def write_model(model: Estimate | StateSpace | Polynomials, path: str | Path, *,
         The file.
 
     Raises:
-        SysidError: Something else, another ending, a folder of that name.
+        SysidError: Something else, an estimate in continuous time, another ending, a folder of that name.
     """
     file = Path(path)
     if file.suffix != ENDING:
@@ -47,6 +48,8 @@ def write_model(model: Estimate | StateSpace | Polynomials, path: str | Path, *,
     kind = next((name for name, record in KINDS.items() if isinstance(model, record)), None)
     if kind is None:
         raise SysidError(f"expected an Estimate, a StateSpace or Polynomials, got {type(model).__name__}")
+    if isinstance(model, ContinuousEstimate):
+        raise SysidError("a model file holds models in discrete time: write c2d(estimate, dt), which keeps covariance")
     content: dict[str, Any] = dict(zip(HEAD, (FORMAT, VERSION, software()), strict=True))
     if command is not None:
         content["command"] = str(command)

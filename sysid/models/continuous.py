@@ -61,6 +61,8 @@ def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "co
         SysidWarning: Data whose input is band-limited, which no hold describes: it is taken as held. The noise model of
             an estimate has such a pole, and is left out.
     """
+    if isinstance(model, ContinuousEstimate):
+        return model
     hold = intersample or (model.data.intersample if isinstance(model, Estimate) else "zoh")
     if hold == "bl" and intersample is None:
         text = "the input of the data is band-limited: taken as held, which is exact only far below Nyquist"

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sysid import IOData, damp, tfest
+from sysid import IOData, c2d, d2c, damp, read_model, tfest, write_model
 from sysid.continuous.output_error import OutputError
 from sysid.continuous.path_response import TransferFunction, respond
 from sysid.continuous.structures import ProcessPath, RationalPath
@@ -64,6 +64,13 @@ def test_damping_and_frequency_of_an_oscillator():
     ):
         assert abs(band.value[0] - truth) < 4.0 * band.deviation[0] < 0.2
     assert "natural frequency / Hz" in str(estimate)
+
+
+def test_a_model_file_holds_the_sampled_estimate(tmp_path):
+    estimate = tfest(record([4.0], [1.0, 1.0, 4.0], 0.0, 0.1, 2, noise=0.05, samples=200), 2, 0)
+    refused("in discrete time: write c2d", write_model, estimate, tmp_path / "model.json")
+    back = d2c(read_model(write_model(c2d(estimate, 0.1), tmp_path / "model.json")))
+    np.testing.assert_allclose(damp(back).damping.ci95, damp(estimate).damping.ci95, rtol=1e-4)
 
 
 def test_refusals():
