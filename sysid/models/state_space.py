@@ -10,7 +10,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from sysid.models.half_power import half_power_frequencies
-from sysid.models.system_matrices import balanced_truncation, transmission_zeros
+from sysid.models.system_matrices import balanced_truncation, schur_form, transmission_zeros
 from sysid.records.arguments import real_number, sampling_interval, shown, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock, real_array
 from sysid.records.channels import default_names
@@ -189,7 +189,7 @@ class StateSpace(Locked):
 
     def _response_of_many_states(self, z: ComplexArray, B: FloatArray, D: FloatArray) -> ComplexArray:
         """The same by one Schur decomposition and one back substitution for all frequencies."""
-        triangle, basis = scipy.linalg.schur(self.A, output="complex")
+        triangle, basis = schur_form(self.A.tobytes(), self.order)
         drive = basis.conj().T @ B
         states = np.zeros((self.order, len(z) * B.shape[1]), dtype=complex)
         for i in range(self.order - 1, -1, -1):

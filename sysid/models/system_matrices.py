@@ -1,10 +1,19 @@
 """Computations on the matrices of a state-space model: balanced truncation and transmission zeros."""
 
+from functools import lru_cache
+
 import numpy as np
 import scipy
 
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.errors import SysidError
+
+
+@lru_cache(maxsize=1)
+def schur_form(matrix: bytes, order: int) -> tuple[ComplexArray, ComplexArray]:
+    """Complex Schur form T and basis U, A = U T U*, of a matrix (n, n) by its bytes: kept for its next frequencies."""
+    triangle, basis = scipy.linalg.schur(np.frombuffer(matrix).reshape(order, order), output="complex")
+    return triangle, basis
 
 
 def balanced_truncation(

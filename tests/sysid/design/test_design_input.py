@@ -18,6 +18,10 @@ NOISE = {"dt": 0.02, "variance": 1e-4}
 BITS = np.repeat(np.random.default_rng(1).choice([-1.0, 1.0], 150), 2)
 
 
+ESTIMATE = sysid.oe(second_order(0, 100), 1, 1)
+UNSTABLE = replace(ESTIMATE, model=replace(ESTIMATE.model, A=1.5 * np.eye(1)))
+
+
 def information(model=SERVO, quantity=lambda m: m.bandwidth()[0, 0], n=300):
     pilot = pilot_of(model, n, **NOISE, size=1.0)
     return Information.of(pilot, n, transform_length([pilot], n), quantity, offset=True)
@@ -117,7 +121,7 @@ def test_several_models_share_one_input_that_is_robust():
     ("message", "model", "options"),
     [
         ("expected dt and variance as well", SERVO, {"dt": None}),
-        ("not stable", sysid.oe(second_order(0, 100), 1, 1), None),
+        ("not stable", UNSTABLE, {"dt": None, "variance": None}),
         ("amplitude must be a number > 0", SERVO, {"amplitude": 0.0}),
         ("rate must be a number > 0", SERVO, {"rate": -1.0}),
         (r"comparison: expected shape \(100,\) or \(100, 1\), got \(99,\)", SERVO, {"comparison": np.ones(99)}),
@@ -130,9 +134,4 @@ def test_several_models_share_one_input_that_is_robust():
     ],
 )
 def test_refusals(message, model, options):
-    if options is None:
-        theta = model.realise(model.parameters)
-        unstable = replace(model, model=replace(theta, A=1.5 * np.eye(theta.order)))
-        refused(message, design_input, unstable, 100, amplitude=1.0)
-        return
     refused(message, design_input, model, 100, **{"amplitude": 1.0, **NOISE, **options})
