@@ -12,6 +12,9 @@ def run() -> int:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else the caller ignores interrupts, as nohup
         signal.signal(signal.SIGINT, _interrupt)
     signal.signal(signal.SIGTERM, _interrupt)  # batch systems send it before they kill
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        # the matrices are small: threads that wait for each other cost up to fifty times what they give
+        os.environ.setdefault(name, "1")
     try:
         from scenarios.commands.cli import main
 

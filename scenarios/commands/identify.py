@@ -21,12 +21,15 @@ SAVED = (".json", ".m", ".c", ".fmu")
 LISTED = 24
 """Most parameters that are listed one by one."""
 
+BEST = 8
+"""Most candidates that are listed."""
+
 
 def identify(
     data: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="DATA ...")],
     *,
-    method: Annotated[str, tyro.conf.arg(metavar="arx|armax|oe|bj|iv4|okid|n4sid|pem_ss")],
-    orders: tuple[int, ...],
+    method: Annotated[str | None, tyro.conf.arg(metavar="arx|armax|oe|bj|iv4|okid|n4sid|pem_ss")] = None,
+    orders: tuple[int, ...] = (),
     joint: str | None = None,
     input: tuple[str, ...] = ("u",),
     output: tuple[str, ...] = ("y",),
@@ -46,6 +49,10 @@ def identify(
 ) -> int:
     """Identify a model from a record of the twin or of any robot.
 
+    Without --method and --orders it chooses: delay, structure (arx, armax, oe, bj; state space for several outputs) and
+    orders, and prints the candidates and the reason; with --method alone, the delay and the orders of arx, armax, oe or
+    bj. The last quarter of the record, the longest of several, then judges the model, unless --validate names another record.
+
     Methods and their orders: arx na nb [nk], armax na nb nc [nk], oe nb nf [nk], bj nb nc nd nf [nk], iv4 na nb [nk],
     okid order [p], n4sid order, pem_ss order. nk = 1 (the default) means that y(t) depends on u(t-1) first; p = 5 (the
     default) is the number of observer Markov parameters. All take several inputs (polynomials of the same orders for
@@ -60,6 +67,7 @@ def identify(
     The model describes motion about an operating point: the means are removed, and a remaining constant of the output
     (a record that starts from rest has one) is estimated with the model. --keep-mean uses the values as they are.
 
+      hmtb identify siso-5-elbow_pitch.nc
       hmtb identify siso-5-elbow_pitch.nc --method oe --orders 2 2 1
       hmtb identify siso-5-elbow_pitch.nc --method armax --orders 2 2 2 1 --validate siso-8-elbow_pitch.nc
       hmtb identify robot.csv --input command --output angle --method oe --orders 2 2 1 --save robot.json
@@ -67,8 +75,8 @@ def identify(
 
     Args:
         data: The record, or several.
-        method: One of the methods above.
-        orders: Orders of the model, in the sequence given above, as in MATLAB.
+        method: One of the methods above; without it, it is chosen.
+        orders: Orders of the model, in the sequence given above, as in MATLAB; without them, they are chosen.
         joint: Which joint of a log; the excited one when not given.
         input: Names of the input columns of a table, or variables of a .mat or .nc file.
         output: Names of the output columns, likewise.
@@ -94,6 +102,7 @@ def identify(
     from scenarios.files.data_file import joints_of, read_parts
     from scenarios.identification.identification import figures, usable
     from scenarios.identification.identification import identify as identify_model
+    from scenarios.identification.order_choice import choose_and_identify, held_out
     from sysid.records.channels import listed
     from sysid.records.importers import one_interval
 
@@ -101,6 +110,8 @@ def identify(
         raise ScenarioError("expected the path of a record; see hmtb identify --help")
     if save is not None and save.suffix not in SAVED:
         raise ScenarioError(f"--save {save} given, expected a file that ends with {', '.join(SAVED)}")
+    if orders and method is None:
+        raise ScenarioError(f"--orders {' '.join(map(str, orders))} given without --method")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         read = partial(read_parts, input=input, output=output, dt=dt, time=time, time_unit=time_unit, missing=missing)
@@ -112,7 +123,12 @@ def identify(
             # A log is validated on the joint that the model is of, whichever it excites.
             others = read(validate, joint=joints_of(parts[0]) or joint, test=validate_test)
             check = usable(others, skip, validate, validate_test)
-        result = identify_model(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check)
+        if orders and method is not None:
+            result, choice = identify_model(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check), None
+        else:
+            if check is None:
+                parts, check = held_out(parts)
+            result, choice = choose_and_identify(parts, method, keep_mean=keep_mean, steps=steps, check=check)
         if save is not None:
             with output_folder(save.parent):
                 _save(result, save, typed)
@@ -125,17 +141,34 @@ def identify(
             for name, figure in figures(result).items():
                 pictures.append(folder / f"{data[0].stem}-{name}.png")
                 save_figure(figure, pictures[-1], dpi=120)
-    record = {"method": method, **_record(result), "warnings": texts, "model_file": save, "figures": pictures}
+    model = result.fitted.estimate
+    record = {"method": model.method, **_record(result), "warnings": texts, "model_file": save, "figures": pictures}
+    if choice is not None:
+        best = choice.candidates[0]
+        record["choice"] = {
+            "reason": choice.reason,
+            "candidates": [
+                {"method": one.method, "orders": one.orders, "ebic": one.ebic - best.ebic, "loss": one.loss}
+                for one in choice.candidates
+            ],
+        }
     if json:
         print_json(record)
         return 0
+    judged = validate.name if validate else "a last quarter, which it was not estimated from" if check else ""
     print_table(
-        f"{method.upper()} from {listed([path.name for path in data])}"
-        + (f", fits to {validate.name}" if validate else ""),
+        f"{model.method.upper()} from {listed([path.name for path in data])}"
+        + (f", fits to {judged}" if judged else ""),
         ("", ""),
-        _rows(result),
+        [("verdict", _verdict(result)), *([("choice", choice.reason)] if choice else []), *_rows(result)],
     )
-    model = result.fitted.estimate
+    if choice is not None:
+        shown = [
+            (str(one), f"{one.parameters}", f"{one.loss:.4g}", f"{one.ebic - best.ebic:.1f}", one.remark)
+            for one in choice.candidates[:BEST]
+        ]
+        title = f"Candidates, the best {len(shown)} of {len(choice.candidates)}"
+        print_table(title, ("", "parameters", "loss", "EBIC above the best", ""), shown)
     # The parameters of a state-space model are coordinates, which mean nothing one by one.
     if model.polynomials is not None and len(model.parameters) <= LISTED:
         spreads = record["deviations"].items()
@@ -198,6 +231,21 @@ def _record(result: "Identification") -> dict[str, Any]:
         "samples": sum(map(len, fitted.parts)),
         "dt": first.dt,
     }
+
+
+def _verdict(result: "Identification") -> str:
+    """Whether the residual tests accept the model, and how much of the output it simulates."""
+    fit = ", ".join(f"{value:.1f} %" for value in result.fit.simulation)
+    if result.test is None:
+        return f"simulates {fit} of the output; residuals not tested"
+    white, independent = (bool(each.all()) for each in (result.test.white, result.test.independent))
+    if not independent:
+        text = "not sufficient: the residuals still depend on the input, as beside nonlinearity, feedback or low orders"
+    elif not white:
+        text = "sufficient from input to output: only the disturbance has dynamics that the model lacks"
+    else:
+        text = "sufficient: the residuals are white and independent of the input"
+    return f"{text}; fit in simulation {fit}"
 
 
 def _rows(result: "Identification") -> list[tuple[str, str]]:

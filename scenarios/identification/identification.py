@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 SHORTEST = 100
 """Shortest part between two gaps that is used, samples: the initial conditions would take most of a shorter one."""
 
+DRAWN = 2000
+"""Samples of measured and model outputs that are drawn, of longer records the first."""
+
 
 @dataclass(frozen=True)
 class FittedModel:
@@ -235,9 +238,13 @@ def figures(result: Identification) -> Mapping[str, "Figure"]:
         nonparametric = [response] if np.isfinite(response.response).any() else []
     except SysidError:
         nonparametric = []
+    outputs, times = plots.output_comparison(checked[longest], fit), checked[longest].time
+    if len(times) > DRAWN:
+        # a whole long record would be a band in which nothing is seen
+        outputs.axes[0].set_xlim(times[0], times[DRAWN])
     drawings = {
         "record": plots.record(result.fitted.parts),
-        "outputs": plots.output_comparison(checked[longest], fit),
+        "outputs": outputs,
         "bode": plots.bode([*nonparametric, model]),
         "step": plots.step(model),
         "roots": plots.pzmap(model),

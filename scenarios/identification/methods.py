@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+import numpy as np
+
 import sysid
 from scenarios.files.errors import ScenarioError, unknown
 from sysid import Estimate, IOData
@@ -42,7 +44,7 @@ class Estimator:
         if not len(self.orders) <= len(given) <= len(names):
             shown = " ".join(map(str, given)) or "nothing"
             raise ScenarioError(f"{name} takes the orders {usage}; given {shown}")
-        if any(order < 0 for order in given):
+        if any(np.min(order) < 0 for order in given):
             raise ScenarioError(f"orders must be 0 or more, given {' '.join(map(str, given))}; {name} takes {usage}")
         defaults = list(self.optional.values())[len(given) - len(self.orders) :]
         return dict(zip(names, (*given, *defaults), strict=True))

@@ -19,10 +19,12 @@ from sysid.validation.feedback import feedback
 LISTED = 8
 """Candidates that a printed choice lists."""
 
-STRETCHES = 4
+STRETCHES = 2
 """Parts of a long experiment on which candidates are compared, spread over it."""
 
-FEEDBACK = "oe is left out: the input depends on past outputs, and a disturbance that is not white would bias oe"
+FEEDBACK = (
+    "oe is left out: by `feedback` the input depends on past outputs, and only a white disturbance leaves oe unbiased"
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,10 +52,10 @@ class StructureChoice:
         judged = bool(np.isfinite(best.validation))
         lines = [
             self.reason,
-            f"{'candidate':{width}}   parameters       loss      BIC above" + "   validation" * judged,
+            f"{'candidate':{width}}   parameters       loss      EBIC above" + "   validation" * judged,
         ]
         for one in shown:
-            text = f"{one!s:{width}} {one.parameters:12d} {one.loss:10.4g} {one.bic - best.bic:14.1f}"
+            text = f"{one!s:{width}} {one.parameters:12d} {one.loss:10.4g} {one.ebic - best.ebic:14.1f}"
             lines.append(text + (f" {one.validation:12.4g}" if judged else "") + f"   {one.remark}".rstrip())
         if len(self.candidates) > LISTED:
             lines.append(f"and {len(self.candidates) - LISTED} more")
@@ -66,7 +68,7 @@ def auto(
     methods: Sequence[str] | None = None,
     validation: IOData | Sequence[IOData] | None = None,
     largest: int = 10,
-    longest: int = 10_000,
+    longest: int = 4000,
 ) -> StructureChoice:
     """Choose delay, structure and orders, and estimate the model.
 
@@ -75,8 +77,8 @@ def auto(
     helps. Beside feedback (`sysid.feedback`) oe does not take part, which only a white disturbance would leave
     unbiased. With several outputs it is the order of a state-space model, `n4sid` refined by `pem_ss`.
 
-    The criterion is Schwarz's BIC [Schwarz1978] over the same samples for all, or the error of the simulated validation
-    outputs where there are such data. Unstable models are chosen only if all are unstable.
+    The criterion is the extended BIC [ChenChen2008] on the same samples for all, or the error of the simulated
+    validation outputs where there are such data. Unstable models are chosen only if all are unstable.
 
     Args:
         data: One experiment, or several that share the model; means removed (`IOData.detrend`).
@@ -123,7 +125,7 @@ def auto(
         candidates=search.ranked(),
         delays=delays,
         samples=search.samples,
-        reason=_reason(search, delays) + fed_back * f"; {FEEDBACK}",
+        reason=_reason(search, delays, sum(map(len, experiments))) + fed_back * f"; {FEEDBACK}",
     )
 
 
@@ -152,15 +154,15 @@ def _feedback(experiments: Experiments) -> bool:
         return False
 
 
-def _reason(search: StructureSearch, delays: tuple[int, ...]) -> str:
+def _reason(search: StructureSearch, delays: tuple[int, ...], total: int) -> str:
     """Why the best candidate is the best, in words."""
     ranked, judged = search.ranked(), bool(search.others)
     best = ranked[0]
     rival = next((one for one in ranked if one.method != best.method), None)
-    what = "the least error in simulation of the validation data" if judged else "the lowest BIC"
-    text = f"{best}: {what} of {len(ranked)} candidates, compared on {search.samples} samples"
+    what = "the least error in simulation of the validation data" if judged else "the lowest EBIC"
+    text = f"{best}: {what} of {len(ranked)} candidates, compared on {search.samples} of {total} samples"
     if rival is not None and rival.radius < 1.0:
-        gap = f"{rival.validation / best.validation:.3g} times" if judged else f"{rival.bic - best.bic:.1f} above"
+        gap = f"{rival.validation / best.validation:.3g} times" if judged else f"{rival.ebic - best.ebic:.1f} above"
         text += f"; the next method is {rival}, {gap}"
     if delays:
         text += f"; delays by delayest: {', '.join(map(str, delays))} samples"

@@ -34,8 +34,15 @@ Rung = TypeVar("Rung")
 PATIENCE = 2
 """Orders in a row that are tried beyond the best of a structure."""
 
+SEARCHED = 2.0
+"""Penalty of a parameter beyond Schwarz's log(N): with more parameters there are more structures to choose from, about
+exp(p) times as many with p of some ten coefficients [ChenChen2008]."""
+
+FAR = 100.0
+"""EBIC above the best from which on a structure does not climb again from the shortest delays."""
+
 NEAR = 30.0
-"""BIC above the best up to which a family is refined: some five superfluous parameters."""
+"""EBIC above the best up to which a family is refined: some five superfluous parameters."""
 
 REFINED = 8
 """Rounds of changes of single orders, at most."""
@@ -43,7 +50,7 @@ REFINED = 8
 STEPS = 15
 """Iterations of a candidate, at most: those that are far too large take the most, and are not chosen."""
 
-STARTS = 3
+STARTS = 2
 """Initial estimates of its own that a candidate may have, beside the nearest fits."""
 
 EXACT = 1e-20
@@ -53,7 +60,7 @@ LIMIT = 1.0 - 1e-6
 """Radius at which roots of starts are kept; roots of the input path beyond it are at the edge of stability."""
 
 EDGE = 30.0
-"""BIC by which a candidate at the edge of stability must be better: an integrator is, a pole that fits noise is not."""
+"""EBIC by which a candidate at the edge of stability must be better: an integrator is, a pole in the noise is not."""
 
 ORDERS: Mapping[str, tuple[str, ...]] = {
     "arx": ("na", "nb", "nk"),
@@ -80,7 +87,8 @@ class Candidate:
         parameters: Number of parameters.
         loss: Mean square of the one-step errors on the samples that all candidates share; with several outputs the
             ny-th root of the determinant of their covariance.
-        bic: Schwarz's criterion, N log det(R) + p log(N): a difference of 10 is strong evidence [KassRaftery1995].
+        ebic: Extended BIC, N log det(R) + p (log(N) + `SEARCHED`): a difference of 10 is strong evidence
+            [KassRaftery1995].
         validation: Mean square error of the simulated validation outputs, each over its variance; NaN without such
             data.
         radius: Largest modulus of the poles from input to output.
@@ -90,7 +98,7 @@ class Candidate:
     orders: Mapping[str, Order]
     parameters: int
     loss: float
-    bic: float
+    ebic: float
     validation: float
     radius: float
 
@@ -137,19 +145,24 @@ class StructureSearch:
     def climb_structures(self, delays: tuple[int, ...]) -> None:
         """Try rising orders of every structure, then change single orders of the best ones."""
 
-        def every(name: str, n: int) -> Orders:
-            b, none = (n,) * len(delays), (0,) * len(delays)
+        def rung(name: str, n: int, nk: tuple[int, ...]) -> Orders:
+            b, none = (n,) * len(nk), (0,) * len(nk)
             if name in FAMILIES[0]:
-                return Orders(n, b, n if name == "armax" else 0, 0, none, delays)
+                return Orders(n, b, n if name == "armax" else 0, 0, none, nk)
             colour = DISTURBANCE if name == "bj" else 0
-            return Orders(0, b, colour, colour, b, delays)
+            return Orders(0, b, colour, colour, b, nk)
 
-        for name in ORDERS:
-            if name in self.methods:
-                self._climb([every(name, n) for n in range(1, self.largest + 1)], self._rise)
+        # a slow beginning of the response looks like a delay: those that fit well climb from the shortest one too
+        shortest = tuple(min(delay, 1) for delay in delays)
+        for nk in dict.fromkeys((delays, shortest)):
+            limit = min(map(self.criterion, self.candidates), default=np.inf) + FAR
+            least = {name: min(self._criteria([name]), default=limit) for name in ORDERS if name in self.methods}
+            for name, value in least.items():
+                if value <= limit:
+                    self._climb([rung(name, n, nk) for n in range(1, self.largest + 1)], self.try_orders)
         for family in FAMILIES:
             # a direct term only where the data show one: a held input has none
-            self._refine(family, [min(delay, 1) for delay in delays])
+            self._refine(family, shortest)
 
     def climb_states(self) -> None:
         """Try rising orders of a state-space model."""
@@ -169,14 +182,10 @@ class StructureSearch:
 
     def _refine(self, family: Sequence[str], least: Sequence[int]) -> None:
         """Change single orders of the best candidate of a family, if near the best of all, as long as that helps."""
-        if not any(fit.candidate.method in family for fit in self.fits.values()):
+        fits = [fit for fit in self.fits.values() if fit.candidate.method in family]
+        if min(self._criteria(family), default=np.inf) > min(self._criteria(ORDERS), default=np.inf) + NEAR or not fits:
             return
-        best = min(
-            (fit for fit in self.fits.values() if fit.candidate.method in family),
-            key=lambda fit: self.criterion(fit.candidate),
-        )
-        if best.candidate.bic > min(one.bic for one in self.candidates) + NEAR:
-            return
+        best = min(fits, key=lambda fit: self.criterion(fit.candidate))
         for _ in range(REFINED):
             names = {name for method in family if method in self.methods for name in ORDERS[method]}
             around = [
@@ -185,7 +194,7 @@ class StructureSearch:
                 if np.all(np.greater_equal(one.nk, least)) and _structure(one) in self.methods
             ]
             for orders in around:
-                self._try_polynomials(orders, best)
+                self.try_orders(orders, best)
             near = [self.fits[orders] for orders in around if orders in self.fits]
             better = min(near, key=lambda fit: self.criterion(fit.candidate), default=best)
             if self.criterion(better.candidate) >= self.criterion(best.candidate):
@@ -205,10 +214,7 @@ class StructureSearch:
         path = estimate.model.input_path()
         return self._judged("pem_ss", {"order": order}, parameter_count(estimate), errors, path)
 
-    def _rise(self, orders: Orders) -> Candidate | None:
-        return self._try_polynomials(orders, None)
-
-    def _try_polynomials(self, orders: Orders, base: Fit | None) -> Candidate | None:
+    def try_orders(self, orders: Orders, base: Fit | None = None) -> Candidate | None:
         """Fit a candidate in few steps, unless that was done before; None if it cannot be fitted."""
         if orders not in self.fits:
             try:
@@ -262,9 +268,9 @@ class StructureSearch:
         rounding = max(EXACT * self.power, np.finfo(float).tiny)
         self.exact = self.exact or loss <= rounding
         likelihood = self.samples * errors.shape[1] * np.log(max(loss, rounding))
-        bic = float(likelihood + count * np.log(self.samples))
+        ebic = float(likelihood + count * (np.log(self.samples) + SEARCHED))
         radius = float(np.abs(path.poles()).max(initial=0.0))
-        self.candidates.append(Candidate(method, orders, count, loss, bic, self._validated(path), radius))
+        self.candidates.append(Candidate(method, orders, count, loss, ebic, self._validated(path), radius))
         return self.candidates[-1]
 
     def _validated(self, path: StateSpace) -> float:
@@ -273,17 +279,20 @@ class StructureSearch:
         errors = [((e.y - predict(path, e, steps=None)) / np.nanstd(e.y, axis=0))[e.window :] for e in self.others]
         return float(np.nanmean(np.concatenate(errors) ** 2))
 
+    def _criteria(self, methods: Iterable[str]) -> list[float]:
+        return [self.criterion(one) for one in self.candidates if one.method in methods]
+
     def criterion(self, one: Candidate | None) -> float:
-        """What is to be small: the validation error, else BIC; infinite for what failed or is unstable."""
+        """What is to be small: the validation error, else EBIC; infinite for what failed or is unstable."""
         if one is None or one.radius >= 1.0:
             return np.inf
-        return one.validation if self.others else one.bic + EDGE * (one.radius > LIMIT)
+        return one.validation if self.others else one.ebic + EDGE * (one.radius > LIMIT)
 
     def ranked(self) -> tuple[Candidate, ...]:
         """All candidates, the best first, unstable ones last; `SysidError` if there are none."""
         if not self.candidates:
             raise SysidError(f"no candidate could be fitted: {'; '.join(self.failed[:3])}")
-        return tuple(sorted(self.candidates, key=lambda one: (self.criterion(one), one.bic, one.parameters)))
+        return tuple(sorted(self.candidates, key=lambda one: (self.criterion(one), one.ebic, one.parameters)))
 
 
 def complete_parts(experiments: Experiments) -> list[IOData]:

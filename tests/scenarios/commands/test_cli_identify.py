@@ -69,6 +69,26 @@ def test_a_constant_on_the_output_is_found_with_the_model():
     assert np.std(errors) < 0.02
 
 
+@pytest.mark.slow
+def test_method_and_orders_are_chosen_and_judged_on_the_last_quarter(result, printed, tmp_path):
+    """The record starts from rest, away from the operating point: the offset is no dynamics."""
+    rng = np.random.default_rng(4)
+    u = 1.5 + rng.standard_normal(1600)
+    y = lfilter([0, 0, 0.1], [1, -0.9], u) + 0.02 * rng.standard_normal(1600)
+    path = table(tmp_path / "auto.csv", {"t": DT * np.arange(len(u)), "u": u, "y": y})
+    output = result("identify", path)
+    assert (output["method"], output["orders"]) == ("oe", {"nb": 1, "nf": 1, "nk": 2})
+    assert output["samples"] == 1200 and output["choice"]["candidates"][0]["ebic"] == 0.0
+    assert output["fit"]["simulation"][0] > 90.0
+    shown = printed("identify", path, "--method", "arx", "--validate", path)
+    assert "ARX from auto.csv, fits to auto.csv" in shown and "Candidates, the best 8 of" in shown
+    assert "sufficient" in next(line for line in shown.splitlines() if line.strip().startswith("verdict"))
+
+
+def test_orders_are_chosen_for_polynomials_alone(complaint, csv):
+    assert "--method okid needs --orders; they are chosen for arx, oe" in complaint("identify", csv, "--method", "okid")
+
+
 def test_the_level_never_costs_fit():
     u, y = signals(0.2, seed=5)
     for record in (IOData(u, y, DT), IOData(u, np.cumsum(y), DT)):

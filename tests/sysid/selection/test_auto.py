@@ -37,7 +37,7 @@ def test_the_structure_of_the_noise_is_recognised(noise, method, orders):
     best = choice.candidates[0]
     assert best.method == method, str(choice)
     assert {name: best.orders[name] for name in orders} == orders
-    assert all(choice.candidates[0].bic <= one.bic for one in choice.candidates if one.radius < 1.0)
+    assert all(choice.candidates[0].ebic <= one.ebic for one in choice.candidates if one.radius < 1.0)
 
 
 @pytest.mark.slow
@@ -51,7 +51,7 @@ def test_feedback_leaves_out_oe():
         y[t] = x + v[t]
         u[t] = command[t] - 0.8 * y[t]
     choice = auto(IOData(u, y, 0.1), largest=3)
-    assert "oe is left out: the input depends on past outputs" in choice.reason
+    assert "oe is left out: by `feedback` the input depends on past outputs" in choice.reason
     assert not any(one.method == "oe" for one in choice.candidates)
     assert choice.estimate.dc_gain()[0, 0] == pytest.approx(2.5, rel=0.1)
 

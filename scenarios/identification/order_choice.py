@@ -1,0 +1,72 @@
+"""Identification without method or orders: `sysid.auto` chooses them, the last part of the record judges the model."""
+
+import warnings
+from collections.abc import Sequence
+
+import sysid
+from scenarios.files.errors import ScenarioError
+from scenarios.identification.identification import Identification, identify
+from scenarios.identification.methods import ESTIMATORS
+from sysid import IOData, StructureChoice
+from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means
+from sysid.selection.structure_search import ORDERS
+
+HELD_OUT = 0.25
+"""Part of a record that judges the model, its end."""
+
+SHORTEST = 400
+"""Samples of the longest record from which on a part is held out; fewer are needed for the choice."""
+
+LEVEL_ORDER = 8
+"""Order of the ARX model that gives the operating point for the choice: least squares with a constant."""
+
+
+def choose_and_identify(
+    parts: Sequence[IOData],
+    method: str | None,
+    *,
+    keep_mean: bool = False,
+    steps: int = 1,
+    check: Sequence[IOData] | None = None,
+) -> tuple[Identification, StructureChoice]:
+    """Choose structure, delay and orders, fit the model with its operating point, and judge it.
+
+    Args:
+        parts: Records to estimate from, as `usable` returns them.
+        method: One of arx, armax, oe, bj; None tries all.
+        keep_mean: Whether to take values as they are, without an operating point.
+        steps: Horizon of the further prediction, samples.
+        check: Records to judge on; when None, the last quarter of the longest record, which is then not estimated from.
+
+    Raises:
+        ScenarioError: A method whose orders are not chosen.
+        SysidError: The records are refused, or nothing could be fitted.
+    """
+    if method is not None and method not in ORDERS:
+        raise ScenarioError(f"--method {method} needs --orders; they are chosen for {', '.join(ORDERS)}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sysid.SysidWarning)
+        if keep_mean or parts[0].ny > 1:
+            about = parts if keep_mean else subtract_means(parts)[0]
+        else:
+            # about the means alone, a record with a transient has an offset that candidates take for dynamics
+            about = fit_with_offset(lambda each: sysid.arx(each, LEVEL_ORDER, LEVEL_ORDER, 1), parts).parts
+        choice = sysid.auto(about, methods=None if method is None else [method])
+        result = identify(parts, *_chosen(choice), keep_mean=keep_mean, steps=steps, check=check)
+    return result, choice
+
+
+def _chosen(choice: StructureChoice) -> tuple[str, list[int]]:
+    best = choice.candidates[0]
+    entry = ESTIMATORS[best.method]
+    return best.method, [best.orders[name] for name in (*entry.orders, *entry.optional)]
+
+
+def held_out(parts: Sequence[IOData]) -> tuple[list[IOData], list[IOData] | None]:
+    """Records to estimate from, and the end of the longest one, which judges the model; None if it is too short."""
+    longest = max(range(len(parts)), key=lambda k: len(parts[k]))
+    if len(parts[longest]) < SHORTEST:
+        return list(parts), None
+    end = round((1.0 - HELD_OUT) * len(parts[longest]))
+    kept = [part[:end] if k == longest else part for k, part in enumerate(parts)]
+    return kept, [parts[longest][end:]]
