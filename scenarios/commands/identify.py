@@ -51,7 +51,7 @@ def identify(
 
     Without --method and --orders it chooses: delay, structure (arx, armax, oe, bj; state space for several outputs) and
     orders, and prints the candidates and the reason; with --method alone, the delay and the orders of arx, armax, oe or
-    bj. The last quarter of the record, the longest of several, then judges the model, unless --validate names another record.
+    bj. The last quarter of the record, of several the longest, then judges the model, unless --validate names another.
 
     Methods and their orders: arx na nb [nk], armax na nb nc [nk], oe nb nf [nk], bj nb nc nd nf [nk], iv4 na nb [nk],
     okid order [p], n4sid order, pem_ss order. nk = 1 (the default) means that y(t) depends on u(t-1) first; p = 5 (the

@@ -20,6 +20,7 @@ from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidErro
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offset
 from sysid.validation.input_independence import LIMIT, input_independence
+from sysid.validation.structure_scan import Order
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,7 +45,7 @@ class FittedModel:
     """
 
     estimate: Estimate
-    orders: dict[str, int]
+    orders: dict[str, Order]
     parts: tuple[IOData, ...]
     band: Bandwidth
     claims: tuple[tuple[BandwidthClaim, ...], ...]
@@ -71,7 +72,7 @@ class Identification:
     warnings: tuple[str, ...]
 
 
-def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[int], *, keep_mean: bool = False) -> FittedModel:
+def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[Order], *, keep_mean: bool = False) -> FittedModel:
     """Estimate a model with its operating point, and weigh its bandwidths against the records.
 
     Args:
@@ -107,7 +108,7 @@ def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[int], *, ke
 def identify(
     parts: Sequence[IOData],
     method: str,
-    orders: Sequence[int],
+    orders: Sequence[Order],
     *,
     keep_mean: bool = False,
     steps: int = 1,

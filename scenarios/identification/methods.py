@@ -9,6 +9,7 @@ import numpy as np
 import sysid
 from scenarios.files.errors import ScenarioError, unknown
 from sysid import Estimate, IOData
+from sysid.validation.structure_scan import Order
 
 Records = IOData | Sequence[IOData]
 
@@ -29,7 +30,7 @@ class Estimator:
     run: Callable[..., Estimate]
     outputs: bool = False
 
-    def complete(self, name: str, given: Sequence[int]) -> dict[str, int]:
+    def complete(self, name: str, given: Sequence[Order]) -> dict[str, Order]:
         """Return all orders by name, defaults filled in.
 
         Args:
@@ -65,7 +66,7 @@ ESTIMATORS: Mapping[str, Estimator] = MappingProxyType(
 """Every estimator of the command line."""
 
 
-def estimate(data: Records, method: str, orders: Sequence[int], **options: bool) -> Estimate:
+def estimate(data: Records, method: str, orders: Sequence[Order], **options: bool) -> Estimate:
     """Run an estimator by name.
 
     Args:

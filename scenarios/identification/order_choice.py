@@ -10,6 +10,7 @@ from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, StructureChoice
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means
 from sysid.selection.structure_search import ORDERS
+from sysid.validation.structure_scan import Order
 
 HELD_OUT = 0.25
 """Part of a record that judges the model, its end."""
@@ -56,17 +57,16 @@ def choose_and_identify(
     return result, choice
 
 
-def _chosen(choice: StructureChoice) -> tuple[str, list[int]]:
+def _chosen(choice: StructureChoice) -> tuple[str, list[Order]]:
     best = choice.candidates[0]
     entry = ESTIMATORS[best.method]
     return best.method, [best.orders[name] for name in (*entry.orders, *entry.optional)]
 
 
-def held_out(parts: Sequence[IOData]) -> tuple[list[IOData], list[IOData] | None]:
+def held_out(parts: tuple[IOData, ...]) -> tuple[tuple[IOData, ...], tuple[IOData, ...] | None]:
     """Records to estimate from, and the end of the longest one, which judges the model; None if it is too short."""
     longest = max(range(len(parts)), key=lambda k: len(parts[k]))
     if len(parts[longest]) < SHORTEST:
-        return list(parts), None
+        return parts, None
     end = round((1.0 - HELD_OUT) * len(parts[longest]))
-    kept = [part[:end] if k == longest else part for k, part in enumerate(parts)]
-    return kept, [parts[longest][end:]]
+    return (*parts[:longest], parts[longest][:end], *parts[longest + 1 :]), (parts[longest][end:],)
