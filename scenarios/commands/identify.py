@@ -237,7 +237,7 @@ def _verdict(result: "Identification") -> str:
     """Whether the residual tests accept the model, and how much of the output it simulates."""
     fit = ", ".join(f"{value:.1f} %" for value in result.fit.simulation)
     if result.test is None:
-        return f"simulates {fit} of the output; residuals not tested"
+        return f"residuals not tested; simulated fit {fit}"
     white, independent = (bool(each.all()) for each in (result.test.white, result.test.independent))
     if not independent:
         text = "not sufficient: the residuals still depend on the input, as beside nonlinearity, feedback or low orders"
@@ -245,7 +245,7 @@ def _verdict(result: "Identification") -> str:
         text = "sufficient from input to output: only the disturbance has dynamics that the model lacks"
     else:
         text = "sufficient: the residuals are white and independent of the input"
-    return f"{text}; fit in simulation {fit}"
+    return f"{text}; simulated fit {fit}"
 
 
 def _rows(result: "Identification") -> list[tuple[str, str]]:
