@@ -212,7 +212,7 @@ def test_broken_submissions_are_refused_one_by_one(school, tmp_path):
     assert "missing" in refusal("{}")
     assert "one of each" in refusal('{"A": [[0.5]], "B": [[1, 1]], "C": [[1]], "D": [[0, 0]], "dt": 0.02}')
     assert "without a sampling interval" in refusal(
-        '{"format": "sysid-model", "version": 1, "kind": "polynomials", "software": "x", '
+        '{"format": "sysid-model", "version": 1, "software": "x", '
         '"polynomials": {"A": [1], "B": [1], "C": [1], "D": [1], "F": [1]}}'
     )
     assert "A" in refusal('{"A": [["a"]], "B": [[1]], "C": [[1]], "D": [[0]], "dt": 0.02}')
