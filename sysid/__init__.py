@@ -8,7 +8,7 @@ import importlib
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from sysid.continuous import procest, tfest
+from sysid.continuous import fit_response, fit_response_ss, procest, tfest
 from sysid.design import InputDesign, InputSignal, design_input, idinput
 from sysid.exchange import read_model, to_fmu, to_matlab, write_model
 from sysid.frequency import (
@@ -137,6 +137,8 @@ __all__ = [
     "etfe",
     "feedback",
     "findstates",
+    "fit_response",
+    "fit_response_ss",
     "forecast",
     "from_dataframe",
     "from_xarray",

@@ -165,13 +165,13 @@ def test_quantities_and_limits_of_specimens_exist():
 def test_every_row_of_the_toolbox_runs_after_its_session(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names: dict = {}
-    session, further = re.findall(r"^```python\n(.*?)^```", page("docs/toolbox.md"), re.M | re.S)
+    session, *further = re.findall(r"^```python\n(.*?)^```", page("docs/toolbox.md"), re.M | re.S)
     exec(session, names)
     assert "{'nb': 2, 'nf': 2, 'nk': 2}" in capsys.readouterr().out
     assert (tmp_path / "bode.png").stat().st_size > 10_000
     rows = [line.split("|")[2] for line in page("docs/toolbox.md").splitlines() if line.count("|") == 4]
     code = [expression for row in rows[1:] for expression in re.findall("`([^`]+)`", row)]
-    for line in (*code, further):
+    for line in (*code, *further):
         exec(line, names)
     called = set(re.findall(r"sysid\.((?:plots\.)?\w+)", "\n".join(code)))
     expected = {name for name in sysid.__all__ if name.islower()} | {

@@ -1,6 +1,8 @@
-"""Estimators of continuous-time models: transfer functions with delays, and process models."""
+"""Estimators of continuous-time models, and of models of either time from frequency responses."""
 
+from sysid.continuous.fit_response import fit_response
+from sysid.continuous.fit_response_ss import fit_response_ss
 from sysid.continuous.procest import procest
 from sysid.continuous.tfest import tfest
 
-__all__ = ["procest", "tfest"]
+__all__ = ["fit_response", "fit_response_ss", "procest", "tfest"]

@@ -203,13 +203,13 @@ class RealisePaths:
         structures: Structure of each path, one row per output.
         data: Sampling interval and names for the model.
         intersample: Input between samples, held or linear.
-        covariance: Innovation covariance that the model carries (ny, ny).
+        covariance: Innovation covariance that the model carries (ny, ny); None if unknown.
     """
 
     structures: tuple[tuple[PathStructure, ...], ...]
     data: DataSummary
     intersample: str
-    covariance: FloatArray
+    covariance: FloatArray | None
 
     def __call__(self, theta: FloatArray) -> ContinuousModel:
         """Model for parameters (p,)."""

@@ -1,6 +1,7 @@
 """Structures of one path: which parameters its transfer function has, with derivatives of the coefficients by them."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -195,6 +196,7 @@ def _product(factors: list[FloatArray]) -> FloatArray:
 
 
 PathStructure = RationalPath | ProcessPath
+PerPath = int | Sequence[int] | Sequence[Sequence[int]]
 
 
 def per_path(name: str, value: object, ny: int, nu: int) -> list[list[Any]]:

@@ -1,19 +1,20 @@
 """Continuous-time transfer functions from records."""
 
 from collections.abc import Sequence
+from typing import cast
 
+from sysid.continuous.fit_response import fit_response
 from sysid.continuous.output_error import output_error_estimate
-from sysid.continuous.structures import PathStructure, RationalPath, per_path
+from sysid.continuous.structures import PathStructure, PerPath, RationalPath, per_path
 from sysid.models.continuous_estimate import ContinuousEstimate
+from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.records.arguments import real_number, whole_number
 from sysid.records.data import IOData
 
-PerPath = int | Sequence[int] | Sequence[Sequence[int]]
-
 
 def tfest(
-    data: IOData | Sequence[IOData],
+    data: IOData | Sequence[IOData] | FrequencyResponse,
     poles: PerPath,
     zeros: PerPath | None = None,
     *,
@@ -33,7 +34,8 @@ def tfest(
 
     Args:
         data: One experiment, or several that share the model; missing outputs are left out. Several outputs are fitted
-            one by one, each from all inputs.
+            one by one, each from all inputs. A frequency response is passed on to `fit_response`; the options below
+            `delay` but `max_iterations` are for records alone.
         poles: Degree of the denominators: a number for all paths, one per input, or with several outputs a row per
             output of one per input.
         zeros: Degree of the numerators, likewise; one less than `poles` by default.
@@ -61,6 +63,19 @@ def tfest(
         return tuple(tuple(_structure(*(table[i][j] for table in tables)) for j in range(nu)) for i in range(ny))
 
     values = {"poles": poles, "zeros": zeros, "delay": delay}
+    if isinstance(data, FrequencyResponse):
+        rows = structures(*data.response.shape[1:])
+        return cast(
+            ContinuousEstimate,
+            fit_response(
+                data,
+                [[path.zeros + 1 for path in row] for row in rows],
+                [[path.poles for path in row] for row in rows],
+                delay=[[path.delay for path in row] for row in rows],
+                continuous=True,
+                max_iterations=max_iterations,
+            ),
+        )
     orders = {"poles": poles, "zeros": "poles - 1" if zeros is None else zeros}
     return output_error_estimate(
         "tfest",

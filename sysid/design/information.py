@@ -57,6 +57,10 @@ def pilot_of(
         raise SysidError("dt and variance given with an estimate, which has its own: expected neither")
     elif not np.isfinite(model.covariance).all():
         raise SysidError(f"{model.method} gives no covariance of its parameters; refine it by pem_ss")
+    elif not np.isfinite(model.noise_variance).all():
+        raise SysidError(
+            f"{model.method} gives no variance of the disturbance, on which the variance of an estimate rests"
+        )
     else:
         pilot = model
     if pilot.model.nu != 1:

@@ -129,7 +129,8 @@ def _read_estimate(value: Any) -> Estimate:
     realise: Realise | LinearEntries
     if "layout" in value and "derivatives" not in value:
         orders = _layout(value["layout"], known["polynomials"], known["parameter_names"])
-        realise = Realise(orders, data, float(known["noise_variance"][0, 0]))
+        variance = None if model.innovation_covariance is None else float(known["noise_variance"][0, 0])
+        realise = Realise(orders, data, variance)
         if not np.array_equal(entries(realise(theta)), entries(model)):
             raise SysidError("layout: the polynomials with these parameters are not the model")
     elif "derivatives" in value and "layout" not in value:

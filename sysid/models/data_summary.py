@@ -26,6 +26,8 @@ class DataSummary:
         input_offset: Operating point that was subtracted from the inputs, the mean of the experiments by their lengths;
             None if an experiment holds the signals themselves.
         output_offset: The same of the outputs.
+        frequencies: Hz, of a frequency response instead of records; `samples` then counts its real and imaginary parts,
+            per output.
     """
 
     samples: tuple[int, ...]
@@ -38,6 +40,7 @@ class DataSummary:
     intersample: str = "zoh"
     input_offset: tuple[float, ...] | None = None
     output_offset: tuple[float, ...] | None = None
+    frequencies: tuple[float, ...] = ()
 
     @staticmethod
     def of(experiments: Sequence[IOData]) -> "DataSummary":
@@ -60,6 +63,13 @@ class DataSummary:
     def labels(self) -> dict[str, Any]:
         """Names and units of the channels, as keyword arguments of `StateSpace`."""
         return {key: getattr(self, key) for key in ("input_names", "output_names", "input_units", "output_units")}
+
+    @property
+    def extent(self) -> str:
+        """How much data, in words."""
+        if self.frequencies:
+            return f"{len(self.frequencies)} frequencies, {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz"
+        return f"{sum(self.samples)} samples every {self.dt:g} s"
 
 
 def _mean(offsets: Sequence[FloatArray | None], experiments: Sequence[IOData]) -> tuple[float, ...] | None:

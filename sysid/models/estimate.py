@@ -64,7 +64,8 @@ class Estimate(Labelled, Locked):
         covariance: Of the parameters (p, p); NaN where the method does not know it (`n4sid`).
         noise_variance: Unbiased covariance of the innovation (ny, ny).
         residuals: One-step prediction errors of `model` on its own data, the initial state fitted, or zero if the fit
-            took it as zero, (N, ny); experiments one after the other.
+            took it as zero, (N, ny); experiments one after the other. Of a frequency response its errors in standard
+            deviations, real and imaginary parts.
         method: Name of the estimator.
         orders: Orders given to the estimator.
         diagnostics: Condition number, iterations, convergence, initial estimates, `warnings` (a tuple of texts), and
@@ -105,14 +106,14 @@ class Estimate(Labelled, Locked):
 
     def _heading(self) -> str:
         orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
-        return f"{self.method.upper()} ({orders}) from {sum(self.data.samples)} samples every {self.data.dt:g} s"
+        return f"{self.method.upper()} ({orders}) from {self.data.extent}"
 
     def _parts(self) -> list[Part]:
         parts: list[Part] = [self._heading()]
         of_states = self.polynomials is None and self._responding is self.model
         if of_states:
             parts += self.model.matrices()
-        elif len(self.parameters) <= LISTED:
+        elif len(self.parameters) <= LISTED and self.parameter_names[:1] != ("local1",):
             deviations = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
             parts.append(
                 Table([("parameter", self.parameter_names), ("value", uncertain(self.parameters, deviations))])
@@ -123,7 +124,10 @@ class Estimate(Labelled, Locked):
                 f"{len(self.parameters)} parameters, with deviations: to_dataframe()",
             ]
         parts += self._dynamics()
-        if not of_states:
+        if self.data.frequencies:
+            squares, expected = (self.diagnostics[f"{kind}sum_of_squares"] for kind in ("", "expected_"))
+            parts.append(f"weighted sum of squares: {squares:.4g}, expected of a true model {expected:.4g}")
+        elif not of_states:
             parts.append(f"innovation variance: {', '.join(numbers(np.diag(self.noise_variance)))}")
         parts.append(f"final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
         return [*parts, *(f"warning: {text}" for text in self.diagnostics.get("warnings", ()))]
@@ -317,13 +321,14 @@ class Estimate(Labelled, Locked):
 
     def _frequency_response(self, f: FloatArray, moves: FloatArray) -> FrequencyResponse:
         h = self._responding.noise_response(f)
+        noise = self.model.dt * h @ self.noise_variance @ h.conj().transpose(0, 2, 1)
         return FrequencyResponse(
             frequencies=f,
             response=self._responding.frequency_response(f),
             dt=self.model.dt,
             method=self.method,
             covariance=np.einsum("k...i,k...j->...ij", moves, moves) if np.isfinite(self.covariance).all() else None,
-            noise_spectrum=self.model.dt * h @ self.noise_variance @ h.conj().transpose(0, 2, 1),
+            noise_spectrum=noise if np.isfinite(noise).all() else None,
             input_names=self.data.input_names,
             output_names=self.data.output_names,
         )

@@ -38,12 +38,12 @@ class Realise:
     Attributes:
         orders: Layout of the parameters.
         data: Sampling interval and names for the model.
-        variance: Innovation variance that the model carries.
+        variance: Innovation variance that the model carries; None if unknown.
     """
 
     orders: Orders
     data: DataSummary
-    variance: float
+    variance: float | None
 
     def __call__(self, theta: FloatArray) -> StateSpace:
         """Model for parameters (p,)."""

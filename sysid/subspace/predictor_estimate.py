@@ -27,7 +27,7 @@ class RealiseLocally:
         parameters: Coordinates of `origin` (q,).
         scales: Of the channels.
         data: Sampling interval and names.
-        covariance: Innovation covariance that the model carries (ny, ny).
+        covariance: Innovation covariance that the model carries (ny, ny); None if unknown.
     """
 
     origin: Predictor
@@ -35,7 +35,7 @@ class RealiseLocally:
     parameters: FloatArray
     scales: Scales
     data: DataSummary
-    covariance: FloatArray
+    covariance: FloatArray | None
 
     @staticmethod
     def of_all_entries(model: StateSpace, scales: Scales, data: DataSummary) -> "RealiseLocally":

@@ -1,0 +1,202 @@
+"""Maximum likelihood of models of a measured response: weights, Levenberg-Marquardt search, test of the fit."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, Self, TypeVar
+
+import numpy as np
+
+from sysid.frequency.vector_fit import points
+from sysid.models.frequency_response import FrequencyResponse
+from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.records.errors import SysidError
+
+NOTHING = 1e-12  # variance relative to the largest of a frequency that counts as zero: no information
+SEARCHED, DISTINCT = 4, 1e-3  # best starts that are searched, and by how much their costs differ
+CONVERGED = 1e-9  # remaining decrease, relative to the cost
+ROUNDING = 1e-27  # cost relative to that of no model that is rounding alone
+
+
+class Candidate(Protocol):
+    """A model on the way to the greatest likelihood."""
+
+    def response(self) -> ComplexArray:
+        """Response (nf, ny, nu)."""
+        ...
+
+    def columns(self) -> ComplexArray:
+        """Its derivatives in some coordinates (nf, ny, nu, p)."""
+        ...
+
+    @property
+    def free(self) -> int:
+        """Rank of the derivatives."""
+        ...
+
+    def moved(self, step: FloatArray) -> Self | None:
+        """The model after a step in these coordinates; None if it is not allowed."""
+        ...
+
+
+Model = TypeVar("Model", bound=Candidate)
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """Measured response with its weights.
+
+    Attributes:
+        response: The response, at frequencies with a known value.
+        x: The frequencies as s, relative to `scale`, or as z (nf,).
+        scale: In rad/s; 1 in discrete time.
+        whitener: Symmetric, from real and imaginary parts of all entries to independent errors of unit variance
+            (nf, 2 m, 2 m).
+        rows: Number of independent errors.
+        spread: Variance of the weighted sum of squares per row, 2 for known variances.
+        mean: Mean of a weighted square, 1 for known variances.
+        inflation: Of the parameters' covariance, because the weights are estimated themselves.
+        known: Whether the variance of the errors is known; otherwise a common factor is estimated.
+    """
+
+    response: FrequencyResponse
+    x: ComplexArray
+    scale: float
+    whitener: FloatArray
+    rows: float
+    mean: float
+    spread: float
+    inflation: float
+    known: bool
+
+    @staticmethod
+    def of(response: FrequencyResponse, known_variance: bool) -> "Likelihood":
+        """Weights from the covariance of a response; equal ones without it."""
+        kept = np.isfinite(response.response).all(axis=(1, 2))
+        if response.covariance is not None:
+            kept &= np.isfinite(response.covariance).all(axis=(1, 2, 3, 4))
+        part = response.select(kept)
+        nf, count = len(part.frequencies), 2 * part.response[0].size if kept.any() else 0
+        if nf < 2:
+            raise SysidError(f"the response is known at {nf} frequencies, at least 2 are needed")
+        x, scale = points(part)
+        if part.covariance is None:
+            whitener = np.broadcast_to(np.eye(count), (nf, count, count))
+            return Likelihood(part, x, scale, whitener, float(nf * count), 1.0, 2.0, 1.0, False)
+        values, vectors = np.linalg.eigh(part.full_covariance())
+        certain = values <= NOTHING * np.maximum(values[:, -1:], np.finfo(float).tiny)
+        if certain.all(axis=1).any():
+            f = part.frequencies[np.argmax(certain.all(axis=1))]
+            raise SysidError(
+                f"the covariance is zero at {f:g} Hz: expected the variance of a measurement, or none at all"
+            )
+        # frequencies closer than the resolution share their information
+        share = np.ones(nf)
+        if part.resolution is not None:
+            share = np.minimum(np.gradient(part.frequencies) / part.resolution, 1.0)
+        root = np.where(certain, 0.0, np.sqrt(share[:, None] / np.where(certain, 1.0, values)))
+        rows = float(share @ (~certain).sum(axis=1))
+        freedom = part.degrees_of_freedom
+        mean, spread, inflation = 1.0, 2.0, 1.0
+        if freedom is not None:
+            # of F(2, freedom) for a complex error over its estimated variance [Pintelon2012, sec. 12.3]
+            mean = freedom / (freedom - 2.0) if freedom > 2.0 else np.nan
+            inflation = freedom / (freedom - 4.0) if freedom > 4.0 else np.nan
+            spread = 2.0 * mean**2 * inflation
+        # symmetric, so that rows belong to entries
+        whitener = vectors @ (root[:, :, None] * vectors.transpose(0, 2, 1))
+        return Likelihood(part, x, scale, whitener, rows, mean, spread, inflation, known_variance)
+
+    def errors(self, values: ComplexArray) -> FloatArray:
+        """Measured minus model response, whitened (rows,)."""
+        return self.table((self.response.response - values)[..., None])[:, 0]
+
+    def cost(self, model: Candidate) -> float:
+        """Weighted sum of squares."""
+        return float(np.sum(self.errors(model.response()) ** 2))
+
+    def table(self, columns: ComplexArray) -> FloatArray:
+        """Columns (nf, ny, nu, p), whitened (rows, p)."""
+        nf, p = len(columns), columns.shape[-1]
+        flat = columns.reshape(nf, -1, p)
+        parts = np.stack((flat.real, flat.imag), axis=2).reshape(nf, -1, p)
+        return np.asarray((self.whitener @ parts).reshape(-1, p))
+
+    def weights(self) -> FloatArray:
+        """Inverse standard deviation of every entry, others disregarded (nf, ny, nu)."""
+        squares = np.einsum("fij,fij->fj", self.whitener, self.whitener)
+        weights = np.sqrt(squares.reshape(*self.response.response.shape, 2).sum(axis=-1))
+        # entries without error would have none
+        return np.where(weights > 0.0, weights, weights[weights > 0.0].min())
+
+
+@dataclass(frozen=True, eq=False)
+class Maximum(Generic[Model]):
+    """Result of a search.
+
+    Attributes:
+        model: The model.
+        cost: Weighted sum of squares.
+        directions: Columns (p, r): steps of one standard deviation each for errors of unit variance.
+        condition: Condition number of the derivatives, columns scaled.
+        iterations: Accepted steps.
+        converged: Whether the remaining decrease is negligible.
+    """
+
+    model: Model
+    cost: float
+    directions: FloatArray
+    condition: float
+    iterations: int
+    converged: bool
+
+    @property
+    def rank(self) -> int:
+        """Number of parameters that the data determine."""
+        return self.directions.shape[1]
+
+
+def greatest(data: Likelihood, starts: Sequence[Model], max_iterations: int) -> Maximum[Model]:
+    """The greatest likelihood from the best of several starts."""
+    chosen: list[tuple[float, Model]] = []
+    for cost, start in sorted(((data.cost(start), start) for start in starts), key=lambda one: one[0]):
+        if not chosen or cost > chosen[-1][0] * (1.0 + DISTINCT):
+            chosen.append((cost, start))
+    return min((maximise(data, start, max_iterations) for _, start in chosen[:SEARCHED]), key=lambda one: one.cost)
+
+
+def maximise(data: Likelihood, start: Model, max_iterations: int) -> Maximum[Model]:
+    """Levenberg-Marquardt steps in the singular directions of the derivatives."""
+    at, errors, damping = start, data.errors(start.response()), 0.0
+    cost = float(errors @ errors)
+    nothing = ROUNDING * float(np.sum(data.table(data.response.response[..., None]) ** 2))
+    iterations = 0
+    while True:
+        table = data.table(at.columns())
+        size = np.linalg.norm(table, axis=0)
+        size[size == 0.0] = 1.0
+        triangle = np.asarray(np.linalg.qr(np.column_stack((table / size, errors)), mode="r"))
+        p = len(size)
+        left, values, right = np.linalg.svd(triangle[:p, :p], full_matrices=False)
+        kept = values[: at.free] > 1e-14 * values[0]
+        count = int(kept.sum())
+        values, back = values[:count], right[:count].T / size[:, None]
+        g = left[:, :count].T @ triangle[:p, p]
+        settled = float(g @ g) <= CONVERGED * cost or cost <= nothing
+        accepted = False
+        while not settled and iterations < max_iterations and damping < 1e8:
+            trial = at.moved(back @ (values * g / (values**2 + damping)))
+            trial_errors = None if trial is None else data.errors(trial.response())
+            trial_cost = np.inf if trial_errors is None else float(trial_errors @ trial_errors)
+            if trial_cost < cost and trial is not None and trial_errors is not None:
+                ratio = (cost - trial_cost) / float(g @ (g * (1.0 - (damping / (values**2 + damping)) ** 2)))
+                settled = cost - trial_cost <= 1e-14 * cost
+                at, errors, cost, accepted = trial, trial_errors, trial_cost, True
+                iterations += 1
+                damping = damping / 10.0 if ratio > 0.5 else max(4.0 * damping, 1e-6)
+                damping = damping if damping > 1e-12 else 0.0
+                break
+            damping = max(10.0 * damping, 1e-6)
+        if not accepted:
+            flat = float(g @ g) <= 1e-6 * cost or cost <= 1e4 * nothing
+            condition = float(values[0] / values[-1]) if count else 1.0
+            return Maximum(at, cost, back / values, condition, iterations, settled or flat)
