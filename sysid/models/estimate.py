@@ -126,7 +126,8 @@ class Estimate(Labelled, Locked):
         parts += self._dynamics()
         if self.data.frequencies:
             squares, expected = (self.diagnostics[f"{kind}sum_of_squares"] for kind in ("", "expected_"))
-            parts.append(f"weighted sum of squares: {squares:.4g}, expected of a true model {expected:.4g}")
+            known = f", {expected:.4g} expected of a true model" if np.isfinite(expected) else ""
+            parts.append(f"weighted sum of squares: {squares:.4g}{known}")
         elif not of_states:
             parts.append(f"innovation variance: {', '.join(numbers(np.diag(self.noise_variance)))}")
         parts.append(f"final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")

@@ -121,7 +121,12 @@ def efficiency(name, case, draws):
             figures[-1] += [rejected, estimate.diagnostics["sum_of_squares"] > squares]
     mean, error = np.mean(figures, axis=0), np.std(figures, axis=0)[0] / np.sqrt(draws)
     cells = [mean[0], error, *mean[1:]]
-    row(name, *(f"{cell:.3f}" for cell in cells), *[""] * (7 - len(cells)), f"{1e3 * np.median(times):.1f}")
+    row(
+        name,
+        *("" if np.isnan(cell) else f"{cell:.3f}" for cell in cells),
+        *[""] * (7 - len(cells)),
+        f"{1e3 * np.median(times):.1f}",
+    )
 
 
 if __name__ == "__main__":
