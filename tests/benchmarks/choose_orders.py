@@ -8,6 +8,7 @@ the poles of the system (arx).
 The error is that of the simulated output, without noise, for an input of the same kind that the record does not hold.
 The best order is the one of least error among the orders 1 to 8 and the true orders, in the true structure with the
 true delay: structure and delay are known, and the order is picked after the fact.
+Where `auto` is better, the ratio is 1.
 """
 
 import warnings
@@ -110,7 +111,7 @@ def best_order(data, method, orders, u, y):
 def main():
     parser = options(__doc__)
     parser.add_argument("--systems", type=int, default=1000)
-    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--first", type=int, default=1000, help="seed; the search was developed on 0 to 999")
     parser.add_argument("--each", action="store_true", help="print every system")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -121,7 +122,7 @@ def main():
         mine = error(choice.estimate.polynomials, u, y)
         best = best_order(data, STRUCTURES[colour], orders, u, y)
         for group in ("all", f"disturbance {colour}", f"{len(data)} samples", "drss" if seed % 2 else "slow poles"):
-            groups[group].append((mine / best, seconds))
+            groups[group].append((max(mine / best, 1.0), seconds))
         if asked.each:
             print(
                 seed,
