@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from numpy.typing import ArrayLike
 
-from sysid.polynomial.orders import make_orders
 from sysid.records.data import IOData
 from sysid.recursive.adaptation import Adaptation, Forgetting
 from sysid.recursive.initial_state import Start
@@ -53,10 +52,8 @@ def rarx(
     Warns:
         SysidWarning: Poor excitation, an unstable model.
     """
-    orders = make_orders(data.nu if isinstance(data, IOData) else 1, na=na, nb=nb, nk=nk)
-    return recurse(
-        "rarx", data, orders, orders.select("na", "nb", "nk"), LEAST_SQUARES, adaptation=adaptation, start=start, P0=P0
-    )
+    orders = {"na": na, "nb": nb, "nk": nk}
+    return recurse("rarx", data, orders, LEAST_SQUARES, adaptation=adaptation, start=start, P0=P0)
 
 
 def rarmax(
@@ -98,17 +95,8 @@ def rarmax(
     Warns:
         SysidWarning: Poor excitation, an unstable model, parameters far from the minimum.
     """
-    orders = make_orders(data.nu if isinstance(data, IOData) else 1, na=na, nb=nb, nc=nc, nk=nk)
-    return recurse(
-        "rarmax",
-        data,
-        orders,
-        orders.select("na", "nb", "nc", "nk"),
-        PREDICTION_ERROR,
-        adaptation=adaptation,
-        start=start,
-        P0=P0,
-    )
+    orders = {"na": na, "nb": nb, "nc": nc, "nk": nk}
+    return recurse("rarmax", data, orders, PREDICTION_ERROR, adaptation=adaptation, start=start, P0=P0)
 
 
 def roe(
@@ -145,14 +133,5 @@ def roe(
     Warns:
         SysidWarning: Poor excitation, an unstable model, parameters far from the minimum.
     """
-    orders = make_orders(data.nu if isinstance(data, IOData) else 1, nb=nb, nf=nf, nk=nk)
-    return recurse(
-        "roe",
-        data,
-        orders,
-        orders.select("nb", "nf", "nk"),
-        PREDICTION_ERROR,
-        adaptation=adaptation,
-        start=start,
-        P0=P0,
-    )
+    orders = {"nb": nb, "nf": nf, "nk": nk}
+    return recurse("roe", data, orders, PREDICTION_ERROR, adaptation=adaptation, start=start, P0=P0)

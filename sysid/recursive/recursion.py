@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
 from sysid.polynomial.data_checks import check_excitation, check_means
-from sysid.polynomial.orders import Orders
+from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.polynomial.prediction_error import linearise
 from sysid.records.arguments import shown
@@ -36,7 +36,6 @@ QUIET = 1e-20  # sum of squares, relative to that of the output, below which the
 def recurse(
     method: str,
     data: IOData,
-    orders: Orders,
     order_values: Mapping[str, Any],
     default: Adaptation,
     *,
@@ -44,7 +43,7 @@ def recurse(
     start: Start,
     P0: ArrayLike | None,
 ) -> RecursiveEstimate:
-    """Estimate ARX, ARMAX or OE parameters along a record of one output.
+    """Estimate ARX, ARMAX or OE parameters along a record of one output, the orders by name.
 
     A step that would make C or an F unstable is halved until it does not. `default` is the rule of a recursion from
     zero or from parameters; see `rarx` for the other arguments.
@@ -53,6 +52,7 @@ def recurse(
         raise SysidError(f"recursive estimators take one IOData record, got {type(data).__name__}")
     as_experiments(data)
     check_single_output([data])
+    orders = make_orders(data.nu, **order_values)
     origin = start.state if isinstance(start, RecursiveEstimate) else start
     resumes = isinstance(origin, RecursiveState)
     messages: list[str] = []
@@ -157,7 +157,7 @@ def recurse(
         method,
         [data],
         orders,
-        order_values,
+        orders.select(*order_values),
         theta=theta,
         covariance=rule.covariance(P, energy / max(steps, 1), variance, steps),
         variance=variance,

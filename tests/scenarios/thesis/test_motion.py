@@ -161,12 +161,12 @@ def test_noise_on_the_logged_command_takes_gain_away_and_needs_no_other_record()
 
 @pytest.mark.slow
 def test_workers_change_no_bit_and_an_interrupted_campaign_resumes(tmp_path):
-    seen = []
+    campaign, seen = replace(SMALL, seeds=1, multisines=0), []
     with LocalProcesses(1) as executor:
-        one = run_campaign(SMALL, executor, tmp_path / "one", lambda *now: seen.append(now))
-        again = run_campaign(SMALL, executor, tmp_path / "one", lambda *now: seen.append(now))
+        one = run_campaign(campaign, executor, tmp_path / "one", lambda *now: seen.append(now))
+        again = run_campaign(campaign, executor, tmp_path / "one", lambda *now: seen.append(now))
     with LocalProcesses(2) as executor:
-        two = run_campaign(SMALL, executor, tmp_path / "two", lambda *_: None)
+        two = run_campaign(campaign, executor, tmp_path / "two", lambda *_: None)
     assert one == again == two
     assert seen == [(0, 3), (1, 3), (2, 3), (3, 3), (3, 3)]
 
