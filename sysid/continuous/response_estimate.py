@@ -74,10 +74,12 @@ def response_estimate(
     freedom = data.rows - best.rank
     expected, p_value, factor = np.nan, np.nan, best.cost / freedom
     if data.known:
-        expected, factor = data.mean * freedom, data.inflation
-        p_value = float(
-            scipy.stats.gamma.sf(best.cost, data.mean * expected / data.spread, scale=data.spread / data.mean)
-        )
+        mean, factor, own = 1.0, 1.0, data.response.degrees_of_freedom
+        if own is not None:
+            # a complex error over its estimated variance has an F(2, own) distribution [Pintelon2012, sec. 12.3]
+            mean, factor = (own / (own - k) if own > k else np.nan for k in (2.0, 4.0))
+        expected = mean * freedom
+        p_value = float(scipy.stats.gamma.sf(best.cost, 0.5 * freedom / factor, scale=2.0 * mean * factor))
     messages = []
     if not best.converged:
         messages.append(f"{method} did not converge in {best.iterations} iterations")

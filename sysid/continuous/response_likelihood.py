@@ -52,9 +52,6 @@ class Likelihood:
         whitener: Symmetric, from real and imaginary parts of all entries to independent errors of unit variance
             (nf, 2 m, 2 m).
         rows: Number of independent errors.
-        spread: Variance of the weighted sum of squares per row, 2 for known variances.
-        mean: Mean of a weighted square, 1 for known variances.
-        inflation: Of the parameters' covariance, because the weights are estimated themselves.
         known: Whether the variance of the errors is known; otherwise a common factor is estimated.
     """
 
@@ -63,9 +60,6 @@ class Likelihood:
     scale: float
     whitener: FloatArray
     rows: float
-    mean: float
-    spread: float
-    inflation: float
     known: bool
 
     @staticmethod
@@ -81,7 +75,7 @@ class Likelihood:
         x, scale = points(part)
         if part.covariance is None:
             whitener = np.broadcast_to(np.eye(count), (nf, count, count))
-            return Likelihood(part, x, scale, whitener, float(nf * count), 1.0, 2.0, 1.0, False)
+            return Likelihood(part, x, scale, whitener, float(nf * count), False)
         values, vectors = np.linalg.eigh(part.full_covariance())
         certain = values <= NOTHING * np.maximum(values[:, -1:], np.finfo(float).tiny)
         if certain.all(axis=1).any():
@@ -95,16 +89,9 @@ class Likelihood:
             share = np.minimum(np.gradient(part.frequencies) / part.resolution, 1.0)
         root = np.where(certain, 0.0, np.sqrt(share[:, None] / np.where(certain, 1.0, values)))
         rows = float(share @ (~certain).sum(axis=1))
-        freedom = part.degrees_of_freedom
-        mean, spread, inflation = 1.0, 2.0, 1.0
-        if freedom is not None:
-            # of F(2, freedom) for a complex error over its estimated variance [Pintelon2012, sec. 12.3]
-            mean = freedom / (freedom - 2.0) if freedom > 2.0 else np.nan
-            inflation = freedom / (freedom - 4.0) if freedom > 4.0 else np.nan
-            spread = 2.0 * mean**2 * inflation
         # symmetric, so that rows belong to entries
         whitener = vectors @ (root[:, :, None] * vectors.transpose(0, 2, 1))
-        return Likelihood(part, x, scale, whitener, rows, mean, spread, inflation, known_variance)
+        return Likelihood(part, x, scale, whitener, rows, known_variance)
 
     def errors(self, values: ComplexArray) -> FloatArray:
         """Measured minus model response, whitened (rows,)."""
