@@ -81,7 +81,8 @@ def auto(
     validation outputs where there are such data. Unstable models are chosen only if all are unstable.
 
     Args:
-        data: One experiment, or several that share the model; means removed (`IOData.detrend`).
+        data: One experiment, or several that share the model; means removed (`IOData.detrend`). Outputs may be
+            missing.
         methods: Estimators to try, some of arx, oe, armax, bj; by default all, or all but oe beside feedback. One
             output only.
         validation: Data to judge on, means removed.
@@ -98,8 +99,8 @@ def auto(
     Warns:
         SysidWarning: What the estimator says about the chosen model.
     """
-    experiments = as_experiments(data)
-    others = () if validation is None else as_experiments(validation)
+    experiments = as_experiments(data, missing=True)
+    others = () if validation is None else as_experiments(validation, missing=True)
     largest, longest = whole_number("largest", largest, 1), whole_number("longest", longest, 100)
     names = tuple(ORDERS) if methods is None else tuple(methods)
     if not names or not set(names) <= set(ORDERS):

@@ -17,6 +17,7 @@ from sysid.polynomial.initial_estimates import (
     armax_initial_estimates,
     bj_initial_estimates,
     check_room_to_start,
+    completed,
     oe_initial_estimates,
 )
 from sysid.polynomial.orders import Orders
@@ -52,6 +53,9 @@ STEPS = 15
 
 STARTS = 2
 """Initial estimates of its own that a candidate may have, beside the nearest fits."""
+
+FILLING = 4
+"""Orders on which the length of the ARX model that fills gaps depends."""
 
 EXACT = 1e-20
 """Loss, relative to the mean square output, that is rounding of data without noise."""
@@ -137,10 +141,16 @@ class StructureSearch:
         self.power = mean_square(np.concatenate([e.y[e.known.all(axis=1)] for e in experiments]))
         self.exact = False
         self.failed: list[str] = []
+        # initial estimates need complete outputs
+        nu = experiments[0].nu
+        gaps = experiments[0].ny == 1 and not all(e.complete for e in experiments)
+        filling = Orders(FILLING, (FILLING,) * nu, 0, 0, (0,) * nu, (1,) * nu)
+        self.filled = completed(experiments, filling) if gaps else experiments
         # longest initial transient of all candidates
         start = 2 * largest
         self.skipped = [min(max(e.window, start), len(e) // 2) for e in experiments]
-        self.samples = sum(len(e) - s for e, s in zip(experiments, self.skipped, strict=True))
+        known = (e.known[s:].all(axis=1) for e, s in zip(experiments, self.skipped, strict=True))
+        self.samples = int(sum(map(np.count_nonzero, known)))
 
     def climb_structures(self, delays: tuple[int, ...]) -> None:
         """Try rising orders of every structure, then change single orders of the best ones."""
@@ -253,7 +263,7 @@ class StructureSearch:
         if base is None:
             own = armax_initial_estimates if orders.na else bj_initial_estimates
             own = own if orders.na or orders.nc or orders.nd else oe_initial_estimates
-            yield from islice(own(self.experiments, orders), STARTS)
+            yield from islice(own(self.filled, orders), STARTS)
 
     def _judged(
         self,

@@ -96,6 +96,15 @@ def test_a_long_record_is_searched_by_parts_and_estimated_whole():
     assert choice.candidates[0].orders == {"nb": 2, "nf": 2, "nk": 1}
 
 
+@pytest.mark.slow
+def test_missing_outputs_take_part():
+    data = second_order(seed=4, samples=800, noise=0.3, d=(1.0,))
+    y = data.y.copy()
+    y[100:110], y[::41] = np.nan, np.nan
+    choice = auto(IOData(data.u, y, data.dt, missing=True), methods=["oe"], largest=3)
+    assert choice.candidates[0].orders == {"nb": 2, "nf": 2, "nk": 1}
+
+
 def test_what_cannot_be_chosen_is_refused():
     data = second_order()
     with pytest.raises(SysidError, match="expected some of arx, oe, armax, bj, got n4sid"):
