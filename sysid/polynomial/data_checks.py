@@ -1,6 +1,7 @@
 """Checks of records before a fit: excitation of the inputs, and means that no linear model explains."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -100,6 +101,8 @@ def _joint_gram(experiments: Sequence[IOData], lags: int) -> FloatArray:
 
 ROWS_PER_COEFFICIENT = 5
 LONGER = 10  # lags of outputs and inputs in the second, longer model
+AVERAGED = 4  # samples of a mean, then means of a further mean
+FEWEST = 40  # means of an experiment: fewer tell nothing
 CERTAIN = 4.0  # offset, in its standard deviations, that counts as significant
 EXACT = 1e4  # the same in data without noise
 SERIOUS = 0.5  # offset, relative to mean or size of the output: a smaller one may be the bias of ARX by output noise
@@ -108,30 +111,48 @@ SERIOUS = 0.5  # offset, relative to mean or size of the output: a smaller one m
 def check_means(experiments: Sequence[IOData], order: int) -> list[str]:
     """Describe outputs with an offset that the dynamics do not explain, which biases a model without one.
 
-    The test is whether an ARX model, and a longer one, need a constant. It is made only if the mean of some
-    channel exceeds its standard deviation. Responses from rest and records that agree with the gain at 0 Hz pass.
-    A model with an order beyond that of the dynamics can difference the data and needs no detrending. Of a time series,
-    the mean alone tells.
+    The test is whether an ARX model, and a longer one, need a constant, of the samples or of means over 4, 16, ... of
+    them. It is made only if the mean of some channel exceeds its standard deviation. Responses from rest and records
+    that agree with the gain at 0 Hz pass. A model with an order beyond that of the dynamics can difference the data and
+    needs no detrending. Of a time series, the mean alone tells.
     """
     dominant = _dominant(experiments)
     if not experiments[0].nu:
         return [f"{text}, as a slow pole that the series need not have; {ADVICE}" for text in dominant]
     messages = []
     for i, name in enumerate(experiments[0].output_names or () if dominant else ()):
-        # a model that is too small, or biased by output noise, may miss the gain at 0 Hz: a longer one must agree
-        offset, certain = _missing_offset(experiments, i, order)
-        longer, also = _missing_offset(experiments, i, max(order, LONGER))
-        if np.isnan(also):
-            # without noise the longer model can difference the data: then the first must be exact
-            longer, also = (offset, certain) if certain > EXACT else (0.0, 0.0)
-        y = _joined([e.y[e.window :, i] for e in experiments])
-        least = SERIOUS * max(abs(float(np.nanmean(y))), float(np.nanstd(y)))
-        if min(certain, also) > CERTAIN and min(abs(offset), abs(longer)) > least and offset * longer > 0.0:
+        offset = _unexplained_offset(experiments, i, order)
+        if offset:
             messages.append(
                 f"{dominant[0]} and does not fit the dynamics: output {name} has an offset of about {offset:.4g} that "
                 f"the model lacks; {ADVICE}"
             )
     return messages
+
+
+def _unexplained_offset(experiments: Sequence[IOData], output: int, order: int) -> float:
+    """Offset of an output that ARX models need, of the samples or of means over several; 0 if they need none."""
+    # a model that is too small, or biased by output noise, may miss the gain at 0 Hz: a longer one must agree
+    offset, certain = _missing_offset(experiments, output, order)
+    longer, also = _missing_offset(experiments, output, max(order, LONGER))
+    exact = np.isnan(also)
+    if exact:
+        # without noise the longer model can difference the data: then the first must be exact
+        longer, also = (offset, certain) if certain > EXACT else (0.0, 0.0)
+    y = _joined([e.y[e.window :, output] for e in experiments])
+    least = SERIOUS * max(abs(float(np.nanmean(y))), float(np.nanstd(y)))
+    if min(certain, also) > CERTAIN and min(abs(offset), abs(longer)) > least and offset * longer > 0.0:
+        return offset
+    if exact or min(len(e) for e in experiments) < AVERAGED * FEWEST:
+        return 0.0
+    # noise hides what a slow process does from one sample to the next
+    return _unexplained_offset([_averaged(e) for e in experiments], output, order)
+
+
+def _averaged(experiment: IOData) -> IOData:
+    blocks = len(experiment) // AVERAGED
+    u, y = (z[: blocks * AVERAGED].reshape(blocks, AVERAGED, -1).mean(axis=1) for z in (experiment.u, experiment.y))
+    return replace(experiment, u=u, y=y, dt=AVERAGED * experiment.dt, window=experiment.window // AVERAGED)
 
 
 ADVICE = "detrend first: data.detrend()"

@@ -1,3 +1,4 @@
+import re
 import warnings
 
 import numpy as np
@@ -98,6 +99,17 @@ def test_means_that_the_gain_explains_are_left_alone(noise, order):
         y = lfilter(B, A, u) + noise * rng.standard_normal(400)
         assert not check_means([IOData(u, y, 0.1)], order)
         assert not check_means([IOData(u[100:], y[100:], 0.1)], order)
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.1, 0.3])
+def test_the_offset_of_a_slow_process_is_reported(noise):
+    """From sample to sample its output moves less than the noise does."""
+    u = np.repeat([1.0, 3.0, 1.0, 3.0, 1.0, 3.0], 120)
+    pole = np.exp(-5.0 / 600.0)
+    y = lfilter(np.r_[np.zeros(10), 2.0 * (1.0 - pole)], [1.0, -pole], u - 1.0) + 2.0
+    y += noise * np.random.default_rng(0).standard_normal(720)
+    assert re.search(r"offset of about (18|19|20)\.", check_means([IOData(u, y + 19.5, 5.0)], 1)[0])
+    assert not check_means([IOData(u, y, 5.0)], 1)
 
 
 @pytest.mark.parametrize("method", [sysid.spa, sysid.welch])
