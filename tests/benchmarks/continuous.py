@@ -19,7 +19,6 @@ from tests.benchmarks.tables import heading, options, row, timed
 from tests.sysid.continuous.record import record
 
 DT, SAMPLES, HOLD, SETTLING = 0.1, 400, 4, 200
-OSCILLATOR = [1.0, 4.0, 1.0, 4.0]
 
 
 def scipy_fit(data):
@@ -29,24 +28,20 @@ def scipy_fit(data):
         b, a, _ = scipy.signal.cont2discrete((theta[:2], [1.0, *theta[2:4]]), DT)
         return data.y[:, 0] - scipy.signal.lfilter(b[0], a, data.u[:, 0], zi=theta[4:])[0]
 
-    return scipy.optimize.least_squares(errors, [*OSCILLATOR, 0.0, 0.0], x_scale="jac").x[:4]
+    return scipy.optimize.least_squares(errors, [*OSCILLATOR[1], 0.0, 0.0], x_scale="jac").x[:4]
 
 
+OSCILLATOR = RationalPath(2, 1), [1.0, 4.0, 1.0, 4.0]
+LAGS = ProcessPath("P2"), [2.0, 1.5, 0.4]
 CASES = (
-    ("oscillator with a zero", RationalPath(2, 1), OSCILLATOR, 0.0, "tfest", lambda d: sysid.tfest(d, 2, 1)),
-    ("", RationalPath(2, 1), OSCILLATOR, 0.0, "oe, d2c", lambda d: sysid.d2c(sysid.oe(d, 2, 2, 1))),
-    ("", RationalPath(2, 1), OSCILLATOR, 0.0, "SciPy", scipy_fit),
+    ("oscillator with a zero", *OSCILLATOR, 0.0, "tfest", lambda data: sysid.tfest(data, 2, 1)),
+    ("", *OSCILLATOR, 0.0, "oe, d2c", lambda data: sysid.d2c(sysid.oe(data, 2, 2, 1))),
+    ("", *OSCILLATOR, 0.0, "SciPy", scipy_fit),
+    ("the same, coloured noise", *OSCILLATOR, 0.9, "tfest", lambda data: sysid.tfest(data, 2, 1)),
+    ("two time constants", *LAGS, 0.0, "procest", lambda data: sysid.procest(data, "P2")),
     (
-        *("and a delay of 0.234 s", RationalPath(2, 1, None), [*OSCILLATOR, 0.234], 0.0),
-        *("tfest", lambda d: sysid.tfest(d, 2, 1, delay=None)),
-    ),
-    (
-        *("two time constants, delay", ProcessPath("P2D"), [2.0, 1.5, 0.4, 0.234], 0.0),
-        *("procest", lambda d: sysid.procest(d, "P2D")),
-    ),
-    (
-        *("the same, coloured noise", ProcessPath("P2D"), [2.0, 1.5, 0.4, 0.234], 0.9),
-        *("procest", lambda d: sysid.procest(d, "P2D")),
+        *("oscillator with a zero and a delay of 0.234 s", RationalPath(2, 1, None), [*OSCILLATOR[1], 0.234], 0.0),
+        *("tfest", lambda data: sysid.tfest(data, 2, 1, delay=None)),
     ),
 )
 

@@ -62,7 +62,7 @@ def test_exact_recovery(kind, intersample):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("paths", [[["P1DI", "P1"]], [["P1"], ["P2D"]]])
+@pytest.mark.parametrize("paths", [[["P1I", "P1"]], [["P1"], ["P2D"]]])
 def test_several_channels_experiments_and_missing_outputs(paths):
     data, theta = step_record(paths, missing=0.1)
     np.testing.assert_allclose(procest(data, paths).parameters, theta, rtol=1e-8)
@@ -81,6 +81,7 @@ def test_the_same_likelihood_and_intervals_as_a_transfer_function():
     assert "natural frequency / Hz" in str(process)
 
 
+@pytest.mark.slow
 def test_limits_of_a_structure_are_reported():
     oscillating = record(*UNDERDAMPED, samples=200)
     with pytest.warns(SysidWarning, match="Tp1 and Tp2 coincide.*the poles may be complex"):
