@@ -162,7 +162,7 @@ def initial_estimates(
     free: bool,
 ) -> list[FloatArray]:
     """Parameters to start from, best first: path by path, each to the output without the others' responses."""
-    experiments = [_shortened(e) for e in experiments]
+    experiments = [e[:LONGEST] for e in experiments]
     outputs = [_filled(e) for e in experiments]
     dt, intersample = experiments[0].dt, experiments[0].intersample
     estimates: dict[int, list[Candidate]] = {}
@@ -201,10 +201,6 @@ def initial_estimates(
         np.concatenate([structure.parameters(path) for structure, path in zip(structures, paths, strict=True)])
         for paths in sets
     ]
-
-
-def _shortened(experiment: IOData) -> IOData:
-    return experiment[:LONGEST] if len(experiment) > LONGEST else experiment
 
 
 def _filled(experiment: IOData) -> FloatArray:

@@ -4,7 +4,8 @@ import itertools
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -58,11 +59,11 @@ class OutputError:
     structures: Sequence[PathStructure]
     longest: float
     free: bool
-    sizes: list[int] = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Note where the parameters of each path end."""
-        object.__setattr__(self, "sizes", np.cumsum([len(s.names) for s in self.structures]).tolist())
+    @cached_property
+    def sizes(self) -> list[int]:
+        """Ends of the parameters of each path."""
+        return list(itertools.accumulate(len(structure.names) for structure in self.structures))
 
     def split(self, theta: FloatArray) -> list[FloatArray]:
         """Parameters of each path."""

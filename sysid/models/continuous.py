@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 import scipy
 
-from sysid.models.continuous_estimate import ContinuousEstimate, continuous_estimate
+from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.models.continuous_model import ContinuousModel
 from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model
@@ -79,7 +79,11 @@ def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "co
         realise(model.parameters)
         message = "the noise model has a pole at zero or on the negative real axis and is left out of the conversion"
         warnings.warn(message, SysidWarning, stacklevel=2)
-    return continuous_estimate(model, realise)
+    return ContinuousEstimate(**_content(model), realise_continuous=realise)
+
+
+def _content(estimate: Estimate) -> dict[str, Any]:
+    return {field.name: getattr(estimate, field.name) for field in fields(Estimate)}
 
 
 @dataclass(frozen=True)
@@ -170,9 +174,10 @@ def c2d(
     if isinstance(system, ContinuousModel):
         return (system if intersample is None else replace(system, intersample=intersample)).sampled(dt)
     if isinstance(system, ContinuousEstimate):
-        content = {field.name: getattr(system, field.name) for field in fields(Estimate)}
         realise = Resampled(system.realise_continuous, dt, intersample)
-        return Estimate(**content | {"model": realise(system.parameters), "polynomials": None, "realise": realise})
+        return Estimate(
+            **_content(system) | {"model": realise(system.parameters), "polynomials": None, "realise": realise}
+        )
     import control
 
     system = _continuous(system)
