@@ -1,7 +1,7 @@
 """Estimates of continuous-time models, and natural frequencies, damping and time constants with intervals."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -67,6 +67,14 @@ class ContinuousEstimate(Estimate):
     def dc_gain(self) -> FloatArray:
         """Gain at 0 Hz (ny, nu); with its interval: `continuous_band`."""
         return self.continuous.dc_gain()
+
+
+def continuous_estimate(
+    estimate: Estimate, realise_continuous: Callable[[FloatArray], ContinuousModel]
+) -> ContinuousEstimate:
+    """The estimate with a continuous-time model of the same parameters."""
+    content = {field.name: getattr(estimate, field.name) for field in fields(Estimate)}
+    return ContinuousEstimate(**content, realise_continuous=realise_continuous)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
