@@ -39,8 +39,7 @@ $(CREATED):
 
 $(INSTALLED): $(CREATED) pyproject.toml constraints.txt
 	@echo "==> Installing hmtb-twin and what it needs into $(VENV) (the first time: some minutes, 1.5 GB on disk)"
-	@# --no-compile: of 14,000 files most are never imported; the others compile when they are.
-	@"$(BIN)/python" -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]'
+	@"$(BIN)/python" -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
 .PHONY: thesis
