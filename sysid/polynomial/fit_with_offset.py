@@ -29,6 +29,10 @@ LARGEST_RATIO = 0.95
 """Largest ratio of consecutive steps that is extrapolated as a geometric series."""
 
 
+BLOCK = 2**16
+"""Samples whose regressors are held at a time: those of a million samples of ten outputs take more than 1 GB."""
+
+
 @dataclass(frozen=True)
 class OffsetFit:
     """A model and the records that it was fitted to.
@@ -104,21 +108,33 @@ def unexplained_offset(model: StateSpace, parts: Sequence[IOData]) -> tuple[Floa
         The offsets (ny,), and the sum of squares before and after.
     """
     gram, moment, total = np.zeros((model.ny, model.ny)), np.zeros(model.ny), 0.0
+    order, axes = model.order, np.eye(model.order + model.ny)
+    # of the state beside a constant output
+    predictor = axes.copy()
+    predictor[:order] = np.hstack((model.A - model.gain @ model.C, model.gain))
     for part in parts:
-        zero_data = replace(part, u=np.zeros_like(part.u), y=np.where(part.known, 0.0, np.nan))
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", SysidWarning)
-            columns = [residuals(model, zero_data, x0=axis) for axis in np.eye(model.order)]
-            rest = np.zeros(model.order)
-            columns += [
-                residuals(model, replace(zero_data, y=zero_data.y + axis), x0=rest) for axis in np.eye(model.ny)
-            ]
-            errors = residuals(model, part, x0=rest)
-        # only known outputs after the initialisation window count
-        known = part.known.ravel() & np.repeat(np.arange(len(part)) >= part.window, model.ny)
-        table = np.stack([*(column.ravel()[known] for column in columns), errors.ravel()[known]], axis=1)
-        if not np.isfinite(table).all() or np.abs(table[:, : model.order + model.ny]).max(initial=0.0) > ENDLESS:
-            return np.zeros(model.ny), np.inf, np.inf
+            errors = residuals(model, part, x0=np.zeros(order))
+            # after a gap the predictor is another one
+            step = BLOCK if part.complete else len(part)
+            table, starts = np.empty((0, order + model.ny + 1)), axes
+            for first in range(0, len(part), step):
+                piece = part[first : first + step]
+                if first:
+                    starts = np.linalg.matrix_power(predictor, first)
+                zero = replace(piece, u=np.zeros_like(piece.u), y=np.where(piece.known, 0.0, np.nan))
+                columns = [
+                    residuals(model, zero if k < order else replace(zero, y=zero.y + axes[k, order:]), x0=start[:order])
+                    for k, start in enumerate(starts.T)
+                ]
+                # only known outputs after the initialisation window count
+                known = piece.known & (np.arange(first, first + len(piece)) >= part.window)[:, None]
+                rows = np.stack([one[known] for one in (*columns, errors[first : first + step])], axis=1)
+                if not np.isfinite(rows).all() or np.abs(rows[:, :-1]).max(initial=0.0) > ENDLESS:
+                    return np.zeros(model.ny), np.inf, np.inf
+                # a triangular factor has the least squares of all its rows
+                table = rows if len(part) <= step else np.linalg.qr(np.vstack((table, rows)), mode="r")
         if model.order:
             free, others = table[:, : model.order], table[:, model.order :]
             table = others - free @ np.linalg.lstsq(free, others, rcond=None)[0]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sysid.records.arguments import shortened
 from sysid.records.channels import listed
 from sysid.records.errors import SysidError
+from sysid.records.hdf5_heaps import check_heaps
 
 MOST_NUMBERS = 2**28
 """Numbers of all arrays, 2 GiB as float64: packed zeros of a small file can claim any size."""
@@ -32,6 +33,7 @@ def read_hdf5_variables(file: Path) -> dict[str, NDArray[np.generic]]:
     import h5py
 
     try:
+        check_heaps(file)
         with h5py.File(file) as whole:
             arrays = list(_arrays(whole, "", 0))
             kept = {

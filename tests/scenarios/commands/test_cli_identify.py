@@ -1,6 +1,7 @@
 """`hmtb identify` for anyone's data: every estimator, several channels, gaps, any table, its operating point."""
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.io import savemat
 from scipy.signal import lfilter
 
 from scenarios.identification.methods import ESTIMATORS
-from sysid import IOData, SysidError, arx, compare, oe, read_model
+from sysid import IOData, SysidError, arx, compare, n4sid, oe, read_model
 from sysid.polynomial.fit_with_offset import fit_with_offset, unexplained_offset
 from tests.scenarios.commands.conftest import DT, signals, table
 
@@ -124,6 +125,15 @@ def test_a_constant_over_several_parts_with_gaps_and_windows():
     level, before, after = unexplained_offset(model, parts)
     assert level[0] == pytest.approx(3.0)
     assert after < 1e-12 * before
+
+
+def test_the_offset_of_a_long_record_is_computed_in_blocks(monkeypatch):
+    u, y = signals()
+    record = IOData(u, np.column_stack((y + 3.0, 1.0 - y)), DT, window=20)
+    model = n4sid(record, 1).model
+    whole = np.hstack(unexplained_offset(model, [record, record[:90]]))
+    monkeypatch.setattr(sys.modules[unexplained_offset.__module__], "BLOCK", 100)
+    np.testing.assert_allclose(np.hstack(unexplained_offset(model, [record, record[:90]])), whole, rtol=1e-9)
 
 
 def test_keep_mean_takes_the_values_as_they_are(result, csv):

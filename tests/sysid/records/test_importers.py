@@ -83,6 +83,32 @@ def test_netcdf(tmp_path):
     refused(r"sampling interval 0\.1 s by dt as given", partial(read, path, dt=0.1))
 
 
+def test_a_heap_of_texts_that_never_ends_is_refused(tmp_path):
+    """The HDF5 library loops on free space of no length."""
+    path = tmp_path / "robot.nc"
+    xr.Dataset({"u": ("t", U), "y": ("t", Y, {"units": "rad"})}, attrs={"dt": 0.1}).to_netcdf(path, engine="h5netcdf")
+    content = bytearray(path.read_bytes())
+    heap = content.index(b"GCOL")
+    content[heap + 16 : heap + 32] = bytes(16)
+    path.write_bytes(content)
+    refused(
+        "robot.nc: not a NetCDF4 file, or a damaged one .a heap of texts has free space of 0 bytes", read_netcdf, path
+    )
+
+
+def test_packed_netcdf_and_dates(tmp_path):
+    path, y = tmp_path / "packed.nc", np.round(Y, 2)
+    y[3] = np.nan
+    stamps = np.datetime64("2026-01-31T12:00", "ns") + 20_000_000 * np.arange(30)
+    packed = {"dtype": "int16", "scale_factor": 0.01, "add_offset": 1.0, "_FillValue": -9999}
+    xr.Dataset({"u": ("when", U), "y": ("when", y), "rest": ("mode", [1, 2])}, {"when": stamps}).to_netcdf(
+        path, engine="h5netcdf", encoding={"y": packed}
+    )
+    data = read_netcdf(path, time="when", missing=True)
+    np.testing.assert_allclose(data.y[:, 0], y, atol=1e-12)
+    assert data.dt == 0.02
+
+
 @pytest.mark.parametrize(
     ("content", "options", "message"),
     [
