@@ -7,13 +7,16 @@ import numpy as np
 import scipy
 
 from sysid.polynomial.data_checks import check_excitation
-from sysid.polynomial.least_squares import solve
+from sysid.polynomial.least_squares import LeastSquares, solve, solve_blocks
 from sysid.polynomial.regressors import lagged, output_lags
 from sysid.records.arguments import confidence_level, truth_value, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
 from sysid.records.trends import ROUNDING
+
+BLOCK = 2**16
+"""Rows of a regression that are copied at a time."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -100,12 +103,12 @@ def addition_p(added: FloatArray, others: FloatArray, target: FloatArray) -> flo
         target: Left-hand side (rows,).
     """
     columns, y = np.hstack((added, others)), (target - target.mean())[:, None]
-    columns = columns - columns.mean(axis=0)
-    full = solve(columns, y)
+    columns -= columns.mean(axis=0)
+    full = _solution(columns, y)
     rest = float(y[:, 0] @ y[:, 0])
     freedom, count = len(y) - full.rank - 1, full.rank
     if others.shape[1]:
-        nested = solve(columns[:, added.shape[1] :], y)
+        nested = _solution(columns[:, added.shape[1] :], y)
         rest, count = min(float(nested.residual_gram[0, 0]), rest), full.rank - nested.rank
     if count < 1 or freedom < 1:
         return float("nan")
@@ -114,3 +117,13 @@ def addition_p(added: FloatArray, others: FloatArray, target: FloatArray) -> flo
         return 1.0
     ratio = max(rest - residual, 0.0) / count * freedom / max(residual, np.finfo(float).tiny)
     return float(scipy.stats.f.sf(ratio, count, freedom))
+
+
+def _solution(columns: FloatArray, y: FloatArray) -> LeastSquares:
+    """Least squares; of long records without a further copy of all regressors."""
+    if len(y) <= BLOCK:
+        return solve(columns, y)
+    starts = range(0, len(y), BLOCK)
+    return solve_blocks(
+        lambda: (np.hstack((columns[k : k + BLOCK], y[k : k + BLOCK])) for k in starts), columns.shape[1]
+    )

@@ -84,7 +84,7 @@ def independence_p(
         filtered, white = (scipy.signal.lfilter(whitener, [1.0], signal) for signal in (inputs, errors))
         phi.append(lagged(filtered, range(-reach if future else first, reach + 1), start, ahead))
         target.append(white[start : len(white) - ahead])
-    columns, tested = np.vstack(phi), reach + first if future else reach + 1 - first
+    columns, tested = np.vstack(phi) if phi[1:] else phi[0], reach + first if future else reach + 1 - first
     return addition_p(columns[:, :tested], columns[:, tested:], np.concatenate(target))
 
 

@@ -1,8 +1,11 @@
+import sys
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from sysid import IOData, armax, delayest, feedback, resid
+from sysid.validation.feedback import addition_p
 from tests.refusals import refused
 
 
@@ -34,6 +37,15 @@ def test_a_loop_is_seen_in_data_and_residuals_and_by_delayest():
     with pytest.warns(match="depends on past values of output y1"):
         delayest(data)
     assert not feedback(loop(1, 0.0, 2000)).feedback.any()
+
+
+def test_long_records_are_tested_in_blocks(monkeypatch):
+    added, others, e = np.split(np.random.default_rng(0).standard_normal((700, 9)), [5, 8], axis=1)
+    y = 0.2 * added[:, 0] + others[:, 0] + e[:, 0]
+    whole = addition_p(added, others, y)
+    monkeypatch.setattr(sys.modules[addition_p.__module__], "BLOCK", 100)
+    assert addition_p(added, others, y) == pytest.approx(whole, rel=1e-9)
+    assert 1e-6 < whole < 0.2
 
 
 def test_what_cannot_be_told_is_not_claimed():
