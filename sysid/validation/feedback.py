@@ -90,30 +90,30 @@ def feedback(
             inputs = [lagged(u, range(lowest if k == j else 0, lags + 1), t, lags) for k, u in enumerate(e.u.T)]
             past.append(np.hstack((lagged(e.y[:, i], output_lags(lags), t, lags), *inputs)))
         target = np.concatenate([e.y[t : len(e) - lags, i] for e, t in usable])
-        p_values[i, j] = addition_p(np.vstack(future), np.vstack(past), target)
+        p_values[i, j] = addition_p(np.hstack((np.vstack(future), np.vstack(past))), future[0].shape[1], target)
     return FeedbackTest(p_values, level, first.output_names or (), first.input_names or ())
 
 
-def addition_p(added: FloatArray, others: FloatArray, target: FloatArray) -> float:
+def addition_p(columns: FloatArray, added: int, target: FloatArray) -> float:
     """p-value of the F test that columns added to a regression, and a constant, explain nothing; NaN if they cannot.
 
     Args:
-        added: Regressors under test (rows, p).
-        others: Regressors that stay (rows, q).
+        columns: Regressors (rows, p), those under test first; their means are subtracted in place.
+        added: Number of those under test.
         target: Left-hand side (rows,).
     """
-    columns, y = np.hstack((added, others)), (target - target.mean())[:, None]
+    y = (target - target.mean())[:, None]
     columns -= columns.mean(axis=0)
     full = _solution(columns, y)
     rest = float(y[:, 0] @ y[:, 0])
     freedom, count = len(y) - full.rank - 1, full.rank
-    if others.shape[1]:
-        nested = _solution(columns[:, added.shape[1] :], y)
+    if columns.shape[1] > added:
+        nested = _solution(columns[:, added:], y)
         rest, count = min(float(nested.residual_gram[0, 0]), rest), full.rank - nested.rank
     if count < 1 or freedom < 1:
         return float("nan")
     residual = float(full.residual_gram[0, 0])
-    if others.shape[1] and rest <= ROUNDING * float(y[:, 0] @ y[:, 0]):
+    if columns.shape[1] > added and rest <= ROUNDING * float(y[:, 0] @ y[:, 0]):
         return 1.0
     ratio = max(rest - residual, 0.0) / count * freedom / max(residual, np.finfo(float).tiny)
     return float(scipy.stats.f.sf(ratio, count, freedom))

@@ -85,7 +85,7 @@ def independence_p(
         phi.append(lagged(filtered, range(-reach if future else first, reach + 1), start, ahead))
         target.append(white[start : len(white) - ahead])
     columns, tested = np.vstack(phi) if phi[1:] else phi[0], reach + first if future else reach + 1 - first
-    return addition_p(columns[:, :tested], columns[:, tested:], np.concatenate(target))
+    return addition_p(columns, tested, np.concatenate(target))
 
 
 BoolArray = NDArray[np.bool_]
