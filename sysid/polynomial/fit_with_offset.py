@@ -134,7 +134,7 @@ def unexplained_offset(model: StateSpace, parts: Sequence[IOData]) -> tuple[Floa
                 if not np.isfinite(rows).all() or np.abs(rows[:, :-1]).max(initial=0.0) > ENDLESS:
                     return np.zeros(model.ny), np.inf, np.inf
                 # a triangular factor has the least squares of all its rows
-                table = rows if len(part) <= step else np.linalg.qr(np.vstack((table, rows)), mode="r")
+                table = rows if len(part) <= step else np.asarray(np.linalg.qr(np.vstack((table, rows)), mode="r"))
         if model.order:
             free, others = table[:, : model.order], table[:, model.order :]
             table = others - free @ np.linalg.lstsq(free, others, rcond=None)[0]
