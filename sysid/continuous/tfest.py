@@ -76,7 +76,9 @@ def tfest(
                 max_iterations=max_iterations,
             ),
         )
-    orders = {"poles": poles, "zeros": "poles - 1" if zeros is None else zeros}
+    orders = {"poles": poles, "zeros": zeros}
+    if zeros is None:
+        orders["zeros"] = max(poles - 1, 0) if isinstance(poles, int) else "poles - 1"
     return output_error_estimate(
         "tfest",
         data,

@@ -11,6 +11,7 @@ from sysid.models.confidence_bands import Band, matched_roots, normal_band
 from sysid.models.continuous_model import ContinuousModel
 from sysid.models.delta_method import spread
 from sysid.models.estimate import Estimate, as_estimate
+from sysid.models.frequency_response import NORMAL_95
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.printing import Part, Table, number
 
@@ -108,15 +109,22 @@ class Modes(Locked):
 
 
 def _with_intervals(band: Band) -> list[str]:
-    return [
-        number(value) + (f" ({number(low)} to {number(high)})" if high > low else "")
-        for value, low, high in zip(band.value, *band.ci95, strict=True)
-    ]
+    return [_with_interval(*one) for one in zip(band.value, *band.ci95, strict=True)]
+
+
+def _with_interval(value: float, low: float, high: float) -> str:
+    """Value and interval to the second digit of its width, at least three."""
+    if not (low < high and np.isfinite(value)):
+        return number(value)
+    digits = int(np.clip(2 - np.floor(np.log10((high - low) / max(abs(value), high - low))), 3, 12))
+    shown = [f"{one + 0.0:#.{digits}g}".rstrip(".") for one in (value, low, high)]
+    return f"{shown[0]} ({shown[1]} to {shown[2]})"
 
 
 def damp(estimate: Estimate) -> Modes:
     """Natural frequencies, damping ratios and time constants of an estimate, with 95 % intervals by the delta method.
 
+    Intervals of frequency and time constant are symmetric on a logarithmic scale, those of damping end at -1 and 1.
     Poles of discrete-time estimates are taken to continuous time by s = log(z) / dt; those at z = 0, which are delays,
     are left out, as are those of the noise model.
 
@@ -150,10 +158,22 @@ def damp(estimate: Estimate) -> Modes:
     with np.errstate(invalid="ignore"):  # integrators stay such
         moves = spread(quantities, estimate.parameters, estimate.covariance)
     value = _meanings(nominal)
-    return Modes(nominal, *(normal_band(value[k], moves[:, k]) for k in range(3)))
+    frequency, damping, time = (normal_band(value[k], moves[:, k]) for k in range(3))
+    low, high = (np.clip(end, -1.0, 1.0) for end in damping.ci95)
+    return Modes(
+        nominal, _logarithmic(frequency), Band(damping.value, damping.deviation, (low, high)), _logarithmic(time)
+    )
 
 
 AT_ZERO = 1e-6  # modulus of a discrete pole that counts as a delay: multiple ones at zero scatter
+
+
+def _logarithmic(band: Band) -> Band:
+    """The band with an interval that cannot contain zero."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        factor = np.exp(NORMAL_95 * band.deviation / np.abs(band.value))
+        ends = np.stack((band.value / factor, band.value * factor))
+    return Band(band.value, band.deviation, (ends.min(axis=0), ends.max(axis=0)))
 
 
 def _meanings(poles: ComplexArray) -> FloatArray:

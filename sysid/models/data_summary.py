@@ -8,6 +8,7 @@ import numpy as np
 
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
+from sysid.records.printing import counted
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class DataSummary:
         """How much data, in words."""
         if self.frequencies:
             return f"{len(self.frequencies)} frequencies, {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz"
-        return f"{sum(self.samples)} samples every {self.dt:g} s"
+        return f"{counted(sum(self.samples), 'sample')} every {self.dt:g} s"
 
 
 def _mean(offsets: Sequence[FloatArray | None], experiments: Sequence[IOData]) -> tuple[float, ...] | None:

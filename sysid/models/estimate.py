@@ -17,7 +17,7 @@ from sysid.models.state_space import StateSpace
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, locked_within, real_array
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.labelled import Labelled
-from sysid.records.printing import LISTED, Part, Table, numbers, poles_table, uncertain
+from sysid.records.printing import LISTED, Part, Table, counted, numbers, poles_table, uncertain
 
 if TYPE_CHECKING:
     import control
@@ -113,7 +113,7 @@ class Estimate(Labelled, Locked):
         of_states = self.polynomials is None and self._responding is self.model
         if of_states:
             parts += self.model.matrices()
-        elif len(self.parameters) <= LISTED and self.parameter_names[:1] != ("local1",):
+        elif self._is_fir or (len(self.parameters) <= LISTED and self.parameter_names[:1] != ("local1",)):
             deviations = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
             parts.append(
                 Table([("parameter", self.parameter_names), ("value", uncertain(self.parameters, deviations))])
@@ -133,9 +133,17 @@ class Estimate(Labelled, Locked):
         parts.append(f"final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
         return [*parts, *(f"warning: {text}" for text in self.diagnostics.get("warnings", ()))]
 
+    @property
+    def _is_fir(self) -> bool:
+        """Whether the estimate is a finite impulse response alone."""
+        p = self.polynomials
+        return p is not None and not any(one[..., 1:].any() for one in (p.A, p.C, p.D, p.F)) and self.model.order > 0
+
     def _dynamics(self) -> Sequence[Part]:
         """Poles, for the text."""
         poles = self.poles()
+        if self._is_fir:
+            return [f"finite impulse response of {counted(len(poles) + 1, 'sample')}"]
         path = "from input to output" if self.model.nu else "from innovation to output"
         return [f"poles {path}:", poles_table(poles, self.model.dt)] if len(poles) else [f"no poles {path}"]
 

@@ -188,6 +188,13 @@ class FrequencyResponse(Labelled, Locked):
         coordinates = {"frequency": ("frequency", self.frequencies, {"units": "Hz"}), "output": list(outputs)}
         return arrays, coordinates | ({"input": list(inputs)} if inputs else {}), {"method": self.method, "dt": self.dt}
 
+    def _shown(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        variables, *others = self._variables()
+        if "phase" in variables:
+            # printed rows are too far apart for an unwrapped phase to be followed
+            variables["phase"] = (variables["phase"][0], np.angle(self.response), variables["phase"][2])
+        return variables, *others
+
     def select(
         self,
         kept: ArrayLike | slice | None = None,

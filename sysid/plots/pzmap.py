@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from sysid.plots.palette import BOUND, GRID
 from sysid.plots.panels import finish, panels
 from sysid.plots.traces import REACH, Rooted, roots_of
+from sysid.records.printing import counted
 
 
 def pzmap(
@@ -38,8 +39,9 @@ def pzmap(
     axes.axvline(0.0, color=GRID, lw=0.8, zorder=0)
     for number, system in enumerate(roots_of(systems, regions=regions)):
         poles, zeros = system.model.poles(), system.model.zeros()
-        beyond = int((np.abs(zeros) > REACH).sum() + (np.abs(poles) > REACH).sum())
-        label = system.label + (f" ({beyond} outside)" if beyond else "")
+        counts = {"pole": int((np.abs(poles) > REACH).sum()), "zero": int((np.abs(zeros) > REACH).sum())}
+        beyond = ", ".join(counted(count, root) for root, count in counts.items() if count)
+        label = system.label + (f" ({beyond} beyond the frame)" if beyond else "")
         grow = max(9 - 1.2 * number, 4.0)
         axes.plot(poles.real, poles.imag, "x", color=system.style.colour, ms=grow, mew=1.7, label=label)
         axes.plot(zeros.real, zeros.imag, "o", color=system.style.colour, ms=grow, mew=1.3, mfc="none")

@@ -161,7 +161,11 @@ class StyleChooser:
         base = method.upper() if method else "model"
         orders = getattr(item, "orders", None)
         if orders:
-            base += " " + " ".join(f"{value}" for value in orders.values() if isinstance(value, int | np.integer))
+            base += " " + ", ".join(
+                f"{name.replace('_', ' ')} {value}"
+                for name, value in orders.items()
+                if isinstance(value, int | np.integer)
+            )
         self.labels.append(base)
         count = self.labels.count(base)
         return base.strip() if count == 1 else f"{base.strip()} ({count})"

@@ -17,6 +17,7 @@ from sysid.plots.panels import channel_indices, channel_names, finish, label, li
 from sysid.plots.traces import StyleChooser, named_items
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
+from sysid.records.printing import AT_ZERO
 
 Responding = Estimate | StateSpace | ImpulseResponse
 """Anything with a response over time."""
@@ -111,6 +112,8 @@ def _responses(
         method = "cra" if isinstance(item, ImpulseResponse) else getattr(item, "method", "")
         shown = name or ("correlation analysis" if isinstance(item, ImpulseResponse) else styles.label(item))
         samples = max(int(np.floor(reach / model.dt + 1e-9)) + 1, 2)
+        if isinstance(model, StateSpace) and (memory := _memory(model)):
+            samples = min(samples, memory)
         deviation: FloatArray | None = None
         if isinstance(item, ImpulseResponse):
             values = (item.step_response if step else item.response)[:samples]
@@ -138,11 +141,19 @@ def _transient(model: StateSpace, samples: int, step: bool) -> FloatArray:
     return model.step_response(samples) if step else model.impulse_response(samples)
 
 
+def _memory(model: StateSpace) -> int:
+    """Number of samples of a finite impulse response; 0 of one without end."""
+    path = model.input_path()
+    return 0 if (np.abs(path.poles()) > AT_ZERO).any() else path.order + 1
+
+
 def _settling(item: Responding) -> float:
     """Time until the slowest mode has died out, s."""
     if isinstance(item, ImpulseResponse):
         return float(item.time[-1])
     model = (item.model if isinstance(item, Estimate) else item).input_path()
+    if memory := _memory(model):
+        return (memory - 1) * model.dt
     slowest = float(np.abs(model.poles()).max(initial=0.0))
     samples = ENDLESS if slowest >= 1.0 - 1e-9 else np.log(SETTLED) / np.log(max(slowest, 1e-9))
     return float(np.clip(np.ceil(samples), SHORTEST, LONGEST)) * model.dt

@@ -14,10 +14,13 @@ from sysid.polynomial.regressors import arx_regressors
 from sysid.polynomial.regularisation import Kernel, checked_kernel, empirical_bayes
 from sysid.polynomial.robust_covariance import sandwich
 from sysid.records.arguments import truth_value
+from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, warn_each
 
 HYPER_PARAMETERS = 3  # of each block of coefficients with a prior, at most
+UNDECAYED = 0.1  # of its peak, that a truncated response still has
+SIGNIFICANT = 4.0  # standard deviations, of the largest of several coefficients
 
 
 def arx(
@@ -109,6 +112,8 @@ def regression_estimate(
         diagnostics |= {"kernel": kernel, **posterior.diagnostics}
         if not diagnostics["converged"]:
             messages.append("the search of the hyper-parameters did not converge")
+        if not orders.na:
+            messages += _truncated(theta, np.sqrt(np.diag(covariance)), orders.nb, experiments[0].input_names or ())
     else:
         fit = solve(phi, target)
         theta, variance = fit.solution[:, 0], float(fit.residual_gram[0, 0]) / (len(phi) - orders.count)
@@ -129,3 +134,15 @@ def regression_estimate(
         diagnostics=diagnostics,
         messages=messages,
     )
+
+
+def _truncated(g: FloatArray, deviation: FloatArray, nb: Sequence[int], names: Sequence[str]) -> list[str]:
+    """Messages on impulse responses that end before they have decayed."""
+    messages, first = [], 0
+    for name, n in zip(names, nb, strict=True):
+        own, late = np.abs(g[first : first + n]), slice(first + n - max(n // 10, min(n, 1)), first + n)
+        rest = np.abs(g[late])
+        if (rest > np.maximum(UNDECAYED * own.max(initial=0.0), SIGNIFICANT * deviation[late])).any():
+            messages.append(f"the impulse response to {name} has not decayed after {n} coefficients: raise n")
+        first += n
+    return messages

@@ -39,7 +39,7 @@ def impulseest(
 
     Warns:
         SysidWarning: Means that do not fit the response, dependent inputs, no convergence; without a prior poor
-            excitation.
+            excitation, with one a response that has not decayed after n coefficients.
     """
     experiments = as_experiments(data, missing=True)
     n = whole_number("n", n, 1)

@@ -43,9 +43,9 @@ def channel_indices(what: str, channels: Sequence[int | str] | None, names: tupl
         elif isinstance(item, int | np.integer) and not isinstance(item, bool) and 0 <= item < len(available):
             out.append(int(item))
         else:
-            raise SysidError(f"no {what} {item!r}; available are 0..{len(available) - 1}: {', '.join(available)}")
+            raise SysidError(f"no {what} {item!r}; available: {', '.join(available)}")
     if not out:
-        raise SysidError(f"expected at least one {what}; available are {', '.join(available)}")
+        raise SysidError(f"expected at least one {what}; available: {', '.join(available)}")
     return out
 
 

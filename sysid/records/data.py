@@ -12,6 +12,7 @@ from sysid.records.arrays import LINE, FloatArray, Locked, lock, real_array
 from sysid.records.channels import channel_indices, channel_labels, default_names, matching_channels
 from sysid.records.errors import SysidError
 from sysid.records.labelled import Labelled
+from sysid.records.printing import counted
 from sysid.records.trends import difference, trend
 
 LARGEST = 1e60  # largest magnitude of a signal, its inverse the smallest: sums of squares must stay finite
@@ -121,7 +122,7 @@ class IOData(Labelled, Locked):
         )
         window = f", the first {self.window} to initialise" if self.window else ""
         inputs = f"input {inputs}" if self.nu else "no input"
-        return f"{name}{len(self)} samples every {self.dt:g} s{window}; {inputs}; output {outputs}"
+        return f"{name}{counted(len(self), 'sample')} every {self.dt:g} s{window}; {inputs}; output {outputs}"
 
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         sides = (

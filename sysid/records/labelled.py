@@ -31,13 +31,17 @@ class Labelled:
         return frame
 
     def _parts(self) -> list[Part]:
-        variables, coordinates, attributes = self._variables()
+        variables, coordinates, attributes = self._shown()
         first = (type(self).__doc__ or "").partition("\n")[0]
         return [
             first,
             ", ".join(f"{name} {brief(value, 1)}" for name, value in attributes.items()),
             *tables(variables, coordinates),
         ]
+
+    def _shown(self) -> tuple[Mapping[str, Any], Mapping[str, Any], Mapping[str, Any]]:
+        """What is printed of them."""
+        return self._variables()
 
     def _variables(self) -> tuple[Mapping[str, Any], Mapping[str, Any], Mapping[str, Any]]:
         """Arrays by name as (axes, values, attributes), coordinates of the axes likewise, attributes of the whole."""

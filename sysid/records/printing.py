@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-LISTED = 20
-"""Rows of a printed table; longer ones are shown in part."""
+LISTED = 21
+"""Rows of a printed table, as many as lags 0 to 20; longer ones are shown in part."""
 
 WIDEST = 10
 """Columns of a printed matrix, likewise."""
@@ -92,6 +92,11 @@ def number(value: Any) -> str:
     if isinstance(value, complex | np.complexfloating):
         return f"{value.real:.4g}{value.imag:+.4g}j" if value.imag else f"{value.real:.4g}"
     return "–" if np.isnan(value) else f"{value + 0.0:.5g}"
+
+
+def counted(count: int, what: str) -> str:
+    """A number of things: 1 sample, 2 samples."""
+    return f"{count} {what}{'s' * (count != 1)}"
 
 
 def numbers(values: ArrayLike) -> list[str]:

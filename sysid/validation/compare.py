@@ -13,6 +13,7 @@ from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
+from sysid.records.printing import Table
 
 Model = StateSpace | Estimate
 
@@ -58,9 +59,35 @@ class ModelFit(Locked):
         return "\n".join((f"{self.name}: {'; '.join(parts)}", *(f"  {one}" for one in self.by_experiment)))
 
 
+class Fits(tuple[ModelFit, ...]):
+    """Fits of several models, printed as a table."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        """Table of all fits."""
+        return self._table().text()
+
+    def _repr_html_(self) -> str:
+        return self._table().html()
+
+    def _table(self) -> Table:
+        rows: list[list[str]] = []
+        for fit in self:
+            for one in (fit, *fit.by_experiment):
+                for i in range(len(one.simulation)):
+                    named = len(one.output_names) == len(one.simulation) > 1
+                    values = (one.simulation[i], one.one_step[i], one.ahead[i])
+                    label = ("  " * (one is not fit)) + one.name + (f", {one.output_names[i]}" if named else "")
+                    rows.append([label, *(f"{value:.2f}" for value in values)])
+        heads = ["fit / %", "simulation", "one step ahead", f"{self[0].steps} steps ahead"]
+        columns = list(zip(heads, zip(*rows, strict=True), strict=True))
+        return Table(columns if self[0].steps > 1 else columns[:-1])
+
+
 def compare(
     models: Model | Sequence[Model] | Mapping[str, Model], data: IOData | Sequence[IOData], *, steps: int = 1
-) -> tuple[ModelFit, ...]:
+) -> Fits:
     """Fit 100 (1 - |y - yhat| / |y - mean(y)|) of every model, without the initialisation window.
 
     The initial state is fitted by least squares: to the initialisation window if the record has one, else to the whole
@@ -74,7 +101,7 @@ def compare(
             always included.
 
     Returns:
-        One record per model, in their sequence.
+        One record per model, in their sequence: a tuple that prints as a table.
 
     Raises:
         SysidError: No model, channels that do not fit, an output that is constant, steps < 1.
@@ -91,7 +118,7 @@ def compare(
         raise SysidError("expected at least one model, got none")
     steps = whole_number("steps (the simulation is always included)", steps, 1)
     experiments = as_experiments(data, missing=True, series=True)
-    return tuple(_fit(name, model, experiments, steps) for name, model in named.items())
+    return Fits(_fit(name, model, experiments, steps) for name, model in named.items())
 
 
 def _fit(name: str, model: Model, experiments: Sequence[IOData], steps: int) -> ModelFit:

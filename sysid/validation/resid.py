@@ -146,13 +146,14 @@ class ResidualTest(Locked):
         lines = [f"Residual tests at {100 * self.level:g} %: {'passed' if self.passed else 'not passed'}"]
         lines += [
             f"  {outputs[i]}: {'white' if self.white[i] else 'not white'} "
-            f"(p = {self.whiteness_p[i]:.3g}, {self.outside_whiteness[i]} of {last} lags outside)"
+            f"(p = {self.whiteness_p[i]:.3g} of all lags together; {self.outside_whiteness[i]} of {last} "
+            "outside their own bound)"
             for i in range(ny)
         ]
         lines += [
             f"  {outputs[i]} and {inputs[j]}: {'independent' if self.independent[i, j] else 'not independent'} "
-            f"(p = {self.independence_p[i, j]:.3g}, {self.outside_independence[i, j]} of "
-            f"{last + 1 - self.first_lags[i, j]} lags outside)"
+            f"(p = {self.independence_p[i, j]:.3g} of all lags together; {self.outside_independence[i, j]} of "
+            f"{last + 1 - self.first_lags[i, j]} outside their own bound)"
             for i in range(ny)
             for j in range(nu)
         ]

@@ -8,6 +8,7 @@ from sysid import IOData, c2d, d2c, damp, read_model, tfest, write_model
 from sysid.continuous.output_error import OutputError
 from sysid.continuous.path_response import TransferFunction, respond
 from sysid.continuous.structures import ProcessPath, RationalPath
+from sysid.models.continuous_estimate import _with_interval
 from tests.refusals import refused
 from tests.sysid.continuous.record import record
 
@@ -64,6 +65,16 @@ def test_damping_and_frequency_of_an_oscillator():
     ):
         assert abs(band.value[0] - truth) < 4.0 * band.deviation[0] < 0.2
     assert "natural frequency / Hz" in str(estimate)
+    (low,), (high,) = modes.natural_frequency.ci95
+    assert low * high == pytest.approx(modes.natural_frequency.value[0] ** 2)
+
+
+def test_intervals_are_possible_ones_and_show_their_width():
+    vague = damp(tfest(record([4.0], [1.0, 1.0, 4.0], 0.0, 0.1, 2, noise=2.0, samples=60), 3, 2))
+    assert (vague.natural_frequency.ci95[0] > 0.0).all()
+    assert max(map(np.max, vague.damping.ci95)) <= 1.0
+    assert _with_interval(12.0, 11.99998, 12.00002) == "12.000000 (11.999980 to 12.000020)"
+    assert _with_interval(0.29177, 0.0001, 900.0) == "0.292 (0.000100 to 900)"
 
 
 def test_a_model_file_holds_the_sampled_estimate(tmp_path):

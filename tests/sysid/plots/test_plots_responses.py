@@ -85,15 +85,15 @@ def test_bode_takes_records_as_they_come():
     oe, arx = sysid.oe(DATA, 1, 1, 1), sysid.arx(DATA, 1, 1, 1)
     figure = bode([sysid.spa(DATA), oe, arx, MODEL])
     upper, _ = figure.axes
-    assert labels(figure) == ["SPA", "OE 1 1 1", "ARX 1 1 1", "model"]
+    assert labels(figure) == ["SPA", "OE nb 1, nf 1, nk 1", "ARX na 1, nb 1, nk 1", "model"]
     colours = [to_hex(line.get_color()) for line in upper.get_lines()]
     assert colours[:3] == [PALETTE[method].colour for method in ("spa", "oe", "arx")]
     assert len(set(colours)) == 4
     np.testing.assert_allclose(upper.get_lines()[1].get_xdata()[[0, -1]], [0.025, 25.0])  # up to Nyquist
-    assert labels(bode(oe)) == ["OE 1 1 1"]
+    assert labels(bode(oe)) == ["OE nb 1, nf 1, nk 1"]
     assert labels(bode({"mine": oe, "true": MODEL})) == ["mine", "true"]
     twice = bode([oe, oe], frequencies=F)
-    assert labels(twice) == ["OE 1 1 1", "OE 1 1 1 (2)"]
+    assert labels(twice) == ["OE nb 1, nf 1, nk 1", "OE nb 1, nf 1, nk 1 (2)"]
     first, second = twice.axes[0].get_lines()
     assert to_hex(first.get_color()) != to_hex(second.get_color())
     np.testing.assert_allclose(first.get_xdata(), F)
@@ -108,7 +108,7 @@ def test_pole_zero_map_of_estimates_and_models_counts_what_lies_outside():
     np.testing.assert_allclose(far.zeros(), [-3.0])
     oe = sysid.oe(DATA, 1, 1, 1)
     figure = pzmap([oe, MODEL, Roots("near", MODEL, PALETTE["truth"]), Roots("far", far, PALETTE["oe"])])
-    assert labels(figure) == ["OE 1 1 1", "model", "near", "far (1 outside)"]
+    assert labels(figure) == ["OE nb 1, nf 1, nk 1", "model", "near", "far (1 zero beyond the frame)"]
     crosses = [line for line in figure.axes[0].get_lines() if line.get_marker() == "x"]
     for line, model in zip(crosses, (oe.model, MODEL, MODEL), strict=False):
         np.testing.assert_allclose(line.get_xdata(), model.poles().real)
@@ -136,7 +136,7 @@ def test_a_step_response_has_its_band():
     (band,) = axes.collections
     edges = sysid.band(estimate, lambda model: model.step_response(51)).ci95
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(edges[1].max())
-    assert labels(figure) == ["OE 1 1 1", "model"]
+    assert labels(figure) == ["OE nb 1, nf 1, nk 1", "model"]
     assert (axes.get_ylabel(), axes.get_xlabel()) == ("step response / (rad/V)", "time / s")
     assert not step(sysid.n4sid(DATA, 1)).axes[0].collections  # its covariance is unknown
     refused("length must be above 0 s, got -1", lambda: step(MODEL, length=-1))
@@ -248,3 +248,8 @@ def test_show_hands_the_figure_to_a_window(monkeypatch):
     assert len(shown) == before + 1
     assert figure.canvas.manager is not None
     pyplot.close("all")
+
+
+def test_a_finite_impulse_response_ends_with_its_last_coefficient():
+    lines = impulse([sysid.impulseest(DATA, 30), MODEL]).axes[0].get_lines()[1:]
+    assert [len(line.get_xdata()) for line in lines] == [30, 52]

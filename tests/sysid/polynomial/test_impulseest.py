@@ -69,6 +69,15 @@ def test_exact_without_noise_and_without_prior():
     np.testing.assert_array_equal(free.parameters, arx.parameters)
 
 
+def test_a_response_that_has_not_decayed_is_reported_and_printed():
+    data = second_order(samples=400)
+    with pytest.warns(sysid.SysidWarning, match="u1 has not decayed after 5 coefficients"):
+        short = sysid.impulseest(data, 5)
+    assert "b1  " in str(short) and "finite impulse response of 5 samples" in str(short)
+    assert "(21 of 60 rows)" in str(long := sysid.impulseest(data, 60))
+    assert not long.diagnostics["warnings"]
+
+
 def test_coverage_of_responses_of_the_prior():
     """Responses drawn from the prior: the posterior at its hyper-parameters holds them as often as it states."""
     root, inside = kernel_root("tc", 50, np.array([0.0, np.log(0.15)])), []

@@ -98,7 +98,7 @@ def test_select_by_name_and_index():
     part = data.select(inputs=["b"], outputs=[2, "x"])
     np.testing.assert_array_equal(part.y, data.y[:, [2, 0]])
     assert (part.input_names, part.input_units, part.output_names) == (("b",), ("A",), ("z", "x"))
-    refused(r"available are .* x, y, z", lambda: data.select(outputs=["w"]))
+    refused(r"available: .*x, y, z", lambda: data.select(outputs=["w"]))
     refused("at least one input", lambda: data.select(inputs=[]))
 
 

@@ -32,7 +32,7 @@ def test_values_end_where_their_uncertainty_does(value, deviation, text):
 def test_long_tables_are_shown_in_part_and_texts_escaped():
     table = Table([("<k>", [str(k) for k in range(100)]), ("", ["a & b"] * 100)])
     first, *rows, last = table.text().splitlines()
-    assert (first, rows[0], rows[-1], last) == ("<k>", "0    a & b", "99   a & b", "(20 of 100 rows)")
+    assert (first, rows[0], rows[-1], last) == ("<k>", "0    a & b", "99   a & b", "(21 of 100 rows)")
     assert "<th>&lt;k&gt;</th>" in table.html()
     assert "a & b" not in table.html()
 
@@ -66,3 +66,11 @@ def test_a_notebook_shows_tables_and_a_figure():
     assert "<table>" in estimate._repr_html_()
     assert "<img" not in estimate.polynomials._repr_html_()
     assert ("matplotlib.pyplot" in sys.modules and sys.modules["matplotlib.pyplot"].get_fignums()) == windows
+
+
+def test_a_printed_phase_lies_within_a_turn():
+    late = np.exp(-2j * np.pi * np.array([1.0, 1.4, 1.8, 2.2]))
+    response = sysid.FrequencyResponse.from_data([1.0, 2.0, 3.0, 4.0], late)
+    printed = [float(line.split()[2]) for line in str(response).splitlines()[-4:]]
+    np.testing.assert_allclose(printed, np.angle(late), atol=1e-4)
+    np.testing.assert_allclose(response.phase[:, 0, 0], -0.8 * np.pi * np.arange(4), atol=1e-12)

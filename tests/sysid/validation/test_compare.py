@@ -81,3 +81,14 @@ def test_several_experiments_are_scored_together_and_apart(p3):
     assert fit.simulation[0] == pytest.approx(expected)
     assert str(fit).count("\n") == 2
     assert compare(p3.truth, [first])[0].by_experiment == ()
+
+
+def test_fits_print_as_a_table(p3):
+    data = p3.draw(0)
+    estimate = oe(data, 2, 2)
+    fits = compare({"a": estimate, "b & c": estimate}, [data, data], steps=3)
+    head, *rows = str(fits).splitlines()
+    assert head.split("  ")[-1] == "3 steps ahead"
+    assert [row.split("  ")[0] for row in rows] == ["a", "", "", "b & c", "", ""]
+    assert f"{fits[0].simulation[0]:.2f}" in rows[0]
+    assert "b &amp; c" in fits._repr_html_()
