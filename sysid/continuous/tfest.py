@@ -76,9 +76,8 @@ def tfest(
                 max_iterations=max_iterations,
             ),
         )
-    orders = {"poles": poles, "zeros": zeros}
-    if zeros is None:
-        orders["zeros"] = max(poles - 1, 0) if isinstance(poles, int) else "poles - 1"
+    fewer = max(poles - 1, 0) if isinstance(poles, int) else "poles - 1"
+    orders = {"poles": poles, "zeros": fewer if zeros is None else zeros}
     return output_error_estimate(
         "tfest",
         data,

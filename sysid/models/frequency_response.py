@@ -189,11 +189,11 @@ class FrequencyResponse(Labelled, Locked):
         return arrays, coordinates | ({"input": list(inputs)} if inputs else {}), {"method": self.method, "dt": self.dt}
 
     def _shown(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        variables, *others = self._variables()
+        variables, coordinates, attributes = self._variables()
         if "phase" in variables:
             # printed rows are too far apart for an unwrapped phase to be followed
             variables["phase"] = (variables["phase"][0], np.angle(self.response), variables["phase"][2])
-        return variables, *others
+        return variables, coordinates, attributes
 
     def select(
         self,
