@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-import scipy
 
 from sysid.continuous.rational_grid import mirrored_poles, unstable
 from sysid.continuous.response_estimate import likelihood_of, response_estimate
 from sysid.continuous.response_likelihood import greatest
-from sysid.frequency.vector_fit import PartialFractions, fitted, starting_poles
+from sysid.frequency.vector_fit import fitted, starting_poles
 from sysid.models.continuous import Resampled
 from sysid.models.continuous_model import ContinuousModel
 from sysid.models.estimate import Estimate
@@ -220,25 +219,7 @@ def states_by_vector_fitting(
                 raise
             continue
         if count == order:
-            out.append(GridStates(x, _realised(fractions, 1), direct, stable, bool(dt)))
-        whole = GridStates(x, _realised(fractions, min(g.shape[1:])), direct, stable, bool(dt))
+            out.append(GridStates(x, Predictor(*fractions.matrices(1)), direct, stable, bool(dt)))
+        whole = GridStates(x, Predictor(*fractions.matrices()), direct, stable, bool(dt))
         out.append(whole.reduced(order, np.sqrt(np.mean(weights**2, axis=2))))
     return [one for one in (start.stabilised() for start in out) if one is not None] if stable else out
-
-
-def _realised(fractions: PartialFractions, rank: int) -> Predictor:
-    """Block-diagonal realisation with residues of a rank."""
-    A, B, C = [], [], []
-    for pole, residue in zip(fractions.poles, fractions.residues, strict=True):
-        u, values, vh = np.linalg.svd(residue if pole.imag else residue.real)
-        b, c = np.sqrt(values[:rank, None]) * vh[:rank], u[:, :rank] * np.sqrt(values[:rank])
-        one = np.eye(len(b))
-        if pole.imag:
-            # y = 2 Re(c state) of a complex state
-            A.append(np.kron([[pole.real, -pole.imag], [pole.imag, pole.real]], one))
-            b, c = np.sqrt(2.0) * np.vstack((b.real, b.imag)), np.sqrt(2.0) * np.hstack((c.real, -c.imag))
-        else:
-            A.append(pole.real * one)
-        B.append(b)
-        C.append(c)
-    return Predictor(scipy.linalg.block_diag(*A), np.vstack(B), np.hstack(C), fractions.direct)

@@ -1,14 +1,21 @@
 """Vector fitting: rational approximation of a response by relocation of its poles."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
+from sysid.models.continuous_model import ContinuousModel
 from sysid.models.frequency_response import FrequencyResponse
-from sysid.records.arguments import truth_value, whole_number
+from sysid.models.state_space import StateSpace
+from sysid.records.arguments import sampling_interval, truth_value, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array
 from sysid.records.errors import SysidError
+
+if TYPE_CHECKING:
+    import control
 
 SMALLEST_DIRECT = 1e-8  # of the relaxed denominator's constant, below which its zeros run to infinity [Gustavsen2006]
 
@@ -39,6 +46,45 @@ class PartialFractions(Locked):
         both = np.where(self.poles.imag > 0.0, 1.0, 0.0)[:, None, None] * self.residues.conj()
         out = np.tensordot(1.0 / (x[:, None] - self.poles), self.residues, 1)
         return np.asarray(out + np.tensordot(1.0 / (x[:, None] - self.poles.conj()), both, 1) + self.direct)
+
+    def matrices(self, rank: int | None = None) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """A, B, C and D of a block-diagonal realisation, residues of full rank or reduced to a lower one."""
+        rank = min(self.direct.shape) if rank is None else rank
+        A, B, C = [], [], []
+        for pole, residue in zip(self.poles, self.residues, strict=True):
+            u, values, vh = np.linalg.svd(residue if pole.imag else residue.real)
+            b, c = np.sqrt(values[:rank, None]) * vh[:rank], u[:, :rank] * np.sqrt(values[:rank])
+            one = np.eye(len(b))
+            if pole.imag:
+                # y = 2 Re(c state) of a complex state
+                A.append(np.kron([[pole.real, -pole.imag], [pole.imag, pole.real]], one))
+                b, c = np.sqrt(2.0) * np.vstack((b.real, b.imag)), np.sqrt(2.0) * np.hstack((c.real, -c.imag))
+            else:
+                A.append(pole.real * one)
+            B.append(b)
+            C.append(c)
+        return scipy.linalg.block_diag(*A), np.vstack(B), np.hstack(C), self.direct
+
+    def to_control(self) -> "control.StateSpace":
+        """The response as a python-control system, in continuous time where `dt` is 0."""
+        import control
+
+        return control.ss(*self.matrices(), self.dt)
+
+    def to_state_space(self, dt: float | None = None) -> StateSpace:
+        """The response as a model; in continuous time its sampling with held inputs.
+
+        Args:
+            dt: Sampling interval in s; needed in continuous time, otherwise that of the response.
+
+        Raises:
+            SysidError: No sampling interval, or another one than that of the response.
+        """
+        if self.dt and dt not in (None, self.dt):
+            raise SysidError(f"the response is sampled every {self.dt:g} s, got dt = {dt!r}")
+        A, B, C, D = self.matrices()
+        states = StateSpace(A, B, C, D, None, self.dt or sampling_interval(dt))
+        return states if self.dt else ContinuousModel(states, np.zeros(D.shape)).sampled()
 
 
 def vector_fit(

@@ -12,6 +12,7 @@ from sysid.models.continuous_model import ContinuousModel
 from sysid.models.delta_method import spread
 from sysid.models.estimate import Estimate, as_estimate
 from sysid.models.frequency_response import NORMAL_95
+from sysid.models.state_space import StateSpace
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.printing import Part, Table, number
 
@@ -121,7 +122,7 @@ def _with_interval(value: float, low: float, high: float) -> str:
     return f"{shown[0]} ({shown[1]} to {shown[2]})"
 
 
-def damp(estimate: Estimate) -> Modes:
+def damp(estimate: Estimate | StateSpace | ContinuousModel) -> Modes:
     """Natural frequencies, damping ratios and time constants of an estimate, with 95 % intervals by the delta method.
 
     Intervals of frequency and time constant are symmetric on a logarithmic scale, those of damping end at -1 and 1.
@@ -129,24 +130,29 @@ def damp(estimate: Estimate) -> Modes:
     are left out, as are those of the noise model.
 
     Args:
-        estimate: Any parametric estimate.
+        estimate: Any parametric estimate; a model, without intervals.
 
     Returns:
         Poles, slowest first, and their natural frequency, damping and time constant.
 
     Raises:
-        SysidError: Something other than an estimate.
+        SysidError: Something other than an estimate or a model.
     """
-    estimate = as_estimate(estimate)
+    parameters, covariance = np.zeros(0), np.full((1, 1), np.nan)
+    if not isinstance(estimate, StateSpace | ContinuousModel):
+        estimate = as_estimate(estimate)
+        parameters, covariance = estimate.parameters, estimate.covariance
 
     def poles(theta: FloatArray) -> ComplexArray:
         if isinstance(estimate, ContinuousEstimate):
             return estimate.realise_continuous(theta).poles()
-        model = estimate.realise(theta).input_path()
+        if isinstance(estimate, ContinuousModel):
+            return estimate.poles()
+        model = (estimate if isinstance(estimate, StateSpace) else estimate.realise(theta)).input_path()
         z = model.poles()
         return np.asarray(np.log(z[np.abs(z) > AT_ZERO]) / model.dt)
 
-    everything = poles(estimate.parameters)
+    everything = poles(parameters)
     upper = everything.imag >= -1e-9 * np.abs(everything)
     slowest = np.argsort(np.abs(everything[upper]), kind="stable")
     nominal = everything[upper][slowest]
@@ -156,7 +162,7 @@ def damp(estimate: Estimate) -> Modes:
         return _meanings(matched_roots(poles(theta), everything)[upper][slowest])
 
     with np.errstate(invalid="ignore"):  # integrators stay such
-        moves = spread(quantities, estimate.parameters, estimate.covariance)
+        moves = spread(quantities, parameters, covariance)
     value = _meanings(nominal)
     frequency, damping, time = (normal_band(value[k], moves[:, k]) for k in range(3))
     low, high = (np.clip(end, -1.0, 1.0) for end in damping.ci95)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sysid import FrequencyResponse, vector_fit
+from sysid import FrequencyResponse, damp, vector_fit
 from tests.refusals import refused
 
 # The 18th-order example of vector fitting [Gustavsen1999] without its term that grows with s, rad/s
@@ -39,6 +39,9 @@ def test_resonances_over_five_decades_are_recovered():
     s = 2j * np.pi * f[:, None]
     g = np.sum(np.abs(poles) * (0.5 / (s - poles) + 0.5 / (s - poles.conj())), axis=1)
     fit = vector_fit(FrequencyResponse.from_data(f, g, variance=np.abs(g) ** 2), 8, direct=False)
+    np.testing.assert_allclose(fit.to_control()(s[:, 0]), g, rtol=1e-8)
+    np.testing.assert_allclose(damp(fit.to_state_space(1e-4)).damping.value, 0.01 / np.hypot(1.0, 0.01), rtol=1e-4)
+    refused("dt", fit.to_state_space)
     np.testing.assert_allclose(fit.poles[np.argsort(np.abs(fit.poles))], poles, rtol=1e-8)
     np.testing.assert_allclose(fit.frequency_response(f)[:, 0, 0], g, rtol=1e-8)
 
@@ -53,6 +56,9 @@ def test_entries_share_poles_in_discrete_time_and_stability_is_a_choice(stable):
     fit = vector_fit(FrequencyResponse.from_data(f, g, dt=0.1), 3, stable=stable)
     np.testing.assert_allclose(np.sort_complex(fit.poles), [-0.3, pole], rtol=1e-8)
     np.testing.assert_allclose(fit.frequency_response(f), g, rtol=1e-8)
+    for response in (fit.to_state_space().frequency_response(f), np.moveaxis(fit.to_control()(z), -1, 0)):
+        np.testing.assert_allclose(response, g, rtol=1e-7)
+    refused("sampled every 0.1 s", fit.to_state_space, 0.2)
 
 
 def test_reflects_unstable_poles_and_refuses_too_high_orders():
