@@ -14,6 +14,7 @@ from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
     from scenarios.identification.identification import Identification
+    from sysid.records.arrays import ComplexArray
 
 SAVED = (".json", ".m", ".c", ".fmu")
 """Endings of files of models."""
@@ -105,6 +106,7 @@ def identify(
     from scenarios.identification.order_choice import choose_and_identify, held_out
     from sysid.records.channels import listed
     from sysid.records.importers import one_interval
+    from sysid.records.printing import poles_table
 
     if not data:
         raise ScenarioError("expected the path of a record; see hmtb identify --help")
@@ -162,6 +164,10 @@ def identify(
         ("", ""),
         [("verdict", _verdict(result)), *([("choice", choice.reason)] if choice else []), *_rows(result)],
     )
+    poles = poles_table(model.poles(), model.model.dt).columns
+    if poles[0][1]:
+        rows = list(zip(*(cells for _, cells in poles), strict=True))
+        print_table("Poles from input to output", [head for head, _ in poles], rows)
     if choice is not None:
         shown = [
             (str(one), f"{one.parameters}", f"{one.loss:.4g}", f"{one.ebic - best.ebic:.1f}", one.remark)
@@ -289,7 +295,6 @@ def _rows(result: "Identification") -> list[tuple[str, str]]:
             rows.append((f"gain at 0 Hz{path}", "none, it integrates" if integrates else f"{gain[i, j]:.4f}"))
     noise = np.sqrt(np.diag(model.noise_variance))
     rows += [
-        ("poles (z plane)", _roots(model.poles())),
         ("zeros (z plane)", _roots(model.zeros())),
         ("standard deviation of the noise", ", ".join(f"{deviation:.4g}{unit}" for deviation in noise)),
         ("final prediction error", f"{model.fpe:.4g}{unit and f'{unit}²'}"),
@@ -306,6 +311,12 @@ def _rows(result: "Identification") -> list[tuple[str, str]]:
     return rows
 
 
-def _roots(roots: "Iterable[complex]") -> str:
-    shown = (f"{root.real:.4f}" + (f"{root.imag:+.4f}j" if abs(root.imag) > 1e-9 else "") for root in roots)
+def _roots(roots: "ComplexArray") -> str:
+    from sysid.records.printing import AT_ZERO
+
+    delays = sum(abs(root) <= AT_ZERO for root in roots)
+    # of each pair one
+    upper = [root for root in roots if abs(root) > AT_ZERO and root.imag > -AT_ZERO]
+    shown = [f"{root.real:.4f}" + (f" ± {root.imag:.4f}j" if root.imag > AT_ZERO else "") for root in upper]
+    shown += [f"0 ({delays} times)" if delays > 1 else "0"] if delays else []
     return ", ".join(shown) or "none"

@@ -76,7 +76,8 @@ def output_comparison(
             line(upper, data.time[piece], values[piece] * scale, trace.style, trace.label)
             line(lower, data.time[piece], measured - values[piece] * scale, trace.style, None)
         shown = unit if unit is not None else units[i]
-        upper.set_ylabel(label("output" if data.ny == 1 else names[i], shown))
+        point = None if data.output_offset is None else data.output_offset * scale
+        upper.set_ylabel(_label("output" if names == ("y1",) else names[i], shown, [point], i))
         lower.set_ylabel(label("error", shown))
         if data.window > first:
             upper.axvspan(data.time[first], data.time[min(data.window, len(data) - 1)], color="#f0f0f0", lw=0, zorder=0)
@@ -84,6 +85,15 @@ def output_comparison(
     grid[-1, 0].set_xlabel("time / s")
     finish(figure, grid[0, 0])
     return figure
+
+
+def _label(name: str, unit: str, points: Sequence[FloatArray | None], channel: int) -> str:
+    """Label of an axis, which says where an operating point was subtracted."""
+    known = [point[channel] for point in points if point is not None and abs(point[channel]) > ROUNDING]
+    if not known:
+        return label(name, unit)
+    same = len(known) == len(points) and np.ptp(known) == 0.0
+    return label(f"{name}, deviation from {f'{known[0]:.4g}' if same else 'the operating point'}", unit)
 
 
 def _column(trace: Trace, output: int, data: IOData) -> FloatArray:
@@ -95,6 +105,9 @@ def _column(trace: Trace, output: int, data: IOData) -> FloatArray:
         raise SysidError(f"{trace.label}: {values.shape[1]} outputs, the record has {data.ny}")
     return values[:, output if values.shape[1] == data.ny else 0]
 
+
+ROUNDING = 1e-12
+"""Largest operating point that counts as none, in units of the channel."""
 
 LOOKS = tuple(PALETTE[name] for name in ("armax", "oe", "okid", "iv4", "bj", "pem_ss", "arx", "spa"))
 """Styles of several experiments, in their sequence."""
@@ -150,8 +163,9 @@ def record(
             if e.window > begin:
                 edge = e.time[min(e.window, len(e) - 1)]
                 grid[c, 0].axvspan(e.time[begin], edge, color="#f0f0f0", lw=0, zorder=0)
-    for axes, text, unit in zip(grid[:, 0], labels, units, strict=True):
-        axes.set_ylabel(label(text, unit))
+    for c, (text, unit) in enumerate(zip(labels, units, strict=True)):
+        points = [e.output_offset if c < first.ny else e.input_offset for e in experiments]
+        grid[c, 0].set_ylabel(_label(text, unit, points, c if c < first.ny else c - first.ny))
     figure.align_ylabels(list(grid[:, 0]))
     grid[-1, 0].set_xlabel("time / s")
     finish(figure, grid[0, 0])

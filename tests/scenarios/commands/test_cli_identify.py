@@ -10,6 +10,7 @@ import xarray as xr
 from scipy.io import savemat
 from scipy.signal import lfilter
 
+from scenarios.commands.identify import _roots
 from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, SysidError, arx, compare, n4sid, oe, read_model
 from sysid.polynomial.fit_with_offset import fit_with_offset, unexplained_offset
@@ -39,6 +40,14 @@ def test_every_estimator_finds_the_pole(result, csv, method):
     if method != "n4sid":
         assert output["ci95"][0] < output["bandwidth_hz"] < output["ci95"][1]
     assert len(output["parameters"]) == len(output["deviations"])
+
+
+def test_poles_are_printed_with_their_meaning(printed, csv):
+    lines = printed("identify", csv, "--method", "oe", "--orders", "1", "1").splitlines()
+    ((_, frequency, damping, time),) = [line.split() for line in lines if line.strip().startswith("0.9")]
+    assert (float(frequency), damping) == (pytest.approx(0.84, rel=0.05), "1")
+    assert float(time) == pytest.approx(0.19, rel=0.05)
+    assert _roots(np.array([0.5 + 0.25j, 0.5 - 0.25j, 0.0, 0.0])) == "0.5000 ± 0.2500j, 0 (2 times)"
 
 
 @pytest.mark.parametrize("method", ESTIMATORS)

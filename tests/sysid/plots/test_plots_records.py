@@ -50,6 +50,18 @@ def test_output_comparison_shows_the_piece_and_the_error():
     assert (upper.get_ylabel(), lower.get_xlabel()) == ("output / mrad", "time / s")
 
 
+def test_axes_name_their_channel_and_the_operating_point():
+    data = IOData(DATA.u, DATA.y + 20.0, 0.02, output_names=("T",), output_units=("K",), input_units=("V",))
+    moved = data.subtract(y=20.0)
+    expected = "T, deviation from 20 / K"
+    assert [axes.get_ylabel().replace("\n", " ") for axes in record(moved).axes] == [expected, "u1 / V"]
+    trace = Trace("model", moved.y, PALETTE["oe"])
+    assert output_comparison(moved, trace).axes[0].get_ylabel() == expected
+    assert output_comparison(data, trace).axes[0].get_ylabel() == "T / K"
+    both = record([moved, data.subtract(y=21.0)])
+    assert both.axes[0].get_ylabel().split("\n")[0].startswith("T, deviation from the")
+
+
 def test_fits_are_compared_over_the_whole_record_and_over_the_chosen_horizon():
     estimate = sysid.armax(DATA, 1, 1, 1)
     fits = sysid.compare({"mine": estimate}, DATA, steps=3)
