@@ -33,11 +33,13 @@ def write_whole(path: Path, content: bytes) -> None:
     """Write a file under a temporary name and rename it: readers find the old file or the new one, never a part.
 
     Raises:
-        SysidError: There is a folder of that name.
+        SysidError: There is a folder of that name, or none to write into.
         OSError: The file cannot be written; the old one stays.
     """
     if path.is_dir():
         raise SysidError(f"cannot write {path}: it is a folder; expected a file or nothing there")
+    if not path.parent.is_dir():
+        raise SysidError(f"cannot write {path}: there is no folder {path.parent}")
     partial = path.with_name(f"{path.name}.partial")
     try:
         partial.write_bytes(content)

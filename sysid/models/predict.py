@@ -68,7 +68,8 @@ def as_model(model: StateSpace | Estimate) -> StateSpace:
     if isinstance(model, Estimate):
         return model.model
     if not isinstance(model, StateSpace):
-        raise SysidError(f"expected a StateSpace or an Estimate, got {type(model).__name__}")
+        hint = ": the model comes first, then the data" if isinstance(model, IOData) else ""
+        raise SysidError(f"expected a StateSpace or an Estimate, got {type(model).__name__}{hint}")
     return model
 
 

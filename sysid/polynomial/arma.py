@@ -6,11 +6,12 @@ from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.ar import as_series
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.polynomial.orders import make_orders
+from sysid.polynomial.orders import make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
 from sysid.records.data import IOData
 
 
+@orders_apart
 def arma(
     data: IOData | Sequence[IOData],
     na: int,

@@ -8,7 +8,7 @@ import numpy as np
 from sysid.models.estimate import Estimate
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.least_squares import solve
-from sysid.polynomial.orders import Orders, make_orders
+from sysid.polynomial.orders import Orders, make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.polynomial.regressors import arx_regressors
 from sysid.polynomial.regularisation import Kernel, checked_kernel, empirical_bayes
@@ -23,6 +23,7 @@ UNDECAYED = 0.1  # of its peak, that a truncated response still has
 SIGNIFICANT = 4.0  # standard deviations, of the largest of several coefficients
 
 
+@orders_apart
 def arx(
     data: IOData | Sequence[IOData],
     na: int,
@@ -122,7 +123,7 @@ def regression_estimate(
         if coloured:
             covariance = sandwich(experiments, orders, theta, covariance, variance)
         diagnostics |= {"condition": fit.condition, "rank": fit.rank, "converged": True}
-    warn_each(messages, stacklevel=2)
+    warn_each(messages, stacklevel=3)
     return make_estimate(
         method,
         experiments,

@@ -57,9 +57,15 @@ def _gram_rank(gram: FloatArray, tolerance: float) -> int:
 
 
 def check_excitation(experiments: Sequence[IOData], needed: Sequence[int]) -> list[str]:
-    """Refuse constant inputs; describe inputs that excite less than the `needed` orders, or are dependent."""
+    """Refuse constant channels; describe inputs that excite less than the `needed` orders, or are dependent."""
     nu, names = experiments[0].nu, experiments[0].input_names or ()
     shortest = min(len(e) for e in experiments)
+    if max(len(e) for e in experiments) < 2:
+        raise SysidError(f"too few samples: {len(experiments)} experiment(s) of 1 sample, at least 2 are needed")
+    for i, name in enumerate(experiments[0].output_names or ()):
+        parts = [e.y[e.known[:, i], i] for e in experiments]
+        if all(np.ptp(y) <= ROUNDING * np.abs(y).max() for y in parts if len(y)):
+            raise SysidError(f"output {name} is constant, which identifies nothing; expected a varying output")
     for j, name in enumerate(names):
         signals = [e.u[:, j] for e in experiments]
         if all(np.ptp(s) <= ROUNDING * np.abs(s).max() for s in signals):

@@ -108,7 +108,7 @@ def instrumental_estimate(
     errors = [_known(v) for v in parts]
     freedom = max(len(innovations) - orders.count, 1)
     messages = messages + fit.rank_message("instruments")
-    warn_each(messages, stacklevel=2)
+    warn_each(messages, stacklevel=3)
     return make_estimate(
         method,
         experiments,

@@ -16,12 +16,13 @@ from sysid.polynomial.instrumental_variables import (
     instrumented,
 )
 from sysid.polynomial.long_arx import arx_solution
-from sysid.polynomial.orders import Orders, make_orders
+from sysid.polynomial.orders import Orders, make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 
 
+@orders_apart
 def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: int | Sequence[int] = 1) -> Estimate:
     """Fit A(q) y = B(q) u + v, v of any colour, with simulated outputs as instruments [Ljung1999, sec. 15.3].
 

@@ -13,13 +13,14 @@ from sysid.polynomial.instrumental_variables import (
     instrumental_estimate,
     instrumented,
 )
-from sysid.polynomial.orders import make_orders
+from sysid.polynomial.orders import make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
 from sysid.records.external_signals import external_signals
 
 
+@orders_apart
 def ivx(
     data: IOData | Sequence[IOData],
     na: int,

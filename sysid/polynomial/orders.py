@@ -1,7 +1,10 @@
 """Orders of a polynomial model, and the layout of its parameters."""
 
-from collections.abc import Sequence
+import functools
+import inspect
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ParamSpec, TypeVar
 
 import numpy as np
 from numpy.polynomial.polyutils import trimseq
@@ -11,6 +14,9 @@ from sysid.polynomial.regressors import first_row
 from sysid.records.arguments import shown, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -139,6 +145,22 @@ class Orders:
             _filled("D", polynomials.D, self.nd + 1),
             [_filled("F", f, n + 1) for (_, f), n in zip(rows, self.nf, strict=True)],
         )
+
+
+def orders_apart(estimator: Callable[P, R]) -> Callable[P, R]:
+    """Refuse orders as one list, as MATLAB takes them, with the call that is expected."""
+    required = [n for n, one in inspect.signature(estimator).parameters.items() if one.default is one.empty]
+
+    @functools.wraps(estimator)
+    def call(*args: P.args, **options: P.kwargs) -> R:
+        if len(required) > len(args) > 1 and isinstance(args[1], Sequence | np.ndarray):
+            missing = [name for name in required[len(args) :] if name not in options]
+            if missing:
+                expected = f"{estimator.__name__}({', '.join(required)})"
+                raise SysidError(f"orders are arguments of their own, expected {expected}, got {shown(args[1])}")
+        return estimator(*args, **options)
+
+    return call
 
 
 def make_orders(

@@ -5,11 +5,12 @@ from collections.abc import Sequence
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.polynomial.orders import make_orders
+from sysid.polynomial.orders import make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
 from sysid.records.data import IOData, as_experiments
 
 
+@orders_apart
 def polyest(
     data: IOData | Sequence[IOData],
     na: int,

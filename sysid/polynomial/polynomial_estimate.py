@@ -233,7 +233,7 @@ def prediction_error_estimate(
             f"the parameters are poorly determined: condition number {condition:.2g} of the scaled Jacobian"
         )
     messages += _near_unit_circle(orders, at.theta)
-    warn_each(messages, stacklevel=2)
+    warn_each(messages, stacklevel=3)
     return make_estimate(
         method,
         experiments,

@@ -88,17 +88,12 @@ def empirical_bayes(phi: FloatArray, target: FloatArray, sizes: Sequence[int], k
 
     Args:
         phi: Regressors (rows, p); fewer rows than coefficients are allowed.
-        target: Right-hand side (rows,).
+        target: Right-hand side (rows,), not zero.
         sizes: Coefficients of each block; their sum is p.
         kernel: Kernel of all blocks.
-
-    Raises:
-        SysidError: A right-hand side that is zero.
     """
     minimize = scipy.optimize.minimize
     rows, p = len(phi), phi.shape[1]
-    if not target.any():
-        raise SysidError("the output is zero: there is no response to identify")
     triangle, lengths = scaled_triangle(np.column_stack((phi, target)))
     size = float(np.sqrt(target @ target / rows))
     x, y = triangle[:, :p] * lengths[:p], triangle[:, p] * lengths[p]

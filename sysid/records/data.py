@@ -82,7 +82,7 @@ class IOData(Labelled, Locked):
         if window >= len(u):
             raise SysidError(f"window of {self.window} samples leaves nothing of a record of {len(u)}")
         nu, ny = u.shape[1], y.shape[1]
-        checked = {
+        checked: dict[str, Any] = {
             "u": u,
             "y": y,
             "dt": dt,
@@ -100,6 +100,7 @@ class IOData(Labelled, Locked):
                 checked[attribute] = values = lock(real_array(attribute, np.zeros(0) if offset is None else offset))
                 if values.shape != (count,):
                     raise SysidError(f"{attribute}: expected one value per channel, shape ({count},), got {offset}")
+        channel_labels("input and output names", (*checked["input_names"], *checked["output_names"]), ("",) * (nu + ny))
         for attribute, value in checked.items():
             object.__setattr__(self, attribute, value)
 
@@ -138,8 +139,8 @@ class IOData(Labelled, Locked):
             for role, values, names, units, offset in sides
             for k, (name, unit) in enumerate(zip(names or (), units or (), strict=True))
         }
-        if len(variables) < self.nu + self.ny or "time" in variables:
-            raise SysidError(f"expected names that differ from each other and from time, got {', '.join(variables)}")
+        if "time" in variables:
+            raise SysidError(f"expected names that differ from time, got {', '.join(variables)}")
         attributes = {key: getattr(self, key) for key in ("dt", "name", "intersample", "window")}
         return variables, {"time": ("time", self.time, {"units": "s"})}, {**attributes, "missing": int(self.missing)}
 

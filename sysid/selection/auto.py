@@ -19,12 +19,13 @@ from sysid.validation.feedback import feedback
 LISTED = 8
 """Candidates that a printed choice lists."""
 
+LEVEL = 0.01
+"""p-value below which an input counts as fed back."""
+
 STRETCHES = 2
 """Parts of a long experiment on which candidates are compared, spread over it."""
 
-FEEDBACK = (
-    "oe is left out: by `feedback` the input depends on past outputs, and only a white disturbance leaves oe unbiased"
-)
+DIRECT = "a direct term, which would be that of the controller"
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,8 +75,9 @@ def auto(
 
     With one output the delays start at those of `delayest`; arx, oe, armax and bj rise in order until the criterion of
     each gets worse twice; then single orders of the best ones, the delays among them, change by one as long as that
-    helps. Beside feedback (`sysid.feedback`) oe does not take part, which only a white disturbance would leave
-    unbiased. With several outputs it is the order of a state-space model, `n4sid` refined by `pem_ss`.
+    helps. With several outputs it is the order of a state-space model, `n4sid` refined by `pem_ss`. Beside feedback
+    (`sysid.feedback`) there is no direct term, which would be that of the controller, and oe does not take part, which
+    only a white disturbance would leave unbiased.
 
     The criterion is the extended BIC [ChenChen2008] on the same samples for all, or the error of the simulated
     validation outputs where there are such data. Unstable models are chosen only if all are unstable.
@@ -106,34 +108,39 @@ def auto(
     if not names or not set(names) <= set(ORDERS):
         raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {', '.join(map(str, names)) or 'none'}")
     search = StructureSearch(_stretches(experiments, longest), others, largest, names)
-    delays, fed_back = tuple[int, ...](), False
+    delays, p = tuple[int, ...](), _feedback_p(experiments)
+    fed_back, left_out = p < LEVEL, DIRECT
     with warnings.catch_warnings():
         # candidates that are too large give many warnings; the fit of the chosen one repeats its own
         warnings.simplefilter("ignore", SysidWarning)
         if experiments[0].ny == 1:
             delays = _delays(search.experiments, largest)
-            fed_back = methods is None and _feedback(search.experiments)
             if fed_back:
+                delays = tuple(max(delay, 1) for delay in delays)
+            if fed_back and methods is None:
                 search.methods = tuple(name for name in names if name != "oe")
+                left_out = f"oe, which only a white disturbance leaves unbiased, and {DIRECT}"
             search.climb_structures(delays)
         elif methods is not None:
             raise SysidError(f"methods are of one output, the data have {experiments[0].ny}: pem_ss is tried alone")
         else:
+            search.direct = not fed_back
             search.climb_states()
     best = search.ranked()[0]
     return StructureChoice(
-        estimate=_estimate(experiments, best),
+        estimate=_estimate(experiments, best, search.direct),
         candidates=search.ranked(),
         delays=delays,
         samples=search.samples,
-        reason=_reason(search, delays, sum(map(len, experiments))) + fed_back * f"; {FEEDBACK}",
+        reason=_reason(search, delays, sum(map(len, experiments)))
+        + fed_back * f"; by `feedback` (p = {p:.2g}) the input depends on past outputs: without {left_out}",
     )
 
 
-def _estimate(experiments: Experiments, chosen: Candidate) -> Estimate:
+def _estimate(experiments: Experiments, chosen: Candidate, direct: bool) -> Estimate:
     estimators: Mapping[str, Callable[..., Estimate]] = {
         **{"arx": arx, "armax": armax, "oe": oe, "bj": bj},
-        "pem_ss": lambda parts, order: pem_ss(parts, n4sid(complete_parts(parts), order)),
+        "pem_ss": lambda parts, order: pem_ss(parts, n4sid(complete_parts(parts), order, direct=direct), direct=direct),
     }
     return estimators[chosen.method](experiments, **chosen.orders)
 
@@ -147,12 +154,12 @@ def _delays(experiments: Experiments, largest: int) -> tuple[int, ...]:
     return tuple(max(int(one), 1) if one else 0 for one in table[0])
 
 
-def _feedback(experiments: Experiments) -> bool:
-    """Whether an input depends on past outputs; False where no test can tell."""
+def _feedback_p(experiments: Experiments) -> float:
+    """Least p-value of the hypothesis that no input depends on past outputs; 1 where no test can tell."""
     try:
-        return bool(feedback(complete_parts(experiments)).feedback.any())
+        return float(np.nan_to_num(feedback(complete_parts(experiments)).p_values, nan=1.0).min())
     except SysidError:
-        return False
+        return 1.0
 
 
 def _reason(search: StructureSearch, delays: tuple[int, ...], total: int) -> str:

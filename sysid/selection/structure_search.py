@@ -140,6 +140,7 @@ class StructureSearch:
         self.fits: dict[Orders, Fit] = {}
         self.power = mean_square(np.concatenate([e.y[e.known.all(axis=1)] for e in experiments]))
         self.exact = False
+        self.direct = True
         self.failed: list[str] = []
         # initial estimates need complete outputs
         nu = experiments[0].nu
@@ -214,7 +215,10 @@ class StructureSearch:
     def _try_states(self, order: int) -> Candidate | None:
         try:
             estimate = pem_ss(
-                self.experiments, n4sid(complete_parts(self.experiments), order), max_iterations=2 * STEPS
+                self.experiments,
+                n4sid(complete_parts(self.experiments), order, direct=self.direct),
+                direct=self.direct,
+                max_iterations=2 * STEPS,
             )
         except SysidError as error:
             self.failed.append(f"order {order}: {error}")

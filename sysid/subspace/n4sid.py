@@ -207,7 +207,8 @@ def n4sid(
         order: Number of states, 60 at most.
         block_rows: Samples of past, and of future; by default 2.5 times the order, at least 10. If the model of this
             horizon is slow, a quarter of its slowest time constant, up to three times as many. Short data allow fewer.
-        direct: Whether D is estimated; otherwise it is zero.
+        direct: Whether D is estimated; otherwise it is zero. Beside feedback without delay, D would be that of the
+            controller: pass False.
         gain: Whether K is estimated; otherwise it is zero.
         stable: Whether to enforce a stable A: of models from longer horizons, unless `block_rows` is set, and of models
             of which only the unstable poles were moved, the one with the best simulated fit.

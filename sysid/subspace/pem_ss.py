@@ -69,7 +69,7 @@ COLOUR = 30  # order of the autoregressive models of a coloured disturbance
 
 def pem_ss(
     data: IOData | Sequence[IOData],
-    start: Estimate | StateSpace | Sequence[Estimate | StateSpace],
+    start: int | Estimate | StateSpace | Sequence[Estimate | StateSpace],
     *,
     direct: bool = True,
     gain: bool = True,
@@ -98,8 +98,10 @@ def pem_ss(
     Args:
         data: One experiment, or several that share the model; any numbers of inputs (none: a time series) and outputs.
             With missing outputs, the likelihood of the known ones is maximised; `n4sid` or `armax` give a start.
-        start: Initial estimate by `n4sid`, `okid` or any other method, or a model; or several of one order.
-        direct: Whether D is estimated; otherwise it is zero.
+        start: Initial estimate by `n4sid`, `okid` or any other method, or a model; or several of one order. A number is
+            the order of an `n4sid` to start from.
+        direct: Whether D is estimated; otherwise it is zero. Beside feedback without delay, D would be that of the
+            controller: pass False.
         gain: Whether K is estimated; otherwise it is zero.
         coloured: With `gain=False`, whether the covariance allows for a disturbance that is not white, by an
             autoregressive model of each output's [Ljung1999, ch. 9]. The estimate itself is the same.
@@ -126,6 +128,8 @@ def pem_ss(
     flags = {"direct": direct, "gain": gain, "coloured": coloured, "search": search}
     direct, gain, coloured, search = (truth_value(name, value) for name, value in flags.items())
     experiments = as_experiments(data, missing=not coloured, series=True)
+    if isinstance(start, int | np.integer):
+        start = n4sid(experiments, start, direct=direct, gain=gain)
     origins = list(start) if isinstance(start, Sequence) else [start]
     models = [aligned(as_model(origin), experiments[0]) for origin in origins]
     if coloured and gain:

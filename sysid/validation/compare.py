@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
-from sysid.models.predict import predict
+from sysid.models.predict import as_model, predict
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, Locked
@@ -110,9 +110,9 @@ def compare(
     if isinstance(models, Mapping):
         named = models
     else:
-        if not isinstance(models, StateSpace | Estimate | Sequence):
-            raise SysidError(f"expected models or estimates, got {type(models).__name__}")
-        sequence = [models] if isinstance(models, StateSpace | Estimate) else list(models)
+        sequence = list(models) if isinstance(models, Sequence) else [models]
+        for model in sequence:
+            as_model(model)
         named = {_name(model, k): model for k, model in enumerate(sequence)}
     if not named:
         raise SysidError("expected at least one model, got none")

@@ -210,7 +210,7 @@ def resid(
             zero.
     """
     level = confidence_level(level)
-    experiments, model = as_experiments(data, missing=True, series=True), as_model(estimate)
+    model, experiments = as_model(estimate), as_experiments(data, missing=True, series=True)
     parts = [residuals(estimate, e)[e.window :] for e in experiments]
     errors = np.concatenate(parts)
     first = experiments[0]

@@ -2,6 +2,7 @@ import contextlib
 import copy
 import pickle
 import warnings
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -269,3 +270,24 @@ def test_every_record_stays_locked(estimate, carry):
     for array in arrays:
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0.0
+
+
+def test_habits_of_matlab_are_met_with_the_expected_call(tmp_path):
+    data = second_order()
+    model = sysid.pem_ss(data, 2)
+    assert model.model.order == 2
+    refused(r"expected oe\(data, nb, nf\), got \[2, 2, 4\]", sysid.oe, data, [2, 2, 4])
+    refused(r"expected armax\(data, na, nb, nc\)", sysid.armax, data, np.array([2, 2, 2, 1]))
+    for function in (sysid.resid, sysid.compare):
+        refused("got IOData: the model comes first", function, data, model)
+    refused("there is no folder", sysid.write_model, model, tmp_path / "none" / "model.json")
+    refused("input and output names: names must differ", replace, data, input_names=("x",), output_names=("x",))
+    with pytest.warns(sysid.SysidWarning, match=r"900 Hz, above Nyquist \(5 Hz\)"):
+        model.frequency_response([900.0])
+
+
+def test_an_output_that_is_constant_or_one_sample_long_is_refused():
+    data = second_order()
+    for fit in (lambda d: sysid.arx(d, 1, 1), lambda d: sysid.oe(d, 1, 1), sysid.delayest, lambda d: sysid.n4sid(d, 1)):
+        refused("output y1 is constant", fit, IOData(data.u, np.full(400, 3.7), 0.1))
+    refused("of 1 sample, at least 2", sysid.oe, data[:1], 1, 1)

@@ -131,6 +131,6 @@ def test_refusals():
     refused("reach back 199 samples", sysid.impulseest, data, 200)
     refused("too many orders", sysid.impulseest, data, 60, kernel=None)
     refused("regularisation=None", sysid.arx, data, 2, 2, coloured=True, regularisation="tc")
-    refused("output is zero", sysid.impulseest, data.subtract(y=data.y), 20)
+    refused("output y1 is constant", sysid.impulseest, data.subtract(y=data.y), 20)
     refused("one output", sysid.impulseest, IOData(data.u, np.hstack((data.y, data.y**2)), 0.1), 20)
     refused("time series", sysid.impulseest, IOData(None, data.y, 0.1), 20)

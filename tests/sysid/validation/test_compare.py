@@ -19,7 +19,7 @@ def test_fit_by_hand():
     assert fit_percent([1, 2, 3], [1, 2, 3]) == 100.0
     refused(".", fit_percent, [1, 2, 3], [1, np.nan, 3])
     refused(".", fit_percent, "ab", [1, 2])
-    refused("models or estimates", compare, 3, IOData([1.0, 2.0], [1.0, 2.0], 0.1))
+    refused("a StateSpace or an Estimate, got int", compare, 3, IOData([1.0, 2.0], [1.0, 2.0], 0.1))
     refused("at least one model", compare, [], IOData([1.0, 2.0], [1.0, 2.0], 0.1))
 
 
