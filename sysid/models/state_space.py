@@ -1,7 +1,6 @@
 """Linear state-space models in innovation form."""
 
 import re
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -12,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from sysid.models.half_power import half_power_frequencies
 from sysid.models.system_matrices import balanced_truncation, schur_form, transmission_zeros
-from sysid.records.arguments import real_number, sampling_interval, shown, whole_number
+from sysid.records.arguments import real_number, sampling_interval, shown, warn_beyond_nyquist, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock, real_array
 from sysid.records.channels import default_names
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError
 from sysid.records.printing import Part, matrix_table, poles_table
 
 if TYPE_CHECKING:
@@ -154,19 +153,12 @@ class StateSpace(Locked):
         """Response C (zI - A)^-1 B + D at z = exp(2 pi i f dt).
 
         Args:
-            f_hz: Frequencies in Hz (nf,).
+            f_hz: Frequencies in Hz (nf,); a warning if above Nyquist.
 
         Returns:
             Complex response (nf, ny, nu), in output units per input unit.
-
-        Warns:
-            SysidWarning: A frequency above Nyquist, whose response is that of its mirror image below.
         """
-        highest, nyquist = float(np.abs(real_array("f_hz", f_hz)).max(initial=0.0)), 0.5 / self.dt
-        if highest > nyquist * (1.0 + 1e-9):
-            text = f"f_hz reaches {highest:g} Hz, above Nyquist ({nyquist:g} Hz), where responses are mirror images"
-            # the delta method comes here often: one place, one warning
-            warnings.warn(f"{text}; frequencies are in Hz, not rad/s", SysidWarning, stacklevel=1)
+        warn_beyond_nyquist(f_hz, self.dt)
         return self._response(f_hz, self.B, self.D)
 
     def noise_response(self, f_hz: ArrayLike) -> ComplexArray:

@@ -1,13 +1,15 @@
 """Checks of arguments: whole numbers, real numbers, flags, windows."""
 
 import operator
+import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from sysid.records.arrays import FloatArray
-from sysid.records.errors import SysidError
+from sysid.records.arrays import FloatArray, real_array
+from sysid.records.errors import SysidError, SysidWarning
 
 LONGEST = 80  # longest quotation of a wrong value, in characters
 
@@ -44,6 +46,15 @@ def sampling_interval(value: Any) -> float:
 def confidence_level(value: Any) -> float:
     """Check a confidence level between 0 and 1."""
     return real_number("level", value, "lie between 0 and 1", lambda level: 0.0 < level < 1.0)
+
+
+def warn_beyond_nyquist(f_hz: ArrayLike, dt: float) -> None:
+    """Warn of frequencies above Nyquist, as those in rad/s are: the response there is that of a mirror image below."""
+    highest, nyquist = float(np.abs(real_array("f_hz", f_hz)).max(initial=0.0)), 0.5 / dt
+    if highest > nyquist * (1.0 + 1e-9):
+        text = f"f_hz reaches {highest:g} Hz, above Nyquist ({nyquist:g} Hz), where responses are mirror images"
+        # the delta method comes here often: one place, one warning
+        warnings.warn(f"{text}; frequencies are in Hz, not rad/s", SysidWarning, stacklevel=1)
 
 
 def truth_value(name: str, value: Any) -> bool:

@@ -207,9 +207,8 @@ class IOData(Labelled, Locked):
         start, stop, _ = part.indices(len(self))
         if stop <= start:
             raise SysidError(f"data[{part.start}:{part.stop}] of a record of {len(self)} samples is empty")
-        window = max(self.window - start, 0)
-        time = self.start + start * self.dt
-        return replace(self, u=self.u[start:stop], y=self.y[start:stop], window=window, start=time)
+        at = self.start + start * self.dt
+        return replace(self, u=self.u[start:stop], y=self.y[start:stop], window=max(self.window - start, 0), start=at)
 
     def detrend(self, order: int = 0) -> "IOData":
         """Remove from every channel its least-squares polynomial in time (0: the mean).
