@@ -21,6 +21,7 @@ COARSE = 5  # delays at which each is tried, where the delay is unknown
 REFINEMENTS = 4  # steps of SRIVC from each
 SETTLED = 1e-3  # relative change of the errors at which SRIVC stops: the search goes on from there
 KEPT = 3  # of these, the best that go on
+CONSTANT = np.array([0.0, 1.0])  # denominator s, whose free response is a constant
 LONGEST = 10_000  # samples of each experiment that initial estimates use
 
 
@@ -38,7 +39,8 @@ class PathData:
         dt: Sampling interval in s.
         intersample: Input between samples, held or linear.
         first: First sample of each experiment whose error counts.
-        free: Denominators of other paths whose initial states are free too; None if every path begins at rest.
+        rest: Whether the path begins at rest.
+        free: Denominators of further free responses: of other paths, of constants.
         structure: Numbers of poles and zeros, and whether the delay is known.
     """
 
@@ -47,15 +49,14 @@ class PathData:
     dt: float
     intersample: str
     first: Sequence[int]
-    free: Sequence[FloatArray] | None
+    rest: bool
+    free: Sequence[FloatArray]
     structure: PathStructure
 
     def stacked(self, a: FloatArray, blocks: Sequence[FloatArray]) -> FloatArray:
         """Columns of all experiments (rows, k), from `first` on and without the free responses of 1/A."""
         parts = [block[first:] for block, first in zip(blocks, self.first, strict=True)]
-        if self.free is None:
-            return np.vstack(parts)
-        table = free_responses([a, *self.free], self.dt, max(len(part) for part in parts))
+        table = free_responses([*([] if self.rest else [a]), *self.free], self.dt, max(len(part) for part in parts))
         for part in parts:
             if table.any():
                 basis, _ = orthonormal(table[: len(part)], part[:, 0])
@@ -160,6 +161,7 @@ def initial_estimates(
     longest: float,
     *,
     free: bool,
+    offset: bool,
 ) -> list[FloatArray]:
     """Parameters to start from, best first: path by path, each to the output without the others' responses."""
     experiments = [e[:LONGEST] for e in experiments]
@@ -178,13 +180,14 @@ def initial_estimates(
             dt=dt,
             intersample=intersample,
             first=first,
-            free=[path.a / path.a[-1] for path in others.values()] + integrators if free else None,
+            rest=not free,
+            free=[path.a / path.a[-1] for path in others.values()] * free + constants,
             structure=structures[j],
         )
         return path_estimates(data, longest)
 
     # those of other inputs are part of the noise as yet: the path that explains most comes first
-    integrators = [np.array([0.0, 1.0])] * any(structure.integrators for structure in structures)
+    constants = [CONSTANT] * (offset or (free and any(structure.integrators for structure in structures)))
     while len(estimates) < len(structures):
         fits = {j: fit(j) for j in range(len(structures)) if j not in estimates}
         most = min(fits, key=lambda j: fits[j][0][1])

@@ -4,14 +4,14 @@ import itertools
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy
 
-from sysid.continuous.initial_estimates import free_responses, initial_estimates
+from sysid.continuous.initial_estimates import CONSTANT, free_responses, initial_estimates
 from sysid.continuous.path_response import respond, transient_slopes
 from sysid.continuous.structures import PathStructure
 from sysid.models.continuous import Resampled
@@ -53,12 +53,14 @@ class OutputError:
         structures: Structure of the path from each input.
         longest: Limit on delays in s.
         free: Whether initial states are free.
+        offset: Whether each experiment has a free constant in its output.
     """
 
     experiments: Sequence[IOData]
     structures: Sequence[PathStructure]
     longest: float
     free: bool
+    offset: bool = False
 
     @cached_property
     def sizes(self) -> list[int]:
@@ -85,17 +87,17 @@ class OutputError:
         """
         theta = np.concatenate([s.arranged(own) for s, own in zip(self.structures, self.split(theta), strict=True)])
         limited = self.delays()
-        theta[limited] = np.clip(theta[limited], 0.0, self.longest)
+        slack = TIGHT * self.experiments[0].dt
+        theta[limited] = np.clip(np.where(theta[limited] <= slack, 0.0, theta[limited]), 0.0, self.longest)
         if not (np.isfinite(theta).all() and self._stable(theta)):
             return None
         parts = [self.columns(e, theta) for e in self.experiments]
-        columns = np.vstack([part for part, _ in parts])
+        columns = np.vstack([part for part, _, _ in parts])
         if not np.isfinite(columns).all():
             return None
-        slack = TIGHT * self.experiments[0].dt
         for k in limited:
             slope = float(columns[:, k] @ columns[:, -1])
-            if (theta[k] <= slack and slope > 0.0) or (theta[k] >= self.longest - slack and slope < 0.0):
+            if (theta[k] == 0.0 and slope > 0.0) or (theta[k] >= self.longest - slack and slope < 0.0):
                 columns[:, k] = 0.0
         p = len(theta)
         triangle, lengths = scaled_triangle(columns, guarded=p)
@@ -106,11 +108,14 @@ class OutputError:
             target=lengths[p] * triangle[:p, p],
             scale=lengths[:p],
             errors=sum(int(e.known[self.first(e) :].sum()) for e in self.experiments),
-            transients=sum(count for _, count in parts),
+            transients=sum(count for _, count, _ in parts),
         )
 
-    def columns(self, experiment: IOData, theta: FloatArray) -> tuple[FloatArray, int]:
-        """Derivatives of the errors and the errors (rows, p + 1), initial states projected out; and their number."""
+    def columns(self, experiment: IOData, theta: FloatArray) -> tuple[FloatArray, int, float]:
+        """Derivatives of the errors and the errors (rows, p + 1), with initial states and offset projected out.
+
+        Then the number of these, and the offset in units of the output.
+        """
         first = self.first(experiment)
         known = experiment.known[first:, 0]
         paths = [structure.transfer(own) for structure, own in zip(self.structures, self.split(theta), strict=True)]
@@ -118,13 +123,14 @@ class OutputError:
             respond(path, experiment.u[:, j], experiment.dt, experiment.intersample) for j, path in enumerate(paths)
         ]
         errors = (experiment.y[:, 0] - sum(response.y for response in responses))[first:]
-        table = free_responses([path.a for path in paths] if self.free else [], experiment.dt, len(errors))
+        denominators = [path.a for path in paths] * self.free + [CONSTANT] * self.offset
+        table = free_responses(denominators, experiment.dt, len(errors))
         table = table[known[: len(table)]]
         basis, states = orthonormal(table, errors[known]) if table.any() else (table, np.zeros(0))
         blocks, begin = [], 0
         for structure, own, path, response in zip(self.structures, self.split(theta), paths, responses, strict=True):
             by_coefficient = np.column_stack((response.by_b, response.by_a, response.by_delay))[first:]
-            if len(states) and structure.poles:
+            if self.free and len(states) and structure.poles:
                 # the free response from the best initial state depends on the denominator too
                 state = states[begin : begin + structure.poles]
                 slopes = transient_slopes(path.a, state, experiment.dt, len(errors))
@@ -133,7 +139,7 @@ class OutputError:
             blocks.append(-by_coefficient @ structure.jacobian(own))
         columns = np.column_stack((*blocks, errors))[known]
         columns[: len(basis)] -= basis @ (basis.T @ columns[: len(basis)])
-        return columns, basis.shape[1]
+        return columns, basis.shape[1], float(states[-1]) if self.offset else 0.0
 
     def _stable(self, theta: FloatArray) -> bool:
         dt = self.experiments[0].dt
@@ -150,7 +156,9 @@ class OutputError:
         # matrix exponentials of stiff systems round more than the filters of discrete-time models
         energy = 1e4 * sum(float(np.nansum(e.y**2)) for e in self.experiments)
         first = [self.first(e) for e in self.experiments]
-        starts = initial_estimates(self.experiments, self.structures, first, self.longest, free=self.free)
+        starts = initial_estimates(
+            self.experiments, self.structures, first, self.longest, free=self.free, offset=self.offset
+        )
         screened = [
             levenberg_marquardt(self, at, energy, max_iterations=2 * SCREENING_STEPS)
             for at in map(self, starts)
@@ -165,7 +173,7 @@ class OutputError:
         if self.delays() and self.free:
             # fewer samples are lost before a shorter delay
             longest = min(float(best.at.theta[self.delays()].max()) + REACH * self.experiments[0].dt, self.longest)
-            criterion = OutputError(self.experiments, self.structures, longest, self.free)
+            criterion = replace(self, longest=longest)
             at = criterion(best.at.theta)
             if at is not None:
                 best = levenberg_marquardt(criterion, at, energy, max_iterations=max_iterations)
@@ -239,6 +247,7 @@ def output_error_estimate(
     max_iterations: int,
     coloured: bool,
     initial_conditions: InitialConditions | str,
+    offset: bool,
 ) -> ContinuousEstimate:
     """Check the data, fit output by output, and return the estimate.
 
@@ -254,8 +263,10 @@ def output_error_estimate(
         max_iterations: Limit on the steps of a search.
         coloured: Whether the covariance allows for a disturbance that is not white.
         initial_conditions: Assumption about the time before each experiment.
+        offset: Whether every output of every experiment has a free constant.
     """
-    coloured, max_iterations = truth_value("coloured", coloured), whole_number("max_iterations", max_iterations, 1)
+    coloured, offset = truth_value("coloured", coloured), truth_value("offset", offset)
+    max_iterations = whole_number("max_iterations", max_iterations, 1)
     experiments = as_experiments(data, missing=True)
     initial_conditions = InitialConditions.of(initial_conditions)
     if initial_conditions is InitialConditions.BACKCAST:
@@ -270,6 +281,12 @@ def output_error_estimate(
     message = f"lie between 0 and half the shortest record, {limit:g} s"
     max_delay = real_number("max_delay", max_delay, message, lambda value: 0.0 <= value <= limit)
     structures = structures_of(experiments[0].ny, experiments[0].nu)
+    free = initial_conditions is InitialConditions.ESTIMATED
+    if offset and free and any(s.integrators for row in structures for s in row):
+        raise SysidError(
+            "offset: the free initial state of an integrator is a constant already; offset=True goes with "
+            "initial_conditions='zero'"
+        )
     known = [s.delay for row in structures for s in row if s.delay is not None]
     real_number("delay", max((0.0, *known)), message, lambda value: value <= limit)
     for row in structures:
@@ -280,15 +297,19 @@ def output_error_estimate(
             )
     needed = [max(row[j].poles + row[j].zeros + 1 for row in structures) for j in range(experiments[0].nu)]
     messages = check_excitation(experiments, needed)
-    messages += check_means(experiments, max(s.poles for row in structures for s in row))
+    messages += [] if offset else check_means(experiments, max(s.poles for row in structures for s in row))
     fits = []
     for i, row in enumerate(structures):
         single = [e.select(outputs=[i]) for e in experiments]
-        criterion = OutputError(single, row, max_delay, initial_conditions is InitialConditions.ESTIMATED)
+        criterion = OutputError(single, row, max_delay, free, offset)
         _check_enough(criterion)
         fits.append(criterion.minimum(max_iterations))
     theta = np.concatenate([minimum.at.theta for _, minimum, _ in fits])
     covariance, noise, condition = _covariances(fits, coloured)
+    levels: list[list[float]] = []
+    if offset:
+        levels = [[c.columns(e, best.at.theta)[2] for e in c.experiments] for c, best, _ in fits]
+        experiments = tuple(e.subtract(y=level) for e, *level in zip(experiments, *levels, strict=True))
     summary = DataSummary.of(experiments)
     names = [
         name + (f"[{i + 1},{j + 1}]" if len(structures) > 1 else f"[{j + 1}]" if len(row) > 1 else "")
@@ -296,17 +317,20 @@ def output_error_estimate(
         for j, structure in enumerate(row)
         for name in structure.names
     ]
-    for criterion, minimum, _ in fits:
+    begin = 0
+    for (criterion, minimum, _), output in zip(fits, summary.output_names, strict=True):
         if not minimum.converged:
-            messages.append(f"{method} did not converge: {minimum.reason}")
+            messages.append(f"{method} did not converge for output {output}: {minimum.reason}")
         paths = zip(criterion.structures, criterion.split(minimum.at.theta), strict=True)
         messages += [text for structure, own in paths for text in structure.warnings(own)]
         limits = len(messages)
         for k in criterion.delays():
-            if minimum.at.theta[k] <= TIGHT * dt:
-                messages.append("a delay is at its lower limit 0, which the intervals take as known")
+            delay = f"the delay {names[begin + k]}"
+            if minimum.at.theta[k] == 0.0:
+                messages.append(f"{delay} is at its lower limit 0, which the intervals take as known")
             elif minimum.at.theta[k] >= criterion.longest - TIGHT * dt:
-                messages.append(f"a delay is at its limit {criterion.longest:g} s: a larger max_delay may fit better")
+                messages.append(f"{delay} is at its limit {criterion.longest:g} s: a larger max_delay may fit better")
+        begin += criterion.sizes[-1]
         if len(messages) == limits and condition > ILL_CONDITIONED and minimum.at.cost > 0.0:
             messages.append(f"the parameters are poorly determined: condition number {condition:.2g} of the Jacobian")
     for text in messages:
@@ -329,6 +353,7 @@ def output_error_estimate(
             "iterations": sum(minimum.iterations for _, minimum, _ in fits),
             "converged": all(minimum.converged for _, minimum, _ in fits),
             "reason": "; ".join(minimum.reason for _, minimum, _ in fits),
+            "offsets": tuple(map(tuple, levels)),
             "initial_estimates": sum(count for _, _, count in fits),
             "sum_of_squares": tuple(minimum.at.cost for _, minimum, _ in fits),
             "warnings": tuple(messages),
@@ -341,13 +366,13 @@ def output_error_estimate(
 
 def _check_enough(criterion: OutputError) -> None:
     """Refuse data with fewer errors than unknowns."""
-    states = sum(s.poles for s in criterion.structures) if criterion.free else 0
+    states = criterion.offset + (sum(s.poles for s in criterion.structures) if criterion.free else 0)
     usable = [int(e.known[criterion.first(e) :].sum()) for e in criterion.experiments]
     count = criterion.sizes[-1]
     if sum(usable) <= count + states * len(usable) or min(usable) <= states:
         raise SysidError(
-            f"too many orders for the data: {count} parameters and {states} initial states per experiment from "
-            f"{sum(usable)} usable samples in {len(usable)} experiment(s)"
+            f"too many orders for the data: {count} parameters and {states} initial states and offsets per experiment "
+            f"from {sum(usable)} usable samples in {len(usable)} experiment(s)"
         )
 
 

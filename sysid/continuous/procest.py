@@ -17,6 +17,7 @@ def procest(
     max_iterations: int = 100,
     coloured: bool = True,
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
+    offset: bool = False,
 ) -> ContinuousEstimate:
     """Fit Kp (1 + Tz s) exp(-Td s) / (s (1 + Tp1 s) (1 + Tp2 s) (1 + Tp3 s)) by maximum likelihood, as `tfest` does.
 
@@ -31,6 +32,8 @@ def procest(
         max_iterations: Limit on the steps of each search.
         coloured: Whether the covariance allows for a disturbance that is not white; see `tfest`.
         initial_conditions: "estimated", a free initial state of each experiment, or "zero", rest.
+        offset: Whether every output of every experiment has an unknown constant beside the response of the model; it
+            becomes part of `operating_point`, and the covariance allows for it. For a step test about an unknown level.
 
     Returns:
         The estimate; parameters Kp, Tp1 ... or Tw, Zeta, Tp3, then Tz and Td, times in s. Real time constants fall
@@ -56,4 +59,5 @@ def procest(
         max_iterations=max_iterations,
         coloured=coloured,
         initial_conditions=initial_conditions,
+        offset=offset,
     )

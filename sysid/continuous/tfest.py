@@ -23,6 +23,7 @@ def tfest(
     max_iterations: int = 100,
     coloured: bool = True,
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
+    offset: bool = False,
 ) -> ContinuousEstimate:
     """Fit y = sum_j exp(-s Td_j) B_j(s)/A_j(s) u_j + e, e white at the samples, by maximum likelihood.
 
@@ -45,6 +46,8 @@ def tfest(
         coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
             an autoregressive model of it whose order BIC selects [Ljung1999, ch. 9]. The estimate itself is the same.
         initial_conditions: "estimated", a free initial state of each experiment, or "zero", rest.
+        offset: Whether every output of every experiment has an unknown constant beside the response of the model; it
+            becomes part of `operating_point`, and the covariance allows for it. For a step test about an unknown level.
 
     Returns:
         The estimate; parameters b1, b0, a1, a0 ... by power of s, and Td. `continuous` is the model, `damp` gives its
@@ -87,6 +90,7 @@ def tfest(
         max_iterations=max_iterations,
         coloured=coloured,
         initial_conditions=initial_conditions,
+        offset=offset,
     )
 
 

@@ -2,14 +2,14 @@
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 import scipy
 
-from sysid.models.continuous_estimate import ContinuousEstimate
+from sysid.models.continuous_estimate import ContinuousEstimate, continuous_estimate, estimate_fields
 from sysid.models.continuous_model import ContinuousModel
 from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model
@@ -79,11 +79,7 @@ def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "co
         realise(model.parameters)
         message = "the noise model has a pole at zero or on the negative real axis and is left out of the conversion"
         warnings.warn(message, SysidWarning, stacklevel=2)
-    return ContinuousEstimate(**_content(model), realise_continuous=realise)
-
-
-def _content(estimate: Estimate) -> dict[str, Any]:
-    return {field.name: getattr(estimate, field.name) for field in fields(Estimate)}
+    return continuous_estimate(model, realise)
 
 
 @dataclass(frozen=True)
@@ -176,7 +172,7 @@ def c2d(
     if isinstance(system, ContinuousEstimate):
         realise = Resampled(system.realise_continuous, dt, intersample)
         return Estimate(
-            **_content(system) | {"model": realise(system.parameters), "polynomials": None, "realise": realise}
+            **estimate_fields(system) | {"model": realise(system.parameters), "polynomials": None, "realise": realise}
         )
     import control
 

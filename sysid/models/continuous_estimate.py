@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -75,8 +75,12 @@ def continuous_estimate(
     estimate: Estimate, realise_continuous: Callable[[FloatArray], ContinuousModel]
 ) -> ContinuousEstimate:
     """The estimate with a continuous-time model of the same parameters."""
-    content = {field.name: getattr(estimate, field.name) for field in fields(Estimate)}
-    return ContinuousEstimate(**content, realise_continuous=realise_continuous)
+    return ContinuousEstimate(**estimate_fields(estimate), realise_continuous=realise_continuous)
+
+
+def estimate_fields(estimate: Estimate) -> dict[str, Any]:
+    """Fields of `Estimate` by name, without those of a continuous-time model."""
+    return {field.name: getattr(estimate, field.name) for field in fields(Estimate)}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -49,6 +49,12 @@ class ContinuousModel(Locked):
     def _parts(self) -> list[Part]:
         return [f"Continuous-time model of order {self.order}", *self.fractions()]
 
+    def matrices(self) -> list[Part]:
+        """As those of `StateSpace`; inputs without their delays."""
+        _, *tables = self.states.matrices()
+        noise = (" + K e", " + e") if self.states.gain.any() else ("", "")
+        return [f"x' = A x + B u{noise[0]}, y = C x + D u{noise[1]}", *tables]
+
     def fractions(self) -> list[str]:
         """Transfer function of each path, as text."""
         names = self.states.input_names or (), self.states.output_names or ()

@@ -106,14 +106,17 @@ class Estimate(Labelled, Locked):
 
     def _heading(self) -> str:
         orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
-        return f"{self.method.upper()} ({orders}) from {self.data.extent}"
+        same = math.isclose(self.model.dt, self.data.dt, rel_tol=1e-9)
+        interval = "" if same else f", converted to every {self.model.dt:g} s"
+        return f"{self.method.upper()} ({orders}) from {self.data.extent}{interval}"
 
     def _parts(self) -> list[Part]:
         parts: list[Part] = [self._heading()]
-        of_states = self.polynomials is None and self._responding is self.model
+        local = self.parameter_names[:1] == ("local1",)
+        of_states = local or (self.polynomials is None and self._responding is self.model)
         if of_states:
-            parts += self.model.matrices()
-        elif self._is_fir or (len(self.parameters) <= LISTED and self.parameter_names[:1] != ("local1",)):
+            parts += self._responding.matrices()
+        elif self._is_fir or len(self.parameters) <= LISTED:
             deviations = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
             parts.append(
                 Table([("parameter", self.parameter_names), ("value", uncertain(self.parameters, deviations))])

@@ -1,7 +1,9 @@
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
+from scipy.stats import linregress
 
 from sysid import IOData, SysidWarning, damp, procest, simulate, tfest
 from sysid.continuous.output_error import RealisePaths
@@ -66,6 +68,27 @@ def test_exact_recovery(kind, intersample):
 def test_several_channels_experiments_and_missing_outputs(paths):
     data, theta = step_record(paths, missing=0.1)
     np.testing.assert_allclose(procest(data, paths).parameters, theta, rtol=1e-8)
+
+
+def test_offsets_are_an_operating_point():
+    data, theta = step_record([["P1"], ["P0"]], lengths=(120, 80), missing=0.1)
+    levels = np.array([[20.0, -3.0], [25.0, 2.0]])
+    estimate = procest(
+        [one.subtract(y=-level) for one, level in zip(data, levels, strict=True)], [["P1"], ["P0"]], offset=True
+    )
+    np.testing.assert_allclose(estimate.parameters, theta, rtol=1e-8)
+    np.testing.assert_allclose(estimate.diagnostics["offsets"], levels.T, rtol=1e-8)
+    np.testing.assert_allclose(estimate.operating_point[1], [0.0, 0.0], atol=1e-6)
+    refused("the free initial state of an integrator is a constant", procest, data, "P1I", offset=True)
+
+
+def test_a_gain_with_an_offset_is_a_regression_line():
+    (data,), _ = step_record([["P0"]], noise=0.3, lengths=(200,))
+    estimate = procest(replace(data, y=data.y + 20.0), "P0", offset=True, coloured=False)
+    line = linregress(data.u[:, 0], data.y[:, 0] + 20.0)
+    assert estimate.parameters[0] == pytest.approx(line.slope, rel=1e-9)
+    assert estimate.covariance[0, 0] == pytest.approx(line.stderr**2, rel=1e-6)
+    assert estimate.operating_point[1] == pytest.approx([line.intercept], rel=1e-9)
 
 
 @pytest.mark.slow

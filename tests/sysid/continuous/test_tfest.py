@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sysid import IOData, c2d, d2c, damp, read_model, tfest, write_model
+from sysid import IOData, c2d, d2c, damp, n4sid, read_model, tfest, write_model
 from sysid.continuous.output_error import OutputError
 from sysid.continuous.path_response import TransferFunction, respond
 from sysid.continuous.structures import ProcessPath, RationalPath
@@ -90,3 +90,14 @@ def test_refusals():
     refused("delay must be a time >= 0", tfest, data, 1, 0, delay=-1.0)
     refused("only to whole samples", tfest, data, 0, 0, delay=None)
     refused("held .zoh. or linear", tfest, replace(data, intersample="bl"), 1, 0)
+
+
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+def test_texts_show_matrices_the_interval_and_which_delay_is_zero():
+    data = record([2.0], [1.0, 0.5], 0.0, 0.1, 4, samples=150, noise=0.05)
+    continuous = d2c(n4sid(data, 1))
+    assert "x' = A x + B u" in str(continuous)
+    assert "local1" not in str(continuous)
+    assert "converted to every 0.02 s" in repr(c2d(continuous, 0.02))
+    two = IOData(np.hstack((np.roll(data.u, 7), data.u)), data.y, 0.1)
+    assert "the delay Td[2] is at its lower limit 0" in str(tfest(two, 1, 0, delay=[0.0, None], max_delay=0.3))
