@@ -5,11 +5,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from sysid.continuous.fit_response_ss import states_by_vector_fitting
-from sysid.continuous.output_error import RealisePaths
 from sysid.continuous.rational_grid import Fraction, Fractions
 from sysid.continuous.response_estimate import likelihood_of, response_estimate
 from sysid.continuous.response_likelihood import Likelihood, greatest
-from sysid.continuous.structures import PerPath, RationalPath, per_path
+from sysid.continuous.structures import PerPath, RationalPath, RealisePaths, per_path
 from sysid.models.continuous import Resampled
 from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import FrequencyResponse

@@ -13,13 +13,11 @@ import scipy
 
 from sysid.continuous.initial_estimates import CONSTANT, free_responses, initial_estimates
 from sysid.continuous.path_response import respond, transient_slopes
-from sysid.continuous.structures import PathStructure
+from sysid.continuous.structures import PathStructure, RealisePaths
 from sysid.models.continuous import Resampled
 from sysid.models.continuous_estimate import ContinuousEstimate
-from sysid.models.continuous_model import ContinuousModel
 from sysid.models.data_summary import DataSummary
 from sysid.models.predict import residuals
-from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.error_jacobian import orthonormal
 from sysid.polynomial.initial_conditions import InitialConditions
@@ -202,39 +200,6 @@ class OutputError:
                 if best.at.cost >= before:
                     break
         return best
-
-
-@dataclass(frozen=True, eq=False)
-class RealisePaths:
-    """Pure function from parameters to the continuous-time model; a class, so that estimates can be pickled.
-
-    Attributes:
-        structures: Structure of each path, one row per output.
-        data: Sampling interval and names for the model.
-        intersample: Input between samples, held or linear.
-        covariance: Innovation covariance that the model carries (ny, ny); None if unknown.
-    """
-
-    structures: tuple[tuple[PathStructure, ...], ...]
-    data: DataSummary
-    intersample: str
-    covariance: FloatArray | None
-
-    def __call__(self, theta: FloatArray) -> ContinuousModel:
-        """Model for parameters (p,)."""
-        ny, nu = len(self.structures), len(self.structures[0])
-        parts = [s for row in self.structures for s in row]
-        ends = np.cumsum([len(s.names) for s in parts])
-        paths = [s.transfer(own) for s, own in zip(parts, np.split(theta, ends[:-1]), strict=True)]
-        blocks = [path.realisation() for path in paths]
-        A = scipy.linalg.block_diag(*(a for a, *_ in blocks))
-        B = np.vstack([b @ np.eye(nu)[[k % nu]] for k, (_, b, _, _) in enumerate(blocks)])
-        C = np.hstack([np.eye(ny)[:, [k // nu]] @ c for k, (_, _, c, _) in enumerate(blocks)])
-        D = np.reshape([d for *_, d in blocks], (ny, nu))
-        delays = np.reshape([max(path.delay, 0.0) for path in paths], (ny, nu))
-        return ContinuousModel(
-            StateSpace(A, B, C, D, None, self.data.dt, self.covariance, **self.data.labels), delays, self.intersample
-        )
 
 
 def output_error_estimate(

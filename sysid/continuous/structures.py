@@ -1,4 +1,4 @@
-"""Structures of one path: which parameters its transfer function has, with derivatives of the coefficients by them."""
+"""Structures of paths: the parameters of their transfer functions, derivatives of coefficients by them, the model."""
 
 import re
 from collections.abc import Sequence
@@ -6,8 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 
 from sysid.continuous.path_response import TransferFunction
+from sysid.models.continuous_model import ContinuousModel
+from sysid.models.data_summary import DataSummary
+from sysid.models.state_space import StateSpace
 from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
@@ -197,6 +201,39 @@ def _product(factors: list[FloatArray]) -> FloatArray:
 
 PathStructure = RationalPath | ProcessPath
 PerPath = int | Sequence[int] | Sequence[Sequence[int]]
+
+
+@dataclass(frozen=True, eq=False)
+class RealisePaths:
+    """Pure function from parameters to the continuous-time model; a class, so that estimates can be pickled.
+
+    Attributes:
+        structures: Structure of each path, one row per output.
+        data: Sampling interval and names for the model.
+        intersample: Input between samples, held or linear.
+        covariance: Innovation covariance that the model carries (ny, ny); None if unknown.
+    """
+
+    structures: tuple[tuple[PathStructure, ...], ...]
+    data: DataSummary
+    intersample: str
+    covariance: FloatArray | None
+
+    def __call__(self, theta: FloatArray) -> ContinuousModel:
+        """Model for parameters (p,)."""
+        ny, nu = len(self.structures), len(self.structures[0])
+        parts = [s for row in self.structures for s in row]
+        ends = np.cumsum([len(s.names) for s in parts])
+        paths = [s.transfer(own) for s, own in zip(parts, np.split(theta, ends[:-1]), strict=True)]
+        blocks = [path.realisation() for path in paths]
+        A = scipy.linalg.block_diag(*(a for a, *_ in blocks))
+        B = np.vstack([b @ np.eye(nu)[[k % nu]] for k, (_, b, _, _) in enumerate(blocks)])
+        C = np.hstack([np.eye(ny)[:, [k // nu]] @ c for k, (_, _, c, _) in enumerate(blocks)])
+        D = np.reshape([d for *_, d in blocks], (ny, nu))
+        delays = np.reshape([max(path.delay, 0.0) for path in paths], (ny, nu))
+        return ContinuousModel(
+            StateSpace(A, B, C, D, None, self.data.dt, self.covariance, **self.data.labels), delays, self.intersample
+        )
 
 
 def per_path(name: str, value: object, ny: int, nu: int) -> list[list[Any]]:

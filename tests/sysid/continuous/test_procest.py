@@ -6,8 +6,7 @@ import pytest
 from scipy.stats import linregress
 
 from sysid import IOData, SysidWarning, damp, procest, simulate, tfest
-from sysid.continuous.output_error import RealisePaths
-from sysid.continuous.structures import ProcessPath
+from sysid.continuous.structures import ProcessPath, RealisePaths
 from sysid.models.data_summary import DataSummary
 from tests.refusals import refused
 from tests.sysid.continuous.record import record
