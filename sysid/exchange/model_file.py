@@ -122,6 +122,7 @@ def _read_estimate(value: Any) -> Estimate:
     if data.intersample not in ("zoh", "foh", "bl"):
         raise SysidError(f"data.intersample: expected zoh, foh or bl, got {shown(data.intersample)}")
     offsets = {"input_offset": (data.input_offset, model.nu), "output_offset": (data.output_offset, model.ny)}
+    offsets["output_deviation"] = (data.output_deviation or None, model.ny)
     sides = {name: (labels, len(getattr(model, name))) for name, labels in data.labels.items()} | offsets
     for name, (values, count) in sides.items():
         if values is not None and len(values) != count:

@@ -29,6 +29,8 @@ class DataSummary:
         output_offset: The same of the outputs.
         frequencies: Hz, of a frequency response instead of records; `samples` then counts its real and imaginary parts,
             per output.
+        output_deviation: Standard deviation of each output, of several experiments each from its own mean; empty of a
+            frequency response.
     """
 
     samples: tuple[int, ...]
@@ -42,6 +44,7 @@ class DataSummary:
     input_offset: tuple[float, ...] | None = None
     output_offset: tuple[float, ...] | None = None
     frequencies: tuple[float, ...] = ()
+    output_deviation: tuple[float, ...] = ()
 
     @staticmethod
     def of(experiments: Sequence[IOData]) -> "DataSummary":
@@ -58,6 +61,7 @@ class DataSummary:
             intersample=first.intersample,
             input_offset=_mean([e.input_offset for e in experiments], experiments),
             output_offset=_mean([e.output_offset for e in experiments], experiments),
+            output_deviation=_deviations(experiments),
         )
 
     @property
@@ -71,6 +75,15 @@ class DataSummary:
         if self.frequencies:
             return f"{len(self.frequencies)} frequencies, {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz"
         return f"{counted(sum(self.samples), 'sample')} every {self.dt:g} s"
+
+
+def _deviations(experiments: Sequence[IOData]) -> tuple[float, ...]:
+    squares, counts = np.zeros((2, experiments[0].ny))
+    for e in experiments:
+        known = e.known.sum(axis=0)
+        mean = np.nansum(e.y, axis=0) / np.maximum(known, 1)
+        squares, counts = squares + np.nansum((e.y - mean) ** 2, axis=0), counts + known
+    return tuple(np.sqrt(squares / np.maximum(counts, 1)).tolist())
 
 
 def _mean(offsets: Sequence[FloatArray | None], experiments: Sequence[IOData]) -> tuple[float, ...] | None:

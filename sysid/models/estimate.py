@@ -131,7 +131,9 @@ class Estimate(Labelled, Locked):
             squares, expected = (self.diagnostics[f"{kind}sum_of_squares"] for kind in ("", "expected_"))
             known = f", {expected:.4g} expected of a true model" if np.isfinite(expected) else ""
             parts.append(f"weighted sum of squares: {squares:.4g}{known}")
-        elif not of_states:
+        elif np.isfinite(fits := self.fit_percent).all():
+            parts.append(f"fit to these data one step ahead: {', '.join(f'{fit:.2f} %' for fit in fits)}")
+        if not (self.data.frequencies or of_states):
             parts.append(f"innovation variance: {', '.join(numbers(np.diag(self.noise_variance)))}")
         parts.append(f"final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
         return [*parts, *(f"warning: {text}" for text in self.diagnostics.get("warnings", ()))]
@@ -192,6 +194,17 @@ class Estimate(Labelled, Locked):
     def step_response(self, n: int) -> FloatArray:
         """Response to a unit step in each input (n, ny, nu); with its interval: `band`."""
         return self.model.step_response(n)
+
+    @property
+    def fit_percent(self) -> FloatArray:
+        """Fit in percent of the one-step prediction to the data of the fit (ny,); NaN if not known.
+
+        It is that of `compare`, initialisation window included.
+        """
+        spread = np.array(self.data.output_deviation or [np.nan] * self.model.ny)
+        squares, counts = np.nansum(self.residuals**2, axis=0), np.isfinite(self.residuals).sum(axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(100.0 * (1.0 - np.sqrt(squares / counts) / spread))
 
     @property
     def loss(self) -> float:

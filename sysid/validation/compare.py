@@ -64,7 +64,7 @@ class Fits(tuple[ModelFit, ...]):
 
     __slots__ = ()
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         """Table of all fits."""
         return self._table().text()
 

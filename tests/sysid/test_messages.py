@@ -42,8 +42,8 @@ def test_an_estimate_lists_parameters_with_their_deviations():
     shown = rows[f"{pole.real:.5g}"]
     frequency = abs(np.log(pole)) / (2.0 * np.pi * 0.02)
     np.testing.assert_allclose([float(number) for number in shown], [frequency, 1.0, 0.02 / -np.log(pole.real)], 1e-4)
-    large = sysid.arx(DATA, 11, 10, 1)
-    assert "21 parameters" in str(large)
+    large = sysid.arx(DATA, 11, 11, 1)
+    assert "22 parameters" in str(large)
     assert "A(q) = 1 - 0." in str(large)
     assert str(replace(large, diagnostics={"warnings": ("poor",)})).endswith("\n  warning: poor")
     # Deviations that are not known are left out.
@@ -80,7 +80,7 @@ def test_short_forms_are_short():
         sysid.era(estimate.model.markov(20), 1): f"{estimate.poles()[0].real:.5g}",
         sysid.rarx(DATA, 1, 1): "600 samples of parameters",
         response: uncertain(response.magnitude[0, 0], response.magnitude_deviation()[0, 0])[0],
-        sysid.cra(DATA): "(20 of 21 rows)",
+        sysid.cra(DATA): "\n  10 ",
         forecast: f"12.02     {cells[1]}",
         estimate.bandwidth(): f"({low:.5g}, {high:.5g})",
         bound: f"{bound.bandwidth_hz[0, 0]:.5g}",

@@ -92,3 +92,13 @@ def test_fits_print_as_a_table(p3):
     assert [row.split("  ")[0] for row in rows] == ["a", "", "", "b & c", "", ""]
     assert f"{fits[0].simulation[0]:.2f}" in rows[0]
     assert "b &amp; c" in fits._repr_html_()
+
+
+def test_an_estimate_knows_the_fit_to_its_own_data(p3):
+    data = p3.draw(0)
+    y = data.y.copy()
+    y[50:60] = np.nan
+    for own in (data, [data[:400], data[400:]], IOData(data.u, y, data.dt, missing=True)):
+        estimate = armax(own, 2, 2, 2)
+        np.testing.assert_allclose(estimate.fit_percent, compare(estimate, own)[0].one_step, rtol=1e-9)
+    assert f"one step ahead: {estimate.fit_percent[0]:.2f} %" in str(estimate)
