@@ -16,7 +16,7 @@ from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
-from sysid.validation.feedback import feedback
+from sysid.validation.feedback import feedback, interchanged
 
 IntArray = NDArray[np.int_]
 FEEDBACK = 1e-4  # p-value below which feedback is certain enough for a warning
@@ -113,6 +113,8 @@ def delayest(
         names = (experiments[0].output_names or ())[i], (experiments[0].input_names or ())[j]
         text = f"input {names[1]} depends on past values of output {names[0]} (feedback): the delay by correlation"
         text += " means nothing, that by ARX holds only if the feedback has a delay"
+        if nu == ny == 1 and _feedback_p(interchanged(experiments), largest + nb)[0, 0] > 1.0 - level:
+            text += f"; nothing shows that {names[1]} acts on {names[0]}: are input and output interchanged?"
         warnings.warn(text, SysidWarning, stacklevel=2)
     correlations, bound = np.empty((largest + 1, ny, nu)), np.empty((ny, nu))
     z = float(scipy.stats.norm.ppf(1.0 - 0.5 * (1.0 - level) / (largest + 1)))

@@ -14,10 +14,12 @@ from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.selection.structure_search import ORDERS, Candidate, Experiments, StructureSearch, complete_parts
 from sysid.subspace import n4sid, pem_ss
-from sysid.validation.feedback import feedback
+from sysid.validation.feedback import feedback, interchanged
 
 LISTED = 8
 """Candidates that a printed choice lists."""
+
+INTERCHANGED = "; nothing shows that it acts on them: are input and output interchanged?"
 
 LEVEL = 0.01
 """p-value below which an input counts as fed back."""
@@ -110,6 +112,9 @@ def auto(
     search = StructureSearch(_stretches(experiments, longest), others, largest, names)
     delays, p = tuple[int, ...](), _feedback_p(experiments)
     fed_back, left_out = p < LEVEL, DIRECT
+    doubt = ""
+    if fed_back and experiments[0].nu == experiments[0].ny == 1:
+        doubt = INTERCHANGED * (_feedback_p(interchanged(complete_parts(experiments))) > LEVEL)
     with warnings.catch_warnings():
         # candidates that are too large give many warnings; the fit of the chosen one repeats its own
         warnings.simplefilter("ignore", SysidWarning)
@@ -133,7 +138,7 @@ def auto(
         delays=delays,
         samples=search.samples,
         reason=_reason(search, delays, sum(map(len, experiments)))
-        + fed_back * f"; by `feedback` (p = {p:.2g}) the input depends on past outputs: without {left_out}",
+        + fed_back * f"; by `feedback` (p = {p:.2g}) the input depends on past outputs: without {left_out}{doubt}",
     )
 
 

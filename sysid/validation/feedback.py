@@ -94,6 +94,11 @@ def feedback(
     return FeedbackTest(p_values, level, first.output_names or (), first.input_names or ())
 
 
+def interchanged(experiments: Sequence[IOData]) -> tuple[IOData, ...]:
+    """The same records with outputs as inputs, and inputs as outputs."""
+    return tuple(IOData(e.y, e.u, e.dt, window=e.window) for e in experiments)
+
+
 def addition_p(columns: FloatArray, added: int, target: FloatArray) -> float:
     """p-value of the F test that columns added to a regression, and a constant, explain nothing; NaN if they cannot.
 

@@ -6,6 +6,7 @@ import scipy
 
 import sysid
 from sysid import IOData, SysidError, auto
+from sysid.validation.feedback import interchanged
 from tests.sysid.systems import exact_system, second_order
 
 
@@ -57,6 +58,8 @@ def test_feedback_leaves_out_oe():
     assert not any(one.method == "oe" for one in choice.candidates)
     assert all(one.orders["nk"] >= 1 for one in choice.candidates)
     assert choice.estimate.dc_gain()[0, 0] == pytest.approx(2.5, rel=0.1)
+    assert "interchanged" not in choice.reason
+    assert "interchanged?" in auto(interchanged([second_order(noise=0.1, samples=600)]), largest=1).reason
     both = np.column_stack((y, scipy.signal.lfilter([0.0, 1.0], [1.0, -0.5], u) + v[::-1]))
     assert not auto(IOData(u, both, 0.1), largest=2).estimate.model.D.any()
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from sysid import IOData, armax, delayest, feedback, resid
-from sysid.validation.feedback import addition_p
+from sysid.validation.feedback import addition_p, interchanged
 from tests.refusals import refused
 
 
@@ -37,6 +37,8 @@ def test_a_loop_is_seen_in_data_and_residuals_and_by_delayest():
     with pytest.warns(match="depends on past values of output y1"):
         delayest(data)
     assert not feedback(loop(1, 0.0, 2000)).feedback.any()
+    with pytest.warns(match="are input and output interchanged?"):
+        delayest(interchanged([loop(1, 0.0, 2000)]))
 
 
 def test_long_records_are_tested_in_blocks(monkeypatch):
