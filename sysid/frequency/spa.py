@@ -19,6 +19,8 @@ from sysid.records.errors import SysidError, SysidWarning
 
 GRID = 512  # default number of frequencies
 LAG = 30  # longest default lag, as in MATLAB: more resolution costs variance and is the user's choice
+SHORT = 10  # shortest lag window whose end is judged
+UNRELATED, UNDECAYED = 0.1, 0.2  # largest correlation of inputs, and of outputs relative to its peak, at its end
 SIDE_LOBES = 0.01  # power relative to the peak: above the side lobes of the Hamming window, at -43 dB
 
 
@@ -54,7 +56,8 @@ def spa(
         Response and covariance are NaN where the input has no significant power.
 
     Warns:
-        SysidWarning: Means that dominate, inputs that depend on each other, or no frequency at which they have power.
+        SysidWarning: Means that dominate, inputs that depend on each other, a window shorter than the response, or no
+            frequency at which the inputs have power.
 
     Raises:
         SysidError: Constant input, lag not between 1 and N - 1, an invalid window, frequencies beyond Nyquist.
@@ -82,9 +85,11 @@ def spa(
     weights = window_values(window, 2 * m + 1)
     if not np.isclose(weights[m], 1.0) or not np.allclose(weights, weights[::-1]):
         raise SysidError(f"window({2 * m + 1}) must be symmetric round a 1 in the middle")
-    phi_u, phi_y, phi_yu = (
-        _transform(weights, covariance_function(a, b, m), f, dt) for a, b in ((u, u), (y, y), (y, u))
-    )
+    covariances = [covariance_function(a, b, m) for a, b in ((u, u), (y, y), (y, u))]
+    if m >= SHORT and experiments[0].nu and _truncated(covariances, samples):
+        text = f"the lag window of {m} samples is shorter than the response: the estimate is smoothed; use a longer lag"
+        warnings.warn(text, SysidWarning, stacklevel=2)
+    phi_u, phi_y, phi_yu = (_transform(weights, one, f, dt) for one in covariances)
     averages = samples / float(weights @ weights)
     response = response_of_spectra("spa", experiments, f, phi_u, phi_y, phi_yu, averages=averages)
     if complete and _negative(response):
@@ -94,6 +99,16 @@ def spa(
             positive = spa(experiments, lag=m, window=scipy.signal.windows.parzen, frequencies=f)
         response = _with_positive_noise(response, positive)
     return response if complete else _with_gaps(response, experiments, weights)
+
+
+def _truncated(covariances: Sequence[FloatArray], samples: int) -> bool:
+    """Whether outputs still correlate with an input at the end of the window, where inputs no longer correlate."""
+    own, power, cross = covariances
+    last = slice(-max(len(own) // 20, 1), None)
+    sizes = np.sqrt(np.einsum("kii->ki", power)[len(power) // 2][:, None] * np.einsum("kjj->kj", own)[len(own) // 2])
+    short = np.abs(own[last]).max() < UNRELATED * np.abs(own).max()
+    edge, peak = np.abs(cross[last]).max(axis=0), np.abs(cross).max(axis=0)
+    return bool(short and ((edge > UNDECAYED * peak) & (edge > 6.0 * sizes / np.sqrt(samples))).any())
 
 
 def _negative(response: FrequencyResponse) -> bool:

@@ -1,3 +1,4 @@
+import warnings
 from functools import partial
 
 import numpy as np
@@ -6,7 +7,7 @@ import scipy.signal
 from scipy.signal import lfilter
 from scipy.signal.windows import parzen
 
-from sysid import FrequencyResponse, IOData, arx, etfe, spa, welch
+from sysid import FrequencyResponse, IOData, SysidWarning, arx, etfe, spa, welch
 from sysid.polynomial import correlation
 from sysid.polynomial.correlation import covariance_function
 from tests.refusals import refused
@@ -122,6 +123,17 @@ def test_the_window_is_chosen_and_the_initialisation_window_left_out():
     assert estimate.degrees_of_freedom == pytest.approx(2 * (500 / np.sum(np.bartlett(41) ** 2) - 1))
     assert not np.allclose(estimate.response, spa(data, lag=20).response)
     assert (estimate.noise_spectrum.real > 0).all()
+
+
+def test_a_window_shorter_than_the_response_is_reported():
+    u = np.random.default_rng(0).standard_normal(3000)
+    slow = IOData(u, lfilter([0.02], [1.0, -0.98], u), 0.01)
+    with pytest.warns(SysidWarning, match="window of 30 samples is shorter than the response"):
+        spa(slow)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        spa(slow, lag=300)
+        spa(IOData(u, lfilter([1.0], [1.0, -0.8], u), 0.01))
 
 
 def test_nothing_is_claimed_where_the_input_is_silent():
