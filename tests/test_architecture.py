@@ -21,8 +21,8 @@ RECORDS = {"IOData", "StateSpace", "FrequencyResponse"}
 # Rooms of each package from the ground up: a room imports only rooms that stand before it.
 ROOMS = {
     "sysid": (
-        *("records", "models", "polynomial", "exchange", "validation", "subspace", "recursive", "frequency"),
-        *("continuous", "design", "selection", "plots"),
+        *("records", "models", "polynomial", "validation", "subspace", "recursive", "frequency"),
+        *("continuous", "exchange", "design", "selection", "plots"),
     ),
     "hmtb_twin": ("files", "parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
     "scenarios": (

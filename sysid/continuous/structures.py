@@ -219,12 +219,16 @@ class RealisePaths:
     intersample: str
     covariance: FloatArray | None
 
+    def transfers(self, theta: FloatArray) -> list[TransferFunction]:
+        """Transfer functions row by row for parameters (p,)."""
+        parts = [s for row in self.structures for s in row]
+        ends = np.cumsum([len(s.names) for s in parts])
+        return [s.transfer(own) for s, own in zip(parts, np.split(theta, ends[:-1]), strict=True)]
+
     def __call__(self, theta: FloatArray) -> ContinuousModel:
         """Model for parameters (p,)."""
         ny, nu = len(self.structures), len(self.structures[0])
-        parts = [s for row in self.structures for s in row]
-        ends = np.cumsum([len(s.names) for s in parts])
-        paths = [s.transfer(own) for s, own in zip(parts, np.split(theta, ends[:-1]), strict=True)]
+        paths = self.transfers(theta)
         blocks = [path.realisation() for path in paths]
         A = scipy.linalg.block_diag(*(a for a, *_ in blocks))
         B = np.vstack([b @ np.eye(nu)[[k % nu]] for k, (_, b, _, _) in enumerate(blocks)])

@@ -1,12 +1,16 @@
-"""A model as a MATLAB function that constructs it: idpoly or idss."""
+"""A model as a MATLAB function that constructs it: idpoly, idtf or idss."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from sysid.continuous.path_response import TransferFunction
+from sysid.continuous.structures import RationalPath, RealisePaths
 from sysid.exchange.files import heading, named_path, operating_point, write_whole
 from sysid.exchange.parameters import entries, entry_moves, portable, with_entries
+from sysid.models.continuous_estimate import ContinuousEstimate
+from sysid.models.delta_method import spread
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.models.predict import as_model
@@ -17,11 +21,12 @@ from sysid.records.errors import SysidError
 
 
 def to_matlab(model: StateSpace | Estimate, path: str | Path) -> Path:
-    """Write a MATLAB function that returns the model: `sys = servo` of servo.m constructs an idpoly or idss object.
+    """Write a MATLAB function that returns the model: `sys = servo` of servo.m constructs an identified model.
 
-    Estimates of polynomials become `idpoly`, all others `idss`, with names, units, `NoiseVariance` and the covariance
-    (`setcov`); of state-space estimates the latter is that of the entries of the matrices. An operating point that the
-    estimate knows is in `sys.UserData`. The System Identification Toolbox runs the function.
+    Estimates of polynomials become `idpoly`, those of `tfest`, `procest` and `fit_response` in continuous time `idtf`
+    with `IODelay`, all others `idss` in discrete time, with names, units, `NoiseVariance` and the covariance
+    (`setcov`): of `idtf` that of coefficients and delays, of `idss` that of the entries of the matrices. An operating
+    point that the estimate knows is in `sys.UserData`. The System Identification Toolbox runs the function.
 
     Args:
         model: A model or estimate.
@@ -46,25 +51,36 @@ def to_matlab(model: StateSpace | Estimate, path: str | Path) -> Path:
         if texts
     ]
     known = isinstance(model, Estimate) and np.isfinite(model.covariance).all() and len(model.parameters) > 0
-    # A model with the numbers of the parameters in their places shows where MATLAB puts them among its own.
+    free: list[str] = []
+    # A model with the numbers of the parameters in their places shows where MATLAB puts them among its own; they begin
+    # at 2, since polynomials have leading ones.
     if isinstance(model, Estimate) and model.polynomials is not None and isinstance(by := portable(model), Realise):
         count = len(model.parameters)
-        shape = by.orders.polynomials(np.arange(1.0, count + 1.0))
+        shape = by.orders.polynomials(np.arange(2.0, count + 2.0))
         rest = [_matrix(model.noise_variance), repr(m.dt), *labels]
         call, numbered = (_idpoly(polynomials, shape, rest) for polynomials in (model.polynomials, shape))
         covariance = model.covariance
+    elif isinstance(model, ContinuousEstimate) and isinstance(paths := model.realise_continuous, RealisePaths):
+        call, numbered, moves = _idtf(model, paths, labels)
+        covariance, count = moves.T @ moves, moves.shape[1]
+        free = [
+            f"sys.Structure({i + 1}, {j + 1}).IODelay.Free = true;"
+            for i, row in enumerate(paths.structures)
+            for j, path in enumerate(row)
+            if path.delay is None
+        ]
     else:
         call, count = _idss(m, labels), len(entries(m))
-        numbered = _idss(with_entries(m, np.arange(1.0, count + 1.0)), labels)
+        numbered = _idss(with_entries(m, np.arange(2.0, count + 2.0)), labels)
         if known and isinstance(model, Estimate):
             moves = entry_moves(model)
             covariance = moves.T @ moves
-    lines = [f"% {heading(model)}", f"sys = {call};"]
+    lines = [f"% {heading(model)}", f"sys = {call};", *free]
     if known:
         lines += [
             f"covariance = {_matrix(covariance)};",
             "% The same model with the number of each parameter in its place: where getpvec has it, setcov wants it.",
-            f"[known, number] = ismember(getpvec({numbered}), 1:{count});",
+            f"[known, number] = ismember(getpvec({numbered}), 2:{count + 1});",
             "whole = zeros(numel(known));",
             "whole(known, known) = covariance(number(known), number(known));",
             "sys = setcov(sys, whole);",
@@ -93,6 +109,30 @@ def _idss(m: StateSpace, labels: list[str]) -> str:
     noise = [] if covariance is None else [f"'NoiseVariance', {_matrix(covariance)}"]
     matrices = [_matrix(matrix) for matrix in (m.A, m.B, m.C, m.D, m.gain, np.zeros((m.order, 1)))]
     return _call("idss", [*matrices, repr(m.dt), *noise, *labels])
+
+
+def _idtf(estimate: Estimate, paths: RealisePaths, labels: list[str]) -> tuple[str, str, FloatArray]:
+    """The constructor, that with numbers of coefficients, and changes of these per standard direction."""
+    ny, nu = len(paths.structures), len(paths.structures[0])
+    shape = [RationalPath(s.poles, s.zeros, s.delay and 0.0) for row in paths.structures for s in row]
+
+    def coefficients(theta: FloatArray) -> FloatArray:
+        parts = zip(shape, paths.transfers(theta), strict=True)
+        return np.concatenate([structure.parameters(path) for structure, path in parts])
+
+    def text(transfers: Sequence[TransferFunction]) -> str:
+        cells = []
+        for rows in ([_row(g.b[::-1]) for g in transfers], [_row(g.a[::-1]) for g in transfers]):
+            cells.append(f"{{{'; '.join(', '.join(rows[i * nu : (i + 1) * nu]) for i in range(ny))}}}")
+        delays = _matrix(np.reshape([g.delay for g in transfers], (ny, nu)))
+        noise = [] if paths.covariance is None else ["'NoiseVariance'", _matrix(paths.covariance)]
+        return _call("idtf", [*cells, "0", "'IODelay'", delays, *noise, *labels])
+
+    values = [TransferFunction(g.b / g.a[-1], g.a / g.a[-1], g.delay) for g in paths.transfers(estimate.parameters)]
+    ends = np.cumsum([len(one.names) for one in shape])
+    numbers = np.split(np.arange(2.0, ends[-1] + 2.0), ends[:-1])
+    numbered = [structure.transfer(own) for structure, own in zip(shape, numbers, strict=True)]
+    return text(values), text(numbered), spread(coefficients, estimate.parameters, estimate.covariance)
 
 
 def _call(name: str, arguments: Iterable[str]) -> str:

@@ -6,10 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from sysid.continuous.output_error import RealisePaths
+from sysid.continuous.structures import PathStructure, ProcessPath, RationalPath
 from sysid.exchange.files import software, write_whole
 from sysid.exchange.json_text import checked_keys, decoded, decoded_fields, encoded, parsed, tagged, text_of
 from sysid.exchange.parameters import LinearEntries, entries, portable
-from sysid.models.continuous_estimate import ContinuousEstimate
+from sysid.models.continuous import Resampled, Unsampled
+from sysid.models.continuous_estimate import ContinuousEstimate, continuous_estimate
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.models.state_space import StateSpace
@@ -40,7 +43,8 @@ def write_model(model: Estimate | StateSpace | Polynomials, path: str | Path, *,
         The file.
 
     Raises:
-        SysidError: Something else, an estimate in continuous time, another ending, a folder of that name.
+        SysidError: Something else, an estimate of `fit_response_ss` in continuous time, another ending, a folder of
+            that name.
     """
     file = Path(path)
     if file.suffix != ENDING:
@@ -48,8 +52,6 @@ def write_model(model: Estimate | StateSpace | Polynomials, path: str | Path, *,
     kind = next((name for name, record in KINDS.items() if isinstance(model, record)), None)
     if kind is None:
         raise SysidError(f"expected an Estimate, a StateSpace or Polynomials, got {type(model).__name__}")
-    if isinstance(model, ContinuousEstimate):
-        raise SysidError("a model file holds models in discrete time: write c2d(estimate, dt), which keeps covariance")
     content: dict[str, Any] = dict(zip(HEAD, (FORMAT, VERSION, software()), strict=True))
     if command is not None:
         content["command"] = str(command)
@@ -102,7 +104,14 @@ def _model(content: Any) -> Estimate | StateSpace | Polynomials:
 
 
 def _estimate(e: Estimate) -> dict[str, Any]:
-    table = {field.name: encoded(getattr(e, field.name)) for field in fields(e) if field.name != "realise"}
+    table = {field.name: encoded(getattr(e, field.name)) for field in fields(Estimate) if field.name != "realise"}
+    if isinstance(e, ContinuousEstimate):
+        continuous = e.realise_continuous
+        if isinstance(continuous, RealisePaths):
+            return table | {"paths": encoded(continuous.structures)}
+        if not isinstance(continuous, Unsampled):
+            raise SysidError(f"{e.method} in continuous time has no form in a model file: write c2d(estimate, dt)")
+        table["unsampled"] = {"intersample": continuous.intersample, "noise": continuous.noise}
     function = portable(e)
     if isinstance(function, Realise):
         return table | {"layout": encoded(function.orders)}
@@ -110,12 +119,12 @@ def _estimate(e: Estimate) -> dict[str, Any]:
 
 
 def _read_estimate(value: Any) -> Estimate:
-    known = decoded_fields("estimate", value, Estimate, realise=("layout", "derivatives"))
+    known = decoded_fields("estimate", value, Estimate, realise=("layout", "derivatives", "paths", "unsampled"))
     model, data, theta = known["model"], known["data"], real_array("parameters", known["parameters"])
     p, ny = len(theta), model.ny
     for name, shape in (("covariance", (p, p)), ("noise_variance", (ny, ny)), ("residuals", (None, ny))):
         known[name] = _shaped(name, known[name], shape)
-    if data.dt != model.dt:
+    if data.dt != model.dt and "derivatives" not in value:
         raise SysidError(f"data.dt: expected {model.dt:g} s as the model, got {data.dt:g}")
     if len(data.samples) != len(data.names) or min(data.samples, default=-1) < 0:
         raise SysidError(f"data: expected a number of samples for each of the names, got {shown(data.samples)}")
@@ -127,20 +136,51 @@ def _read_estimate(value: Any) -> Estimate:
     for name, (values, count) in sides.items():
         if values is not None and len(values) != count:
             raise SysidError(f"data.{name}: expected {count}, one per channel of the model, got {len(values)}")
+    forms = [key for key in ("layout", "derivatives", "paths") if key in value]
     realise: Realise | LinearEntries
-    if "layout" in value and "derivatives" not in value:
+    if forms == ["paths"] and "unsampled" not in value:
+        structures = _structures(value["paths"], known["method"], (ny, model.nu), len(theta))
+        continuous = RealisePaths(structures, data, data.intersample, model.innovation_covariance)
+        sampled = Resampled(continuous)
+        expected, got = entries(model), entries(sampled(theta))
+        # matrix exponentials differ by rounding from machine to machine
+        if expected.shape != got.shape or not np.allclose(got, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max()):
+            raise SysidError("paths: the transfer functions with these parameters are not the model")
+        return ContinuousEstimate(**known, realise=sampled, realise_continuous=continuous)
+    if forms == ["layout"]:
         orders = _layout(value["layout"], known["polynomials"], known["parameter_names"])
         variance = None if model.innovation_covariance is None else float(known["noise_variance"][0, 0])
         realise = Realise(orders, data, variance)
         if not np.array_equal(entries(realise(theta)), entries(model)):
             raise SysidError("layout: the polynomials with these parameters are not the model")
-    elif "derivatives" in value and "layout" not in value:
+    elif forms == ["derivatives"]:
         moves = decoded("derivatives", value["derivatives"], FloatArray | None)
         shape = (p, len(entries(model)))
         realise = LinearEntries(model, theta, None if moves is None else _shaped("derivatives", moves, shape))
     else:
-        raise SysidError("expected either layout, of an estimate of polynomials, or derivatives")
-    return Estimate(**known, realise=realise)
+        raise SysidError("expected one of layout, of an estimate of polynomials, derivatives, and paths")
+    estimate = Estimate(**known, realise=realise)
+    if "unsampled" not in value:
+        return estimate
+    how = value["unsampled"]
+    checked_keys("unsampled", how, ("intersample", "noise"))
+    if how["intersample"] not in ("zoh", "foh") or not isinstance(how["noise"], bool):
+        raise SysidError(f"unsampled: expected intersample zoh or foh and noise true or false, got {shown(how)}")
+    return continuous_estimate(estimate, Unsampled(realise, **how))
+
+
+def _structures(
+    value: Any, method: str, shape: tuple[int, int], parameters: int
+) -> tuple[tuple[PathStructure, ...], ...]:
+    kind = ProcessPath if method == "procest" else RationalPath
+    rows: tuple[tuple[PathStructure, ...], ...] = decoded("paths", value, tuple[tuple[kind, ...], ...])  # type: ignore[valid-type]
+    paths = [path for row in rows for path in row]
+    fits = len(rows) == shape[0] and all(len(row) == shape[1] for row in rows)
+    if not fits or not all(0 <= path.zeros <= path.poles <= parameters for path in paths):
+        raise SysidError(f"paths: expected {shape[0]} rows of {shape[1]} proper transfer functions, got {shown(value)}")
+    if sum(len(path.names) for path in paths) != parameters:
+        raise SysidError(f"paths: expected those of {parameters} parameters, got {shown(value)}")
+    return rows
 
 
 def _layout(value: Any, polynomials: Polynomials | None, names: tuple[str, ...]) -> Orders:

@@ -367,10 +367,10 @@ def mean_square(errors: FloatArray) -> float:
 
 
 def _copied(value: Any) -> Any:
-    """Copy arrays: the caller may change its own."""
+    """Copy arrays, and lists into tuples: the caller may change its own."""
     if isinstance(value, np.ndarray):
         return value.copy()
-    return tuple(_copied(part) for part in value) if type(value) is tuple else value
+    return tuple(_copied(part) for part in value) if type(value) in (tuple, list) else value
 
 
 def as_estimate(estimate: Estimate) -> Estimate:

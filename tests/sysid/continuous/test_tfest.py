@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sysid import IOData, c2d, d2c, damp, n4sid, read_model, tfest, write_model
+from sysid import IOData, c2d, d2c, damp, n4sid, tfest
 from sysid.continuous.output_error import OutputError
 from sysid.continuous.path_response import TransferFunction, respond
 from sysid.continuous.structures import ProcessPath, RationalPath
@@ -75,13 +75,6 @@ def test_intervals_are_possible_ones_and_show_their_width():
     assert max(map(np.max, vague.damping.ci95)) <= 1.0
     assert _with_interval(12.0, 11.99998, 12.00002) == "12.000000 (11.999980 to 12.000020)"
     assert _with_interval(0.29177, 0.0001, 900.0) == "0.292 (0.000100 to 900)"
-
-
-def test_a_model_file_holds_the_sampled_estimate(tmp_path):
-    estimate = tfest(record([4.0], [1.0, 1.0, 4.0], 0.0, 0.1, 2, noise=0.05, samples=200), 2, 0)
-    refused("in discrete time: write c2d", write_model, estimate, tmp_path / "model.json")
-    back = d2c(read_model(write_model(c2d(estimate, 0.1), tmp_path / "model.json")))
-    np.testing.assert_allclose(damp(back).damping.ci95, damp(estimate).damping.ci95, rtol=1e-4)
 
 
 def test_refusals():

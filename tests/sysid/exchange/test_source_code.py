@@ -14,6 +14,7 @@ import sysid
 from sysid import IOData, StateSpace, simulate, to_fmu, to_matlab
 from sysid.exchange import to_c
 from tests.refusals import refused
+from tests.sysid.continuous.record import record as continuous_record
 
 DT = 0.02
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
@@ -180,6 +181,9 @@ s = struct('kind', 'idpoly', 'A', A, 'B', {B}, 'C', C, 'D', D, 'F', {F}, 'NoiseV
 s = given(s, varargin{:});
 c = @(p) [p{:}]; if ~iscell(B), B = {B}; F = {F}; end
 s.vector = [c(cellfun(@(f) f(2:end), F, 'UniformOutput', false)), D(2:end), C(2:end), c(B), A(2:end)]';""",
+    "idtf": """function s = idtf(num, den, Ts, varargin)
+s = given(struct('kind', 'idtf', 'num', {num}, 'den', {den}, 'Ts', Ts), varargin{:});
+s.vector = [s.IODelay(:)', [den{:}], [num{:}]]';""",
     "idss": """function s = idss(A, B, C, D, K, x0, Ts, varargin)
 s = struct('kind', 'idss', 'A', A, 'B', B, 'C', C, 'D', D, 'K', K, 'x0', x0, 'Ts', Ts);
 s = given(s, varargin{:});
@@ -226,6 +230,29 @@ def test_matlab_constructs_polynomials(tmp_path):
     np.testing.assert_array_equal(sys["covariance"][np.ix_(at, at)], estimate.covariance)
     rest = np.delete(np.arange(len(sys["vector"])), at)
     assert len(rest) and not sys["covariance"][rest].any()
+
+
+@needs_octave
+@pytest.mark.slow
+def test_matlab_constructs_transfer_functions_in_continuous_time(tmp_path):
+    first = continuous_record([4.0], [2.0, 1.0], 0.23, 0.1, 4, noise=0.05, samples=200)
+    second = continuous_record([1.0], [1.0, 1.0], 0.0, 0.1, 4, samples=200, seed=1)
+    both = IOData(np.hstack((first.u, second.u)), first.y + second.y, 0.1)
+    estimate = sysid.procest(both, ["P1D", "P1"])
+    sys = constructed(estimate, tmp_path)
+    (k1, t1, late, k2, t2) = estimate.parameters
+    np.testing.assert_allclose(sys["num"].astype(float), [k1 / t1, k2 / t2], rtol=1e-12)
+    np.testing.assert_allclose(np.vstack(sys["den"]), [[1.0, 1.0 / t1], [1.0, 1.0 / t2]], rtol=1e-12)
+    np.testing.assert_allclose(sys["IODelay"], [late, 0.0])
+    assert (sys["kind"], sys["Ts"], sys["Structure"]["IODelay"]["Free"]) == ("idtf", 0, 1)
+    # delays, denominators, numerators: Kp = b / a of each path
+    slopes = np.zeros((3, 8))
+    slopes[0, 0] = 1.0
+    for j, (k, t) in enumerate(((k1, t1), (k2, t2)), start=1):
+        slopes[j, 1 + 2 * j], slopes[j, 5 + j] = -k * t, t
+    at = [2, 0, 3]
+    expected = estimate.covariance[np.ix_(at, at)]
+    np.testing.assert_allclose(slopes @ sys["covariance"] @ slopes.T, expected, rtol=1e-5, atol=1e-12)
 
 
 @needs_octave
