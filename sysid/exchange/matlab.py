@@ -114,7 +114,7 @@ def _idss(m: StateSpace, labels: list[str]) -> str:
 def _idtf(estimate: Estimate, paths: RealisePaths, labels: list[str]) -> tuple[str, str, FloatArray]:
     """The constructor, that with numbers of coefficients, and changes of these per standard direction."""
     ny, nu = len(paths.structures), len(paths.structures[0])
-    shape = [RationalPath(s.poles, s.zeros, s.delay and 0.0) for row in paths.structures for s in row]
+    shape = [RationalPath(s.poles, s.zeros, None if s.delay is None else 0.0) for row in paths.structures for s in row]
 
     def coefficients(theta: FloatArray) -> FloatArray:
         parts = zip(shape, paths.transfers(theta), strict=True)

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.continuous.output_error import RealisePaths
-from sysid.continuous.structures import PathStructure, ProcessPath, RationalPath
+from sysid.continuous.structures import PathStructure, ProcessPath, RationalPath, RealisePaths
 from sysid.exchange.files import software, write_whole
 from sysid.exchange.json_text import checked_keys, decoded, decoded_fields, encoded, parsed, tagged, text_of
 from sysid.exchange.parameters import LinearEntries, entries, portable
@@ -172,8 +171,8 @@ def _read_estimate(value: Any) -> Estimate:
 def _structures(
     value: Any, method: str, shape: tuple[int, int], parameters: int
 ) -> tuple[tuple[PathStructure, ...], ...]:
-    kind = ProcessPath if method == "procest" else RationalPath
-    rows: tuple[tuple[PathStructure, ...], ...] = decoded("paths", value, tuple[tuple[kind, ...], ...])  # type: ignore[valid-type]
+    kind = tuple[tuple[ProcessPath, ...], ...] if method == "procest" else tuple[tuple[RationalPath, ...], ...]
+    rows: tuple[tuple[PathStructure, ...], ...] = decoded("paths", value, kind)
     paths = [path for row in rows for path in row]
     fits = len(rows) == shape[0] and all(len(row) == shape[1] for row in rows)
     if not fits or not all(0 <= path.zeros <= path.poles <= parameters for path in paths):

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sysid import IOData, c2d, d2c, damp, n4sid, tfest
+from sysid import FrequencyResponse, IOData, c2d, d2c, damp, fit_response_ss, n4sid, read_model, tfest, write_model
 from sysid.continuous.output_error import OutputError
 from sysid.continuous.path_response import TransferFunction, respond
 from sysid.continuous.structures import ProcessPath, RationalPath
@@ -75,6 +75,15 @@ def test_intervals_are_possible_ones_and_show_their_width():
     assert max(map(np.max, vague.damping.ci95)) <= 1.0
     assert _with_interval(12.0, 11.99998, 12.00002) == "12.000000 (11.999980 to 12.000020)"
     assert _with_interval(0.29177, 0.0001, 900.0) == "0.292 (0.000100 to 900)"
+
+
+def test_model_files_hold_fits_to_responses_in_continuous_time(tmp_path):
+    f = np.array([0.05, 0.1, 0.2, 0.5, 1.0])
+    response = FrequencyResponse.from_data(f, 2.0 / (2j * np.pi * f + 0.5), variance=0.01)
+    estimate, path = tfest(response, 1, 0), tmp_path / "model.json"
+    back = read_model(write_model(estimate, path))
+    np.testing.assert_array_equal(back.frequency_response(f).covariance, estimate.frequency_response(f).covariance)
+    refused("fit_response_ss in continuous time has no form", write_model, fit_response_ss(response, 1), path)
 
 
 def test_refusals():
