@@ -79,7 +79,7 @@ def test_intervals_are_possible_ones_and_show_their_width():
 
 def test_model_files_hold_fits_to_responses_in_continuous_time(tmp_path):
     f = np.array([0.05, 0.1, 0.2, 0.5, 1.0])
-    response = FrequencyResponse.from_data(f, 2.0 / (2j * np.pi * f + 0.5), variance=0.01)
+    response = FrequencyResponse.from_data(f, 2.0 / (2j * np.pi * f + 0.5), variance=np.full(5, 0.01))
     estimate, path = tfest(response, 1, 0), tmp_path / "model.json"
     back = read_model(write_model(estimate, path))
     np.testing.assert_array_equal(back.frequency_response(f).covariance, estimate.frequency_response(f).covariance)
