@@ -41,7 +41,7 @@ def estimate(method):
         "pem_ss": lambda: sysid.pem_ss(both, sysid.n4sid(both, 3)),
         "n4sid": lambda: sysid.n4sid(both, 3),
         "okid": lambda: sysid.okid(both, 3, p=3),
-        "tfest": lambda: sysid.tfest(gap, 1, 0, delay=[None, 0.0], max_delay=0.06, offset=True),
+        "tfest": lambda: sysid.tfest(gap[:120], 1, 0, delay=[None, 0.0], max_delay=0.06, offset=True),
         "procest": lambda: sysid.procest(data, ["P1Z", "P1"]),
         "d2c oe": lambda: sysid.d2c(sysid.oe(data, (2, 1), (2, 1), (1, 2))),
         "d2c pem_ss": lambda: sysid.d2c(estimate("pem_ss")),
