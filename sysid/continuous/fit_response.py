@@ -15,12 +15,13 @@ from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import Realise
-from sysid.records.arguments import real_number, truth_value, whole_number
+from sysid.records.arguments import real_number, shown, truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
 REFITS = 5  # steps of linear least squares
 KNOWN = 5.0  # standard deviations that a response differs from zero where its phase is used
+LONGEST = 1000  # delay in samples, each of them a state of the model
 SCREENED, DELAYS = 60, 4  # delays tried, and those that are searched from
 
 
@@ -76,6 +77,8 @@ def fit_response(
         raise SysidError(
             f"expected one output in discrete time, got {ny}: fit_response_ss, or response.select(outputs=[0])"
         )
+    if not continuous and not (np.isscalar(delay) and delay == 0.0):
+        raise SysidError(f"delay is of continuous time: expected nk, in samples, in discrete time, got {shown(delay)}")
     paths = _orders(nb, nf, delay if continuous else nk, ny, nu, continuous)
     unknown = sum(b + f + (continuous and late is None) for b, f, late in paths)
     if data.rows <= unknown:
@@ -134,7 +137,7 @@ def _orders(nb: object, nf: object, delay: object, ny: int, nu: int, continuous:
         m = whole_number("nb", b, 1, n + 1 if continuous else None)
         if late is not None and continuous:
             late = real_number("delay", late, "be a time >= 0 in s, or None", lambda d: 0.0 <= d < np.inf)
-        paths.append((m, n, late if late is None or continuous else whole_number("nk", late, 0)))
+        paths.append((m, n, late if late is None or continuous else whole_number("nk", late, 0, LONGEST)))
     return paths
 
 

@@ -209,6 +209,8 @@ def states_by_vector_fitting(
 
     More poles show resonances that rest on a few frequencies.
     """
+    if not g.any():
+        raise SysidError("a response that is zero at all frequencies has no poles: leave the path out by select")
     out = []
     order = counts[0]
     for count in counts:

@@ -65,11 +65,8 @@ class Likelihood:
     @staticmethod
     def of(response: FrequencyResponse, known_variance: bool) -> "Likelihood":
         """Weights from the covariance of a response; equal ones without it."""
-        kept = np.isfinite(response.response).all(axis=(1, 2))
-        if response.covariance is not None:
-            kept &= np.isfinite(response.covariance).all(axis=(1, 2, 3, 4))
-        part = response.select(kept)
-        nf, count = len(part.frequencies), 2 * part.response[0].size if kept.any() else 0
+        part = response.determined()
+        nf, count = len(part.frequencies), 2 * int(np.prod(part.response.shape[1:]))
         if nf < 2:
             raise SysidError(f"the response is known at {nf} frequencies, at least 2 are needed")
         x, scale = points(part)

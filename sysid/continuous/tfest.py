@@ -12,6 +12,8 @@ from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.records.arguments import real_number, whole_number
 from sysid.records.data import IOData
 
+MOST_POLES = 100  # of one path; the coefficients of higher degrees are no numbers of double precision
+
 
 def tfest(
     data: IOData | Sequence[IOData] | FrequencyResponse,
@@ -95,7 +97,7 @@ def tfest(
 
 
 def _structure(poles: object, zeros: object, delay: object) -> RationalPath:
-    n = whole_number("poles", poles, 0)
+    n = whole_number("poles", poles, 0, MOST_POLES)
     m = max(n - 1, 0) if zeros is None else whole_number("zeros", zeros, 0, n)
     late = None if delay is None else real_number("delay", delay, "be a time >= 0 in s, or None", lambda d: d >= 0.0)
     return RationalPath(n, m, late)

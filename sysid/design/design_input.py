@@ -134,11 +134,11 @@ def design_input(
             of different sampling intervals, a quantity that is not finite, a comparison of another length or that does
             not determine the parameters.
     """
-    n = whole_number("samples", samples, 2)
+    n = whole_number("samples", samples, 2, 10**6)
     amplitude = real_number("amplitude", amplitude, "be a number > 0", lambda v: 0.0 < v < np.inf)
     rate = real_number("rate", rate, "be a number > 0", lambda v: v > 0.0)
     rng = np.random.default_rng(whole_number("seed", seed, 0))
-    pilots = _pilots(model, n, dt, variance, amplitude, whole_number("draws", draws, 0), rng)
+    pilots = _pilots(model, n, dt, variance, amplitude, whole_number("draws", draws, 0, 10**6), rng)
     if not (quantity is None or callable(quantity)):
         raise SysidError(f"quantity must be a function of a model, or None, got {type(quantity).__name__}")
     size, interval = transform_length(pilots, n), pilots[0].model.dt

@@ -17,6 +17,9 @@ KINDS = ("rgs", "rbs", "prbs", "sine", "chirp")
 LONGEST_REGISTER = 32
 """Bits of the longest register that `scipy.signal.max_len_seq` has taps for."""
 
+LARGEST = 10**8
+"""Values of the largest signal, of all inputs."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class InputSignal(Locked):
@@ -115,13 +118,14 @@ def idinput(
     """
     if kind not in KINDS:
         raise SysidError(f"kind must be one of {', '.join(KINDS)}, got {shown(kind)}")
-    n, inputs = whole_number("n", n, 2), whole_number("inputs", inputs, 1)
-    periods, skip = whole_number("periods", periods, 1), whole_number("skip", skip, 1)
+    n, skip = whole_number("n", n, 2, LARGEST), whole_number("skip", skip, 1)
+    inputs = whole_number("inputs", inputs, 1, max(1, LARGEST // n))
+    periods = whole_number("periods", periods, 1, max(1, LARGEST // (n * inputs)))
     dt, rng = sampling_interval(dt), np.random.default_rng(whole_number("seed", seed, 0))
     own = {"prbs": {"clock", "register"}, "sine": {"sines", "skip"}, "chirp": {"logarithmic"}}.get(kind, set())
-    options = {"clock": clock, "register": register, "sines": sines, "skip": skip - 1, "logarithmic": logarithmic}
-    truth_value("logarithmic", logarithmic)
-    if foreign := sorted(name for name, value in options.items() if value and name not in own):
+    options = {"clock": clock, "register": register, "sines": sines, "skip": None if skip == 1 else skip}
+    options["logarithmic"] = truth_value("logarithmic", logarithmic) or None
+    if foreign := sorted(name for name, value in options.items() if value is not None and name not in own):
         raise SysidError(f"{kind} does not take {', '.join(foreign)}; it takes {', '.join(sorted(own)) or 'neither'}")
     low, high = _rising("band", band, "two rising fractions of the Nyquist frequency, 0 to 1", 0.0, 1.0)
     least, most = _rising("levels", levels, "two rising numbers", -np.inf, np.inf)

@@ -54,7 +54,9 @@ def spafdr(
         f = np.geomspace(min(AVERAGES * line, 0.1 * nyquist), nyquist, GRID)
     else:
         f = np.atleast_1d(real_array("frequencies", frequencies))
-    if f.ndim != 1 or not len(f) or f.min() <= 0.0 or f.max() > nyquist * (1 + 1e-12):
+    if f.ndim != 1 or not len(f):
+        raise SysidError(f"frequencies: expected one or more, got an array of shape {f.shape}")
+    if f.min() <= 0.0 or f.max() > nyquist * (1 + 1e-12):
         raise SysidError(f"frequencies must lie above 0 and up to Nyquist ({nyquist} Hz), got {f.min()} to {f.max()}")
     widths = np.maximum(RELATIVE * f, AVERAGES * line) if resolution is None else real_array("resolution", resolution)
     if widths.shape not in ((), f.shape) or widths.min() <= 0.0:

@@ -110,7 +110,10 @@ def vector_fit(
         SysidError: More unknowns than values of the response.
     """
     direct, stable = truth_value("direct", direct), truth_value("stable", stable)
-    order, max_iterations = whole_number("order", order, 1), whole_number("max_iterations", max_iterations, 1)
+    if not isinstance(response, FrequencyResponse):
+        raise SysidError(f"expected a FrequencyResponse, got {type(response).__name__}")
+    order = whole_number("order", order, 1, 2 * response.response.size)
+    max_iterations = whole_number("max_iterations", max_iterations, 1)
     known = response.determined()
     weights = np.ones(known.response.shape)
     if known.covariance is not None:
@@ -205,7 +208,7 @@ def _relocated(
         phi[:, : own.shape[1]] /= size
         rows.append(np.asarray(np.linalg.qr(phi, mode="r"))[own.shape[1] :, own.shape[1] :])
     # sigma is one on average, not at infinity
-    share = np.linalg.norm(w * g) / len(x)
+    share = np.linalg.norm(w * g) / len(x) or 1.0
     rows.append(share * relaxed.real.sum(axis=0)[None])
     table = np.vstack(rows)
     size = np.linalg.norm(table, axis=0)

@@ -63,7 +63,8 @@ def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "co
     """
     if isinstance(model, ContinuousEstimate):
         return model
-    hold = intersample or (model.data.intersample if isinstance(model, Estimate) else "zoh")
+    own = model.data.intersample if isinstance(model, Estimate) else "zoh"
+    hold = own if intersample is None else intersample
     if hold == "bl" and intersample is None:
         text = "the input of the data is band-limited: taken as held, which is exact only far below Nyquist"
         warnings.warn(f"{text}; intersample='zoh' or 'foh' chooses", SysidWarning, stacklevel=2)

@@ -8,9 +8,10 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sysid.records.arguments import real_number, sampling_interval
-from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array
+from sysid.records.arguments import real_number
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array, rectangular
 from sysid.records.channels import channel_indices, channel_labels, default_names
+from sysid.records.data import LARGEST
 from sysid.records.errors import SysidError
 from sysid.records.labelled import Labelled
 
@@ -127,16 +128,23 @@ class FrequencyResponse(Labelled, Locked):
         values = values[:, None, None] if values.ndim == 1 else values
         if f.ndim != 1 or values.ndim != 3 or len(f) != len(values) or not values.size:
             raise SysidError(f"expected hz (nf,) and response (nf, ny, nu), got {f.shape} and {values.shape}")
-        dt = sampling_interval(dt) if dt else 0.0
+        bounds = "be 0 (continuous time) or lie between 1e-15 and 1e15 s"
+        dt = real_number("dt", dt, bounds, lambda v: v == 0.0 or 1e-15 <= v <= 1e15)
+        if (np.abs(values) > LARGEST).any() or 0.0 < np.abs(values).max() < 1.0 / LARGEST:
+            raise SysidError(
+                f"response: expected values up to {LARGEST:g} and not all below its inverse: change the unit"
+            )
         if f[0] < 0.0 or (np.diff(f) <= 0.0).any() or (dt and f[-1] > 0.5 / dt * (1.0 + 1e-9)):
             limit = f" up to Nyquist, {0.5 / dt:g} Hz" if dt else ""
             raise SysidError(f"hz: expected ascending frequencies from 0{limit}, got {f[0]:g} to {f[-1]:g} Hz")
         if sum(one is not None for one in (variance, covariance, coherence)) > 1:
             raise SysidError("expected one of variance, covariance and coherence, got several")
+        if averages is not None and coherence is None:
+            raise SysidError("averages belong to a coherence, of which there is none")
         joint, freedom = None, None
         if coherence is not None:
             count = real_number("averages", averages, "be a number above 1", lambda k: 1.0 < k < np.inf)
-            c = np.reshape(real_array("coherence", coherence), values.shape)
+            c = _like("coherence", coherence, values.shape)
             if values.shape[2] > 1 or (c <= 0.0).any() or (c > 1.0).any():
                 raise SysidError("coherence: expected values above 0 and up to 1 of one input; else pass a covariance")
             variance, freedom = np.abs(values) ** 2 * (1.0 - c) / (c * (count - 1.0)), 2.0 * (count - 1.0)
@@ -147,10 +155,7 @@ class FrequencyResponse(Labelled, Locked):
                 raise SysidError(f"covariance: expected Hermitian ({len(f)}, {size}, {size}), got {joint.shape}")
             variance = np.einsum("fee->fe", joint).real
         if variance is not None:
-            try:
-                variance = np.reshape(real_array("variance", variance), values.shape)
-            except ValueError as error:
-                raise SysidError(f"variance: expected shape {values.shape}, got {np.shape(variance)}") from error
+            variance = _like("variance", variance, values.shape)
             if (variance < 0.0).any():
                 raise SysidError("variance: expected values >= 0, got negative ones")
         _, ny, nu = values.shape
@@ -233,7 +238,10 @@ class FrequencyResponse(Labelled, Locked):
 
     def determined(self) -> "FrequencyResponse":
         """Return the response at the frequencies at which the data determine all of it."""
-        return self.select(np.isfinite(self.response).all(axis=(1, 2)))
+        known = np.isfinite(self.response).all(axis=(1, 2))
+        if self.covariance is not None:
+            known &= np.isfinite(self.covariance).all(axis=(1, 2, 3, 4))
+        return self.select(known)
 
     def full_covariance(self) -> FloatArray:
         """Covariance of real and imaginary part of all entries, entry by entry (nf, 2 ny nu, 2 ny nu).
@@ -252,7 +260,8 @@ class FrequencyResponse(Labelled, Locked):
             joint = np.einsum("fik,flj->fijkl", self.noise_spectrum, inverse).reshape(nf, ny * nu, ny * nu)
         correlation = np.broadcast_to(np.eye(ny * nu), (nf, ny * nu, ny * nu))
         if joint is not None:
-            size = np.sqrt(np.maximum(np.einsum("fee->fe", joint).real, np.finfo(float).tiny))
+            size = np.einsum("fee->fe", joint).real
+            size = np.sqrt(np.where(size > np.finfo(float).tiny, size, np.inf))
             correlation = joint / size[:, :, None] / size[:, None, :]
         parts = np.array([[correlation.real, -correlation.imag], [correlation.imag, correlation.real]])
         values, vectors = np.linalg.eigh(self.covariance.reshape(nf, ny * nu, 2, 2))
@@ -382,7 +391,15 @@ def complex_covariance(variance: FloatArray, f: FloatArray, dt: float, *, double
     return out
 
 
+def _like(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    """Real array of as many values as `shape` has, in this shape."""
+    out = real_array(name, value)
+    if out.size != np.prod(shape):
+        raise SysidError(f"{name}: expected shape {shape}, got {out.shape}")
+    return out.reshape(shape)
+
+
 def _complex_array(name: str, value: ArrayLike) -> ComplexArray:
     """Convert to complex; refuse what `real_array` refuses, NaN and infinite parts."""
-    raw = np.asarray(value)
+    raw = rectangular(name, value)
     return np.asarray(real_array(name, raw.real) + 1j * real_array(name, raw.imag))

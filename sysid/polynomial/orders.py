@@ -130,8 +130,10 @@ class Orders:
         """Inverse of `polynomials`: parameters (p,), zero where a polynomial is shorter than its order.
 
         Raises:
-            SysidError: A polynomial is longer than its order, other inputs, or a shorter delay.
+            SysidError: No polynomials, a polynomial longer than its order, other inputs, or a shorter delay.
         """
+        if not isinstance(polynomials, Polynomials):
+            raise SysidError(f"expected Polynomials to start from, got {shown(polynomials)}")
         rows = [polynomials.channel(j) for j in range(polynomials.nu)]
         if len(rows) != len(self.nk):
             raise SysidError(f"expected polynomials of {len(self.nk)} input(s), got {len(rows)}")
@@ -189,7 +191,7 @@ def make_orders(
 def _per_input(name: str, value: int | Sequence[int], nu: int, least: int = 0) -> tuple[int, ...]:
     if isinstance(value, int | np.integer) or (isinstance(value, np.ndarray) and not value.ndim):
         return (whole_number(name, value, least),) * nu
-    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
+    if isinstance(value, str | bytes) or not isinstance(value, Sequence | np.ndarray):
         raise SysidError(f"{name} must be a whole number >= {least}, or one per input, got {shown(value)}")
     values = tuple(whole_number(name, v, least) for v in value)
     if len(values) != nu:

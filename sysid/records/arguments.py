@@ -28,8 +28,8 @@ def whole_number(name: str, value: Any, least: int, most: int | None = None) -> 
 
 def real_number(name: str, value: Any, expected: str, allowed: Callable[[float], bool]) -> float:
     """Check a real number and return it as `float`; `expected` completes the message "NAME must ..."."""
-    single = np.shape(value) == () and not isinstance(value, bool | np.bool_ | str | bytes | None)
     try:
+        single = np.shape(value) == () and not isinstance(value, bool | np.bool_ | str | bytes | None)
         number = float(value) if single else np.nan
     except (TypeError, ValueError, OverflowError):
         number = np.nan

@@ -83,12 +83,17 @@ def lock(array: NDArray[Scalar]) -> NDArray[Scalar]:
     return out
 
 
+def rectangular(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Convert to an array of any type; refuse ragged sequences."""
+    try:
+        return np.asarray(value)
+    except ValueError as error:
+        raise SysidError(f"{name}: expected a rectangular array of numbers, got a ragged sequence") from error
+
+
 def real_array(name: str, value: ArrayLike) -> FloatArray:
     """Convert to float64; refuse complex, ragged, non-numeric, masked, NaN and infinite values."""
-    try:
-        raw: NDArray[Any] = np.asarray(value)
-    except ValueError as error:
-        raise SysidError(f"{name}: expected a rectangular array of real numbers, got a ragged sequence") from error
+    raw = rectangular(name, value)
     if np.ma.is_masked(value):
         raise SysidError(f"{name}: {np.ma.count_masked(value)} masked value(s) given, expected numbers throughout")
     if raw.dtype.kind not in "biuf":

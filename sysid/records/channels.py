@@ -22,7 +22,9 @@ def channel_labels(what: str, value: Sequence[str] | None, default: tuple[str, .
         return default
     if not isinstance(value, Sequence):
         raise SysidError(f"{what}: expected {len(default)} text(s), one per channel, got {value!r}")
-    labels = (value,) if isinstance(value, str) else tuple(str(label) for label in value)
+    labels = (value,) if isinstance(value, str) else tuple(value)
+    if not all(isinstance(label, str) for label in labels):
+        raise SysidError(f"{what}: expected texts, got {labels}")
     if len(labels) != len(default):
         raise SysidError(f"{what}: expected {len(default)}, one per channel, got {len(labels)}: {labels}")
     if what.endswith("names") and len(set(labels)) != len(labels):

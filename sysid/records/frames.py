@@ -51,7 +51,9 @@ def from_dataframe(
     if isinstance(index, pandas.DatetimeIndex) and index.tz is not None:
         index = index.tz_convert(None)
     columns = {
-        str(name): column.to_numpy(float, na_value=np.nan) if pandas.api.types.is_numeric_dtype(column) else column
+        str(name): column.to_numpy(float, na_value=np.nan)
+        if pandas.api.types.is_numeric_dtype(column) and not pandas.api.types.is_complex_dtype(column)
+        else column
         for name, column in frame.items()
     }
     dataset = xarray.Dataset(
@@ -90,7 +92,7 @@ def from_xarray(
     if not isinstance(dataset, xarray.Dataset):
         raise SysidError(f"expected an xarray Dataset, got {type(dataset).__name__}")
     u, y = _chosen(dataset, "input", inputs), _chosen(dataset, "output", outputs)
-    arrays = {str(name): one for name, one in dataset.items() if one.dtype.kind in "biuf" and one.ndim == 1}
+    arrays = {str(name): one for name, one in dataset.items() if one.dtype.kind in "biufc" and one.ndim == 1}
     axes = {arrays[name].dims[0] for name in (*u, *y) if name in arrays}
     if len(axes) > 1:
         raise SysidError(f"expected variables over one dimension, time, got {', '.join(map(str, axes))}")

@@ -1,13 +1,13 @@
 """Records from files: CSV, MATLAB, NetCDF, logs of messages."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
-from sysid.records.arguments import shown
+from sysid.records.arguments import real_number, shown
 from sysid.records.arrays import FloatArray
 from sysid.records.channels import listed
 from sysid.records.data import IOData
@@ -39,14 +39,16 @@ class Choice:
     def __post_init__(self) -> None:
         for side in ("inputs", "outputs"):
             names = getattr(self, side)
+            if not isinstance(names, Iterable):
+                raise SysidError(f"expected {side} by name, got {shown(names)}")
             object.__setattr__(self, side, (names,) if isinstance(names, str) else tuple(names))
         for name in self.channels:
             if not isinstance(name, str):
                 raise SysidError(f"expected inputs and outputs by name, got {shown(name)}")
         if len(set(self.channels)) != len(self.channels):
             raise SysidError(f"expected different columns, got {listed(self.channels)}")
-        if self.dt is not None and not 0 < self.dt < np.inf:
-            raise SysidError(f"dt must be above 0 s, got {self.dt}")
+        if self.dt is not None:
+            real_number("dt", self.dt, "be above 0 s", lambda dt: 0.0 < dt < np.inf)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -219,10 +221,10 @@ def read_experiments(
         SysidError: As in `read_csv`; different intervals.
     """
     choice = Choice(inputs, outputs, time, time_unit, dt, missing, cut=True)
-    files = [
-        _existing(path, "a data file or the folder of a rosbag2")
-        for path in ((paths,) if isinstance(paths, str | Path) else paths)
-    ]
+    several = (paths,) if isinstance(paths, str | Path) else paths
+    if not isinstance(several, Iterable):
+        raise SysidError(f"expected the paths of data files, got {shown(paths)}")
+    files = [_existing(path, "a data file or the folder of a rosbag2") for path in several]
     if not files:
         raise SysidError("expected the paths of data files, got none")
     loaders = [_from_log if file.is_dir() else _LOADERS.get(file.suffix.lower(), _from_text) for file in files]
@@ -336,6 +338,8 @@ def records_of(
 
 
 def _signal(name: str, times: FloatArray, values: Column, unit: str) -> Signal:
+    if values.dtype.kind == "c":
+        raise SysidError(f"{name}: expected real numbers, got complex ones")
     table = values.astype(np.float64).reshape(len(values), -1)
     names = (name,) if table.shape[1] == 1 else tuple(f"{name}{k + 1}" for k in range(table.shape[1]))
     return Signal(times, table, names, (unit,) * len(names))
