@@ -18,7 +18,8 @@ def merge(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
     division: `spa`, `spafdr`, `welch`, `etfe` and `bla` take a list of experiments.
 
     Args:
-        responses: Responses with covariance, of the same channels at the same frequencies; where some are NaN the others count.
+        responses: Responses with covariance, of the same channels at the same frequencies; where some are NaN the
+            others count.
 
     Returns:
         Response, covariance of all its entries, and the sum of the degrees of freedom.

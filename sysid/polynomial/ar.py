@@ -32,8 +32,8 @@ def ar(data: IOData | Sequence[IOData], na: int, *, approach: Approach = "fb") -
         na: Degree of A.
         approach: "fb": least squares of forward and backward prediction errors, the sharpest on sinusoids; "ls": of the
             forward ones alone, exact without noise; "burg": the same as "fb", order by order, always stable [Burg1975];
-            "yw": Yule-Walker equations of the biased sample covariances, always stable, biased near the unit circle: with poles of
-                modulus 0.95 and 120 samples, intervals of 95 % hold the truth in 66 % of records.
+            "yw": Yule-Walker equations of the biased sample covariances, always stable, biased near the unit circle:
+            95 % intervals of poles of modulus 0.95 from 120 samples hold the truth in as few as 66 % of records.
 
     Returns:
         The estimate; parameters a1... The covariance is that of least squares, which all approaches share to first

@@ -31,8 +31,9 @@ def impulseest(
         The estimate, a finite impulse response B(q); `plots.impulse`, `band` and all others take it. Parameters b1..
         are the response, their covariance is that of the posterior given the hyper-parameters: intervals are too
         narrow, the more so the less the kernel suits the response: those of "ss" on resonant systems hold the truth in
-        as few as 57 % of records at some lags (22 to 26), where 95 % are meant. Diagnostics: `hyper_parameters` (inputs, 2 or 3), the scale c, the decay l and with "dc" the correlation r; `evidence`, the
-        logarithm of the marginal likelihood, which compares kernels; `effective_parameters`.
+        as few as 57 % of records at some lags (22 to 26), instead of 95 %. Diagnostics: `hyper_parameters` (inputs, 2
+        or 3), the scale c, the decay l and with "dc" the correlation r; `evidence`, the logarithm of the marginal
+        likelihood, which compares kernels; `effective_parameters`.
 
     Raises:
         SysidError: Constant input, several outputs, n or nk out of range, an unknown kernel, too little data.
