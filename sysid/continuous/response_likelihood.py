@@ -15,6 +15,7 @@ NOTHING = 1e-12  # variance relative to the largest of a frequency that counts a
 SEARCHED, DISTINCT = 4, 1e-3  # best starts that are searched, and by how much their costs differ
 CONVERGED = 1e-9  # remaining decrease, relative to the cost
 ROUNDING = 1e-27  # cost relative to that of no model that is rounding alone
+UNINFORMED = 1e-7  # singular value relative to the largest below which derivatives are collinear to first order
 
 
 class Candidate(Protocol):
@@ -183,4 +184,5 @@ def maximise(data: Likelihood, start: Model, max_iterations: int) -> Maximum[Mod
         if not accepted:
             flat = float(g @ g) <= 1e-6 * cost or cost <= 1e4 * nothing
             condition = float(values[0] / values[-1]) if count else 1.0
-            return Maximum(at, cost, back / values, condition, iterations, settled or flat)
+            informed = values > UNINFORMED * values[:1]
+            return Maximum(at, cost, (back / values)[:, informed], condition, iterations, settled or flat)

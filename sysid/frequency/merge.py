@@ -50,7 +50,7 @@ def merge(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
     # exact values, as imaginary parts at 0 Hz, have nearly all the weight but no infinite one
     relative = covariances / (unit * unit.transpose(0, 2, 1)) + EXACT * np.eye(size)
     weights = np.where(known[..., None, None], np.linalg.inv(relative), 0.0)
-    nothing = ~known.any(axis=0)[:, None, None]
+    nothing = np.logical_not(np.any(known, axis=0)).reshape(-1, 1, 1)
     joined = np.linalg.inv(weights.sum(axis=0) + nothing * np.eye(size)) + np.where(nothing, np.nan, 0.0)
     mean = (unit * (joined @ (weights @ (values / unit)).sum(axis=0))).reshape(nf, ny, nu, 2)
     covariance = joined * deviation * deviation.transpose(0, 2, 1)

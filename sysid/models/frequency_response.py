@@ -9,7 +9,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from sysid.records.arguments import real_number
-from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array, rectangular
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, complex_array, real_array
 from sysid.records.channels import channel_indices, channel_labels, default_names
 from sysid.records.data import LARGEST
 from sysid.records.errors import SysidError
@@ -124,7 +124,7 @@ class FrequencyResponse(Labelled, Locked):
         Raises:
             SysidError: Wrong shapes, NaN, frequencies that do not ascend or pass Nyquist, negative variances.
         """
-        f, values = np.atleast_1d(real_array("hz", hz)), np.atleast_1d(_complex_array("response", response))
+        f, values = np.atleast_1d(real_array("hz", hz)), np.atleast_1d(complex_array("response", response))
         values = values[:, None, None] if values.ndim == 1 else values
         if f.ndim != 1 or values.ndim != 3 or len(f) != len(values) or not values.size:
             raise SysidError(f"expected hz (nf,) and response (nf, ny, nu), got {f.shape} and {values.shape}")
@@ -149,7 +149,7 @@ class FrequencyResponse(Labelled, Locked):
                 raise SysidError("coherence: expected values above 0 and up to 1 of one input; else pass a covariance")
             variance, freedom = np.abs(values) ** 2 * (1.0 - c) / (c * (count - 1.0)), 2.0 * (count - 1.0)
         if covariance is not None:
-            joint = _complex_array("covariance", covariance)
+            joint = complex_array("covariance", covariance)
             size = values[0].size
             if joint.shape != (len(f), size, size) or not np.allclose(joint, joint.conj().transpose(0, 2, 1)):
                 raise SysidError(f"covariance: expected Hermitian ({len(f)}, {size}, {size}), got {joint.shape}")
@@ -258,10 +258,10 @@ class FrequencyResponse(Labelled, Locked):
         if joint is None and self.noise_spectrum is not None and self.input_spectrum is not None:
             inverse = np.linalg.pinv(self.input_spectrum, hermitian=True)
             joint = np.einsum("fik,flj->fijkl", self.noise_spectrum, inverse).reshape(nf, ny * nu, ny * nu)
-        correlation = np.broadcast_to(np.eye(ny * nu), (nf, ny * nu, ny * nu))
+        correlation: ComplexArray | FloatArray = np.broadcast_to(np.eye(ny * nu), (nf, ny * nu, ny * nu))
         if joint is not None:
-            size = np.einsum("fee->fe", joint).real
-            size = np.sqrt(np.where(size > np.finfo(float).tiny, size, np.inf))
+            power = np.einsum("fee->fe", joint).real
+            size = np.sqrt(np.where(power > np.finfo(float).tiny, power, np.inf))
             correlation = joint / size[:, :, None] / size[:, None, :]
         parts = np.array([[correlation.real, -correlation.imag], [correlation.imag, correlation.real]])
         values, vectors = np.linalg.eigh(self.covariance.reshape(nf, ny * nu, 2, 2))
@@ -397,9 +397,3 @@ def _like(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
     if out.size != np.prod(shape):
         raise SysidError(f"{name}: expected shape {shape}, got {out.shape}")
     return out.reshape(shape)
-
-
-def _complex_array(name: str, value: ArrayLike) -> ComplexArray:
-    """Convert to complex; refuse what `real_array` refuses, NaN and infinite parts."""
-    raw = rectangular(name, value)
-    return np.asarray(real_array(name, raw.real) + 1j * real_array(name, raw.imag))

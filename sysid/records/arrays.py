@@ -104,3 +104,9 @@ def real_array(name: str, value: ArrayLike) -> FloatArray:
         where = ", ".join(str(i) for i in bad[0])
         raise SysidError(f"{name}: {len(bad)} value(s) NaN or infinite, the first at index ({where})")
     return out
+
+
+def complex_array(name: str, value: ArrayLike) -> ComplexArray:
+    """Convert to complex; refuse what `real_array` refuses, NaN and infinite parts."""
+    raw = rectangular(name, value)
+    return np.asarray(real_array(name, raw.real) + 1j * real_array(name, raw.imag))

@@ -5,7 +5,7 @@ import pandas
 import pytest
 
 import sysid
-from sysid import FrequencyResponse, IOData
+from sysid import FrequencyResponse, IOData, SysidWarning
 from tests.refusals import refused
 from tests.sysid.systems import second_order
 
@@ -101,3 +101,15 @@ def test_an_exact_response_outweighs_others():
     merged = sysid.merge([of_data(variance=np.zeros(20)), of_data(2.0 * G, variance=np.ones(20))])
     np.testing.assert_allclose(merged.response[:, 0, 0], G, 1e-9)
     assert merged.covariance.max() < 1e-9
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_parameters_that_are_collinear_do_not_widen_the_response(seed):
+    # a numerator b1 s + b0 and a delay are the same to first order where b1 is zero
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.choice([-1.0, 1.0], 200), 2)
+    record = IOData(u, np.convolve(u, [0.0, 0.5, 0.3])[:400] + 0.1 * rng.standard_normal(400), 0.1)
+    with pytest.warns(SysidWarning, match="determines 4 of 5"):
+        model = sysid.tfest(sysid.etfe(record, smoothing=10), 2, 1, delay=None)
+    deviations = model.frequency_response(np.linspace(0.1, 4.0, 9)).magnitude_deviation()
+    assert deviations.max() < 0.1
