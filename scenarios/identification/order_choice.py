@@ -2,6 +2,10 @@
 
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
+
+import numpy as np
 
 import sysid
 from scenarios.files.errors import ScenarioError
@@ -9,7 +13,7 @@ from scenarios.identification.identification import Identification, identify
 from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, StructureChoice
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means
-from sysid.selection.structure_search import ORDERS
+from sysid.selection.structure_search import EXACT, ORDERS
 from sysid.validation.structure_scan import Order
 
 HELD_OUT = 0.25
@@ -18,8 +22,8 @@ HELD_OUT = 0.25
 SHORTEST = 400
 """Samples of the longest record from which on a part is held out; fewer are needed for the choice."""
 
-LEVEL_ORDER = 8
-"""Order of the ARX model that gives the operating point for the choice: least squares with a constant."""
+LEVEL_ORDERS = (8, *range(1, 9))
+"""Orders of the ARX models that give the operating point for the choice: the first, or of exact fits the lowest."""
 
 
 def choose_and_identify(
@@ -50,11 +54,27 @@ def choose_and_identify(
         if keep_mean or parts[0].ny > 1:
             about = parts if keep_mean else subtract_means(parts)[0]
         else:
-            # about the means alone, a record with a transient has an offset that candidates take for dynamics
-            about = fit_with_offset(lambda each: sysid.arx(each, LEVEL_ORDER, LEVEL_ORDER, 1), parts).parts
+            about = _about_operating_point(parts)
         choice = sysid.auto(about, methods=None if method is None else [method])
         result = identify(parts, *_chosen(choice), keep_mean=keep_mean, steps=steps, check=check)
     return result, choice
+
+
+def _about_operating_point(parts: Sequence[IOData]) -> Sequence[IOData]:
+    """Subtract the operating point; about the means alone, candidates take the offset of a transient for dynamics.
+
+    Without noise, orders that are too high fit any offset by a pole at one that a zero cancels.
+    """
+    about = subtract_means(parts)
+    for order in LEVEL_ORDERS:
+        with suppress(sysid.SysidError):  # too few samples for this order
+            fit = fit_with_offset(partial(sysid.arx, na=order, nb=order, nk=1), parts)
+            about, power = fit.parts, sum(float(np.nansum(part.y**2)) for part in fit.parts)
+            samples = sum(int(part.known.sum()) for part in parts)
+            is_exact = fit.estimate.loss * samples <= EXACT * power
+            if is_exact == (order < LEVEL_ORDERS[0]):
+                break
+    return about
 
 
 def _chosen(choice: StructureChoice) -> tuple[str, list[Order]]:

@@ -15,6 +15,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
 LARGEST_FILE = 2**30  # bytes
+LONGEST_WHOLE = 20  # digits, those of 64 bits
 KINDS = "biufcU"  # of arrays that JSON can hold
 EXPECTED = {float: "a number", int: "a whole number", str: "a text", tuple: "a list", Mapping: "a table"}
 
@@ -29,7 +30,7 @@ def parsed(path: Path) -> Any:
         if (size := path.stat().st_size) > LARGEST_FILE:
             raise SysidError(f"{size} bytes, expected at most {LARGEST_FILE}")
         text = path.read_bytes().decode("utf-8")
-        return json.loads(text, parse_constant=_refused, object_pairs_hook=_without_duplicates)
+        return json.loads(text, parse_constant=_refused, parse_int=_whole, object_pairs_hook=_without_duplicates)
     except OSError as error:
         raise SysidError(f"cannot read {path}: {error.strerror}") from error
     except ValueError as error:
@@ -38,6 +39,12 @@ def parsed(path: Path) -> Any:
 
 def _refused(text: str) -> None:
     raise SysidError(f"{text} given, expected finite numbers, or null where a value is not known")
+
+
+def _whole(text: str) -> int:
+    if len(text) > LONGEST_WHOLE:
+        raise SysidError(f"a whole number of {len(text)} digits, expected at most {LONGEST_WHOLE}")
+    return int(text)
 
 
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

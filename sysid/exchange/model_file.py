@@ -14,7 +14,7 @@ from sysid.models.continuous import Resampled, Unsampled
 from sysid.models.continuous_estimate import ContinuousEstimate, continuous_estimate
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
-from sysid.models.state_space import StateSpace
+from sysid.models.state_space import StateSpace, is_covariance
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import Realise
 from sysid.records.arguments import shown
@@ -24,6 +24,8 @@ from sysid.records.errors import SysidError
 FORMAT, VERSION = "sysid-model", 1
 ENDING = ".json"
 KINDS = {"estimate": Estimate, "state_space": StateSpace, "polynomials": Polynomials}
+LARGEST = 1e150
+"""Largest entry of a covariance: its squares are finite."""
 HEAD = ("format", "version", "software")
 
 
@@ -121,12 +123,16 @@ def _read_estimate(value: Any) -> Estimate:
     known = decoded_fields("estimate", value, Estimate, realise=("layout", "derivatives", "paths", "unsampled"))
     model, data, theta = known["model"], known["data"], real_array("parameters", known["parameters"])
     p, ny = len(theta), model.ny
-    for name, shape in (("covariance", (p, p)), ("noise_variance", (ny, ny)), ("residuals", (None, ny))):
-        known[name] = _shaped(name, known[name], shape)
-    if data.dt != model.dt and "derivatives" not in value:
-        raise SysidError(f"data.dt: expected {model.dt:g} s as the model, got {data.dt:g}")
     if len(data.samples) != len(data.names) or min(data.samples, default=-1) < 0:
         raise SysidError(f"data: expected a number of samples for each of the names, got {shown(data.samples)}")
+    samples = sum(data.samples)
+    for name, shape in (("covariance", (p, p)), ("noise_variance", (ny, ny)), ("residuals", (samples, ny))):
+        known[name] = _shaped(name, known[name], shape)
+        largest = np.abs(known[name]).max(initial=0.0)  # NaN where the covariance is not known
+        if name != "residuals" and not (np.isnan(largest) or (largest <= LARGEST and is_covariance(known[name]))):
+            raise SysidError(f"{name}: expected a symmetric matrix without negative eigenvalues, up to {LARGEST:g}")
+    if data.dt != model.dt and "derivatives" not in value:
+        raise SysidError(f"data.dt: expected {model.dt:g} s as the model, got {data.dt:g}")
     if data.intersample not in ("zoh", "foh", "bl"):
         raise SysidError(f"data.intersample: expected zoh, foh or bl, got {shown(data.intersample)}")
     offsets = {"input_offset": (data.input_offset, model.nu), "output_offset": (data.output_offset, model.ny)}
@@ -185,7 +191,10 @@ def _structures(
 def _layout(value: Any, polynomials: Polynomials | None, names: tuple[str, ...]) -> Orders:
     orders = decoded("layout", value, Orders)
     widths = {len(orders.nb), len(orders.nf), len(orders.nk)}
-    if polynomials is None or widths != {polynomials.nu} or orders.names != names:
+    # Numbers before names, of which a damaged file can claim any number.
+    counts = (orders.na, *orders.nb, orders.nc, orders.nd, *orders.nf)
+    known = polynomials is not None and widths == {polynomials.nu} and min(counts) >= 0 and orders.count == len(names)
+    if polynomials is None or not known or orders.names != names:
         raise SysidError(f"layout: expected that of {len(names)} parameters of polynomials, got {shown(value)}")
     if not all(0 <= k < polynomials.B.shape[-1] for k in orders.nk):
         raise SysidError(
@@ -194,10 +203,10 @@ def _layout(value: Any, polynomials: Polynomials | None, names: tuple[str, ...])
     return orders
 
 
-def _shaped(where: str, array: FloatArray, shape: tuple[int | None, ...]) -> FloatArray:
-    """Check a shape; None stands for any length."""
-    if not array.size:
-        array = array.reshape([length or 0 for length in shape])
-    if len(shape) != array.ndim or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True)):
+def _shaped(where: str, array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """Check a shape; JSON has no shape of an empty matrix."""
+    if not array.size and 0 in shape:
+        array = array.reshape(shape)
+    if shape != array.shape:
         raise SysidError(f"{where}: expected shape {shape}, got {array.shape}")
     return array

@@ -62,7 +62,7 @@ class StateSpace(Locked):
     def __post_init__(self) -> None:
         """Check and lock."""
         D = np.atleast_2d(real_array("D", self.D))
-        ny, nu = D.shape
+        ny, nu = D.shape[:2]
         A = real_array("A", self.A)
         A = A.reshape(0, 0) if A.size == 0 else np.atleast_2d(A)
         n = len(A)
@@ -73,7 +73,7 @@ class StateSpace(Locked):
         if self.innovation_covariance is not None:
             covariance = np.atleast_2d(real_array("innovation_covariance", self.innovation_covariance))
             fitting["innovation_covariance"] = (covariance, (ny, ny))
-            if covariance.shape == (ny, ny) and not _is_covariance(covariance):
+            if covariance.shape == (ny, ny) and not is_covariance(covariance):
                 raise SysidError(
                     f"innovation_covariance must be symmetric without negative eigenvalues, got "
                     f"{shown(covariance.tolist())}"
@@ -342,7 +342,8 @@ class StateSpace(Locked):
         )
 
 
-def _is_covariance(matrix: FloatArray) -> bool:
+def is_covariance(matrix: FloatArray) -> bool:
+    """Whether a matrix is symmetric without negative eigenvalues, apart from rounding."""
     size = float(np.abs(matrix).max(initial=0.0))
     symmetric = np.abs(matrix - matrix.T).max(initial=0.0) <= 1e-6 * size
     return bool(symmetric and (not matrix.size or np.linalg.eigvalsh(matrix)[0] >= -1e-9 * size))

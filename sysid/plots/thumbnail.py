@@ -2,6 +2,7 @@
 
 import base64
 import io
+import warnings
 
 from matplotlib.figure import Figure
 
@@ -39,13 +40,15 @@ def thumbnail(result: object) -> str:
         result: Any result.
     """
     file = io.BytesIO()
-    try:
-        figure = _figure(result)
-    except SysidError:  # such as a response that is nowhere determined
-        figure = None
-    if figure is None:
-        return ""
-    figure.savefig(file, format="png", dpi=100)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # names in scripts that the font lacks
+        try:
+            figure = _figure(result)
+        except SysidError:  # such as a response that is nowhere determined
+            figure = None
+        if figure is None:
+            return ""
+        figure.savefig(file, format="png", dpi=100)
     return f'<img alt="figure" src="data:image/png;base64,{base64.b64encode(file.getvalue()).decode()}">'
 
 

@@ -1,8 +1,10 @@
-"""Check of HDF5 files before the HDF5 library reads them: some damage makes it loop without end."""
+"""Checks of HDF5 files: some damage makes the HDF5 library loop without end, some links lead to other files."""
 
 import mmap
 import struct
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 HEAP = b"GCOL\x01\x00\x00\x00"
 """Signature of a global heap and its version."""
@@ -25,6 +27,23 @@ def check_heaps(file: Path) -> None:
             while at >= 0:
                 _check_heap(content, at)
                 at = content.find(HEAP, at + 1)
+
+
+def items_of(group: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the names and contents of a group, which must lie in its own file: a record reads no other one.
+
+    Raises:
+        ValueError: A soft or an external link, or an array that is stored elsewhere.
+    """
+    import h5py
+
+    for name in group:
+        if isinstance(group.get(name, getlink=True), h5py.HardLink):
+            item = group[name]
+            if not isinstance(item, h5py.Dataset) or not (item.external or item.is_virtual):
+                yield name, item
+                continue
+        raise ValueError(f"{name!r} may lead to another file; expected arrays in this one")
 
 
 def _check_heap(content: mmap.mmap, start: int) -> None:

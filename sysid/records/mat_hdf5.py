@@ -10,13 +10,10 @@ from numpy.typing import NDArray
 from sysid.records.arguments import shortened
 from sysid.records.channels import listed
 from sysid.records.errors import SysidError
-from sysid.records.hdf5_heaps import check_heaps
+from sysid.records.hdf5_heaps import check_heaps, items_of
 
 MOST_NUMBERS = 2**28
 """Numbers of all arrays, 2 GiB as float64: packed zeros of a small file can claim any size."""
-
-MOST_DEPTH = 8
-"""Structs within structs that are followed; links of a damaged file can lead in circles."""
 
 CLASSES = {"double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
 """Classes of arrays, in the attribute `MATLAB_class`."""
@@ -35,7 +32,7 @@ def read_hdf5_variables(file: Path) -> dict[str, NDArray[np.generic]]:
     try:
         check_heaps(file)
         with h5py.File(file) as whole:
-            arrays = list(_arrays(whole, "", 0))
+            arrays = list(_arrays(whole, "", {whole["/"]}))
             kept = {
                 name: one
                 for name, kind, one in arrays
@@ -58,14 +55,18 @@ def read_hdf5_variables(file: Path) -> dict[str, NDArray[np.generic]]:
         raise SysidError(f"{file.name}: a damaged .mat file of version 7.3 ({shortened(str(error), 200)})") from error
 
 
-def _arrays(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, str, Any]]:
-    """Yield name, class and data set of every variable and field; `#refs#` and `#subsystem#` belong to objects."""
+def _arrays(group: Any, prefix: str, seen: set[Any]) -> Iterator[tuple[str, str, Any]]:
+    """Yield name, class and data set of every variable and field; `#refs#` and `#subsystem#` belong to objects.
+
+    Links can lead in circles: no group is entered twice.
+    """
     import h5py
 
-    for name, item in group.items():
-        if isinstance(item, h5py.Group) and not name.startswith("#") and depth < MOST_DEPTH:
+    for name, item in items_of(group):
+        if isinstance(item, h5py.Group) and not name.startswith("#") and item not in seen:
+            seen.add(item)
             if "MATLAB_sparse" not in item.attrs:
-                yield from _arrays(item, f"{prefix}{name}.", depth + 1)
+                yield from _arrays(item, f"{prefix}{name}.", seen)
         elif isinstance(item, h5py.Dataset):
             kind = item.attrs.get("MATLAB_class", b"")
             yield f"{prefix}{name}", kind.decode() if isinstance(kind, bytes) else str(kind), item

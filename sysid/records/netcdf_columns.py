@@ -7,7 +7,7 @@ import numpy as np
 
 from sysid.records.arguments import shortened
 from sysid.records.errors import SysidError
-from sysid.records.hdf5_heaps import check_heaps
+from sysid.records.hdf5_heaps import check_heaps, items_of
 from sysid.records.time_stamps import Column
 
 MOST_NUMBERS = 2**28
@@ -30,7 +30,7 @@ def netcdf_columns(file: Path) -> tuple[dict[str, Column], dict[str, str]]:
         with h5py.File(file) as whole:
             arrays = {
                 name: one
-                for name, one in whole.items()
+                for name, one in items_of(whole)
                 if isinstance(one, h5py.Dataset)
                 and one.dtype.kind in "biuf"
                 and one.ndim <= 2

@@ -1,5 +1,6 @@
 """Columns of numbers and times from text, also of files of a million lines."""
 
+import codecs
 import csv
 import re
 from collections.abc import Sequence
@@ -23,7 +24,7 @@ def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column]
     Columns of other texts than times are left out, unless they are expected.
 
     Args:
-        file: The file, in UTF-8 or the Windows character set.
+        file: The file, in UTF-8, UTF-16 with its mark, or the Windows character set.
         expected: Names of the columns of a file without a header, and of those that must be numbers.
 
     Raises:
@@ -31,7 +32,9 @@ def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column]
     """
     import pandas as pd
 
-    for encoding in ("utf-8-sig", "cp1252"):
+    with file.open("rb") as stream:
+        marked = stream.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+    for encoding in ("utf-16",) if marked else ("utf-8-sig", "cp1252"):
         try:
             names, separator, decimal, skipped = _layout(file, encoding, expected)
             break

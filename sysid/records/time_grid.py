@@ -28,6 +28,9 @@ MOST_IRREGULAR = 0.05
 EXACT = 1e-9
 """Spread of steps, relative to them, that rounding of the stamps explains."""
 
+MOST_SAMPLES, MOST_ADDED = 10**7, 10
+"""Samples of any grid, at most, or multiples of the stamps: a single false stamp can claim all memory."""
+
 
 class Signal(NamedTuple):
     """Channels that were sampled together.
@@ -110,6 +113,12 @@ def experiments(
         if count <= max(sum(len(s.names) for s in side) for side in (inputs, outputs)):
             dropped += len(own)
             continue
+        if count > max(MOST_SAMPLES, MOST_ADDED * len(own)):
+            where = f"the longest step is {np.diff(own).max():.6g} s" if len(own) > 1 else "one sample"
+            raise SysidError(
+                f"{name}: {count} samples every {step:.6g} s from {len(own)} stamps ({where}); expected at most "
+                f"{max(MOST_SAMPLES, MOST_ADDED * len(own))}: a false stamp, a smaller interval than that of the data"
+            )
         if as_is:
             uneven |= bool(np.abs(np.diff(own) - step).max() > ON_GRID * step)
             u, y = ([signal.values[part] for signal in side] for side in (inputs, outputs))

@@ -27,6 +27,9 @@ LEVEL = 0.01
 STRETCHES = 2
 """Parts of a long experiment on which candidates are compared, spread over it."""
 
+FEW = 5
+"""Samples per parameter below which chance decides between candidates."""
+
 DIRECT = "a direct term, which would be that of the controller"
 
 
@@ -177,6 +180,8 @@ def _reason(search: StructureSearch, delays: tuple[int, ...], total: int) -> str
     if rival is not None and rival.radius < 1.0:
         gap = f"{rival.validation / best.validation:.3g} times" if judged else f"{rival.ebic - best.ebic:.1f} above"
         text += f"; the next method is {rival}, {gap}"
+    if search.samples < max(len(ranked), FEW * best.parameters):
+        text += "; among so few samples chance decides"
     if delays:
         text += f"; delays by delayest: {', '.join(map(str, delays))} samples"
     if best.radius >= 1.0:

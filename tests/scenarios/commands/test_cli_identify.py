@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 
 from scenarios.commands.identify import _roots
 from scenarios.identification.methods import ESTIMATORS
+from scenarios.identification.order_choice import choose_and_identify
 from sysid import IOData, SysidError, arx, compare, n4sid, oe, read_model
 from sysid.polynomial.fit_with_offset import fit_with_offset, unexplained_offset
 from tests.scenarios.commands.conftest import DT, signals, table
@@ -107,6 +108,17 @@ def test_method_and_orders_are_chosen_and_judged_on_the_last_quarter(result, pri
     shown = printed("identify", path, "--method", "arx", "--validate", path)
     assert "ARX from auto.csv, fits to auto.csv" in shown and "Candidates, the best 8 of" in shown
     assert "sufficient" in next(line for line in shown.splitlines() if line.strip().startswith("verdict"))
+
+
+@pytest.mark.parametrize("samples", [300, 20])
+def test_orders_of_exact_and_of_short_records_are_chosen(samples):
+    """Without noise, orders that are too high explain a wrong operating point by a pole at one."""
+    u = np.repeat(np.random.default_rng(0).choice([-1.0, 1.0], 75), 4)[:samples]
+    result, choice = choose_and_identify([IOData(u, lfilter([0, 0.5, 0.3, 0.1], 1, u) + 7.0, DT)], "arx")
+    if samples == 300:
+        assert choice.candidates[0].orders == {"na": 0, "nb": 3, "nk": 1}
+        assert result.fitted.estimate.dc_gain()[0, 0] == pytest.approx(0.9, rel=1e-9)
+    assert ("chance decides" in choice.reason) == (samples == 20)
 
 
 def test_orders_are_chosen_for_polynomials_alone(complaint, csv):

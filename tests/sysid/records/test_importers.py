@@ -201,6 +201,40 @@ def test_mat_7_3(tmp_path):
     refused("robot.mat: a damaged .mat file of version 7.3", read_mat, path)
 
 
+@pytest.mark.parametrize("kind", ["external", "virtual", "soft", "link"])
+def test_arrays_outside_the_file_are_refused(kind, tmp_path):
+    secret, path = tmp_path / "secret.h5", tmp_path / "robot.mat"
+    with h5py.File(secret, "w") as file:
+        file["y"] = U[None]
+    matlab_7_3(path, {"u": U})
+    with h5py.File(path, "r+") as file:
+        if kind == "external":
+            file.create_dataset("y", (1, 30), "f8", external=[(secret, 0, 240)])
+        elif kind == "virtual":
+            layout = h5py.VirtualLayout((1, 30), "f8")
+            layout[:] = h5py.VirtualSource(secret, "y", (1, 30))
+            file.create_virtual_dataset("y", layout)
+        else:
+            file["y"] = h5py.SoftLink("/u") if kind == "soft" else h5py.ExternalLink(secret, "y")
+    for read in (read_mat, read_netcdf):
+        refused("'y' may lead to another file; expected arrays in this one", read, path)
+
+
+def test_links_in_circles_are_followed_once(tmp_path):
+    path = matlab_7_3(tmp_path / "circles.mat", {"log/u": U, "log/y": Y})
+    with h5py.File(path, "r+") as file:
+        for k in range(8):
+            file[f"g{k}"] = file["/"]
+            file[f"log/g{k}"] = file["/log"]
+    np.testing.assert_array_equal(read_mat(path, inputs="log.u", outputs="log.y", dt=1.0).y[:, 0], Y)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "cp1252"])
+def test_encodings_of_tables(encoding, tmp_path):
+    (tmp_path / "log.csv").write_text(text("t,u,y", np.column_stack((np.arange(30), U, Y))), encoding=encoding)
+    np.testing.assert_allclose(read_csv(tmp_path / "log.csv").y[:, 0], Y)
+
+
 def test_columns_may_end_in_a_tab_or_blanks(tmp_path):
     file = tmp_path / "columns.dat"
     for between, ending in (("\t", "\t"), (" ", "  ")):

@@ -56,7 +56,7 @@ def test_models_print_their_equations_and_matrices():
 
 def test_a_notebook_shows_tables_and_a_figure():
     rng = np.random.default_rng(0)
-    data = IOData(rng.standard_normal(200), rng.standard_normal((200, 2)), 0.1, input_names=("<b> & c",))
+    data = IOData(rng.standard_normal(200), rng.standard_normal((200, 2)), 0.1, input_names=("<b> & 阀",))
     estimate = sysid.arx(data.select(outputs=[0]), 1, 1, 1)
     windows = "matplotlib.pyplot" in sys.modules and sys.modules["matplotlib.pyplot"].get_fignums()
     for result in (data, estimate, sysid.spa(IOData(None, data.y, 0.1))):

@@ -110,5 +110,7 @@ def test_stamps_without_a_rate_are_refused():
         "y",
         "log",
     )
+    far = signal(np.append(DT * np.arange(N), 1e9), np.ones(N + 1))
+    refused(rf"log.csv: 50000000001 samples every 0.02 s from {N + 1} stamps", put, far, far, missing=True)
     once = signal(np.zeros(1), np.ones(1))
     refused(r"y has 1 sample\(s\), expected at least 2", put, once, once)
