@@ -33,7 +33,7 @@ def ar(data: IOData | Sequence[IOData], na: int, *, approach: Approach = "fb") -
         approach: "fb": least squares of forward and backward prediction errors, the sharpest on sinusoids; "ls": of the
             forward ones alone, exact without noise; "burg": the same as "fb", order by order, always stable [Burg1975];
             "yw": Yule-Walker equations of the biased sample covariances, always stable, biased near the unit circle:
-            95 % intervals of poles of modulus 0.95 from 120 samples hold the truth in as few as 66 % of records.
+            with poles 0.95 exp(+-0.3i) and 120 samples, 95 % intervals hold the truth in 33 % of records.
 
     Returns:
         The estimate; parameters a1... The covariance is that of least squares, which all approaches share to first

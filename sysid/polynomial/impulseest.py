@@ -30,10 +30,11 @@ def impulseest(
     Returns:
         The estimate, a finite impulse response B(q); `plots.impulse`, `band` and all others take it. Parameters b1..
         are the response, their covariance is that of the posterior given the hyper-parameters: intervals are too
-        narrow, the more so the less the kernel suits the response: those of "ss" on resonant systems hold the truth in
-        as few as 57 % of records at some lags (22 to 26), instead of 95 %. Diagnostics: `hyper_parameters` (inputs, 2
-        or 3), the scale c, the decay l and with "dc" the correlation r; `evidence`, the logarithm of the marginal
-        likelihood, which compares kernels; `effective_parameters`.
+        narrow, the more so the less the kernel suits the response. With poles 0.9 exp(+-0.5i) and 300 samples, 95 %
+        intervals of "ss" hold the truth in 91 % of records on average over the lags, in 71 % at the worst (on another
+        resonant system 57 %); those of "tc" in 95 % and 85 %. Diagnostics: `hyper_parameters` (inputs, 2 or 3), the
+        scale c, the decay l and with "dc" the correlation r; `evidence`, the logarithm of the marginal likelihood,
+        which compares kernels; `effective_parameters`.
 
     Raises:
         SysidError: Constant input, several outputs, n or nk out of range, an unknown kernel, too little data.
