@@ -117,7 +117,7 @@ def experiments(
             where = f"the longest step is {np.diff(own).max():.6g} s" if len(own) > 1 else "one sample"
             raise SysidError(
                 f"{name}: {count} samples every {step:.6g} s from {len(own)} stamps ({where}); expected at most "
-                f"{max(MOST_SAMPLES, MOST_ADDED * len(own))}: a false stamp, a smaller interval than that of the data"
+                f"{max(MOST_SAMPLES, MOST_ADDED * len(own))} (correct a false stamp, or cut by read_experiments)"
             )
         if as_is:
             uneven |= bool(np.abs(np.diff(own) - step).max() > ON_GRID * step)
