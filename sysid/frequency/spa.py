@@ -47,8 +47,7 @@ def spa(
         lag: Length of the lag window; by default a tenth of the samples, 30 at most.
         window: Lag window: 2 lag + 1 values, 1 in the middle, e.g. `np.hamming`, `np.bartlett`,
             `scipy.signal.windows.parzen`. The last two cannot give a negative spectrum; where another one makes
-            that of the disturbance negative, it, the coherence and the covariance are those of the Parzen window of the
-            same lag.
+            that of the disturbance negative, it and the covariance are those of the Parzen window of the same lag.
         frequencies: Hz (nf,); by default 512 values, evenly spaced up to Nyquist, without 0.
 
     Returns:
@@ -120,7 +119,7 @@ def _negative(response: FrequencyResponse) -> bool:
 
 
 def _with_positive_noise(response: FrequencyResponse, positive: FrequencyResponse) -> FrequencyResponse:
-    """Replace disturbance, coherence and covariance by those of a positive window where a spectrum is negative."""
+    """Replace disturbance and covariance by those of a positive window, at the frequencies where they are negative."""
     if response.noise_spectrum is None or positive.noise_spectrum is None:
         return response
     if response.covariance is None or positive.covariance is None:
@@ -130,14 +129,13 @@ def _with_positive_noise(response: FrequencyResponse, positive: FrequencyRespons
     )
     power = np.linalg.eigvalsh(np.asarray(response.input_spectrum))[:, :1]
     # An input below the side lobes of its peak determines nothing, whatever the window.
-    least = np.minimum(power, output.min(axis=1, keepdims=True))
-    swap = ((noise < -1e-9 * np.abs(output)) | (least <= 0.0)).any(axis=1)[:, None, None]
-    determined = swap & (power > SIDE_LOBES * power.max(initial=0.0))[:, :, None]
+    swap = ((noise < -1e-9 * np.abs(output)).any(axis=1) & (power > SIDE_LOBES * power.max(initial=0.0)).all(axis=1))[
+        :, None, None
+    ]
     return replace(
         response,
         noise_spectrum=np.where(swap, positive.noise_spectrum, response.noise_spectrum),
-        coherence=np.where(swap, np.asarray(positive.coherence), np.asarray(response.coherence)),
-        covariance=np.where(determined[..., None, None], positive.covariance, response.covariance),
+        covariance=np.where(swap[..., None, None], positive.covariance, response.covariance),
     )
 
 
