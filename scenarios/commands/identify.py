@@ -101,7 +101,7 @@ def identify(
     import warnings
 
     from scenarios.files.data_file import joints_of, read_parts
-    from scenarios.identification.identification import feedback_remarks, figures, usable
+    from scenarios.identification.identification import figures, usable
     from scenarios.identification.identification import identify as identify_model
     from scenarios.identification.order_choice import choose_and_identify, held_out
     from sysid.records.channels import listed
@@ -134,7 +134,7 @@ def identify(
         if save is not None:
             with output_folder(save.parent):
                 _save(result, save, typed)
-    texts = (*(str(one.message) for one in caught), *feedback_remarks(parts), *result.warnings)
+    texts = (*(str(one.message) for one in caught), *result.warnings)
     pictures: list[Path] = []
     if out is not None:
         from scenarios.report.figures import save_figure

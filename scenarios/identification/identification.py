@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 SHORTEST = 100
 """Shortest part between two gaps that is used, samples: the initial conditions would take most of a shorter one."""
 
-CERTAIN = 0.9999
-"""Confidence level from which on feedback is mentioned."""
-
 DRAWN = 2000
 """Samples of measured and model outputs that are drawn, of longer records the first."""
 
@@ -216,20 +213,6 @@ def _remarks(fitted: FittedModel) -> tuple[str, ...]:
     every = first.nu * first.ny
     texts += [text if len(of) == every else f"{', '.join(of)}: {text}" for text, of in paths.items()]
     return (*texts, *map(without_python_advice, fitted.estimate.diagnostics.get("warnings", ())))
-
-
-def feedback_remarks(parts: Sequence[IOData]) -> tuple[str, ...]:
-    """Describe feedback from outputs to inputs, beside which some methods are biased; nothing where there is none."""
-    try:
-        test = sysid.feedback([whole for part in parts for whole in part.complete_parts()], level=CERTAIN)
-    except SysidError:
-        return ()
-    if not test.feedback.any():
-        return ()
-    return (
-        f"an input depends on past outputs (feedback, p = {np.nanmin(test.p_values):.2g}): oe, iv4, okid and n4sid are "
-        "biased there, and a direct term (nk = 0, or D) may be that of the controller",
-    )
 
 
 def without_python_advice(text: str) -> str:

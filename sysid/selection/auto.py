@@ -141,7 +141,9 @@ def auto(
         delays=delays,
         samples=search.samples,
         reason=_reason(search, delays, sum(map(len, experiments)))
-        + fed_back * f"; by `feedback` (p = {p:.2g}) the input depends on past outputs: without {left_out}{doubt}",
+        + fed_back
+        * f"; by `feedback` (p = {p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
+        f"{left_out}{doubt}",
     )
 
 

@@ -57,7 +57,8 @@ def feedback(
 
     Each output is regressed on its own past and on past and future inputs; without feedback, the next innovation of the
     disturbance has no part in any input, and no future input gets a coefficient. An F test of these, exact for a normal
-    disturbance that `lags` past outputs make white. Means are removed first.
+    disturbance that `lags` past outputs make white. What a linear model leaves of a nonlinear system looks like
+    feedback too where the input is smooth. Means are removed first.
 
     Args:
         data: One experiment, or several.

@@ -16,7 +16,6 @@ from scenarios.identification.order_choice import choose_and_identify
 from sysid import IOData, SysidError, arx, compare, n4sid, oe, read_model
 from sysid.polynomial.fit_with_offset import fit_with_offset, unexplained_offset
 from tests.scenarios.commands.conftest import DT, signals, table
-from tests.sysid.systems import in_feedback
 
 ORDERS = {
     "arx": "1 1",
@@ -79,19 +78,6 @@ def test_a_constant_on_the_output_is_found_with_the_model():
         errors.append(outputs[0] - estimate.dc_gain()[0, 0] * inputs[0] - 7.0)
     assert abs(np.mean(errors)) < 3 * np.std(errors) / np.sqrt(30)
     assert np.std(errors) < 0.02
-
-
-def test_feedback_is_mentioned(result, tmp_path, csv):
-    data, _ = in_feedback()
-    loop = table(tmp_path / "loop.csv", {"dt": np.full(len(data), DT), "u": data.u[:, 0], "y": data.y[:, 0]})
-    said = [
-        any(
-            "depends on past outputs" in text
-            for text in result("identify", path, "--method", "oe", "--orders", 2, 2)["warnings"]
-        )
-        for path in (loop, csv)
-    ]
-    assert said == [True, False]
 
 
 @pytest.mark.slow

@@ -54,7 +54,9 @@ def test_feedback_leaves_out_oe():
         y[t] = x + v[t]
         u[t] = command[t] - 0.8 * y[t]
     choice = auto(IOData(u, y, 0.1), largest=3)
-    assert re.search(r"by `feedback` \(p = [\d.e-]+\) the input depends on past outputs: without oe", choice.reason)
+    assert re.search(
+        r"by `feedback` \(p = [\d.e-]+\) the input depends on past outputs, or .*: without oe", choice.reason
+    )
     assert not any(one.method == "oe" for one in choice.candidates)
     assert all(one.orders["nk"] >= 1 for one in choice.candidates)
     assert choice.estimate.dc_gain()[0, 0] == pytest.approx(2.5, rel=0.1)
