@@ -51,8 +51,10 @@ def choose_and_identify(
         raise ScenarioError(f"--method {method} needs --orders; they are chosen for {', '.join(ORDERS)}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
-        if keep_mean or parts[0].ny > 1:
-            about = parts if keep_mean else subtract_means(parts)[0]
+        if keep_mean:
+            about = parts
+        elif parts[0].ny > 1:
+            about = subtract_means(parts)
         else:
             about = _about_operating_point(parts)
         choice = sysid.auto(about, methods=None if method is None else [method])

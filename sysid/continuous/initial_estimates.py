@@ -31,7 +31,7 @@ Candidate = tuple[TransferFunction, float]
 
 @dataclass(frozen=True, eq=False)
 class PathData:
-    """Input and output of one path in every experiment, and what its transfer function may be.
+    """Records of one path, from one input to one output, and the structure of its transfer function.
 
     Attributes:
         inputs: Input of each experiment (N,).
@@ -231,7 +231,7 @@ def _best(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _stabilised(a: FloatArray, integrators: int) -> FloatArray:
-    """Rising powers, monic, with roots in the right half plane reflected into the left one."""
+    """Reflect the roots of a polynomial (rising powers, result monic) into the left half plane."""
     roots = np.roots(a[integrators:][::-1])
     size = np.abs(roots).max(initial=0.0)
     roots = np.where(roots.real < 0.0, roots, -roots.conj())

@@ -98,7 +98,7 @@ class Fraction:
         return np.asarray(x ** (self.nf - self.nb + 1 - self.delay) if discrete else np.exp(-x * self.delay))
 
     def bases(self, x: ComplexArray) -> tuple[OrthogonalPolynomials, OrthogonalPolynomials]:
-        """Bases of numerator and denominator, orthogonal as parts of the response."""
+        """Polynomial bases of numerator and denominator, orthogonal over the frequencies with the fit's weights."""
         size = np.abs(self.denominator)
         above = OrthogonalPolynomials.on(x, self.weights / size, self.nb - 1)
         # a floor, for the response may vanish

@@ -19,7 +19,7 @@ UNINFORMED = 1e-7  # singular value relative to the largest below which derivati
 
 
 class Candidate(Protocol):
-    """A model on the way to the greatest likelihood."""
+    """A model whose likelihood is increased step by step."""
 
     def response(self) -> ComplexArray:
         """Response (nf, ny, nu)."""
@@ -31,7 +31,7 @@ class Candidate(Protocol):
 
     @property
     def free(self) -> int:
-        """Rank of the derivatives."""
+        """Number of independent parameters: rank of the derivatives."""
         ...
 
     def moved(self, step: FloatArray) -> Self | None:

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sysid.records.arguments import real_number
+from sysid.records.arguments import real_number, sampling_interval
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, complex_array, real_array
 from sysid.records.channels import channel_indices, channel_labels, default_names
 from sysid.records.data import LARGEST
@@ -128,8 +128,7 @@ class FrequencyResponse(Labelled, Locked):
         values = values[:, None, None] if values.ndim == 1 else values
         if f.ndim != 1 or values.ndim != 3 or len(f) != len(values) or not values.size:
             raise SysidError(f"expected hz (nf,) and response (nf, ny, nu), got {f.shape} and {values.shape}")
-        bounds = "be 0 (continuous time) or lie between 1e-15 and 1e15 s"
-        dt = real_number("dt", dt, bounds, lambda v: v == 0.0 or 1e-15 <= v <= 1e15)
+        dt = sampling_interval(dt, continuous=True)
         if (np.abs(values) > LARGEST).any() or 0.0 < np.abs(values).max() < 1.0 / LARGEST:
             raise SysidError(
                 f"response: expected values up to {LARGEST:g} and not all below its inverse: change the unit"

@@ -38,9 +38,10 @@ def real_number(name: str, value: Any, expected: str, allowed: Callable[[float],
     return number
 
 
-def sampling_interval(value: Any) -> float:
-    """Check a sampling interval in s."""
-    return real_number("dt", value, "lie between 1e-15 and 1e15 s", lambda dt: 1e-15 <= dt <= 1e15)
+def sampling_interval(value: Any, *, continuous: bool = False) -> float:
+    """Check a sampling interval in s; 0 means continuous time where that is allowed."""
+    expected = "be 0 (continuous time) or " * continuous + "lie between 1e-15 and 1e15 s"
+    return real_number("dt", value, expected, lambda dt: 1e-15 <= dt <= 1e15 or (continuous and dt == 0.0))
 
 
 def confidence_level(value: Any) -> float:

@@ -323,7 +323,7 @@ def _errors(experiment: IOData, orders: Orders, theta: FloatArray) -> FloatArray
 
 
 def _structure(orders: Orders) -> str:
-    """The simplest structure that has the polynomials of these orders."""
+    """Name of the simplest structure, arx to bj, with every polynomial whose order is not zero."""
     used = {name for name in ("na", "nc", "nd", "nf") if np.any(getattr(orders, name))}
     return next(name for name, own in ORDERS.items() if used <= set(own))
 

@@ -107,6 +107,16 @@ def test_orders_of_exact_and_of_short_records_are_chosen(samples):
     assert ("chance decides" in choice.reason) == (samples == 20)
 
 
+def test_every_record_of_several_outputs_takes_part_in_the_choice():
+    rng = np.random.default_rng(0)
+    parts = []
+    for samples in (150, 250):
+        u = rng.standard_normal((samples, 1))
+        y = lfilter([0, 0.5], [1, -0.8], u, axis=0) * [1.0, 2.0] + 0.1 * rng.standard_normal((samples, 2))
+        parts.append(IOData(u, y, DT))
+    assert choose_and_identify(parts, None)[1].samples > 250
+
+
 def test_orders_are_chosen_for_polynomials_alone(complaint, csv):
     assert "--method okid needs --orders; they are chosen for arx, oe" in complaint("identify", csv, "--method", "okid")
 

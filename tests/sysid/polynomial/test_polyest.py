@@ -15,7 +15,7 @@ PARAMETERS = Orders.of(TRUTH).parameters(TRUTH)
 
 
 def record(seed=0, samples=2000, noise=1.0, inputs=1):
-    """Two inputs: the second through 2 q^-1 / (1 - 0.3 q^-1)."""
+    """Simulate `TRUTH`; a second input acts through 2 q^-1 / (1 - 0.3 q^-1) before A."""
     rng = np.random.default_rng(seed)
     u, e = rng.standard_normal((samples + 200, inputs)), noise * rng.standard_normal(samples + 200)
     y = lfilter(TRUTH.B, TRUTH.F, u[:, 0]) + lfilter(TRUTH.C, TRUTH.D, e)
