@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 import sysid
-from scenarios.files.errors import ScenarioError
+from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.identification import Identification, identify
 from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, StructureChoice
@@ -44,9 +44,11 @@ def choose_and_identify(
         check: Records to judge on; when None, the last quarter of the longest record, which is then not estimated from.
 
     Raises:
-        ScenarioError: A method whose orders are not chosen.
+        ScenarioError: An unknown method, or one whose orders are not chosen.
         SysidError: The records are refused, or nothing could be fitted.
     """
+    if method is not None and method not in ESTIMATORS:
+        raise ScenarioError(unknown("method", method, ESTIMATORS))
     if method is not None and method not in ORDERS:
         raise ScenarioError(f"--method {method} needs --orders; they are chosen for {', '.join(ORDERS)}")
     with warnings.catch_warnings():

@@ -119,6 +119,7 @@ def test_every_record_of_several_outputs_takes_part_in_the_choice():
 
 def test_orders_are_chosen_for_polynomials_alone(complaint, csv):
     assert "--method okid needs --orders; they are chosen for arx, oe" in complaint("identify", csv, "--method", "okid")
+    assert "unknown method 'armx': did you mean 'armax'" in complaint("identify", csv, "--method", "armx")
 
 
 def test_the_level_never_costs_fit():
