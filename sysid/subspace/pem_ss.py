@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
@@ -27,8 +28,9 @@ from sysid.subspace.predictor_estimate import (
     check_gain,
     degrees_of_freedom,
     make_predictor_estimate,
+    scaled_output_weight,
 )
-from sysid.subspace.predictor_fit import Minimum, coloured_information, column_scale, minimise
+from sysid.subspace.predictor_fit import Minimum, column_scale, gradient_covariance, minimise
 
 HORIZONS = (8, 12, 16, 20)  # block rows of n4sid, beside the fewest that allow the order
 OBSERVERS = (5, 10)  # observer Markov parameters of okid
@@ -74,10 +76,14 @@ def pem_ss(
     direct: bool = True,
     gain: bool = True,
     coloured: bool = False,
+    output_weight: ArrayLike | None = None,
     search: bool = True,
     max_iterations: int = 100,
 ) -> Estimate:
     """Minimise log det of the covariance of the one-step prediction errors [Ljung1999, ch. 7; McKelvey2004].
+
+    This is maximum likelihood. With `output_weight` W the sum of e' W e is minimised instead, for models that are to
+    predict or simulate some outputs better than others; I gives the sum of squares of all outputs.
 
     The order is that of `start`. Steps are orthogonal to the directions that only change the basis of the state, so
     that no canonical form is needed. The predictor A - K C stays stable at every accepted step; the initial state of
@@ -105,6 +111,9 @@ def pem_ss(
         gain: Whether K is estimated; otherwise it is zero.
         coloured: With `gain=False`, whether the covariance allows for a disturbance that is not white, by an
             autoregressive model of each output's [Ljung1999, ch. 9]. The estimate itself is the same.
+        output_weight: W, symmetric without negative eigenvalues (ny, ny), in the sequence of the data's outputs, per
+            their units squared. Its size does not matter; an output of no weight counts with 1e-6 of the largest. The
+            covariance allows for errors of any covariance [Ljung1999, ch. 9]. Not with missing outputs.
         search: Whether to try further initial estimates (`n4sid` with several horizons, `okid`, with and without K)
             after a single start if several minima are likely: fewer than 50 output values per parameter. Such a fit
             takes about ten times as long. With one output, a fit that converges slowly or not at all starts again from
@@ -117,8 +126,8 @@ def pem_ss(
         Diagnostics: `criteria`, the minimum from each start, NaN for an unusable one.
 
     Raises:
-        SysidError: Constant input, channels that do not fit, no state, starts of different orders, too little data, no
-            start with a stable predictor (with `gain=False`: no stable start).
+        SysidError: Constant input, channels that do not fit, no state, starts of different orders, too little data, a
+            weight that is none, no start with a stable predictor (with `gain=False`: no stable start).
 
     Warns:
         SysidWarning: Poor excitation, means that do not fit the dynamics, no convergence, bad conditioning, a predictor
@@ -127,7 +136,7 @@ def pem_ss(
     max_iterations = whole_number("max_iterations", max_iterations, 1)
     flags = {"direct": direct, "gain": gain, "coloured": coloured, "search": search}
     direct, gain, coloured, search = (truth_value(name, value) for name, value in flags.items())
-    experiments = as_experiments(data, missing=not coloured, series=True)
+    experiments = as_experiments(data, missing=not coloured and output_weight is None, series=True)
     if isinstance(start, int | np.integer):
         start = n4sid(experiments, start, direct=direct, gain=gain)
     origins = list(start) if isinstance(start, Sequence) else [start]
@@ -147,7 +156,8 @@ def pem_ss(
     samples = check_enough_samples(experiments, n, count)
     messages = check_excitation(experiments, [n + (1 if direct else 0)] * nu) + check_means(experiments, -(-n // ny))
     scales = Scales.of(experiments)
-    records = [Record.of(e, scales, gain) for e in experiments]
+    weight = scaled_output_weight(output_weight, scales)
+    records = [Record.of(e, scales, gain, weight) for e in experiments]
     minima: dict[int, Minimum] = {}
     refused: list[SysidError] = []
     for k, one in enumerate(models):
@@ -183,9 +193,10 @@ def pem_ss(
         if gain and minimum.reason != "errors at rounding level":
             at, information = minimum.point, minimum.normal.information
             covariance = gapped_covariance(records, at.predictor, at.weight, information, minimum.normal.basis)
-    if coloured and minimum.reason != "errors at rounding level":
-        point, basis = minimum.point, minimum.normal.basis
-        covariance = covariance @ coloured_information(records, point, basis, min(COLOUR, samples // 20)) @ covariance
+    if (coloured or weight is not None) and minimum.reason != "errors at rounding level":
+        colour = min(COLOUR, samples // 20) if coloured else 0
+        middle = gradient_covariance(records, minimum.point, minimum.normal.basis, colour)
+        covariance = covariance @ middle @ covariance
     covariance = covariance * samples / degrees_of_freedom(experiments, minimum.point.predictor, count)
     radius = float(np.abs(np.linalg.eigvals(minimum.point.predictor.A)).max())
     if not minimum.converged:
@@ -249,7 +260,7 @@ def _searched(
     screened: list[tuple[str, Minimum]] = []
     candidates = list(initial_estimates(experiments, start.order))
     # the minimum of the criterion with the opposite `gain` helps to escape from local minima
-    other = [Record.of(e, scales, not gain) for e in experiments]
+    other = [Record.of(e, scales, not gain, records[0].output_weight) for e in experiments]
     try:
         crossed = minimise(other, _starts(start, scales, direct, not gain)[0], directions, CROSSING_STEPS)
         candidates.append(

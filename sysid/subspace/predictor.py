@@ -161,6 +161,7 @@ class Record:
         w: Input of the predictor (N, nu + ny) or (N, nu).
         transforms: Fourier transform of w and its lagged products, by length of the transform.
         known: Mask of the known outputs (N, ny), the others zero in `y`; None if none is missing.
+        output_weight: Weight of the errors (ny, ny); None for the inverse of their covariance.
     """
 
     u: FloatArray
@@ -168,14 +169,15 @@ class Record:
     w: FloatArray
     transforms: dict[int, Correlations] = field(default_factory=dict)
     known: NDArray[np.bool_] | None = None
+    output_weight: FloatArray | None = None
 
     @staticmethod
-    def of(experiment: IOData, scales: Scales, gain: bool) -> "Record":
+    def of(experiment: IOData, scales: Scales, gain: bool, output_weight: FloatArray | None = None) -> "Record":
         """Scale an experiment and remove its initialisation window."""
         u, y = experiment.u[experiment.window :] / scales.u, experiment.y[experiment.window :] / scales.y
         known = None if experiment.complete else np.isfinite(y)
         y = y if known is None else np.where(known, y, 0.0)
-        return Record(u, y, np.hstack((u, y)) if gain else u, known=known)
+        return Record(u, y, np.hstack((u, y)) if gain else u, known=known, output_weight=output_weight)
 
     def correlations(self, e: FloatArray, lags: int) -> Correlations:
         """Sums over t of w(t - j) w(t)' and of w(t - j) e(t)', j = 1..lags, (lags, nw, nw) and (lags, nw, ny)."""

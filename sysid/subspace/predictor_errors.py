@@ -195,9 +195,11 @@ class Point:
         states: Initial state per experiment (n,).
         errors: Per experiment (N, ny).
         covariance: Mean of e e' over all samples (ny, ny).
-        criterion: Logarithm of its determinant plus the prior cost of the initial states.
+        criterion: Logarithm of its determinant, or ny times that of the mean of e' W e with a weight W of the outputs,
+            plus the prior cost of the initial states.
         gaps: Elimination of the missing outputs per experiment; empty if there are none.
         spreads: Prior deviation of the initial state of each experiment (n,); empty with missing outputs.
+        output_weight: W of the records (ny, ny); None for the inverse of the covariance.
     """
 
     predictor: Predictor
@@ -207,6 +209,7 @@ class Point:
     criterion: float
     gaps: tuple[Eliminated, ...] = ()
     spreads: tuple[FloatArray, ...] = ()
+    output_weight: FloatArray | None = None
 
     @staticmethod
     def at(
@@ -242,8 +245,13 @@ class Point:
             size += float(relative @ relative)
         samples = sum(len(e) for e in errors)
         covariance = np.asarray(sum(e.T @ e for e in errors) / samples)
-        criterion = float(np.linalg.slogdet(_floored(covariance))[1]) + size / samples
-        return Point(predictor, states, errors, covariance, criterion, spreads=tuple(priors))
+        chosen = records[0].output_weight
+        point = Point(predictor, states, errors, covariance, 0.0, spreads=tuple(priors), output_weight=chosen)
+        if chosen is None:
+            criterion = float(np.linalg.slogdet(_floored(covariance))[1])
+        else:
+            criterion = len(covariance) * float(np.log(max(point.mean_square, np.finfo(float).tiny)))
+        return replace(point, criterion=criterion + size / samples)
 
     def balanced(self) -> "Point":
         """The same behaviour in balanced coordinates, in which all entries have about equal effect."""
@@ -259,9 +267,22 @@ class Point:
         return replace(self, predictor=balanced, states=states, criterion=criterion, spreads=spreads)
 
     @property
-    def weight(self) -> FloatArray:
+    def mean_square(self) -> float:
+        """Mean of e' W e, of e' e without a weight of the outputs."""
+        weight = np.eye(len(self.covariance)) if self.output_weight is None else self.output_weight
+        return float(np.sum(weight * self.covariance))
+
+    @property
+    def inverse_covariance(self) -> FloatArray:
         """Inverse of the errors' covariance (ny, ny)."""
         return np.asarray(np.linalg.inv(_floored(self.covariance)), dtype=np.float64)
+
+    @property
+    def weight(self) -> FloatArray:
+        """Weight of the errors (ny, ny), by which the mean of e' weight e is ny."""
+        if self.output_weight is None:
+            return self.inverse_covariance
+        return self.output_weight * (len(self.covariance) / max(self.mean_square, np.finfo(float).tiny))
 
 
 def _size(states: Sequence[FloatArray], spreads: Sequence[FloatArray]) -> float:

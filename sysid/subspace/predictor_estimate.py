@@ -6,15 +6,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
 from sysid.models.predict import residuals
-from sysid.models.state_space import StateSpace
-from sysid.records.arrays import FloatArray
+from sysid.models.state_space import StateSpace, is_covariance
+from sysid.records.arguments import shown
+from sysid.records.arrays import FloatArray, real_array
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.subspace.predictor import Predictor, Scales
+
+LEAST_WEIGHT = 1e-6  # of outputs that a weight ignores, relative to the largest: their rows of C and D stay determined
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +60,22 @@ def check_gain(nu: int, gain: bool) -> None:
         raise SysidError(
             "gain=False given for a time series: without input, only the innovation gain drives its states"
         )
+
+
+def scaled_output_weight(weight: ArrayLike | None, scales: Scales) -> FloatArray | None:
+    """Weight of the scaled outputs (ny, ny), of trace ny and regular; refuse what is no weight of the outputs."""
+    if weight is None:
+        return None
+    W, ny = real_array("output_weight", weight), len(scales.y)
+    if W.shape != (ny, ny):
+        raise SysidError(f"output_weight: expected a matrix ({ny}, {ny}) for {ny} output(s), got shape {W.shape}")
+    if not (W.any() and is_covariance(W)):
+        raise SysidError(
+            f"output_weight must be symmetric without negative eigenvalues, and not zero, got {shown(W.tolist())}"
+        )
+    values, vectors = np.linalg.eigh(W * np.outer(scales.y, scales.y))
+    W = vectors * np.maximum(values, LEAST_WEIGHT * values[-1]) @ vectors.T
+    return np.asarray(W * (ny / np.trace(W)), dtype=np.float64)
 
 
 def check_enough_samples(experiments: Sequence[IOData], order: int, count: int) -> int:

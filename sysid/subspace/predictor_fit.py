@@ -107,7 +107,7 @@ class Minimum:
 
 
 def minimise(records: Sequence[Record], start: Predictor, directions: Directions, max_iterations: int) -> Minimum:
-    """Levenberg-Marquardt on log det of the errors' covariance; the predictor stays stable [Ljung1999, ch. 7]."""
+    """Levenberg-Marquardt on `Point.criterion`; the predictor stays stable [Ljung1999, ch. 7]."""
     power = float(np.mean([np.mean(r.y**2) for r in records]))
     samples = sum(len(r.y) for r in records)
     limit = stability_limit(max(len(r.y) for r in records))
@@ -115,7 +115,7 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
     damping, iterations, evaluations = 1e-6, 0, 1
     while True:
         normal = linearise(records, point, directions(point.predictor))
-        if float(np.trace(point.covariance)) <= ROUNDING * power:
+        if point.mean_square <= ROUNDING * power:
             return Minimum(point, normal, iterations, evaluations, True, "errors at rounding level")
         scale = column_scale(normal.information)
         values, vectors = np.linalg.eigh(normal.information / np.outer(scale, scale))
@@ -142,7 +142,7 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
                 trial = None
             damping = max(damping * 10.0, 1e-8)
         if trial is None:
-            flat = decrease <= 1e-4 or float(np.trace(point.covariance)) <= 1e-16 * power
+            flat = decrease <= 1e-4 or point.mean_square <= 1e-16 * power
             why = f"no step decreases the errors further; predicted is N dV/V = {decrease * samples:.2g}"
             return Minimum(point, normal, iterations, evaluations, flat, why)
         predicted = float(2.0 * g @ step - step**2 @ values) / samples
@@ -172,7 +172,7 @@ def least_squares_fit(records: Sequence[Record], start: Predictor, directions: D
         if not update.criterion < point.criterion:
             break
         point = update
-        if float(np.trace(point.covariance)) > 1e-4 * power:
+        if point.mean_square > 1e-4 * power:
             break
     return Predictor(start.A, start.balancing()[1] @ point.predictor.M, start.C, point.predictor.D)
 
@@ -200,15 +200,17 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
     return Normal(0.5 * (information + information.T), gradient, basis)
 
 
-def coloured_information(records: Sequence[Record], point: Point, basis: FloatArray, order: int) -> FloatArray:
-    """J' W R W J (q, q) with the covariance R of errors that are independent of the input but not white.
+def gradient_covariance(records: Sequence[Record], point: Point, basis: FloatArray, order: int) -> FloatArray:
+    """J' W R W J (q, q) with the covariance R of errors that are white (`order` 0), or coloured but free of the input.
 
-    The root of W makes the errors uncorrelated; each component is then modelled by an autoregression, by which J is
-    filtered [Ljung1999, ch. 9]. Correlation between components at lags other than zero is ignored.
+    The root of their inverse covariance makes the errors uncorrelated; each component is then modelled by an
+    autoregression, by which J is filtered [Ljung1999, ch. 9]. Correlation between components at lags other than zero is
+    ignored.
     """
     sensitivities = Sensitivities.of(point.predictor)
-    root = np.linalg.cholesky(point.weight)
-    errors = np.concatenate(point.errors) @ root
+    root, whitening = np.linalg.cholesky(point.weight), np.linalg.cholesky(point.inverse_covariance)
+    mixture = root.T @ np.linalg.inv(whitening).T
+    errors = np.concatenate(point.errors) @ whitening
     whiteners = [autoregression(e, order)[0] for e in errors.T]
     variances = [
         float(np.mean(scipy.signal.lfilter(w, [1.0], e) ** 2)) for w, e in zip(whiteners, errors.T, strict=True)
@@ -221,8 +223,9 @@ def coloured_information(records: Sequence[Record], point: Point, basis: FloatAr
         columns = [signals @ part for part in table]
         corner = sum(part[:, q:].T @ part[:, q:] for part in columns) + np.diag(prior**-2.0)
         onto = np.linalg.solve(corner, sum(part[:, q:].T @ part[:, :q] for part in columns))
-        for part, whitener, variance in zip(columns, whiteners, variances, strict=True):
-            filtered = scipy.signal.lfilter([1.0], whitener, part[:, :q] - part[:, q:] @ onto, axis=0)
+        parts = np.tensordot(mixture.T, [part[:, :q] - part[:, q:] @ onto for part in columns], 1)
+        for part, whitener, variance in zip(parts, whiteners, variances, strict=True):
+            filtered = scipy.signal.lfilter([1.0], whitener, part, axis=0)
             total += variance * (filtered.T @ filtered)
     return total
 
