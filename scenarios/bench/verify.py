@@ -166,9 +166,6 @@ def verify(
         notify: Called with lines of information, among them the cost of the run, once the first trials of each kind of
             problem are finished.
 
-    Returns:
-        The results.
-
     Raises:
         ScenarioError: The plan cannot be run, or workers die; finished trials are kept.
         OSError: A file cannot be written.

@@ -135,9 +135,6 @@ def draw(make: "Callable[[], Figure]", *paths: Path) -> list[Path]:
     Args:
         make: Draws it.
         paths: The files, in the formats that their names end in.
-
-    Returns:
-        The files.
     """
     import matplotlib
 

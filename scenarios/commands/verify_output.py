@@ -27,13 +27,7 @@ CLOSE = 1.1
 
 
 def show(results: Sequence[Result], out: Path, *, verbose: bool = False) -> None:
-    """Print results.
-
-    Args:
-        results: Of each estimator.
-        out: Folder that they were written to.
-        verbose: With everything that verdicts rest on.
-    """
+    """Print results."""
     for result in results:
         _show_metrics(result)
         if rows := bandwidth_rows(result.metrics):
@@ -49,12 +43,7 @@ def show(results: Sequence[Result], out: Path, *, verbose: bool = False) -> None
 
 
 def record(results: Sequence[Result], out: Path) -> dict[str, Any]:
-    """Results as JSON: those of one estimator, or of several by name.
-
-    Args:
-        results: Of each estimator.
-        out: Folder that they were written to.
-    """
+    """Results as JSON: those of one estimator, or of several by name."""
     entries = {result.estimator.name: _entry(result, out) for result in results}
     first = next(iter(entries.values()))
     if len(results) == 1:
@@ -206,9 +195,6 @@ def _wrapped(text: str, indent: str = "") -> str:
 def bandwidth_rows(metrics: Mapping[str, Metric]) -> list[dict[str, Any]]:
     """A row for each joint, excitation and amplitude; none where the run has no bandwidths or no models.
 
-    Args:
-        metrics: Of a result, by name.
-
     Returns:
         joint, excitation, mrad; median and range (95 % of the records) of the recovered bandwidth, Hz; small_signal
         and best_linear: the true ones, Hz; near: records whose bandwidth is about 1 Hz; models: records with a model.
@@ -228,11 +214,7 @@ def bandwidth_rows(metrics: Mapping[str, Metric]) -> list[dict[str, Any]]:
 
 
 def show_bandwidths(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print the table of bandwidths.
-
-    Args:
-        rows: Of `bandwidth_rows`.
-    """
+    """Print the table of bandwidths."""
     names = ("joint", "excitation", "amplitude, mrad", "median", "95 % range")
     columns = (*names, "small signals", "best linear", "near 1 Hz")
     cells = [
@@ -248,11 +230,7 @@ def show_bandwidths(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def answer(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The answer on the thesis' 1 Hz: whether the estimator recovers it, and whether what it recovers is true.
-
-    Args:
-        rows: Of `bandwidth_rows`, at least one.
-    """
+    """The answer on the thesis' 1 Hz: whether the estimator recovers it, and whether what it recovers is true."""
     low, high = ABOUT_1_HZ
     near, models = (sum(row[key] for row in rows) for key in ("near", "models"))
     medians, true = (sum(near_1_hz(row[key]) for row in rows) for key in ("median", "best_linear"))

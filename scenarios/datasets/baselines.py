@@ -96,10 +96,6 @@ class BaselineData:
 def baseline(data: BaselineData, method: Method) -> Baseline:
     """Identify the models of a method from the training part, and score them on test and validation part.
 
-    Args:
-        data: The records.
-        method: The method.
-
     Raises:
         ScenarioError: No training records for a test record, or the method needs the truth and it is missing.
         SysidError: The estimator refuses the records.
@@ -191,12 +187,7 @@ def _data(folder: Path, index_hash: str, limits: BaselineSpec) -> BaselineData:
 
 
 def report(data: BaselineData, method: Method) -> dict[str, Any]:
-    """Make a baseline as it is published: its row with the scores of every record, or with the reason of failure.
-
-    Args:
-        data: The records.
-        method: The method.
-    """
+    """Make a baseline as it is published: its row with the scores of every record, or with the reason of failure."""
     spec = data.data_set.spec
     joints = dict.fromkeys(joint for one in data.data_set.index if one.part == "test" for joint in one.joints)
     options = ["--method", method.name]

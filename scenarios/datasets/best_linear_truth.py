@@ -55,11 +55,6 @@ def recorded_realisations(
 
     Random-phase multisines of one class differ by their phases alone, whatever part of the data set they belong to.
 
-    Args:
-        plan: The experiments.
-        folder: Folder of their records.
-        entry: An experiment.
-
     Returns:
         Experiments and their logs, realisation by realisation, each phase once; none where something else is played.
         A realisation of which a record is missing does not count.
@@ -156,11 +151,6 @@ def matching_multisines(
     spec: DataSetSpec, entry: PlannedExperiment, *, realisations: int = 8
 ) -> tuple[MultisineExperiment, Multisines]:
     """Return the setting and the multisine like the command of an experiment; see `best_linear_contents`.
-
-    Args:
-        spec: The data set.
-        entry: The experiment.
-        realisations: Number of realisations of the multisine.
 
     Raises:
         ScenarioError: Several joints excited otherwise than by multisines.

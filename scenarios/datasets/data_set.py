@@ -251,9 +251,6 @@ class DataSet:
 def open_data_set(folder: str | Path) -> DataSet:
     """Open a data set; only its index is read, however many records there are.
 
-    Args:
-        folder: Its folder.
-
     Raises:
         ScenarioError: There is none, it is not finished, or its index is damaged.
     """
@@ -298,9 +295,6 @@ def load(
         block: Block of the spec.
         arm: The arm under its conditions.
         twin: Number of the randomised twin.
-
-    Returns:
-        The training part and the test part.
 
     Raises:
         ScenarioError: No data set there, or no such records in it.

@@ -31,11 +31,6 @@ XYZ = ("x", "y", "z")
 def data_contents(spec: DataSetSpec, entry: PlannedExperiment, log: JointLog) -> Contents:
     """Return what an analyst may see of an experiment.
 
-    Args:
-        spec: The data set.
-        entry: The experiment.
-        log: Its log.
-
     Returns:
         `u` (sample, input) and `y` (sample, output), rad; the flags of the control computer; where the spec asks for
         all channels also the other joints, and force and torque at the wrist.
@@ -74,11 +69,6 @@ def data_contents(spec: DataSetSpec, entry: PlannedExperiment, log: JointLog) ->
 
 def signal_contents(spec: DataSetSpec, entry: PlannedExperiment, log: JointLog) -> Contents:
     """Return what only the simulation knows of an experiment.
-
-    Args:
-        spec: The data set.
-        entry: The experiment.
-        log: Its log.
 
     Returns:
         Noise-free angles at the ticks and as they reach the record, hydraulic states, and the path of the command from
@@ -147,10 +137,6 @@ def record_attributes(spec: DataSetSpec | None, facts: Mapping[str, Any]) -> dic
 
 def stored_log(folder: Path, entry: PlannedExperiment) -> JointLog:
     """Put the log of an experiment together again from its two files.
-
-    Args:
-        folder: The data set.
-        entry: The experiment.
 
     Returns:
         The log. In a data set whose files hold the studied joints alone, the others stand at their pose, as they do

@@ -38,9 +38,6 @@ def columns(contents: Contents) -> tuple[ExportColumn, ...]:
 
     Withheld samples are NaN; their column holds float64.
 
-    Args:
-        contents: Contents of its file.
-
     Raises:
         ScenarioError: Numbers that do not run over the samples.
     """
@@ -157,9 +154,6 @@ def ascii_table(contents: Contents) -> bytes:
     """Write a record as the ASCII flat file [Morris1996, II.5]: lines of comment, then numbers between blanks.
 
     MATLAB's `load -ascii` and `numpy.loadtxt(..., comments="%")` read it.
-
-    Args:
-        contents: Contents of the file of the record.
     """
     table = columns(contents)
     lines = [
@@ -204,9 +198,6 @@ def export(
         out: Folder in which the folders of the formats are created.
         formats: Names of `FORMATS`.
         progress: Called with the records done and their total.
-
-    Returns:
-        The folders, one per format.
 
     Raises:
         ScenarioError: No data set, an unknown format, a folder that is already there, or a record that is not what the

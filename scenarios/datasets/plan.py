@@ -120,9 +120,6 @@ class _Template(NamedTuple):
 class DataSetPlan:
     """The experiments of a spec in order: all of one twin, then all of the next.
 
-    Args:
-        spec: The spec.
-
     Raises:
         ScenarioError: Two experiments of one name, an experiment that the laboratory does not have, a length that is no
             whole number of samples, or a scored record that is hardly longer than its window.

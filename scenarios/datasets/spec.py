@@ -120,10 +120,6 @@ class DataSetSpec:
     def from_toml(cls, text: str, *, source: str = "TOML text") -> "DataSetSpec":
         """Read a spec, strictly.
 
-        Args:
-            text: The TOML text.
-            source: Where it came from, for messages.
-
         Raises:
             ScenarioError: The text is not TOML, or a key, a type, a name or a value is wrong.
         """

@@ -18,9 +18,6 @@ class Ruler:
 
     It is measured in the process that runs the estimators, before the first and after the last of them, under the same
     clock, caches and load.
-
-    Args:
-        record: The record.
     """
 
     def __init__(self, record: IOData) -> None:

@@ -80,9 +80,6 @@ def write_model(stem: Path, numbers: Numbers) -> None:
 def read_model(folder: Path) -> Numbers:
     """Read the one model file in a folder: `model.json`, `model.mat` or `model.nc`.
 
-    Args:
-        folder: Of the request.
-
     Returns:
         Numbers by name, unchecked.
 

@@ -34,11 +34,6 @@ OF_RESPONSE = 5
 def numbers_of(value: object, data: IOData, task: Task) -> Numbers:
     """Named numbers of what a function returned.
 
-    Args:
-        value: What it returned.
-        data: The record of the request.
-        task: The task of the request.
-
     Raises:
         NoModelError: It is nothing of the list above.
     """

@@ -57,10 +57,6 @@ class EstimatorProcess:
 
     A program is started for each request; a Python function, and a program that stays, once, and again after each
     failure that ended its process.
-
-    Args:
-        estimator: The estimator.
-        limits: Limits of one answer.
     """
 
     def __init__(self, estimator: Estimator, limits: Limits) -> None:

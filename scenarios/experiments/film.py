@@ -46,9 +46,6 @@ def write_film(pictures: Iterator[np.ndarray], path: Path, *, rate: float) -> Pa
         path: File to write.
         rate: Frames per second.
 
-    Returns:
-        The path.
-
     Raises:
         ScenarioError: Another ending, or no encoder for `.mp4`.
     """

@@ -25,10 +25,6 @@ RATE_LIMITED = (
 def settled(log: JointLog, joints: str | Sequence[str]) -> IOData:
     """Return commanded and measured angles of joints without the start of the log; the means stay.
 
-    Args:
-        log: The log of an experiment.
-        joints: The joint, or several.
-
     Returns:
         Record in rad, named after the experiment.
 

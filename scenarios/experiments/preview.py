@@ -137,9 +137,6 @@ class Preview:
 def preview(scenario: Scenario) -> Preview:
     """Compute the commands of an experiment without physics, equal to the bit, up to its first emergency shutdown.
 
-    Args:
-        scenario: The experiment.
-
     Raises:
         ScenarioError: An operator moves the stick: the commands depend on the arm and cannot be known beforehand.
         TwinError: The laboratory lacks something that the experiment needs.

@@ -157,12 +157,6 @@ def rpcm_outcome(log: JointLog) -> RpcmOutcome:
     guides, *insert* at its release, *release* when it is gripped again, *extract* when it is clear of the guides,
     *return* at the approach point.
 
-    Args:
-        log: A record at the worksite.
-
-    Returns:
-        The outcome.
-
     Raises:
         ScenarioError: The record is not of the worksite.
     """
@@ -229,11 +223,6 @@ MODE = "cartesian_rate"
 
 def check_task(task: str, experiment: Experiment, *, excited: bool) -> None:
     """Check that an experiment has the mode, axes and worksite that a task needs.
-
-    Args:
-        task: The task.
-        experiment: The experiment.
-        excited: Whether it has an excitation.
 
     Raises:
         ScenarioError: Unknown task, or an experiment that does not suit it.

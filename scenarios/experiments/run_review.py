@@ -37,12 +37,7 @@ class RunReview:
 
 
 def review(log: JointLog, scenario: Scenario) -> RunReview:
-    """Review a log.
-
-    Args:
-        log: The log.
-        scenario: The experiment that it records.
-    """
+    """Review a log."""
     beyond = BOARD.exceeds_range(scenario.requested_volts()).any(axis=1)
     clipped = float(np.mean(beyond | ((log.status & Status.CONVERTER_SATURATED) != 0)))
     inputs = settled_inputs(log.commanded, scenario)

@@ -175,15 +175,7 @@ class Scenario:
 
     @classmethod
     def from_toml(cls, text: str, *, source: str = "TOML text", folder: Path = Path()) -> "Scenario":
-        """Read a scenario, strictly.
-
-        Args:
-            text: The TOML text.
-            source: Where it came from, for messages.
-            folder: Folder that relative paths of waveform files start from.
-
-        Returns:
-            The scenario.
+        """Read a scenario, strictly; relative paths of waveform files start from `folder`.
 
         Raises:
             ScenarioError: The text is not TOML, or a key, a type or a name is wrong.

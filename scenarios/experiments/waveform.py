@@ -158,9 +158,6 @@ def points(*, points: tuple[float, ...]) -> Waveform:
 def read_points(path: str | Path) -> tuple[float, ...]:
     """Read a 100-point file: numbers separated by spaces, commas or lines; comments begin with #.
 
-    Args:
-        path: The file.
-
     Returns:
         Its points (100,), V.
 

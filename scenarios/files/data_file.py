@@ -24,14 +24,7 @@ Names = str | Sequence[str]
 
 
 def write_log(log: JointLog, path: Path) -> Path:
-    """Write a log as NetCDF4 (`.nc`, everything), or what the bus recorded of it as CSV, ASCII or .mat.
-
-    Args:
-        log: The log.
-        path: File to write; its ending chooses the format.
-
-    Returns:
-        The path.
+    """Write a log as NetCDF4 (`.nc`, everything), or what the bus recorded of it as CSV, ASCII or .mat, by the ending.
 
     Raises:
         ScenarioError: Another ending, or there is a folder of that name.

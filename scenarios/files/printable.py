@@ -2,9 +2,5 @@
 
 
 def one_line(text: str) -> str:
-    """The text on one line, characters that cannot be seen, or that steer a terminal, replaced.
-
-    Args:
-        text: Whatever it is.
-    """
+    """The text on one line, characters that cannot be seen, or that steer a terminal, replaced."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))

@@ -104,9 +104,6 @@ def read_records(path: Path) -> RecordFile:
     Args:
         path: `.ch10` or `.c10` (1553), `.asc` or `.txt` (ASCII), `.csv`, `.nc` (bus record or joint log), `.mat`.
 
-    Returns:
-        Its tests, and what is missing of them.
-
     Raises:
         ScenarioError: The file is missing or of another kind.
         TwinError: It is damaged beyond use.
@@ -134,9 +131,6 @@ def write_record(record: BusRecord, path: Path) -> Path:
         record: The test.
         path: The file, any ending but that of 1553 records, which hold runs.
 
-    Returns:
-        The path.
-
     Raises:
         ScenarioError: Another ending, or there is a folder of that name.
         TwinError: The NetCDF file cannot be written.
@@ -150,10 +144,6 @@ def write_record(record: BusRecord, path: Path) -> Path:
 
 def losses(contents: Sequence[RecordFile], kind: str) -> list[str]:
     """List what is lost when records are written in a format, one text for each thing.
-
-    Args:
-        contents: The records, as read.
-        kind: Name of the format to write.
 
     Raises:
         ScenarioError: More tests than a run of the recorder holds.

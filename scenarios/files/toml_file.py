@@ -20,10 +20,6 @@ MOST_BITS = 63
 def read_toml(text: str, source: str) -> dict[str, Any]:
     """Parse TOML.
 
-    Args:
-        text: The text.
-        source: Where it came from, for messages.
-
     Raises:
         ScenarioError: It is no TOML, nested too deeply, or has whole numbers of more than 63 bits.
     """

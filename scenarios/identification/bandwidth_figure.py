@@ -30,9 +30,6 @@ def bandwidth_figure(study: BandwidthStudy) -> Figure:
 
     Seeds are light dots, the middle one of them a mark with its 95 % interval; a cross on the left edge stands for rows
     of which nothing can be claimed. On the right: how many intervals hold the small-signal truth, of how many.
-
-    Args:
-        study: The bandwidths.
     """
     methods = list(dict.fromkeys(row.method for row in study.rows))
     groups = [

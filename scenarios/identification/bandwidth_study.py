@@ -153,9 +153,6 @@ def from_simulation(
         threads: Threads for the physics.
         stage: Opens a progress bar.
 
-    Returns:
-        The bandwidths.
-
     Raises:
         ScenarioError: An unknown joint, method or test, no seed, tests too short, or every experiment failed.
     """
@@ -217,9 +214,6 @@ def from_logs(
         seed: Of the best linear approximation.
         threads: Threads for the physics.
         stage: Opens a progress bar.
-
-    Returns:
-        The bandwidths.
 
     Raises:
         ScenarioError: A log that excites several axes or a joint that was not studied, one that is too short, the same

@@ -223,9 +223,6 @@ def without_python_advice(text: str) -> str:
 def figures(result: Identification) -> Mapping[str, "Figure"]:
     """Draw a model and the records behind it.
 
-    Args:
-        result: The identification.
-
     Returns:
         Figures by name: `record`, `outputs`, `bode`, `step`, `roots`, and `residuals` where they could be tested.
     """

@@ -33,10 +33,6 @@ class Estimator:
     def complete(self, name: str, given: Sequence[Order]) -> dict[str, Order]:
         """Return all orders by name, defaults filled in.
 
-        Args:
-            name: Name of the estimator, for the message.
-            given: Orders as typed.
-
         Raises:
             ScenarioError: Too few, too many, or negative.
         """

@@ -63,11 +63,7 @@ class Journal(AbstractContextManager["Journal"]):
         self._database.close()
 
     def items(self, prefix: str = "") -> Iterator[tuple[str, Any]]:
-        """Keys and payloads one by one: with a prefix sorted by key, without one in the order of adding.
-
-        Args:
-            prefix: Only keys that begin with this text.
-        """
+        """Keys with this prefix and their payloads, sorted by key; without a prefix all, in the order of adding."""
         order = "key" if prefix else "number"
         return self._entries(f"WHERE key BETWEEN ? AND ? ORDER BY {order}", prefix, prefix + LAST)
 
@@ -80,12 +76,7 @@ class Journal(AbstractContextManager["Journal"]):
         return next((payload for _, payload in self._entries("WHERE key = ?", key)), None)
 
     def add(self, key: str, payload: Any) -> None:
-        """Add an entry, or replace that of the same key.
-
-        Args:
-            key: Its name.
-            payload: Bytes, or anything that JSON holds.
-        """
+        """Add an entry, bytes or anything that JSON holds, or replace that of the same key."""
         self.add_all({key: payload})
 
     def add_all(self, payloads: Mapping[str, Any]) -> None:
@@ -161,13 +152,7 @@ def read_fingerprint(path: Path) -> dict[str, str] | None:
 def differences(
     before: Mapping[str, str], now: Mapping[str, str], words: tuple[str, str] = ("then", "now")
 ) -> list[str]:
-    """Describe in what two fingerprints differ, one text for each entry.
-
-    Args:
-        before: One fingerprint.
-        now: The other.
-        words: What to call the two.
-    """
+    """Describe in what two fingerprints differ, one text for each entry."""
     texts = []
     for name in dict.fromkeys((*before, *now)):
         values = [table.get(name, "none") for table in (before, now)]

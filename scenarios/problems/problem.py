@@ -84,10 +84,6 @@ class Problem(Locked):
         return self.truth
 
     def nonparametric(self, record: IOData) -> ComplexArray | None:
-        """Response that a record of whole periods shows without a model (nf, ny, nu); None for other records.
-
-        Args:
-            record: One that was drawn from this problem.
-        """
+        """Response that a record of whole periods shows without a model (nf, ny, nu); None for other records."""
         del record
         return None

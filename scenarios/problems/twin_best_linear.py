@@ -178,12 +178,6 @@ def scattered_model(name: TwinName, truth: StateSpace, best: BestLinear, seed: i
     with nonlinear distortion that belongs to the waveform and noise that belongs to the record, as large as a response
     without a model has them at this length. Smoothing by the fit is made up for: the scatter has the power of what was
     drawn, though in fewer directions.
-
-    Args:
-        name: The problem.
-        truth: Its small-signal truth.
-        best: Its best linear truth.
-        seed: Of the draw.
     """
     network, path = _laguerre(truth.dt), truth.input_path()
     columns = network.frequency_response(best.frequencies)[:, :, 0]

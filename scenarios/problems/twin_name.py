@@ -101,12 +101,7 @@ class TwinName:
         return seed_of(f"{self.excitation_class}|{which}")
 
     def multisines(self, seed: int, *, realisations: int = 2) -> Multisines:
-        """The excitation class of a multisine problem.
-
-        Args:
-            seed: Draws the phases.
-            realisations: Number of waveforms.
-        """
+        """The excitation class of a multisine problem."""
         period = self.period * SAMPLE_TIME
         return Multisines(
             rms=self.mrad / 1000.0,

@@ -97,9 +97,6 @@ class TwinProblem(Problem):
 
         Over whole periods of a periodic record this is free of leakage; its mean over waveforms is the best linear
         approximation [Pintelon2012, sec. 4.3].
-
-        Args:
-            record: One that was drawn from this problem.
         """
         part = record.scored
         lines = np.arange(1, len(self.frequencies) + 1) * (len(part) // self.parsed.period)
@@ -107,11 +104,7 @@ class TwinProblem(Problem):
         return (y / u)[:, None, None]
 
     def scattered(self, seed: int) -> StateSpace:
-        """An estimate as good as any: the best linear truth with the scatter of a measured response.
-
-        Args:
-            seed: Of the draw.
-        """
+        """An estimate as good as any: the best linear truth with the scatter of a measured response."""
         return scattered_model(self.parsed, self.truth, self.best_linear, seed)
 
 

@@ -51,9 +51,6 @@ def svg(figure: Figure, description: str, mark: str) -> str:
         figure: The figure.
         description: What it shows, for those who cannot see it.
         mark: Unique on the page; identifiers inside the element are prefixed with it.
-
-    Returns:
-        The element.
     """
     buffer = io.StringIO()
     with matplotlib.rc_context(SETTINGS):
@@ -123,9 +120,6 @@ class Gallery:
             figure: The figure.
             caption: What it shows and how to read it: also its description for those who cannot see it.
             name: Its name as a file; each once.
-
-        Returns:
-            The figure as the page holds it.
 
         Raises:
             ScenarioError: The name is no file name, or taken.

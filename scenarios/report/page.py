@@ -12,9 +12,6 @@ class Page:
 
     Templates call its methods as `page.part`, `page.section` and `page.number`; the macros of `macros.html.j2` do so.
 
-    Args:
-        filters: Further filters of the templates by name.
-
     Attributes:
         contents: Parts of the page in their order, by name, each with the marks and headings of its sections; a part
             without sections is left out when templates iterate over it.
@@ -37,12 +34,7 @@ class Page:
         self._environment.filters.update({"verbatim": escape, **(filters or {})})
 
     def render(self, template: str, context: Mapping[str, object]) -> Markup:
-        """Render a template of this package.
-
-        Args:
-            template: Its name.
-            context: Its variables.
-        """
+        """Render a template of this package."""
         return Markup(self._environment.get_template(template).render(context))
 
     def number(self, name: str) -> int:

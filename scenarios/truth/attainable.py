@@ -131,9 +131,6 @@ def attainable(
         steps: Most steps of each search for the linear system of the truth's order; by default each goes to its end.
             Ten take a tenth of the time and leave up to a few percent more.
 
-    Returns:
-        The floors.
-
     Raises:
         ScenarioError: No joint named where several are excited; a log with a shutdown or work in contact, or too short
             for the linear systems; a joint that does not move.

@@ -128,9 +128,6 @@ def best_linear(
         measured: Outputs, joints; by default the excited ones.
         threads: Threads for the physics; all processors by default.
 
-    Returns:
-        The approximation.
-
     Raises:
         ScenarioError: See `multisine_experiments`; `measured` is no sequence of joints, each once; the physics
             diverged; a multisine beyond the converter's range.
@@ -167,9 +164,6 @@ def measured_best_linear(
         chain: The chain of signals; by default as the laboratory records.
         threads: Threads for the physics; all processors by default.
         progress: Called with the joints done and those in all.
-
-    Returns:
-        The approximations by joint.
 
     Raises:
         ScenarioError: See `best_linear`.

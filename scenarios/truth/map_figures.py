@@ -39,9 +39,6 @@ LEVELS = (-100.0 * TOLERANCE, 100.0 * TOLERANCE)
 def map_figures(maps: Maps) -> dict[str, Figure]:
     """Draw the maps.
 
-    Args:
-        maps: The maps.
-
     Returns:
         Figures by name; the template of the page says what each shows.
     """

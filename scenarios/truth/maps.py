@@ -146,9 +146,6 @@ def maps(
         threads: Threads for the physics of best linear approximations; all processors by default.
         stage: Shows the progress of each part; none by default.
 
-    Returns:
-        The maps.
-
     Raises:
         ScenarioError: The pose is at the end of a joint's range, or angles were given where a name is needed; see
             `best_linear`.

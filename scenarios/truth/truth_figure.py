@@ -40,14 +40,7 @@ FLOORS = (
 
 
 def truth_figure(summary: TruthSummary) -> Figure:
-    """Draw the truth about an arm.
-
-    Args:
-        summary: The truth; best linear approximations and attainable errors are drawn where there are some.
-
-    Returns:
-        The figure.
-    """
+    """Draw the truth about an arm."""
     floors = 0.7 + 0.7 * len(summary.attainable) if summary.attainable else 0.0
     figure = Figure(figsize=(10.0, 9.6 + floors), layout="constrained")
     heights = (2.9, 2.9, 2.9, *((floors,) if floors else ()))
