@@ -1,6 +1,7 @@
 """`hmtb compare`: models of any origin on a record, beside the truth."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -101,26 +102,12 @@ def compare(
     if len(set(joint)) < len(joint):
         raise ScenarioError(f"--joint {' '.join(joint)} given, expected each joint once")
 
-    def read(path: Path, joints: tuple[str, ...], test: str | None) -> "tuple[IOData, ...]":
-        if len(joints) > 1 and (input, output) != (("u",), ("y",)):
-            raise ScenarioError("--joint names joints of our own records; --input and --output are for tables")
-        return read_parts(
-            path,
-            joint=joints,
-            input=input,
-            output=output,
-            dt=dt,
-            time=time,
-            time_unit=time_unit,
-            test=test,
-            missing=missing,
-        )
-
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        records = read(data, joint, test)
+        read = partial(read_parts, input=input, output=output, dt=dt, time=time, time_unit=time_unit, missing=missing)
+        records = read(data, joint=joint, test=test)
         # The same joints, whichever the other record excites.
-        others = read(estimation, joint or joints_of(records[0]), estimation_test) if estimation else None
+        others = read(estimation, joint=joint or joints_of(records[0]), test=estimation_test) if estimation else None
         parts, judged = compare_models(
             names,
             records,

@@ -157,7 +157,7 @@ def score(
         print_json(
             {
                 "metric": rule.metric,
-                "unit": result.unit,
+                "unit": rule.unit,
                 "steps": rule.steps,
                 "mean": result.mean,
                 "joints": result.by_joint,
@@ -166,11 +166,11 @@ def score(
         )
         return 0
     rows = [(one.experiment, one.joint, f"{one.value:.6g}") for one in result.scores]
-    print_table(f"{rule.metric} / {result.unit}", ("record", "output", rule.metric), rows)
+    print_table(f"{rule.metric} / {rule.unit}", ("record", "output", rule.metric), rows)
     for joint, value in result.by_joint.items():
-        say(f"{joint}: {value:.6g} {result.unit}, mean over its records")
+        say(f"{joint}: {value:.6g} {rule.unit}, mean over its records")
     how = f"{counted(rule.steps, 'step')} ahead" if rule.steps else "in simulation"
-    say(f"score: {result.mean:.6g} {result.unit} ({rule.metric} {how}, mean over all records and outputs)")
+    say(f"score: {result.mean:.6g} {rule.unit} ({rule.metric} {how}, mean over all records and outputs)")
     return 0
 
 

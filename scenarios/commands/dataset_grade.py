@@ -66,7 +66,7 @@ def _record(one: "Grade") -> dict[str, object]:
     return {
         "data_set": one.data_set,
         "metric": one.scores.scoring.metric,
-        "unit": one.scores.unit,
+        "unit": one.scores.scoring.unit,
         "score": one.scores.mean,
         "joints": one.scores.by_joint,
         "attainable": one.attainable,

@@ -1,7 +1,7 @@
 """Scores of predictions and models on the test part of a data set, and files of predictions."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,8 +12,8 @@ from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.spec_tables import UNITS, Scoring
 from scenarios.datasets.tables import read_rows
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.mat_file import read_mat_numbers
-from sysid import Estimate, StateSpace
+from sysid import Estimate, StateSpace, SysidError
+from sysid.records.mat_variables import read_variables
 from sysid.validation.predictors import Predictor, as_predictor
 
 ENDINGS = (".nc", ".csv", ".mat")
@@ -56,11 +56,6 @@ class Scores:
         joints = dict.fromkeys(score.joint for score in self.scores)
         return {joint: float(np.mean([s.value for s in self.scores if s.joint == joint])) for joint in joints}
 
-    @property
-    def unit(self) -> str:
-        """Unit of the scores: that of the angle for a root mean square error, else percent."""
-        return self.scoring.unit
-
 
 def score(predictions: Path | Sequence[Path] | Mapping[str, np.ndarray], data_set: DataSet | Path | str) -> Scores:
     """Score predicted outputs of the test part, behind the window, in the metric of the data set.
@@ -102,34 +97,24 @@ def score(predictions: Path | Sequence[Path] | Mapping[str, np.ndarray], data_se
     return score_outputs(opened.spec.scoring, records.values(), lambda record: outputs[record.name])
 
 
-def score_model(
-    model: Model | Callable[[DataRecord], Model],
-    data_set: DataSet | Path | str,
-    *,
-    records: Sequence[DataRecord] | None = None,
-    scoring: Scoring | None = None,
-) -> Scores:
-    """Score a model by the same rules: its initial state is estimated from the window alone.
+def score_model(model: Model | Callable[[DataRecord], Model], data_set: DataSet | Path | str) -> Scores:
+    """Score a model on the test part by the same rules: its initial state is estimated from the window alone.
 
     Args:
         model: A model, or a function that returns the model of each record.
         data_set: The data set or its folder.
-        records: Records to score on; the test part by default.
-        scoring: Metric, unit and horizon; those of the data set by default.
 
     Raises:
-        ScenarioError: No records.
+        ScenarioError: No test records.
         SysidError: A model without operating point and a data set without a window, or other channels than the model's.
     """
     opened = data_set if isinstance(data_set, DataSet) else open_data_set(data_set)
-    rule = scoring or opened.spec.scoring
 
     def outputs(record: DataRecord) -> np.ndarray:
         one = model if isinstance(model, StateSpace | Estimate) or hasattr(model, "predicted") else model(record)
-        window = opened.spec.window if record.part == "train" else record.state_initialization_window_length
-        return as_predictor(one).predicted(replace(record.iodata(), window=window or 0), rule.steps)
+        return as_predictor(one).predicted(record.iodata(), opened.spec.scoring.steps)
 
-    return score_outputs(rule, opened.test if records is None else records, outputs)
+    return score_outputs(opened.spec.scoring, opened.test, outputs)
 
 
 def score_outputs(
@@ -231,7 +216,10 @@ def _read(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
     if path.suffix == ".csv":
         names, values = _read_csv(path)
     elif path.suffix == ".mat":
-        matrices = read_mat_numbers(path, ("y",))
+        try:
+            matrices = read_variables(path, ("y",))
+        except SysidError as error:
+            raise ScenarioError(f"cannot read {path}: {error}") from error
         if "y" not in matrices:
             raise ScenarioError(f"{path} has no matrix y")
         values = matrices["y"]

@@ -13,8 +13,8 @@ from scenarios.estimators.named_numbers import NAMES, Numbers, real_numbers
 from scenarios.estimators.outcome import NoModelError
 from scenarios.estimators.task import PROTOCOL, Task
 from scenarios.files.errors import ScenarioError
-from scenarios.files.mat_file import read_mat_numbers
 from sysid import IOData
+from sysid.records.mat_variables import read_variables
 
 FORMATS = {"data": "data.nc", "mat": "data.mat", "csv": "data.csv", "npz": "data.npz"}
 """Files of the record by placeholder: NetCDF4, MATLAB version 7, text, NumPy."""
@@ -120,7 +120,7 @@ def _read_netcdf(path: Path) -> dict[str, object]:
 
 _READERS: dict[str, Callable[[Path], Mapping[str, object]]] = {
     ".json": _read_json,
-    ".mat": lambda path: read_mat_numbers(path, NAMES),
+    ".mat": lambda path: read_variables(path, NAMES),
     ".nc": _read_netcdf,
 }
 

@@ -112,6 +112,8 @@ def read_parts(
     if parts:
         return parts
     if joints:
+        if (inputs, outputs) != (("u",), ("y",)):
+            raise ScenarioError("--joint names joints of our own records; --input and --output are for tables")
         for name in joints:
             if name not in JOINTS:
                 raise ScenarioError(unknown("joint", name, JOINTS))

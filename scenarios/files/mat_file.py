@@ -1,6 +1,5 @@
-"""MATLAB files of version 5: bus records, and matrices from other programs."""
+"""Bus records as MATLAB files of version 5."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,22 +17,6 @@ if TYPE_CHECKING:
 
 FORMAT = "hmtb mat record 1"
 """Marks the records of this version, in their variable `format`."""
-
-
-def read_mat_numbers(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
-    """Read matrices by name; those that are not in the file are left out.
-
-    Args:
-        path: The file, version 7 or older, from anywhere.
-        names: Names of the matrices.
-
-    Raises:
-        ScenarioError: It is no such file, or damaged, or has matrices of an absurd size.
-    """
-    try:
-        return read_variables(path, names)
-    except SysidError as error:
-        raise ScenarioError(f"cannot read {path}: {error}") from error
 
 
 def write_mat(record: "BusRecord", path: Path) -> Path:

@@ -14,7 +14,6 @@ import sysid
 from scenarios.experiments.joint_inputs import LAGS
 from scenarios.files.data_file import excited
 from scenarios.files.errors import ScenarioError
-from scenarios.identification.long_lag import long_lag
 from scenarios.identification.methods import ESTIMATORS, estimate
 from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
@@ -218,6 +217,16 @@ def _remarks(fitted: FittedModel) -> tuple[str, ...]:
 def without_python_advice(text: str) -> str:
     """Leave out of a warning of `sysid` the advice on Python arguments, which the command line does not have."""
     return "; ".join(part for part in text.split("; ") if not re.search(r"\b\w+=(True|False)\b", part)) or text
+
+
+def long_lag(data: IOData | Sequence[IOData]) -> int:
+    """Lags that resolve a bandwidth near 1 Hz: a tenth of the samples; MATLAB's default, 30, does not.
+
+    Args:
+        data: One experiment, or several, the shortest of which has more lags.
+    """
+    lengths = [len(one.scored) for one in ((data,) if isinstance(data, IOData) else data)]
+    return min(sum(lengths) // 10, min(lengths) - 1)
 
 
 def figures(result: Identification) -> Mapping[str, "Figure"]:

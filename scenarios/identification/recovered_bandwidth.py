@@ -12,8 +12,7 @@ from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.model_structures import STRUCTURES, Structure, every_structure
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.identification.identification import FittedModel, fit_model
-from scenarios.identification.long_lag import long_lag
+from scenarios.identification.identification import FittedModel, fit_model, long_lag
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning

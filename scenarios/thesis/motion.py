@@ -26,7 +26,7 @@ from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import fingerprint, versions
-from scenarios.identification.long_lag import long_lag
+from scenarios.identification.identification import long_lag
 from scenarios.jobs.executor import Executor
 from scenarios.jobs.journal import Journal
 from scenarios.thesis.estimates import estimate

@@ -12,7 +12,7 @@ from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import MissingRecordError, ScenarioError
-from scenarios.identification.long_lag import long_lag
+from scenarios.identification.identification import long_lag
 from scenarios.thesis.campaign import Campaign
 from sysid import FrequencyResponse, IOData
 from sysid.frequency import CovarianceFunction, DelayEstimate, ImpulseResponse

@@ -19,7 +19,7 @@ from scenarios.experiments.registry import load
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
-from scenarios.identification.long_lag import long_lag
+from scenarios.identification.identification import long_lag
 from scenarios.identification.recovered_bandwidth import intervals_agree
 from scenarios.thesis.attribution import attribute, best_linear_of, order_effects, scaled
 from scenarios.thesis.campaign import CONDITIONS, ESTIMATION_TEST, EVERY_TEST, FAIRNESS_TESTS, Campaign, run_campaign

@@ -12,7 +12,7 @@ import pytest
 from scipy.io import savemat
 
 from scenarios import names
-from scenarios.commands.cli import COMMANDS, main
+from scenarios.commands.cli import PROGRAMS, main
 from tests.scenarios.commands.conftest import signals, table
 
 OE = ("--method", "oe", "--orders", "1", "1", "1")
@@ -30,10 +30,12 @@ def test_help_and_version(run):
     assert "p = 5 (the default)" in " ".join(out.split())
 
 
-@pytest.mark.parametrize("command", [*COMMANDS, "dataset build", "dataset grade", "dataset baselines"])
-def test_help_shows_neither_empty_defaults_nor_wrapped_examples(run, command):
-    code, out, _ = run(*command.split(), "--help")
-    assert code == 0
+@pytest.mark.parametrize(
+    "words", [f"{program} {name}" for program in PROGRAMS for name in PROGRAMS[program]["commands"]]
+)
+def test_help_of_every_command_shows_neither_empty_defaults_nor_wrapped_examples(printed, words):
+    out = printed(*words.split()[1:], "--help")
+    assert out.startswith(f"usage: {words} ")
     assert not any(text in out for text in ("{None", "default: None", "default: )", "default: '')"))
     assert not any(line.startswith("hmtb ") for line in out.splitlines())
 
@@ -79,6 +81,10 @@ def test_every_usual_name_of_time_is_read(result, complaint, tmp_path, header):
     assert result("identify", path, *OE)["dt"] == pytest.approx(0.05)
     message = complaint("identify", path, *OE, "--dt", "0.02")
     assert f"sampling interval 0.02 s by --dt, 0.05 s by {header!r}" in message
+
+
+def test_the_sampling_interval_of_a_mat_file_is_read(result, complaint, tmp_path):
+    u, y = signals()
     mat = tmp_path / "robot.mat"
     savemat(mat, {"u": u, "y": y, "Ts": 0.05})
     assert result("identify", mat, *OE)["dt"] == 0.05

@@ -66,20 +66,6 @@ def test_a_noise_free_start_from_rest_is_explained_whole(result, tmp_path, metho
     assert at["output"][0] == pytest.approx(at["input"][0], abs=5e-3 if method == "n4sid" else 1e-4)
 
 
-def test_a_constant_on_the_output_is_found_with_the_model():
-    rng = np.random.default_rng(3)
-    errors = []
-    for _ in range(30):
-        u = rng.standard_normal(400)
-        u[:200] += 1.0
-        y = lfilter([0, 0.05], [1, -0.95], u) + 0.05 * rng.standard_normal(400) + 7.0
-        estimate = fit_with_offset(lambda parts: oe(parts, 1, 1, 1), [IOData(u, y, DT)]).estimate
-        inputs, outputs = estimate.operating_point
-        errors.append(outputs[0] - estimate.dc_gain()[0, 0] * inputs[0] - 7.0)
-    assert abs(np.mean(errors)) < 3 * np.std(errors) / np.sqrt(30)
-    assert np.std(errors) < 0.02
-
-
 @pytest.mark.slow
 def test_method_and_orders_are_chosen_and_judged_on_the_last_quarter(result, printed, tmp_path):
     """The record starts from rest, away from the operating point: the offset is no dynamics."""

@@ -19,39 +19,28 @@ USAGE = [
     ("simulate siso-1-elbow_pitch --out", "--out needs a value"),
     ("simulate", f"no scenario named; there are {len(names())}, listed by: hmtb scenarios list"),
     ("simulate siso-1-elbow_pich", "unknown scenario 'siso-1-elbow_pich': did you mean 'siso-1-elbow_pitch' or "),
-    ("simulate xyz", f"unknown scenario 'xyz'; there are {len(names())}, listed by: hmtb scenarios list"),
     ("scenarios shw", "unknown action 'shw'; there are: list, show"),
     ("scenarios show", "hmtb scenarios show needs a name"),
     ("truth --payloads rpcm", "unknown option '--payloads': did you mean --payload?"),
     ("waveform", "missing KIND"),
-    ("waveform prbs --clock 2.5", "--clock: expected a whole number, given 2.5"),
     ("dataset nonsense", "unknown command 'nonsense'; there are: list, show, build"),
-    ("dataset buld hmtb-siso-v1", "unknown command 'buld': did you mean 'build'? There are: list, show, build"),
     ("dataset build", "missing SPEC; see hmtb dataset build --help"),
-    ("dataset build hmtb-siso-v1 --out", "--out needs a value; see hmtb dataset build --help"),
     ("dataset build hmtb-siso-v1 --workers two", "--workers: expected a whole number, given two"),
     ("dataset build hmtb-siso-v1 elsewhere", "unexpected argument 'elsewhere'; see hmtb dataset build --help"),
     ("dataset build hmtb-sisu-v1", "unknown data set 'hmtb-sisu-v1': did you mean 'hmtb-siso-v1'"),
     ("dataset build mine.toml", "no file mine.toml: expected a spec"),
     ("dataset build hmtb-siso-v1 --students roster.txt", "--students given without --withhold FOLDER"),
     ("dataset grade withheld", "missing SUBMISSIONS"),
-    ("dataset show", "missing SPEC"),
 ]
 """Words that a command does not take."""
 
 VALUES = [
     ("bandwidth --joints elbow", "did you mean 'elbow_pitch'"),
-    ("bandwidth --joints wrist_roll", "unknown joint 'wrist_roll'"),
     ("bandwidth --methods okd", "did you mean 'okid'"),
     ("bandwidth --tests 9", "unknown test 9"),
-    ("bandwidth --tests five", "given five"),
     ("bandwidth --seeds 0", "seeds must be 1 to 1000, given 0"),
-    ("bandwidth --seeds 1000000000", "seeds must be 1 to 1000, given 1000000000"),
     ("bandwidth --seed -1", "a seed is a whole number from 0 to 2^63 - 1, given -1"),
-    ("bandwidth --seed 9223372036854775808", "2^63 - 1, given 9223372036854775808"),
-    ("bandwidth --data x.nc --seed -1 --no-bla", "2^63 - 1, given -1"),
     ("bandwidth --duration 6", "a duration of 6 s given, expected 10 s or more"),
-    ("bandwidth --variant nominl", "nominl"),
     ("bandwidth --threads 0", "--threads 0 given, expected 1 to 1024"),
     ("bandwidth --methods", "no methods given"),
     ("bandwidth --data x.csv", "expected a log of hmtb simulate"),
@@ -63,48 +52,34 @@ VALUES = [
     ),
     ("simulate siso-5-elbow_pitch --format 1553 --invalid 2", "invalid is a probability, 0 to 1, given 2.0"),
     ("simulate siso-5-elbow_pitch --format 1554", "unknown format '1554': did you mean '1553'"),
-    ("simulate siso-1-elbow_pitch --format xls", "there are: nc, csv"),
     ("simulate siso-1-elbow_pitch --duration -1", "duration"),
-    ("simulate siso-1-elbow_pitch --seed -1", "seed"),
     ("simulate siso-1-elbow_pitch --threads 0", "threads"),
     ("simulate siso-1-elbow_pitch siso-1-elbow_pitch", "named twice"),
     ("simulate missing.toml", "cannot read scenario file"),
     ("thesis --seeds 0", "seeds must be 1 to 1000, given 0"),
     ("thesis --seeds 1000000000", "seeds must be 1 to 1000, given 1000000000"),
-    (f"thesis --seed {10**23}", "a seed is a whole number from 0 to 2^63 - 1, given 1000"),
     ("thesis --seed -1", "a seed is a whole number from 0 to 2^63 - 1, given -1"),
     (f"thesis --seeds 2 --seed {2**63 - 1}", f"2^63 - 1, given {2**63}"),
     ("truth --variant nominl", "nominal"),
     ("truth --payload box", "rpcm"),
     ("truth --actuator servo", "available: linear, orifice"),
-    ("truth --friction stick", "available: none, viscous, coulomb, lugre"),
     ("truth --friction-level -1", "friction_level = -1.0 given, expected 0 to 100"),
-    ("truth --supply-pressure 0.5", "supply_pressure = 0.5 given"),
     (
         "truth --supply-pressure 5",
         "at 5 MPa the drives cannot hold the arm at this pose: shoulder pitch needs 296 N m and has 268",
     ),
-    ("truth --oil-temperature 120", "oil_temperature = 120.0 given"),
-    ("truth --process-noise nan", "process_noise = nan given"),
     ("truth --pose homm", "did you mean 'home'?"),
     ("truth --pose 0,20,50", "7 angles in degrees"),
     ("truth --pose 0,20,50,90,-50,0,zero", "7 angles in degrees"),
     ("truth --pose 0,20,50,160,-50,0,0", "elbow_pitch = 160 deg given, expected between 0 and 150 deg"),
-    ("truth --pose 999,20,50,90,-50,0,0", "shoulder_roll = 999 deg given, expected 0 deg, where its pin"),
     ("truth --pose 0,20,50,30,-50,0,0 --bla 0.01", "give --pose a name"),
-    ("truth --pose 0,20,50,30,-50,0,0 --maps", "give --pose a name"),
     ("truth --bla 0", "rms = 0.0 given"),
-    ("truth --bla 1e-9", "an amplitude of 1e-09 rad given, expected 0.000164 rad or more"),
-    ("truth --bla 0.9", "peaks"),
     ("truth --out truth.gif", "expected a figure: .svg, .png, .pdf"),
     ("truth --maps --density 0", "density of the maps: 0 given"),
     ("truth --seed -1", "seed"),
-    ("truth --bla 0.01 --threads 0", "--threads 0 given"),
     ("truth --threads 0", "--threads 0 given"),
     ("truth --threads 2", "--threads 2 given without --bla or --maps"),
-    ("truth --maps --threads 0", "--threads 0 given"),
     ("truth --density 0", "--density 0 given without --maps"),
-    ("truth --density 1", "--density 1 given without --maps"),
     (
         "truth --variant flight --supply-pressure 15",
         "supply_pressure = 15.0 given, but the drives of this arm are electric",
@@ -112,7 +87,6 @@ VALUES = [
     ("verify perfect --workers 0", "workers must be 1 to 1024, given 0"),
     ("waveform prb", "did you mean 'prbs'"),
     ("waveform fil", "did you mean 'file'"),
-    ("waveform sine", "frequency"),
     (
         "waveform chirp_as_printed --f-low 1 --f-high 2",
         "chirp_as_printed needs --f-center; it takes --f-low, --f-high, --f-center, --amplitude",
@@ -127,10 +101,9 @@ VALUES = [
 """Values that a command does not take."""
 
 
-@pytest.mark.parametrize("columns", ["40", "200"])
 @pytest.mark.parametrize(("words", "says"), USAGE)
-def test_usage_errors_are_one_line(complaint, monkeypatch, columns, words, says):
-    monkeypatch.setenv("COLUMNS", columns)
+def test_usage_errors_are_one_line_on_the_narrowest_terminal(complaint, monkeypatch, words, says):
+    monkeypatch.setenv("COLUMNS", "40")
     assert says in complaint(*words.split())
 
 

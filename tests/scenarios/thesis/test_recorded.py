@@ -131,14 +131,12 @@ def test_a_servo_that_is_ten_percent_stiffer_is_found_out(stiffer_servo):
     assert any(line.startswith(f"bandwidth of {JOINT}, okid, Hz") for line in lines)
 
 
-@pytest.mark.parametrize("key", CLAIMS)
-def test_a_verdict_that_flips_is_found_out(key):
+def test_a_verdict_that_flips_is_found_out():
     before = recorded().outcomes[SEED - 1]
-    flipped = "not reproduced" if before.verdicts[key] != "not reproduced" else "reproduced"
-    outcome = replace(before, verdicts={**before.verdicts, key: flipped})
-    assert tuple(contradictions(outcome, recorded())) == (
-        f"{key}: {flipped}, recorded of seed {SEED}: {before.verdicts[key]}",
-    )
+    flipped = "not reproduced" if before.verdicts["F1"] != "not reproduced" else "reproduced"
+    outcome = replace(before, verdicts={**before.verdicts, "F1": flipped})
+    line = f"F1: {flipped}, recorded of seed {SEED}: {before.verdicts['F1']}"
+    assert tuple(contradictions(outcome, recorded())) == (line,)
 
 
 def test_every_seed_agrees_with_the_tally_that_it_is_in():
