@@ -154,8 +154,7 @@ def _combined(
     total = np.sum(np.abs(responses - mean) ** 2, axis=0) / (r * (r - 1)) if r > 1 else unknown
     p_value = unknown
     if r > 1:
-        safe = np.where(noise > 0.0, noise, 1.0)
-        ratio = np.where(noise > 0.0, total / safe, np.where(total > 0.0, np.inf, 1.0))
+        ratio = np.divide(total, noise, out=np.where(total > 0.0, np.inf, 1.0), where=noise > 0.0)
         p_value = scipy.stats.f.sf(ratio, 2 * (r - 1), freedom)
     certain = total if r > 1 else noise
     return BestLinearApproximation(

@@ -139,11 +139,8 @@ def cra(
         for i in range(first.ny):
             deviation[:, i, j] = np.where(determined[own], _deviation(phi, fit.inverse_gram, errors[:, i])[own], np.inf)
     if deficiency and not messages:
-        message = (
-            f"the lagged inputs have rank {width - deficiency} for {width} values of the response: "
-            "some are not determined"
-        )
-        warnings.warn(message, SysidWarning, stacklevel=2)
+        rank = f"rank {width - deficiency} for {width} values of the response: some are not determined"
+        warnings.warn(f"the lagged inputs have {rank}", SysidWarning, stacklevel=2)
     return ImpulseResponse(
         lags=np.arange(lags + 1),
         response=response,

@@ -15,7 +15,7 @@ from sysid.polynomial.regressors import arx_regressors, first_row
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, SysidWarning, warn_each
 from sysid.validation.feedback import feedback, interchanged
 
 IntArray = NDArray[np.int_]
@@ -82,8 +82,7 @@ def delayest(
     largest, na = whole_number("largest", largest, 0), whole_number("na", na, 0)
     nb, whitening = whole_number("nb", nb, 1), whole_number("whitening", whitening, 0)
     level = confidence_level(level)
-    for text in check_excitation(experiments, [0] * nu):
-        warnings.warn(text, SysidWarning, stacklevel=2)
+    warn_each(check_excitation(experiments, [0] * nu))
     lags = (largest + nb,) * nu
     starts = [first_row(na, lags, (0,) * nu, e.window) for e in experiments]
     rows = sum(max(len(e) - s, 0) for e, s in zip(experiments, starts, strict=True))

@@ -82,19 +82,14 @@ def _smoothed(
     n = u.shape[1]
 
     def over_neighbours(products: ComplexArray, w: FloatArray) -> ComplexArray:
-        total = products.sum(axis=0)
-        real, imaginary = (scipy.ndimage.convolve1d(part, w, axis=0, mode="wrap") for part in (total.real, total.imag))
-        return np.asarray(real + 1j * imaginary)[1 : len(f) + 1]
+        return np.asarray(scipy.ndimage.convolve1d(products.sum(axis=0), w, axis=0, mode="wrap"))[1 : len(f) + 1]
 
     scale = experiments[0].dt / (n * len(experiments))
-    uu = u[:, :, :, None] * u[:, :, None, :].conj()
-    phi_u = scale * over_neighbours(uu, weights)
-    phi_y = scale * over_neighbours(y[:, :, :, None] * y[:, :, None, :].conj(), weights)
-    phi_yu = scale * over_neighbours(y[:, :, :, None] * u[:, :, None, :].conj(), weights)
+    z = np.concatenate((u, y), axis=2)
+    products = z[:, :, :, None] * z[:, :, None, :].conj()
+    phi = scale * over_neighbours(products, weights)
     averages = len(experiments) / float(np.sum(weights**2))
     # with input lines of unequal power, fewer of them determine the estimate
-    strength, squares = phi_u[:, 0, 0].real, scale * over_neighbours(uu, weights**2)[:, 0, 0].real
+    strength, squares = phi[:, 0, 0].real, scale * over_neighbours(products[..., 0, 0], weights**2).real
     effective = len(experiments) * strength / np.where(squares > 0.0, squares, 1.0)
-    return response_of_spectra(
-        "etfe", experiments, f, phi_u, phi_y, phi_yu, averages=averages, weights=np.maximum(effective, 1e-12)
-    )
+    return response_of_spectra("etfe", experiments, f, phi, averages=averages, weights=np.maximum(effective, 1e-12))

@@ -47,8 +47,7 @@ def silent_lines(
     g = approximation.response.response
     at = np.empty((len(silent), *g.shape[1:]), dtype=complex)
     for i, j in np.ndindex(g.shape[1:]):
-        real, imaginary = (np.interp(silent, approximation.lines, part) for part in (g[:, i, j].real, g[:, i, j].imag))
-        at[:, i, j] = real + 1j * imaginary
+        at[:, i, j] = np.interp(silent, approximation.lines, g[:, i, j])
     power, noise = [], []
     for record in records:
         u, y = (

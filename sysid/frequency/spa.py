@@ -8,14 +8,14 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sysid.frequency.spectra import response_of_spectra
+from sysid.frequency.spectra import checked_frequencies, coherence, powers, response_of_spectra
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.correlation import covariance_function, covariance_with_gaps
 from sysid.polynomial.data_checks import check_excitation, large_means
 from sysid.records.arguments import whole_number, window_values
-from sysid.records.arrays import ComplexArray, FloatArray, real_array
+from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, SysidWarning, warn_each
 
 GRID = 512  # default number of frequencies
 LAG = 30  # longest default lag, as in MATLAB: more resolution costs variance and is the user's choice
@@ -62,81 +62,54 @@ def spa(
         SysidError: Constant input, lag not between 1 and N - 1, an invalid window, frequencies beyond Nyquist.
     """
     experiments = tuple(e.scored for e in as_experiments(data, missing=True, series=True))
-    for text in check_excitation(experiments, [0] * experiments[0].nu) + large_means(experiments):
-        warnings.warn(text, SysidWarning, stacklevel=2)
-    dt = experiments[0].dt
+    warn_each(check_excitation(experiments, [0] * experiments[0].nu) + large_means(experiments))
+    dt, nu = experiments[0].dt, experiments[0].nu
     samples = sum(len(e) for e in experiments)
     shortest = min(len(e) for e in experiments)
     if shortest < 2:
         raise SysidError(f"too few samples: {shortest} behind the initialisation window, at least 2 are needed")
     m = whole_number("lag", max(1, min(samples // 10, LAG, shortest - 1)) if lag is None else lag, 1, shortest - 1)
-    f = (
-        np.arange(1, GRID + 1) / GRID * (0.5 / dt)
-        if frequencies is None
-        else np.atleast_1d(real_array("frequencies", frequencies))
-    )
-    if f.ndim != 1 or len(f) == 0:
-        raise SysidError(f"frequencies: expected a list of at least one, got an array of shape {f.shape}")
-    if f.min() < 0.0 or f.max() > 0.5 / dt * (1 + 1e-12):
-        raise SysidError(f"frequencies must lie between 0 and Nyquist ({0.5 / dt} Hz), got {f.min()} to {f.max()} Hz")
+    f = np.arange(1, GRID + 1) / GRID * (0.5 / dt) if frequencies is None else checked_frequencies(frequencies, dt)
     complete = all(e.complete for e in experiments)
-    u, y = [e.u for e in experiments], [e.y for e in experiments] if complete else _filled(experiments)
+    y = [e.y for e in experiments] if complete else _filled(experiments)
+    z = [np.hstack((e.u, outputs)) for e, outputs in zip(experiments, y, strict=True)]
     weights = window_values(window, 2 * m + 1)
     if not np.isclose(weights[m], 1.0) or not np.allclose(weights, weights[::-1]):
         raise SysidError(f"window({2 * m + 1}) must be symmetric round a 1 in the middle")
-    covariances = [covariance_function(a, b, m) for a, b in ((u, u), (y, y), (y, u))]
-    if m >= SHORT and experiments[0].nu and _truncated(covariances, samples):
+    covariances = covariance_function(z, z, m)
+    if m >= SHORT and nu and _truncated(covariances, nu, samples):
         text = f"the lag window of {m} samples is shorter than the response: the estimate is smoothed; use a longer lag"
         warnings.warn(text, SysidWarning, stacklevel=2)
-    phi_u, phi_y, phi_yu = (_transform(weights, one, f, dt) for one in covariances)
-    averages = samples / float(weights @ weights)
-    response = response_of_spectra("spa", experiments, f, phi_u, phi_y, phi_yu, averages=averages)
-    if complete and _negative(response):
-        with warnings.catch_warnings():
-            # reported above
-            warnings.simplefilter("ignore", SysidWarning)
-            positive = spa(experiments, lag=m, window=scipy.signal.windows.parzen, frequencies=f)
-        response = _with_positive_noise(response, positive)
-    return response if complete else _with_gaps(response, experiments, weights)
-
-
-def _truncated(covariances: Sequence[FloatArray], samples: int) -> bool:
-    """Whether outputs still correlate with an input at the end of the window, where inputs no longer correlate."""
-    own, power, cross = covariances
-    last = slice(-max(len(own) // 20, 1), None)
-    sizes = np.sqrt(np.einsum("kii->ki", power)[len(power) // 2][:, None] * np.einsum("kjj->kj", own)[len(own) // 2])
-    short = np.abs(own[last]).max() < UNRELATED * np.abs(own).max()
-    edge, peak = np.abs(cross[last]).max(axis=0), np.abs(cross).max(axis=0)
-    return bool(short and ((edge > UNDECAYED * peak) & (edge > 6.0 * sizes / np.sqrt(samples))).any())
-
-
-def _negative(response: FrequencyResponse) -> bool:
-    """Whether the spectrum of the disturbance is negative anywhere, beyond rounding."""
-    if response.noise_spectrum is None or response.output_spectrum is None:
-        return False
-    noise, output = (np.einsum("fii->fi", s).real for s in (response.noise_spectrum, response.output_spectrum))
-    return bool((noise < -1e-9 * np.abs(output)).any())
-
-
-def _with_positive_noise(response: FrequencyResponse, positive: FrequencyResponse) -> FrequencyResponse:
-    """Replace disturbance and covariance by those of a positive window, at the frequencies where they are negative."""
-    if response.noise_spectrum is None or positive.noise_spectrum is None:
+    phi = _transform(weights, covariances, f, dt)
+    response = response_of_spectra("spa", experiments, f, phi, averages=samples / float(weights @ weights))
+    if not complete:
+        return _with_gaps(response, experiments, weights)
+    # the spectrum of the disturbance is negative somewhere, beyond rounding
+    negative = (powers(np.asarray(response.noise_spectrum)) < -1e-9 * np.abs(powers(phi[:, nu:, nu:]))).any(axis=1)
+    if not negative.any():
         return response
-    if response.covariance is None or positive.covariance is None:
-        return response
-    noise, output = (
-        np.einsum("fii->fi", np.asarray(s)).real for s in (response.noise_spectrum, response.output_spectrum)
-    )
-    power = np.linalg.eigvalsh(np.asarray(response.input_spectrum))[:, :1]
+    with warnings.catch_warnings():
+        # reported above
+        warnings.simplefilter("ignore", SysidWarning)
+        positive = spa(experiments, lag=m, window=scipy.signal.windows.parzen, frequencies=f)
+    power = np.linalg.eigvalsh(phi[:, :nu, :nu])[:, :1]
     # An input below the side lobes of its peak determines nothing, whatever the window.
-    swap = ((noise < -1e-9 * np.abs(output)).any(axis=1) & (power > SIDE_LOBES * power.max(initial=0.0)).all(axis=1))[
-        :, None, None
-    ]
+    swap = (negative & (power > SIDE_LOBES * power.max(initial=0.0)).all(axis=1))[:, None, None]
     return replace(
         response,
         noise_spectrum=np.where(swap, positive.noise_spectrum, response.noise_spectrum),
         covariance=np.where(swap[..., None, None], positive.covariance, response.covariance),
     )
+
+
+def _truncated(covariances: FloatArray, nu: int, samples: int) -> bool:
+    """Whether outputs still correlate with an input at the end of the window, where inputs no longer correlate."""
+    own, cross = covariances[:, :nu, :nu], covariances[:, nu:, :nu]
+    last, deviations = slice(-max(len(own) // 20, 1), None), np.sqrt(np.diagonal(covariances[len(own) // 2]))
+    sizes = deviations[nu:, None] * deviations[:nu]
+    short = np.abs(own[last]).max() < UNRELATED * np.abs(own).max()
+    edge, peak = np.abs(cross[last]).max(axis=0), np.abs(cross).max(axis=0)
+    return bool(short and ((edge > UNDECAYED * peak) & (edge > 6.0 * sizes / np.sqrt(samples))).any())
 
 
 def _filled(experiments: Sequence[IOData]) -> list[FloatArray]:
@@ -153,18 +126,12 @@ def _with_gaps(response: FrequencyResponse, experiments: Sequence[IOData], weigh
     """Remove the contribution of the gaps from output spectrum, disturbance and coherence."""
     y = [e.y for e in experiments]
     phi_y = _transform(weights, covariance_with_gaps(y, y, len(weights) // 2), response.frequencies, response.dt)
-    if response.input_spectrum is None or response.cross_spectrum is None:
-        return replace(response, output_spectrum=phi_y)
-    g, phi_yu = np.nan_to_num(response.response), response.cross_spectrum
-    powers = [np.maximum(np.einsum("fii->fi", s).real, 0.0) for s in (phi_y, response.input_spectrum)]
-    products = powers[0][:, :, None] * powers[1][:, None, :]
-    significant = products > 1e-24 * products.max(initial=0.0)
-    coherence = np.where(significant, np.abs(phi_yu) ** 2 / np.where(significant, products, 1.0), 0.0)
+    g, phi_u, phi_yu = map(np.asarray, (response.response, response.input_spectrum, response.cross_spectrum))
     return replace(
         response,
         output_spectrum=phi_y,
-        noise_spectrum=phi_y - g @ phi_yu.conj().transpose(0, 2, 1),
-        coherence=np.clip(coherence, 0.0, 1.0),
+        noise_spectrum=phi_y - np.nan_to_num(g) @ phi_yu.conj().transpose(0, 2, 1),
+        coherence=coherence(phi_u, phi_y, phi_yu),
     )
 
 

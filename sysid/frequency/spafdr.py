@@ -1,18 +1,17 @@
 """Spectral analysis with a resolution that depends on frequency."""
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sysid.frequency.spectra import response_of_spectra
+from sysid.frequency.spectra import checked_frequencies, response_of_spectra
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.data_checks import check_excitation, large_means
 from sysid.records.arrays import ComplexArray, real_array
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, warn_each
 
 GRID = 100  # default number of frequencies
 RELATIVE = 0.2  # default resolution, relative to the frequency
@@ -46,18 +45,13 @@ def spafdr(
     """
     experiments = tuple(e.scored for e in as_experiments(data))
     first = experiments[0]
-    for text in check_excitation(experiments, [0] * first.nu) + large_means(experiments):
-        warnings.warn(text, SysidWarning, stacklevel=2)
+    warn_each(check_excitation(experiments, [0] * first.nu) + large_means(experiments))
     samples, nyquist = sum(len(e) for e in experiments), 0.5 / first.dt
     line = 1.0 / (samples * first.dt)
     if frequencies is None:
         f = np.geomspace(min(AVERAGES * line, 0.1 * nyquist), nyquist, GRID)
     else:
-        f = np.atleast_1d(real_array("frequencies", frequencies))
-    if f.ndim != 1 or not len(f):
-        raise SysidError(f"frequencies: expected one or more, got an array of shape {f.shape}")
-    if f.min() <= 0.0 or f.max() > nyquist * (1 + 1e-12):
-        raise SysidError(f"frequencies must lie above 0 and up to Nyquist ({nyquist} Hz), got {f.min()} to {f.max()}")
+        f = checked_frequencies(frequencies, first.dt, zero=False)
     widths = np.maximum(RELATIVE * f, AVERAGES * line) if resolution is None else real_array("resolution", resolution)
     if widths.shape not in ((), f.shape) or widths.min() <= 0.0:
         raise SysidError(f"resolution: expected a width above 0 Hz or {len(f)} of them, got shape {widths.shape}")
@@ -92,9 +86,7 @@ def spafdr(
         "spafdr",
         experiments,
         f,
-        phi[:, :nu, :nu],
-        phi[:, nu:, nu:],
-        phi[:, nu:, :nu],
+        phi,
         averages=averages,
         weights=np.maximum(effective, 1e-12),
     )

@@ -4,9 +4,10 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sysid.models.frequency_response import FrequencyResponse, complex_covariance
-from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.records.arrays import ComplexArray, FloatArray, real_array
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
 
@@ -15,9 +16,7 @@ def response_of_spectra(
     method: str,
     experiments: Sequence[IOData],
     f: FloatArray,
-    phi_u: ComplexArray,
-    phi_y: ComplexArray,
-    phi_yu: ComplexArray,
+    phi: ComplexArray,
     *,
     averages: float | FloatArray,
     weights: FloatArray | None = None,
@@ -31,9 +30,7 @@ def response_of_spectra(
         method: Name of the estimator.
         experiments: The experiments.
         f: Hz (nf,).
-        phi_u: Input spectrum (nf, nu, nu).
-        phi_y: Output spectrum (nf, ny, ny).
-        phi_yu: Cross spectrum (nf, ny, nu).
+        phi: Spectra of inputs and outputs together (nf, nu + ny, nu + ny).
         averages: K, for all frequencies or for each (nf,); intervals use Student's distribution with the smallest
             2 (K - nu) degrees of freedom.
         weights: K per frequency (nf,) for the variance, if the lines of the input differ in power.
@@ -42,15 +39,15 @@ def response_of_spectra(
         SysidError: Not more averages than inputs: the fit would be exact for any data.
     """
     first = experiments[0]
-    nu = phi_u.shape[1]
+    nu = first.nu
+    phi_u, phi_y, phi_yu = phi[:, :nu, :nu], phi[:, nu:, nu:], phi[:, nu:, :nu]
     count = np.broadcast_to(averages, f.shape)
     if count.min() <= nu:
         raise SysidError(
             f"the smoothing amounts to {count.min():.3g} independent averages, with {nu} input(s) more than {nu} are "
             "needed: use a shorter lag window, shorter segments, or more neighbours"
         )
-    power = np.einsum("fjj->fj", phi_u).real
-    silent = (np.linalg.eigvalsh(phi_u)[:, :1] <= 1e-12 * power.max(initial=0.0)).any(axis=1)
+    silent = (np.linalg.eigvalsh(phi_u)[:, :1] <= 1e-12 * powers(phi_u).max(initial=0.0)).any(axis=1)
     if silent.all():
         warnings.warn(
             f"the inputs have no significant power, or are dependent, at all {len(f)} frequencies: the response is "
@@ -63,17 +60,14 @@ def response_of_spectra(
     g = phi_yu @ inverse
     g[silent] = 0.0
     phi_v = phi_y - g @ phi_yu.conj().transpose(0, 2, 1)
-    noise = np.einsum("fii->fi", phi_v).real
-    output_power = np.maximum(np.einsum("fii->fi", phi_y).real, np.finfo(float).tiny)
+    noise = powers(phi_v)
+    output_power = np.maximum(powers(phi_y), np.finfo(float).tiny)
     # the window leaks into nulls of the input; a negative noise power there means that nothing is determined
     noise = np.where(noise < -1e-9 * output_power, np.nan, np.maximum(noise, 0.0))
     noise = noise * count[:, None] / (count - nu)[:, None]
-    gain = np.maximum(np.einsum("fjj->fj", inverse).real, 0.0)
+    gain = np.maximum(powers(inverse), 0.0)
     effective = count if weights is None else weights
     variance = noise[:, :, None] * gain[:, None, :] / effective[:, None, None]
-    products = output_power[:, :, None] * np.maximum(power, 0.0)[:, None, :]
-    significant = products > 1e-24 * products.max(initial=0.0)
-    coherence = np.where(significant, np.abs(phi_yu) ** 2 / np.where(significant, products, 1.0), 0.0)
     covariance = complex_covariance(variance, f, first.dt)
     g[silent] = np.nan
     covariance[silent] = np.nan
@@ -83,7 +77,7 @@ def response_of_spectra(
         dt=first.dt,
         method=method,
         covariance=covariance,
-        coherence=np.clip(coherence, 0.0, 1.0),
+        coherence=coherence(phi_u, phi_y, phi_yu),
         noise_spectrum=phi_v,
         input_spectrum=phi_u,
         output_spectrum=phi_y,
@@ -94,3 +88,26 @@ def response_of_spectra(
         input_names=first.input_names or (),
         output_names=first.output_names or (),
     )
+
+
+def powers(spectrum: ComplexArray) -> FloatArray:
+    """Spectra of the single channels: the diagonal of (nf, n, n) as (nf, n)."""
+    return np.asarray(np.einsum("fii->fi", spectrum).real)
+
+
+def coherence(phi_u: ComplexArray, phi_y: ComplexArray, phi_yu: ComplexArray) -> FloatArray:
+    """|Phi_yu|^2 / (Phi_y Phi_u) per pair (nf, ny, nu), 0 where there is no power."""
+    products = np.maximum(powers(phi_y), 0.0)[:, :, None] * np.maximum(powers(phi_u), 0.0)[:, None, :]
+    significant = products > 1e-24 * products.max(initial=0.0)
+    return np.clip(np.where(significant, np.abs(phi_yu) ** 2 / np.where(significant, products, 1.0), 0.0), 0.0, 1.0)
+
+
+def checked_frequencies(frequencies: ArrayLike, dt: float, *, zero: bool = True) -> FloatArray:
+    """Frequencies (nf,), Hz, from 0 or above it up to Nyquist."""
+    f, nyquist = np.atleast_1d(real_array("frequencies", frequencies)), 0.5 / dt
+    if f.ndim != 1 or not len(f):
+        raise SysidError(f"frequencies: expected a list of at least one, got an array of shape {f.shape}")
+    if f.min() < 0.0 or (f.min() == 0.0 and not zero) or f.max() > nyquist * (1 + 1e-12):
+        bounds = "between 0 and Nyquist" if zero else "above 0 and up to Nyquist"
+        raise SysidError(f"frequencies must lie {bounds} ({nyquist} Hz), got {f.min()} to {f.max()} Hz")
+    return f

@@ -1,6 +1,5 @@
 """Spectra, coherence and frequency response by averaging over overlapping segments."""
 
-import warnings
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -12,7 +11,7 @@ from sysid.polynomial.data_checks import check_excitation, large_means
 from sysid.records.arguments import real_number, whole_number, window_values
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, warn_each
 
 
 def welch(
@@ -46,8 +45,7 @@ def welch(
             inputs.
     """
     experiments = tuple(e.scored for e in as_experiments(data, series=True))
-    for text in check_excitation(experiments, [0] * experiments[0].nu) + large_means(experiments):
-        warnings.warn(text, SysidWarning, stacklevel=2)
+    warn_each(check_excitation(experiments, [0] * experiments[0].nu) + large_means(experiments))
     shortest = min(len(e) for e in experiments)
     if shortest < 4:
         raise SysidError(f"too few samples: {shortest} behind the initialisation window, at least 4 are needed")
@@ -57,9 +55,8 @@ def welch(
     if not w.any():
         raise SysidError(f"window({length}) must not be zero throughout")
     hop = max(1, round(length * (1.0 - overlap)))
-    nu, ny = experiments[0].nu, experiments[0].ny
-    count = length // 2
-    phi: ComplexArray = np.zeros((count, nu + ny, nu + ny), dtype=complex)
+    count, channels = length // 2, experiments[0].nu + experiments[0].ny
+    phi: ComplexArray = np.zeros((count, channels, channels), dtype=complex)
     counts = [(len(e) - length) // hop + 1 for e in experiments]
     for e, segments in zip(experiments, counts, strict=True):
         v = np.hstack((e.u, e.y))
@@ -72,9 +69,7 @@ def welch(
         "welch",
         experiments,
         scipy.fft.rfftfreq(length, dt)[1:],
-        phi[:, :nu, :nu],
-        phi[:, nu:, nu:],
-        phi[:, nu:, :nu],
+        phi,
         averages=sum(_independent(w, hop, segments) for segments in counts),
     )
 

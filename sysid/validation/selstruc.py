@@ -1,6 +1,5 @@
 """Choice of ARX orders and delay, all candidates from one factorisation."""
 
-import warnings
 from collections.abc import Iterable, Sequence
 from itertools import product
 from typing import Any
@@ -15,7 +14,7 @@ from sysid.polynomial.regressors import arx_regressors
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments, in_sequence_of
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, warn_each
 from sysid.validation.structure_scan import StructureTable, make_table
 
 Choices = int | Sequence[int] | Sequence[tuple[int, ...]]
@@ -61,8 +60,7 @@ def selstruc(
     if validation is not None and folds:
         raise SysidError(f"expected validation data or folds, not both; got folds = {folds}")
     every = _union(candidates)
-    for text in check_excitation(experiments, [0] * nu):
-        warnings.warn(text, SysidWarning, stacklevel=2)
+    warn_each(check_excitation(experiments, [0] * nu))
     rows = check_enough_data(experiments, every, transients=0)
     folds = whole_number("folds", folds, 0, rows)
     if folds == 1:
