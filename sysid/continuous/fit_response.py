@@ -91,14 +91,9 @@ def fit_response(
     realise: Callable[[FloatArray], StateSpace]
     if continuous:
         structures = [RationalPath(f, b - 1, late) for b, f, late in paths]
-        names = tuple(
-            name + (f"[{k // nu + 1},{k % nu + 1}]" if ny > 1 else f"[{k + 1}]" if nu > 1 else "")
-            for k, structure in enumerate(structures)
-            for name in structure.names
-        )
         rows = tuple(tuple(structures[i * nu : (i + 1) * nu]) for i in range(ny))
         continuous_model = RealisePaths(rows, summary, "zoh", None)
-        realise = Resampled(continuous_model)
+        names, realise = continuous_model.names, Resampled(continuous_model)
         counts = {"nb": [b for b, _, _ in paths], "nf": [f for _, f, _ in paths]}
         reported = {name: np.squeeze(np.reshape(values, (ny, nu))).tolist() for name, values in counts.items()}
     else:

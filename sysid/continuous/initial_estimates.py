@@ -13,6 +13,7 @@ import numpy as np
 from sysid.continuous.path_response import TransferFunction, derivatives_of, respond, transients
 from sysid.continuous.structures import PathStructure
 from sysid.polynomial.error_jacobian import orthonormal
+from sysid.polynomial.initial_estimates import interpolated
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
@@ -25,7 +26,7 @@ CONSTANT = np.array([0.0, 1.0])  # denominator s, whose free response is a const
 LONGEST = 10_000  # samples of each experiment that initial estimates use
 
 
-Candidate = tuple[TransferFunction, float]
+PathEstimate = tuple[TransferFunction, float]
 """A transfer function and its sum of squared errors."""
 
 
@@ -63,7 +64,7 @@ class PathData:
                 part[: len(basis)] -= basis @ (basis.T @ part[: len(basis)])
         return np.vstack(parts)
 
-    def numerator(self, a: FloatArray, delay: float) -> Candidate:
+    def numerator(self, a: FloatArray, delay: float) -> PathEstimate:
         """Transfer function with the least-squares numerator, and its sum of squared errors."""
         m = self.structure.zeros
         blocks = [
@@ -114,7 +115,7 @@ def free_responses(denominators: Sequence[FloatArray], dt: float, rows: int) -> 
     return np.hstack([np.zeros((length, 0)), *padded])
 
 
-def path_estimates(data: PathData, longest: float) -> list[Candidate]:
+def path_estimates(data: PathData, longest: float) -> list[PathEstimate]:
     """Transfer functions of one path, best first; several where the delay is unknown, each near a local minimum."""
     unknown = data.structure.delay is None
     n = data.structure.poles
@@ -127,21 +128,21 @@ def path_estimates(data: PathData, longest: float) -> list[Candidate]:
     best = _best(candidates)[:KEPT]
     if not unknown:
         return best
-    near: list[Candidate] = []
+    near: list[PathEstimate] = []
     for path, _ in best:
         grid, costs = data.by_delay(path.a, longest)
         inner = np.concatenate(([np.inf], costs, [np.inf]))
         minima = np.flatnonzero((inner[1:-1] <= inner[:-2]) & (inner[1:-1] <= inner[2:]))
         for k in minima[np.argsort(costs[minima])][:2]:
             near.append(_iterated(data, path.a, float(grid[k])))
-    chosen: list[Candidate] = []
+    chosen: list[PathEstimate] = []
     for path, cost in _best(near + best):
         if all(abs(path.delay - other.delay) > 0.5 * data.dt for other, _ in chosen):
             chosen.append((path, cost))
     return chosen[: KEPT + 1]
 
 
-def _iterated(data: PathData, a: FloatArray, delay: float) -> Candidate:
+def _iterated(data: PathData, a: FloatArray, delay: float) -> PathEstimate:
     """The best of a few steps of SRIVC at one delay, and its sum of squared errors."""
     best = data.numerator(a, delay)
     last = best
@@ -165,11 +166,11 @@ def initial_estimates(
 ) -> list[FloatArray]:
     """Parameters to start from, best first: path by path, each to the output without the others' responses."""
     experiments = [e[:LONGEST] for e in experiments]
-    outputs = [_filled(e) for e in experiments]
+    outputs = [interpolated(e)[:, 0] for e in experiments]
     dt, intersample = experiments[0].dt, experiments[0].intersample
-    estimates: dict[int, list[Candidate]] = {}
+    estimates: dict[int, list[PathEstimate]] = {}
 
-    def fit(j: int) -> list[Candidate]:
+    def fit(j: int) -> list[PathEstimate]:
         others = {i: known[0][0] for i, known in estimates.items() if i != j}
         responses = [
             sum((respond(path, e.u[:, i], dt, intersample).y for i, path in others.items()), 0.0) for e in experiments
@@ -206,13 +207,6 @@ def initial_estimates(
     ]
 
 
-def _filled(experiment: IOData) -> FloatArray:
-    """Output (N,), missing samples interpolated."""
-    y, times = experiment.y[:, 0], np.arange(len(experiment))
-    known = np.isfinite(y)
-    return np.interp(times, times[known], y[known])
-
-
 def _least_squares(columns: FloatArray) -> tuple[FloatArray, float]:
     """Coefficients of the last column in the others, and the sum of squares that remains."""
     lengths = np.sqrt(np.sum(columns[:, :-1] ** 2, axis=0)) + np.finfo(float).tiny
@@ -221,9 +215,9 @@ def _least_squares(columns: FloatArray) -> tuple[FloatArray, float]:
     return solution / lengths, float(np.sum((columns[:, -1] - scaled @ solution) ** 2))
 
 
-def _best(candidates: Sequence[Candidate]) -> list[Candidate]:
+def _best(candidates: Sequence[PathEstimate]) -> list[PathEstimate]:
     """Candidates of rising cost, one of those that have hardly another cost."""
-    chosen: list[Candidate] = []
+    chosen: list[PathEstimate] = []
     for one in sorted((one for one in candidates if np.isfinite(one[1])), key=lambda one: one[1]):
         if not chosen or one[1] > chosen[-1][1] * (1.0 + SETTLED):
             chosen.append(one)

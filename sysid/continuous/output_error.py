@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -33,7 +32,7 @@ from sysid.polynomial.prediction_error import (
 from sysid.records.arguments import real_number, truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, warn_each
 
 LONGEST_DELAY = 30  # samples, the default limit on delays that are estimated
 MARGIN = 1e-9  # least distance of poles from the imaginary axis, times dt
@@ -217,18 +216,8 @@ def output_error_estimate(
     """Check the data, fit output by output, and return the estimate.
 
     Errors of several outputs may be correlated: the covariance of parameters of two outputs is that of their errors
-    times (J1' J1)^-1 J1' J2 (J2' J2)^-1.
-
-    Args:
-        method: Name of the estimator.
-        data: One experiment, or several.
-        structures_of: From the numbers of outputs and inputs to the structures, one row per output.
-        orders: As the estimate reports them.
-        max_delay: Limit on estimated delays in s; None means 30 samples, or a tenth of the shortest experiment.
-        max_iterations: Limit on the steps of a search.
-        coloured: Whether the covariance allows for a disturbance that is not white.
-        initial_conditions: Assumption about the time before each experiment.
-        offset: Whether every output of every experiment has a free constant.
+    times (J1' J1)^-1 J1' J2 (J2' J2)^-1. `structures_of` maps the numbers of outputs and inputs to the structures, one
+    row per output; `orders` are what the estimate reports; options are those of `tfest`.
     """
     coloured, offset = truth_value("coloured", coloured), truth_value("offset", offset)
     max_iterations = whole_number("max_iterations", max_iterations, 1)
@@ -276,13 +265,8 @@ def output_error_estimate(
         levels = [[c.columns(e, best.at.theta)[2] for e in c.experiments] for c, best, _ in fits]
         experiments = tuple(e.subtract(y=level) for e, *level in zip(experiments, *levels, strict=True))
     summary = DataSummary.of(experiments)
-    names = [
-        name + (f"[{i + 1},{j + 1}]" if len(structures) > 1 else f"[{j + 1}]" if len(row) > 1 else "")
-        for i, row in enumerate(structures)
-        for j, structure in enumerate(row)
-        for name in structure.names
-    ]
-    begin = 0
+    realise = RealisePaths(structures, summary, intersample, noise)
+    sampled, begin = Resampled(realise), 0
     for (criterion, minimum, _), output in zip(fits, summary.output_names, strict=True):
         if not minimum.converged:
             messages.append(f"{method} did not converge for output {output}: {minimum.reason}")
@@ -290,7 +274,7 @@ def output_error_estimate(
         messages += [text for structure, own in paths for text in structure.warnings(own)]
         limits = len(messages)
         for k in criterion.delays():
-            delay = f"the delay {names[begin + k]}"
+            delay = f"the delay {realise.names[begin + k]}"
             if minimum.at.theta[k] == 0.0:
                 messages.append(f"{delay} is at its lower limit 0, which the intervals take as known")
             elif minimum.at.theta[k] >= criterion.longest - TIGHT * dt:
@@ -298,16 +282,13 @@ def output_error_estimate(
         begin += criterion.sizes[-1]
         if len(messages) == limits and condition > ILL_CONDITIONED and minimum.at.cost > 0.0:
             messages.append(f"the parameters are poorly determined: condition number {condition:.2g} of the Jacobian")
-    for text in messages:
-        warnings.warn(text, SysidWarning, stacklevel=3)
-    realise = RealisePaths(structures, summary, intersample, noise)
-    sampled = Resampled(realise)
+    warn_each(messages, stacklevel=2)
     model = sampled(theta)
     return ContinuousEstimate(
         model=model,
         polynomials=None,
         parameters=theta,
-        parameter_names=tuple(names),
+        parameter_names=realise.names,
         covariance=covariance,
         noise_variance=noise,
         residuals=np.concatenate([residuals(model, e) for e in experiments]),

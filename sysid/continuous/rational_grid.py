@@ -192,7 +192,8 @@ class Fractions:
     def moved(self, step: FloatArray) -> Self | None:
         """After a step, unstable poles mirrored and delays at least zero; None if a value is infinite."""
         paths = []
-        for path, own in zip(self.paths, self._split(step), strict=True):
+        parts = np.split(step, np.cumsum([path.count for path in self.paths])[:-1])
+        for path, own in zip(self.paths, parts, strict=True):
             above, below = path.bases(self.x)
             by_numerator, by_denominator, by_delay = np.split(own, [path.nb, path.nb + path.nf])
             moved = replace(
@@ -224,9 +225,6 @@ class Fractions:
             if path.late:
                 theta, change = [*theta, np.array([path.delay / scale])], [*change, np.array([[1.0 / scale]])]
         return np.concatenate(theta), scipy.linalg.block_diag(*change)
-
-    def _split(self, values: FloatArray) -> list[FloatArray]:
-        return np.split(values, np.cumsum([path.count for path in self.paths])[:-1])
 
 
 def unstable(poles: ComplexArray, discrete: bool) -> NDArray[np.bool_]:

@@ -1,6 +1,5 @@
 """Estimates from frequency responses: checks, covariance, and the test of the fit."""
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -19,7 +18,7 @@ from sysid.polynomial.polynomial_estimate import ILL_CONDITIONED
 from sysid.records.arguments import truth_value
 from sysid.records.arrays import FloatArray
 from sysid.records.channels import default_names
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, warn_each
 
 UNLIKELY = 1e-3  # probability of the weighted sum of squares below which the model or the variance is doubted
 
@@ -93,8 +92,7 @@ def response_estimate(
             f"the weighted sum of squares {best.cost:.4g} is far above that expected of a true model, {expected:.4g}: "
             "the order is too low, the variance of the response too small, or the response biased, as by smoothing"
         )
-    for text in messages:
-        warnings.warn(text, SysidWarning, stacklevel=3)
+    warn_each(messages, stacklevel=2)
     nf, ny, nu = data.response.response.shape
     errors = data.errors(best.model.response()).reshape(nf, ny, nu, 2)
     estimate = Estimate(

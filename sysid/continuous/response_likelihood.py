@@ -18,7 +18,7 @@ ROUNDING = 1e-27  # cost relative to that of no model that is rounding alone
 UNINFORMED = 1e-7  # singular value relative to the largest below which derivatives are collinear to first order
 
 
-class Candidate(Protocol):
+class ResponseModel(Protocol):
     """A model whose likelihood is increased step by step."""
 
     def response(self) -> ComplexArray:
@@ -39,7 +39,7 @@ class Candidate(Protocol):
         ...
 
 
-Model = TypeVar("Model", bound=Candidate)
+Model = TypeVar("Model", bound=ResponseModel)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class Likelihood:
         """Measured minus model response, whitened (rows,)."""
         return self.table((self.response.response - values)[..., None])[:, 0]
 
-    def cost(self, model: Candidate) -> float:
+    def cost(self, model: ResponseModel) -> float:
         """Weighted sum of squares."""
         return float(np.sum(self.errors(model.response()) ** 2))
 

@@ -219,6 +219,17 @@ class RealisePaths:
     intersample: str
     covariance: FloatArray | None
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters, with output and input of their path where there are several."""
+        ny, nu = len(self.structures), len(self.structures[0])
+        return tuple(
+            name + (f"[{i + 1},{j + 1}]" if ny > 1 else f"[{j + 1}]" if nu > 1 else "")
+            for i, row in enumerate(self.structures)
+            for j, structure in enumerate(row)
+            for name in structure.names
+        )
+
     def transfers(self, theta: FloatArray) -> list[TransferFunction]:
         """Transfer functions row by row for parameters (p,)."""
         parts = [s for row in self.structures for s in row]

@@ -11,6 +11,7 @@ from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.records.arguments import real_number, whole_number
 from sysid.records.data import IOData
+from sysid.records.errors import SysidError
 
 MOST_POLES = 100  # of one path; the coefficients of higher degrees are no numbers of double precision
 
@@ -37,8 +38,8 @@ def tfest(
 
     Args:
         data: One experiment, or several that share the model; missing outputs are left out. Several outputs are fitted
-            one by one, each from all inputs. A frequency response is passed on to `fit_response`; the options below
-            `delay` but `max_iterations` are for records alone.
+            one by one, each from all inputs. A frequency response is passed on to `fit_response`; of the options below
+            `delay` it takes `max_iterations` alone.
         poles: Degree of the denominators: a number for all paths, one per input, or with several outputs a row per
             output of one per input.
         zeros: Degree of the numerators, likewise; one less than `poles` by default.
@@ -57,7 +58,7 @@ def tfest(
 
     Raises:
         SysidError: Constant input, more zeros than poles, orders or delays too large for the data, an input that is
-            band-limited between samples.
+            band-limited between samples, options of records with a frequency response.
 
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, a delay at its limit.
@@ -69,6 +70,13 @@ def tfest(
 
     values = {"poles": poles, "zeros": zeros, "delay": delay}
     if isinstance(data, FrequencyResponse):
+        if (max_delay, coloured, offset) != (None, True, False) or (
+            InitialConditions.of(initial_conditions) is not InitialConditions.ESTIMATED
+        ):
+            raise SysidError(
+                "a frequency response has no options max_delay, coloured, initial_conditions and offset, which are of "
+                "records; see fit_response"
+            )
         rows = structures(*data.response.shape[1:])
         return cast(
             ContinuousEstimate,

@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sysid.design.information import Information, Quantity, drawn, pilot_of, transform_length
+from sysid.design.information import Information, Quantity, pilot_of, transform_length
 from sysid.design.multisine import crest_factor, low_crest_turns, sum_of_sines
 from sysid.design.spectrum import optimal_spectrum
 from sysid.models.estimate import Estimate
@@ -44,11 +44,9 @@ class InputDesign(Locked):
         dt: Sampling interval, s.
         amplitude: Limit of |u|.
         rate: Limit of the changes of u per s.
-        value: Quantity of the model, the mean over several models; NaN for D-optimal inputs.
+        value: Quantity of the model, the mean over several models.
         deviation: Predicted standard deviation of its best estimate, over several models the root of the mean variance.
-            D-optimal: geometric mean of the standard deviations of independent combinations of the parameters, 1 for
-            the covariance of the estimate.
-        bound: No input of that amplitude goes below; D-optimal inputs likewise.
+        bound: No input of that amplitude goes below.
         comparison: Deviation that another input gives; None without one.
         frequencies: Of the optimal spectrum (nf,), Hz.
         spectrum: Sum of squares of an input with that spectrum, at each frequency (nf,).
@@ -73,10 +71,9 @@ class InputDesign(Locked):
     def __str__(self) -> str:
         """A few lines: limits, predicted standard deviation, bound, comparison, where the power lies."""
         limits = f"|u| <= {self.amplitude:.4g}" + (f", changes <= {self.rate:.4g} per s" if self.rate < np.inf else "")
-        subject = f"of {self.value:.4g}" if np.isfinite(self.value) else "of the parameters, relative to the model's"
         lines = [
             f"Input of {len(self.u)} samples every {self.dt:g} s, {limits}, crest factor {self.crest_factor:.3f}",
-            f"  predicted standard deviation {self.deviation:.4g} {subject}",
+            f"  predicted standard deviation {self.deviation:.4g} of {self.value:.4g}",
             f"  no input of this amplitude has less than {self.bound:.4g}",
         ]
         if self.comparison is not None:
@@ -94,11 +91,10 @@ def design_input(
     *,
     amplitude: float,
     rate: float = np.inf,
-    quantity: Quantity | None = bandwidth_hz,
+    quantity: Quantity = bandwidth_hz,
     comparison: ArrayLike | None = None,
     dt: float | None = None,
     variance: float | None = None,
-    draws: int = 0,
     offset: bool = True,
     seed: int = 0,
 ) -> InputDesign:
@@ -112,19 +108,16 @@ def design_input(
 
     Args:
         model: An estimate from a first record; or polynomials, with `dt` and `variance`. For several, all with the same
-            sampling interval, the mean of the variances is minimised.
+            sampling interval, the mean of the variances is minimised: an input for an uncertain system.
         samples: Length N of the record.
         amplitude: Limit of |u|.
         rate: Limit of the changes of u per s; the record begins at u = 0.
-        quantity: Function from a model to a number, or to several, whose variances are added; None for the parameters
-            themselves (D-optimal).
+        quantity: Function from a model to a number, or to several, whose variances are added.
         comparison: An input (N,), from rest, to compare with.
         dt: Sampling interval of polynomials, s.
         variance: Of the innovation of polynomials.
-        draws: Models drawn from the uncertainty of each estimate over which the variance is averaged, instead of the
-            estimate itself; 0 for none.
         offset: Whether the offset of the output is unknown, as where means are removed.
-        seed: Draws phases and models.
+        seed: Draws the phases of first signals.
 
     Returns:
         The input with its predicted standard deviation, the bound and the comparison.
@@ -138,53 +131,32 @@ def design_input(
     amplitude = real_number("amplitude", amplitude, "be a number > 0", lambda v: 0.0 < v < np.inf)
     rate = real_number("rate", rate, "be a number > 0", lambda v: v > 0.0)
     rng = np.random.default_rng(whole_number("seed", seed, 0))
-    pilots = _pilots(model, n, dt, variance, amplitude, whole_number("draws", draws, 0, 10**6), rng)
-    if not (quantity is None or callable(quantity)):
-        raise SysidError(f"quantity must be a function of a model, or None, got {type(quantity).__name__}")
-    size, interval = transform_length(pilots, n), pilots[0].model.dt
+    alternatives = list(model) if isinstance(model, Sequence) else [model]
+    pilots = [pilot_of(one, n, dt=dt, variance=variance, size=amplitude) for one in alternatives]
+    intervals = sorted({pilot.model.dt for pilot in pilots})
+    if len(intervals) != 1:
+        raise SysidError(f"models with the sampling intervals {intervals} s: expected one or more models of one")
+    if not callable(quantity):
+        raise SysidError(f"quantity must be a function of a model, got {type(quantity).__name__}")
+    size, interval = transform_length(pilots, n), intervals[0]
     models = [Information.of(one, n, size, quantity, offset=truth_value("offset", offset)) for one in pilots]
     other = None if comparison is None else _mean_criterion(models, _signal(comparison, n))[0]
     spectrum, bound = optimal_spectrum(models, n * amplitude**2)
     step = rate * interval / amplitude
     searches = (_search(models, amplitude, step, start) for start in _starts(spectrum, n, step, rng))
     best, criterion = min(searches, key=lambda one: one[1])
-    values = [] if quantity is None else [float(np.mean(quantity(pilot.model))) for pilot in pilots]
     return InputDesign(
         u=amplitude * best[:, None],
         dt=interval,
         amplitude=amplitude,
         rate=rate,
-        value=float(np.mean(values)) if values else float("nan"),
-        deviation=_deviation(criterion, quantity),
-        bound=_deviation(bound, quantity),
-        comparison=None if other is None else _deviation(other, quantity),
+        value=float(np.mean([np.mean(quantity(pilot.model)) for pilot in pilots])),
+        deviation=float(np.sqrt(criterion)),
+        bound=float(np.sqrt(max(bound, 0.0))),
+        comparison=None if other is None else float(np.sqrt(other)),
         frequencies=np.asarray(np.fft.rfftfreq(size, interval), dtype=np.float64),
         spectrum=spectrum,
     )
-
-
-def _pilots(
-    model: Estimate | Polynomials | Sequence[Estimate | Polynomials],
-    n: int,
-    dt: float | None,
-    variance: float | None,
-    size: float,
-    draws: int,
-    rng: np.random.Generator,
-) -> list[Estimate]:
-    models = list(model) if isinstance(model, Sequence) else [model]
-    pilots = [pilot_of(one, n, dt=dt, variance=variance, size=size) for one in models]
-    intervals = sorted({pilot.model.dt for pilot in pilots})
-    if len(intervals) != 1:
-        raise SysidError(f"models with the sampling intervals {intervals} s: expected one or more models of one")
-    if not draws:
-        return pilots
-    if any(isinstance(one, Polynomials) for one in models):
-        raise SysidError("polynomials have no uncertainty to draw models from: expected estimates, or draws = 0")
-    stable = [one for pilot in pilots for one in drawn(pilot, draws, rng)]
-    if not stable:
-        raise SysidError(f"all of {draws} drawn models are unstable: the estimate is too uncertain")
-    return stable
 
 
 def _signal(u: ArrayLike, n: int) -> FloatArray:
@@ -192,11 +164,6 @@ def _signal(u: ArrayLike, n: int) -> FloatArray:
     if signal.shape not in ((n,), (n, 1)):
         raise SysidError(f"comparison: expected shape ({n},) or ({n}, 1), got {signal.shape}")
     return signal.ravel()
-
-
-def _deviation(criterion: float, quantity: Quantity | None) -> float:
-    """Standard deviation from a variance, or from the mean logarithm of variances."""
-    return float(np.exp(0.5 * criterion) if quantity is None else np.sqrt(max(criterion, 0.0)))
 
 
 def _starts(spectrum: FloatArray, n: int, step: float, rng: np.random.Generator) -> list[FloatArray]:

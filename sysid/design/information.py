@@ -1,12 +1,12 @@
 """Information of an input about a model, per frequency and of a record of finite length."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
-from sysid.models.delta_method import spread, standard_directions
+from sysid.models.delta_method import spread
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.models.state_space import StateSpace
@@ -16,12 +16,11 @@ from sysid.records.arguments import real_number
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
-from sysid.validation.cramer_rao import cramer_rao_bound
+from sysid.validation.cramer_rao import cramer_rao_bound, pulse_length
 
 Quantity = Callable[[StateSpace], float | FloatArray]
 
 DIED_OUT = 1e-12  # of the response to a pulse
-LONGEST_PULSE = 60_000  # samples: poles that decay more slowly than this belong to no record of an experiment
 SINGULAR = 1e-12  # ratio of eigenvalues below which the record leaves parameters undetermined
 SAME = 1e-9  # ratio of singular values below which nuisances have the same effect
 
@@ -70,13 +69,6 @@ def pilot_of(
     return pilot
 
 
-def drawn(pilot: Estimate, count: int, rng: np.random.Generator) -> list[Estimate]:
-    """Estimates with parameters drawn from the normal distribution of one, unstable ones left out."""
-    steps = rng.standard_normal((count, len(pilot.parameters))) @ standard_directions(pilot.covariance).T
-    models = [(pilot.parameters + step, pilot.realise(pilot.parameters + step)) for step in steps]
-    return [replace(pilot, parameters=theta, model=model) for theta, model in models if model.is_stable()]
-
-
 def transform_length(pilots: Sequence[Estimate], samples: int) -> int:
     """Length of the transforms in which no response of a record wraps around into it."""
     slowest = 0.0
@@ -84,8 +76,7 @@ def transform_length(pilots: Sequence[Estimate], samples: int) -> int:
         m = pilot.model
         for matrix in (m.A, m.A - m.gain @ m.C):
             slowest = max(slowest, float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)))
-    memory = 100 if slowest < 1e-3 else 100 + int(np.log(DIED_OUT) / np.log(min(slowest, 1.0 - 1e-9)))
-    return int(scipy.fft.next_fast_len(samples + min(memory, LONGEST_PULSE), real=True))
+    return int(scipy.fft.next_fast_len(samples + pulse_length(slowest, DIED_OUT), real=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +90,7 @@ class Information:
         filters: S at the frequencies of the transform (p, ny, nf).
         noise: Information of the noise itself in a record (p, p).
         nuisance: Effects of offset and initial state, which are estimated too, orthonormal (ny n, m).
-        target: Derivatives of the quantity (p, q); None for the parameters themselves.
+        target: Derivatives of the quantity (p, q).
         samples: Length n of a record.
         size: Length of the transform.
     """
@@ -107,12 +98,12 @@ class Information:
     filters: ComplexArray
     noise: FloatArray
     nuisance: FloatArray
-    target: FloatArray | None
+    target: FloatArray
     samples: int
     size: int
 
     @staticmethod
-    def of(pilot: Estimate, samples: int, size: int, quantity: Quantity | None, *, offset: bool) -> "Information":
+    def of(pilot: Estimate, samples: int, size: int, quantity: Quantity, *, offset: bool) -> "Information":
         """Differentiate a model by its parameters."""
         m = pilot.model
         f = np.fft.rfftfreq(size, m.dt)
@@ -122,7 +113,7 @@ class Information:
         def parts(theta: FloatArray) -> FloatArray:
             model = pilot.realise(theta)
             responses = model.frequency_response(f), model.noise_response(f)
-            value = np.zeros(0) if quantity is None else np.atleast_1d(np.asarray(quantity(model), dtype=float))
+            value = np.atleast_1d(np.asarray(quantity(model), dtype=float))
             return np.concatenate([*(response.ravel().view(np.float64) for response in responses), value])
 
         moves = spread(parts, pilot.parameters, pilot.covariance)
@@ -147,7 +138,7 @@ class Information:
             np.ascontiguousarray(filters.transpose(0, 2, 1)),
             np.einsum("kfi,lfi,f->kl", random.conj(), random, weights).real,
             basis[:, values > SAME * values.max(initial=0.0)],
-            None if quantity is None else target,
+            target,
             samples,
             size,
         )
@@ -177,10 +168,7 @@ class Information:
         return value, energy * gains.sum(axis=(0, 1)) + float(np.sum(roots * (self.noise @ roots)))
 
     def criterion(self, information: FloatArray) -> tuple[float, FloatArray]:
-        """Criterion of an information matrix: the variance of the quantity, or minus the mean logarithm of eigenvalues.
-
-        Returns:
-            Its value, and R of its differential -tr(R' dM R) (p, q).
+        """Variance of the quantity for an information matrix M, and R of its differential -tr(R' dM R) (p, q).
 
         Raises:
             SysidError: The information does not determine the parameters.
@@ -188,7 +176,5 @@ class Information:
         values, vectors = np.linalg.eigh(information)
         if not values[0] > SINGULAR * values[-1]:
             raise SysidError(f"the input does not determine the {len(values)} parameters: eigenvalues {values}")
-        if self.target is None:
-            return -float(np.mean(np.log(values))), vectors / np.sqrt(values * len(values))
         roots = (vectors / values) @ (vectors.T @ self.target)
         return float(np.sum(roots * self.target)), roots

@@ -16,8 +16,7 @@ MOST_STEPS = 5000
 def optimal_spectrum(models: Sequence[Information], energy: float) -> tuple[FloatArray, float]:
     """Spectrum that minimises the mean criterion of some models, a convex problem [Mehra1974; GoodwinPayne1977].
 
-    It is solved by multiplicative steps, which keep all powers positive and never raise the criterion
-    [Fellman1974; Titterington1976].
+    It is solved by multiplicative steps, which keep all powers positive and never raise the criterion [Fellman1974].
 
     Args:
         models: Their information, all on the same lines (nf,).
@@ -26,7 +25,6 @@ def optimal_spectrum(models: Sequence[Information], energy: float) -> tuple[Floa
     Returns:
         Sum of squares at every line (nf,), and a lower bound of the criterion of any input of so much energy.
     """
-    exponent = 1.0 if models[0].target is None else 0.5
     shares = np.full(models[0].filters.shape[-1], 1.0 / models[0].filters.shape[-1])
     bound = -np.inf
     for _ in range(MOST_STEPS):
@@ -38,6 +36,6 @@ def optimal_spectrum(models: Sequence[Information], energy: float) -> tuple[Floa
         bound = max(bound, value - float(slopes.max()) + mean)
         if value - bound <= CLOSE * mean:
             break
-        shares = shares * (slopes / mean) ** exponent
+        shares = shares * (slopes / mean) ** 0.5
         shares /= shares.sum()
     return shares * energy, bound

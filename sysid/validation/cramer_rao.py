@@ -210,9 +210,7 @@ def cramer_rao_bound(
     slowest = max(float(np.abs(np.roots(row)).max(initial=0.0)) for row in filters)
     if slowest >= 1.0:
         raise SysidError(f"a root of modulus {slowest:.6g} given, expected roots inside the unit circle")
-    steps = 100 if slowest < 1e-3 else 100 + int(np.log(DIED_OUT) / np.log(slowest))
-    pulse = np.zeros(min(steps, LONGEST_PULSE))
-    pulse[0] = 1.0
+    pulse = np.eye(1, pulse_length(slowest, DIED_OUT))[0]
     driven = signals_from_rest(system, reference, np.zeros(len(reference)), feedback)
     noise = signals_from_rest(system, np.zeros((len(pulse), system.nu)), pulse, feedback)
     known = prediction_gradient(polynomials, orders, driven)[burn_in:] / np.sqrt(variance)
@@ -240,6 +238,13 @@ def cramer_rao_bound(
         bandwidth_hz=bandwidth_hz,
         bandwidth_deviation=deviation,
     )
+
+
+def pulse_length(slowest: float, remainder: float) -> int:
+    """Samples until the response to a pulse has fallen to a remainder, for the modulus of the slowest pole."""
+    if slowest < 1e-3:
+        return 100
+    return min(100 + int(np.log(remainder) / np.log(min(slowest, 1.0 - 1e-9))), LONGEST_PULSE)
 
 
 def _closed_loop(polynomials: Polynomials, feedback: float) -> FloatArray:
