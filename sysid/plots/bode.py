@@ -11,18 +11,18 @@ from sysid.plots.palette import BOUND, PALETTE
 from sysid.plots.panels import (
     channel_indices,
     channel_names,
+    check_same_channels,
     decibel,
     finish,
     fit_to_lines,
+    frequency_axes,
     line,
     panels,
-    plain_frequencies,
     shade,
     size_of,
 )
 from sysid.plots.traces import Curve, Drawable, curves_of
 from sysid.records.arrays import FloatArray
-from sysid.records.errors import SysidError
 
 SIGNIFICANT = 2.0
 """Least magnitude of a response, in standard deviations, for its phase to be drawn."""
@@ -89,28 +89,17 @@ def bode(
                 lower.set_ylabel("phase / degrees")
             if phase_limits is not None:
                 lower.set_ylim(*phase_limits)
-    for axes in grid.ravel():
-        axes.set_xscale("log")
-        plain_frequencies(axes)
-        if mark_hz is not None:
-            axes.axvline(mark_hz, color=BOUND.colour, ls=":", lw=1.0)
-        if limits_hz is not None:
-            axes.set_xlim(*limits_hz)
-    for axes in grid[-1]:
-        axes.set_xlabel("frequency / Hz")
+    for axes in grid.ravel() if mark_hz is not None else ():
+        axes.axvline(mark_hz, color=BOUND.colour, ls=":", lw=1.0)
+    frequency_axes(grid, limits_hz)
     finish(figure, grid[0, 0])
     return figure
 
 
 def _channels(curves: Sequence[Curve]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of outputs and inputs, those of the first curve with names."""
-    shapes = {curve.response.response.shape[1:] for curve in curves}
-    if len(shapes) > 1:
-        shapes_text = ", ".join(
-            f"{curve.label} {' x '.join(map(str, curve.response.response.shape[1:]))}" for curve in curves
-        )
-        raise SysidError(f"responses in one figure must have the same outputs and inputs; got {shapes_text}")
-    ((ny, nu),) = shapes
+    check_same_channels([(curve.label, curve.response.response.shape[1:]) for curve in curves])
+    _, ny, nu = curves[0].response.response.shape
     outputs: tuple[str, ...] = next((c.response.output_names for c in curves if c.response.output_names), ())
     inputs: tuple[str, ...] = next((c.response.input_names for c in curves if c.response.input_names), ())
     return channel_names(outputs, ny, "y"), channel_names(inputs, nu, "u")
@@ -132,14 +121,7 @@ def _draw(upper: Axes, lower: Axes, curve: Curve, reference: FrequencyResponse |
         return
     # Without input power the band is infinite: it is omitted there.
     known = keep & np.isfinite(curve.response.covariance[:, i, j]).all(axis=(1, 2))
-    part = FrequencyResponse(
-        f[known],
-        curve.response.response[known][:, [i]][:, :, [j]],
-        curve.response.dt,
-        curve.response.method,
-        curve.response.covariance[known][:, [i]][:, :, [j]],
-        degrees_of_freedom=curve.response.degrees_of_freedom,
-    )
+    part = curve.response.select(known, inputs=[j], outputs=[i])
     low, high = (edge[:, 0, 0] for edge in part.magnitude_ci95())
     shade(upper, f[known], decibel(low), decibel(high), style)
     spread = part.quantile_95 * np.degrees(part.phase_deviation()[:, 0, 0])

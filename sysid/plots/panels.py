@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sysid.plots.palette import GRID, INK, Style
 from sysid.records.arrays import FloatArray
@@ -121,9 +121,27 @@ def fit_to_lines(axes: Axes, *, floor: float = -np.inf) -> None:
     axes.set_ylim(low - margin, high + margin)
 
 
-def plain_frequencies(axes: Axes) -> None:
-    """Write 0.1, 1, 10 instead of powers of ten."""
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+def frequency_axes(grid: Panels, limits_hz: tuple[float, float] | None) -> None:
+    """Logarithmic axes of frequency, with 0.1, 1, 10 instead of powers of ten."""
+    for axes in grid.ravel():
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        if limits_hz is not None:
+            axes.set_xlim(*limits_hz)
+    for axes in grid[-1]:
+        axes.set_xlabel("frequency / Hz")
+
+
+def grid_of_frequencies(frequencies: ArrayLike | None, dt: float) -> FloatArray:
+    """Frequencies of a model in a figure, Hz: the user's, else three decades up to Nyquist."""
+    return np.geomspace(5e-4 / dt, 0.5 / dt, 300) if frequencies is None else np.asarray(frequencies, dtype=float)
+
+
+def check_same_channels(shapes: Sequence[tuple[str, tuple[int, ...]]]) -> None:
+    """Refuse responses in one figure with different numbers of outputs and inputs."""
+    if len({shape for _, shape in shapes}) > 1:
+        text = ", ".join(f"{label} {' x '.join(map(str, shape))}" for label, shape in shapes)
+        raise SysidError(f"responses in one figure must have the same outputs and inputs; got {text}")
 
 
 def decibel(magnitude: FloatArray) -> FloatArray:

@@ -12,10 +12,11 @@ from sysid.plots.panels import (
     channel_indices,
     channel_names,
     finish,
+    frequency_axes,
+    grid_of_frequencies,
     label,
     line,
     panels,
-    plain_frequencies,
     shade,
     size_of,
 )
@@ -68,13 +69,8 @@ def spectra(
     else:
         figure, grid = _of_records(responses, frequencies, output, unit, size)
     for axes in grid.ravel():
-        axes.set_xscale("log")
         axes.set_yscale("log")
-        if limits_hz is not None:
-            axes.set_xlim(*limits_hz)
-        plain_frequencies(axes)
-    for axes in grid[-1]:
-        axes.set_xlabel("frequency / Hz")
+    frequency_axes(grid, limits_hz)
     finish(figure, grid[0, 0])
     return figure
 
@@ -89,9 +85,9 @@ def _of_records(
     styles = StyleChooser()
     drawn = []
     for name, item in named_items(responses, (FrequencyResponse, Estimate)):
-        nyquist = 0.5 / (item.model.dt if isinstance(item, Estimate) else item.dt)
-        f = np.geomspace(1e-3 * nyquist, nyquist, 300) if frequencies is None else np.asarray(frequencies, dtype=float)
-        response = item.spectrum(f) if isinstance(item, Estimate) else item
+        response = item
+        if isinstance(item, Estimate):
+            response = item.spectrum(grid_of_frequencies(frequencies, item.model.dt))
         if response.noise_spectrum is None:
             raise SysidError(f"{response.method} gives no spectrum of the disturbance")
         shown = name or styles.label(item)

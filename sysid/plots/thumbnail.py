@@ -1,6 +1,7 @@
 """Small figures inside the HTML of results, as notebooks show them."""
 
 import base64
+import contextlib
 import io
 import warnings
 
@@ -42,13 +43,12 @@ def thumbnail(result: object) -> str:
     file = io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # names in scripts that the font lacks
-        try:
-            figure = _figure(result)
-        except SysidError:  # such as a response that is nowhere determined
-            figure = None
-        if figure is None:
-            return ""
-        figure.savefig(file, format="png", dpi=100)
+        # no figure of a response that is nowhere determined
+        with contextlib.suppress(SysidError):
+            if figure := _figure(result):
+                figure.savefig(file, format="png", dpi=100)
+    if not file.tell():
+        return ""
     return f'<img alt="figure" src="data:image/png;base64,{base64.b64encode(file.getvalue()).decode()}">'
 
 

@@ -12,6 +12,7 @@ from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.state_space import StateSpace
 from sysid.plots.palette import DISTORTION, NOISE, PALETTE, Style
+from sysid.plots.panels import grid_of_frequencies
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.channels import matching_channels
 from sysid.records.errors import SysidError
@@ -183,30 +184,23 @@ class StyleChooser:
 def named_items(items: object, kinds: tuple[type, ...]) -> Iterator[tuple[str | None, Any]]:
     """Pairs of name (or None) and item of one record, several, or several by name; refuse other kinds."""
     pairs: list[tuple[str | None, Any]]
+    available = ", ".join(kind.__name__ for kind in kinds)
     if isinstance(items, Mapping):
         pairs = [(str(name), item) for name, item in items.items()]
-    elif isinstance(items, kinds):
-        pairs = [(None, items)]
-    elif isinstance(items, Sequence) and not isinstance(items, str):
-        pairs = [(None, item) for item in items]
     else:
-        pairs = [(None, items)]
+        several = isinstance(items, Sequence) and not isinstance(items, (str, *kinds))
+        pairs = [(None, item) for item in (items if several else [items])]
     if not pairs:
-        raise SysidError(f"nothing to draw; expected one or more of {_names(kinds)}")
+        raise SysidError(f"nothing to draw; expected one or more of {available}")
     for _, item in pairs:
         if not isinstance(item, kinds):
-            raise SysidError(f"cannot draw a {type(item).__name__}; expected {_names(kinds)}")
+            raise SysidError(f"cannot draw a {type(item).__name__}; expected {available}")
     return iter(pairs)
-
-
-def _names(kinds: tuple[type, ...]) -> str:
-    return ", ".join(kind.__name__ for kind in kinds)
 
 
 def _response(item: Estimate | StateSpace, frequencies: FloatArray | None) -> FrequencyResponse:
     model = item.model if isinstance(item, Estimate) else item
-    nyquist = 0.5 / model.dt
-    f = np.geomspace(1e-3 * nyquist, nyquist, 300) if frequencies is None else np.asarray(frequencies, dtype=float)
+    f = grid_of_frequencies(frequencies, model.dt)
     if isinstance(item, Estimate):
         return item.frequency_response(f)
     return FrequencyResponse(

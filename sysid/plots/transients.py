@@ -13,7 +13,17 @@ from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import NORMAL_95
 from sysid.models.state_space import StateSpace
 from sysid.plots.palette import INK, Style
-from sysid.plots.panels import channel_indices, channel_names, finish, label, line, panels, shade, size_of
+from sysid.plots.panels import (
+    channel_indices,
+    channel_names,
+    check_same_channels,
+    finish,
+    label,
+    line,
+    panels,
+    shade,
+    size_of,
+)
 from sysid.plots.traces import StyleChooser, named_items
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
@@ -130,9 +140,7 @@ def _responses(
         units = (getattr(model, "output_units", None) or ("",) * ny, getattr(model, "input_units", None) or ("",) * nu)
         time = np.arange(len(values)) * model.dt
         out.append(_Response(shown, styles.next(method), time, values, deviation, names, units))
-    if len({response.values.shape[1:] for response in out}) > 1:
-        shapes = ", ".join(f"{r.label} {' x '.join(map(str, r.values.shape[1:]))}" for r in out)
-        raise SysidError(f"responses in one figure must have the same outputs and inputs; got {shapes}")
+    check_same_channels([(response.label, response.values.shape[1:]) for response in out])
     return out
 
 

@@ -10,8 +10,10 @@ from sysid.frequency.delayest import delayest
 from sysid.models.estimate import Estimate
 from sysid.polynomial import armax, arx, bj, oe
 from sysid.records.arguments import whole_number
+from sysid.records.arrays import Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.printing import Part, Table
 from sysid.selection.structure_search import ORDERS, Candidate, Experiments, StructureSearch, complete_parts
 from sysid.subspace import n4sid, pem_ss
 from sysid.validation.feedback import feedback, interchanged
@@ -33,8 +35,8 @@ FEW = 5
 DIRECT = "a direct term, which would be that of the controller"
 
 
-@dataclass(frozen=True, repr=False)
-class StructureChoice:
+@dataclass(frozen=True, eq=False, repr=False)
+class StructureChoice(Locked):
     """The best of many structures, and the others.
 
     Attributes:
@@ -51,21 +53,18 @@ class StructureChoice:
     samples: int
     reason: str
 
-    def __str__(self) -> str:
-        """The reason, and a table of the best candidates."""
+    def _parts(self) -> list[Part]:
         best, shown = self.candidates[0], self.candidates[:LISTED]
-        width = max(len(str(one)) for one in shown)
-        judged = bool(np.isfinite(best.validation))
-        lines = [
-            self.reason,
-            f"{'candidate':{width}}   parameters       loss      EBIC above" + "   validation" * judged,
+        columns = [
+            ("candidate", [str(one) for one in shown]),
+            ("parameters", [str(one.parameters) for one in shown]),
+            ("loss", [f"{one.loss:.4g}" for one in shown]),
+            ("EBIC above", [f"{one.ebic - best.ebic:.1f}" for one in shown]),
+            *([("validation", [f"{one.validation:.4g}" for one in shown])] * bool(np.isfinite(best.validation))),
+            ("", [one.remark for one in shown]),
         ]
-        for one in shown:
-            text = f"{one!s:{width}} {one.parameters:12d} {one.loss:10.4g} {one.ebic - best.ebic:14.1f}"
-            lines.append(text + (f" {one.validation:12.4g}" if judged else "") + f"   {one.remark}".rstrip())
-        if len(self.candidates) > LISTED:
-            lines.append(f"and {len(self.candidates) - LISTED} more")
-        return "\n".join(lines)
+        more = max(len(self.candidates) - LISTED, 0)
+        return [self.reason, Table(columns), f"and {more} more" * bool(more)]
 
 
 def auto(

@@ -101,12 +101,9 @@ def interchanged(experiments: Sequence[IOData]) -> tuple[IOData, ...]:
 
 
 def addition_p(columns: FloatArray, added: int, target: FloatArray) -> float:
-    """p-value of the F test that columns added to a regression, and a constant, explain nothing; NaN if they cannot.
+    """p-value of the F test that the first `added` columns explain nothing that the others and a constant do not.
 
-    Args:
-        columns: Regressors (rows, p), those under test first; their means are subtracted in place.
-        added: Number of those under test.
-        target: Left-hand side (rows,).
+    NaN if they cannot. The means of the columns (rows, p) are subtracted in place.
     """
     y = (target - target.mean())[:, None]
     columns -= columns.mean(axis=0)

@@ -53,13 +53,9 @@ def mean_error(errors: FloatArray, false_alarm: float, allowed: float = 0.0) -> 
 
 
 def f_statistic(errors: FloatArray) -> float:
-    """F-distributed statistic of Hotelling's test, (K - q) / (q (K - 1)) T^2; see `mean_error`.
+    """F-distributed statistic of Hotelling's test, (K - q) / (q (K - 1)) T^2, of errors (K, q); see `mean_error`.
 
-    Args:
-        errors: One row per record, one column per direction (K, q).
-
-    Returns:
-        The statistic; 0 where there are no errors, infinite where some direction does not scatter.
+    It is 0 where there are no errors, infinite where some direction does not scatter.
     """
     records, q = errors.shape
     mean = errors.mean(axis=0)

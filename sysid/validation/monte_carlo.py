@@ -41,18 +41,7 @@ def limits_of_mean(
 def limits_of_moments(
     mean: float, variance: float, third: float, false_alarm: float, *, low: bool = True
 ) -> tuple[float, float]:
-    """`limits_of_mean` from the moments of the mean itself.
-
-    Args:
-        mean: Its mean.
-        variance: Its variance.
-        third: Its third central moment.
-        false_alarm: Probability of a mean outside the limits, in all.
-        low: Whether there is a lower limit.
-
-    Returns:
-        Lower and upper limit, infinite where there is none.
-    """
+    """`limits_of_mean` from the moments of the mean itself: its mean, variance and third central moment."""
     if variance == 0.0:
         return (mean if low else -np.inf, mean)
     deviation = float(np.sqrt(variance))

@@ -15,12 +15,7 @@ from sysid.records.arrays import ComplexArray, FloatArray
 def normalised_error(error: FloatArray, covariance: FloatArray) -> float:
     """Error of parameters weighed by its covariance, e' P^-1 e: chi-square of p degrees of freedom [Ljung1999, ch. 9].
 
-    Args:
-        error: Of the parameters (p,).
-        covariance: Their covariance (p, p).
-
-    Returns:
-        The normalised error; infinite where the covariance is not positive definite.
+    It is infinite where the covariance (p, p) is not positive definite.
     """
     # scaled to ones on the diagonal first: parameters differ by orders of magnitude
     deviations = np.sqrt(np.diag(covariance))
@@ -40,39 +35,20 @@ def real_and_imaginary(difference: ComplexArray) -> FloatArray:
 
 
 def free_parts(covariance: FloatArray) -> np.ndarray:
-    """Parts of the response that vary, with more than a share of 1e-12 of the variance of both.
-
-    Args:
-        covariance: Of the response (nf, ny, nu, 2, 2).
-
-    Returns:
-        Booleans (nf, ny, nu, 2).
-    """
+    """Parts of the response that vary (nf, ny, nu, 2), with more than a share of 1e-12 of the variance of both."""
     variances = np.diagonal(covariance, axis1=-2, axis2=-1)
     floor = np.maximum(variances.sum(axis=-1, keepdims=True), np.finfo(float).tiny)
     return np.asarray(variances > 1e-12 * floor)
 
 
 def variance_ratio_by_frequency(errors: FloatArray, covariance: FloatArray, free: np.ndarray) -> FloatArray:
-    """|error|^2 over its variance (m, nf, ny, nu), NaN where nothing varies; its mean is 1.
-
-    Args:
-        errors: Of responses (m, nf, ny, nu, 2).
-        covariance: Their covariance (nf, ny, nu, 2, 2).
-        free: Parts that can be wrong (nf, ny, nu, 2).
-    """
+    """|error|^2 over its variance (m, nf, ny, nu), NaN where nothing varies; its mean is 1."""
     variances = np.where(free, np.diagonal(covariance, axis1=-2, axis2=-1), 0.0).sum(axis=-1)
     return _ratio(np.sum(errors**2, axis=-1), np.where(free.any(axis=-1), variances, np.nan))
 
 
 def variance_ratio(errors: FloatArray, covariance: FloatArray, free: np.ndarray) -> FloatArray:
-    """Mean over frequencies of |error|^2 over its variance (m,); its mean is 1.
-
-    Args:
-        errors: Of responses (m, nf, ny, nu, 2).
-        covariance: Their covariance (nf, ny, nu, 2, 2).
-        free: Parts that can be wrong (nf, ny, nu, 2).
-    """
+    """Mean over frequencies of |error|^2 over its variance (m,); its mean is 1."""
     return np.asarray(np.nanmean(variance_ratio_by_frequency(errors, covariance, free), axis=(1, 2, 3)))
 
 
@@ -80,11 +56,6 @@ def normalised_square(errors: FloatArray, covariance: FloatArray, free: np.ndarr
     """Mean over frequencies of error' covariance^-1 error over the number of its parts (m,); its mean is 1.
 
     A covariance that is not positive definite makes it infinite; an infinite one makes it 0.
-
-    Args:
-        errors: Of responses (m, nf, ny, nu, 2).
-        covariance: Their covariance (nf, ny, nu, 2, 2).
-        free: Parts that can be wrong (nf, ny, nu, 2).
     """
     real, imaginary = errors[..., 0], errors[..., 1]
     a, b, c = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
@@ -101,13 +72,7 @@ def normalised_square(errors: FloatArray, covariance: FloatArray, free: np.ndarr
 
 
 def covered_share(errors: FloatArray, covariance: FloatArray, free: np.ndarray) -> FloatArray:
-    """Share of the parts of the response within their 95 % intervals (m,); its mean is 0.95.
-
-    Args:
-        errors: Of responses (m, nf, ny, nu, 2).
-        covariance: Their covariance (nf, ny, nu, 2, 2).
-        free: Parts that can be wrong (nf, ny, nu, 2).
-    """
+    """Share of the parts of the response within their 95 % intervals (m,); its mean is 0.95."""
     inside = errors**2 <= NORMAL_95**2 * np.diagonal(covariance, axis1=-2, axis2=-1)
     return np.asarray(inside[:, free].mean(axis=1))
 

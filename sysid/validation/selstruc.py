@@ -55,7 +55,7 @@ def selstruc(
     nu = experiments[0].nu
     candidates = [
         make_orders(nu, na=a, nb=_spread(b, nu), nk=_spread(k, nu))
-        for a, b, k in product(_degrees(na), _listed("nb", nb), _listed("nk", nk))
+        for a, b, k in product(_choices("na", na), _choices("nb", nb), _choices("nk", nk))
     ]
     if validation is not None and folds:
         raise SysidError(f"expected validation data or folds, not both; got folds = {folds}")
@@ -110,23 +110,12 @@ def selstruc(
     )
 
 
-def _degrees(value: int | Sequence[int]) -> list[int]:
-    degrees = _several("na", value)
-    if not degrees:
-        raise SysidError("na: expected at least one value to try, got none")
-    return degrees
-
-
-def _listed(name: str, value: Choices) -> list[int | tuple[int, ...]]:
-    entries: list[int | tuple[int, ...]] = _several(name, value)
+def _choices(name: str, value: Any) -> list[Any]:
+    scalar = isinstance(value, str | bytes) or (isinstance(value, np.ndarray) and not value.ndim)
+    entries = list(value) if isinstance(value, Iterable) and not scalar else [whole_number(name, value, 0)]
     if not entries:
         raise SysidError(f"{name}: expected at least one value to try, got none")
     return entries
-
-
-def _several(name: str, value: Any) -> list[Any]:
-    scalar = isinstance(value, str | bytes) or (isinstance(value, np.ndarray) and not value.ndim)
-    return list(value) if isinstance(value, Iterable) and not scalar else [whole_number(name, value, 0)]
 
 
 def _spread(entry: int | tuple[int, ...], nu: int) -> tuple[int, ...]:

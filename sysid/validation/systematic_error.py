@@ -84,14 +84,14 @@ def systematic_of(errors: ComplexArray, power: float, *, allowed: float, false_a
     """
     count = len(errors)
     mean, variance = errors.mean(axis=0), _variance(errors)
-    squared = float(np.sum(np.abs(mean) ** 2))
+    squared = _square_of_mean(errors)
     without = np.array([_square_of_mean(np.delete(errors, w, 0)) for w in range(count)])
     directions = _directions(errors - mean)
     critical = float(scipy.stats.f.isf(false_alarm, directions, directions * (count - 1)))
     most = (allowed / 100.0 * np.sqrt(power) + np.sqrt(critical * variance / count)) ** 2
     return SystematicError(
-        _percent(squared - variance / count, power),
-        _jackknife_interval(squared - variance / count, without, power),
+        _percent(squared, power),
+        _jackknife_interval(squared, without, power),
         _percent(most - variance / count, power),
     )
 
