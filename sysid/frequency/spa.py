@@ -97,8 +97,8 @@ def spa(
     swap = (negative & (power > SIDE_LOBES * power.max(initial=0.0)).all(axis=1))[:, None, None]
     return replace(
         response,
-        noise_spectrum=np.where(swap, positive.noise_spectrum, response.noise_spectrum),
-        covariance=np.where(swap[..., None, None], positive.covariance, response.covariance),
+        noise_spectrum=np.where(swap, np.asarray(positive.noise_spectrum), np.asarray(response.noise_spectrum)),
+        covariance=np.where(swap[..., None, None], np.asarray(positive.covariance), np.asarray(response.covariance)),
     )
 
 

@@ -2,9 +2,10 @@
 
 import warnings
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sysid.models.frequency_response import FrequencyResponse, complex_covariance
 from sysid.records.arrays import ComplexArray, FloatArray, real_array
@@ -90,7 +91,7 @@ def response_of_spectra(
     )
 
 
-def powers(spectrum: ComplexArray) -> FloatArray:
+def powers(spectrum: NDArray[Any]) -> FloatArray:
     """Spectra of the single channels: the diagonal of (nf, n, n) as (nf, n)."""
     return np.asarray(np.einsum("fii->fi", spectrum).real)
 

@@ -188,8 +188,8 @@ def named_items(items: object, kinds: tuple[type, ...]) -> Iterator[tuple[str | 
     if isinstance(items, Mapping):
         pairs = [(str(name), item) for name, item in items.items()]
     else:
-        several = isinstance(items, Sequence) and not isinstance(items, (str, *kinds))
-        pairs = [(None, item) for item in (items if several else [items])]
+        several = items if isinstance(items, Sequence) and not isinstance(items, (str, *kinds)) else [items]
+        pairs = [(None, item) for item in several]
     if not pairs:
         raise SysidError(f"nothing to draw; expected one or more of {available}")
     for _, item in pairs:
