@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sysid.polynomial.correlation import covariance_function, prewhitened
 from sysid.polynomial.data_checks import check_excitation
-from sysid.polynomial.least_squares import triangular_factor
+from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.regressors import arx_regressors, first_row
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
@@ -99,10 +99,7 @@ def delayest(
             [arx_regressors(e.y[:, i], e.u, na, lags, (0,) * nu, s) for e, s in zip(experiments, starts, strict=True)]
         )
         target = np.concatenate([e.y[s:, i] for e, s in zip(experiments, starts, strict=True)])
-        columns = np.column_stack((phi, target))
-        lengths = np.sqrt(np.mean(columns**2, axis=0))
-        # columns of about equal length for the factorisation; the test does not depend on the scale
-        triangle = triangular_factor(columns / np.where(lengths > 0.0, lengths, 1.0))
+        triangle, _ = scaled_triangle(np.column_stack((phi, target)))
         for j in range(nu):
             p_values[:, i, j] = _leading_lags(triangle, na + j * (largest + nb), largest + 1, rows - width)
             rejected = np.flatnonzero(p_values[:, i, j] < 1.0 - level)

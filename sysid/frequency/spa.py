@@ -80,7 +80,8 @@ def spa(
     if m >= SHORT and nu and _truncated(covariances, nu, samples):
         text = f"the lag window of {m} samples is shorter than the response: the estimate is smoothed; use a longer lag"
         warnings.warn(text, SysidWarning, stacklevel=2)
-    phi = _transform(weights, covariances, f, dt)
+    sides = (slice(nu), slice(nu, None))
+    phi = np.block([[_transform(weights, covariances[:, a, b], f, dt) for b in sides] for a in sides])
     response = response_of_spectra("spa", experiments, f, phi, averages=samples / float(weights @ weights))
     if not complete:
         return _with_gaps(response, experiments, weights)
