@@ -28,14 +28,7 @@ SAME = 1e-9  # ratio of singular values below which nuisances have the same effe
 def pilot_of(
     model: Estimate | Polynomials, samples: int, *, dt: float | None, variance: float | None, size: float
 ) -> Estimate:
-    """Check a model; polynomials become an estimate, as uncertain as after a binary input.
-
-    Args:
-        model: An estimate; or polynomials, whose own coefficients are then the parameters.
-        samples: Length of the records.
-        dt: Sampling interval of polynomials, s; None for an estimate.
-        variance: Of the innovation of polynomials; None for an estimate.
-        size: Of the inputs.
+    """Check a model; polynomials become an estimate, as uncertain as after a binary input of some length and size.
 
     Raises:
         SysidError: Another model, several inputs, no covariance, or an unstable model.

@@ -36,12 +36,7 @@ def crest_factor(signal: FloatArray) -> FloatArray:
 
 
 def schroeder_turns(lines: np.ndarray, power: FloatArray) -> FloatArray:
-    """Phases (L,), in turns, of a sweep that spends on every line the time that its power asks for [Schroeder1970].
-
-    Args:
-        lines: Multiples of the period's frequency, rising (L,).
-        power: Of the lines (L,).
-    """
+    """Phases (L,), in turns, of a sweep that spends on every line the time that its power asks for [Schroeder1970]."""
     share = power / power.sum()
     earlier = np.cumsum(share) - share
     return -(lines * earlier - (np.cumsum(share * lines) - share * lines))

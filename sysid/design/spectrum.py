@@ -17,13 +17,7 @@ def optimal_spectrum(models: Sequence[Information], energy: float) -> tuple[Floa
     """Spectrum that minimises the mean criterion of some models, a convex problem [Mehra1974; GoodwinPayne1977].
 
     It is solved by multiplicative steps, which keep all powers positive and never raise the criterion [Fellman1974].
-
-    Args:
-        models: Their information, all on the same lines (nf,).
-        energy: Largest sum of squares of the input.
-
-    Returns:
-        Sum of squares at every line (nf,), and a lower bound of the criterion of any input of so much energy.
+    Returns the sum of squares at every line (nf,), and a lower bound of the criterion of any input of that energy.
     """
     shares = np.full(models[0].filters.shape[-1], 1.0 / models[0].filters.shape[-1])
     bound = -np.inf

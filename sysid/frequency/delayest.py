@@ -16,7 +16,7 @@ from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
-from sysid.validation.feedback import feedback, interchanged
+from sysid.validation.feedback import feedback_p, interchanged
 
 IntArray = NDArray[np.int_]
 FEEDBACK = 1e-4  # p-value below which feedback is certain enough for a warning
@@ -105,11 +105,11 @@ def delayest(
             rejected = np.flatnonzero(p_values[:, i, j] < 1.0 - level)
             by_arx[i, j] = rejected[0] if len(rejected) else -1
 
-    for i, j in np.argwhere(_feedback_p(experiments, largest + nb) < FEEDBACK):
+    for i, j in np.argwhere(feedback_p(experiments, largest + nb) < FEEDBACK):
         names = (experiments[0].output_names or ())[i], (experiments[0].input_names or ())[j]
         text = f"input {names[1]} depends on past values of output {names[0]} (feedback): the delay by correlation"
         text += " means nothing, that by ARX holds only if the feedback has a delay"
-        if nu == ny == 1 and _feedback_p(interchanged(experiments), largest + nb)[0, 0] > 1.0 - level:
+        if nu == ny == 1 and feedback_p(interchanged(experiments), largest + nb)[0, 0] > 1.0 - level:
             text += f"; nothing shows that {names[1]} acts on {names[0]}: are input and output interchanged?"
         warnings.warn(text, SysidWarning, stacklevel=2)
     correlations, bound = np.empty((largest + 1, ny, nu)), np.empty((ny, nu))
@@ -132,14 +132,6 @@ def delayest(
         correlations=correlations,
         bound=bound,
     )
-
-
-def _feedback_p(experiments: Sequence[IOData], lags: int) -> FloatArray:
-    """p-values of feedback (ny, nu); NaN if the data are too few to test."""
-    try:
-        return feedback(experiments, lags=lags).p_values
-    except SysidError:
-        return np.full((experiments[0].ny, experiments[0].nu), np.nan)
 
 
 def _leading_lags(triangle: FloatArray, first: int, count: int, freedom: int) -> FloatArray:

@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import FrequencyResponse
-from sysid.plots.palette import PALETTE
+from sysid.plots.palette import PALETTE, Style
 from sysid.plots.panels import (
     channel_indices,
     channel_names,
@@ -99,32 +100,25 @@ def _of_records(
     names = channel_names(first.output_names, ny, "y")
     rows = channel_indices("output", output, names)
     beside = len(drawn) == 1 and first.input_spectrum is not None and output is None
-    extra = nu if beside else 0
-    height = len(rows) + extra
+    height = len(rows) + nu * beside
     figure, grid = panels(height, 1, size_of(size, height, 1, (7.0, 3.6), (0.0, 2.0)), sharex=True)
-    for a, i in enumerate(rows):
-        axes = grid[a, 0]
+
+    def density(axes: Axes, response: FrequencyResponse, kind: str, i: int, style: Style, text: str | None) -> None:
+        keep = response.frequencies > 0.0
+        line(axes, response.frequencies[keep], _positive(getattr(response, kind)[keep, i, i].real), style, text)
+
+    for axes, i in zip(grid[:, 0], rows, strict=False):
         if beside and first.output_spectrum is not None:
-            keep = first.frequencies > 0.0
-            style = PALETTE["measured"]
-            line(axes, first.frequencies[keep], _positive(first.output_spectrum[keep, i, i].real), style, "measured")
+            density(axes, first, "output_spectrum", i, PALETTE["measured"], "measured")
         for text, response, style in drawn:
-            noise = response.noise_spectrum
-            if noise is None:
-                continue
-            keep = response.frequencies > 0.0
-            f = response.frequencies[keep]
-            line(axes, f, _positive(noise[keep, i, i].real), style, text)
+            density(axes, response, "noise_spectrum", i, style, text)
             if _has_interval(response):
-                low, high = (edge[keep, i] for edge in response.noise_ci95())
-                shade(axes, f, _positive(low), _positive(high), style)
+                keep = response.frequencies > 0.0
+                low, high = (_positive(edge[keep, i]) for edge in response.noise_ci95())
+                shade(axes, response.frequencies[keep], low, high, style)
         axes.set_ylabel(_density("output" if ny == 1 else names[i], unit))
-    for j in range(extra):
-        keep = first.frequencies > 0.0
-        axes = grid[len(rows) + j, 0]
-        spectrum = first.input_spectrum
-        if spectrum is not None:
-            line(axes, first.frequencies[keep], _positive(spectrum[keep, j, j].real), PALETTE["measured"], None)
+    for j, axes in enumerate(grid[len(rows) :, 0]):
+        density(axes, first, "input_spectrum", j, PALETTE["measured"], None)
         axes.set_ylabel(_density("input" if nu == 1 else channel_names(first.input_names, nu, "u")[j], ""))
     figure.align_ylabels(list(grid[:, 0]))
     return figure, grid

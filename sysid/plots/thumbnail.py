@@ -35,11 +35,7 @@ MOST = 3
 
 
 def thumbnail(result: object) -> str:
-    """HTML image of a result; empty where there is no figure of its kind.
-
-    Args:
-        result: Any result.
-    """
+    """HTML image of a result; empty where there is no figure of its kind."""
     file = io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # names in scripts that the font lacks

@@ -16,7 +16,7 @@ from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.printing import Part, Table
 from sysid.selection.structure_search import ORDERS, Candidate, Experiments, StructureSearch, complete_parts
 from sysid.subspace import n4sid, pem_ss
-from sysid.validation.feedback import feedback, interchanged
+from sysid.validation.feedback import feedback_p, interchanged
 
 LISTED = 8
 """Candidates that a printed choice lists."""
@@ -165,10 +165,7 @@ def _delays(experiments: Experiments, largest: int) -> tuple[int, ...]:
 
 def _feedback_p(experiments: Experiments) -> float:
     """Least p-value of the hypothesis that no input depends on past outputs; 1 where no test can tell."""
-    try:
-        return float(np.nan_to_num(feedback(complete_parts(experiments)).p_values, nan=1.0).min())
-    except SysidError:
-        return 1.0
+    return float(np.nan_to_num(feedback_p(complete_parts(experiments)), nan=1.0).min())
 
 
 def _reason(search: StructureSearch, delays: tuple[int, ...], total: int) -> str:

@@ -82,16 +82,9 @@ class Signals:
 def signals_from_rest(
     polynomials: Polynomials, reference: FloatArray, innovation: FloatArray, feedback: float = 0.0
 ) -> Signals:
-    """Simulate a system in open loop, or under proportional feedback u = r - feedback y.
+    """Simulate a system in open loop, or with one input under proportional feedback u = r - feedback y.
 
-    Args:
-        polynomials: The system; one input where there is feedback.
-        reference: Inputs, or the reference r of the loop (N, nu).
-        innovation: (N,).
-        feedback: Gain of the controller; 0 for an open loop.
-
-    Returns:
-        Its signals.
+    The reference (N, nu) is the input of an open loop, or r; the innovation is (N,).
     """
     p = polynomials
     noise = scipy.signal.lfilter(p.C, np.convolve(p.A, p.D), innovation)
@@ -109,15 +102,8 @@ def signals_from_rest(
 def prediction_gradient(polynomials: Polynomials, orders: Orders, signals: Signals) -> FloatArray:
     """Derivatives of the prediction by the parameters, from rest [Ljung1999, sec. 10.3].
 
-    The prediction error is D/C (A y - sum B_j/F_j u_j); at the truth it is the innovation.
-
-    Args:
-        polynomials: The true polynomials.
-        orders: Coefficients that are parameters.
-        signals: Signals of the true system.
-
-    Returns:
-        (N, p), parameters in the sequence A, B, C, D, F.
+    The prediction error is D/C (A y - sum B_j/F_j u_j); at the truth it is the innovation. The derivatives are (N, p),
+    parameters in the sequence A, B, C, D, F.
     """
     c, d = polynomials.C, polynomials.D
     channels = [polynomials.channel(j) for j in range(polynomials.nu)]
@@ -135,17 +121,7 @@ def prediction_gradient(polynomials: Polynomials, orders: Orders, signals: Signa
 def response_gradient(
     polynomials: Polynomials, orders: Orders, dt: float, f_hz: FloatArray
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Response from input to output, and its derivatives by the parameters.
-
-    Args:
-        polynomials: The model, one output.
-        orders: Coefficients that are parameters.
-        dt: Sampling interval, s.
-        f_hz: Frequencies (nf,), Hz.
-
-    Returns:
-        Response (nf, 1, nu) and derivatives (p, nf, 1, nu).
-    """
+    """Response (nf, 1, nu) at frequencies in Hz, and its derivatives by the parameters (p, nf, 1, nu)."""
     z = np.exp(-2j * np.pi * dt * np.asarray(f_hz))
     a = np.polyval(polynomials.A[::-1], z)
     response = np.zeros((len(z), 1, polynomials.nu), dtype=complex)

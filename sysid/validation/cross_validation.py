@@ -103,10 +103,6 @@ def same_samples(records: Sequence[IOData], others: Sequence[IOData]) -> bool:
     """Whether two data sets share a record: the same samples, or those of its beginning.
 
     A fit to data that the model was estimated from is no validation.
-
-    Args:
-        records: One data set.
-        others: The other.
     """
 
     def close(a: FloatArray, b: FloatArray) -> bool:

@@ -95,6 +95,14 @@ def feedback(
     return FeedbackTest(p_values, level, first.output_names or (), first.input_names or ())
 
 
+def feedback_p(experiments: Sequence[IOData], lags: int = 20) -> FloatArray:
+    """p-values of feedback (ny, nu); NaN where the data are too few to test."""
+    try:
+        return feedback(experiments, lags=lags).p_values
+    except SysidError:
+        return np.full((experiments[0].ny, experiments[0].nu), np.nan)
+
+
 def interchanged(experiments: Sequence[IOData]) -> tuple[IOData, ...]:
     """The same records with outputs as inputs, and inputs as outputs."""
     return tuple(IOData(e.y, e.u, e.dt, window=e.window) for e in experiments)

@@ -138,13 +138,7 @@ def interval_of_mean_share(values: FloatArray) -> tuple[float, float]:
 def exact_interval_of_share(count: float, total: float, whole: float = 1.0) -> tuple[float, float]:
     """95 % interval of a share after Clopper and Pearson; NaN of nothing.
 
-    Args:
-        count: From 0 to `total`; not necessarily a whole number, as SciPy's interval has it.
-        total: Number of trials.
-        whole: What the whole counts, such as 100 for percent.
-
-    Returns:
-        Both ends.
+    `count` of `total` trials need not be a whole number, as in SciPy's interval; `whole` is 100 for percent.
     """
     if total <= 0.0:
         return (float("nan"), float("nan"))
