@@ -147,19 +147,18 @@ def innovations_form(polynomials: Polynomials, dt: float, variance: ArrayLike | 
 
 def is_stable(polynomial: FloatArray, margin: float = 0.0) -> bool:
     """Whether all roots of z^n + p1 z^(n-1) + ... lie inside the circle of radius 1 - margin."""
-    if _distance_bound(polynomial) > max(margin, SURE):
+    if distance_bound(polynomial.tolist()) > max(margin, SURE):
         return True  # a shortcut: every step of a search calls this
     roots = np.roots(_trim(polynomial))
     return bool((np.abs(roots) < 1.0 - margin).all())
 
 
-def _distance_bound(polynomial: FloatArray) -> float:
+def distance_bound(row: list[float]) -> float:
     """Lower bound on the distance of all roots from the unit circle, 0 if not all lie inside it [Jury1964].
 
     With reflection coefficients k of the Schur-Cohn recursion, the polynomial exceeds prod(1 - |k|) on the circle, and
     every other root contributes at most a factor 2.
     """
-    row: list[float] = polynomial.tolist()
     bound = 2.0
     while len(row) > 1:
         k = row[-1] / row[0]

@@ -12,7 +12,7 @@ from sysid.polynomial.data_checks import check_means
 from sysid.polynomial.least_squares import LeastSquares, solve
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
-from sysid.polynomial.regressors import lagged, output_lags
+from sysid.polynomial.regressors import complete_rows, lagged, output_lags
 from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -48,7 +48,7 @@ def ar(data: IOData | Sequence[IOData], na: int, *, approach: Approach = "fb") -
     if approach not in get_args(Approach):
         raise SysidError(f"approach must be one of {', '.join(get_args(Approach))}; got {shown(approach)}")
     experiments = as_series(data, missing=approach in ("fb", "ls"))
-    orders = make_orders(0, na=na, nb=(), nk=())
+    orders = make_orders(0, na=na)
     na = orders.na
     messages = check_means(experiments, na)
     check_enough_data(experiments, orders, transients=0)
@@ -100,9 +100,7 @@ def _equations(parts: Sequence[FloatArray], na: int) -> tuple[FloatArray, FloatA
     """Rows [-y(t-1) ... -y(t-na)] and y(t) of all parts, those with a missing sample omitted."""
     rows = np.vstack([-lagged(part, output_lags(na), na) for part in parts])
     target = np.concatenate([part[na:] for part in parts])
-    known = np.isfinite(rows).all(axis=1) & np.isfinite(target)
-    if known.sum() <= na:
-        raise SysidError(f"too many missing samples: {int(known.sum())} equations are complete, order {na} needs more")
+    known = complete_rows(rows, target, na)
     return rows[known], target[known]
 
 

@@ -6,7 +6,7 @@ from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.ar import as_series
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.polynomial.orders import make_orders, orders_apart
+from sysid.polynomial.orders import orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
 from sysid.records.data import IOData
 
@@ -33,7 +33,7 @@ def arma(
         na: Degree of A.
         nc: Degree of C.
         max_iterations: Limit on the steps of the final minimisation.
-        coloured: Whether the covariance allows for prediction errors that are not white, as in `armax`.
+        coloured: Whether the covariance allows for prediction errors that are not white, as in `arx`.
         initial_conditions: Assumption about the time before each experiment, or its name.
         start: Polynomials of a further initial estimate, no longer than the orders.
 
@@ -46,13 +46,11 @@ def arma(
     Warns:
         SysidWarning: A mean that dominates, no convergence, bad conditioning, C at the edge of stability.
     """
-    experiments = as_series(data, missing=not coloured)
-    orders = make_orders(0, na=na, nb=(), nc=nc, nk=())
     return prediction_error_estimate(
         "arma",
-        experiments,
-        orders,
-        orders.select("na", "nc"),
+        as_series(data, missing=not coloured),
+        {"na": na, "nc": nc},
+        series=True,
         max_iterations=max_iterations,
         coloured=coloured,
         initial_conditions=initial_conditions,

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.polynomial.orders import make_orders, orders_apart
+from sysid.polynomial.orders import orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
-from sysid.records.data import IOData, as_experiments
+from sysid.records.data import IOData
 
 
 @orders_apart
@@ -37,9 +37,7 @@ def armax(
         start: A further initial estimate, also of a smaller structure, such as the `polynomials` of another estimate;
             the fit is no worse. Without it, smaller structures are fitted where several minima are likely.
         max_iterations: Limit on the steps of the final minimisation.
-        coloured: Whether the covariance allows for prediction errors that are not white, as with too small orders, by
-            the "sandwich" formula [Ljung1999, ch. 9]. It is then the spread about the limit of the estimate, which need
-            not be the true parameters. The estimate itself is the same.
+        coloured: Whether the covariance allows for prediction errors that are not white, as in `arx`.
         initial_conditions: Assumption about the time before each experiment, or its name ("zero", "backcast"); by
             default none, and free initial conditions are estimated.
 
@@ -47,19 +45,17 @@ def armax(
         The estimate; parameters a1.., b1.., c1...
 
     Raises:
-        SysidError: Constant input, several outputs, orders negative or too many for the data, a start
-            that does not fit.
+        SysidError: Constant input, several outputs, orders negative or too many for the data, a start that
+            does not fit.
 
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, C at the edge of stability.
     """
-    experiments = as_experiments(data, missing=not coloured, series=True)
-    orders = make_orders(experiments[0].nu, na=na, nb=nb, nc=nc, nk=nk)
     return prediction_error_estimate(
         "armax",
-        experiments,
-        orders,
-        orders.select("na", "nb", "nc", "nk"),
+        data,
+        {"na": na, "nb": nb, "nc": nc, "nk": nk},
+        series=True,
         start=start,
         max_iterations=max_iterations,
         coloured=coloured,

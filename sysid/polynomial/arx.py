@@ -10,7 +10,7 @@ from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.least_squares import solve
 from sysid.polynomial.orders import Orders, make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
-from sysid.polynomial.regressors import arx_regressors
+from sysid.polynomial.regressors import arx_equations, complete_rows
 from sysid.polynomial.regularisation import Kernel, checked_kernel, empirical_bayes
 from sysid.polynomial.robust_covariance import sandwich
 from sysid.records.arguments import truth_value
@@ -91,24 +91,14 @@ def regression_estimate(
     shortest = min(len(e) for e in experiments)
     if shortest <= max(starts):
         raise SysidError(f"the lags reach back {max(starts)} samples, the shortest experiment has {shortest}")
-    phi = np.vstack(
-        [
-            arx_regressors(e.y[:, 0], e.u, orders.na, orders.nb, orders.nk, start)
-            for e, start in zip(experiments, starts, strict=True)
-        ]
-    )
-    target = np.concatenate([e.y[start:] for e, start in zip(experiments, starts, strict=True)])
-    known = np.isfinite(phi).all(axis=1) & np.isfinite(target[:, 0])
-    if known.sum() <= unknown:
-        raise SysidError(
-            f"too {'few' if known.all() else 'many missing'} samples: {int(known.sum())} of {len(phi)} rows are "
-            f"complete, {unknown} parameters need more"
-        )
+    y, u = [e.y[:, 0] for e in experiments], [e.u for e in experiments]
+    phi, target = arx_equations(y, u, orders.na, orders.nb, orders.nk, starts)
+    known = complete_rows(phi, target, unknown)
     if not known.all():
         phi, target = phi[known], target[known]
     diagnostics: dict[str, Any] = {"iterations": 0}
     if kernel is not None and sizes:
-        posterior = empirical_bayes(phi, target[:, 0], sizes, kernel)
+        posterior = empirical_bayes(phi, target, sizes, kernel)
         theta, covariance, variance = posterior.mean, posterior.covariance, posterior.variance
         diagnostics |= {"kernel": kernel, **posterior.diagnostics}
         if not diagnostics["converged"]:
@@ -116,7 +106,7 @@ def regression_estimate(
         if not orders.na:
             messages += _truncated(theta, np.sqrt(np.diag(covariance)), orders.nb, experiments[0].input_names or ())
     else:
-        fit = solve(phi, target)
+        fit = solve(phi, target[:, None])
         theta, variance = fit.solution[:, 0], float(fit.residual_gram[0, 0]) / (len(phi) - orders.count)
         messages += fit.rank_message()
         covariance = variance * fit.inverse_gram

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from sysid.polynomial.gram_matrices import hankel_moments
 from sysid.polynomial.least_squares import solve
-from sysid.polynomial.regressors import arx_regressors
+from sysid.polynomial.regressors import arx_equations
 from sysid.records.arguments import real_number, whole_number
 from sysid.records.arrays import FloatArray, real_array
 from sysid.records.data import IOData
@@ -72,8 +72,11 @@ def check_excitation(experiments: Sequence[IOData], needed: Sequence[int]) -> li
             value = ", ".join(f"{s[0]:g}" for s in signals)
             raise SysidError(f"input {name} is constant ({value}), which identifies nothing; expected a varying input")
     # at least as many rows as columns
-    lags = min(max((*needed, 1)), shortest // (nu + 1))
-    joint = _joint_gram(experiments, lags) if nu > 1 and lags >= 1 else None
+    lags, joint = min(max((*needed, 1)), shortest // (nu + 1)), None
+    if nu > 1 and lags >= 1:
+        # lags of all inputs, each of unit size, inputs side by side
+        sizes = np.sqrt(np.mean(np.concatenate([e.u for e in experiments]) ** 2, axis=0))
+        joint = hankel_moments([e.u / sizes for e in experiments], lags)
     messages, alone = [], 0
     for j, name in enumerate(names):
         own = None if joint is None else joint[j::nu, j::nu]
@@ -97,12 +100,6 @@ def check_excitation(experiments: Sequence[IOData], needed: Sequence[int]) -> li
             "dependent, and the data cannot separate their effects"
         )
     return messages
-
-
-def _joint_gram(experiments: Sequence[IOData], lags: int) -> FloatArray:
-    """Gram matrix of the lags of all inputs, each of unit size, (lags nu, lags nu), inputs side by side."""
-    sizes = np.sqrt(np.mean(np.concatenate([e.u for e in experiments]) ** 2, axis=0))
-    return hankel_moments([e.u / sizes for e in experiments], lags)
 
 
 ROWS_PER_COEFFICIENT = 5
@@ -197,9 +194,8 @@ def _missing_offset(experiments: Sequence[IOData], output: int, order: int) -> t
     if n < 1:
         return 0.0, 0.0
     starts = [max(n, e.window) for e in experiments]
-    parts = zip(experiments, starts, strict=True)
-    phi = np.vstack([arx_regressors(e.y[:, output], e.u, n, (n + 1,) * nu, (0,) * nu, s) for e, s in parts])
-    target = np.concatenate([e.y[s:, output] for e, s in zip(experiments, starts, strict=True)])
+    y, u = [e.y[:, output] for e in experiments], [e.u for e in experiments]
+    phi, target = arx_equations(y, u, n, (n + 1,) * nu, (0,) * nu, starts)
     known = np.isfinite(phi).all(axis=1) & np.isfinite(target)
     phi, target = phi[known], target[known][:, None]
     if len(phi) <= phi.shape[1] + 1:

@@ -4,6 +4,7 @@ Missing outputs and initial conditions are eliminated together: the result is th
 missing outputs at their conditional means, projected onto the complement of both [GolubPereyra2003].
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -214,7 +215,11 @@ def free_transients(orders: Orders, theta: FloatArray, rows: int) -> FloatArray:
     noise_count = max(orders.nc, orders.nd)
     blocks = [(np.ones(1), c, noise_count)] if noise_count else []
     blocks += [(d, np.convolve(c, fj), nf) for fj, nf in zip(f, orders.nf, strict=True) if nf]
-    return _transients(blocks, rows) if blocks else np.zeros((0, 0))
+    if not blocks:
+        return np.zeros((0, 0))
+    filters = [(numerator, denominator) for numerator, denominator, _ in blocks]
+    responses = _pulse_responses(filters, min(FIRST_LENGTH, rows), rows, NEGLIGIBLE)
+    return np.hstack([_shifts(h, count) for h, (_, _, count) in zip(responses, blocks, strict=True)])
 
 
 def _shifts(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
@@ -226,18 +231,18 @@ def _shifts(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
     return out
 
 
-def _transients(blocks: list[tuple[FloatArray, FloatArray, int]], rows: int) -> FloatArray:
-    """Pulse responses of filters (numerator, denominator), shifted `count` times, until they have died out."""
-    length = min(FIRST_LENGTH, rows)
+def _pulse_responses(
+    filters: Sequence[tuple[FloatArray, FloatArray]], length: int, most: int, negligible: float
+) -> list[FloatArray]:
+    """Pulse responses of filters (numerator, denominator), until the last quarter of each is negligible."""
     while True:
         pulse = np.zeros(length)
         pulse[0] = 1.0
-        responses = [scipy.signal.lfilter(numerator, denominator, pulse) for numerator, denominator, _ in blocks]
+        responses = [scipy.signal.lfilter(*one, pulse) for one in filters]
         tail = max(np.abs(h[-(length // 4) :]).max() / np.abs(h).max() for h in responses)
-        if length == rows or tail < NEGLIGIBLE:
-            break
-        length = min(4 * length, rows)
-    return np.hstack([_shifts(h, block[2]) for h, block in zip(responses, blocks, strict=True)])
+        if length == most or tail < negligible:
+            return responses
+        length = min(4 * length, most)
 
 
 def orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -321,14 +326,9 @@ def _died_out(numerator: FloatArray, denominator: FloatArray, most: int) -> Floa
     if len(denominator) == 1 or not denominator[1:].any():
         return numerator[:most]
     length = min(max(FIRST_RESPONSE, 4 * (len(numerator) + len(denominator))), most)
-    while True:
-        pulse = np.zeros(length)
-        pulse[0] = 1.0
-        response = scipy.signal.lfilter(numerator, denominator, pulse)
-        alive = np.flatnonzero(np.abs(response) > NEGLIGIBLE_RESPONSE * np.abs(response).max())
-        if length == most or alive[-1] < 3 * length // 4:
-            return np.asarray(response[: alive[-1] + 1])
-        length = min(4 * length, most)
+    (response,) = _pulse_responses([(numerator, denominator)], length, most, NEGLIGIBLE_RESPONSE)
+    alive = np.flatnonzero(np.abs(response) > NEGLIGIBLE_RESPONSE * np.abs(response).max())
+    return response[: alive[-1] + 1]
 
 
 def _span(remainder: FloatArray, free: FloatArray, errors: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -39,6 +39,8 @@ def lagged_products(signals: FloatArray, lags: int, start: int) -> FloatArray:
 def lagged_solution(products: FloatArray, lags: Sequence[range], target: Sequence[float]) -> FloatArray | None:
     """Least-squares coefficients of lagged signals that explain a combination of the signals at lag zero.
 
+    Those of the first signal, the output, are negated, as coefficients of A are.
+
     Args:
         products: Result of `lagged_products`, summed over experiments.
         lags: Lags of each signal among the regressors.
@@ -60,7 +62,7 @@ def lagged_solution(products: FloatArray, lags: Sequence[range], target: Sequenc
     if np.diag(factor[0]).min() * SQUARE_SAFE < 1.0:
         return None
     right = products[:, 0, signal, lag].T @ np.asarray(target)
-    return np.asarray(scipy.linalg.cho_solve(factor, right / scale) / scale)
+    return np.asarray(np.where(signal, 1.0, -1.0) * scipy.linalg.cho_solve(factor, right / scale) / scale)
 
 
 def hankel_moments(signals: Sequence[FloatArray], blocks: int) -> FloatArray:

@@ -145,7 +145,6 @@ def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, model: LongAr
         table = table + lagged_products(np.column_stack((e.y[:, 0], e.u, model.errors(e))), most, max(start, most))
     theta = lagged_solution(np.asarray(table), lags, [1.0] + [0.0] * len(orders.nb) + [-1.0])
     if theta is not None:
-        theta[: orders.na] *= -1.0
         return with_stable_noise(orders, theta)
     rows, targets = [], []
     for e in experiments:

@@ -4,17 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from sysid.models.estimate import Estimate
 from sysid.polynomial.least_squares import LeastSquares, solve
 from sysid.polynomial.long_arx import arx_errors
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import make_estimate
-from sysid.polynomial.regressors import arx_regressors, lagged, output_lags
+from sysid.polynomial.regressors import arx_equations, complete_rows, lagged, output_lags
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
-from sysid.records.errors import SysidError, warn_each
+from sysid.records.errors import warn_each
 
 ROWS_PER_COEFFICIENT = 10  # least number of samples per coefficient of the disturbance model
 DEPENDENT = 1e-10  # remainder of an instrument, relative to it, after those before it are subtracted
@@ -44,19 +43,17 @@ def instrumented(
         The fit, and the covariance of theta (p, p) for white noise of variance 1 [Soderstrom1989, sec. 8.2].
     """
     order = len(whitener) - 1
-    blocks, rows, targets = [], [], []
-    for e, z in zip(experiments, instruments, strict=True):
-        z, y, u = (scipy.signal.lfilter(whitener, [1.0], signal, axis=0) for signal in (z, e.y[:, 0], e.u))
-        # the filter starts from zeros: its first samples are no data
-        start = orders.first_row(e.window) + order
-        blocks.append(arx_regressors(z[:, 0], z[:, 1:], orders.na, orders.nb, orders.nk, start))
-        rows.append(arx_regressors(y, u, orders.na, orders.nb, orders.nk, start))
-        targets.append(y[start:])
-    z, phi, target = np.vstack(blocks), np.vstack(rows), np.concatenate(targets)
+    # the filter starts from zeros: its first samples are no data
+    starts = [orders.first_row(e.window) + order for e in experiments]
+    y, u, z = (
+        [scipy.signal.lfilter(whitener, [1.0], signal, axis=0) for signal in signals]
+        for signals in ([e.y[:, 0] for e in experiments], [e.u for e in experiments], instruments)
+    )
+    phi, target = arx_equations(y, u, orders.na, orders.nb, orders.nk, starts)
+    z, _ = arx_equations([x[:, 0] for x in z], [x[:, 1:] for x in z], orders.na, orders.nb, orders.nk, starts)
     # the filters have finite memory: a missing output affects only the rows within its reach
-    complete = np.isfinite(phi).all(axis=1) & np.isfinite(target)
+    complete = complete_rows(phi, target, orders.count)
     if not complete.all():
-        _check_enough(complete, orders.count)
         z, phi, target = z[complete], phi[complete], target[complete]
     lengths = np.linalg.norm(z, axis=0)
     basis, triangle = np.linalg.qr(z / np.where(lengths > 0.0, lengths, 1.0))
@@ -67,7 +64,8 @@ def instrumented(
         return fit, fit.inverse_gram
     whole = np.zeros((len(complete), basis.shape[1]))
     whole[complete] = basis
-    parts = np.split(whole, np.cumsum([len(block) for block in blocks])[:-1])
+    ends = np.cumsum([len(e) - start for e, start in zip(experiments, starts, strict=True)])
+    parts = np.split(whole, ends[:-1])
     filtered = np.vstack([scipy.signal.lfilter([1.0], colour, part, axis=0) for part in parts])
     half = filtered @ regressors @ fit.inverse_gram
     return fit, half.T @ half
@@ -85,9 +83,8 @@ def disturbance_whitener(experiments: Sequence[IOData], orders: Orders, theta: F
     parts = disturbances(experiments, orders, theta)
     phi = np.vstack([-lagged(v, output_lags(order), order) for v in parts])
     target = np.concatenate([v[order:] for v in parts])
-    complete = np.isfinite(phi).all(axis=1) & np.isfinite(target)
+    complete = complete_rows(phi, target, order)
     if not complete.all():
-        _check_enough(complete, order)
         phi, target = phi[complete], target[complete]
     return np.concatenate(([1.0], solve(phi, target[:, None]).solution[:, 0]))
 
@@ -126,14 +123,6 @@ def instrumental_estimate(
         },
         messages=messages,
     )
-
-
-def _check_enough(complete: NDArray[np.bool_], unknown: int) -> None:
-    if complete.sum() <= unknown:
-        raise SysidError(
-            f"too many missing samples: {int(complete.sum())} of {len(complete)} rows are complete, {unknown} "
-            "coefficients need more; armax, bj and oe use every known output"
-        )
 
 
 def _known(signal: FloatArray) -> FloatArray:

@@ -6,7 +6,6 @@ dependent columns, least squares on the columns takes over.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import scipy
@@ -15,7 +14,7 @@ from sysid.models.polynomials import stabilised
 from sysid.polynomial.gram_matrices import lagged_products, lagged_solution
 from sysid.polynomial.least_squares import solve, tall_least_squares
 from sysid.polynomial.orders import Orders
-from sysid.polynomial.regressors import arx_regressors, input_lags, output_lags
+from sysid.polynomial.regressors import arx_equations, arx_regressors, input_lags, output_lags
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
@@ -75,26 +74,14 @@ class LongArxFamily:
         """Least squares for n coefficients of A and of each B."""
         lags = [range(1, n + 1), *(range(k, k + n) for k in self.nk)]
         theta = lagged_solution(self.gram, lags, [1.0] + [0.0] * len(self.nk))
+        skip = n + max(self.nk, default=0)
         if theta is None:
-            return self._by_columns(n)
-        theta[:n] *= -1.0
-        return self._from_parameters(theta, n)
-
-    def _by_columns(self, n: int) -> LongArx:
-        theta = arx_solution(
-            [e.y[:, 0] for e in self.experiments],
-            [e.u for e in self.experiments],
-            n,
-            (n,) * len(self.nk),
-            self.nk,
-            [max(e.window, n + max(self.nk, default=0)) for e in self.experiments],
-        )
-        return self._from_parameters(theta, n)
-
-    def _from_parameters(self, theta: FloatArray, n: int) -> LongArx:
+            y, u = [e.y[:, 0] for e in self.experiments], [e.u for e in self.experiments]
+            starts = [max(e.window, skip) for e in self.experiments]
+            theta = arx_solution(y, u, n, (n,) * len(self.nk), self.nk, starts)
         a, *b = np.split(theta, np.cumsum([n] * len(self.nk)))
         padded = [np.concatenate((np.zeros(k), part)) for k, part in zip(self.nk, b, strict=True)]
-        return LongArx(np.concatenate(([1.0], a)), tuple(padded), n + max(self.nk, default=0))
+        return LongArx(np.concatenate(([1.0], a)), tuple(padded), skip)
 
 
 def long_arx_family(experiments: Sequence[IOData], orders: Orders, largest: int) -> LongArxFamily:
@@ -135,11 +122,8 @@ def arx_solution(
         products = sum(lagged_products(s, most, start) for s, start in zip(signals, starts, strict=True))
         theta = lagged_solution(np.asarray(products), lags, [1.0] + [0.0] * len(nb))
         if theta is not None:
-            theta[:na] *= -1.0
             return theta
-    build = partial(arx_regressors, na=na, nb=nb, nk=nk)
-    phi = np.vstack([build(yi, ui, start=s) for yi, ui, s in zip(y, u, starts, strict=True)])
-    target = np.concatenate([yi[s:] for yi, s in zip(y, starts, strict=True)])
+    phi, target = arx_equations(y, u, na, nb, nk, starts)
     return solve(phi, target[:, None]).solution[:, 0]
 
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.polynomial.orders import make_orders, orders_apart
+from sysid.polynomial.orders import orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
-from sysid.records.data import IOData, as_experiments
+from sysid.records.data import IOData
 
 
 @orders_apart
@@ -33,8 +33,7 @@ def oe(
         nb: Number of coefficients of B, one for all inputs or one per input.
         nf: Degree of F, likewise.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
-        start: A further initial estimate, also of a smaller structure, such as the `polynomials` of another estimate;
-            the fit is no worse. Without it, smaller structures are fitted where several minima are likely.
+        start: A further initial estimate, also of a smaller structure, as in `armax`.
         max_iterations: Limit on the steps of the final minimisation.
         coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
             an autoregressive model of it whose order BIC selects [Ljung1999, ch. 9]. The estimate itself is the same.
@@ -42,26 +41,22 @@ def oe(
             95 % cover, without and with it, 0.93 and 0.93 if it is white and 0.64 and 0.80 if its pole is 0.9, from 100
             samples; 0.94, 0.94, 0.74 and 0.93 from 250; 0.94, 0.94, 0.77 and 0.95 from 1,000; the same with a tenth of
             the outputs missing but for 0.90 at 250. It takes a tenth more time.
-        initial_conditions: Assumption about the time before each experiment, or its name ("zero", "backcast"); by
-            default none, and free initial conditions are estimated.
+        initial_conditions: Assumption about the time before each experiment, or its name, as in `armax`.
 
     Returns:
         The estimate; parameters b1.., f1...
 
     Raises:
-        SysidError: Constant input, several outputs, orders negative or too many for the data, a start
-            that does not fit.
+        SysidError: Constant input, several outputs, orders negative or too many for the data, a start that
+            does not fit.
 
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, F at the edge of stability.
     """
-    experiments = as_experiments(data, missing=True)
-    orders = make_orders(experiments[0].nu, nb=nb, nf=nf, nk=nk)
     return prediction_error_estimate(
         "oe",
-        experiments,
-        orders,
-        orders.select("nb", "nf", "nk"),
+        data,
+        {"nb": nb, "nf": nf, "nk": nk},
         start=start,
         max_iterations=max_iterations,
         coloured=coloured,

@@ -168,8 +168,8 @@ def orders_apart(estimator: Callable[P, R]) -> Callable[P, R]:
 def make_orders(
     nu: int,
     *,
-    nb: int | Sequence[int],
-    nk: int | Sequence[int],
+    nb: int | Sequence[int] = (),
+    nk: int | Sequence[int] = (),
     na: int = 0,
     nc: int = 0,
     nd: int = 0,

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.polynomial.orders import make_orders, orders_apart
+from sysid.polynomial.orders import orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
-from sysid.records.data import IOData, as_experiments
+from sysid.records.data import IOData
 
 
 @orders_apart
@@ -41,10 +41,9 @@ def polyest(
         nd: Degree of D.
         nf: Degree of F, one for all inputs or one per input.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
-        start: A further initial estimate, also of a smaller structure, such as the `polynomials` of another estimate;
-            the fit is no worse. Without it, smaller structures are fitted where several minima are likely.
+        start: A further initial estimate, also of a smaller structure, as in `armax`.
         max_iterations: Limit on the steps of the final minimisation.
-        coloured: Whether the covariance allows for prediction errors that are not white, as in `armax`.
+        coloured: Whether the covariance allows for prediction errors that are not white, as in `arx`.
         initial_conditions: Assumption about the time before each experiment, or its name ("zero", "backcast").
 
     Returns:
@@ -58,13 +57,10 @@ def polyest(
         SysidWarning: Poor excitation, no convergence, bad conditioning (also where A, D and F have roots in common), C,
             D or F at the edge of stability.
     """
-    experiments = as_experiments(data, missing=not coloured)
-    orders = make_orders(experiments[0].nu, na=na, nb=nb, nc=nc, nd=nd, nf=nf, nk=nk)
     return prediction_error_estimate(
         "polyest",
-        experiments,
-        orders,
-        orders.select("na", "nb", "nc", "nd", "nf", "nk"),
+        data,
+        {"na": na, "nb": nb, "nc": nc, "nd": nd, "nf": nf, "nk": nk},
         start=start,
         max_iterations=max_iterations,
         coloured=coloured,

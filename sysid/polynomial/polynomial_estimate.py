@@ -16,7 +16,7 @@ from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import check_room_to_start, completed, initial_estimates
-from sysid.polynomial.orders import Orders
+from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import (
     InitialEstimate,
     Linearisation,
@@ -27,7 +27,7 @@ from sysid.polynomial.prediction_error import (
 from sysid.polynomial.robust_covariance import curvature_covariance, sandwich
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
-from sysid.records.data import IOData
+from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
 
 
@@ -170,14 +170,14 @@ COLOUR = 30  # order of the autoregressive model of a coloured disturbance
 
 def prediction_error_estimate(
     method: str,
-    experiments: Sequence[IOData],
-    orders: Orders,
+    data: IOData | Sequence[IOData],
     order_values: Mapping[str, Any],
     *,
     start: Polynomials | None,
     max_iterations: int,
-    coloured: bool = False,
-    initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
+    coloured: bool,
+    initial_conditions: InitialConditions | str,
+    series: bool = False,
 ) -> Estimate:
     """Check the data, minimise the prediction errors, and return the estimate.
 
@@ -185,8 +185,13 @@ def prediction_error_estimate(
     [Ljung1999, ch. 9]; the variance is unbiased: parameters and initial conditions are counted. With
     missing outputs the gaps depend on the parameters too, and the curvature of the likelihood replaces J' J.
     With `coloured`, the covariance allows for errors that are not white; those of OE models are taken to be independent
-    of the input, which gives narrower intervals. `order_values` are the orders as the estimate reports them.
+    of the input, which gives narrower intervals. The orders are those of `make_orders` by name; `series` allows records
+    without input.
     """
+    # beside a noise model, only complete records show the colour
+    shows_colour = not {"na", "nc", "nd"} & order_values.keys()
+    experiments = as_experiments(data, missing=shows_colour or not coloured, series=series)
+    orders = make_orders(experiments[0].nu, **order_values)
     initial_conditions = InitialConditions.of(initial_conditions)
     max_iterations = whole_number("max_iterations", max_iterations, 1)
     coloured = truth_value("coloured", coloured)
@@ -213,14 +218,14 @@ def prediction_error_estimate(
     )
     at = result.best.at
     variance = at.sum_of_squares / (at.errors - orders.count - at.transients)
-    covariance, condition = covariance_of(at, at.inflation * variance)
+    half, condition = directions(at)
+    covariance = at.inflation * variance * (half @ half.T)
     if gaps and orders.na + orders.nc + orders.nd and at.cost > 0.0:
         covariance = curvature_covariance(
             experiments, orders, at.theta, covariance, at.inflation * variance, initial_conditions
         )
     if coloured and at.cost > 0.0:
         if orders.na == orders.nc == orders.nd == 0:
-            half = directions(at)[0]
             parts = output_errors(experiments, orders, at.theta, initial_conditions)
             middle = coloured_information(parts, min(COLOUR, at.errors // 20), half)
             covariance = variance * (half @ middle @ half.T)
@@ -238,7 +243,7 @@ def prediction_error_estimate(
         method,
         experiments,
         orders,
-        order_values,
+        orders.select(*order_values),
         theta=at.theta,
         covariance=covariance,
         variance=variance,
@@ -257,12 +262,6 @@ def prediction_error_estimate(
         messages=messages,
         at_rest=initial_conditions is InitialConditions.ZERO,
     )
-
-
-def covariance_of(at: Linearisation, variance: float) -> tuple[FloatArray, float]:
-    """Covariance of the parameters (p, p), and the condition number of the scaled Jacobian."""
-    half, condition = directions(at)
-    return variance * (half @ half.T), condition
 
 
 def directions(at: Linearisation) -> tuple[FloatArray, float]:

@@ -7,8 +7,10 @@ nk = 0 there is a direct term. B(q) carries nk leading zeros.
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
 
 
 def lagged(signal: FloatArray, lags: range, start: int, ahead: int = 0) -> FloatArray:
@@ -64,3 +66,33 @@ def arx_regressors(
     blocks = [-lagged(y, output_lags(na), start)]
     blocks += [lagged(u[:, j], input_lags(nb[j], nk[j]), start) for j in range(u.shape[1])]
     return np.hstack(blocks)
+
+
+def arx_equations(
+    y: Sequence[FloatArray],
+    u: Sequence[FloatArray],
+    na: int,
+    nb: Sequence[int],
+    nk: Sequence[int],
+    starts: Sequence[int],
+) -> tuple[FloatArray, FloatArray]:
+    """`arx_regressors` and outputs (rows,) of several experiments, one after the other."""
+    parts = zip(y, u, starts, strict=True)
+    phi = np.vstack([arx_regressors(yi, ui, na, nb, nk, start) for yi, ui, start in parts])
+    return phi, np.concatenate([yi[start:] for yi, start in zip(y, starts, strict=True)])
+
+
+def complete_rows(phi: FloatArray, target: FloatArray, unknown: int) -> NDArray[np.bool_]:
+    """Mask of the equations (rows,) without a missing sample.
+
+    Raises:
+        SysidError: Not more of them than unknown coefficients.
+    """
+    complete = np.isfinite(phi).all(axis=1) & np.isfinite(target)
+    if complete.sum() <= unknown:
+        reason, remedy = ("few", "") if complete.all() else ("many missing", "; arma, armax, bj and oe use all others")
+        raise SysidError(
+            f"too {reason} samples: {int(complete.sum())} of {len(phi)} equations are complete, {unknown} coefficients "
+            f"need more{remedy}"
+        )
+    return complete

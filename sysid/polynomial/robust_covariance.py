@@ -57,15 +57,9 @@ def curvature_covariance(
     that of a minimum, as at a stability bound.
     """
     directions = standard_directions(covariance)
-    gradients = []
-    for step in STEP * directions.T:
-        if not admissible(orders, theta + step):
-            return covariance
-        # one-sided: the gradient at theta itself is zero
-        at = linearise(experiments, orders, theta + step, initial_conditions)
-        gradients.append(directions.T @ at.gradient / STEP)
-    curvature = 0.5 * (np.array(gradients) + np.array(gradients).T)
-    if np.linalg.eigvalsh(curvature)[0] < 0.01 * variance:
+    # the gradient at theta itself is zero
+    curvature = _curvature(experiments, orders, theta, directions, initial_conditions, sides=(1.0,))
+    if curvature is None or np.linalg.eigvalsh(curvature)[0] < 0.01 * variance:
         return covariance
     return variance * directions @ np.linalg.inv(curvature) @ directions.T
 
@@ -103,14 +97,15 @@ def _curvature(
     theta: FloatArray,
     directions: FloatArray,
     initial_conditions: InitialConditions,
+    sides: Sequence[float] = (1.0, -1.0),
 ) -> FloatArray | None:
     """Half the second derivative of the criterion along directions (p, p); None if a step is not stable."""
     gradients = []
     for step in STEP * directions.T:
-        ends = (theta + step, theta - step)
+        ends = [theta + side * step for side in sides]
         if not all(admissible(orders, end) for end in ends):
             return None
-        up, down = (linearise(experiments, orders, end, initial_conditions) for end in ends)
-        gradients.append(directions.T @ (up.gradient - down.gradient) / (2.0 * STEP))
+        slopes = [linearise(experiments, orders, end, initial_conditions).gradient for end in ends]
+        gradients.append(directions.T @ (np.array(sides) @ slopes) / (len(sides) * STEP))
     curvature = np.array(gradients)
     return 0.5 * (curvature + curvature.T)

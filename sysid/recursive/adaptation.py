@@ -2,10 +2,12 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sysid.models.state_space import is_covariance
 from sysid.records.arguments import real_number, shown, truth_value
 from sysid.records.arrays import FloatArray, Locked, lock, real_array
 from sysid.records.errors import SysidError
@@ -17,12 +19,13 @@ class Adaptation(ABC):
     """A rule for the gain L(t) of theta(t) = theta(t-1) + L(t) eps(t); psi = -d eps / d theta.
 
     The memory of a rule, which it updates at every step, is P or a square root of P.
+
+    Attributes:
+        diffuse: Initial variance of an unknown parameter whose regressor has unit mean square, as large as the
+            cancellation in the update of P allows.
     """
 
-    @property
-    @abstractmethod
-    def diffuse(self) -> float:
-        """Initial variance of an unknown parameter whose regressor has unit mean square."""
+    diffuse: ClassVar[float] = 1e6
 
     @property
     @abstractmethod
@@ -79,6 +82,7 @@ class Forgetting(Adaptation):
     factor: float = 1.0
     initial: float = 1.0
     settling: float = 0.995
+    diffuse: ClassVar[float] = 1e12  # a square root keeps twice the digits
 
     def __post_init__(self) -> None:
         """Check."""
@@ -88,11 +92,6 @@ class Forgetting(Adaptation):
             object.__setattr__(self, name, value)
         settling = real_number("settling", self.settling, "lie from 0 to below 1", lambda part: 0.0 <= part < 1.0)
         object.__setattr__(self, "settling", settling)
-
-    @property
-    def diffuse(self) -> float:
-        """Large, since a square root keeps twice the digits."""
-        return 1e12
 
     @property
     def forgets(self) -> bool:
@@ -153,23 +152,14 @@ class Kalman(Locked, Adaptation):
     def __post_init__(self) -> None:
         """Check and lock."""
         walk = real_array("R1", self.R1)
-        diagonal = np.diag(walk) if walk.ndim == 2 else walk
-        matrix = walk.ndim == 2
-        square = not matrix or (walk.shape[0] == walk.shape[1] and np.allclose(walk, walk.T, rtol=1e-9))
-        if walk.ndim > 2 or not square or (diagonal < 0.0).any():
+        square = walk.ndim == 2 and len(walk) == walk.shape[1]
+        if not (is_covariance(walk) if square else walk.ndim < 2 and (walk >= 0.0).all()):
             raise SysidError(
-                f"R1 must be a number, a row or a symmetric matrix without negative variances, got {shown(self.R1)}"
+                f"R1 must be a number, a row or a covariance matrix, without negative variances, got {shown(self.R1)}"
             )
-        if matrix and walk.size and np.linalg.eigvalsh(walk)[0] < -1e-9 * np.abs(walk).max():
-            raise SysidError(f"R1 must be a covariance, got one with eigenvalue {np.linalg.eigvalsh(walk)[0]:.3g}")
         variance = real_number("R2", self.R2, "be a positive variance", lambda size: 0.0 < size < np.inf)
         object.__setattr__(self, "R2", variance)
         object.__setattr__(self, "R1", lock(walk))
-
-    @property
-    def diffuse(self) -> float:
-        """As large as the cancellation in the update of P allows."""
-        return 1e6
 
     @property
     def forgets(self) -> bool:
@@ -224,11 +214,6 @@ class Gradient(Adaptation):
         most, bound = (2.0, "be between 0 and 2") if normalised else (np.inf, "be positive")
         gain = real_number("the gain", self.gain, bound, lambda size: 0.0 < size < most)
         object.__setattr__(self, "gain", gain)
-
-    @property
-    def diffuse(self) -> float:
-        """Unused: the gain does not depend on P."""
-        return 1e6
 
     @property
     def forgets(self) -> bool:

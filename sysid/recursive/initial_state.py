@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
+from sysid.models.polynomials import distance_bound
 from sysid.models.predict import channels_in
 from sysid.polynomial.orders import Orders
 from sysid.records.arrays import FloatArray, real_array
@@ -43,32 +44,21 @@ class Channel:
 
 def regressed_channels(data: IOData, orders: Orders) -> list[Channel]:
     """Layout of the regressors of an ARX, ARMAX or OE model."""
-    sizes = [orders.na, *orders.nb, orders.nc, *orders.nf]
-    edges = [0, *np.cumsum(sizes).tolist()]
-    places = [slice(a, b) for a, b in pairwise(edges)]
-    ranges = list(pairwise(edges))
-    nu = len(orders.nb)
-    inputs, noise, dynamics = places[1 : 1 + nu], places[1 + nu], places[2 + nu :]
-    colour = ranges[1 + nu]
+    sizes, nu = [orders.na, *orders.nb, orders.nc, *orders.nf], len(orders.nb)
+    ranges = list(pairwise([0, *np.cumsum(sizes).tolist()]))
+    places, colour = [slice(*one) for one in ranges], ranges[1 + nu]
     out = [Channel(places[0], -1.0, colour, data.y[:, 0], 1)]
-    for j, (b, f) in enumerate(zip(inputs, dynamics, strict=True)):
+    for j, (b, f) in enumerate(zip(places[1 : 1 + nu], places[2 + nu :], strict=True)):
         own = ranges[2 + nu + j]
         out.append(Channel(b, 1.0, own if orders.nf[j] else colour, data.u[:, j], orders.nk[j]))
         out.append(Channel(f, -1.0, own, None, 0, (b, f)))
-    out.append(Channel(noise, 1.0, colour, None))
+    out.append(Channel(places[1 + nu], 1.0, colour, None))
     return [c for c in out if c.place.stop > c.place.start]
 
 
 def stable(theta: FloatArray, denominators: Iterable[Denominator]) -> bool:
-    """Whether every denominator is stable: reflection coefficients below one in Schur's step-down recursion."""
-    for begin, end in denominators:
-        row = theta[begin:end].tolist()
-        while row:
-            k = row.pop()
-            if not abs(k) < 1.0:
-                return False
-            row = [(x - k * z) / (1.0 - k * k) for x, z in zip(row, reversed(row), strict=True)]
-    return True
+    """Whether every denominator is stable."""
+    return all(distance_bound([1.0, *theta[begin:end].tolist()]) > 0.0 for begin, end in denominators)
 
 
 CAUTIOUS = 1e2

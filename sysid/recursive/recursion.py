@@ -62,7 +62,12 @@ def recurse(
         check_enough_data([data], orders, transients=0)
         messages += check_means([data], max(orders.na, *orders.nf))
         warn_each(messages, stacklevel=2)
-    rule = adaptation if adaptation is not None else _rule(origin, default)
+    if isinstance(origin, RecursiveState):
+        default = origin.adaptation
+    elif isinstance(origin, Estimate):
+        # no initial forgetting: the covariance is valid
+        default = Forgetting(1.0)
+    rule = default if adaptation is None else adaptation
     if not isinstance(rule, Adaptation):
         raise SysidError(
             f"adaptation must be a rule such as Forgetting(0.99), Kalman(1e-4) or Gradient(0.1), got {shown(rule)}"
@@ -177,13 +182,6 @@ def _divergence(method: str, rule: Adaptation, t: int, error: float) -> SysidErr
 
 def _simulated(phi: FloatArray, theta: FloatArray, channel: Channel, output: float | None) -> float:
     return sum(float(phi[s] @ theta[s]) for s in channel.paths) if output is None else output
-
-
-def _rule(start: Start, default: Adaptation) -> Adaptation:
-    """Rule of a continued recursion; no initial forgetting after an estimate, whose covariance is valid."""
-    if isinstance(start, RecursiveState):
-        return start.adaptation
-    return Forgetting(1.0) if isinstance(start, Estimate) else default
 
 
 def _promised_decrease(experiments: list[IOData], orders: Orders, theta: FloatArray) -> float:
