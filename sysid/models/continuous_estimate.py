@@ -110,11 +110,11 @@ class Modes(Locked):
             "damping": self.damping,
             "time constant / s": self.time_constant,
         }
-        return Table([("pole / (rad/s)", roots), *((head, _with_intervals(band)) for head, band in bands.items())])
-
-
-def _with_intervals(band: Band) -> list[str]:
-    return [_with_interval(*one) for one in zip(band.value, *band.ci95, strict=True)]
+        columns = [
+            (head, [_with_interval(*one) for one in zip(band.value, *band.ci95, strict=True)])
+            for head, band in bands.items()
+        ]
+        return Table([("pole / (rad/s)", roots), *columns])
 
 
 def _with_interval(value: float, low: float, high: float) -> str:

@@ -13,7 +13,7 @@ from sysid.models.half_power import half_power_frequencies
 from sysid.models.system_matrices import balanced_truncation, schur_form, transmission_zeros
 from sysid.records.arguments import real_number, sampling_interval, shown, warn_beyond_nyquist, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock, real_array
-from sysid.records.channels import default_names
+from sysid.records.channels import channel_labels, default_names
 from sysid.records.errors import SysidError
 from sysid.records.printing import Part, matrix_table, poles_table
 
@@ -86,17 +86,13 @@ class StateSpace(Locked):
                 )
             object.__setattr__(self, attribute, lock(shaped))
         object.__setattr__(self, "dt", sampling_interval(self.dt))
-        for attribute, count, default in (
-            ("input_names", nu, default_names("u", nu)),
-            ("output_names", ny, default_names("y", ny)),
-            ("input_units", nu, ("",) * nu),
-            ("output_units", ny, ("",) * ny),
+        for attribute, default in (
+            ("input_names", default_names("u", nu)),
+            ("output_names", default_names("y", ny)),
+            ("input_units", ("",) * nu),
+            ("output_units", ("",) * ny),
         ):
-            labels = getattr(self, attribute)
-            labels = default if labels is None else tuple(labels)
-            if len(labels) != count:
-                raise SysidError(f"{attribute}: expected {count}, one per channel, got {len(labels)}: {labels}")
-            object.__setattr__(self, attribute, labels)
+            object.__setattr__(self, attribute, channel_labels(attribute, getattr(self, attribute), default))
 
     def _parts(self) -> list[Part]:
         poles = [poles_table(self.poles(), self.dt)] if self.order else []

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model
 from sysid.models.state_space import StateSpace
-from sysid.records.arguments import real_number, sampling_interval, shown
-from sysid.records.arrays import ComplexArray, Locked, lock, real_array
+from sysid.records.arguments import real_number, sampling_interval
+from sysid.records.arrays import ComplexArray, Locked, complex_array, lock, real_array
 from sysid.records.errors import SysidError
 
 if TYPE_CHECKING:
@@ -40,7 +40,10 @@ class ZeroPoleGain(Locked):
 
     def __post_init__(self) -> None:
         """Check and lock."""
-        roots = {name: _finite_roots(name, getattr(self, name)) for name in ("zeros", "poles")}
+        roots = {name: complex_array(name, getattr(self, name)) for name in ("zeros", "poles")}
+        for name, values in roots.items():
+            if values.ndim != 1:
+                raise SysidError(f"{name}: expected complex numbers (n,), got shape {values.shape}")
         if len(roots["zeros"]) > len(roots["poles"]):
             raise SysidError(f"a causal system has at most as many zeros as poles, got {len(roots['zeros'])} zeros")
         object.__setattr__(self, "gain", real_number("gain", self.gain, "be a finite number", np.isfinite))
@@ -71,16 +74,6 @@ class ZeroPoleGain(Locked):
             matrices = scipy.signal.tf2ss(np.atleast_1d(np.poly(zeros).real), np.poly(poles).real)
             chain = control.series(chain, control.ss(*matrices, self.dt))
         return StateSpace(chain.A, chain.B, chain.C, chain.D, None, self.dt)
-
-
-def _finite_roots(name: str, value: ComplexArray) -> ComplexArray:
-    try:
-        roots = np.asarray(value, dtype=complex)
-    except (TypeError, ValueError) as error:
-        raise SysidError(f"{name}: expected complex numbers (n,), got {shown(value)}") from error
-    if roots.ndim != 1 or not np.isfinite(roots).all():
-        raise SysidError(f"{name}: expected finite complex numbers (n,), got {shown(value)}")
-    return roots
 
 
 def _pairs(roots: ComplexArray) -> list[ComplexArray]:

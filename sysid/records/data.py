@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sysid.records.arguments import real_number, sampling_interval, shortened, truth_value, whole_number
-from sysid.records.arrays import LINE, FloatArray, Locked, lock, real_array
+from sysid.records.arrays import LINE, FloatArray, Locked, lock, real_array, rectangular
 from sysid.records.channels import channel_indices, channel_labels, default_names, matching_channels
 from sysid.records.errors import SysidError
 from sysid.records.labelled import Labelled
@@ -356,10 +356,7 @@ def as_record(data: IOData) -> IOData:
 
 
 def _channels(name: str, value: FloatArray, *, missing: bool = False) -> FloatArray:
-    try:
-        raw = np.asarray(value)
-    except ValueError as error:
-        raise SysidError(f"{name}: expected a rectangular array of real numbers, got a ragged sequence") from error
+    raw = rectangular(name, value)
     if missing and raw.dtype.kind == "f" and np.isnan(raw).any() and raw.ndim in (1, 2):
         gaps = np.isnan(raw)
         if gaps.all(axis=0).any():

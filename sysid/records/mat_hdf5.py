@@ -7,13 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.records.arguments import shortened
 from sysid.records.channels import listed
 from sysid.records.errors import SysidError
-from sysid.records.hdf5_heaps import check_heaps, items_of
-
-MOST_NUMBERS = 2**28
-"""Numbers of all arrays, 2 GiB as float64: packed zeros of a small file can claim any size."""
+from sysid.records.hdf5_files import check_size, items_of, opened
 
 CLASSES = {"double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
 """Classes of arrays, in the attribute `MATLAB_class`."""
@@ -27,32 +23,23 @@ def read_hdf5_variables(file: Path) -> dict[str, NDArray[np.generic]]:
     Raises:
         SysidError: A damaged file, one that MATLAB did not write, too many numbers, or nothing but objects.
     """
-    import h5py
-
-    try:
-        check_heaps(file)
-        with h5py.File(file) as whole:
-            arrays = list(_arrays(whole, "", {whole["/"]}))
-            kept = {
-                name: one
-                for name, kind, one in arrays
-                if kind in CLASSES
-                and not {"MATLAB_empty", "MATLAB_object_decode"} & set(one.attrs)
-                and one.dtype.names is None
-            }
-            if (numbers := sum(one.size for one in kept.values())) > MOST_NUMBERS:
-                raise SysidError(f"{file.name}: {numbers} numbers, expected at most {MOST_NUMBERS}")
-            if arrays and not kept:
-                others = [f"{name} ({kind or 'not of MATLAB'})" for name, kind, _ in arrays]
-                raise SysidError(
-                    f"{file.name}: no arrays of numbers, but {listed(others)}; expected the arrays of such objects, as "
-                    "u = data.u; y = data.y; Ts = data.Ts; save('log.mat', 'u', 'y', 'Ts')"
-                )
-            return {name: np.asarray(one[()]).T for name, one in kept.items()}
-    except SysidError:
-        raise
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
-        raise SysidError(f"{file.name}: a damaged .mat file of version 7.3 ({shortened(str(error), 200)})") from error
+    with opened(file, "a damaged .mat file of version 7.3") as whole:
+        arrays = list(_arrays(whole, "", {whole["/"]}))
+        kept = {
+            name: one
+            for name, kind, one in arrays
+            if kind in CLASSES
+            and not {"MATLAB_empty", "MATLAB_object_decode"} & set(one.attrs)
+            and one.dtype.names is None
+        }
+        check_size(file, kept.values())
+        if arrays and not kept:
+            others = [f"{name} ({kind or 'not of MATLAB'})" for name, kind, _ in arrays]
+            raise SysidError(
+                f"{file.name}: no arrays of numbers, but {listed(others)}; expected the arrays of such objects, as "
+                "u = data.u; y = data.y; Ts = data.Ts; save('log.mat', 'u', 'y', 'Ts')"
+            )
+        return {name: np.asarray(one[()]).T for name, one in kept.items()}
 
 
 def _arrays(group: Any, prefix: str, seen: set[Any]) -> Iterator[tuple[str, str, Any]]:

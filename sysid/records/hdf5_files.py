@@ -1,10 +1,14 @@
-"""Checks of HDF5 files: some damage makes the HDF5 library loop without end, some links lead to other files."""
+"""Reading of HDF5 files: some damage makes the HDF5 library loop without end, some links lead to other files."""
 
 import mmap
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from sysid.records.arguments import shortened
+from sysid.records.errors import SysidError
 
 HEAP = b"GCOL\x01\x00\x00\x00"
 """Signature of a global heap and its version."""
@@ -12,13 +16,33 @@ HEAP = b"GCOL\x01\x00\x00\x00"
 HEAD, OBJECT = 16, 16
 """Bytes before the objects of a global heap, and before the contents of each [HDF5, sec. III.E]."""
 
+MOST_NUMBERS = 2**28
+"""Numbers of a file, 2 GiB as float64: packed zeros of a small file can claim more than there is memory."""
 
-def check_heaps(file: Path) -> None:
-    """Check that the objects of each global heap, which hold texts, follow each other to its end.
 
-    Raises:
-        ValueError: They do not.
-    """
+@contextmanager
+def opened(file: Path, damaged: str) -> Iterator[Any]:
+    """Open an HDF5 file; `damaged` says in errors what another format or a damaged file is."""
+    import h5py
+
+    try:
+        _check_heaps(file)
+        with h5py.File(file) as whole:
+            yield whole
+    except SysidError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
+        raise SysidError(f"{file.name}: {damaged} ({shortened(str(error), 200)})") from error
+
+
+def check_size(file: Path, arrays: Iterable[Any]) -> None:
+    """Refuse arrays of too many numbers."""
+    if (numbers := sum(array.size for array in arrays)) > MOST_NUMBERS:
+        raise SysidError(f"{file.name}: arrays of {numbers} numbers, expected at most {MOST_NUMBERS}")
+
+
+def _check_heaps(file: Path) -> None:
+    """Check that the objects of each global heap, which hold texts, follow each other to its end."""
     with file.open("rb") as stream:
         if not stream.read(1):
             return
