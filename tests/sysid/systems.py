@@ -1,5 +1,7 @@
 """A second-order textbook system whose records many tests share, its distribution, and a two-output system."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.polynomial.polynomial import polyadd
 from scipy.linalg import toeplitz
@@ -29,6 +31,18 @@ def bursts_of_loss(rng, samples):
         lost[t : t + length] = True
         t += length
     return lost
+
+
+def losing(data, lost):
+    """The record without the outputs of a mask (N,) or (N, ny), or of indices of samples."""
+    y = data.y.copy()
+    y[lost] = np.nan
+    return replace(data, y=y, missing=True)
+
+
+def near(estimate, true, deviations=4.0):
+    """Whether every parameter lies within so many of its standard deviations of the true one."""
+    return bool(np.all(np.abs(estimate.parameters - true) < deviations * np.sqrt(np.diag(estimate.covariance))))
 
 
 def second_order(seed=0, samples=400, noise=1.0, c=(1.0,), d=A, *, b=B, settle=0, lost=0.0, bursts=False):

@@ -25,7 +25,7 @@ from sysid.records.channels import matching_channels
 from sysid.recursive import roe
 from sysid.validation.predictors import ModelPredictor
 from tests.refusals import refused
-from tests.sysid.systems import multivariable, record_in_motion
+from tests.sysid.systems import losing, multivariable, record_in_motion
 
 NAMES = {"input_names": ("valve", "load"), "output_names": ("angle", "pressure")}
 MODEL = replace(multivariable(), innovation_covariance=np.array([[1.0, 0.4], [0.4, 2.0]]), **NAMES)
@@ -38,17 +38,11 @@ def single_output(data):
     return data.select(outputs=["angle"])
 
 
-def with_gaps(data):
-    """The record without some samples of the angle."""
-    y = np.array(data.y)
-    y[100:140, data.output_names.index("angle")] = np.nan
-    return replace(data, y=y, missing=True)
-
-
 @pytest.mark.parametrize("lost", [False, True])
 @pytest.mark.parametrize("steps", [None, 1, 3])
 def test_predictions_do_not_depend_on_the_sequence_of_channels(steps, lost):
-    data, turned = (with_gaps(d) if lost else d for d in (DATA, TURNED))
+    gap = slice(100, 140)
+    data, turned = (losing(DATA, (gap, 0)), losing(TURNED, (gap, 1))) if lost else (DATA, TURNED)
     np.testing.assert_allclose(
         predict(MODEL, turned, steps=steps), predict(MODEL, data, steps=steps)[:, ::-1], rtol=1e-9, atol=1e-9
     )

@@ -48,38 +48,33 @@ def messages(store):
         head = header(**ros1, stamp=stamp(int(at // 10**9), int(at % 10**9)), frame_id="")
         joints = [("base", 9.0), ("elbow", y)][:: 1 if k % 2 else -1]
         position, none = np.array([value for _, value in joints]), np.empty(0)
-        yield (
-            "/joint_states",
-            "sensor_msgs/msg/JointState",
-            int(logged),
-            state(head, [name for name, _ in joints], position, none, none),
-        )
+        content = state(head, [name for name, _ in joints], position, none, none)
+        yield "/joint_states", "sensor_msgs/msg/JointState", int(logged), content
+
+
+def rosbag(path, opened, store, serialize):
+    """Write all messages by a writer of rosbags."""
+    with opened as writer:
+        connections = {}
+        for topic, kind, at, message in messages(store):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], at, serialize(message, kind))
+    return path
 
 
 def rosbag2(folder, storage):
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     store = rosbags.get_typestore(rosbags.Stores.ROS2_HUMBLE)
-    with Writer(folder, version=9, storage_plugin=StoragePlugin[storage]) as writer:
-        connections = {}
-        for topic, kind, at, message in messages(store):
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=store)
-            writer.write(connections[topic], at, store.serialize_cdr(message, kind))
-    return folder
+    return rosbag(folder, Writer(folder, version=9, storage_plugin=StoragePlugin[storage]), store, store.serialize_cdr)
 
 
 def rosbag1(path):
     from rosbags.rosbag1 import Writer
 
     store = rosbags.get_typestore(rosbags.Stores.ROS1_NOETIC)
-    with Writer(path) as writer:
-        connections = {}
-        for topic, kind, at, message in messages(store):
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=store)
-            writer.write(connections[topic], at, store.serialize_ros1(message, kind))
-    return path
+    return rosbag(path, Writer(path), store, store.serialize_ros1)
 
 
 def mcap_json(path, encoding="json"):
@@ -128,15 +123,11 @@ def test_headers_hold_the_stamps_of_the_sensor(tmp_path):
     np.testing.assert_allclose(data.y[:, 0], np.interp(data.time, (STATES - STATES[0]) * 1e-9, Y), atol=2e-3)
     refused("messages without a stamp in their header in /cmd", read_log, path, **FIELDS, time="header")
     refused("time='stamp'; expected 'header' or 'log'", read_log, path, **FIELDS, time="stamp")
-    refused(
-        "no topic of '/odom.x'; expected TOPIC.FIELD of /cmd, /joint_states",
-        read_log,
-        path,
-        inputs=["/odom.x"],
-        outputs=["/cmd.data"],
-    )
-    message = r"no number '/joint_states.speed'; its topic has .*position\[0\.\.1\]"
-    refused(message, read_log, path, inputs=["/cmd.data"], outputs=["/joint_states.speed"])
+    for field, message in (
+        ("/odom.x", "no topic of '/odom.x'; expected TOPIC.FIELD of /cmd, /joint_states"),
+        ("/joint_states.speed", r"no number '/joint_states.speed'; its topic has .*position\[0\.\.1\]"),
+    ):
+        refused(message, read_log, path, inputs=["/cmd.data"], outputs=[field])
     refused("time_unit='s', but stamps of messages are in ns", read_experiments, path, **FIELDS, time_unit="s")
 
 
@@ -146,12 +137,8 @@ def test_damaged_and_foreign_logs_are_refused(tmp_path):
     for damaged in (content[:3000], content[:-40], content[:500] + bytes(200) + content[700:], b"", b"x" * 900):
         path.write_bytes(damaged)
         refused("robot.mcap: not an MCAP file, rosbag2 folder or bag, or a damaged one", read_log, path, **FIELDS)
-    refused(
-        "messages of .* are encoded by protobuf jsonschema; expected json, or ROS",
-        read_log,
-        mcap_json(path, "protobuf"),
-        **FIELDS,
-    )
+    foreign = mcap_json(path, "protobuf")
+    refused("messages of .* are encoded by protobuf jsonschema; expected json, or ROS", read_log, foreign, **FIELDS)
     (tmp_path / "folder").mkdir()
     refused("folder: not an MCAP file, rosbag2 folder or bag", read_log, tmp_path / "folder", **FIELDS)
     refused("no data file", read_log, tmp_path / "none.mcap", **FIELDS)
@@ -160,6 +147,4 @@ def test_damaged_and_foreign_logs_are_refused(tmp_path):
 def test_the_extra_is_named_where_it_is_missing(tmp_path, monkeypatch):
     path = mcap_json(tmp_path / "robot.mcap")
     monkeypatch.setitem(sys.modules, "mcap.reader", None)
-    refused(
-        r"robot.mcap: logs of messages need mcap and rosbags: pip install 'hmtb-twin\[logs\]'", read_log, path, **FIELDS
-    )
+    refused(r"logs of messages need mcap and rosbags: pip install 'hmtb-twin\[logs\]'", read_log, path, **FIELDS)

@@ -38,9 +38,8 @@ def increments(record):
 
 
 def test_an_integrator_stays_one_when_jittering_samples_are_put_on_a_grid():
-    (record,) = put(
-        *integrator(JITTERED), says=f"log.csv: resampled every 0.02 s, as {N} stamps are|are interpolated linearly"
-    )
+    says = f"log.csv: resampled every 0.02 s, as {N} stamps are|are interpolated linearly"
+    (record,) = put(*integrator(JITTERED), says=says)
     assert (record.dt, len(record)) == (DT, int(JITTERED[-1] / DT) + 1)
     np.testing.assert_allclose(*increments(record), atol=1e-12)
 
@@ -49,21 +48,12 @@ def test_channels_with_stamps_of_their_own_are_put_on_the_grid_of_the_slowest_ou
     slow, fast = 0.1 * np.arange(40) + 0.025, 0.0125 * np.arange(330)
     u, y = integrator(fast)
     moved = signal(slow, np.interp(slow, y.times, y.values[:, 0]), "slow")
-    with pytest.warns(SysidWarning, match=r"resampled every 0\.1 s, as u: 330 stamps.*slow: 40 stamps"):
-        (record,) = experiments([u], [moved], None, missing=False, cut=False, name="log")
+    (record,) = put(u, moved, says="resampled every 0.1 s, as u: 330 stamps|slow: 40 stamps")
     np.testing.assert_array_equal(record.y[:, 0], moved.values[:, 0])
     assert record.start == slow[0]
     np.testing.assert_allclose(*increments(record), atol=1e-12)
-    refused(
-        "no time in common: u from 0 to .*; slow from -8.975 to",
-        experiments,
-        [u],
-        [moved._replace(times=slow - 9)],
-        None,
-        missing=False,
-        cut=False,
-        name="log",
-    )
+    early = moved._replace(times=slow - 9)
+    refused("no time in common: u from 0 to .*; slow from -8.975 to", put, u, early)
 
 
 def test_stamps_with_few_digits_and_those_of_a_stated_interval_are_taken_for_uniform_ones():
@@ -83,10 +73,8 @@ def test_gaps_cut_a_record_or_are_missing_outputs():
     u, y = (one._replace(times=one.times[keep], values=one.values[keep]) for one in integrator(DT * np.arange(N)))
     text = r"3 gap\(s\) above 2.5 intervals, the longest of 1.02 s after 3.98 s"
     refused(f"log.csv: not uniform: {text}; expected none", put, u, y)
-    says = (
-        text.replace("\\", "") + ": cut there into 3 experiment(s), 1 sample(s) between gaps left out|1 of 336 samples"
-    )
-    parts = put(u, y, cut=True, says=says)
+    says = ": cut there into 3 experiment(s), 1 sample(s) between gaps left out|1 of 336 samples"
+    parts = put(u, y, cut=True, says=text.replace("\\", "") + says)
     assert [(len(part), round(part.start / DT)) for part in parts] == [(100, 0), (90, 110), (146, 254)]
     (record,) = put(u, y, missing=True, says="their outputs are missing, inputs held")
     np.testing.assert_array_equal(np.flatnonzero(~record.known), np.setdiff1d(np.arange(N), keep))
@@ -103,13 +91,8 @@ def test_jitter_and_losses_do_not_change_the_interval(true, spread, expected):
 
 
 def test_stamps_without_a_rate_are_refused():
-    refused(
-        r"y is not uniform: steps from .* outside 0\.5 to 1\.5 times",
-        period,
-        np.cumsum(RNG.exponential(1, N)),
-        "y",
-        "log",
-    )
+    random = np.cumsum(RNG.exponential(1, N))
+    refused(r"y is not uniform: steps from .* outside 0\.5 to 1\.5 times", period, random, "y", "log")
     far = signal(np.append(DT * np.arange(N), 1e9), np.ones(N + 1))
     refused(rf"log.csv: 50000000001 samples every 0.02 s from {N + 1} stamps", put, far, far, missing=True)
     once = signal(np.zeros(1), np.ones(1))
