@@ -45,12 +45,12 @@ def instrumented(
     order = len(whitener) - 1
     # the filter starts from zeros: its first samples are no data
     starts = [orders.first_row(e.window) + order for e in experiments]
-    y, u, z = (
+    y, u, x = (
         [scipy.signal.lfilter(whitener, [1.0], signal, axis=0) for signal in signals]
         for signals in ([e.y[:, 0] for e in experiments], [e.u for e in experiments], instruments)
     )
     phi, target = arx_equations(y, u, orders.na, orders.nb, orders.nk, starts)
-    z, _ = arx_equations([x[:, 0] for x in z], [x[:, 1:] for x in z], orders.na, orders.nb, orders.nk, starts)
+    z, _ = arx_equations([one[:, 0] for one in x], [one[:, 1:] for one in x], orders.na, orders.nb, orders.nk, starts)
     # the filters have finite memory: a missing output affects only the rows within its reach
     complete = complete_rows(phi, target, orders.count)
     if not complete.all():
