@@ -17,6 +17,7 @@ from sysid.continuous.output_error import OutputError
 from sysid.continuous.structures import ProcessPath, RationalPath
 from tests.benchmarks.tables import heading, options, row, timed
 from tests.sysid.continuous.record import record
+from tests.sysid.systems import covered, parameters_covered
 
 DT, SAMPLES, HOLD, SETTLING = 0.1, 400, 4, 200
 
@@ -46,11 +47,6 @@ CASES = (
 )
 
 
-def covers(band, truth):
-    """Whether each interval contains the truth."""
-    return (band.ci95[0] <= truth) & (truth <= band.ci95[1])
-
-
 def measure(structure, truth, colour, method, draws):
     """Loss of efficiency, coverages and median time, ms, of one method."""
     path, delayed = structure.transfer(truth), structure.delay is None
@@ -68,13 +64,10 @@ def measure(structure, truth, colour, method, draws):
         estimate, seconds = timed(method, data)
         theta, coverage = estimate, [np.nan] * 4
         if isinstance(estimate, sysid.ContinuousEstimate):
-            modes, theta = sysid.damp(estimate), estimate.parameters
-            reach = 1.96 * np.sqrt(np.diag(estimate.covariance))
-            hits = np.abs(theta - truth) <= reach
-            coverage = [
-                *(np.mean(hits), covers(modes.natural_frequency, size)[0]),
-                *(covers(modes.damping, damping)[0] if slowest.imag else np.nan, hits[-1] if delayed else np.nan),
-            ]
+            modes, theta, hits = sysid.damp(estimate), estimate.parameters, parameters_covered(estimate, truth)
+            coverage = [np.mean(hits), covered(modes.natural_frequency.ci95, size)[0]]
+            coverage.append(covered(modes.damping.ci95, damping)[0] if slowest.imag else np.nan)
+            coverage.append(hits[-1] if delayed else np.nan)
             if estimate.method == "oe":
                 theta = np.concatenate([estimate.continuous.path()[0], estimate.continuous.path()[1][1:]])
                 coverage[0] = np.nan

@@ -17,7 +17,7 @@ import sysid
 from scenarios.problems.linear_problem import noise_variance
 from scenarios.problems.registry import problem
 from tests.benchmarks.tables import options, timed
-from tests.sysid.systems import covered
+from tests.sysid.systems import covered, parameters_covered
 
 STRUCTURES = {
     "p1": (sysid.armax, (5, 3, 5, 2)),
@@ -64,7 +64,7 @@ def measure(system, estimator, orders, draws):
         cost = estimate.diagnostics.get("sum_of_squares", float(np.sum(estimate.residuals**2)))
         of_draw = (
             error @ information @ error / len(error),
-            np.mean(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance))),
+            np.mean(parameters_covered(estimate, bound.parameters)),
             estimate.bandwidth().covers(hz)[0, 0],
             np.mean(covered(estimate.frequency_response(f).magnitude_ci95(), magnitude)),
             not m.is_stable(),

@@ -24,7 +24,7 @@ from sysid.models.delta_method import spread
 from sysid.polynomial.structures import layout
 from tests.benchmarks.efficiency import STRUCTURES
 from tests.benchmarks.tables import heading, row, timed
-from tests.sysid.systems import CORRELATED_OUTPUTS, bursts_of_loss
+from tests.sysid.systems import CORRELATED_OUTPUTS, bursts_of_loss, parameters_covered
 
 SAMPLES = 2500
 STEP = 1e-5
@@ -84,7 +84,7 @@ def polynomial_draws(system, estimator, orders, draws, bursts):
         _, whole = timed(estimator, data, *orders, clock=perf_counter)
         estimate, gapped = timed(estimator, lose(data, lost), *orders, clock=perf_counter)
         error = estimate.parameters - truth
-        covered = np.mean(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance)))
+        covered = np.mean(parameters_covered(estimate, truth))
         variance = estimate.noise_variance[0, 0] / system.variance
         failed = not estimate.diagnostics["converged"]
         yield error @ bound @ error / len(error), covered, variance, failed, gapped / whole

@@ -34,10 +34,8 @@ def scatter(system, variance, u, delay, draws):
     for seed in range(draws):
         e = np.sqrt(variance) * np.random.default_rng(seed).standard_normal(len(u) + SETTLING)
         data = sysid.IOData(u, quiet + lfilter([1.0], system.D, e)[SETTLING:], SAMPLE_TIME).detrend()
-        if len(system.D) > 1:
-            estimate = sysid.bj(data, ORDER, 0, 1, ORDER, delay)
-        else:
-            estimate = sysid.oe(data, ORDER, ORDER, delay)
+        # OE where the disturbance is white
+        estimate = sysid.polyest(data, 0, ORDER, 0, len(system.D) - 1, ORDER, delay)
         bandwidths.append(estimate.model.bandwidth()[0, 0])
     return float(np.std(bandwidths, ddof=1))
 

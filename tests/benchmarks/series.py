@@ -16,7 +16,7 @@ from sysid import IOData, Polynomials
 from sysid.models import innovations_form
 from tests.benchmarks.stress import random_roots
 from tests.benchmarks.tables import heading, options, row
-from tests.sysid.systems import covered
+from tests.sysid.systems import covered, parameters_covered
 
 A, C, SAMPLES, STEPS, LAGS = [1.0, -1.5, 0.7], [1.0, 0.5], 500, 10, 100
 HZ = np.array([0.02, 0.06, 0.12, 0.2, 0.35])
@@ -62,7 +62,7 @@ def series(draws):
             errors.append(error @ J @ error / len(true))
             coverage.append(
                 [
-                    np.mean(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance))),
+                    np.mean(parameters_covered(estimate, true)),
                     np.mean(covered(estimate.spectrum(HZ).noise_ci95(), power[:, None])),
                     np.mean(covered(sysid.forecast(estimate, data, STEPS).interval(), y[SAMPLES:])),
                 ]
@@ -90,8 +90,7 @@ def responses(systems):
                 estimate = estimator(data)
                 figures[name][case].append(fit(estimate.model.impulse_response(LAGS)[:, 0, 0], g))
                 if estimate.method == "impulseest":
-                    reach = 1.96 * np.sqrt(np.diag(estimate.covariance))
-                    figures[name][2].append(np.mean(np.abs(estimate.parameters - g) <= reach))
+                    figures[name][2].append(np.mean(parameters_covered(estimate, g)))
             if n > 2 * LAGS + 100:
                 figures["cra"][case].append(fit(sysid.cra(data, lags=LAGS - 1).response[:, 0, 0], g))
     for name, (first, second, coverage) in figures.items():

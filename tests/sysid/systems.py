@@ -97,6 +97,11 @@ def covered(interval, true):
     return (low <= true) & (true <= high)
 
 
+def parameters_covered(estimate, true):
+    """Which 95 % intervals of the parameters hold their true values (p,)."""
+    return np.abs(estimate.parameters - true) <= 1.96 * np.sqrt(np.diag(estimate.covariance))
+
+
 def joint_normal(model, data, x0):
     """Mean (N,) and covariance (N, N) of all outputs of a record that begins in state x0, for unit innovations."""
     noise = StateSpace(model.A, model.gain, model.C, np.eye(1), None, model.dt)
