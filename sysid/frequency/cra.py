@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from sysid.polynomial.least_squares import solve
 from sysid.polynomial.regressors import lagged
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
-from sysid.records.channels import default_names
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
 from sysid.records.labelled import Labelled
@@ -43,19 +42,14 @@ class ImpulseResponse(Labelled, Locked):
     deviation: FloatArray
     level: float
     dt: float
-    input_names: tuple[str, ...] = field(default=(), kw_only=True)
-    output_names: tuple[str, ...] = field(default=(), kw_only=True)
-
-    @property
-    def _names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Names of inputs and outputs."""
-        _, ny, nu = self.response.shape
-        return self.input_names or default_names("u", nu), self.output_names or default_names("y", ny)
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
 
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        axes, (inputs, outputs) = ("lag", "output", "input"), self._names
+        axes = ("lag", "output", "input")
+        coordinates = {"lag": self.lags, "output": list(self.output_names), "input": list(self.input_names)}
         arrays = {"response": (axes, self.response), "response_deviation": (axes, self.deviation)}
-        return arrays, {"lag": self.lags, "output": list(outputs), "input": list(inputs)}, {"dt": self.dt}
+        return arrays, coordinates, {"dt": self.dt}
 
     @property
     def time(self) -> FloatArray:

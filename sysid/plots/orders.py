@@ -62,17 +62,8 @@ def singular_values(
         longest = max(longest, int(numbers[np.isfinite(values)].max(initial=1)))
         axes.plot(numbers, values, color=style.colour, lw=0.8, ls=style.line or ":")
         for part, face in ((numbers <= order, style.colour), (numbers > order, "white")):
-            entry = shown if face != "white" else None
-            axes.plot(
-                numbers[part],
-                values[part],
-                ls="none",
-                marker=style.marker,
-                ms=5,
-                color=style.colour,
-                mfc=face,
-                label=entry,
-            )
+            look = {"ls": "none", "marker": style.marker, "ms": 5, "color": style.colour, "mfc": face}
+            axes.plot(numbers[part], values[part], **look, label=shown if face != "white" else None)
     axes.set_yscale("log")
     axes.set_xlim(0.5, longest + 0.5)
     axes.xaxis.get_major_locator().set_params(integer=True)

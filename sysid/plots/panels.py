@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from sysid.plots.palette import GRID, INK, Style
 from sysid.records.arrays import FloatArray
 from sysid.records.channels import default_names
+from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 
 Panels = NDArray[np.object_]
@@ -142,6 +143,19 @@ def check_same_channels(shapes: Sequence[tuple[str, tuple[int, ...]]]) -> None:
     if len({shape for _, shape in shapes}) > 1:
         text = ", ".join(f"{label} {' x '.join(map(str, shape))}" for label, shape in shapes)
         raise SysidError(f"responses in one figure must have the same outputs and inputs; got {text}")
+
+
+def piece_of(data: IOData, start: float, length: float | None) -> slice:
+    """Samples of a record from `start` s on, for `length` s or to its end."""
+    first = min(round(start / data.dt), max(len(data) - 2, 0))
+    return slice(first, len(data) if length is None else first + max(round(length / data.dt), 2))
+
+
+def shade_window(axes: Axes, data: IOData, first: int) -> None:
+    """Shade the initialisation window of a record that is drawn from a sample on."""
+    if data.window > first:
+        end = data.time[min(data.window, len(data) - 1)]
+        axes.axvspan(data.time[first], end, color="#f0f0f0", lw=0, zorder=0)
 
 
 def decibel(magnitude: FloatArray) -> FloatArray:

@@ -66,15 +66,8 @@ def recursion(
             name = estimate.parameter_names[k]
             axes.plot(time, estimate.parameters[:, k], color=style.colour, lw=1.3)
             end = time[-1] + 0.015 * (time[-1] - time[0]) * (1 + place)
-            axes.errorbar(
-                end,
-                estimate.final.parameters[k],
-                yerr=NORMAL_95 * deviations[k],
-                color=style.colour,
-                fmt=".",
-                ms=5,
-                capsize=3,
-            )
+            last, reach = estimate.final.parameters[k], NORMAL_95 * deviations[k]
+            axes.errorbar(end, last, yerr=reach, color=style.colour, fmt=".", ms=5, capsize=3)
             axes.annotate(
                 name,
                 (1.0, places[place]),

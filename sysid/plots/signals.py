@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sysid.plots.palette import PALETTE, Style
-from sysid.plots.panels import LONG, channel_indices, finish, label, line, panels, size_of
+from sysid.plots.panels import LONG, channel_indices, finish, label, line, panels, piece_of, shade_window, size_of
 from sysid.plots.traces import Trace, traces_of
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -54,9 +54,7 @@ def output_comparison(
         )
     names, units = data.output_names or (), data.output_units or ("",) * data.ny
     rows = channel_indices("output", output, names)
-    first = min(round(start / data.dt), max(len(data) - 2, 0))
-    samples = len(data) if length is None else max(round(length / data.dt), 2)
-    piece = slice(first, first + samples)
+    piece = piece_of(data, start, length)
     if np.isnan(data.y[piece]).all():
         raise SysidError("no output sample of this piece is known")
     traces = traces_of(outputs, rows, names, ahead=ahead)
@@ -79,8 +77,7 @@ def output_comparison(
         point = None if data.output_offset is None else data.output_offset * scale
         upper.set_ylabel(_label("output" if names == ("y1",) else names[i], shown, [point], i))
         lower.set_ylabel(label("error", shown))
-        if data.window > first:
-            upper.axvspan(data.time[first], data.time[min(data.window, len(data) - 1)], color="#f0f0f0", lw=0, zorder=0)
+        shade_window(upper, data, piece.start)
     figure.align_ylabels(list(grid[:, 0]))
     grid[-1, 0].set_xlabel("time / s")
     finish(figure, grid[0, 0])
@@ -151,8 +148,7 @@ def record(
     figure, grid = panels(count, 1, size_of(size, count, 1, (7.0, 2.6), (0.0, 1.5)), sharex=True)
     several = len(experiments) > 1
     for k, (name, e) in enumerate(zip(names, experiments, strict=True)):
-        begin = min(round(start / e.dt), max(len(e) - 2, 0))
-        piece = slice(begin, len(e) if length is None else begin + max(round(length / e.dt), 2))
+        piece = piece_of(e, start, length)
         # one experiment: outputs and inputs in different colours
         output = LOOKS[k % len(LOOKS)] if several else PALETTE["armax"]
         for c in range(count):
@@ -160,9 +156,7 @@ def record(
             held = c >= e.ny and e.intersample == "zoh"
             style = output if several or c < e.ny else PALETTE["oe"]
             _trace(grid[c, 0], e.time[piece], values, style, name if c == 0 and several else None, held=held)
-            if e.window > begin:
-                edge = e.time[min(e.window, len(e) - 1)]
-                grid[c, 0].axvspan(e.time[begin], edge, color="#f0f0f0", lw=0, zorder=0)
+            shade_window(grid[c, 0], e, piece.start)
     for c, (text, unit) in enumerate(zip(labels, units, strict=True)):
         points = [e.output_offset if c < first.ny else e.input_offset for e in experiments]
         grid[c, 0].set_ylabel(_label(text, unit, points, c if c < first.ny else c - first.ny))

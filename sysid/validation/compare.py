@@ -48,15 +48,18 @@ class ModelFit(Locked):
 
     def __str__(self) -> str:
         """One line with all fits, per output if there are several, and a line for each of several experiments."""
-        names = (
-            self.output_names if len(self.output_names) == len(self.simulation) > 1 else ("",) * len(self.simulation)
-        )
         parts = []
-        for i, name in enumerate(names):
+        for i, name in enumerate(self._labels):
             text = f"{self.simulation[i]:.2f} % in simulation, {self.one_step[i]:.2f} % one step ahead"
             text += f", {self.ahead[i]:.2f} % {self.steps} steps ahead" if self.steps > 1 else ""
             parts.append((f"{name}: " if name else "") + text)
         return "\n".join((f"{self.name}: {'; '.join(parts)}", *(f"  {one}" for one in self.by_experiment)))
+
+    @property
+    def _labels(self) -> tuple[str, ...]:
+        """Names of several outputs; an empty one of a single output."""
+        count = len(self.simulation)
+        return self.output_names if len(self.output_names) == count > 1 else ("",) * count
 
 
 class Fits(tuple[ModelFit, ...]):
@@ -75,10 +78,9 @@ class Fits(tuple[ModelFit, ...]):
         rows: list[list[str]] = []
         for fit in self:
             for one in (fit, *fit.by_experiment):
-                for i in range(len(one.simulation)):
-                    named = len(one.output_names) == len(one.simulation) > 1
+                for i, name in enumerate(one._labels):
                     values = (one.simulation[i], one.one_step[i], one.ahead[i])
-                    label = ("  " * (one is not fit)) + one.name + (f", {one.output_names[i]}" if named else "")
+                    label = ("  " * (one is not fit)) + one.name + (f", {name}" if name else "")
                     rows.append([label, *(f"{value:.2f}" for value in values)])
         heads = ["fit / %", "simulation", "one step ahead", f"{self[0].steps} steps ahead"]
         columns = list(zip(heads, zip(*rows, strict=True), strict=True))
@@ -113,7 +115,8 @@ def compare(
         sequence = list(models) if isinstance(models, Sequence) else [models]
         for model in sequence:
             as_model(model)
-        named = {_name(model, k): model for k, model in enumerate(sequence)}
+        methods = [model.method if isinstance(model, Estimate) else "model" for model in sequence]
+        named = {f"{k}: {method}": model for k, (method, model) in enumerate(zip(methods, sequence, strict=True), 1)}
     if not named:
         raise SysidError("expected at least one model, got none")
     steps = whole_number("steps (the simulation is always included)", steps, 1)
@@ -122,16 +125,10 @@ def compare(
 
 
 def _fit(name: str, model: Model, experiments: Sequence[IOData], steps: int) -> ModelFit:
-    outputs: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    outputs = []
     for data in experiments:
-        predicted = predict(model, data)
-        outputs.append(
-            (
-                predict(model, data, steps=None),
-                predicted,
-                predicted if steps == 1 else predict(model, data, steps=steps),
-            )
-        )
+        of_horizon = {horizon: predict(model, data, steps=horizon) for horizon in {None, 1, steps}}
+        outputs.append((of_horizon[None], of_horizon[1], of_horizon[steps]))
     single = tuple(
         _of(name if len(experiments) == 1 else e.name or f"experiment {k + 1}", [e], [own], steps)
         for k, (e, own) in enumerate(zip(experiments, outputs, strict=True))
@@ -218,7 +215,3 @@ def _table(name: str, value: ArrayLike) -> FloatArray:
     if out.ndim not in (1, 2) or not out.size:
         raise SysidError(f"{name}: expected shape (N, ny), got {out.shape}")
     return out[:, None] if out.ndim == 1 else out
-
-
-def _name(model: Model, index: int) -> str:
-    return f"{index + 1}: {model.method}" if isinstance(model, Estimate) else f"{index + 1}: model"

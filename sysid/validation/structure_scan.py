@@ -204,10 +204,8 @@ def structure_scan(
     failed = []
     wanted: list[tuple[Order, ...]] = []
     for orders in candidates:
-        if not isinstance(orders, Sequence | tuple):
-            raise SysidError(f"expected a tuple of the orders {', '.join(names)} per candidate, got {orders!r}")
-        if len(orders) != len(names):
-            raise SysidError(f"expected the orders {', '.join(names)}, got {tuple(orders)}")
+        if not isinstance(orders, Sequence) or len(orders) != len(names):
+            raise SysidError(f"expected the orders {', '.join(names)} as a tuple per candidate, got {orders!r}")
         wanted.append(tuple(orders))
     for candidate in sorted(wanted, key=lambda one: int(np.sum(np.hstack(one)))) if chained else wanted:
         options: dict[str, object] = dict(zip(names, candidate, strict=True))
