@@ -29,7 +29,6 @@ def of_data(response=G, **options):
         ("inputs", lambda k: sysid.idinput(20, inputs=k)),
         ("periods", lambda k: sysid.idinput(20, periods=k)),
         ("samples", lambda k: sysid.design_input(PILOT, k, amplitude=1.0)),
-        ("draws", lambda k: sysid.design_input(PILOT, 50, amplitude=1.0, draws=k)),
         ("order", lambda k: sysid.vector_fit(of_data(), k)),
         ("nk", lambda k: sysid.fit_response(of_data(dt=0.1), 1, 1, k)),
         ("poles", lambda k: sysid.tfest(RECORD, k)),
@@ -44,7 +43,7 @@ def test_numbers_without_bound(name, call, many):
     [
         ("expected a FrequencyResponse", lambda: sysid.vector_fit(None, 2)),
         ("Polynomials to start", lambda: sysid.polyest(RECORD, 1, 1, 1, 0, 0, start=5)),
-        ("frequencies: expected one", lambda: sysid.spafdr(RECORD, frequencies=[])),
+        ("frequencies: expected a list", lambda: sysid.spafdr(RECORD, frequencies=[])),
         ("dt must", lambda: sysid.read_csv(__file__, dt="0.02")),
         ("inputs by name", lambda: sysid.read_csv(__file__, inputs=None)),
         ("expected the paths", lambda: sysid.read_experiments(None)),
