@@ -7,17 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from scenarios.commands.output import (
-    check_parallel,
-    draw,
-    output_folder,
-    plain,
-    print_json,
-    print_table,
-    progress,
-    say,
-    say_each,
-)
+from scenarios.commands.output import draw, output_folder, plain, print_json, print_table, progress, say, say_each
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -100,7 +90,6 @@ def bandwidth(
     from scenarios.identification.bandwidth_study import from_logs, from_simulation
 
     check_seed(0 if seed is None else seed)
-    check_parallel("--threads", threads)
     contradicting = [f"--{name.replace('_', '-')}" for name in OF_ARM if name in options]
     if data is not None and contradicting:
         raise ScenarioError(f"--data takes arm and tests from the logs; leave out {', '.join(contradicting)}")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from scenarios.commands.output import check_parallel, cluster_executor, print_json, say, say_each
+from scenarios.commands.output import cluster_executor, print_json, say, say_each
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.progress import How, Progress, show_progress
 
@@ -59,7 +59,6 @@ def build(
     from scenarios.datasets.spec import load_spec
     from scenarios.datasets.withhold import build_withheld, read_roster
 
-    check_parallel("--workers", workers)
     for option, value in (("--students", students), ("--seed", seed)):
         if value is not None and withhold is None:
             raise ScenarioError(f"{option} given without --withhold FOLDER; the seed of other data sets is in the spec")

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from scenarios.commands.output import check_parallel, draw, json_text, output_folder, print_json, progress, say_each
+from scenarios.commands.output import draw, json_text, output_folder, print_json, progress, say_each
 from scenarios.files.errors import ScenarioError
 
 FILES = ("motion.json", "motion.csv", "motion.png", "motion.svg")
@@ -33,7 +33,6 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
     from scenarios.thesis.motion_score import cells
     from scenarios.thesis.motion_section import motion_map
 
-    check_parallel("--workers", workers)
     campaign = MotionCampaign.quick() if quick else MotionCampaign()
     with output_folder(out, *FILES) as folder, progress("settings", lines=True) as bar:
         try:

@@ -92,14 +92,6 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
     Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False).print(table)
 
 
-def check_parallel(option: str, value: int | None) -> None:
-    """Refuse a number of threads or processes outside of 1 to `MOST_WORKERS`; None passes."""
-    from scenarios.jobs.executor import MOST_WORKERS
-
-    if value is not None and not 1 <= value <= MOST_WORKERS:
-        raise ScenarioError(f"{option} {value} given, expected 1 to {MOST_WORKERS}")
-
-
 def cluster_executor(address: str, patience: float, workers: int | None) -> "Cluster":
     """The workers of a Dask scheduler.
 

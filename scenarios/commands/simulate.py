@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import (
-    check_parallel,
-    counted,
-    output_folder,
-    print_json,
-    print_table,
-    progress,
-    say,
-    say_each,
-)
+from scenarios.commands.output import counted, output_folder, print_json, print_table, progress, say, say_each
 from scenarios.files.errors import ScenarioError, unknown
 
 if TYPE_CHECKING:
@@ -61,7 +52,6 @@ def simulate(
     from scenarios.files.data_file import write_log
     from scenarios.files.record_file import ENDINGS, unnamed
 
-    check_parallel("--threads", threads)
     formats = tuple(dict.fromkeys(entry.strip() for entry in format.split(",")))
     if wrong := [entry for entry in formats if entry not in ENDINGS]:
         raise ScenarioError(unknown("format", wrong[0], ENDINGS))

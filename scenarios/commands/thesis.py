@@ -5,15 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenarios.commands.output import (
-    check_parallel,
-    json_text,
-    output_folder,
-    print_json,
-    print_table,
-    say,
-    say_each,
-)
+from scenarios.commands.output import json_text, output_folder, print_json, print_table, say, say_each
 
 if TYPE_CHECKING:
     from scenarios.thesis.monte_carlo import Tally
@@ -72,7 +64,6 @@ def thesis(
     from scenarios.thesis.results import results
     from scenarios.thesis.study import planned_steps, run_study
 
-    check_parallel("--threads", threads)
     moved = read_motion(motion)
     repeated = seed_range(seeds, 1 if seed is None else seed)
     duration, arms = (QUICK, CONDITIONS[:1]) if quick else (None, CONDITIONS)

@@ -9,7 +9,6 @@ import tyro
 from scenarios.commands.output import (
     FIGURES,
     check_figure,
-    check_parallel,
     draw,
     output_folder,
     print_json,
@@ -107,7 +106,6 @@ def truth(
     from scenarios.truth.truth_summary import attainable_on, truth_summary
 
     check_seed(seed)
-    check_parallel("--threads", threads)
     if threads is not None and bla is None and not maps:
         raise ScenarioError(f"--threads {threads} given without --bla or --maps, which alone use threads")
     if density is not None and not maps:

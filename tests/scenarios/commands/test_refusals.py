@@ -41,7 +41,7 @@ VALUES = [
     ("bandwidth --seeds 0", "seeds must be 1 to 1000, given 0"),
     ("bandwidth --seed -1", "a seed is a whole number from 0 to 2^63 - 1, given -1"),
     ("bandwidth --duration 6", "a duration of 6 s given, expected 10 s or more"),
-    ("bandwidth --threads 0", "--threads 0 given, expected 1 to 1024"),
+    ("bandwidth --threads 0", "threads = 0 given, expected a whole number from 1 to 1024"),
     ("bandwidth --methods", "no methods given"),
     ("bandwidth --data x.csv", "expected a log of hmtb simulate"),
     ("bandwidth --data x.nc --tests 5 --no-friction", "leave out --tests, --no-friction"),
