@@ -118,31 +118,27 @@ def innovations_form(polynomials: Polynomials, dt: float, variance: ArrayLike | 
         single = np.reshape(variance, ()) if np.shape(variance) == (1, 1) else variance
         expected = "be a variance >= 0, a number or a matrix (1, 1)"
         covariance = np.array([[real_number("variance", single, expected, lambda v: 0.0 <= v < np.inf)]])
+    # the innovation is one more input
+    numerators = [*(b for b, _ in channels), c]
     if len(d) == 1 and all(len(f) == 1 for _, f in channels):
-        n = _states(a, [*(b for b, _ in channels), c])
-        A, B, C, D = _companion(a, [b for b, _ in channels], n)
-        K = (_pad(c, n + 1) - _pad(a, n + 1))[1:, None]
-        return StateSpace(A, B, C, D, K, dt, covariance)
-    parts = []
-    for j, (b, f) in enumerate(channels):
-        A, Bj, C, Dj = _companion(f, [b])
-        B = np.zeros((len(A), p.nu))
-        B[:, [j]] = Bj
-        direct = np.zeros((1, p.nu))
-        direct[:, [j]] = Dj
-        parts.append((A, B, C, direct, np.zeros((len(A), 1))))
-    n = _states(d, [c])
-    if n and not (len(d) == len(c) and np.array_equal(d, c)):
-        A, _, C, _ = _companion(d, [np.zeros(1)], n)
-        parts.append((A, np.zeros((n, p.nu)), C, np.zeros((1, p.nu)), (_pad(c, n + 1) - _pad(d, n + 1))[1:, None]))
-    A = np.asarray(scipy.linalg.block_diag(*[part[0] for part in parts]))
-    B, K = np.vstack([part[1] for part in parts]), np.vstack([part[4] for part in parts])
-    C, D = np.hstack([part[2] for part in parts]), np.sum([part[3] for part in parts], axis=0)
-    if len(a) > 1:
-        own, into, out, _ = _companion(a, [np.ones(1)])
-        A = np.block([[own, into @ C], [np.zeros((len(A), len(own))), A]])
-        B, K, C = np.vstack((into @ D, B)), np.vstack((into, K)), np.hstack((out, C))
-    return StateSpace(A, B, C, D, K, dt, covariance)
+        A, B, C, D = _companion(a, numerators)
+    else:
+        denominators = [*(f for _, f in channels), d]
+        if np.array_equal(c, d):
+            numerators[-1] = denominators[-1] = ONE
+        none = np.zeros(1)
+        parts = [
+            _companion(f, [b if k == j else none for k in range(p.nu + 1)])
+            for j, (b, f) in enumerate(zip(numerators, denominators, strict=True))
+        ]
+        A = np.asarray(scipy.linalg.block_diag(*[part[0] for part in parts]))
+        B, C = np.vstack([part[1] for part in parts]), np.hstack([part[2] for part in parts])
+        D = np.sum([part[3] for part in parts], axis=0)
+        if len(a) > 1:
+            own, into, out, _ = _companion(a, [ONE])
+            A = np.block([[own, into @ C], [np.zeros((len(A), len(own))), A]])
+            B, C = np.vstack((into @ D, B)), np.hstack((out, C))
+    return StateSpace(A, B[:, :-1], C, D[:, :-1], B[:, -1:], dt, covariance)
 
 
 def is_stable(polynomial: FloatArray, margin: float = 0.0) -> bool:
@@ -190,14 +186,10 @@ def _pad(row: FloatArray, length: int) -> FloatArray:
     return np.concatenate((row, np.zeros(length - len(row))))
 
 
-def _states(denominator: FloatArray, numerators: list[FloatArray]) -> int:
-    return max(len(denominator), *(len(b) for b in numerators)) - 1
-
-
 def _companion(
-    denominator: FloatArray, numerators: list[FloatArray], states: int | None = None
+    denominator: FloatArray, numerators: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    n = _states(denominator, numerators) if states is None else states
+    n = max(len(denominator), *(len(b) for b in numerators)) - 1
     a = _pad(denominator, n + 1)
     A = np.eye(n, k=1)
     if n:

@@ -72,33 +72,27 @@ def check_excitation(experiments: Sequence[IOData], needed: Sequence[int]) -> li
             value = ", ".join(f"{s[0]:g}" for s in signals)
             raise SysidError(f"input {name} is constant ({value}), which identifies nothing; expected a varying input")
     # at least as many rows as columns
-    lags, joint = min(max((*needed, 1)), shortest // (nu + 1)), None
-    if nu > 1 and lags >= 1:
-        # lags of all inputs, each of unit size, inputs side by side
-        sizes = np.sqrt(np.mean(np.concatenate([e.u for e in experiments]) ** 2, axis=0))
-        joint = hankel_moments([e.u / sizes for e in experiments], lags)
-    messages, alone = [], 0
+    lags = min(max((*needed, 1)), shortest // (nu + 1))
+    messages = []
     for j, name in enumerate(names):
-        own = None if joint is None else joint[j::nu, j::nu]
         order = min(needed[j], shortest // 2)
-        if own is not None and order == lags:
-            excited = _gram_rank(own, 1e-6)
-            alone += excited
-        else:
-            excited = _rank([e.u[:, j] for e in experiments], order, 1e-6) if order >= 1 else needed[j]
-            alone += 0 if own is None else _gram_rank(own, 1e-6)
+        excited = _rank([e.u[:, j] for e in experiments], order, 1e-6) if order >= 1 else needed[j]
         if excited < needed[j]:
             messages.append(
                 f"input {name} is persistently exciting of order {excited} only, the model needs {needed[j]}: "
                 "some parameters are determined by noise alone"
             )
-    together = alone if joint is None else _gram_rank(joint, 1e-6)
-    if together < alone:
-        what = "the inputs" if lags == 1 else f"{lags} lags of the inputs"
-        messages.append(
-            f"{what} {', '.join(names)} have rank {together} together and {alone} one by one: they are "
-            "dependent, and the data cannot separate their effects"
-        )
+    if nu > 1 and lags >= 1:
+        # lags of all inputs, each of unit size, inputs side by side
+        sizes = np.sqrt(np.mean(np.concatenate([e.u for e in experiments]) ** 2, axis=0))
+        joint = hankel_moments([e.u / sizes for e in experiments], lags)
+        together, alone = _gram_rank(joint, 1e-6), sum(_gram_rank(joint[j::nu, j::nu], 1e-6) for j in range(nu))
+        if together < alone:
+            what = "the inputs" if lags == 1 else f"{lags} lags of the inputs"
+            messages.append(
+                f"{what} {', '.join(names)} have rank {together} together and {alone} one by one: they are "
+                "dependent, and the data cannot separate their effects"
+            )
     return messages
 
 

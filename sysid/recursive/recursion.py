@@ -7,6 +7,7 @@ sec. 11.4].
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -129,9 +130,8 @@ def recurse(
         # with a single path, its output before the first prediction is measured: a better start than zero
         output = float(y[t]) if t < first and len(orders.nb) == 1 else None
         generated = [_simulated(phi, theta, c, output) if c.paths else after for c in channels]
-    end = RecursiveState(
-        orders=orders,
-        adaptation=rule,
+    end = replace(
+        state,
         theta=theta,
         memory=memory,
         phi=phi,
@@ -139,7 +139,6 @@ def recurse(
         filters=tuple(np.array(part) for part in filters),
         generated=tuple(generated),
         tails=tuple(tails),
-        dt=data.dt,
         samples=state.samples + samples,
         steps=steps,
         squares=squares,

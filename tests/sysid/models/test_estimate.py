@@ -9,7 +9,6 @@ from sysid import FrequencyResponse, IOData, StateSpace, arx, band, n4sid, oe, o
 from sysid.models import poles_band, sampled_band, zeros_band
 from sysid.models.confidence_bands import sample_models
 from tests.refusals import refused
-from tests.sysid.systems import covered
 
 
 def test_response_of_a_first_order_model_by_hand(p2):
@@ -144,28 +143,6 @@ def test_draws_agree_with_the_delta_method(p2):
     np.testing.assert_allclose(drawn.ci95, first.ci95, atol=0.3 * first.deviation.max())
     poles = np.array([m.poles() for m in sample_models(estimate, np.random.default_rng(1), draws=1000)])
     np.testing.assert_allclose(poles.real.std(axis=0), np.sqrt(poles_band(estimate).covariance[:, 0, 0]), rtol=0.1)
-
-
-@pytest.mark.slow
-def test_bands_cover(p2):
-    truth = p2.truth
-    response, poles, zeros = step(truth), truth.poles(), truth.zeros()
-    hits = []
-    for seed in range(100):
-        estimate = oe(p2.draw(seed)[:3000], 2, 2)
-        region = poles_band(estimate)
-        inside = np.abs(region.roots - poles).real <= 1.96 * np.sqrt(region.covariance[:, 0, 0])
-        ring = zeros_band(estimate)
-        hits.append(
-            [
-                np.mean(covered(band(estimate, step).ci95, response)[1:]),
-                covered(band(estimate, StateSpace.dc_gain).ci95, truth.dc_gain()).all(),
-                inside.mean(),
-                abs(ring.roots[0] - zeros[0]) <= 1.96 * np.sqrt(ring.covariance[0, 0, 0]),
-            ]
-        )
-    # three binomial standard deviations below 95 % of 100
-    assert np.mean(hits, axis=0).min() > 0.88
 
 
 def test_ellipses_hold_95_percent_of_draws(p3):

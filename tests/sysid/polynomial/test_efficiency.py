@@ -8,6 +8,7 @@ from sysid import IOData, armax, bj, oe
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.prediction_error import minimise
 from tests.benchmarks.efficiency import STRUCTURES, measure
+from tests.sysid.systems import near
 
 # of each problem: draws, deviation of the mean normalised error from 1 and range of the coverage (about three standard
 # deviations of a mean of so many chi-squares and correlated hits), least coverage of the bandwidth
@@ -48,7 +49,7 @@ def test_two_inputs_two_experiments(identify, c, d, noise):
     truth = np.array([1.0, 0.5, 0.2, *noise, -0.9, -0.5, 0.3])
     names = ("b1[1]", "b1[2]", "b2[2]", *(("c1", "d1") if noise else ()), "f1[1]", "f1[2]", "f2[2]")
     assert estimate.parameter_names == names
-    assert np.all(np.abs(estimate.parameters - truth) < 4 * np.sqrt(np.diag(estimate.covariance)))
+    assert near(estimate, truth)
     assert estimate.noise_variance[0, 0] == pytest.approx(0.09, rel=0.12)
 
 

@@ -30,13 +30,6 @@ def test_pole_at_the_edge_is_reported():
         oe(IOData(u, y + 0.01 * np.random.default_rng(2).standard_normal(800), 0.1), 1, 1, 0)
 
 
-def test_without_disturbance_model_is_output_error(p2):
-    data = p2.draw(0)
-    same, plain = bj(data, 2, 0, 0, 2), oe(data, 2, 2)
-    # both stop where no hundredth of a standard deviation is left to be had
-    assert np.all(np.abs(same.parameters - plain.parameters) < 0.01 * np.sqrt(np.diag(plain.covariance)))
-
-
 @pytest.mark.filterwarnings("ignore:bj did not converge", "ignore:D has a root")
 def test_a_drifting_disturbance_leaves_the_model_stable():
     rng = np.random.default_rng(3)

@@ -8,7 +8,7 @@ from sysid.models import innovations_form
 from sysid.polynomial.orders import Orders
 from sysid.validation import cramer_rao_bound
 from tests.refusals import refused
-from tests.sysid.systems import in_feedback, second_order
+from tests.sysid.systems import in_feedback, losing, near, second_order
 
 TRUTH = Polynomials(A=[1, -1.2, 0.6], B=[0, 1, 0.5], C=[1, 0.4], D=[1, 0.7], F=[1, -0.8])
 PARAMETERS = Orders.of(TRUTH).parameters(TRUTH)
@@ -56,19 +56,15 @@ def test_special_cases_are_the_other_estimators(orders, special):
 def test_covariance_is_the_bound_and_holds_the_error():
     data = record(samples=4000)
     estimate = polyest(data, 2, 2, 1, 1, 1)
-    bound = cramer_rao_bound(
-        TRUTH, Orders.of(TRUTH), data.u, dt=0.1, variance=1.0, frequencies=np.array([0.5])
-    ).covariance
-    np.testing.assert_allclose(np.sqrt(np.diag(estimate.covariance)), np.sqrt(np.diag(bound)), rtol=0.15)
-    assert np.all(np.abs(estimate.parameters - PARAMETERS) < 4.0 * np.sqrt(np.diag(bound)))
+    bound = cramer_rao_bound(TRUTH, Orders.of(TRUTH), data.u, dt=0.1, variance=1.0, frequencies=np.array([0.5]))
+    np.testing.assert_allclose(np.diag(estimate.covariance), np.diag(bound.covariance), rtol=0.3)
+    assert near(estimate, PARAMETERS)
 
 
 def test_missing_outputs():
     data = record(samples=800)
-    y = data.y.copy()
-    y[np.random.default_rng(1).random(800) < 0.1] = np.nan
-    estimate = polyest(IOData(data.u, y, 0.1, missing=True), 2, 2, 1, 1, 1)
-    assert np.all(np.abs(estimate.parameters - PARAMETERS) < 4.0 * np.sqrt(np.diag(estimate.covariance)))
+    gapped = losing(data, np.random.default_rng(1).random(800) < 0.1)
+    assert near(polyest(gapped, 2, 2, 1, 1, 1), PARAMETERS)
 
 
 @pytest.mark.filterwarnings("ignore:the model is not stable")
@@ -77,8 +73,7 @@ def test_an_unstable_system_in_a_loop():
     truth = Polynomials(A=[1, -1.1], B=[0, 1.0], F=[1, -0.5], C=[1, 0.3])
     data, _ = in_feedback(samples=3000, truth=truth)
     estimate = polyest(data, 1, 1, 1, 0, 1)
-    error = estimate.parameters - Orders.of(truth).parameters(truth)
-    assert np.all(np.abs(error) < 4.0 * np.sqrt(np.diag(estimate.covariance)))
+    assert near(estimate, Orders.of(truth).parameters(truth))
     assert abs(estimate.parameters[0] + 1.1) < 0.02
     assert sysid.compare(estimate, data)[0].one_step > 50.0
 
