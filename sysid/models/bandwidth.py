@@ -16,14 +16,9 @@ HALF_POWER = float(np.sqrt(0.5))
 
 
 def gain_crossing(response: FrequencyResponse, level: float) -> float:
-    """First frequency at which the gain falls below a level, interpolated on logarithmic axes.
+    """First frequency in Hz at which the gain of a path falls below a level, interpolated on logarithmic axes.
 
-    Args:
-        response: Response of one input and one output.
-        level: Gain.
-
-    Returns:
-        Frequency, Hz; NaN if the gain never falls below the level, or lies below it from the first line on.
+    NaN if the gain never falls below the level, or lies below it from the first line on.
     """
     f, gain = response.frequencies, response.magnitude[:, 0, 0]
     below = np.flatnonzero(gain < level)
@@ -35,16 +30,10 @@ def gain_crossing(response: FrequencyResponse, level: float) -> float:
 
 
 def half_power_hz(model: StateSpace) -> float:
-    """First frequency at which a model's gain falls to 0.707, whatever its gain at 0 Hz.
+    """First frequency in Hz at which a path's gain falls to 0.707, whatever its gain at 0 Hz; NaN as `gain_crossing`.
 
     An input with power on both sides of this frequency measures it. The bandwidth, 3.01 dB below the gain at 0 Hz, is
     an extrapolation unless the input has power near 0 Hz.
-
-    Args:
-        model: One input and one output.
-
-    Returns:
-        Frequency, Hz; NaN if the gain never falls to 0.707, or lies below it throughout.
     """
     f = np.geomspace(0.005, 0.5 / model.dt, 4000)
     return gain_crossing(FrequencyResponse(f, model.frequency_response(f), model.dt, "model"), HALF_POWER)
@@ -61,21 +50,15 @@ NEIGHBOURS = 4
 
 
 def response_bandwidth(response: FrequencyResponse) -> Bandwidth:
-    """Half-power bandwidth of each channel, relative to the gain extrapolated to 0 Hz.
+    """Half-power bandwidth and 95 % interval of each path (ny, nu), relative to the gain extrapolated to 0 Hz.
 
     Near and below its bandwidth the squared gain of a servo is mainly that of a few poles, so 1 / |G|^2 is a polynomial
     in squared frequency. It is fitted by weighted least squares to the lines up to twice the crossing, each corrected
     for the bias that noise gives to a squared modulus; its value at 0 Hz and its crossing of twice that value give the
     bandwidth, their covariance its interval, to first order and on a logarithmic scale. The variances of neighbouring
-    lines, which are about equal, are averaged. The interval does not cover the error of the polynomial itself:
-    1e-4 of the bandwidth for a servo of a few poles, up to 5e-3 where neighbours of a joint answer between the lines.
-
-    Args:
-        response: The response with its covariance, lines from well below the bandwidth to well above it.
-
-    Returns:
-        Bandwidth and 95 % interval of every channel, (ny, nu); NaN where the response has no more lines in
-        reach than the polynomial has coefficients, or never falls to half power.
+    lines, which are about equal, are averaged. The interval does not cover the error of the polynomial itself: 1e-4 of
+    the bandwidth for a servo of a few poles, up to 5e-3 where neighbours of a joint answer between the lines. NaN where
+    the response has no more lines in reach than the polynomial has coefficients, or never falls to half power.
     """
     _, ny, nu = response.response.shape
     hz, low, high = np.full((3, ny, nu), np.nan)
@@ -168,17 +151,9 @@ class BandwidthClaim:
 def bandwidth_claim(
     estimate: Estimate, record: IOData, *, output: int = 0, input: int = 0, band: Bandwidth | None = None
 ) -> BandwidthClaim:
-    """Check the bandwidth of a model, from one input to one output, against the record that it was fitted to.
+    """Check the bandwidth of a path of a model against the record of its fit, after all pre-processing.
 
-    Args:
-        estimate: The estimate.
-        record: The record of the fit, after all pre-processing.
-        output: Index of the output.
-        input: Index of the input.
-        band: Bandwidths of the estimate, if already computed.
-
-    Returns:
-        The bandwidth, or NaN with the reason.
+    `band` are the bandwidths of the estimate, if already computed. Withheld ones are NaN.
     """
     band = estimate.bandwidth() if band is None else band
     hz, low, high = band.path(output, input)
@@ -217,17 +192,10 @@ def bandwidth_claim(
 
 
 def lowest_excited(record: IOData, *, input: int = 0) -> float:
-    """Lowest frequency at which the input has significant power, Hz.
+    """Lowest frequency at which an input has significant power, Hz; 0 if it reaches 0 Hz within the resolution.
 
     It is the first line of the windowed spectrum that stands out, by itself or as part of a broad floor, moved to the
-    top of its peak: the window spreads every line over its neighbours.
-
-    Args:
-        record: The record; 0 Hz counts unless its mean was removed.
-        input: Index of the input.
-
-    Returns:
-        The frequency; 0 if the input reaches down to 0 Hz within the resolution of the record.
+    top of its peak: the window spreads every line over its neighbours. 0 Hz counts unless the mean was removed.
     """
     u = record.scored.u[:, input]
     n = len(u)

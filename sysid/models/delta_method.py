@@ -22,17 +22,10 @@ def standard_directions(covariance: FloatArray) -> FloatArray:
 
 
 def spread(function: Callable[[FloatArray], FloatArray], parameters: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Change of `function` per standard direction, by central differences.
+    """Change of a function of parameters (p,) per standard direction, by central differences, (p, *shape of its value).
 
-    The sum over the first axis of the products of two entries is their covariance [Ljung1999, ch. 9].
-
-    Args:
-        function: From parameters (p,) to a real array of any shape.
-        parameters: Where to differentiate (p,).
-        covariance: Covariance of the parameters (p, p); NaN where it is not known, and then the result is NaN too.
-
-    Returns:
-        Derivatives (p, *shape of the function's value).
+    The sum over the first axis of the products of two entries is their covariance [Ljung1999, ch. 9]. Without a known
+    covariance of the parameters, NaN, the result is NaN too.
     """
     if not np.isfinite(covariance).all():
         # without a covariance of the parameters there is none of the function

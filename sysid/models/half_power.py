@@ -27,9 +27,7 @@ class Responding(Protocol):
 def half_power_frequencies(model: Responding, grid: FloatArray) -> FloatArray:
     """First frequency in Hz at which each gain has fallen by 3.01 dB from that at 0 Hz (ny, nu), as `bandwidth` says.
 
-    Args:
-        model: The model.
-        grid: Frequencies in Hz, rising, dense enough to see every crossing (nf,).
+    The grid (nf,) in Hz rises, and is dense enough to see every crossing.
     """
     dc = model.dc_gain()
     out = np.full(dc.shape, np.nan)

@@ -11,18 +11,10 @@ LARGEST = 1e100  # largest response that is still used in a least-squares proble
 
 
 def state_trajectory(A: FloatArray, w: FloatArray, x0: FloatArray) -> FloatArray:
-    """Return x(0), ..., x(N-1) of x(t+1) = A x(t) + w(t).
+    """Return x(0), ..., x(N-1), (N, n), of x(t+1) = A x(t) + w(t) from x0 (n,), for w (N, n).
 
     A unitary (Schur) change of basis makes A triangular; each state is then one first-order filter, fed by the states
     below it. This is as accurate as the plain recursion and two orders of magnitude faster than a Python loop.
-
-    Args:
-        A: State matrix (n, n).
-        w: Input of the state (N, n).
-        x0: State at the first sample (n,).
-
-    Returns:
-        States (N, n).
     """
     steps, n = w.shape
     if n == 0:
@@ -42,17 +34,9 @@ def state_trajectory(A: FloatArray, w: FloatArray, x0: FloatArray) -> FloatArray
 
 
 def free_response(A: FloatArray, C: FloatArray, steps: int) -> FloatArray:
-    """Return C A^t for t = 0, 1, ... until it has died out, at most `steps` rows.
+    """Return C A^t for t = 0, 1, ... until it has died out, at most `steps` rows, (rows, ny, n).
 
     Powers are formed by doubling. Omitted rows are zero to rounding, or (for an unstable A) too large to compute with.
-
-    Args:
-        A: State matrix (n, n).
-        C: Output matrix (ny, n).
-        steps: Number of samples N.
-
-    Returns:
-        Responses (rows, ny, n), rows <= N.
     """
     rows = C[None]
     power = A

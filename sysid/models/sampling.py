@@ -42,12 +42,7 @@ class Sampled:
 def sample(A: FloatArray, B: FloatArray, dt: float, delay: float = 0.0, intersample: str = "zoh") -> Sampled:
     """Sample x' = A x + B u(t - delay) exactly, by matrix exponentials [AstromWittenmark1997, sec. 2.3].
 
-    Args:
-        A: State matrix (n, n).
-        B: Input matrix (n, m).
-        dt: Sampling interval in s.
-        delay: In s, any value >= 0.
-        intersample: Input between samples, held (`zoh`) or linear (`foh`).
+    The delay in s is any value >= 0; the input between samples is held (`zoh`) or linear (`foh`).
     """
     whole = math.ceil(delay / dt - INTEGER)
     ahead = max(whole - delay / dt, 0.0)  # part of the interval in which the next sample acts already

@@ -51,19 +51,10 @@ Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 def transmission_zeros(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray) -> ComplexArray:
-    """Zeros by orthogonal reduction to a system whose direct term is invertible [EmamiNaeini1982].
+    """Zeros, largest modulus first, by orthogonal reduction to an invertible direct term [EmamiNaeini1982].
 
     A plain generalised eigenvalue problem scatters zeros at infinity (delays!) over large finite values; the reduction
     removes them first. It works for any numbers of inputs and outputs.
-
-    Args:
-        A: State matrix (n, n).
-        B: Input matrix (n, nu).
-        C: Output matrix (ny, n).
-        D: Direct term (ny, nu).
-
-    Returns:
-        Zeros, largest modulus first.
     """
     size = max(float(np.linalg.norm(A)), 1.0) if A.size else 1.0
     # scaling of inputs and outputs does not change the zeros

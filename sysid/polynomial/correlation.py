@@ -12,18 +12,11 @@ LARGEST_PRODUCT = 4_000_000  # entries of the products of two spectra, 32 MB
 
 
 def covariance_function(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: int) -> FloatArray:
-    """R_xz(tau) = 1/N sum_t x(t + tau) z(t)', tau = -lags..lags [Ljung1999, sec. 6.1].
+    """R_xz(tau) = 1/N sum_t x(t + tau) z(t)', tau = -lags..lags, (2 lags + 1, nx, nz) [Ljung1999, sec. 6.1].
 
-    Division is by the total N at every lag (biased, positive semidefinite). Means are not removed. Products do
-    not cross the boundary of an experiment. Blocks of samples bound the memory.
-
-    Args:
-        x: First signal per experiment (N_i, nx).
-        z: Second signal per experiment (N_i, nz).
-        lags: Largest lag.
-
-    Returns:
-        Covariances (2 lags + 1, nx, nz), lag zero in the middle.
+    The signals are x (N_i, nx) and z (N_i, nz) of each experiment. Division is by the total N at every lag (biased,
+    positive semidefinite). Means are not removed. Products do not cross the boundary of an experiment. Blocks of
+    samples bound the memory.
     """
     total = np.zeros((2 * lags + 1, x[0].shape[1], z[0].shape[1]))
     length = max(LARGEST_PRODUCT // max(total[0].size, 1), 4 * lags, 1)
@@ -44,14 +37,6 @@ def covariance_with_gaps(x: Sequence[FloatArray], z: Sequence[FloatArray], lags:
 
     The mean of the known products times 1 - |tau|/N: without gaps exactly `covariance_function`. It need not be
     positive semidefinite. A lag without a product is zero.
-
-    Args:
-        x: First signal per experiment (N_i, nx).
-        z: Second signal per experiment (N_i, nz).
-        lags: Largest lag.
-
-    Returns:
-        Covariances (2 lags + 1, nx, nz), lag zero in the middle.
     """
     known_x, known_z = ([np.isfinite(part).astype(float) for part in s] for s in (x, z))
     filled_x, filled_z = ([np.nan_to_num(part, nan=0.0) for part in s] for s in (x, z))
@@ -70,16 +55,9 @@ GRID = 8192  # frequencies of the spectrum: correlations of slow models must dec
 def autoregression(e: FloatArray, order: int, *, select: bool = False) -> tuple[FloatArray, FloatArray]:
     """Autoregressive model of a signal by the Yule-Walker equations, and the correlations of that model.
 
-    Unlike sample correlations these decay smoothly, so that sums over lags do not accumulate noise.
-
-    Args:
-        e: Signal with zero mean (N,); NaN marks missing samples.
-        order: Number of coefficients.
-        select: Whether to take fewer coefficients where BIC prefers them [Schwarz1978].
-
-    Returns:
-        The whitening filter 1, a1, ..., (order + 1,), whose inverse is stable, and normalised correlations at lags
-        0, 1, ... (k,).
+    Unlike sample correlations these decay smoothly, so that sums over lags do not accumulate noise. The signal (N,) has
+    zero mean, NaN for missing samples. With `select`, BIC may prefer fewer coefficients [Schwarz1978]. Returned are the
+    whitening filter 1, a1, ..., (order + 1,), whose inverse is stable, and normalised correlations at lags 0, 1, ...
     """
     covariances = covariance_with_gaps if np.isnan(e).any() else covariance_function
     r = covariances([e[:, None]], [e[:, None]], order)[order:, 0, 0]
@@ -100,18 +78,10 @@ def autoregression(e: FloatArray, order: int, *, select: bool = False) -> tuple[
 
 
 def prewhitened(experiments: Sequence[IOData], channel: int, order: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Filter inputs and outputs by the whitener of one input [Ljung1999, sec. 6.1].
+    """Filter inputs (N, nu) and outputs (N, ny) of each experiment by the whitener of one input [Ljung1999, sec. 6.1].
 
-    The response from the filtered inputs to the filtered outputs is that of the system. The first `order` samples are
-    the transient of the filter: omit them.
-
-    Args:
-        experiments: Records with zero mean.
-        channel: Index of the input to whiten.
-        order: Order of its autoregressive model; 0 for no filter.
-
-    Returns:
-        Per experiment all inputs (N, nu) and outputs (N, ny), filtered.
+    The response from the filtered inputs to the filtered outputs is that of the system. The records have zero mean. The
+    first `order` samples are the transient of the filter, an autoregressive model of that order: omit them.
     """
     whitener = np.ones(1)
     if order:

@@ -47,11 +47,7 @@ class OffsetFit:
 
 
 def subtract_means(parts: Sequence[IOData]) -> tuple[IOData, ...]:
-    """Subtract the means of all records together: the mean of a single part differs from it only by chance.
-
-    Args:
-        parts: Records with the same channels; outputs may be missing.
-    """
+    """Subtract the means of all records together: the mean of a single part differs from it only by chance."""
     u = np.concatenate([part.u for part in parts]).mean(axis=0)
     y = np.nanmean(np.concatenate([part.y for part in parts]), axis=0)
     return tuple(part.subtract(u=u, y=y) for part in parts)
@@ -98,14 +94,9 @@ def _extrapolated(step: FloatArray, last: FloatArray) -> FloatArray:
 
 
 def unexplained_offset(model: StateSpace, parts: Sequence[IOData]) -> tuple[FloatArray, float, float]:
-    """Constant offset of every output that explains most of the one-step errors, with free initial states.
+    """Constant offset of every output (ny,) that explains most of the one-step errors, with free initial states.
 
-    Args:
-        model: The model.
-        parts: Records with its channels.
-
-    Returns:
-        The offsets (ny,), and the sum of squares before and after.
+    Returned beside it: the sums of squares of the errors before and after.
     """
     gram, moment, total = np.zeros((model.ny, model.ny)), np.zeros(model.ny), 0.0
     order, axes = model.order, np.eye(model.order + model.ny)

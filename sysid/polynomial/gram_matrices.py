@@ -10,15 +10,9 @@ from sysid.records.arrays import FloatArray
 
 
 def lagged_products(signals: FloatArray, lags: int, start: int) -> FloatArray:
-    """Sums over t = start, ..., N-1 of s(t - i) r(t - j), lags i, j = 0, ..., lags, for all pairs of signals.
+    """Sums over t = start, ..., N-1 of s(t - i) r(t - j) for all pairs of signals, (ns, lags + 1, ns, lags + 1).
 
-    Args:
-        signals: Signals (N, ns).
-        lags: Largest lag, at most `start`.
-        start: First time.
-
-    Returns:
-        Sums (ns, lags + 1, ns, lags + 1).
+    The signals are (N, ns), the lags i, j = 0, ..., lags, at most `start`.
     """
     n, count = signals.shape
     out = np.empty((count, lags + 1, count, lags + 1))
@@ -39,15 +33,13 @@ def lagged_products(signals: FloatArray, lags: int, start: int) -> FloatArray:
 def lagged_solution(products: FloatArray, lags: Sequence[range], target: Sequence[float]) -> FloatArray | None:
     """Least-squares coefficients of lagged signals that explain a combination of the signals at lag zero.
 
-    Those of the first signal, the output, are negated, as coefficients of A are.
+    Those of the first signal, the output, are negated, as coefficients of A are. None if the regressors are too nearly
+    dependent for normal equations.
 
     Args:
         products: Result of `lagged_products`, summed over experiments.
         lags: Lags of each signal among the regressors.
         target: Weight of each signal in the combination.
-
-    Returns:
-        Coefficients, signal by signal; None if the regressors are too nearly dependent for normal equations.
     """
     signal = np.repeat(np.arange(len(lags)), [len(part) for part in lags])
     lag = np.concatenate([np.asarray(part, dtype=int) for part in lags])
@@ -66,17 +58,10 @@ def lagged_solution(products: FloatArray, lags: Sequence[range], target: Sequenc
 
 
 def hankel_moments(signals: Sequence[FloatArray], blocks: int) -> FloatArray:
-    """Mean over t of Z(t) Z(t)', Z(t) = [z(t); ...; z(t + blocks - 1)], experiments never joined.
+    """Mean over t of Z(t) Z(t)', (blocks q, blocks q), with Z(t) = [z(t); ...; z(t + blocks - 1)] of z (N_i, q).
 
-    Blocks along a diagonal differ by one product at either end of the record, so that only the first block row needs
-    sums over the whole record.
-
-    Args:
-        signals: z per experiment (N_i, q), N_i >= blocks.
-        blocks: Block rows.
-
-    Returns:
-        Moments (blocks q, blocks q).
+    Experiments are never joined. Blocks along a diagonal differ by one product at either end of the record, so that
+    only the first block row needs sums over the whole record.
     """
     q = signals[0].shape[1]
     out = np.zeros((blocks, blocks, q, q))

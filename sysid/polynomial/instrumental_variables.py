@@ -27,20 +27,12 @@ def instrumented(
     whitener: FloatArray,
     colour: FloatArray = WHITE,
 ) -> tuple[LeastSquares, FloatArray]:
-    """Solve Z' (y - Phi theta) = 0 on data filtered by the whitener.
+    """Solve Z' (y - Phi theta) = 0 on data filtered by the whitener 1, l1, ...
 
     An orthonormal basis Q replaces Z: Q' Phi is no worse conditioned than Phi, and the estimate is that of least
-    squares with the regressors Q' Phi.
-
-    Args:
-        experiments: Records with one output.
-        orders: Orders na, nb, nk.
-        instruments: In place of [y, u] in the regressors Z, per experiment (N, 1 + nu).
-        whitener: 1, l1, ...
-        colour: 1, c1, ...: the filtered disturbance is white noise filtered by the inverse of it.
-
-    Returns:
-        The fit, and the covariance of theta (p, p) for white noise of variance 1 [Soderstrom1989, sec. 8.2].
+    squares with the regressors Q' Phi. The instruments (N, 1 + nu) take the place of [y, u] in the regressors Z. The
+    filtered disturbance is white noise filtered by the inverse of the colour 1, c1, ... Returned beside the fit: the
+    covariance of theta (p, p) for white noise of variance 1 [Soderstrom1989, sec. 8.2].
     """
     order = len(whitener) - 1
     # the filter starts from zeros: its first samples are no data

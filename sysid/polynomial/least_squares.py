@@ -37,11 +37,9 @@ class LeastSquares:
 
 
 def solve(phi: FloatArray, target: FloatArray) -> LeastSquares:
-    """Solve by the triangle of [Phi Y] and its SVD: faster than the SVD of Phi, and as accurate.
+    """Solve for regressors (rows, p), rows >= p, and right-hand sides (rows, m), by the SVD of the triangle of [Phi Y].
 
-    Args:
-        phi: Regressors (rows, p), rows >= p.
-        target: Right-hand sides (rows, m).
+    This is faster than the SVD of Phi, and as accurate.
     """
     p = phi.shape[1]
     columns = np.hstack((phi, target))
@@ -95,14 +93,10 @@ def _solution(triangle: FloatArray, lengths: FloatArray, p: int, rows: int) -> L
 
 
 def triangular_factor(columns: FloatArray, guarded: int | None = None) -> FloatArray:
-    """R of the QR factorisation, (min(rows, columns), columns), without forming Q.
+    """R of the QR factorisation, (min(rows, columns), columns), of columns of about equal length, without forming Q.
 
-    Normal equations give the same triangle several times faster; QR takes over where the squared condition number
-    would cost too many digits.
-
-    Args:
-        columns: Matrix (rows, k), columns of about equal length.
-        guarded: Number of leading columns that must be far from dependent for normal equations; all if None.
+    Normal equations give the same triangle several times faster; QR takes over where the squared condition number would
+    cost too many digits: that of the `guarded` leading columns, or of all.
     """
     triangle = _triangle_of_gram(columns.T @ columns, guarded)
     return np.asarray(np.linalg.qr(columns, mode="r")) if triangle is None else triangle
@@ -119,12 +113,7 @@ def _triangle_of_gram(gram: FloatArray, guarded: int | None) -> FloatArray | Non
 
 
 def scaled_triangle(columns: FloatArray, guarded: int | None = None) -> tuple[FloatArray, FloatArray]:
-    """As `triangular_factor`, of the columns divided by their lengths; and these lengths (k,), 1 for a zero column.
-
-    Args:
-        columns: Matrix (rows, k).
-        guarded: Number of leading columns that must be far from dependent for normal equations; all if None.
-    """
+    """As `triangular_factor`, of columns (rows, k) divided by their lengths, and the lengths (k,), 1 for a zero column."""
     gram = columns.T @ columns
     lengths = np.sqrt(np.diag(gram))
     lengths[lengths == 0.0] = 1.0
@@ -140,17 +129,10 @@ REFINED = 1e-5
 
 
 def tall_least_squares(columns: FloatArray, target: FloatArray, *, cond: float) -> FloatArray:
-    """Least squares with many columns: by normal equations, refined once; where that changes much, by QR.
+    """Least squares with many columns (N, n), N > n: by normal equations, refined once; where that changes much, by QR.
 
-    They cost less than half of a QR, and are as accurate after the refinement [Bjorck1987].
-
-    Args:
-        columns: Regressors (N, n), N > n.
-        target: Right-hand side (N,).
-        cond: Relative cut-off of the columns that count as dependent.
-
-    Returns:
-        Coefficients (n,), of least norm if the columns are dependent.
+    They cost less than half of a QR, and are as accurate after the refinement [Bjorck1987]. Returned are the
+    coefficients (n,), of least norm if columns are dependent by the relative cut-off `cond`.
     """
     n = columns.shape[1]
     table = np.column_stack([columns, target])

@@ -128,18 +128,11 @@ def arx_solution(
 
 
 def long_arx_simulation(u: FloatArray, y: FloatArray, order: int) -> FloatArray | None:
-    """Fit A(q) y = B(q) u by least squares, then simulate it with the initial conditions that fit best.
+    """Fit A(q) y = B(q) u by least squares, then simulate it with the initial conditions that fit best, (N,).
 
     The same as `predict(arx(data, order, order), data, steps=None)`, without state-space matrices of that size: the
-    influence of the initial conditions on A(q) y ends after `order` samples. For orders of some hundreds.
-
-    Args:
-        u: Inputs (N, nu).
-        y: Output (N,).
-        order: Coefficients of A and of each B; N must exceed twice their number.
-
-    Returns:
-        Simulated output (N,); None where the model grows beyond what can be fitted.
+    influence of the initial conditions on A(q) y ends after `order` samples. For orders of some hundreds; N must exceed
+    twice the number of coefficients. None where the model grows beyond what can be fitted.
     """
     nu = u.shape[1]
     regressors = arx_regressors(y, u, order, (order,) * nu, (1,) * nu, order)

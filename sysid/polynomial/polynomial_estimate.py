@@ -107,15 +107,10 @@ def known_estimate(
     variance: float,
     data: IOData,
 ) -> Estimate:
-    """An estimate from anywhere with the covariance of its parameters, to propagate it; it has no residuals.
+    """An estimate from anywhere with the covariance (p, p) of its parameters, to propagate it; it has no residuals.
 
-    Args:
-        model: The model.
-        polynomials: The same as polynomials.
-        orders: Coefficients that are parameters.
-        covariance: Of the parameters in the sequence A, B, C, D, F (p, p).
-        variance: Of the innovation.
-        data: The record, for names and the sampling interval.
+    The orders say which coefficients are parameters, in the sequence A, B, C, D, F; the variance is that of the
+    innovation; the record gives names and the sampling interval.
     """
     summary = DataSummary.of((data,))
     return Estimate(

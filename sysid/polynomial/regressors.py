@@ -14,16 +14,9 @@ from sysid.records.errors import SysidError
 
 
 def lagged(signal: FloatArray, lags: range, start: int, ahead: int = 0) -> FloatArray:
-    """Columns signal(t - lag), lag by lag, for t = start, ..., N - 1 - ahead.
+    """Columns signal(t - lag), (N - start - ahead, lags), for t = start, ..., N - 1 - ahead; each column is contiguous.
 
-    Args:
-        signal: One channel (N,).
-        lags: Consecutive lags, none below `-ahead` and none above `start`.
-        start: Time of the first row.
-        ahead: Samples that are left out at the end, for negative lags.
-
-    Returns:
-        Matrix (N - start - ahead, len(lags)), Fortran order (columns are contiguous).
+    The lags are consecutive, none above `start`; negative ones need `ahead` samples that are left out at the end.
     """
     end = len(signal) - ahead
     out = np.empty((end - start, len(lags)), order="F")
@@ -50,18 +43,9 @@ def first_row(na: int, nb: Sequence[int], nk: Sequence[int], window: int = 0) ->
 def arx_regressors(
     y: FloatArray, u: FloatArray, na: int, nb: Sequence[int], nk: Sequence[int], start: int
 ) -> FloatArray:
-    """Rows [-y(t-1) ... -y(t-na), u1(t-nk1) ..., u2(t-nk2) ...] [Ljung1999, sec. 4.2].
+    """Rows [-y(t-1) ... -y(t-na), u1(t-nk1) ..., u2(t-nk2) ...] from t = start on [Ljung1999, sec. 4.2].
 
-    Args:
-        y: Output (N,).
-        u: Inputs (N, nu).
-        na: Number of output lags.
-        nb: Number of coefficients of B per input.
-        nk: Delay per input.
-        start: Time of the first row; see `first_row`.
-
-    Returns:
-        Matrix (N - start, na + sum(nb)).
+    Of y (N,) and u (N, nu), with nb and nk for each input; see `first_row` for the start: (N - start, na + sum(nb)).
     """
     blocks = [-lagged(y, output_lags(na), start)]
     blocks += [lagged(u[:, j], input_lags(nb[j], nk[j]), start) for j in range(u.shape[1])]

@@ -86,11 +86,8 @@ class Posterior:
 def empirical_bayes(phi: FloatArray, target: FloatArray, sizes: Sequence[int], kernel: Kernel) -> Posterior:
     """Posterior of blocks of coefficients, each an impulse response with hyper-parameters of its own.
 
-    Args:
-        phi: Regressors (rows, p); fewer rows than coefficients are allowed.
-        target: Right-hand side (rows,), not zero.
-        sizes: Coefficients of each block; their sum is p.
-        kernel: Kernel of all blocks.
+    The regressors (rows, p), of which there may be fewer than coefficients, belong to blocks of these sizes; the
+    right-hand side (rows,) is not zero.
     """
     minimize = scipy.optimize.minimize
     rows, p = len(phi), phi.shape[1]

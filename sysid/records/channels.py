@@ -54,18 +54,11 @@ def channel_indices(what: str, channels: Sequence[int | str] | None, names: tupl
 def matching_channels(
     kind: str, names: Sequence[str] | None, others: Sequence[str] | None, *, owner: str, other: str
 ) -> list[int]:
-    """Index among `others` of every channel in `names`.
+    """Index among `others` of every channel in `names`, of the kind "input" or "output".
 
     Channels are matched by name if both sides have the same names, in whatever sequence. Channels that were never
     named, whose names are the defaults u1, u2, ... or y1, y2, ..., match the names of the other side by position.
-    Numbered names are not matched with other numbers: u1 is not u2.
-
-    Args:
-        kind: "input" or "output".
-        names: Names of the channels (n,).
-        others: Names on the other side (n,).
-        owner: Whose channels `names` are, for messages: "the data".
-        other: Likewise for the other side.
+    Numbered names are not matched with other numbers: u1 is not u2. `owner` and `other` say in errors whose they are.
 
     Raises:
         SysidError: The names differ.

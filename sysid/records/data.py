@@ -293,10 +293,7 @@ def as_experiments(
 ) -> tuple[IOData, ...]:
     """Return the experiments of a data set as a tuple, checked to belong together; channels as in the first, by name.
 
-    Args:
-        data: One experiment, or several.
-        missing: Whether missing output samples are allowed.
-        series: Whether time series are allowed, records without input.
+    `missing` allows missing output samples, `series` time series, which are records without input.
 
     Raises:
         SysidError: No experiment, something other than `IOData`, records that differ in `dt` or channels, or missing

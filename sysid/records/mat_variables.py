@@ -58,18 +58,12 @@ class _Start(NamedTuple):
 
 
 def read_variables(file: Path, names: Collection[str] | None = None) -> dict[str, NDArray[np.generic]]:
-    """Read dense numbers, short texts and cell arrays of both by name; variables of other kinds are left out.
+    """Read dense numbers, short texts and cell arrays of both, at least 2-D, by name; None reads all numbers.
 
     SciPy's reader trusts the types, lengths and depths that a file states, and ends the process where they are wrong.
-    Here it gets a copy of the file that holds only variables whose parts are of known types, lie within each other and
-    match the dimensions. Files of version 4 have no such parts; SciPy reads them in Python.
-
-    Args:
-        file: The file, version 7.2 or older, from anywhere.
-        names: Names of the variables; None: all of numbers.
-
-    Returns:
-        The variables, at least 2-D.
+    Here it gets a copy of the file, of version 7.2 or older and from anywhere, that holds only variables whose parts
+    are of known types, lie within each other and match the dimensions; other variables are left out. Files of version 4
+    have no such parts; SciPy reads them in Python.
 
     Raises:
         SysidError: It is no such file, or damaged, or holds more than `MOST_NUMBERS`.

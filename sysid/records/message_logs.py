@@ -33,11 +33,7 @@ def message_signals(
 ) -> tuple[list[Signal], list[Signal], str]:
     """Read fields of messages as signals with the stamps of their topics, and a remark on which stamps these are.
 
-    Args:
-        file: The log.
-        inputs: Fields, as `/joint_states.position[3]`.
-        outputs: Likewise.
-        time: Which stamps: `header`, `log`, or None: those of headers if all topics have them.
+    Fields are as `/joint_states.position[3]`; the stamps `header`, `log`, or None: those of headers if all have them.
 
     Raises:
         SysidError: No such log, topic or field, a package that is missing, stamps that do not increase.

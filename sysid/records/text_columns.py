@@ -21,11 +21,8 @@ DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*")
 def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column], Place]:
     """Read the columns of a table by name, and a function from a sample to its line.
 
-    Columns of other texts than times are left out, unless they are expected.
-
-    Args:
-        file: The file, in UTF-8, UTF-16 with its mark, or the Windows character set.
-        expected: Names of the columns of a file without a header, and of those that must be numbers.
+    The file is in UTF-8, UTF-16 with its mark, or the Windows character set. `expected` names the columns of a file
+    without a header, and those that must be numbers; other columns of texts than times are left out.
 
     Raises:
         SysidError: No text, no data, lines of unequal length, cells that are no numbers.

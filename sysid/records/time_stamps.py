@@ -60,12 +60,8 @@ def time_column(
 ) -> tuple[str | None, tuple[str, ...]]:
     """Name of the column of times, and a remark where no name says it.
 
-    Args:
-        columns: All columns of a file.
-        time: Its name, if known.
-        channels: Names of inputs and outputs, which it cannot be.
-        guess: Whether to take the only column that increases as steadily as a clock, where none has the name of a time.
-        file: Name of the file.
+    It is `time`, if known, and none of the channels. With `guess`, the only column that increases as steadily as a
+    clock is taken where none has the name of a time.
 
     Raises:
         SysidError: No such column, or a choice between several clocks.
@@ -87,14 +83,9 @@ def time_column(
 
 
 def stamps(name: str, values: Column, unit: str | None, place: Place, file: str) -> Stamps:
-    """Seconds since the first sample of a column of times; differences of whole numbers are exact.
+    """Seconds since the first sample of a column of times (N,); differences of whole numbers are exact.
 
-    Args:
-        name: Name of the column, which may hold the unit: `Time (ms)`.
-        values: Numbers or `datetime64` (N,).
-        unit: Unit of the numbers; None: by the name, else by the size of stamps since 1970, else s.
-        place: Where a sample stands in its file.
-        file: Name of the file.
+    The unit of numbers is `unit`, or that in the name, as `Time (ms)`, else by the size of stamps since 1970, else s.
 
     Raises:
         SysidError: An unknown unit, times that are no numbers or do not increase.
