@@ -60,21 +60,16 @@ SETTLED = 1e-12  # relative difference of covariances that counts as converged
 def kalman_filter(
     model: StateSpace, data: IOData, x0: FloatArray, *, free: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Run the predictor over a record with gaps [Ljung1999, sec. 14.2].
+    """Run the predictor over a record with gaps, from state x0 (n,) [Ljung1999, sec. 14.2].
 
     In x+ = A x + B u + K e, y = C x + D u + e with e white of covariance R, the state is known exactly as long as no
-    output is missing. At a gap its covariance grows by K R K'; the gains of the known outputs follow from it.
-
-    Args:
-        model: The model; only the ratios in R matter, and R is the unit matrix if the model has none.
-        data: The record.
-        x0: State at the first sample (n,).
-        free: Whether to compute the free responses too.
+    output is missing. At a gap its covariance grows by K R K'; the gains of the known outputs follow from it. Only the
+    ratios in R matter, and R is the unit matrix if the model has none.
 
     Returns:
-        States x(t) from outputs up to t - 1, the first column driven from x0, the others the free responses to unit
-        initial states (N, n, 1 + n), or the first alone (N, n, 1); and the inverse square root of the prediction
-        variance of each output (N, ny), zero where it is missing.
+        States x(t) from outputs up to t - 1, driven from x0 (N, n, 1), with `free` also the free responses to unit
+        initial states in further columns (N, n, 1 + n); and the inverse square root of the prediction variance of each
+        output (N, ny), zero where it is missing.
     """
     n = model.order
     known = data.known

@@ -9,7 +9,7 @@ import scipy
 from sysid.models.estimate import Estimate
 from sysid.polynomial.correlation import covariance_function
 from sysid.polynomial.data_checks import check_means
-from sysid.polynomial.least_squares import LeastSquares, solve
+from sysid.polynomial.least_squares import solve
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.polynomial.regressors import complete_rows, lagged, output_lags
@@ -54,15 +54,16 @@ def ar(data: IOData | Sequence[IOData], na: int, *, approach: Approach = "fb") -
     check_enough_data(experiments, orders, transients=0)
     # the samples before the first equation only initialise it
     parts = [e.y[orders.first_row(e.window) - na :, 0] for e in experiments]
-    fit = _least_squares(parts, na)
+    rows, target = _equations(parts, na)
+    fit = solve(rows, target[:, None])
     messages += fit.rank_message()
     if approach == "ls":
         a = fit.solution[:, 0]
     elif approach == "fb":
-        a = _least_squares([*parts, *(part[::-1] for part in parts)], na).solution[:, 0]
+        both, ends = _equations([*parts, *(part[::-1] for part in parts)], na)
+        a = solve(both, ends[:, None]).solution[:, 0]
     else:
         a = burg(parts, na) if approach == "burg" else yule_walker(parts, na)
-    rows, target = _equations(parts, na)
     variance = float(np.sum((target - rows @ a) ** 2)) / (len(rows) - na)
     warn_each(messages)
     return make_estimate(
@@ -102,11 +103,6 @@ def _equations(parts: Sequence[FloatArray], na: int) -> tuple[FloatArray, FloatA
     target = np.concatenate([part[na:] for part in parts])
     known = complete_rows(rows, target, na)
     return rows[known], target[known]
-
-
-def _least_squares(parts: Sequence[FloatArray], na: int) -> LeastSquares:
-    rows, target = _equations(parts, na)
-    return solve(rows, target[:, None])
 
 
 def yule_walker(parts: Sequence[FloatArray], na: int) -> FloatArray:

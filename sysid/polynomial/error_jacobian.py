@@ -52,16 +52,18 @@ def error_jacobian(
     """Prediction errors and Jacobian of one single-output experiment at stable parameters theta (p,)."""
     y, u = experiment.y[:, 0], experiment.u
     if initial_conditions is InitialConditions.ZERO:
-        return _from_rest(y, u, orders, theta, experiment.window)
+        columns = _free_initial_conditions(y, u, orders, theta, 0, np.zeros((0, 0))).columns[experiment.window :]
+        return ErrorJacobian(columns, len(columns), 0)
     if initial_conditions is InitialConditions.BACKCAST and max(orders.nc, orders.nd):
         return _backcast(y, u, orders, theta, orders.first_row(experiment.window))
-    return _free_initial_conditions(y, u, orders, theta, orders.first_error(experiment.window))
+    start = orders.first_error(experiment.window)
+    return _free_initial_conditions(y, u, orders, theta, start, free_transients(orders, theta, len(y) - start))
 
 
 def _free_initial_conditions(
-    y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int
+    y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int, transients: FloatArray
 ) -> ErrorJacobian:
-    """Errors and Jacobian from `start` on, with free initial conditions projected out.
+    """Errors and Jacobian from `start` on, with the transients of free initial conditions projected out.
 
     Filters run over the whole record from rest. The error of that assumption is, from `start` on, a free response of
     1/C or of D/(C F), hence in the span of the transient columns.
@@ -74,7 +76,6 @@ def _free_initial_conditions(
     v = (np.convolve(a, y)[:n] if orders.na else y) - sum(responses)
     eps = scipy.signal.lfilter(d, c, v)[start:] if noise_count else v[start:].copy()
 
-    transients = free_transients(orders, theta, n - start)
     basis, tau = orthonormal(transients, eps) if transients.shape[1] else (None, np.zeros(0))
     if basis is not None:
         length = len(basis)
@@ -96,7 +97,7 @@ def _free_initial_conditions(
     outputs = []
     for j in range(len(f)):
         w = responses[j][start:]
-        if orders.nf[j]:
+        if orders.nf[j] and basis is not None:
             initial = np.zeros(n - start)
             initial[: orders.nf[j]] = tau[used : used + orders.nf[j]]
             transient = scipy.signal.lfilter([1.0], f[j], initial)
@@ -117,23 +118,6 @@ def _free_initial_conditions(
         columns[:length, :k] -= basis @ (basis.T @ columns[:length, :k])
     columns[:, k] = eps
     return ErrorJacobian(columns, len(columns), 0 if basis is None else basis.shape[1])
-
-
-def _from_rest(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, window: int) -> ErrorJacobian:
-    """Errors and Jacobian of all samples after the window, with zero initial conditions."""
-    a, b, c, d, f = orders.split(theta)
-    responses = [scipy.signal.lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
-    v = scipy.signal.lfilter(a, [1.0], y) - sum(responses)
-    eps = scipy.signal.lfilter(d, c, v)
-    paths = [np.convolve(c, fj) for fj in f]
-    blocks = [_shifts(scipy.signal.lfilter(d, c, y), orders.na, first=1)]
-    for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
-        blocks.append(-_shifts(scipy.signal.lfilter(d, paths[j], u[:, j]), nb, first=nk))
-    blocks.append(-_shifts(scipy.signal.lfilter([1.0], c, eps), orders.nc, first=1))
-    blocks.append(_shifts(scipy.signal.lfilter([1.0], c, v), orders.nd, first=1))
-    blocks += [_shifts(scipy.signal.lfilter(d, paths[j], w), orders.nf[j], first=1) for j, w in enumerate(responses)]
-    columns = np.hstack((*blocks, eps[:, None]))[window:]
-    return ErrorJacobian(columns, len(columns), 0)
 
 
 def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> ErrorJacobian:

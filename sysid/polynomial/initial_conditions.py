@@ -24,13 +24,7 @@ class InitialConditions(Enum):
 
     @staticmethod
     def of(value: "InitialConditions | str") -> "InitialConditions":
-        """The member itself, or the member with this value.
-
-        Args:
-            value: A member, or its value "estimated", "backcast" or "zero".
-
-        Returns:
-            The member.
+        """A member, by itself or by its value "estimated", "backcast" or "zero".
 
         Raises:
             SysidError: Any other value.

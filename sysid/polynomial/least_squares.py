@@ -113,7 +113,7 @@ def _triangle_of_gram(gram: FloatArray, guarded: int | None) -> FloatArray | Non
 
 
 def scaled_triangle(columns: FloatArray, guarded: int | None = None) -> tuple[FloatArray, FloatArray]:
-    """As `triangular_factor`, of columns (rows, k) divided by their lengths, and the lengths (k,), 1 for a zero column."""
+    """As `triangular_factor`, of columns (rows, k) over their lengths (k,), 1 for a zero column; and these lengths."""
     gram = columns.T @ columns
     lengths = np.sqrt(np.diag(gram))
     lengths[lengths == 0.0] = 1.0

@@ -36,15 +36,10 @@ def checked_kernel(kernel: str) -> Kernel:
 
 
 def kernel_root(kernel: Kernel, n: int, eta: FloatArray) -> FloatArray:
-    """Square root L of a kernel, P = L L', (n, n), of "ss" (n, 2 n).
+    """Square root L of a kernel, P = L L', (n, n), of "ss" (n, 2 n); eta is log c, log(-log l), and of "dc" artanh r.
 
-    With lags i, j = 1..n and decay l: TC c l^max(i, j); DC c l^((i + j)/2) r^|i - j|; SS (stable spline)
-    c (l^(i + j + max(i, j))/2 - l^(3 max(i, j))/6) [ChenOhlssonLjung2012, eq. 31, 37, 38].
-
-    Args:
-        kernel: Its name.
-        n: Number of coefficients.
-        eta: log c, log(-log l), and of "dc" artanh r.
+    With lags i, j = 1..n and decay l: TC c l^max(i, j); DC c l^((i + j)/2) r^|i - j|; SS (stable spline) c (l^(i + j +
+    max(i, j))/2 - l^(3 max(i, j))/6) [ChenOhlssonLjung2012, eq. 31, 37, 38].
     """
     scale, rate = np.exp(0.5 * eta[0]), np.exp(eta[1])
     lag = np.arange(1, n + 1)

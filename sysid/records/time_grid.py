@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,21 +168,14 @@ def _record(
     missing: bool,
     name: str,
 ) -> IOData:
-    labels = {
+    labels: dict[str, Any] = {
         f"{kind}_{what}": tuple(text for signal in side for text in getattr(signal, what))
         for kind, side in (("input", inputs), ("output", outputs))
         for what in ("names", "units")
     }
+    held = np.hstack(u) if u else np.empty((len(y[0]), 0))
     try:
-        return IOData(
-            np.hstack(u) if u else np.empty((len(y[0]), 0)),
-            np.hstack(y),
-            step,
-            start=start,
-            missing=missing,
-            name=Path(name).stem,
-            **labels,  # type: ignore[arg-type]
-        )
+        return IOData(held, np.hstack(y), step, start=start, missing=missing, name=Path(name).stem, **labels)
     except SysidError as error:
         raise SysidError(f"{name}: {error}") from error
 

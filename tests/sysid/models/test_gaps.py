@@ -9,7 +9,7 @@ from sysid import IOData, Polynomials, StateSpace, arx, compare, covf, predict, 
 from sysid.models import innovations_form
 from sysid.models.predict import initial_state
 from tests.refusals import refused
-from tests.sysid.systems import A, B, covered, joint_normal, second_order
+from tests.sysid.systems import A, B, covered, joint_normal, losing, second_order
 
 C = [1.0, -0.6, 0.2]
 MODEL = innovations_form(Polynomials(A, B, C, [1.0], [1.0]), 0.1, 1.0)
@@ -75,8 +75,7 @@ def test_initial_state_and_fits_look_at_what_is_known():
     still = StateSpace(MODEL.A, MODEL.B, MODEL.C, MODEL.D, None, 0.1)
     u = np.random.default_rng(1).standard_normal((80, 1))
     y = predict(still, IOData(u, np.ones(80), 0.1), steps=None, x0=x0)
-    y[::3] = np.nan
-    data = IOData(u, y, 0.1, missing=True)
+    data = losing(IOData(u, y, 0.1), slice(None, None, 3))
     np.testing.assert_allclose(initial_state(still, data), x0, atol=1e-9)
     np.testing.assert_allclose(compare(still, data)[0].simulation, 100.0, atol=1e-9)
     noisy = record(2, 400)
@@ -105,8 +104,7 @@ def test_spectra_with_gaps_hold_within_their_intervals():
         rng = np.random.default_rng(seed)
         u, e = rng.standard_normal((2, 2000))
         y = lfilter([0, 0.5], [1, -0.5], u) + lfilter([0.5], [1, -0.5], e)
-        y[rng.random(2000) < 0.2] = np.nan
-        estimate = spa(IOData(u, y, 0.1, missing=True), lag=60, frequencies=f)
+        estimate = spa(losing(IOData(u, y, 0.1), rng.random(2000) < 0.2), lag=60, frequencies=f)
         hits.append(covered(estimate.magnitude_ci95(), truth[:, None, None]))
         noise.append(estimate.noise_spectrum[:, 0, 0].real)
     assert 0.93 <= np.mean(hits) <= 0.97
