@@ -24,8 +24,7 @@ from sysid.records.errors import SysidError
 FORMAT, VERSION = "sysid-model", 1
 ENDING = ".json"
 KINDS = {"estimate": Estimate, "state_space": StateSpace, "polynomials": Polynomials}
-LARGEST = 1e150
-"""Largest entry of a covariance: its squares are finite."""
+LARGEST = 1e150  # largest entry of a covariance: its squares are finite
 HEAD = ("format", "version", "software")
 
 

@@ -11,8 +11,7 @@ from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
-HALF_POWER = float(np.sqrt(0.5))
-"""Gain 0.707: half the power of a response of gain one."""
+HALF_POWER = float(np.sqrt(0.5))  # gain 0.707: half the power of a response of gain one
 
 
 def gain_crossing(response: FrequencyResponse, level: float) -> float:
@@ -39,14 +38,9 @@ def half_power_hz(model: StateSpace) -> float:
     return gain_crossing(FrequencyResponse(f, model.frequency_response(f), model.dt, "model"), HALF_POWER)
 
 
-DEGREE = 4
-"""Degree in squared frequency of the polynomial fitted to 1 / |G|^2."""
-
-REACH = 2.0
-"""Highest frequency of the fit, in multiples of the crossing frequency."""
-
-NEIGHBOURS = 4
-"""Lines on either side over which the variance is averaged."""
+DEGREE = 4  # degree in squared frequency of the polynomial fitted to 1 / |G|^2
+REACH = 2.0  # highest frequency of the fit, in multiples of the crossing frequency
+NEIGHBOURS = 4  # lines on either side over which the variance is averaged
 
 
 def response_bandwidth(response: FrequencyResponse) -> Bandwidth:
@@ -110,23 +104,12 @@ def _smooth(variance: FloatArray) -> FloatArray:
     return np.asarray(np.convolve(variance, window)[inner] / np.convolve(np.ones(len(variance)), window)[inner])
 
 
-WIDEST = 100.0
-"""Ratio of the ends of a 95 % interval beyond which the bandwidth counts as undetermined."""
-
-INTEGRATES = 1e-6
-"""Distance from z = 1 below which a pole integrates: there is no gain at 0 Hz to compare with."""
-
-LINE = 1e-3
-"""A line excites if it has this part of the strongest line's power; weaker ones are noise and leakage."""
-
-FLOOR = 1e-2
-"""A broad floor of weak lines excites too if it has this part of the total power."""
-
-SCATTER = 0.03
-"""Lowest power of a line of a random floor, relative to the floor's median."""
-
-RESOLVED = 2
-"""Number of lines next to 0 Hz that the window does not resolve from it."""
+WIDEST = 100.0  # ratio of the ends of a 95 % interval beyond which the bandwidth counts as undetermined
+INTEGRATES = 1e-6  # distance from z = 1 below which a pole integrates: there is no gain at 0 Hz to compare with
+LINE = 1e-3  # a line excites if it has this part of the strongest line's power; weaker ones are noise and leakage
+FLOOR = 1e-2  # a broad floor of weak lines excites too if it has this part of the total power
+SCATTER = 0.03  # lowest power of a line of a random floor, relative to the floor's median
+RESOLVED = 2  # number of lines next to 0 Hz that the window does not resolve from it
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
     from sysid.models.continuous_model import ContinuousModel
 
-VAGUE = 3.5
-"""Standard deviation of a bandwidth's logarithm from which its interval is useless: a factor of a thousand."""
+VAGUE = 3.5  # standard deviation of a bandwidth's logarithm from which its interval is useless: a factor of a thousand
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -20,8 +20,7 @@ from sysid.records.printing import Part, matrix_table, poles_table
 if TYPE_CHECKING:
     import control
 
-LARGE = 24
-"""Order from which one Schur decomposition for all frequencies is faster than a linear solve at each."""
+LARGE = 24  # order from which one Schur decomposition for all frequencies is faster than a linear solve at each
 
 ON_A_POLE = "a frequency falls exactly on a pole on the unit circle: the response is infinite"
 

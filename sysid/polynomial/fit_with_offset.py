@@ -13,20 +13,11 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
 
-ROUNDS = 12
-"""Limit on the alternations between model and offset."""
-
-WORTH = 1e-4
-"""Least decrease of the power of the errors, relative to it, for a further round."""
-
-EXACT = 1e-24
-"""Power of the errors, relative to the output, that is rounding alone."""
-
-ENDLESS = 1e8
-"""Largest response of the predictor that is used; an unstable predictor determines no offset."""
-
-LARGEST_RATIO = 0.95
-"""Largest ratio of consecutive steps that is extrapolated as a geometric series."""
+ROUNDS = 12  # limit on the alternations between model and offset
+WORTH = 1e-4  # least decrease of the power of the errors, relative to it, for a further round
+EXACT = 1e-24  # power of the errors, relative to the output, that is rounding alone
+ENDLESS = 1e8  # largest response of the predictor that is used; an unstable predictor determines no offset
+LARGEST_RATIO = 0.95  # largest ratio of consecutive steps that is extrapolated as a geometric series
 
 
 BLOCK = 2**16

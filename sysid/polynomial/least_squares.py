@@ -121,8 +121,7 @@ def scaled_triangle(columns: FloatArray, guarded: int | None = None) -> tuple[Fl
     return np.asarray(np.linalg.qr(columns / lengths, mode="r")) if triangle is None else triangle, lengths
 
 
-INDEPENDENT = 1e-9
-"""Ratio of extreme diagonal entries of a triangle above which its columns count as independent."""
+INDEPENDENT = 1e-9  # ratio of extreme diagonal entries of a triangle above which its columns count as independent
 
 REFINED = 1e-5
 """Largest refinement of coefficients, relative to the largest, after which the next one would be rounding."""

@@ -3,8 +3,7 @@
 import warnings
 from collections.abc import Iterable
 
-MOST_CHARACTERS = 1000
-"""Longest message of an error, half a screen: names of channels in it have any length and number."""
+MOST_CHARACTERS = 1000  # longest message of an error, half a screen: names of channels in it have any length and number
 
 
 class SysidError(ValueError):

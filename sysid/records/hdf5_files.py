@@ -10,11 +10,8 @@ from typing import Any
 from sysid.records.arguments import shortened
 from sysid.records.errors import SysidError
 
-HEAP = b"GCOL\x01\x00\x00\x00"
-"""Signature of a global heap and its version."""
-
-HEAD, OBJECT = 16, 16
-"""Bytes before the objects of a global heap, and before the contents of each [HDF5, sec. III.E]."""
+HEAP = b"GCOL\x01\x00\x00\x00"  # signature of a global heap and its version
+HEAD, OBJECT = 16, 16  # bytes before the objects of a global heap, and before the contents of each [HDF5, sec. III.E]
 
 MOST_NUMBERS = 2**28
 """Numbers of a file, 2 GiB as float64: packed zeros of a small file can claim more than there is memory."""

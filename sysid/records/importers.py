@@ -20,8 +20,7 @@ from sysid.records.text_columns import text_columns
 from sysid.records.time_grid import Signal, experiments, period
 from sysid.records.time_stamps import Column, Place, interval_unit, is_time, stamps, time_column
 
-SAME_INTERVAL = 1e-3
-"""Two intervals closer than this part are one, written with few digits."""
+SAME_INTERVAL = 1e-3  # two intervals closer than this part are one, written with few digits
 
 
 @dataclass(frozen=True)

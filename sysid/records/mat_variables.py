@@ -20,14 +20,9 @@ MOST_NUMBERS = 2**27
 MOST_TEXT, MOST_CELLS = 2**16, 2**8
 """Bytes of a text or of a cell array, and cells: larger ones hold no names of channels."""
 
-LONGEST_REASON = 200
-"""Characters of an error of SciPy's, which quotes names as they stand in the file."""
-
-HEAD, TAG = 128, 8
-"""Bytes before the first variable, and before the contents of each part."""
-
-LONGEST_START = 4096
-"""Bytes that hold the class, dimensions and name of any variable."""
+LONGEST_REASON = 200  # characters of an error of SciPy's, which quotes names as they stand in the file
+HEAD, TAG = 128, 8  # bytes before the first variable, and before the contents of each part
+LONGEST_START = 4096  # bytes that hold the class, dimensions and name of any variable
 
 INT8, INT32, UINT32, MATRIX, COMPRESSED, UTF8 = 1, 5, 6, 14, 15, 16
 NUMBER_SIZES = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
@@ -38,8 +33,7 @@ CELLS, TEXT, NUMBERS = 1, 4, range(6, 16)
 COMPLEX = 1 << 11
 """Classes of arrays in a MATLAB file, and the flag of complex ones [MathWorks2019, ch. 1]."""
 
-MOST_DIMS = 32
-"""Dimensions of an array, at most; SciPy has room for as many."""
+MOST_DIMS = 32  # dimensions of an array, at most; SciPy has room for as many
 
 
 class _Start(NamedTuple):

@@ -15,8 +15,7 @@ from sysid.records.channels import listed
 from sysid.records.errors import SysidError
 from sysid.records.time_grid import Signal
 
-LONGEST_VECTOR = 64
-"""Elements of a field that is taken as a vector of channels."""
+LONGEST_VECTOR = 64  # elements of a field that is taken as a vector of channels
 
 STEP = re.compile(r"\.?([^.\[\]]+)|\[([^\[\]]+)\]")
 

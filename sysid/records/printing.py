@@ -10,20 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-LISTED = 21
-"""Rows of a printed table, as many as lags 0 to 20; longer ones are shown in part."""
-
-WIDEST = 10
-"""Columns of a printed matrix, likewise."""
-
-PATHS = 4
-"""Tables of a printed result over time or frequency, one for each path from input to output."""
-
-AT_ZERO = 1e-9
-"""Modulus of a pole in the z plane below which it is a delay."""
-
-WIDTH = 120
-"""Characters of a printed line."""
+LISTED = 21  # rows of a printed table, as many as lags 0 to 20; longer ones are shown in part
+WIDEST = 10  # columns of a printed matrix, likewise
+PATHS = 4  # tables of a printed result over time or frequency, one for each path from input to output
+AT_ZERO = 1e-9  # modulus of a pole in the z plane below which it is a delay
+WIDTH = 120  # characters of a printed line
 
 
 @dataclass(frozen=True)

@@ -13,20 +13,14 @@ from sysid.records.channels import listed
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
 
-GAP = 2.5
-"""Intervals between two samples of an output from which a record is cut; shorter losses are interpolated."""
-
-LOST = 1.5
-"""Intervals between two samples from which one between them was lost."""
-
-ON_GRID = 0.01
-"""Part of an interval by which steps or stamps may deviate and count as uniform."""
+GAP = 2.5  # intervals between two samples of an output from which a record is cut; shorter losses are interpolated
+LOST = 1.5  # intervals between two samples from which one between them was lost
+ON_GRID = 0.01  # part of an interval by which steps or stamps may deviate and count as uniform
 
 MOST_IRREGULAR = 0.05
 """Largest share of the steps of an output, gaps apart, outside 0.5 to 1.5 intervals that is resampled."""
 
-EXACT = 1e-9
-"""Spread of steps, relative to them, that rounding of the stamps explains."""
+EXACT = 1e-9  # spread of steps, relative to them, that rounding of the stamps explains
 
 MOST_SAMPLES, MOST_ADDED = 10**7, 10
 """Samples of any grid, at most, or multiples of the stamps: a single false stamp can claim all memory."""

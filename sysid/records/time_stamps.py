@@ -27,18 +27,14 @@ SECONDS = {
 EPOCH = (9.4e8, 4.2e9)
 """Seconds since 1970 of the years 1999 to 2103: unnamed units of larger stamps follow from their size."""
 
-ROUNDED = 1e-2
-"""Largest remainder of a multiple of the resolution: float64 rounds stamps of 1.7e9 s to 2.4e-7 s."""
-
-MOST_DIGITS = 4
-"""Most digits of the smallest step; a finer resolution is not the reason why steps differ."""
+ROUNDED = 1e-2  # largest remainder of a multiple of the resolution: float64 rounds stamps of 1.7e9 s to 2.4e-7 s
+MOST_DIGITS = 4  # most digits of the smallest step; a finer resolution is not the reason why steps differ
 
 STEADY = 0.5
 """Part of their median by which the steps of a column without a name of time may deviate and still be a clock's."""
 
 Column = NDArray[Any]
-Place = Callable[[int], str]
-"""Where a sample stands in its file, for messages: "line 7"."""
+Place = Callable[[int], str]  # where a sample stands in its file, for messages: "line 7"
 
 
 class Stamps(NamedTuple):

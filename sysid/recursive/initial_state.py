@@ -61,8 +61,7 @@ def stable(theta: FloatArray, denominators: Iterable[Denominator]) -> bool:
     return all(distance_bound([1.0, *theta[begin:end].tolist()]) > 0.0 for begin, end in denominators)
 
 
-CAUTIOUS = 1e2
-"""Initial variance if regressors depend on parameters: a larger one makes the first steps erratic."""
+CAUTIOUS = 1e2  # initial variance if regressors depend on parameters: a larger one makes the first steps erratic
 
 Start = ArrayLike | Estimate | RecursiveEstimate | RecursiveState | None
 
