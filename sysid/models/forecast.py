@@ -114,9 +114,7 @@ def _continued(m: StateSpace, past: IOData, u: FloatArray) -> FloatArray:
         state = state_trajectory(observer, np.vstack((drive, np.zeros((1, m.order)))), x0)[-1]
     else:
         after = replace(
-            past,
-            u=np.vstack((past.u, np.zeros((1, past.nu)))),
-            y=np.vstack((past.y, np.full((1, past.ny), np.nan))),
+            past, u=np.vstack((past.u, np.zeros((1, past.nu)))), y=np.vstack((past.y, np.full((1, past.ny), np.nan)))
         )
         run = kalman_filter(m, after, np.zeros(m.order), free=True)
         state = run[0][-1] @ np.append(1.0, fitted_state(m, after, run))

@@ -137,11 +137,7 @@ def transfer_function(model: StateSpace | Estimate) -> "control.TransferFunction
     numerators = [[_leading(c) * np.atleast_1d(np.poly(c.zeros()).real) for c in row] for row in channels]
     denominators = [[np.atleast_1d(np.poly(c.poles()).real) for c in row] for row in channels]
     return control.tf(
-        numerators,
-        denominators,
-        model.dt,
-        inputs=list(model.input_names or ()),
-        outputs=list(model.output_names or ()),
+        numerators, denominators, model.dt, inputs=list(model.input_names or ()), outputs=list(model.output_names or ())
     )
 
 

@@ -74,13 +74,7 @@ def ar(data: IOData | Sequence[IOData], na: int, *, approach: Approach = "fb") -
         theta=a,
         covariance=variance * fit.inverse_gram,
         variance=variance,
-        diagnostics={
-            "approach": approach,
-            "condition": fit.condition,
-            "rank": fit.rank,
-            "iterations": 0,
-            "converged": True,
-        },
+        diagnostics={"approach": approach, **fit.diagnostics},
         messages=messages,
     )
 

@@ -96,11 +96,10 @@ def regression_estimate(
     known = complete_rows(phi, target, unknown)
     if not known.all():
         phi, target = phi[known], target[known]
-    diagnostics: dict[str, Any] = {"iterations": 0}
     if kernel is not None and sizes:
         posterior = empirical_bayes(phi, target, sizes, kernel)
         theta, covariance, variance = posterior.mean, posterior.covariance, posterior.variance
-        diagnostics |= {"kernel": kernel, **posterior.diagnostics}
+        diagnostics = {"iterations": 0, "kernel": kernel, **posterior.diagnostics}
         if not diagnostics["converged"]:
             messages.append("the search of the hyper-parameters did not converge")
         if not orders.na:
@@ -112,7 +111,7 @@ def regression_estimate(
         covariance = variance * fit.inverse_gram
         if coloured:
             covariance = sandwich(experiments, orders, theta, covariance, variance)
-        diagnostics |= {"condition": fit.condition, "rank": fit.rank, "converged": True}
+        diagnostics = fit.diagnostics
     warn_each(messages, stacklevel=3)
     return make_estimate(
         method,

@@ -106,13 +106,7 @@ def instrumental_estimate(
         theta=theta,
         covariance=float(innovations @ innovations) / freedom * shape,
         variance=sum(float(v @ v) for v in errors) / (sum(len(v) for v in errors) - orders.count),
-        diagnostics={
-            "condition": fit.condition,
-            "rank": fit.rank,
-            "iterations": 0,
-            "converged": True,
-            "whitener": whitener,
-        },
+        diagnostics={**fit.diagnostics, "whitener": whitener},
         messages=messages,
     )
 

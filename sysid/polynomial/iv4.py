@@ -9,12 +9,7 @@ from sysid.models.estimate import Estimate
 from sysid.models.polynomials import stabilised
 from sysid.polynomial.arx import arx
 from sysid.polynomial.data_checks import check_excitation, check_means
-from sysid.polynomial.instrumental_variables import (
-    WHITE,
-    disturbance_whitener,
-    instrumental_estimate,
-    instrumented,
-)
+from sysid.polynomial.instrumental_variables import WHITE, disturbance_whitener, instrumental_estimate, instrumented
 from sysid.polynomial.long_arx import arx_solution
 from sysid.polynomial.orders import Orders, make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output

@@ -7,12 +7,7 @@ from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
 from sysid.polynomial.data_checks import check_excitation, check_means
-from sysid.polynomial.instrumental_variables import (
-    WHITE,
-    disturbance_whitener,
-    instrumental_estimate,
-    instrumented,
-)
+from sysid.polynomial.instrumental_variables import WHITE, disturbance_whitener, instrumental_estimate, instrumented
 from sysid.polynomial.orders import make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output
 from sysid.records.data import IOData, as_experiments

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
@@ -28,6 +29,11 @@ class LeastSquares:
     residual_gram: FloatArray
     rank: int
     condition: float
+
+    @property
+    def diagnostics(self) -> dict[str, Any]:
+        """Those of an estimate that needed no search."""
+        return {"condition": self.condition, "rank": self.rank, "iterations": 0, "converged": True}
 
     def rank_message(self, what: str = "regressors") -> list[str]:
         """Description of a rank deficiency, if there is one."""

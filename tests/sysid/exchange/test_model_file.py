@@ -238,11 +238,7 @@ def test_files_that_are_cut_or_no_text_are_refused(tmp_path):
     for length in range(0, len(content) - 2, 97):
         path.write_bytes(content[:length])
         refused(r"model\.json: no JSON in UTF-8, or cut short", read_model, path)
-    for garbage, message in (
-        (b"\xff\xfe\x00", "no JSON in UTF-8"),
-        (b"[1]", "no model file"),
-        (b"1", "no model"),
-    ):
+    for garbage, message in ((b"\xff\xfe\x00", "no JSON in UTF-8"), (b"[1]", "no model file"), (b"1", "no model")):
         path.write_bytes(garbage)
         refused(message, read_model, path)
     refused("cannot read", read_model, tmp_path / "none.json")

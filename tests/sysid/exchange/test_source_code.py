@@ -56,8 +56,7 @@ def about_a_point(estimate):
 
 @needs_compiler
 @pytest.mark.parametrize(
-    "model",
-    [plant(1.0), StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[1.5, -2.0]], None, DT)],
+    "model", [plant(1.0), StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[1.5, -2.0]], None, DT)]
 )
 def test_c_source_simulates(model, tmp_path):
     source, header = to_c(model, tmp_path / "servo.c")

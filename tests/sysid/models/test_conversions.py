@@ -7,21 +7,7 @@ from scipy.linalg import block_diag
 from scipy.signal import lfilter, lsim
 
 import sysid
-from sysid import (
-    IOData,
-    Polynomials,
-    StateSpace,
-    SysidWarning,
-    balred,
-    c2d,
-    d2c,
-    damp,
-    findstates,
-    predict,
-    simulate,
-    transfer_function,
-    zero_pole_gain,
-)
+from sysid import IOData, Polynomials, StateSpace, SysidWarning, balred, c2d, d2c, damp, predict, simulate
 from sysid.models import hankel_singular_values
 from sysid.models.continuous import c2d_matched, d2c_matched
 from sysid.models.zero_pole_gain import ZeroPoleGain
@@ -188,7 +174,7 @@ def test_matched_there_and_back(system):
 
 @given(models(channels=1))
 def test_zeros_poles_and_gain_there_and_back(model):
-    form = zero_pole_gain(model)
+    form = sysid.zero_pole_gain(model)
     g = model.frequency_response(GRID)[:, 0, 0]
     np.testing.assert_allclose(form.frequency_response(GRID), g, atol=1e-7 * np.abs(g).max())
     assert_same_response(form.to_state_space(), model, 1e-7)
@@ -198,7 +184,7 @@ def test_zeros_poles_and_gain_there_and_back(model):
 
 @given(models())
 def test_transfer_functions_agree_with_the_state_space(model):
-    system = transfer_function(model)
+    system = sysid.transfer_function(model)
     response = np.array([np.reshape(system(np.exp(2j * np.pi * DT * f)), (model.ny, model.nu)) for f in GRID])
     expected = model.frequency_response(GRID)
     np.testing.assert_allclose(response, expected, atol=1e-6 * np.abs(expected).max())
@@ -207,13 +193,13 @@ def test_transfer_functions_agree_with_the_state_space(model):
 def test_transfer_function_by_hand():
     """y1 = 2 / (z - 0.5) u1, nothing from u2."""
     model = StateSpace([[0.5]], [[1.0, 0.0]], [[2.0]], [[0.0, 0.0]], None, DT, input_names=("a", "b"))
-    system = transfer_function(model)
+    system = sysid.transfer_function(model)
     np.testing.assert_allclose(system.num[0][0], [2.0])
     np.testing.assert_allclose(system.den[0][0], [1.0, -0.5])
     assert not np.any(system.num[0][1])
     assert system.input_labels == ["a", "b"]
-    refused("input 1 does not reach output 0", lambda: zero_pole_gain(model, input=1))
-    refused("no channel from input 2", lambda: zero_pole_gain(model, input=2))
+    refused("input 1 does not reach output 0", lambda: sysid.zero_pole_gain(model, input=1))
+    refused("no channel from input 2", lambda: sysid.zero_pole_gain(model, input=2))
     refused("conjugates", ZeroPoleGain, [], [0.5 + 0.1j], 1.0, DT)
     refused("at most as many zeros", ZeroPoleGain, [0.1], [], 1.0, DT)
 
@@ -253,7 +239,9 @@ def test_initial_states_are_recovered(model, simulation):
     x0 = rng.standard_normal(model.order)
     u = rng.standard_normal((60, model.nu))
     data = IOData(u, simulate(model, u, x0=x0), DT)
-    predicted = predict(model, data, steps=None if simulation else 1, x0=findstates(model, data, simulation=simulation))
+    predicted = predict(
+        model, data, steps=None if simulation else 1, x0=sysid.findstates(model, data, simulation=simulation)
+    )
     np.testing.assert_allclose(predicted, data.y, atol=1e-6 * np.abs(data.y).max())
 
 
@@ -266,8 +254,8 @@ def test_the_noise_models_own_poles_have_no_part_in_the_path():
     assert estimate.model.order == 2
     assert estimate.poles() == pytest.approx([0.8], abs=0.01)
     assert len(estimate.zeros()) == 0
-    assert transfer_function(estimate).poles() == pytest.approx([0.8], abs=0.01)
-    assert len(zero_pole_gain(estimate).zeros) == 0
+    assert sysid.transfer_function(estimate).poles() == pytest.approx([0.8], abs=0.01)
+    assert len(sysid.zero_pole_gain(estimate).zeros) == 0
     assert d2c(estimate).poles() == pytest.approx([np.log(0.8) / DT], rel=0.05)
     assert sysid.models.poles_band(estimate).roots == pytest.approx([0.8], abs=0.01)
 

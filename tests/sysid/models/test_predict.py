@@ -4,19 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from sysid import (
-    IOData,
-    Polynomials,
-    StateSpace,
-    SysidWarning,
-    arx,
-    compare,
-    findstates,
-    forecast,
-    predict,
-    residuals,
-    simulate,
-)
+import sysid
+from sysid import IOData, Polynomials, StateSpace, SysidWarning, arx, findstates, predict, residuals, simulate
 from sysid.models import innovations_form
 from sysid.models.predict import initial_state
 from tests.refusals import refused
@@ -146,9 +135,9 @@ def test_an_estimate_applies_to_signals_about_its_operating_point():
     u0, y0 = estimate.operating_point
     np.testing.assert_allclose([u0, y0], [about.input_offset, about.output_offset])
     assert arx(raw, 2, 2).operating_point is None
-    for function in (predict, simulate, lambda m, d: forecast(m, d[:300], 100, d.u[300:]).y):
+    for function in (predict, simulate, lambda m, d: sysid.forecast(m, d[:300], 100, d.u[300:]).y):
         np.testing.assert_allclose(function(estimate, raw), function(estimate, about) + y0, atol=1e-10)
     np.testing.assert_allclose(residuals(estimate, raw), residuals(estimate, about), atol=1e-12)
     np.testing.assert_allclose(findstates(estimate, raw), findstates(estimate, about), atol=1e-10)
-    np.testing.assert_allclose(compare(estimate, raw)[0].simulation, compare(estimate, about)[0].simulation)
+    np.testing.assert_allclose(sysid.compare(estimate, raw)[0].simulation, sysid.compare(estimate, about)[0].simulation)
     np.testing.assert_allclose(predict(estimate.model, about), predict(estimate, about))

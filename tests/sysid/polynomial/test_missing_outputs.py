@@ -6,7 +6,7 @@ import pytest
 from scipy.signal import lfilter
 
 import sysid
-from sysid import InitialConditions, IOData, Polynomials, armax, bj, oe, pem_ss, simulate
+from sysid import InitialConditions, IOData, Polynomials, StateSpace, armax, bj, oe, pem_ss, simulate
 from sysid.models import innovations_form
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.prediction_error import linearise
@@ -116,11 +116,13 @@ def test_state_space_agrees_with_armax_and_its_covariance():
 @pytest.mark.slow
 def test_two_outputs_that_miss_different_samples():
     f, model = np.array([0.1, 0.5, 1.0, 2.0, 4.0]), CORRELATED_OUTPUTS
+    disturbance = StateSpace(model.A, model.gain, model.C, np.eye(2), None, model.dt)
     hits, variances = [], []
     for seed in range(5):
         rng = np.random.default_rng(seed)
+        e = rng.multivariate_normal([0.0, 0.0], model.innovation_covariance, 500)
         u = rng.standard_normal((500, 1))
-        data = losing(IOData(u, simulate(model, u, rng=rng), 0.1), rng.random((500, 2)) < 0.25)
+        data = losing(IOData(u, simulate(model, u) + simulate(disturbance, e), 0.1), rng.random((500, 2)) < 0.25)
         estimate = pem_ss(data, model)
         truth = np.abs(model.frequency_response(f))
         hits.append(covered(estimate.frequency_response(f).magnitude_ci95(), truth))

@@ -5,21 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sysid import (
-    IOData,
-    arx,
-    compare,
-    findstates,
-    n4sid,
-    oe,
-    pem_ss,
-    predict,
-    resid,
-    residuals,
-    selstruc,
-    simulate,
-    structure_scan,
-)
+import sysid
+from sysid import IOData, arx, compare, findstates, n4sid, oe, pem_ss, predict, resid, residuals, simulate
 from sysid.plots import output_comparison
 from sysid.records.channels import matching_channels
 from sysid.recursive import roe
@@ -123,11 +110,13 @@ def test_validation_data_are_matched_by_name():
     data, turned, others = map(single_output, (DATA, TURNED, OTHERS))
     # arguments by input differ: the sequence of the inputs is that of the data of the fit
     orders = (2, [(1, 3)], [(1, 2)])
-    tables = [selstruc(data[:300], *orders, validation=d[300:]) for d in (data, turned)]
+    tables = [sysid.selstruc(data[:300], *orders, validation=d[300:]) for d in (data, turned)]
     assert tables[1].validation == pytest.approx(tables[0].validation, rel=1e-12)
-    refused("of the validation data temperature, flow", selstruc, data[:300], *orders, validation=others)
+    refused("of the validation data temperature, flow", sysid.selstruc, data[:300], *orders, validation=others)
     names = ("na", "nb", "nk")
-    tables = [structure_scan(arx, data[:300], names, [(2, (1, 3), 1)], validation=d[300:]) for d in (data, turned)]
+    tables = [
+        sysid.structure_scan(arx, data[:300], names, [(2, (1, 3), 1)], validation=d[300:]) for d in (data, turned)
+    ]
     assert tables[1].validation == pytest.approx(tables[0].validation, rel=1e-9)
 
 

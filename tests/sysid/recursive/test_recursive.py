@@ -31,8 +31,7 @@ def test_recursive_least_squares_is_least_squares(problem, orders, request):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("problem", "batch", "recursive", "orders"),
-    [("p3", armax, rarmax, (2, 2, 2, 1)), ("p2", oe, roe, (2, 2, 1))],
+    ("problem", "batch", "recursive", "orders"), [("p3", armax, rarmax, (2, 2, 2, 1)), ("p2", oe, roe, (2, 2, 1))]
 )
 def test_tends_to_the_batch_estimate(problem, batch, recursive, orders, request):
     data = request.getfixturevalue(problem).draw(2)
