@@ -40,11 +40,6 @@ def losing(data, lost):
     return replace(data, y=y, missing=True)
 
 
-def near(estimate, true, deviations=4.0):
-    """Whether every parameter lies within so many of its standard deviations of the true one."""
-    return bool(np.all(np.abs(estimate.parameters - true) < deviations * np.sqrt(np.diag(estimate.covariance))))
-
-
 def second_order(seed=0, samples=400, noise=1.0, c=(1.0,), d=A, *, b=B, settle=0, lost=0.0, bursts=False):
     """Record of y = b/A u + noise c/d e, sampled every 0.1 s: `settle` samples go before, a part of y is `lost`."""
     rng = np.random.default_rng(seed)
@@ -97,9 +92,14 @@ def covered(interval, true):
     return (low <= true) & (true <= high)
 
 
-def parameters_covered(estimate, true):
-    """Which 95 % intervals of the parameters hold their true values (p,)."""
-    return np.abs(estimate.parameters - true) <= 1.96 * np.sqrt(np.diag(estimate.covariance))
+def parameters_covered(estimate, true, deviations=1.96):
+    """Which intervals of the parameters, those of 95 % by default, hold their true values (p,)."""
+    return np.abs(estimate.parameters - true) <= deviations * np.sqrt(np.diag(estimate.covariance))
+
+
+def near(estimate, true, deviations=4.0):
+    """Whether all parameters lie within so many of their standard deviations of the true ones."""
+    return parameters_covered(estimate, true, deviations).all()
 
 
 def joint_normal(model, data, x0):
