@@ -111,55 +111,41 @@ def bla(
     used = _lines(lines, power, int(period), audible)
 
     responses, by_noise, freedom = [], [], 0
-    for r in range(0, len(experiments), nu):
-        group = [(u[:, used], y[:, used]) for u, y in spectra[r : r + nu]]
+    for k in range(0, len(experiments), nu):
+        group = [(u[:, used], y[:, used]) for u, y in spectra[k : k + nu]]
         inputs = np.stack([u.mean(axis=0) for u, _ in group], axis=2)
         outputs = np.stack([y.mean(axis=0) for _, y in group], axis=2)
         values = np.linalg.svd(inputs, compute_uv=False)
         if (values[:, -1] <= 1e-6 * values[:, 0]).any():
             worst = int(used[np.argmin(values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny))])
             raise SysidError(
-                f"realisation {r // nu}: the {nu} inputs are linearly dependent over its records at line {worst}; "
+                f"realisation {k // nu}: the {nu} inputs are linearly dependent over its records at line {worst}; "
                 "expected independent ones, e.g. with orthogonal phases"
             )
         inverse = np.linalg.inv(inputs)
         g = outputs @ inverse
         variance = np.zeros((len(used), ny, nu))
-        for k, (u, y) in enumerate(group):
+        for j, (u, y) in enumerate(group):
             errors = y - np.einsum("fij,pfj->pfi", g, u)
             errors = errors - errors.mean(axis=0)
             p = len(errors)
             of_mean = np.sum(np.abs(errors) ** 2, axis=0) / (p * (p - 1))
-            variance += of_mean[:, :, None] * np.abs(inverse[:, [k], :]) ** 2
+            variance += of_mean[:, :, None] * np.abs(inverse[:, [j], :]) ** 2
             freedom += 2 * (p - 1)
         responses.append(g)
         by_noise.append(variance)
-    return _combined(experiments, np.array(responses), np.array(by_noise), used, int(period), counts, freedom)
-
-
-def _combined(
-    experiments: Sequence[IOData],
-    responses: ComplexArray,
-    by_noise: FloatArray,
-    lines: NDArray[np.int_],
-    period: int,
-    counts: Sequence[int],
-    freedom: int,
-) -> BestLinearApproximation:
-    first = experiments[0]
     r = len(responses)
-    mean = responses.mean(axis=0)
-    noise = by_noise.sum(axis=0) / r**2
-    unknown = np.full(noise.shape, np.nan)
-    total = np.sum(np.abs(responses - mean) ** 2, axis=0) / (r * (r - 1)) if r > 1 else unknown
-    p_value = unknown
+    mean = np.mean(responses, axis=0)
+    noise = np.sum(by_noise, axis=0) / r**2
+    total = p_value = np.full(noise.shape, np.nan)
     if r > 1:
+        total = np.sum(np.abs(np.array(responses) - mean) ** 2, axis=0) / (r * (r - 1))
         ratio = np.divide(total, noise, out=np.where(total > 0.0, np.inf, 1.0), where=noise > 0.0)
         p_value = scipy.stats.f.sf(ratio, 2 * (r - 1), freedom)
     certain = total if r > 1 else noise
     return BestLinearApproximation(
         response=FrequencyResponse(
-            frequencies=lines / (period * first.dt),
+            frequencies=used / (period * first.dt),
             response=mean,
             dt=first.dt,
             method="bla",
@@ -172,7 +158,7 @@ def _combined(
         total_variance=total,
         distortion_variance=r * np.maximum(total - noise, 0.0),
         distortion_p=p_value,
-        lines=lines,
+        lines=used,
         realisations=r,
         periods=tuple(counts),
     )

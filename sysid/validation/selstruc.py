@@ -72,21 +72,20 @@ def selstruc(
     lengths[lengths == 0.0] = 1.0
     columns /= lengths
     whole = triangular_factor(columns)
-    held_out: list[FloatArray] = []
+    pairs: list[tuple[FloatArray, FloatArray]] = []
+    held_rows = rows
     if validation is not None:
         others = as_experiments(validation)
         if (others[0].nu, others[0].ny) != (nu, 1):
             raise SysidError(f"validation data need {nu} input(s) and 1 output, got {others[0].nu} and {others[0].ny}")
         others = tuple(in_sequence_of(experiments[0], e, owner="the data", other="the validation data") for e in others)
         check_enough_data(others, every, transients=0)
-        held_out = [np.vstack([_columns(e, every) for e in others]) / lengths]
-        fitted = [whole]
+        pairs = [(whole, np.vstack([_columns(e, every) for e in others]) / lengths)]
+        held_rows = len(pairs[0][1])
     elif folds:
-        held_out = np.array_split(columns, folds)
-        factors = [triangular_factor(part) for part in held_out]
-        fitted = [triangular_factor(np.vstack(factors[:k] + factors[k + 1 :])) for k in range(folds)]
-        held_out = factors
-    held_rows = sum(len(part) for part in held_out) if validation is not None else rows
+        factors = [triangular_factor(part) for part in np.array_split(columns, folds)]
+        rest = (triangular_factor(np.vstack(factors[:k] + factors[k + 1 :])) for k in range(folds))
+        pairs = list(zip(rest, factors, strict=True))
 
     loss, checked = [], []
     for candidate in candidates:
@@ -94,11 +93,11 @@ def selstruc(
         columns_used = np.append(index, whole.shape[1] - 1)
         factor = np.asarray(np.linalg.qr(whole[:, columns_used], mode="r"))
         loss.append(float(factor[-1, -1] * lengths[-1]) ** 2 / rows)
-        squares = 0.0
-        for fit, other in zip(fitted if held_out else [], held_out, strict=True):
+        squares = 0.0 if pairs else np.nan
+        for fit, other in pairs:
             theta, *_ = np.linalg.lstsq(fit[:, index], fit[:, -1], rcond=None)
             squares += float(np.sum((other[:, -1] - other[:, index] @ theta) ** 2))
-        checked.append(squares * lengths[-1] ** 2 / held_rows if held_out else np.nan)
+        checked.append(squares * lengths[-1] ** 2 / held_rows)
     return make_table(
         ("na", "nb", "nk"),
         [tuple(c.select("na", "nb", "nk").values()) for c in candidates],

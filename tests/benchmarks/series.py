@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 import sysid
 from sysid import IOData, Polynomials
 from sysid.models import innovations_form
-from tests.benchmarks.stress import random_roots
+from tests.benchmarks.stress import random_polynomial
 from tests.benchmarks.tables import heading, options, row
 from tests.sysid.systems import covered, parameters_covered
 
@@ -77,8 +77,7 @@ def responses(systems):
     figures = {name: [[], [], []] for name in [*RESPONSES, "cra"]}
     for seed in range(systems):
         rng = np.random.default_rng(seed)
-        roots = random_roots(rng, 10, 0.95)
-        a = np.atleast_1d(np.poly([z for r in roots for z in ((r, np.conj(r)) if np.iscomplex(r) else (r,))]).real)
+        a = random_polynomial(rng, 10, 0.95)
         b = np.concatenate(([0.0], rng.standard_normal(len(a) - 1)))
         g = lfilter(b, a, np.eye(1, LAGS)[0])
         for case, (n, snr) in enumerate(((500, 10), (250, 0))):

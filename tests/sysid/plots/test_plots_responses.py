@@ -97,10 +97,6 @@ def test_bode_takes_records_as_they_come():
     first, second = twice.axes[0].get_lines()
     assert to_hex(first.get_color()) != to_hex(second.get_color())
     np.testing.assert_allclose(first.get_xdata(), F)
-    # The phase of data stays beside that of a model.
-    model, measured = bode([MODEL, sysid.spa(DATA)]).axes[1].get_lines()
-    beside = np.interp(measured.get_xdata(), model.get_xdata(), model.get_ydata())
-    assert np.nanmax(np.abs(measured.get_ydata() - beside)) <= 180.0
 
 
 def test_pole_zero_map_of_estimates_and_models_counts_what_lies_outside():

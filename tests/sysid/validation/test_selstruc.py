@@ -41,12 +41,7 @@ def test_the_table_is_what_single_fits_give():
         assert loss == pytest.approx(np.mean(errors[start:] ** 2), rel=1e-9)
         errors = lfilter(fit.polynomials.A, 1, fresh.y[:, 0]) - lfilter(fit.polynomials.B, 1, fresh.u[:, 0])
         assert validation == pytest.approx(np.mean(errors[start:] ** 2), rel=1e-9)
-    n, p, v = table.samples, table.parameters, table.loss
-    assert n == 796
-    np.testing.assert_allclose(table.aic, np.log(v) + 2 * p / n)
-    np.testing.assert_allclose(table.bic, np.log(v) + p * np.log(n) / n)
-    np.testing.assert_allclose(table.mdl, v * (1 + p * np.log(n) / n))
-    np.testing.assert_allclose(table.fpe, v * (n + p) / (n - p))
+    assert table.samples == 796
     assert (np.diff(table.validation) >= 0).all()
 
 
