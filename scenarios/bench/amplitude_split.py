@@ -109,7 +109,7 @@ def _split(
     scatter, expected = scatter_of(identified, power), scatter_of(nonparametric, power)
     why = theory.why or f"at most {error.limit:.3g} %: {allowed:g} % allowed, and the chance of its own scatter"
     limits, judged = (-np.inf, error.limit), Expectation(theory.passes, why)
-    part = Part.judged(f"{label}, systematic", error.percent, 0.0, error.interval, limits, judged, count)
+    part = Part.judged(f"{label}, systematic", error.size, 0.0, error.interval, limits, judged, count)
     if part.passed and error.limit > BLIND * allowed:
         why = (
             f"no verdict: its scatter is too large: at most {error.limit:.3g} % would pass, "
@@ -123,7 +123,7 @@ def _split(
     }
     others = [unjudged(f"{label}, {name}", "not judged", records, *values) for name, values in shares.items()]
     return [part, *others], {
-        "systematic": error.percent,
+        "systematic": error.size,
         "systematic_interval": list(error.interval),
         "systematic_limit": error.limit,
         **asdict(scatter),

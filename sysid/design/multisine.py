@@ -46,12 +46,8 @@ def low_crest_turns(samples: int, lines: np.ndarray, amplitude: FloatArray) -> F
     """Phases (L,), in turns, at which the samples have a low peak.
 
     From Schroeder's phases on, the norms of rising exponent are minimised over the phases: their limit is the peak
-    [Guillaume1991]. The minimum is a local one.
-
-    Args:
-        samples: Length of the period.
-        lines: Multiples of its frequency, rising, from 1 to below half the samples (L,).
-        amplitude: Of the lines (L,).
+    [Guillaume1991]. The minimum is a local one. Lines are multiples of the frequency of the period, rising, from 1 to
+    below half the samples (L,), with amplitudes (L,).
     """
 
     def norm(turns: FloatArray, power: int) -> tuple[float, FloatArray]:

@@ -25,16 +25,10 @@ def response_of_spectra(
     """G = Phi_yu Phi_u^-1, disturbance Phi_v = Phi_y - Phi_yu Phi_u^-1 Phi_uy, coherence, covariance.
 
     The variance of G is Phi_v / (K Phi_u) with K the number of independent averages that the smoothing amounts to
-    [Ljung1999, sec. 6.4]; the variance corrects Phi_v for the nu averages that the fit of G removes from it.
-
-    Args:
-        method: Name of the estimator.
-        experiments: The experiments.
-        f: Hz (nf,).
-        phi: Spectra of inputs and outputs together (nf, nu + ny, nu + ny).
-        averages: K, for all frequencies or for each (nf,); intervals use Student's distribution with the smallest
-            2 (K - nu) degrees of freedom.
-        weights: K per frequency (nf,) for the variance, if the lines of the input differ in power.
+    [Ljung1999, sec. 6.4]; the variance corrects Phi_v for the nu averages that the fit of G removes from it. `phi` are
+    the spectra of inputs and outputs together (nf, nu + ny, nu + ny) at the frequencies f, Hz. `averages` is K, for all
+    frequencies or for each (nf,); intervals use Student's distribution with the smallest 2 (K - nu) degrees of freedom.
+    `weights` is K per frequency for the variance, if the lines of the input differ in power.
 
     Raises:
         SysidError: Not more averages than inputs: the fit would be exact for any data.

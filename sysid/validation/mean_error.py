@@ -10,7 +10,7 @@ from sysid.records.arrays import FloatArray
 
 @dataclass(frozen=True)
 class MeanError:
-    """Size of a mean error in standard deviations of one record's error.
+    """Size of a mean error, here in standard deviations of one record's error.
 
     Attributes:
         size: Estimate free of the part that scatter alone has, 0 where that part is larger.

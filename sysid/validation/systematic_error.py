@@ -7,6 +7,7 @@ import numpy as np
 import scipy
 
 from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.validation.mean_error import MeanError
 
 FEWEST_REALISATIONS = 4  # fewer leave the scatter unknown
 
@@ -26,21 +27,6 @@ class Scatter:
     noise_interval: tuple[float, float]
     distortion: float
     distortion_interval: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class SystematicError:
-    """The error that is the same in all waveforms, in percent of the linear part.
-
-    Attributes:
-        percent: Root mean square over the lines, free of the part that scatter has in a mean; 0 where that is larger.
-        interval: Its 95 % interval.
-        limit: Value that `percent` exceeds with at most the given probability where the true error is as allowed.
-    """
-
-    percent: float
-    interval: tuple[float, float]
-    limit: float
 
 
 def scatter_of(groups: Sequence[ComplexArray], power: float) -> Scatter:
@@ -64,8 +50,8 @@ def scatter_of(groups: Sequence[ComplexArray], power: float) -> Scatter:
     return Scatter(noise, ends, _percent(total - less, power), distortion)
 
 
-def systematic_of(errors: ComplexArray, power: float, *, allowed: float, false_alarm: float) -> SystematicError:
-    """The mean of errors, judged by their own scatter.
+def systematic_of(errors: ComplexArray, power: float, *, allowed: float, false_alarm: float) -> MeanError:
+    """The error that all waveforms share, judged by their scatter: rms over the lines in percent of the linear part.
 
     W |mean|^2 / s^2, both summed over the lines, is a ratio of two sums of squares in which the noise level cancels. Of
     Gaussian errors that spread alike in q directions it has an F distribution with q and q (W - 1) degrees of freedom;
@@ -80,7 +66,7 @@ def systematic_of(errors: ComplexArray, power: float, *, allowed: float, false_a
             `FEWEST_REALISATIONS`.
         power: Of the linear part, summed over the lines.
         allowed: Error that is no fault, percent of the linear part.
-        false_alarm: Probability of a larger `percent` than `limit`.
+        false_alarm: Probability of a larger `size` than `limit`.
     """
     count = len(errors)
     mean, variance = errors.mean(axis=0), _variance(errors)
@@ -89,7 +75,7 @@ def systematic_of(errors: ComplexArray, power: float, *, allowed: float, false_a
     directions = _directions(errors - mean)
     critical = float(scipy.stats.f.isf(false_alarm, directions, directions * (count - 1)))
     most = (allowed / 100.0 * np.sqrt(power) + np.sqrt(critical * variance / count)) ** 2
-    return SystematicError(
+    return MeanError(
         _percent(squared, power),
         _jackknife_interval(squared, without, power),
         _percent(most - variance / count, power),

@@ -24,6 +24,21 @@ def timed(function, *arguments, clock=process_time, **options):
     return result, clock() - begin
 
 
+def bare_seconds(arm, log):
+    """Processor time of MuJoCo's own steps of one experiment with the controls it had: the limit of a simulation."""
+    import mujoco
+
+    data, controls = arm.rest(arm.pose(log.provenance["pose"])), arm.controls(log.commanded)
+    substeps = round(log.dt / arm.model.opt.timestep)
+
+    def steps():
+        for values in controls:
+            data.ctrl[:] = values
+            mujoco.mj_step(arm.model, data, nstep=substeps)
+
+    return timed(steps)[1]
+
+
 def environment():
     """Environment of a process that imports this checkout and computes on one thread."""
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")

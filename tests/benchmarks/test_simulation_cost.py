@@ -8,8 +8,7 @@ import pytest
 
 from hmtb_twin import load_arm, simulate
 from scenarios import load, names
-from tests.benchmarks.bare_steps import bare_seconds
-from tests.benchmarks.tables import timed
+from tests.benchmarks.tables import bare_seconds, timed
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,7 @@ from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions, 
 from hmtb_twin.parameters.values import OPERATING_POSE
 from hmtb_twin.parameters.variants import variant_named
 from scenarios import load
-from tests.benchmarks.bare_steps import bare_seconds
-from tests.benchmarks.tables import timed
+from tests.benchmarks.tables import bare_seconds, timed
 
 POPULATION = TwinDistributions(
     mass=Distribution("normal", 0.05),

@@ -75,15 +75,15 @@ def test_without_repeats_the_noise_is_unknown():
 def test_a_systematic_error_is_free_of_what_scatter_adds():
     errors = 0.04 + 0.05 * normal(np.random.default_rng(2), 200, LINES)
     strict, lenient = (systematic_of(errors, LINES, allowed=allowed, false_alarm=1e-4) for allowed in (2.0, 5.0))
-    assert strict.percent == pytest.approx(4.0, rel=0.05)
+    assert strict.size == pytest.approx(4.0, rel=0.05)
     assert strict.interval[0] < 4.0 < strict.interval[1]
-    assert strict.limit < strict.percent < lenient.limit
+    assert strict.limit < strict.size < lenient.limit
 
 
 def test_the_limit_follows_the_noise_and_no_verdict_depends_on_its_level():
     errors = normal(np.random.default_rng(3), 8, LINES)
     one, ten = (systematic_of(scale * errors, LINES, allowed=0.0, false_alarm=1e-3) for scale in (1.0, 10.0))
-    assert (ten.limit, ten.percent) == pytest.approx((10.0 * one.limit, 10.0 * one.percent))
+    assert (ten.limit, ten.size) == pytest.approx((10.0 * one.limit, 10.0 * one.size))
 
 
 @pytest.mark.parametrize("directions", [1, 3, LINES])
@@ -99,7 +99,7 @@ def test_false_alarms_are_no_more_than_stated(directions):
             shift *= allowed / 100.0 * np.sqrt(LINES) / np.linalg.norm(shift)
             errors = (shift + 0.1 * rng.standard_normal((6, directions)) @ mixing).astype(complex)
             error = systematic_of(errors, LINES, allowed=allowed, false_alarm=stated)
-            count += error.percent > error.limit
+            count += error.size > error.limit
         return count
 
     # three standard deviations above what is stated
@@ -110,7 +110,7 @@ def test_false_alarms_are_no_more_than_stated(directions):
 
 def test_the_same_error_in_all_waveforms_has_no_scatter_to_hide_in():
     error = systematic_of(np.full((6, LINES), 0.06 + 0j), LINES, allowed=5.0, false_alarm=1e-6)
-    assert (error.percent, error.limit, *error.interval) == pytest.approx((6.0, 5.0, 6.0, 6.0))
+    assert (error.size, error.limit, *error.interval) == pytest.approx((6.0, 5.0, 6.0, 6.0))
 
 
 COVARIANCE = np.array([[[[[4.0, 1.0], [1.0, 2.0]]]], [[[[9.0, 0.0], [0.0, 0.0]]]]])
