@@ -92,8 +92,7 @@ def bode(
     for axes in grid.ravel() if mark_hz is not None else ():
         axes.axvline(mark_hz, color=BOUND.colour, ls=":", lw=1.0)
     frequency_axes(grid, limits_hz)
-    finish(figure, grid[0, 0])
-    return figure
+    return finish(figure, grid, "frequency / Hz")
 
 
 def _channels(curves: Sequence[Curve]) -> tuple[tuple[str, ...], tuple[str, ...]]:

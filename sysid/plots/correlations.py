@@ -71,9 +71,7 @@ def correlations(
             top = 1.25 * max(float(np.abs(shown).max(initial=0.0)), float(limit.max()), 1e-6)
             axes.set_ylim(-top, top)
             axes.set_ylabel(label, fontsize=10 if width == 1 and height < 4 else 8)
-        grid[-1, b].set_xlabel("lag / samples")
-    finish(figure, grid[0, 0])
-    return figure
+    return finish(figure, grid, "lag / samples")
 
 
 def _stems(axes: Axes, lags: FloatArray | NDArray[np.int_], values: FloatArray, style: Style) -> None:
@@ -94,10 +92,7 @@ def _of_record(covariance: CovarianceFunction, style: Style, size: tuple[float, 
         axes.set_title(title, loc="left", fontsize=9)
     for axes in grid[:, 0]:
         axes.set_ylabel("correlation", fontsize=9)
-    for axes in grid[-1]:
-        axes.set_xlabel("lag / samples", fontsize=9)
-    finish(figure, grid[0, 0])
-    return figure
+    return finish(figure, grid, "lag / samples")
 
 
 def _of_test(test: ResidualTest, output: int | str | None, input: int | str | None) -> list[list[Panel]]:

@@ -51,7 +51,8 @@ def singular_values(
         SysidError: Nothing to draw, another type, a model that is not stable.
     """
     styles = StyleChooser()
-    figure, ((axes,),) = panels(1, 1, size)
+    figure, grid = panels(1, 1, size)
+    axes = grid[0, 0]
     longest = 1
     for name, item in named_items(models, (Realisation, Estimate, StateSpace)):
         kind, values, order = _values(item)
@@ -67,10 +68,8 @@ def singular_values(
     axes.set_yscale("log")
     axes.set_xlim(0.5, longest + 0.5)
     axes.xaxis.get_major_locator().set_params(integer=True)
-    axes.set_xlabel("number (filled: in the model)")
     axes.set_ylabel("singular value")
-    finish(figure, axes)
-    return figure
+    return finish(figure, grid, "number (filled: in the model)")
 
 
 def _values(item: Spectrum) -> tuple[str, FloatArray, int]:
@@ -106,7 +105,8 @@ def structures(table: StructureTable, *, size: tuple[float, float] = (7.0, 4.2))
         raise SysidError(
             f"cannot draw a {type(table).__name__}; expected a StructureTable of selstruc or structure_scan"
         )
-    figure, ((axes,),) = panels(1, 1, size)
+    figure, grid = panels(1, 1, size)
+    axes = grid[0, 0]
     ny, root = table.outputs, "" if table.outputs == 1 else f"/{table.outputs}"
     curves: list[tuple[str, FloatArray, Style, bool]] = [
         ("loss", table.loss, PALETTE["measured"], False),
@@ -130,7 +130,6 @@ def structures(table: StructureTable, *, size: tuple[float, float] = (7.0, 4.2))
         axes.plot(numbers[there], least[there], color=style.colour, ls=style.line, lw=style.width, label=text)
     axes.set_yscale("log")
     axes.xaxis.get_major_locator().set_params(integer=True)
-    axes.set_xlabel("number of parameters (ring: the least)")
     axes.set_ylabel("mean square error")
     bottom, top = axes.get_ylim()
     # Labels of all nine digits of a decade would overlap.
@@ -142,5 +141,4 @@ def structures(table: StructureTable, *, size: tuple[float, float] = (7.0, 4.2))
     for which in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
         which(lambda value, _: f"{value:g}")
     axes.tick_params(which="minor", labelsize=7, colors=BOUND.colour)
-    finish(figure, axes)
-    return figure
+    return finish(figure, grid, "number of parameters (ring: the least)")

@@ -78,9 +78,15 @@ def shade(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, style: S
     axes.fill_between(x, low, high, color=style.colour, alpha=0.18, lw=0)
 
 
-def finish(figure: Figure, axes: Axes) -> None:
-    """A legend above the figure, where it never covers data, and labels on lines no longer than their panel."""
-    handles, labels = axes.get_legend_handles_labels()
+def finish(figure: Figure, grid: Panels, horizontal: str) -> Figure:
+    """The figure with its horizontal label, and other labels on lines no longer than their panel.
+
+    The legend of the first panel is above the figure, where it never covers data.
+    """
+    for axes in grid[-1]:
+        axes.set_xlabel(horizontal)
+    figure.align_ylabels(list(grid[:, 0]))
+    handles, labels = grid[0, 0].get_legend_handles_labels()
     if handles:
         # An entry has a handle of about half an inch.
         entry = 0.55 + 9 * LETTER * max(len(label) for label in labels)
@@ -89,12 +95,13 @@ def finish(figure: Figure, axes: Axes) -> None:
     for panel in figure.axes:
         place = panel.get_subplotspec()
         if place is not None:
-            grid = place.get_gridspec()
-            ratios = np.asarray(grid.get_height_ratios(), dtype=float)
+            spec = place.get_gridspec()
+            ratios = np.asarray(spec.get_height_ratios(), dtype=float)
             height = ratios[place.rowspan.start] / ratios.sum() * figure.get_figheight()
             panel.set_ylabel(_wrapped(panel.get_ylabel(), panel.yaxis.label.get_fontsize(), 0.8 * height))
-            width = 0.9 / grid.ncols * figure.get_figwidth()
+            width = 0.9 / spec.ncols * figure.get_figwidth()
             panel.set_title(_wrapped(panel.get_title(loc="left"), TITLE, width), loc="left", fontsize=TITLE)
+    return figure
 
 
 def _wrapped(text: str, size: float | str, length: float) -> str:
@@ -129,8 +136,6 @@ def frequency_axes(grid: Panels, limits_hz: tuple[float, float] | None) -> None:
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         if limits_hz is not None:
             axes.set_xlim(*limits_hz)
-    for axes in grid[-1]:
-        axes.set_xlabel("frequency / Hz")
 
 
 def grid_of_frequencies(frequencies: ArrayLike | None, dt: float) -> FloatArray:

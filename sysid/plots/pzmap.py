@@ -32,7 +32,8 @@ def pzmap(
     Raises:
         SysidError: Nothing to draw, or something without poles.
     """
-    figure, ((axes,),) = panels(1, 1, size)
+    figure, grid = panels(1, 1, size)
+    axes = grid[0, 0]
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
     axes.plot(np.cos(angle), np.sin(angle), color=BOUND.colour, lw=0.9)
     axes.axhline(0.0, color=GRID, lw=0.8, zorder=0)
@@ -48,7 +49,5 @@ def pzmap(
         for outline in system.regions:
             axes.plot(outline.real, outline.imag, color=system.style.colour, lw=0.8, zorder=1)
     axes.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), aspect="equal")
-    axes.set_xlabel("real part of z (× pole, ○ zero)")
     axes.set_ylabel("imaginary part of z")
-    finish(figure, axes)
-    return figure
+    return finish(figure, grid, "real part of z (× pole, ○ zero)")

@@ -81,7 +81,4 @@ def recursion(
             if name in truth:
                 axes.axhline(truth[name], color=style.colour, ls=":", lw=1.1)
         axes.set_ylabel(f"{letter} coefficients")
-    grid[-1, 0].set_xlabel("time / s")
-    figure.align_ylabels(list(grid[:, 0]))
-    finish(figure, grid[0, 0])
-    return figure
+    return finish(figure, grid, "time / s")

@@ -78,10 +78,7 @@ def output_comparison(
         upper.set_ylabel(_label("output" if names == ("y1",) else names[i], shown, [point], i))
         lower.set_ylabel(label("error", shown))
         shade_window(upper, data, piece.start)
-    figure.align_ylabels(list(grid[:, 0]))
-    grid[-1, 0].set_xlabel("time / s")
-    finish(figure, grid[0, 0])
-    return figure
+    return finish(figure, grid, "time / s")
 
 
 def _label(name: str, unit: str, points: Sequence[FloatArray | None], channel: int) -> str:
@@ -160,10 +157,7 @@ def record(
     for c, (text, unit) in enumerate(zip(labels, units, strict=True)):
         points = [e.output_offset if c < first.ny else e.input_offset for e in experiments]
         grid[c, 0].set_ylabel(_label(text, unit, points, c if c < first.ny else c - first.ny))
-    figure.align_ylabels(list(grid[:, 0]))
-    grid[-1, 0].set_xlabel("time / s")
-    finish(figure, grid[0, 0])
-    return figure
+    return finish(figure, grid, "time / s")
 
 
 def _trace(axes: Axes, time: FloatArray, values: FloatArray, style: Style, name: str | None, *, held: bool) -> None:

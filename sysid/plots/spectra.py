@@ -72,8 +72,7 @@ def spectra(
     for axes in grid.ravel():
         axes.set_yscale("log")
     frequency_axes(grid, limits_hz)
-    finish(figure, grid[0, 0])
-    return figure
+    return finish(figure, grid, "frequency / Hz")
 
 
 def _of_records(
@@ -120,7 +119,6 @@ def _of_records(
     for j, axes in enumerate(grid[len(rows) :, 0]):
         density(axes, first, "input_spectrum", j, PALETTE["measured"], None)
         axes.set_ylabel(_density("input" if nu == 1 else channel_names(first.input_names, nu, "u")[j], ""))
-    figure.align_ylabels(list(grid[:, 0]))
     return figure, grid
 
 

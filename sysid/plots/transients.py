@@ -197,7 +197,4 @@ def _draw(
                 axes.set_ylabel(
                     label(what, f"({above}/{below.pop()})" if above and len(below) == 1 and all(below) else "")
                 )
-    for axes in grid[-1]:
-        axes.set_xlabel("time / s")
-    finish(figure, grid[0, 0])
-    return figure
+    return finish(figure, grid, "time / s")

@@ -1,7 +1,7 @@
 """Residual tests: are the prediction errors white, and independent of the input?"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -15,7 +15,6 @@ from sysid.polynomial.correlation import autoregression, covariance_function
 from sysid.polynomial.regressors import lagged
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
-from sysid.records.channels import default_names
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
 from sysid.records.trends import ROUNDING
@@ -134,14 +133,13 @@ class ResidualTest(Locked):
     outside_independence: NDArray[np.int_]
     first_lags: NDArray[np.int_]
     feedback_p: FloatArray
-    output_names: tuple[str, ...] = field(default=(), kw_only=True)
-    input_names: tuple[str, ...] = field(default=(), kw_only=True)
+    output_names: tuple[str, ...]
+    input_names: tuple[str, ...]
 
     def __str__(self) -> str:
         """A line per output for whiteness, a line per pair for independence of past inputs."""
         ny, nu = self.independence_p.shape
-        outputs = self.output_names or default_names("y", ny)
-        inputs = self.input_names or default_names("u", nu)
+        outputs, inputs = self.output_names, self.input_names
         last = int(self.lags[-1])
         lines = [f"Residual tests at {100 * self.level:g} %: {'passed' if self.passed else 'not passed'}"]
         lines += [

@@ -2,7 +2,7 @@
 
 import inspect
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -280,7 +280,12 @@ def choose_orders(
         candidate = tuple(orders.values())
         if candidate not in fits:
             run = partial(estimator, start=start) if chained and start is not None else estimator
-            fits[candidate] = _stable_fit(run, record, orders)
+            try:
+                first = run(record, **orders)
+                stable = first.model.input_path().is_stable()
+                fits[candidate] = first if stable else SysidError(f"orders {candidate} give an unstable model")
+            except SysidError as error:
+                fits[candidate] = error
         estimate = fits[candidate]
         if isinstance(estimate, SysidError):
             raise estimate
@@ -320,15 +325,6 @@ def _checked_signature(estimator: Callable[..., Estimate], names: Sequence[str])
             f"the orders are named {', '.join(names)}, the parameters of the estimator {available}: {error}"
         ) from error
     return signature
-
-
-def _stable_fit(estimator: Callable[..., Estimate], data: IOData, orders: Mapping[str, int]) -> Estimate | SysidError:
-    try:
-        estimate = estimator(data, **orders)
-    except SysidError as error:
-        return error
-    stable = estimate.model.input_path().is_stable()
-    return estimate if stable else SysidError(f"orders {tuple(orders.values())} give an unstable model")
 
 
 def parameter_count(estimate: Estimate) -> int:
