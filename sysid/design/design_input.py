@@ -17,17 +17,10 @@ from sysid.records.arguments import real_number, truth_value, whole_number
 from sysid.records.arrays import FloatArray, Locked, real_array
 from sysid.records.errors import SysidError
 
-STARTS = 8
-"""Number of first signals, all with the optimal spectrum: one with a low peak, the others with random phases."""
-
-STEPS = 60
-"""Most linear programmes of each search."""
-
-WEAK = 1e-3
-"""Least share of the power of a spectral line that the first signals contain."""
-
-SETTLED = 1e-4
-"""Relative improvement, and distance in amplitudes, below which a search ends."""
+STARTS = 8  # number of first signals, all with the optimal spectrum: one with a low peak, the others with random phases
+STEPS = 60  # most linear programmes of each search
+WEAK = 1e-3  # least share of the power of a spectral line that the first signals contain
+SETTLED = 1e-4  # relative improvement, and distance in amplitudes, below which a search ends
 
 
 def bandwidth_hz(model: StateSpace) -> float:

@@ -14,11 +14,8 @@ from sysid.records.errors import SysidError
 KINDS = ("rgs", "rbs", "prbs", "sine", "chirp")
 """Random Gaussian, random binary, maximum-length binary, sum of sines, sweep: the names of MATLAB, and `chirp`."""
 
-LONGEST_REGISTER = 32
-"""Bits of the longest register that `scipy.signal.max_len_seq` has taps for."""
-
-LARGEST = 10**8
-"""Values of the largest signal, of all inputs."""
+LONGEST_REGISTER = 32  # bits of the longest register that `scipy.signal.max_len_seq` has taps for
+LARGEST = 10**8  # values of the largest signal, of all inputs
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,8 +8,7 @@ from sysid.records.arrays import FloatArray
 POWERS = (4, 8, 16, 32, 64, 128, 256)
 """Exponents of the norms that follow each other to the peak: each minimum is the start of the next."""
 
-STEPS = 200
-"""Most steps of the search with each norm."""
+STEPS = 200  # most steps of the search with each norm
 
 
 def sum_of_sines(samples: int, lines: np.ndarray, turns: FloatArray, amplitude: float | FloatArray = 1.0) -> FloatArray:

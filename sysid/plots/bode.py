@@ -24,11 +24,8 @@ from sysid.plots.panels import (
 from sysid.plots.traces import Curve, Drawable, curves_of
 from sysid.records.arrays import FloatArray
 
-SIGNIFICANT = 2.0
-"""Least magnitude of a response, in standard deviations, for its phase to be drawn."""
-
-DEEPEST = -90.0
-"""Lowest magnitude that the axis includes, dB."""
+SIGNIFICANT = 2.0  # least magnitude of a response, in standard deviations, for its phase to be drawn
+DEEPEST = -90.0  # lowest magnitude that the axis includes, dB
 
 
 def bode(

@@ -20,11 +20,8 @@ from sysid.validation.structure_scan import StructureTable
 Spectrum = Realisation | Estimate | StateSpace
 """Anything with singular values that indicate an order."""
 
-NARROW = 5.0
-"""Range of a logarithmic axis, as a factor, below which its ticks are evenly spaced."""
-
-INVISIBLE = 1e-14
-"""Singular values, relative to the largest, that are rounding."""
+NARROW = 5.0  # range of a logarithmic axis, as a factor, below which its ticks are evenly spaced
+INVISIBLE = 1e-14  # singular values, relative to the largest, that are rounding
 
 
 def singular_values(

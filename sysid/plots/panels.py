@@ -18,17 +18,10 @@ from sysid.records.errors import SysidError
 Panels = NDArray[np.object_]
 """Axes (rows, columns)."""
 
-LONG = 800
-"""Number of points from which a line is drawn without a pattern."""
-
-LETTER = 0.0076
-"""Mean width of a letter, inch per point of its size."""
-
-TITLE = 9
-"""Font size of the titles of panels, points."""
-
-SMALL = 8
-"""Font size of titles and tick labels in a figure of many panels, points."""
+LONG = 800  # number of points from which a line is drawn without a pattern
+LETTER = 0.0076  # mean width of a letter, inch per point of its size
+TITLE = 9  # font size of the titles of panels, points
+SMALL = 8  # font size of titles and tick labels in a figure of many panels, points
 
 
 def panels(

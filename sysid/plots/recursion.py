@@ -13,11 +13,8 @@ from sysid.recursive.recursive_estimate import RecursiveEstimate
 LOOKS = tuple(PALETTE[name] for name in ("armax", "oe", "okid", "bj", "arx", "iv4", "n4sid", "spa"))
 """Styles of the coefficients of a polynomial, in their sequence."""
 
-LINE = 0.14
-"""Height of a line of a label, inch."""
-
-SETTLING = 0.05
-"""Initial part of the record whose parameters may exceed the axis: they are arbitrary."""
+LINE = 0.14  # height of a line of a label, inch
+SETTLING = 0.05  # initial part of the record whose parameters may exceed the axis: they are arbitrary
 
 
 def recursion(

@@ -100,8 +100,7 @@ def _column(trace: Trace, output: int, data: IOData) -> FloatArray:
     return values[:, output if values.shape[1] == data.ny else 0]
 
 
-ROUNDING = 1e-12
-"""Largest operating point that counts as none, in units of the channel."""
+ROUNDING = 1e-12  # largest operating point that counts as none, in units of the channel
 
 LOOKS = tuple(PALETTE[name] for name in ("armax", "oe", "okid", "iv4", "bj", "pem_ss", "arx", "spa"))
 """Styles of several experiments, in their sequence."""

@@ -27,11 +27,8 @@ from sysid.subspace.era import Realisation
 from sysid.validation.resid import ResidualTest
 from sysid.validation.structure_scan import StructureTable
 
-SIZE = (5.0, 3.6)
-"""Width and height of a figure, inch."""
-
-MOST = 3
-"""Inputs and outputs of a figure; of many the first ones are drawn."""
+SIZE = (5.0, 3.6)  # width and height of a figure, inch
+MOST = 3  # inputs and outputs of a figure; of many the first ones are drawn
 
 
 def thumbnail(result: object) -> str:

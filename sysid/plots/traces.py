@@ -231,8 +231,7 @@ def _regions(estimate: Estimate) -> tuple[ComplexArray, ...]:
     )
 
 
-REACH = 1.6
-"""Modulus beyond which roots are not drawn in a map, but counted."""
+REACH = 1.6  # modulus beyond which roots are not drawn in a map, but counted
 
 Drawable = Curve | FrequencyResponse | Estimate | StateSpace | BestLinearApproximation
 """Anything with a frequency response."""

@@ -32,9 +32,7 @@ from sysid.records.printing import AT_ZERO
 Responding = Estimate | StateSpace | ImpulseResponse
 """Anything with a response over time."""
 
-SETTLED = 5e-3
-"""Remainder of the slowest mode at the end of the axis."""
-
+SETTLED = 5e-3  # remainder of the slowest mode at the end of the axis
 SHORTEST, LONGEST, ENDLESS = 20, 3000, 100
 """Bounds on the number of samples, and the number for models that do not decay."""
 

@@ -18,19 +18,13 @@ from sysid.selection.structure_search import ORDERS, Candidate, Experiments, Str
 from sysid.subspace import n4sid, pem_ss
 from sysid.validation.feedback import feedback_p, interchanged
 
-LISTED = 8
-"""Candidates that a printed choice lists."""
+LISTED = 8  # candidates that a printed choice lists
 
 INTERCHANGED = "; nothing shows that it acts on them: are input and output interchanged?"
 
-LEVEL = 0.01
-"""p-value below which an input counts as fed back."""
-
-STRETCHES = 2
-"""Parts of a long experiment on which candidates are compared, spread over it."""
-
-FEW = 5
-"""Samples per parameter below which chance decides between candidates."""
+LEVEL = 0.01  # p-value below which an input counts as fed back
+STRETCHES = 2  # parts of a long experiment on which candidates are compared, spread over it
+FEW = 5  # samples per parameter below which chance decides between candidates
 
 DIRECT = "a direct term, which would be that of the controller"
 

@@ -32,33 +32,19 @@ from sysid.validation.structure_scan import Order, parameter_count
 Experiments = tuple[IOData, ...]
 Rung = TypeVar("Rung")
 
-PATIENCE = 2
-"""Orders in a row that are tried beyond the best of a structure."""
+PATIENCE = 2  # orders in a row that are tried beyond the best of a structure
 
 SEARCHED = 2.0
 """Penalty of a parameter beyond Schwarz's log(N): with more parameters there are more structures to choose from, about
 exp(p) times as many with p of some ten coefficients [ChenChen2008]."""
 
-FAR = 100.0
-"""EBIC above the best from which on a structure does not climb again from the shortest delays."""
-
-NEAR = 30.0
-"""EBIC above the best up to which a family is refined: some five superfluous parameters."""
-
-REFINED = 8
-"""Rounds of changes of single orders, at most."""
-
-STEPS = 15
-"""Iterations of a candidate, at most: those that are far too large take the most, and are not chosen."""
-
-STARTS = 2
-"""Initial estimates of its own that a candidate may have, beside the nearest fits."""
-
-FILLING = 4
-"""Orders on which the length of the ARX model that fills gaps depends."""
-
-EXACT = 1e-20
-"""Loss, relative to the mean square output, that is rounding of data without noise."""
+FAR = 100.0  # EBIC above the best from which on a structure does not climb again from the shortest delays
+NEAR = 30.0  # EBIC above the best up to which a family is refined: some five superfluous parameters
+REFINED = 8  # rounds of changes of single orders, at most
+STEPS = 15  # iterations of a candidate, at most: those that are far too large take the most, and are not chosen
+STARTS = 2  # initial estimates of its own that a candidate may have, beside the nearest fits
+FILLING = 4  # orders on which the length of the ARX model that fills gaps depends
+EXACT = 1e-20  # loss, relative to the mean square output, that is rounding of data without noise
 
 LIMIT = 1.0 - 1e-6
 """Radius at which roots of starts are kept; roots of the input path beyond it are at the edge of stability."""
@@ -74,8 +60,7 @@ ORDERS: Mapping[str, tuple[str, ...]] = {
 }
 """Structures of one output with their orders, the simpler first."""
 
-FAMILIES = (("arx", "armax"), ("oe", "bj"))
-"""Structures that pass into one another when single orders change."""
+FAMILIES = (("arx", "armax"), ("oe", "bj"))  # structures that pass into one another when single orders change
 
 DISTURBANCE = 2
 """Orders of C and D in rising Box-Jenkins models: a resonance, which single steps from fewer poles do not reach."""

@@ -15,8 +15,7 @@ from sysid.records.errors import SysidWarning
 from sysid.records.printing import Part, Table
 from sysid.validation.compare import ModelFit, compare
 
-SAME = 1e-6
-"""Samples that differ by less than this part of their range are the same, written with few digits."""
+SAME = 1e-6  # samples that differ by less than this part of their range are the same, written with few digits
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -15,8 +15,7 @@ from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
 from sysid.records.trends import ROUNDING
 
-BLOCK = 2**16
-"""Rows of a regression that are copied at a time."""
+BLOCK = 2**16  # rows of a regression that are copied at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)

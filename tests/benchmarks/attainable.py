@@ -15,11 +15,8 @@ from scenarios.truth.attainable import attainable
 from sysid import Estimate, armax, arx, compare, oe
 from tests.benchmarks.tables import heading, options, row
 
-FITTED = 7
-"""What is fitted to a fresh record: the initial state of a model of order five with its delay, and the mean."""
-
-LONG = 200
-"""Order of a model that remembers longer than files of 100 points last; its initial state is fitted as well."""
+FITTED = 7  # what is fitted to a fresh record: the initial state of a model of order five with its delay, and the mean
+LONG = 200  # order of a model that remembers longer than files of 100 points last; its initial state is fitted as well
 
 
 def error(record, hat):

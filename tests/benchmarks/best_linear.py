@@ -16,8 +16,7 @@ from scenarios.truth.best_linear import best_linear
 from sysid.models.bandwidth import response_bandwidth
 from tests.benchmarks.tables import heading, options, row
 
-QUIET = replace(IDEAL, resolver=True)
-"""Measurement noise alone."""
+QUIET = replace(IDEAL, resolver=True)  # measurement noise alone
 
 RUBBING = replace(QUIET, friction=True)
 

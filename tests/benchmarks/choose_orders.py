@@ -24,11 +24,8 @@ from sysid.polynomial.orders import make_orders
 from sysid.selection.structure_search import ORDERS, StructureSearch
 from tests.benchmarks.tables import heading, options, row, timed
 
-SETTLING = 500
-"""Samples before each record, in which disturbance and system become stationary."""
-
-LARGEST = 8
-"""Largest order compared with."""
+SETTLING = 500  # samples before each record, in which disturbance and system become stationary
+LARGEST = 8  # largest order compared with
 
 STRUCTURES = {"white": "oe", "first-order": "bj", "resonant": "bj", "of the system": "arx"}
 """Structure that holds the system with each kind of disturbance."""

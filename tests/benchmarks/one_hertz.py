@@ -15,8 +15,7 @@ from scenarios.thesis.campaign import CONDITIONS
 from sysid.models.bandwidth import half_power_hz
 from tests.benchmarks.tables import heading, options, row
 
-TEST = 5
-"""The PRBS of 1 V, which the thesis identifies from."""
+TEST = 5  # the PRBS of 1 V, which the thesis identifies from
 
 
 def main():

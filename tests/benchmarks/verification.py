@@ -18,8 +18,7 @@ from tests.benchmarks.tables import ROOT, environment
 
 BLOCK = re.compile(r"<!-- measured by: (?P<command>.+?) -->\n.*?<!-- end -->", re.DOTALL)
 
-FOLDER = "FOLDER"
-"""Word of a command that stands for where the measured data are, which this repository does not hold."""
+FOLDER = "FOLDER"  # word of a command that stands for where the measured data are, which this repository does not hold
 
 TALK = re.compile(r"=|\.+$|\(\d+ durations|\d+ passed|[\d.]+s (call|setup|teardown)")
 """What the test runner says of itself."""

@@ -29,10 +29,8 @@ KINDS = {
 }
 """Variant and plant of each kind of drive."""
 INTEGRATORS = {"Euler": mujoco.mjtIntegrator.mjINT_EULER, "RK4": mujoco.mjtIntegrator.mjINT_RK4}
-TICK_STEPS = {"Euler": (20, 80), "RK4": (6, 8, 12, 15, 20, 40)}
-"""Physics steps of a tick."""
-FINEST = 160
-"""Physics steps of a tick of the finer of the reference's two runs."""
+TICK_STEPS = {"Euler": (20, 80), "RK4": (6, 8, 12, 15, 20, 40)}  # physics steps of a tick
+FINEST = 160  # physics steps of a tick of the finer of the reference's two runs
 AMPLITUDE, SECONDS, TURNS = 4e-3, 6.0, 3
 
 

@@ -151,8 +151,7 @@ def integrating(data, seed):
 NOMINAL, SLOW = Record(), Record("published")
 
 
-YAW_FRICTION = 100.0 * YawFriction.coulomb
-"""Dry friction of the nominal yaw, percent of the maximum torque."""
+YAW_FRICTION = 100.0 * YawFriction.coulomb  # dry friction of the nominal yaw, percent of the maximum torque
 
 
 def rubbing(percent):
