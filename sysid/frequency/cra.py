@@ -102,8 +102,9 @@ def cra(
     level = confidence_level(level)
     messages = check_excitation(experiments, [lags + 1] * first.nu)
     width = first.nu * (lags + 1)
-    rows = sum(max(len(e) - max(whitening + lags, e.window), 0) for e in experiments)
-    if rows <= 2 * width or any(len(e) <= max(whitening + lags, e.window) for e in experiments):
+    starts = [max(whitening + lags, e.window) for e in experiments]
+    rows = sum(max(len(e) - start, 0) for e, start in zip(experiments, starts, strict=True))
+    if rows <= 2 * width or any(len(e) <= start for e, start in zip(experiments, starts, strict=True)):
         raise SysidError(
             f"too little data: lags = {lags} give {width} unknowns per output, "
             f"{rows} usable samples in {len(experiments)} experiment(s), at least twice as many are needed"
@@ -113,7 +114,6 @@ def cra(
     deficiency = 0
     for j in range(first.nu):
         parts = prewhitened(experiments, j, int(whitening))
-        starts = [max(whitening + lags, e.window) for e in experiments]
         # a constant per experiment: the mean of the rows is not that of the record
         constants = np.eye(len(parts))
         phi = [

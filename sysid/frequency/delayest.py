@@ -84,10 +84,10 @@ def delayest(
     level = confidence_level(level)
     warn_each(check_excitation(experiments, [0] * nu))
     lags = (largest + nb,) * nu
-    starts = [first_row(na, lags, (0,) * nu, e.window) for e in experiments]
-    rows = sum(max(len(e) - s, 0) for e, s in zip(experiments, starts, strict=True))
+    parts = [(e, first_row(na, lags, (0,) * nu, e.window)) for e in experiments]
+    rows = sum(max(len(e) - s, 0) for e, s in parts)
     width = na + sum(lags)
-    if rows <= width or any(len(e) <= s for e, s in zip(experiments, starts, strict=True)):
+    if rows <= width or any(len(e) <= s for e, s in parts):
         raise SysidError(
             f"too little data: {width} lags in the ARX model (na = {na}, largest = {largest}, nb = {nb}) "
             f"and {rows} usable samples in {len(experiments)} experiment(s)"
@@ -95,10 +95,8 @@ def delayest(
     p_values = np.empty((largest + 1, ny, nu))
     by_arx = np.empty((ny, nu), dtype=int)
     for i in range(ny):
-        phi = np.vstack(
-            [arx_regressors(e.y[:, i], e.u, na, lags, (0,) * nu, s) for e, s in zip(experiments, starts, strict=True)]
-        )
-        target = np.concatenate([e.y[s:, i] for e, s in zip(experiments, starts, strict=True)])
+        phi = np.vstack([arx_regressors(e.y[:, i], e.u, na, lags, (0,) * nu, s) for e, s in parts])
+        target = np.concatenate([e.y[s:, i] for e, s in parts])
         triangle, _ = scaled_triangle(np.column_stack((phi, target)))
         for j in range(nu):
             p_values[:, i, j] = _leading_lags(triangle, na + j * (largest + nb), largest + 1, rows - width)

@@ -9,7 +9,7 @@ from sysid.models.estimate import Estimate, as_estimate
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.errors import SysidError
-from sysid.records.printing import Part, Table, numbers
+from sysid.records.printing import Part, Table, number, numbers
 
 POORLY_KNOWN = 1e3  # square root of the condition of the correlation matrix that is reported
 TOGETHER = 2.0  # distance of a pole and a zero, in standard deviations, below which they may coincide
@@ -102,7 +102,7 @@ def identifiability(estimate: Estimate) -> Identifiability:
         )
     for c in cancellations:
         texts.append(
-            f"the pole {_shown(c.pole)} and the zero {_shown(c.zero)} of input {c.input + 1} cannot be distinguished: "
+            f"the pole {number(c.pole)} and the zero {number(c.zero)} of input {c.input + 1} cannot be distinguished: "
             f"distance {c.distance:.3g}, standard deviation {c.deviation:.3g}; try orders smaller by one"
         )
     return Identifiability(
@@ -148,7 +148,3 @@ def _roots(orders: Orders, theta: FloatArray, j: int) -> tuple[ComplexArray, Com
     a, b, _, _, f = orders.split(theta)
     poles = np.concatenate((np.roots(a), np.roots(f[j]))).astype(complex)
     return poles, np.roots(b[j][orders.nk[j] :]).astype(complex)
-
-
-def _shown(root: complex) -> str:
-    return f"{root.real:.3f}" + (f"{root.imag:+.3f}i" if abs(root.imag) > 1e-9 else "")

@@ -215,7 +215,8 @@ def resid(
     shortest = min(len(part) for part in parts)
     lags = whole_number("lags", lags, 1, shortest // 2 - 1)
     n, (ny, nu) = len(errors), (first.ny, first.nu)
-    known = np.concatenate([x.known[x.window :] for x in experiments])
+    masks = [x.known[x.window :] for x in experiments]
+    known = np.concatenate(masks)
     if not np.isfinite(errors[known]).all():
         raise SysidError("the residuals overflow, as those of an unstable predictor do (A - K C has poles beyond 1)")
     largest = float(np.abs(errors[known]).max(initial=0.0))
@@ -235,7 +236,6 @@ def resid(
     cross = covariance_function(e, v, lags) / (e_size[:, None] * v_size)
     z = float(scipy.stats.norm.ppf(0.5 + 0.5 * level))
     single = np.einsum("kii->ki", auto)[1:]
-    masks = [x.known[x.window :] for x in experiments]
     counts = np.array([sum((m[k:] & m[: len(m) - k]).sum(axis=0) for m in masks) for k in range(lags + 1)])
 
     bound, p_cross, p_feedback = (np.empty((ny, nu)) for _ in range(3))
