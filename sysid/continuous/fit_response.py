@@ -174,13 +174,7 @@ def _longest_delay(data: Likelihood, i: int, j: int) -> float:
 
 
 def _path_fits(
-    data: Likelihood,
-    channel: tuple[int, int],
-    path: Fraction,
-    stable: bool,
-    continuous: bool,
-    *,
-    screening: bool,
+    data: Likelihood, channel: tuple[int, int], path: Fraction, stable: bool, continuous: bool, *, screening: bool
 ) -> list[Fraction]:
     """Fits of one path at its delay, best first: linear least squares from the fastest poles and from vector fits."""
     x, w, n = data.x, path.weights, path.nf

@@ -76,12 +76,7 @@ def fit_response_ss(
     origin = Predictor(data.scale * at.A, root * at.M, root * at.C, at.D)
     units = np.repeat([data.scale, root, root, 1.0], [at.A.size, at.M.size, at.C.size, at.D.size])
     local = RealiseLocally(
-        origin,
-        units[:, None] * best.directions,
-        np.zeros(best.rank),
-        Scales(np.ones(nu), np.ones(ny)),
-        summary,
-        None,
+        origin, units[:, None] * best.directions, np.zeros(best.rank), Scales(np.ones(nu), np.ones(ny)), summary, None
     )
     return response_estimate(
         "fit_response_ss",

@@ -107,11 +107,7 @@ def respond(path: TransferFunction, u: FloatArray, dt: float, intersample: str) 
     scale, A, B = companion(a)
     c, direct = _strictly_proper(b, a)
     whole = sample(
-        np.block([[A, np.zeros((n, n))], [B * (c * scale), A]]),
-        np.vstack((B, direct * B)),
-        dt,
-        path.delay,
-        intersample,
+        np.block([[A, np.zeros((n, n))], [B * (c * scale), A]]), np.vstack((B, direct * B)), dt, path.delay, intersample
     )
     drive, x0 = whole.drive(u[:, None])
     one = whole.phi[:n, :n]

@@ -82,11 +82,4 @@ def spafdr(
             f"a resolution of {widths[k]:.3g} Hz at {f[k]:.3g} Hz has {averages[k]:.3g} lines {line:.3g} Hz apart; "
             f"with {nu} input(s) more than {nu} are needed: use a wider resolution or higher frequencies"
         )
-    return response_of_spectra(
-        "spafdr",
-        experiments,
-        f,
-        phi,
-        averages=averages,
-        weights=np.maximum(effective, 1e-12),
-    )
+    return response_of_spectra("spafdr", experiments, f, phi, averages=averages, weights=np.maximum(effective, 1e-12))

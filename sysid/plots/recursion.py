@@ -18,10 +18,7 @@ SETTLING = 0.05  # initial part of the record whose parameters may exceed the ax
 
 
 def recursion(
-    estimate: RecursiveEstimate,
-    *,
-    reference: Estimate | None = None,
-    size: tuple[float, float] | None = None,
+    estimate: RecursiveEstimate, *, reference: Estimate | None = None, size: tuple[float, float] | None = None
 ) -> Figure:
     """Parameters sample by sample, a panel per polynomial; at the end the last ones with their 95 % intervals.
 

@@ -59,11 +59,7 @@ def output_comparison(
         raise SysidError("no output sample of this piece is known")
     traces = traces_of(outputs, rows, names, ahead=ahead)
     figure, grid = panels(
-        2 * len(rows),
-        1,
-        size_of(size, len(rows), 1, (7.0, 4.6), (0.0, 3.2)),
-        sharex=True,
-        ratios=(2, 1) * len(rows),
+        2 * len(rows), 1, size_of(size, len(rows), 1, (7.0, 4.6), (0.0, 3.2)), sharex=True, ratios=(2, 1) * len(rows)
     )
     for a, i in enumerate(rows):
         upper, lower = grid[2 * a, 0], grid[2 * a + 1, 0]

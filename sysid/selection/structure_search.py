@@ -255,12 +255,7 @@ class StructureSearch:
             yield from islice(own(self.filled, orders), STARTS)
 
     def _judged(
-        self,
-        method: str,
-        orders: Mapping[str, Order],
-        count: int,
-        parts: Sequence[FloatArray],
-        path: StateSpace,
+        self, method: str, orders: Mapping[str, Order], count: int, parts: Sequence[FloatArray], path: StateSpace
     ) -> Candidate:
         errors = np.concatenate([part[s:] for part, s in zip(parts, self.skipped, strict=True)])
         loss = mean_square(errors[np.isfinite(errors).all(axis=1)])

@@ -76,9 +76,7 @@ def systematic_of(errors: ComplexArray, power: float, *, allowed: float, false_a
     critical = float(scipy.stats.f.isf(false_alarm, directions, directions * (count - 1)))
     most = (allowed / 100.0 * np.sqrt(power) + np.sqrt(critical * variance / count)) ** 2
     return MeanError(
-        _percent(squared, power),
-        _jackknife_interval(squared, without, power),
-        _percent(most - variance / count, power),
+        _percent(squared, power), _jackknife_interval(squared, without, power), _percent(most - variance / count, power)
     )
 
 
