@@ -11,9 +11,7 @@ from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
 from sysid.models.predict import aligned, as_model
 from sysid.models.state_space import StateSpace
-from sysid.polynomial.armax import armax
 from sysid.polynomial.data_checks import check_excitation, check_means
-from sysid.polynomial.oe import oe
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -65,7 +63,7 @@ ILL_CONDITIONED = 1e12  # condition of the information matrix: the square of tha
 CROSSING_STEPS = 20  # steps with the opposite choice of `gain`, whose minimum is a further initial estimate
 SCREENING_STEPS, REFINED = 10, 2  # steps from every initial estimate, and how many of them are refined further
 SHORT = 50.0  # output values per parameter below which the criterion often has several minima
-SLOW = 20  # steps; more suggest a difficult criterion, which a polynomial fit may follow better
+SLOW = 50  # steps; more suggest a difficult criterion, with several minima too
 COLOUR = 30  # order of the autoregressive models of a coloured disturbance
 
 
@@ -115,14 +113,13 @@ def pem_ss(
             their units squared. Its size does not matter; an output of no weight counts with 1e-6 of the largest. The
             covariance allows for errors of any covariance [Ljung1999, ch. 9]. Not with missing outputs.
         search: Whether to try further initial estimates (`n4sid` with several horizons, `okid`, with and without K)
-            after a single start if several minima are likely: fewer than 50 output values per parameter. Such a fit
-            takes about ten times as long. With one output, a fit that converges slowly or not at all starts again from
-            `armax` (from `oe` without K).
+            after a single start if several minima are likely: fewer than 50 output values per parameter, or a fit that
+            converges slowly or not at all. Such a fit takes about ten times as long. Not with missing outputs.
         max_iterations: Limit on the accepted steps.
 
     Returns:
-        The estimate. `parameters` are local coordinates: entries of A - K C, B - K D, K, C and D along directions
-        orthogonal to changes of the basis of the state; their covariance gives that of bandwidth and responses.
+        The estimate. `parameters` are local coordinates: K, then A, B and C along directions orthogonal to changes of
+        the basis of the state, then D; their covariance gives that of bandwidth and responses.
         Diagnostics: `criteria`, the minimum from each start, NaN for an unusable one.
 
     Raises:
@@ -172,20 +169,12 @@ def pem_ss(
     chosen = min(minima, key=lambda k: minima[k].point.criterion)
     minimum, origin = minima[chosen], origins[chosen]
     name = origin.method if isinstance(origin, Estimate) else "model"
-    doubtful = samples * ny < SHORT * count and minimum.reason != "errors at rounding level"
+    slow = not minimum.converged or minimum.iterations > SLOW
+    doubtful = (slow or samples * ny < SHORT * count) and minimum.reason != "errors at rounding level"
     if search and len(origins) == 1 and doubtful and all(e.complete for e in experiments):
         minimum, name = _searched(
             experiments, records, scales, (name, models[0], minimum), direct, gain, max_iterations
         )
-    slow = not minimum.converged or minimum.iterations > SLOW
-    if search and ny == 1 and slow and minimum.reason != "errors at rounding level":
-        for label, begin in _polynomial_starts(experiments, n, direct, gain):
-            try:
-                other = _refined(records, _starts(begin, scales, direct, gain), direct, max_iterations)
-            except SysidError:
-                continue
-            if other.point.criterion < minimum.point.criterion:
-                minimum, name = other, label
     covariance, condition = _covariance(minimum.normal.information)
     innovation = None
     if minimum.point.gaps:
@@ -231,17 +220,6 @@ def pem_ss(
         messages=messages,
         innovation=innovation,
     )
-
-
-def _polynomial_starts(
-    experiments: Sequence[IOData], order: int, direct: bool, gain: bool
-) -> Iterator[tuple[str, StateSpace]]:
-    """The fit of the same model as polynomials; its parameters suit slow poles and small noise better."""
-    count, delay = (order + 1, 0) if direct else (order, 1)
-    if gain:
-        yield from _attempt("armax", order, partial(armax, experiments, order, count, order, delay))
-    elif experiments[0].nu == 1:
-        yield from _attempt("oe", order, partial(oe, experiments, count, order, delay, coloured=False))
 
 
 def _searched(

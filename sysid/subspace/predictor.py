@@ -64,6 +64,15 @@ class Predictor:
         matrices = (self.A, self.M, self.C, self.D)
         return Predictor(*(m + s.reshape(m.shape) for m, s in zip(matrices, steps, strict=True)))
 
+    def moved_in_innovations_form(self, step: FloatArray) -> "Predictor":
+        """The same to first order, but along a line in F = A + K C, B, K, C and D: errors of clean data vary less."""
+        out, nu = self.moved(step), self.D.shape[1]
+        if self.has_gain:
+            dK = out.M[:, nu:] - self.M[:, nu:]
+            out.A[:] -= dK @ (out.C - self.C)
+            out.M[:, :nu] -= dK @ (out.D - self.D)
+        return out
+
     def balancing(self) -> tuple[FloatArray, FloatArray]:
         """Change of basis T and its inverse to balanced coordinates: equally controllable and observable states."""
         n = len(self.A)
@@ -201,22 +210,27 @@ def initial_spread(free: FloatArray) -> FloatArray:
 
 
 def local_coordinates(at: Predictor, direct: bool = True) -> FloatArray:
-    """Directions orthogonal to changes of the basis of the state, D free if `direct` [McKelvey2004].
+    """Directions that change the predictions (entries of A, M, C, D; q), D free if `direct` [McKelvey2004].
 
-    x -> (I + E) x changes A by E A - A E, M by E M, C by -C E: n^2 directions that change no prediction. The result has
-    orthonormal columns (entries of A, M, C, D; q).
+    They are those of the innovations form x+ = F x + B u + K e, y = C x + D u + e. First K, which leaves the model from
+    u to y as it is: clean data determine that far better. Then F, B and C, orthogonal to changes of the basis of the
+    state, as x -> (I + E) x changes F by E F - F E, B by E B, and C by -C E. Last D.
     """
-    n = len(at.A)
-    free = at.A.size + at.M.size + at.C.size
+    n, (ny, nu) = len(at.A), at.D.shape
+    K = at.M[:, nu:] if at.has_gain else np.zeros((n, ny))
+    F, B = at.A + K @ at.C, at.M[:, :nu] + K @ at.D
     unit = np.eye(n * n).reshape(n * n, n, n)
-    changes = [unit @ at.A - at.A @ unit, unit @ at.M, -at.C @ unit]
+    changes = (unit @ F - F @ unit, unit @ B, -at.C @ unit)
     tangent = np.hstack([change.reshape(n * n, -1) for change in changes]).T
     complement = np.linalg.qr(tangent, mode="complete")[0][:, n * n :]
-    out = np.zeros((free + at.D.size, complement.shape[1] + (at.D.size if direct else 0)))
-    out[:free, : complement.shape[1]] = complement
-    if direct:
-        out[free:, complement.shape[1] :] = np.eye(at.D.size)
-    return out
+    gains, rest = K.size * at.has_gain, at.D.size * direct
+    free = scipy.linalg.block_diag(np.eye(gains, K.size), complement.T, np.eye(rest, at.D.size))
+    sizes = np.cumsum([matrix.size for matrix in (K, F, B, at.C)])
+    parts = zip(np.split(free, sizes, axis=1), (K, F, B, at.C, at.D), strict=True)
+    dK, dF, dB, dC, dD = (part.reshape(len(free), *matrix.shape) for part, matrix in parts)
+    dM = np.concatenate((dB - dK @ at.D - K @ dD, dK), axis=2)[:, :, : at.M.shape[1]]
+    entries = (dF - dK @ at.C - K @ dC, dM, dC, dD)
+    return np.hstack([entry.reshape(len(free), -1) for entry in entries]).T
 
 
 def input_coordinates(at: Predictor, direct: bool = True) -> FloatArray:

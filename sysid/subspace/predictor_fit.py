@@ -133,7 +133,7 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
         trial = None
         while damping < 1e8:
             step = constrained_step(values + damping, g, rows)
-            moved = point.predictor.moved(normal.basis @ (vectors @ step / scale))
+            moved = point.predictor.moved_in_innovations_form(normal.basis @ (vectors @ step / scale))
             if np.isfinite(moved.A).all():
                 trial = Point.at(records, pulled_in(moved, limit), point.weight, point.spreads)
                 evaluations += 1
