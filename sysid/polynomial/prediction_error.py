@@ -18,12 +18,13 @@ from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobia
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.orders import Orders
-from sysid.polynomial.stability_limit import admissible, constrained_step, outward, pulled_in
+from sysid.polynomial.stability_limit import AT_THE_LIMIT, admissible, constrained_step, outward, pulled_in
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
 CONVERGED = 1e-9  # remaining decrease, relative to the sum of squares
 ROUNDING = 1e-30  # sum of squares, relative to that of the output, that is rounding alone
+NOISE_FREE = 1e-16  # the same, below which rounding decides about steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +114,7 @@ def levenberg_marquardt(
     at: Linearisation,
     energy: float,
     *,
-    outward: Callable[[FloatArray], FloatArray] | None = None,
+    outward: Callable[[FloatArray], tuple[FloatArray, FloatArray]] | None = None,
     max_iterations: int = 100,
     good_enough: float = 0.0,
 ) -> Minimum:
@@ -123,7 +124,7 @@ def levenberg_marquardt(
         criterion: Linearisation at parameters (p,) that a step from others (p,) leads to; None where not admissible.
         at: That at the initial parameters.
         energy: Sum of squares of the output: errors far below it are rounding.
-        outward: Directions at parameters that no step may take (k, p).
+        outward: Directions at parameters that lead to a limit (k, p), and the largest product of a step with each (k,).
         max_iterations: Limit on the accepted steps.
         good_enough: Cost at which to stop early.
     """
@@ -134,13 +135,13 @@ def levenberg_marquardt(
         left, values, right = np.linalg.svd(at.triangle)
         significant = values > 1e-13 * values[0] if len(values) else values > 0
         g = left.T @ at.target
-        limits = outward(at.theta) if outward else np.zeros((0, len(at.theta)))
+        limits, reach = outward(at.theta) if outward else (np.zeros((0, len(at.theta))), np.zeros(0))
         rows = np.where(significant, limits / at.scale @ right.T, 0.0)
 
-        predict = partial(_predicted_step, np.where(significant, values, 0.0), g, rows)
-        decrease = predict(0.0)[1]
+        predict = partial(_predicted_step, np.where(significant, values, 0.0), g, rows, reach)
+        step, decrease = predict(0.0)
         if decrease <= CONVERGED * at.cost:
-            where = " at the edge of stability" if len(rows) else ""
+            where = " at the edge of stability" if (reach - rows @ step < 1e-12).any() else ""
             return Minimum(at, iterations, evaluations, True, f"no decrease left{where}")
         if at.cost <= good_enough:
             return Minimum(at, iterations, evaluations, False, "good enough")
@@ -155,7 +156,7 @@ def levenberg_marquardt(
                 break
             trial, damping = None, max(damping * 10.0, 1e-8)
         if trial is None:
-            flat = decrease <= 1e-4 * at.cost or at.cost <= 1e-16 * energy
+            flat = decrease <= 1e-4 * at.cost or at.cost <= NOISE_FREE * energy
             return Minimum(at, iterations, evaluations, flat, "no step decreases the errors further")
         achieved, tiny = at.cost - trial.cost, at.cost - trial.cost <= 1e-15 * at.cost
         at = trial
@@ -168,9 +169,11 @@ def levenberg_marquardt(
             return Minimum(at, iterations, evaluations, True, "decrease at rounding level")
 
 
-def _predicted_step(values: FloatArray, g: FloatArray, rows: FloatArray, damping: float) -> tuple[FloatArray, float]:
+def _predicted_step(
+    values: FloatArray, g: FloatArray, rows: FloatArray, reach: FloatArray, damping: float
+) -> tuple[FloatArray, float]:
     """Damped step in singular directions that keeps roots inside, and the decrease by the linear model."""
-    step = constrained_step(np.where(values > 0.0, values**2 + damping, 1.0), -values * g, rows)
+    step = constrained_step(np.where(values > 0.0, values**2 + damping, 1.0), -values * g, rows, reach)
     remaining = g + values * step
     return step, float(g @ g - remaining @ remaining)
 
@@ -259,6 +262,7 @@ SCREENING_STEPS = 4  # steps from every initial estimate before the best is chos
 AGREED = 0.1  # N dV/V between two initial estimates that lead to the same minimum
 SHORT = 50.0  # samples per parameter below which the criterion often has several minima
 EASY = 20  # steps to the minimum; more suggest a difficult criterion, for which all initial estimates are tried
+ROUNDS = ((6, 8), (3, 16), (2, 1000))  # of a difficult criterion: the best initial estimates, and their further steps
 
 
 @dataclass(frozen=True)
@@ -296,78 +300,101 @@ def search(
     *,
     start: InitialEstimate | None = None,
     smaller_too: bool = True,
+    neighbours: bool = True,
     thorough: bool = True,
     max_iterations: int = 100,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> Search:
     """Refine initial estimates by a few steps until two agree, then the best to the minimum; if that is slow, all.
 
-    Where several minima are likely, minima of the next smaller structures, padded with zeros, are further initial
-    estimates: a larger structure never fits worse. A `start` of the caller's replaces these. If not `thorough`, only
-    the best initial estimate is refined, however slowly.
+    Where several minima are likely, those of smaller structures, padded with zeros, join; a `start` replaces them.
+
+    Args:
+        experiments: The data.
+        initial_estimates: Initial estimates of a structure, the best methods first.
+        orders: The structure.
+        start: A further initial estimate.
+        smaller_too: Whether to try the structure with one degree less of everything, which does so in turn.
+        neighbours: Whether to try, beside it, those with one degree less of one polynomial.
+        thorough: Whether other initial estimates than the best one are refined too.
+        max_iterations: Limit on the steps of every search.
+        initial_conditions: Assumption about the time before each experiment.
     """
     samples = sum(len(e) for e in experiments)
     remaining = chain([] if start is None else [start], initial_estimates(orders))
     screened: dict[str, Minimum] = {}
 
-    def screen(start: InitialEstimate, good_enough: float = 0.0) -> None:
-        if admissible(orders, start.theta):
-            screened[start.name] = minimise(
-                experiments,
-                orders,
-                start.theta,
-                max_iterations=SCREENING_STEPS,
-                initial_conditions=initial_conditions,
-                good_enough=good_enough,
-            )
-
-    def polish(name: str) -> Minimum:
-        screening = screened[name]
-        if screening.converged:
-            return screening
+    def refine(origin: FloatArray | Linearisation, steps: int = max_iterations, good_enough: float = 0.0) -> Minimum:
         return minimise(
-            experiments, orders, screening.at, max_iterations=max_iterations, initial_conditions=initial_conditions
+            experiments,
+            orders,
+            origin,
+            max_iterations=min(steps, max_iterations),
+            initial_conditions=initial_conditions,
+            good_enough=good_enough,
         )
 
+    agreed = False
     for one in remaining:
+        if not admissible(orders, one.theta):
+            continue
         # a cost that agrees with the best one needs no further steps
         least = min((minimum.at.cost for minimum in screened.values()), default=0.0)
-        screen(one, least * (1.0 + AGREED / samples))
+        screened[one.name] = refine(one.theta, SCREENING_STEPS, least * (1.0 + AGREED / samples))
         costs = sorted(minimum.at.cost for minimum in screened.values())
-        if len(costs) > 1 and samples * (costs[1] - costs[0]) <= AGREED * costs[0]:
+        if agreed := len(costs) > 1 and samples * (costs[1] - costs[0]) <= AGREED * costs[0]:
             break
     chosen = min(screened, key=lambda name: screened[name].at.cost)
-    best = polish(chosen)
-    others: list[str] = []
-    difficult = thorough and (not best.converged or best.iterations > EASY)
-    if difficult:
+    best = screened[chosen] if screened[chosen].converged else refine(screened[chosen].at)
+    exact = best.at.cost <= NOISE_FREE * sum(float(np.nansum(e.y**2)) for e in experiments)
+    difficult = not exact and (
+        not (agreed and best.converged)
+        or best.iterations > EASY
+        or samples < SHORT * orders.count
+        or not admissible(orders, best.at.theta, AT_THE_LIMIT)
+    )
+    if difficult and thorough:
         for one in remaining:
-            screen(one)
-        others = [name for name in screened if name != chosen]
-    if smaller_too and start is None and best.at.cost > 0.0 and (difficult or samples < SHORT * orders.count):
-        for smaller in _next_smaller(orders):
-            found = search(
-                experiments,
-                initial_estimates,
-                smaller,
-                smaller_too=False,
-                max_iterations=EASY,
-                initial_conditions=initial_conditions,
+            if admissible(orders, one.theta):
+                screened[one.name] = refine(one.theta, SCREENING_STEPS)
+        rivals = {name: minimum for name, minimum in screened.items() if name != chosen}
+        for count, steps in ROUNDS:
+            ranked = sorted(rivals.items(), key=lambda pair: pair[1].at.cost)
+            rivals, reached = {}, [best.at.cost]
+            for name, rival in ranked:
+                # a cost that another has reached is that of the same minimum
+                if len(rivals) < count and all(samples * abs(rival.at.cost - c) > AGREED * c for c in reached):
+                    reached.append(rival.at.cost)
+                    rivals[name] = rival if rival.converged else refine(rival.at, steps)
+            best, chosen = min(
+                [(best, chosen), *((rival, name) for name, rival in rivals.items())], key=lambda p: p[0].at.cost
             )
-            padded = orders.parameters(smaller.polynomials(found.best.at.theta))
-            name = f"padded from {smaller.count} parameters, {found.start}"
-            if found.best.at.cost < best.at.cost:
-                screen(InitialEstimate(name, padded))
-                others.append(name)
-    for name in sorted(others, key=lambda name: screened[name].at.cost):
-        if (other := polish(name)).at.cost < best.at.cost:
-            best, chosen = other, name
-    return Search(best, {name: minimum.at.cost for name, minimum in screened.items()}, chosen)
+        if not best.converged and best.iterations < max_iterations:
+            best = refine(best.at)
+    path = {name: minimum.at.cost for name, minimum in screened.items()}
+    smaller = _smaller(orders)[: None if neighbours else 1] if smaller_too and difficult and start is None else []
+    for k, less in enumerate(smaller):
+        below = search(
+            experiments,
+            initial_estimates,
+            less,
+            smaller_too=k == 0,
+            neighbours=False,
+            thorough=thorough,
+            max_iterations=EASY if k else max_iterations,
+            initial_conditions=initial_conditions,
+        )
+        if below.best.at.cost < best.at.cost:
+            best = refine(orders.parameters(less.polynomials(below.best.at.theta)))
+            chosen = f"padded from {less.count} parameters, {below.start}"
+            path[chosen] = best.at.cost
+    return Search(best, path, chosen)
 
 
-def _next_smaller(orders: Orders) -> list[Orders]:
-    """Structures with one degree less, that of B or F for all inputs together."""
-    b, f = tuple(max(n - 1, 1) for n in orders.nb), tuple(max(n - 1, 0) for n in orders.nf)
-    smaller = [replace(orders, nb=b), replace(orders, nf=f)]
-    smaller += [replace(orders, **{name: max(getattr(orders, name) - 1, 0)}) for name in ("na", "nc", "nd")]
-    return [one for one in smaller if one != orders]
+def _smaller(orders: Orders) -> list[Orders]:
+    """Structures with one degree less: of everything, and of B or F for all inputs or of A, C or D alone."""
+    less = {name: max(getattr(orders, name) - 1, 0) for name in ("na", "nc", "nd")}
+    less["nb"] = tuple(max(n - 1, 1) for n in orders.nb)
+    less["nf"] = tuple(max(n - 1, 0) for n in orders.nf)
+    smaller = [replace(orders, **less), *(replace(orders, **{name: value}) for name, value in less.items())]
+    return [one for one in dict.fromkeys(smaller) if one != orders]

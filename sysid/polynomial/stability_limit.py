@@ -16,12 +16,12 @@ REACH = 0.9  # part of the distance to the unit circle that a step may use
 INSIDE = 2.0 * STABILITY_MARGIN  # distance at which roots from beyond the limit are placed
 
 
-def admissible(orders: Orders, theta: FloatArray) -> bool:
+def admissible(orders: Orders, theta: FloatArray, margin: float = STABILITY_MARGIN) -> bool:
     """Whether C, D and every F have their roots inside the unit circle."""
     if not np.isfinite(theta).all():
         return False
     _, _, c, d, f = orders.split(theta)
-    return all(is_stable(polynomial, STABILITY_MARGIN) for polynomial in (c, d, *f))
+    return all(is_stable(polynomial, margin) for polynomial in (c, d, *f))
 
 
 def pulled_in(orders: Orders, theta: FloatArray, origin: FloatArray) -> FloatArray:
@@ -45,66 +45,73 @@ def _inside(polynomial: FloatArray, origin: FloatArray) -> FloatArray:
     return np.concatenate((inner, np.zeros(len(polynomial) - len(inner))))
 
 
-def outward(orders: Orders, theta: FloatArray) -> FloatArray:
-    """Directions in the parameters that lead out of the stable region, from the roots at the limit (rows, p).
+def outward(orders: Orders, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Directions in the parameters that lead out of the stable region (rows, p), and how far it reaches (rows,).
 
     A real root leaves where the polynomial changes its sign at 1 or -1, a pair where its product exceeds 1. A double
-    real root can leave both ways; derivatives of single roots do not exist there.
+    real root can leave both ways; derivatives of single roots do not exist there. To first order, a step stays inside
+    where its product with no row exceeds the reach.
     """
     _, _, c, d, f = orders.split(theta)
-    rows = []
+    rows, reach = [], []
     begin = orders.na + sum(orders.nb)
     for polynomial in (c, d, *f):
         n = len(polynomial) - 1
-        for change in _ways_out(polynomial) if n and not is_stable(polynomial, AT_THE_LIMIT) else ():
+        for change, distance in _ways_out(polynomial) if n else ():
             row = np.zeros(orders.count)
             row[begin : begin + n] = change
             rows.append(row)
+            reach.append(REACH * max(distance, 0.0))
         begin += n
-    return np.array(rows).reshape(-1, orders.count)
+    return np.array(rows).reshape(-1, orders.count), np.array(reach)
 
 
-def _ways_out(polynomial: FloatArray) -> Iterator[FloatArray]:
-    """Derivatives by the coefficients after the first (n,): of the signed values at 1 and -1, and of products."""
+def _ways_out(polynomial: FloatArray) -> Iterator[tuple[FloatArray, float]]:
+    """Derivatives by the coefficients after the first (n,) of what must not grow further than a distance; both.
+
+    These are the signed values near 1 and -1, and the products of pairs.
+    """
     n = len(polynomial) - 1
+    limit = 1.0 - INSIDE
     roots = np.roots(polynomial)
     near = np.abs(roots) > 1.0 - AT_THE_LIMIT
-    pairs = [np.poly([root, root.conjugate()]).real for root in roots[near & (roots.imag > 0.0)]]
+    pairs = [np.poly([root, root.conjugate()]).real for root in roots[roots.imag > 0.0]]
     for end in (1.0, -1.0):
+        powers = (end * limit) ** np.arange(n + 1, dtype=float)[::-1] * end**n
+        yield -powers[1:], float(powers @ polynomial)
         close = np.abs(roots - end) < DOUBLE
-        if (close & near).any():
-            yield -(end ** np.arange(n, dtype=float)[::-1]) * end**n
-            if close.sum() > 1 and not (roots.imag[close & near] > 0.0).any():
-                pairs.append(np.poly(roots[close][np.argsort(-np.abs(roots[close]))[:2]]).real)
+        if (close & near).any() and close.sum() > 1 and not (roots.imag[close & near] > 0.0).any():
+            pairs.append(np.poly(roots[close][np.argsort(-np.abs(roots[close]))[:2]]).real)
     for pair in np.array(pairs, dtype=np.float64):
-        rest = np.polydiv(polynomial, pair)[0]
+        # remainders of z^(n-1), ..., z, 1 by the pair: coefficients of z and 1 (2, n)
+        powers = [(0.0, 1.0)]
+        for _ in range(n - 1):
+            s, t = powers[-1]
+            powers.append((t - pair[1] * s, -pair[2] * s))
+        changes = np.array(powers[::-1]).T
         # p + dp = (rest + ...)(pair + s z + t): dp = rest (s z + t) modulo the pair
-        images = [
-            _remainder(np.asarray(np.convolve(rest, unit), dtype=np.float64), pair) for unit in ([1.0, 0.0], [1.0])
-        ]
-        changes = np.column_stack([_remainder(unit, pair) for unit in np.eye(n)])
-        yield np.linalg.lstsq(np.column_stack(images), changes, rcond=None)[0][1]
+        rest = np.polydiv(polynomial, pair)[0]
+        images = np.column_stack((changes[:, : n - 1] @ rest, changes[:, 1:] @ rest))
+        yield np.linalg.lstsq(images, changes, rcond=None)[0][1], limit**2 - pair[2]
 
 
-def _remainder(polynomial: FloatArray, divisor: FloatArray) -> FloatArray:
-    """Remainder by a divisor of degree 2, two coefficients (2,)."""
-    out = np.polydiv(polynomial, divisor)[1]
-    return np.concatenate((np.zeros(2), out))[-2:]
-
-
-def constrained_step(values: FloatArray, g: FloatArray, rows: FloatArray) -> FloatArray:
-    """Minimise s' diag(values) s / 2 - g' s subject to rows @ s <= 0."""
+def constrained_step(
+    values: FloatArray, g: FloatArray, rows: FloatArray, reach: FloatArray | float = 0.0
+) -> FloatArray:
+    """Minimise s' diag(values) s / 2 - g' s subject to rows @ s <= reach, by least distance [LawsonHanson1974]."""
     free = g / values
-    if not (rows @ free > 0.0).any():
+    excess = rows @ free - reach
+    if not (excess > 0.0).any():
         return free
-    # the dual problem: forces f >= 0 of the constraints, s = free - diag(values)^-1 rows' f
     root = np.sqrt(values)
-    sides = (rows / root).T
-    lengths = np.linalg.norm(sides, axis=0)
+    sides = rows / root
+    lengths = np.linalg.norm(sides, axis=1)
     kept = lengths > 0.0
+    sides, excess = -sides[kept] / lengths[kept, None], excess[kept] / lengths[kept]
+    size = excess.max()
     try:
-        forces, _ = scipy.optimize.nnls(sides[:, kept] / lengths[kept], root * free)
+        forces, _ = scipy.optimize.nnls(np.vstack((sides.T, excess / size)), np.append(np.zeros(len(values)), 1.0))
     except RuntimeError:
         # not converged: the caller moves poles beyond the limit back
         return free
-    return np.asarray(free - (sides[:, kept] / lengths[kept]) @ forces / root)
+    return np.asarray(free + size * (sides.T @ forces) / (1.0 - excess / size @ forces) / root)

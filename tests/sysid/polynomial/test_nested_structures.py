@@ -4,10 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
+import scipy
 
 from sysid import IOData, Polynomials, armax, oe, structure_scan
 from sysid.polynomial.orders import make_orders
-from sysid.polynomial.stability_limit import admissible, outward, pulled_in
+from sysid.polynomial.stability_limit import admissible, constrained_step, outward, pulled_in
 from tests.refusals import refused
 
 
@@ -34,6 +35,15 @@ def test_larger_structures_fit_no_worse(seed):
     fits = {n: cost(oe(data, *n, 0)) for n in itertools.product((1, 2, 3, 4), (1, 2, 3, 4))}
     pairs = [(a, b) for a in fits for b in fits if a != b and a[0] <= b[0] <= a[0] + 1 and a[1] <= b[1] <= a[1] + 1]
     assert {(a, b): fits[b] / fits[a] for a, b in pairs if fits[b] > 1.01 * fits[a]} == {}
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+@pytest.mark.parametrize(("seed", "order"), [(3, 5), (4, 4)])
+def test_one_degree_more_of_everything_fits_no_worse(seed, order):
+    """Minima of the smaller structures are initial estimates, each with its own smaller ones."""
+    data = drifting(seed)
+    assert cost(armax(data, *[order] * 3, 1)) <= cost(armax(data, *[order - 1] * 3, 1)) * (1.0 + 1e-9)
 
 
 def test_a_start_is_never_left_for_a_worse_fit():
@@ -64,10 +74,30 @@ def test_ways_out_of_the_stable_region(roots, count):
     limit = 1.0 - 2e-7
     orders = make_orders(1, na=0, nb=1, nc=len(roots), nk=1)
     theta = orders.join(np.ones(1), [np.array([0.0, 1.0])], np.poly(limit * np.array(roots)).real)
-    rows = outward(orders, theta)
+    rows, reach = outward(orders, theta)
+    rows = rows[reach < 1e-9]
     assert len(rows) == count
     for row in rows:
         assert not admissible(orders, theta + 1e-3 * row)
         assert admissible(orders, pulled_in(orders, theta + 1e-3 * row, theta))
     if count == 1:
         assert admissible(orders, theta - 1e-3 * rows[0] / np.linalg.norm(rows[0]))
+
+
+def test_constrained_steps_are_least():
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        values, g, rows = rng.uniform(0.1, 10.0, 5), rng.standard_normal(5), rng.standard_normal((4, 5))
+        reach = np.array([0.0, *rng.uniform(0.0, 0.1, 3)])
+        step = constrained_step(values, g, rows, reach)
+        assert (rows @ step <= reach + 1e-12).all()
+        limits = scipy.optimize.LinearConstraint(rows, ub=reach)
+        best = scipy.optimize.minimize(
+            lambda s, v=values, g=g: v @ s**2 / 2.0 - g @ s,
+            np.zeros(5),
+            jac=lambda s, v=values, g=g: v * s - g,
+            method="SLSQP",
+            constraints=limits,
+            options={"ftol": 1e-14},
+        )
+        np.testing.assert_allclose(step, best.x, atol=1e-6)
