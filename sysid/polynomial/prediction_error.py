@@ -350,7 +350,6 @@ def search(
     difficult = not exact and (
         not (agreed and best.converged)
         or best.iterations > EASY
-        or samples < SHORT * orders.count
         or not admissible(orders, best.at.theta, AT_THE_LIMIT)
     )
     if difficult and thorough:
@@ -372,7 +371,8 @@ def search(
         if not best.converged and best.iterations < max_iterations:
             best = refine(best.at)
     path = {name: minimum.at.cost for name, minimum in screened.items()}
-    smaller = _smaller(orders)[: None if neighbours else 1] if smaller_too and difficult and start is None else []
+    ambiguous = not exact and (difficult or samples < SHORT * orders.count)
+    smaller = _smaller(orders)[: None if neighbours else 1] if smaller_too and ambiguous and start is None else []
     for k, less in enumerate(smaller):
         below = search(
             experiments,
