@@ -142,11 +142,19 @@ def innovations_form(polynomials: Polynomials, dt: float, variance: ArrayLike | 
 
 
 def is_stable(polynomial: FloatArray, margin: float = 0.0) -> bool:
-    """Whether all roots of z^n + p1 z^(n-1) + ... lie inside the circle of radius 1 - margin."""
+    """Whether all roots of z^n + p1 z^(n-1) + ... lie inside the circle of radius 1 - margin, whatever the rounding."""
     if distance_bound(polynomial.tolist()) > max(margin, SURE):
         return True  # a shortcut: every step of a search calls this
-    roots = np.roots(_trim(polynomial))
-    return bool((np.abs(roots) < 1.0 - margin).all())
+    derivative = _trim(polynomial)
+    roots = np.roots(derivative)
+    # rounding moves m roots that nearly coincide by its m-th root
+    rounding = np.finfo(float).eps * np.polyval(np.abs(derivative), np.abs(roots))
+    moved = np.full(len(roots), np.inf)
+    with np.errstate(divide="ignore"):
+        for m in range(1, len(roots) + 1):
+            derivative = np.polyder(derivative) / m
+            moved = np.minimum(moved, (rounding / np.abs(np.polyval(derivative, roots))) ** (1.0 / m))
+    return bool((np.abs(roots) + moved < 1.0 - margin).all())
 
 
 def distance_bound(row: list[float]) -> float:
