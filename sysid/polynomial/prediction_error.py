@@ -348,9 +348,7 @@ def search(
     best = screened[chosen] if screened[chosen].converged else refine(screened[chosen].at)
     exact = best.at.cost <= NOISE_FREE * sum(float(np.nansum(e.y**2)) for e in experiments)
     difficult = not exact and (
-        not (agreed and best.converged)
-        or best.iterations > EASY
-        or not admissible(orders, best.at.theta, AT_THE_LIMIT)
+        not (agreed and best.converged) or best.iterations > EASY or not admissible(orders, best.at.theta, AT_THE_LIMIT)
     )
     if difficult and thorough:
         for one in remaining:
