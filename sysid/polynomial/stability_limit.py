@@ -84,11 +84,11 @@ def _ways_out(polynomial: FloatArray) -> Iterator[tuple[FloatArray, float]]:
             pairs.append(np.poly(roots[close][np.argsort(-np.abs(roots[close]))[:2]]).real)
     for pair in np.array(pairs, dtype=np.float64):
         # remainders of z^(n-1), ..., z, 1 by the pair: coefficients of z and 1 (2, n)
-        powers = [(0.0, 1.0)]
+        remainders = [(0.0, 1.0)]
         for _ in range(n - 1):
-            s, t = powers[-1]
-            powers.append((t - pair[1] * s, -pair[2] * s))
-        changes = np.array(powers[::-1]).T
+            s, t = remainders[-1]
+            remainders.append((t - pair[1] * s, -pair[2] * s))
+        changes = np.array(remainders[::-1]).T
         # p + dp = (rest + ...)(pair + s z + t): dp = rest (s z + t) modulo the pair
         rest = np.polydiv(polynomial, pair)[0]
         images = np.column_stack((changes[:, : n - 1] @ rest, changes[:, 1:] @ rest))
