@@ -126,15 +126,7 @@ def _real(value: FloatArray) -> FloatArray:
 
 
 def sample_models(estimate: Estimate, rng: np.random.Generator, *, draws: int = 500) -> list[StateSpace]:
-    """Models with parameters drawn from the normal distribution of the estimate.
-
-    Args:
-        estimate: Any parametric estimate with a covariance.
-        rng: Source of the draws.
-        draws: Number of models.
-
-    Returns:
-        The models; some may be unstable where the estimate is near that.
+    """Models with parameters drawn from the normal distribution of an estimate; near instability some are unstable.
 
     Raises:
         SysidError: Fewer than two draws, or an estimate without covariance.

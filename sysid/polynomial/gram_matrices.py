@@ -33,13 +33,9 @@ def lagged_products(signals: FloatArray, lags: int, start: int) -> FloatArray:
 def lagged_solution(products: FloatArray, lags: Sequence[range], target: Sequence[float]) -> FloatArray | None:
     """Least-squares coefficients of lagged signals that explain a combination of the signals at lag zero.
 
-    Those of the first signal, the output, are negated, as coefficients of A are. None if the regressors are too nearly
-    dependent for normal equations.
-
-    Args:
-        products: Result of `lagged_products`, summed over experiments.
-        lags: Lags of each signal among the regressors.
-        target: Weight of each signal in the combination.
+    They come signal by signal from the `lagged_products`, summed over experiments, the lags of each signal among the
+    regressors, and the weight of each in the combination, `target`. Those of the first signal, the output, are negated,
+    as coefficients of A are. None if the regressors are too nearly dependent for normal equations.
     """
     signal = np.repeat(np.arange(len(lags)), [len(part) for part in lags])
     lag = np.concatenate([np.asarray(part, dtype=int) for part in lags])

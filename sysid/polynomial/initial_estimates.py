@@ -13,7 +13,7 @@ import scipy
 from sysid.models.polynomials import stabilised
 from sysid.polynomial.gram_matrices import lagged_products, lagged_solution
 from sysid.polynomial.least_squares import solve
-from sysid.polynomial.long_arx import LongArx, arx_errors, arx_solution, long_arx_family, long_arx_order
+from sysid.polynomial.long_arx import LongArx, arx_errors, arx_solution, long_arx_models, long_arx_order
 from sysid.polynomial.missing_outputs import MissingOutputs
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.prediction_error import InitialEstimate
@@ -33,7 +33,7 @@ def completed(experiments: Sequence[IOData], orders: Orders) -> tuple[IOData, ..
     n = long_arx_order(experiments, orders, 3)
     filled = tuple(replace(e, y=interpolated(e), missing=False) for e in experiments)
     for _ in range(FILL_ROUNDS):
-        model = long_arx_family(filled, orders, n).model(n)
+        model = long_arx_models(filled, orders, n)(n)
         update = tuple(_conditional_mean(model, e, f) for e, f in zip(experiments, filled, strict=True))
         change = sum(float(np.sum((a.y - b.y) ** 2)) for a, b in zip(update, filled, strict=True))
         errors = sum(float(np.sum(model.errors(e)[model.skip :] ** 2)) for e in update)
@@ -84,10 +84,10 @@ def armax_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> It
     u = [e.u for e in experiments]
     rows = [orders.first_row(e.window) for e in experiments]
     short, middle, long = (long_arx_order(experiments, orders, factor) for factor in (3, 5, 8))
-    family = long_arx_family(experiments, orders, long)
+    long_arx = long_arx_models(experiments, orders, long)
     for n in (short, long):
-        yield InitialEstimate(f"Hannan-Rissanen ({n})", hannan_rissanen(experiments, orders, family.model(n)))
-    model = family.model(middle)
+        yield InitialEstimate(f"Hannan-Rissanen ({n})", hannan_rissanen(experiments, orders, long_arx(n)))
+    model = long_arx(middle)
     noise_free = [model.simulate(e) for e in experiments]
     path = arx_solution(noise_free, u, orders.na, orders.nb, orders.nk, rows)
     yield InitialEstimate(f"simulated ARX ({middle})", _without_noise_model(orders, path))
@@ -121,7 +121,7 @@ def oe_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Itera
     """OE: Steiglitz-McBride from the simulation of a long ARX model, that model reduced, and variants of ARX."""
     y = [e.y[:, 0] for e in experiments]
     n = long_arx_order(experiments, orders, 5)
-    model = long_arx_family(experiments, orders, n).model(n)
+    model = long_arx_models(experiments, orders, n)(n)
     noise_free = [model.simulate(e) for e in experiments]
     simulated = steiglitz_mcbride(experiments, orders, noise_free, 0)
     refined = steiglitz_mcbride(experiments, orders, y, REFINEMENTS, simulated)
@@ -268,12 +268,12 @@ def bj_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Itera
     """
     path_orders = replace(orders, nc=0, nd=0)
     short, long = (long_arx_order(experiments, orders, factor) for factor in (3, 8))
-    family = long_arx_family(experiments, orders, long)
-    model = family.model(short)
+    long_arx = long_arx_models(experiments, orders, long)
+    model = long_arx(short)
     for n in (short, long):
-        path = _whitened_path(experiments, path_orders, family.model(n))
+        path = _whitened_path(experiments, path_orders, long_arx(n))
         yield InitialEstimate(f"whitened ({n})", _with_disturbance(experiments, orders, path_orders, path, model))
-    path = reduced_path(experiments, path_orders, family.model(long))
+    path = reduced_path(experiments, path_orders, long_arx(long))
     yield InitialEstimate(f"reduced ARX ({long})", _with_disturbance(experiments, orders, path_orders, path, model))
     for start in oe_initial_estimates(experiments, path_orders):
         theta = _with_disturbance(experiments, orders, path_orders, start.theta, model)
@@ -323,7 +323,7 @@ def general_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> 
     """
     whole, rest = _as_armax(orders), replace(orders, na=0)
     n = long_arx_order(experiments, whole, 8)
-    model = long_arx_family(experiments, whole, n).model(n)
+    model = long_arx_models(experiments, whole, n)(n)
     a, b, c, *_ = whole.split(hannan_rissanen(experiments, whole, model))
     denominators = [(f"A {k}", factor) for k, factor in enumerate(_factors(a, [*b, c], orders.na), start=1)]
     plain = replace(rest, na=orders.na, nd=0, nf=(0,) * len(orders.nf))

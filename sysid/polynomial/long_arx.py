@@ -4,7 +4,7 @@ All orders up to the largest share one table of products, which costs about one 
 dependent columns, least squares on the columns takes over.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,41 +56,24 @@ class LongArx:
         return [scipy.signal.lfilter(numerator, stable, pulse) for numerator in (*self.b, np.ones(1))]
 
 
-@dataclass(frozen=True, eq=False)
-class LongArxFamily:
-    """Long ARX models of all orders up to the largest.
+def long_arx_models(experiments: Sequence[IOData], orders: Orders, largest: int) -> Callable[[int], LongArx]:
+    """Function from n up to the largest to the model with n coefficients of A and of each B, by least squares."""
+    nk, nu, most = orders.nk, len(orders.nk), largest + max((*orders.nk, 1))
+    gram = np.zeros((nu + 1, most + 1) * 2)
+    for e in experiments:
+        gram += lagged_products(np.column_stack((e.y[:, 0], e.u)), most, max(e.window, most))
 
-    Attributes:
-        experiments: Single-output experiments.
-        nk: Delay per input.
-        gram: Products of all lagged signals: y at lags 0.., then every u likewise (nu + 1, lags, nu + 1, lags).
-    """
-
-    experiments: Sequence[IOData]
-    nk: tuple[int, ...]
-    gram: FloatArray
-
-    def model(self, n: int) -> LongArx:
-        """Least squares for n coefficients of A and of each B."""
-        lags = [range(1, n + 1), *(range(k, k + n) for k in self.nk)]
-        theta = lagged_solution(self.gram, lags, [1.0] + [0.0] * len(self.nk))
-        skip = n + max(self.nk, default=0)
+    def model(n: int) -> LongArx:
+        theta = lagged_solution(gram, [range(1, n + 1), *(range(k, k + n) for k in nk)], [1.0] + [0.0] * nu)
+        skip = n + max(nk, default=0)
         if theta is None:
-            y, u = [e.y[:, 0] for e in self.experiments], [e.u for e in self.experiments]
-            starts = [max(e.window, skip) for e in self.experiments]
-            theta = arx_solution(y, u, n, (n,) * len(self.nk), self.nk, starts)
-        a, *b = np.split(theta, np.cumsum([n] * len(self.nk)))
-        padded = [np.concatenate((np.zeros(k), part)) for k, part in zip(self.nk, b, strict=True)]
+            y, u = [e.y[:, 0] for e in experiments], [e.u for e in experiments]
+            theta = arx_solution(y, u, n, (n,) * nu, nk, [max(e.window, skip) for e in experiments])
+        a, *b = np.split(theta, np.cumsum([n] * nu))
+        padded = [np.concatenate((np.zeros(k), part)) for k, part in zip(nk, b, strict=True)]
         return LongArx(np.concatenate(([1.0], a)), tuple(padded), skip)
 
-
-def long_arx_family(experiments: Sequence[IOData], orders: Orders, largest: int) -> LongArxFamily:
-    """Prepare long ARX models for the delays of a structure."""
-    lags = largest + max((*orders.nk, 1))
-    gram = np.zeros((len(orders.nk) + 1, lags + 1) * 2)
-    for e in experiments:
-        gram += lagged_products(np.column_stack((e.y[:, 0], e.u)), lags, max(e.window, lags))
-    return LongArxFamily(experiments, orders.nk, gram)
+    return model
 
 
 def long_arx_order(experiments: Sequence[IOData], orders: Orders, factor: int) -> int:

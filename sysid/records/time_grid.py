@@ -60,22 +60,16 @@ def experiments(
     are taken as they are. Otherwise the grid begins at a sample of the slowest output; samples within 1 % of an
     interval of its instants are moved there, outputs are interpolated linearly between samples, and inputs, which hold
     until their next sample, have their mean over each interval: it moves an integrator as the held input does. A
-    `SysidWarning` says what was done.
+    `SysidWarning` says what was done, after the remarks on how the stamps were read.
 
-    Args:
-        inputs: Signals of the inputs, sampled at any instants.
-        outputs: Signals of the outputs, each of a nearly constant rate.
-        dt: Interval of the grid, s; None: that of the slowest output.
-        missing: Whether lost outputs become NaN, while inputs are held.
-        cut: Whether the record is cut at gaps otherwise.
-        name: Name of the file, for messages; its stem is that of the records.
-        resolution: Resolution of the stamps, s.
-        nominal: Whether `dt` is the interval of samples whose stamps only jitter, if none was lost.
-        remarks: How the stamps were read.
+    The interval dt of the grid, s, is by default that of the slowest output. With `missing`, lost outputs become NaN
+    and inputs are held; with `cut` the record is cut at gaps otherwise. The stem of `name`, a file, is that of the
+    records. The resolution of the stamps is in s. A `nominal` interval is that of samples whose stamps only jitter, if
+    none was lost.
 
     Raises:
-        SysidError: Outputs without a constant rate, signals without time in common, gaps, channels that no `IOData`
-            takes.
+        SysidError: Outputs without a constant rate, signals without time in common, gaps, channels that no
+            `IOData` takes.
     """
     signals = (*inputs, *outputs)
     if short := [signal for signal in signals if len(signal.times) < 2]:
