@@ -122,13 +122,7 @@ class Unsampled:
 
 def _unsampled(model: StateSpace, intersample: str, delays: Sequence[int] = (0,)) -> ContinuousModel:
     """Model in continuous time, its innovation held; delays in samples, one for all inputs or one each."""
-    poles = model.poles()
-    unmatched = poles[_without_match(poles)]
-    if len(unmatched):
-        raise SysidError(
-            f"the model has {len(unmatched)} pole(s) at zero or on the negative real axis, {_list(unmatched)}, which "
-            "no continuous-time system of the same order has; remove delays by split_delay, or fit a lower order"
-        )
+    _check_match(model.poles())
     n, nu, drive = model.order, model.nu, np.hstack((model.B, model.gain))
     held = np.block([[model.A, drive], [np.zeros((drive.shape[1], n)), np.eye(drive.shape[1])]])
     rates = np.real(scipy.linalg.logm(held)) / model.dt
@@ -229,12 +223,7 @@ def d2c_matched(model: StateSpace | Estimate) -> "control.TransferFunction":
     z = zero_pole_gain(model)
     # a multiple zero at -1 is computed as a small circle around it
     finite = z.zeros[~_without_match(z.zeros) & (np.abs(z.zeros + 1.0) > 1e-6)]
-    unmatched = z.poles[_without_match(z.poles)]
-    if len(unmatched):
-        raise SysidError(
-            f"poles at zero or on the negative real axis, {_list(unmatched)}, match none in continuous time; "
-            "remove delays by split_delay, or fit a lower order"
-        )
+    _check_match(z.poles)
     zeros, poles = np.log(finite) / model.dt, np.log(z.poles) / model.dt
     unscaled = control.zpk(zeros, poles, 1.0)
     f = 0.0 if _regular_at_zero(z) else 0.05 / model.dt
@@ -305,9 +294,15 @@ def _without_match(roots: ComplexArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
     return (np.abs(roots) < AT_ZERO) | ((roots.real < 0.0) & on_axis)
 
 
+def _check_match(poles: ComplexArray) -> None:
+    unmatched = poles[_without_match(poles)]
+    if len(unmatched):
+        listed = ", ".join(f"{pole.real:.4g}" for pole in unmatched)
+        raise SysidError(
+            f"the model has {len(unmatched)} pole(s) at zero or on the negative real axis, {listed}, which no "
+            "continuous-time system of the same order has; remove delays by split_delay, or fit a lower order"
+        )
+
+
 def _regular_at_zero(z: ZeroPoleGain) -> bool:
     return bool((np.abs(np.concatenate((z.zeros, z.poles)) - 1.0) > AT_ONE).all())
-
-
-def _list(values: ComplexArray) -> str:
-    return ", ".join(f"{value.real:.4g}" for value in values)

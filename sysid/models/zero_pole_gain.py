@@ -108,7 +108,7 @@ def zero_pole_gain(model: StateSpace | Estimate, *, input: int = 0, output: int 
             f"no channel from input {input} to output {output}: the model has {model.nu} input(s) and {model.ny} "
             "output(s), counted from 0"
         )
-    channel = _channel(model, input, output)
+    channel = model.channel(input, output).input_path()
     leading = _leading(channel)
     if leading == 0.0:
         raise SysidError(f"input {input} does not reach output {output}: there is no gain")
@@ -133,16 +133,12 @@ def transfer_function(model: StateSpace | Estimate) -> "control.TransferFunction
 
     model = as_model(model)
     model = model if model.nu else model.input_path()
-    channels = [[_channel(model, j, i) for j in range(model.nu)] for i in range(model.ny)]
+    channels = [[model.channel(j, i).input_path() for j in range(model.nu)] for i in range(model.ny)]
     numerators = [[_leading(c) * np.atleast_1d(np.poly(c.zeros()).real) for c in row] for row in channels]
     denominators = [[np.atleast_1d(np.poly(c.poles()).real) for c in row] for row in channels]
     return control.tf(
         numerators, denominators, model.dt, inputs=list(model.input_names or ()), outputs=list(model.output_names or ())
     )
-
-
-def _channel(model: StateSpace, j: int, i: int) -> StateSpace:
-    return model.channel(j, i).input_path()
 
 
 def _leading(channel: StateSpace) -> float:

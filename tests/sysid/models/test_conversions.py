@@ -125,7 +125,7 @@ def test_what_has_no_continuous_counterpart_is_refused():
     delay = StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]], None, DT)
     refused(r"1 pole\(s\) at zero or on the negative real axis, 0", lambda: d2c(delay))
     negative = StateSpace([[-0.5]], [[1.0]], [[1.0]], [[0.0]], None, DT)
-    refused(r"poles at zero or on the negative real axis, -0\.5", d2c_matched, negative)
+    refused(r"1 pole\(s\) at zero or on the negative real axis, -0\.5", d2c_matched, negative)
     refused("expected a continuous-time", lambda: c2d(delay.to_control(), DT))
     refused("dt must lie between", lambda: c2d(control.tf([1.0], [1.0, 1.0]), 0.0))
     refused("grows with frequency", lambda: c2d_matched(control.tf([1.0, 0.0], [1.0]), DT))
