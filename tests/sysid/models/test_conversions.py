@@ -252,6 +252,7 @@ def test_the_noise_models_own_poles_have_no_part_in_the_path():
     y = lfilter([0.0, 0.5], [1.0, -0.8], u) + lfilter([1.0], [1.0, 0.66], 0.1 * e)
     estimate = sysid.bj(IOData(u, y, DT), 1, 0, 1, 1, 1)
     assert estimate.model.order == 2
+    np.testing.assert_allclose(estimate.polynomials.D, [1.0, 0.66], atol=0.05)
     assert estimate.poles() == pytest.approx([0.8], abs=0.01)
     assert len(estimate.zeros()) == 0
     assert sysid.transfer_function(estimate).poles() == pytest.approx([0.8], abs=0.01)
