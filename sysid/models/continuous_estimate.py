@@ -66,10 +66,6 @@ class ContinuousEstimate(Estimate):
         """The path from u to y as a python-control system in continuous time; see `ContinuousModel`."""
         return self.continuous.to_control(pade)
 
-    def dc_gain(self) -> FloatArray:
-        """Gain at 0 Hz (ny, nu); with its interval: `continuous_band`."""
-        return self.continuous.dc_gain()
-
 
 def continuous_estimate(
     estimate: Estimate, realise_continuous: Callable[[FloatArray], ContinuousModel]

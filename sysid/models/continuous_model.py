@@ -76,11 +76,7 @@ class ContinuousModel(Locked):
         return self.states.input_path().zeros()
 
     def frequency_response(self, f_hz: ArrayLike) -> ComplexArray:
-        """Response at s = 2 pi i f, delays included (nf, ny, nu).
-
-        Args:
-            f_hz: Frequencies in Hz (nf,).
-        """
+        """Response at s = 2 pi i f of frequencies in Hz (nf,), delays included (nf, ny, nu)."""
         s = np.atleast_1d(2j * np.pi * real_array("f_hz", f_hz))
         return self.states.transfer(s, self.states.B, self.states.D) * np.exp(-s[:, None, None] * self.delays)
 

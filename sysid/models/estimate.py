@@ -187,8 +187,8 @@ class Estimate(Labelled, Locked):
         return self.model.input_path().to_control()
 
     def dc_gain(self) -> FloatArray:
-        """Gain at 0 Hz (ny, nu); with its interval: `band`."""
-        return self.model.dc_gain()
+        """Gain at 0 Hz (ny, nu); with its interval: `band`, in continuous time `continuous_band`."""
+        return self._responding.dc_gain()
 
     def step_response(self, n: int) -> FloatArray:
         """Response to a unit step in each input (n, ny, nu); with its interval: `band`."""
@@ -258,11 +258,7 @@ class Estimate(Labelled, Locked):
         return self._bandwidth(hz, moves)
 
     def frequency_response(self, f_hz: ArrayLike) -> FrequencyResponse:
-        """Response, its covariance by the delta method, and the disturbance spectrum of the noise model.
-
-        Args:
-            f_hz: Frequencies in Hz (nf,).
-        """
+        """Response at frequencies in Hz (nf,), its covariance by the delta method, and the disturbance spectrum."""
         f = np.atleast_1d(real_array("f_hz", f_hz))
         moves, _ = self._moves(f, np.full((self.model.ny, self.model.nu), np.nan))
         return self._frequency_response(f, moves)
@@ -272,9 +268,6 @@ class Estimate(Labelled, Locked):
 
         To first order the parameters and the innovation variance are independent; the latter has the variance of a
         sample covariance of normal innovations [Ljung1999, ch. 9].
-
-        Args:
-            f_hz: Frequencies in Hz (nf,).
         """
         f, innovation = np.atleast_1d(real_array("f_hz", f_hz)), self.noise_variance
 
@@ -292,9 +285,6 @@ class Estimate(Labelled, Locked):
 
     def response_and_bandwidth(self, f_hz: ArrayLike) -> tuple[FrequencyResponse, Bandwidth]:
         """`frequency_response` and `bandwidth` at once, in half the time where models take long to realise.
-
-        Args:
-            f_hz: Frequencies in Hz (nf,).
 
         Warns:
             SysidWarning: As `bandwidth` does.

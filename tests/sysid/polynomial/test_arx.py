@@ -53,8 +53,6 @@ def test_experiments_are_never_joined():
         ((-1, 1, 1), "na must be"),
         ((1, 0, 1), "nb must be"),
         ((1, 1, -1), "nk must be"),
-        ((1.5, 1, 1), "na must be"),
-        ((True, 1, 1), "na must be"),
         ((1, [1, 1], 1), "one per input"),
         ((200, 200, 1), "too many orders"),
     ],
