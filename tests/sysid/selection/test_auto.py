@@ -7,7 +7,7 @@ import scipy
 import sysid
 from sysid import IOData, SysidError, auto
 from sysid.validation.feedback import interchanged
-from tests.sysid.systems import exact_system, second_order
+from tests.sysid.systems import exact_system, losing, second_order
 
 
 @pytest.mark.slow
@@ -109,9 +109,7 @@ def test_a_long_record_is_searched_by_parts_and_estimated_whole():
 @pytest.mark.slow
 def test_missing_outputs_take_part():
     data = second_order(seed=4, samples=800, noise=0.3, d=(1.0,))
-    y = data.y.copy()
-    y[100:110], y[::41] = np.nan, np.nan
-    choice = auto(IOData(data.u, y, data.dt, missing=True), methods=["oe"], largest=3)
+    choice = auto(losing(losing(data, slice(100, 110)), slice(None, None, 41)), methods=["oe"], largest=3)
     assert choice.candidates[0].orders == {"nb": 2, "nf": 2, "nk": 1}
 
 

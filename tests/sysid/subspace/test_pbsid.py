@@ -5,7 +5,7 @@ import sysid
 from sysid import IOData, Polynomials, SysidWarning, pbsid
 from sysid.models import innovations_form
 from tests.refusals import refused
-from tests.sysid.systems import in_feedback, multivariable, record_in_motion
+from tests.sysid.systems import in_feedback, losing, multivariable, record_in_motion
 
 HZ = np.linspace(0.1, 4.9, 20)
 TRUTH = Polynomials(A=[1, -1.5, 0.7], B=[0, 1.0, 0.5], C=[1, -0.6, 0.3])
@@ -60,9 +60,7 @@ def test_error_falls_with_the_root_of_the_samples():
 
 def test_missing_outputs():
     data, _ = in_feedback(samples=3000, truth=TRUTH)
-    y = data.y.copy()
-    y[np.random.default_rng(0).random(3000) < 0.1] = np.nan
-    estimate = pbsid(IOData(data.u, y, 0.1, missing=True), 2)
+    estimate = pbsid(losing(data, np.random.default_rng(0).random(3000) < 0.1), 2)
     assert error(estimate.model, pbsid(data, 2).model) < 0.15
 
 
