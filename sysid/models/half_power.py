@@ -1,20 +1,30 @@
 """Search for half-power bandwidths."""
 
-from typing import TYPE_CHECKING
+from typing import Protocol, Self
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
-from sysid.records.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from sysid.models.continuous_model import ContinuousModel
-    from sysid.models.state_space import StateSpace
+from sysid.records.arrays import ComplexArray, FloatArray
 
 HALF_POWER = 0.5  # -3.0103 dB
 
 
-def half_power_frequencies(model: "StateSpace | ContinuousModel", grid: FloatArray) -> FloatArray:
+class Responding(Protocol):
+    """A model in discrete or continuous time."""
+
+    def dc_gain(self) -> FloatArray:
+        """Gain at 0 Hz (ny, nu)."""
+
+    def frequency_response(self, f_hz: ArrayLike) -> ComplexArray:
+        """Response at frequencies in Hz (nf, ny, nu)."""
+
+    def channel(self, input: int, output: int) -> Self:
+        """The path from one input to one output."""
+
+
+def half_power_frequencies(model: Responding, grid: FloatArray) -> FloatArray:
     """First frequency in Hz at which each gain has fallen by 3.01 dB from that at 0 Hz (ny, nu), as `bandwidth` says.
 
     The grid (nf,) in Hz rises, and is dense enough to see every crossing.
