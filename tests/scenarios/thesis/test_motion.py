@@ -160,20 +160,9 @@ def test_noise_on_the_logged_command_takes_gain_away_and_needs_no_other_record()
 
 
 @pytest.mark.slow
-def test_workers_change_no_bit_and_an_interrupted_campaign_resumes(tmp_path):
+def test_the_command_writes_what_any_number_of_workers_gives_and_resumes(run, result, tmp_path, monkeypatch):
     campaign, seen = replace(SMALL, seeds=1, multisines=0), []
-    with LocalProcesses(1) as executor:
-        one = run_campaign(campaign, executor, tmp_path / "one", lambda *now: seen.append(now))
-        again = run_campaign(campaign, executor, tmp_path / "one", lambda *now: seen.append(now))
-    with LocalProcesses(2) as executor:
-        two = run_campaign(campaign, executor, tmp_path / "two", lambda *_: None)
-    assert one == again == two
-    assert seen == [(0, 3), (1, 3), (2, 3), (3, 3), (3, 3)]
-
-
-@pytest.mark.slow
-def test_the_command_writes_scores_and_the_map(run, result, tmp_path, monkeypatch):
-    monkeypatch.setattr(MotionCampaign, "quick", classmethod(lambda _: replace(SMALL, seeds=1, multisines=0)))
+    monkeypatch.setattr(MotionCampaign, "quick", classmethod(lambda _: campaign))
     # on a busy machine there is progress on stderr
     code, text, _ = run("motion", "--quick", "--out", tmp_path / "made", "--workers", 1)
     assert code == 0 and "Shoulder yaw: none of" in text
@@ -184,6 +173,13 @@ def test_the_command_writes_scores_and_the_map(run, result, tmp_path, monkeypatc
     assert [row["joint"] for row in rows] == [joint for joint in STUDIED_JOINTS for _ in range(2)]
     assert (tmp_path / "made" / "motion.png").stat().st_size > 10_000
     assert result("motion", "--quick", "--out", tmp_path / "made")["arms"] == record["arms"]
+    with LocalProcesses(2) as executor:
+        one, two = (
+            run_campaign(campaign, executor, tmp_path / folder, lambda *now: seen.append(now))
+            for folder in ("made", "two")
+        )
+    assert one == two
+    assert seen == [(3, 3), (0, 3), (1, 3), (2, 3), (3, 3)]
 
 
 def test_the_record_of_the_whole_campaign_is_of_its_factors_and_items():

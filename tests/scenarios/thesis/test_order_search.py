@@ -104,12 +104,14 @@ def test_a_record_that_two_poles_explain_leaves_them_stable():
 
 
 @pytest.mark.slow
-def test_least_squares_may_leave_the_unit_circle():
+def test_least_squares_may_leave_the_unit_circle(monkeypatch):
     """The output runs away beside the input: the one pole that explains it lies outside."""
+    monkeypatch.setattr(order_search, "ORDERS", (ORDERS[0], ORDERS[-1]))
     rng = np.random.default_rng(4)
     u = rng.standard_normal(400)
     y = lfilter([0.0, 0.0, 1.0], [1.0, -1.01], u)
     models = more_poles(IOData(u, y, 0.02), 2)
+    assert len(models) == 2
     assert all(entry.free_radius > 1.0 for entry in models)
     assert all(entry.unstable for entry in models)
     assert all(entry.radius < 1.0 for entry in models), "the estimator keeps every model stable"

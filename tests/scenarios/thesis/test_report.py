@@ -138,7 +138,7 @@ def test_every_finding_is_listed_with_verdict_and_reason(text, study):
         assert len(row[row.index('data-label="Why"') :]) > 30
 
 
-def test_frequencies_and_ranges_stand_beside_the_findings(text, study, report):
+def test_frequencies_and_ranges_stand_beside_the_findings_of_unmarked_whole_records(text, study, report):
     decided = findings(study)
     first, second = decided[0], decided[1]
     here = outcome(study, decided)
@@ -151,8 +151,11 @@ def test_frequencies_and_ranges_stand_beside_the_findings(text, study, report):
         numbers={**here.numbers, first.key: moved},
     )
     both = Tally((here, other), {})
-    many = str(html({**report, "chance": chance(decided, both, study.seed)})[0])
+    main, *rest = study.campaigns
+    whole = replace(study, campaigns=(replace(main, duration=None), *rest))
+    many = str(html({**report, "study": whole, "chance": chance(decided, both, study.seed)})[0])
     Page(many)
+    assert "quick run" not in many.lower()
     rows = dict(re.findall(r'<tr id="(F\d+)">(.*?)</tr>', many, flags=re.S))
     assert '<span class="note">same on 2 of 2 seeds</span>' in rows[first.key]
     for spread in both.spread(first.key).values():
@@ -195,13 +198,6 @@ def test_the_report_is_written_whole_with_its_tables_and_cost(study, answer, rep
 def test_an_unwritable_report_is_refused_before_it_is_drawn(study, tmp_path):
     refused("there is no folder", write_report, study, (), None, tmp_path / "missing" / "report.html")
     refused("is a folder", write_report, study, (), None, tmp_path)
-
-
-def test_whole_records_are_not_marked(study, report):
-    main, *rest = study.campaigns
-    whole = replace(study, campaigns=(replace(main, duration=None), *rest))
-    text = str(html({**report, "study": whole})[0])
-    assert "quick run" not in text.lower()
 
 
 def test_the_first_screen_is_three_sentences_and_a_picture(text, answer):

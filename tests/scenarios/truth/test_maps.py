@@ -263,7 +263,7 @@ def test_what_is_unstable_is_not_called_too_heavy(found):
 
 
 @pytest.mark.slow
-def test_poses_that_the_drives_cannot_hold_are_gaps(tmp_path):
+def test_poses_that_the_drives_cannot_hold_are_gaps():
     found = maps(load_arm(plant=Plant(supply_pressure=6.0)), OPERATING_POSE, COARSE)
     poses = found.table.rows("operating pose", "workspace", "near", "anywhere", *MOVING)
     text = "\n".join(findings(found))
@@ -274,7 +274,8 @@ def test_poses_that_the_drives_cannot_hold_are_gaps(tmp_path):
     lost = 100 * np.mean(~found.table.rows("anywhere").held)
     assert f"; at {lost:.1f} % of poses the drives cannot hold the arm." in text
     assert "nan" not in text
-    assert write_maps(found, tmp_path)
+    for figure in map_figures(found).values():
+        figure.draw_without_rendering()
 
 
 @pytest.mark.slow
@@ -282,7 +283,7 @@ def test_page_and_table_are_complete(found, tmp_path):
     files = write_maps(found, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {path.name for path in files}
     page = files[0].read_text(encoding="utf-8")
-    assert page.count("<svg") == len(map_figures(found)) == 6
+    assert page.count("<svg") == sum(path.suffix == ".svg" for path in files) == 6
     assert page.count("<li>") == len(findings(found))
     assert "<script" not in page
     assert 'src="' not in page
