@@ -11,7 +11,9 @@ from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
 from sysid.models.predict import aligned, as_model
 from sysid.models.state_space import StateSpace
+from sysid.polynomial.armax import armax
 from sysid.polynomial.data_checks import check_excitation, check_means
+from sysid.polynomial.oe import oe
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -114,7 +116,8 @@ def pem_ss(
             covariance allows for errors of any covariance [Ljung1999, ch. 9]. Not with missing outputs.
         search: Whether to try further initial estimates (`n4sid` with several horizons, `okid`, with and without K)
             after a single start if several minima are likely: fewer than 50 output values per parameter, or a fit that
-            converges slowly or not at all. Such a fit takes about ten times as long. Not with missing outputs.
+            converges slowly or not at all (then also `armax`, `oe` without K, of one output). Such a fit takes about
+            ten times as long. Not with missing outputs.
         max_iterations: Limit on the accepted steps.
 
     Returns:
@@ -169,8 +172,7 @@ def pem_ss(
     chosen = min(minima, key=lambda k: minima[k].point.criterion)
     minimum, origin = minima[chosen], origins[chosen]
     name = origin.method if isinstance(origin, Estimate) else "model"
-    slow = not minimum.converged or minimum.iterations > SLOW
-    doubtful = (slow or samples * ny < SHORT * count) and minimum.reason != "errors at rounding level"
+    doubtful = (_is_slow(minimum) or samples * ny < SHORT * count) and minimum.reason != "errors at rounding level"
     if search and len(origins) == 1 and doubtful and all(e.complete for e in experiments):
         minimum, name = _searched(
             experiments, records, scales, (name, models[0], minimum), direct, gain, max_iterations
@@ -222,6 +224,17 @@ def pem_ss(
     )
 
 
+def _polynomial_estimates(
+    experiments: Sequence[IOData], order: int, direct: bool, gain: bool
+) -> Iterator[tuple[str, StateSpace]]:
+    """The fit of the same model of one output as polynomials, which may end in another minimum."""
+    count, delay = (order + 1, 0) if direct else (order, 1)
+    if gain:
+        yield from _attempt("armax", order, partial(armax, experiments, order, count, order, delay))
+    elif experiments[0].nu == 1:
+        yield from _attempt("oe", order, partial(oe, experiments, count, order, delay, coloured=False))
+
+
 def _searched(
     experiments: Sequence[IOData],
     records: Sequence[Record],
@@ -237,6 +250,8 @@ def _searched(
     directions = partial(local_coordinates, direct=direct)
     screened: list[tuple[str, Minimum]] = []
     candidates = list(initial_estimates(experiments, start.order))
+    if start.ny == 1 and _is_slow(best):
+        candidates += _polynomial_estimates(experiments, start.order, direct, gain)
     # the minimum of the criterion with the opposite `gain` helps to escape from local minima
     other = [Record.of(e, scales, not gain, records[0].output_weight) for e in experiments]
     try:
@@ -258,6 +273,10 @@ def _searched(
         if minimum.point.criterion < best.point.criterion:
             best, name = minimum, label
     return best, name
+
+
+def _is_slow(minimum: Minimum) -> bool:
+    return not minimum.converged or minimum.iterations > SLOW
 
 
 def _refined(records: Sequence[Record], starts: Sequence[Predictor], direct: bool, max_iterations: int) -> Minimum:
