@@ -11,7 +11,6 @@ of |H|, over a quarter as many draws.
 """
 
 import sys
-from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -24,7 +23,7 @@ from sysid.models.delta_method import spread
 from sysid.polynomial.structures import layout
 from tests.benchmarks.efficiency import STRUCTURES
 from tests.benchmarks.tables import heading, row, timed
-from tests.sysid.systems import CORRELATED_OUTPUTS, bursts_of_loss, parameters_covered
+from tests.sysid.systems import CORRELATED_OUTPUTS, bursts_of_loss, losing, parameters_covered
 
 SAMPLES = 2500
 STEP = 1e-5
@@ -33,12 +32,6 @@ STEP = 1e-5
 def holes(seed, shape, bursts):
     rng = np.random.default_rng(70_000 + seed)
     return bursts_of_loss(rng, *shape) if bursts else rng.random(shape) < 0.25
-
-
-def lose(data, lost):
-    y = data.y.copy()
-    y[lost] = np.nan
-    return replace(data, y=y, missing=True)
 
 
 def information(system, known):
@@ -82,7 +75,7 @@ def polynomial_draws(system, estimator, orders, draws, bursts):
     for seed in range(draws):
         data = system.draw(seed)
         _, whole = timed(estimator, data, *orders, clock=perf_counter)
-        estimate, gapped = timed(estimator, lose(data, lost), *orders, clock=perf_counter)
+        estimate, gapped = timed(estimator, losing(data, lost), *orders, clock=perf_counter)
         error = estimate.parameters - truth
         covered = np.mean(parameters_covered(estimate, truth))
         variance = estimate.noise_variance[0, 0] / system.variance
@@ -107,7 +100,7 @@ def state_space_draws(model, draws, bursts):
         data = sysid.IOData(u, sysid.simulate(joint, np.hstack((u, e))), model.dt)
         _, whole = timed(sysid.pem_ss, data, model, clock=perf_counter)
         lost = holes(seed, (SAMPLES,), True)[:, None] if bursts else holes(seed, (SAMPLES, ny), False)
-        gapped_data = lose(data, np.broadcast_to(lost, data.y.shape))
+        gapped_data = losing(data, np.broadcast_to(lost, data.y.shape))
         estimate, gapped = timed(sysid.pem_ss, gapped_data, model, clock=perf_counter)
         moves = spread(lambda theta: size(estimate.realise(theta)), estimate.parameters, estimate.covariance)  # noqa: B023
         relative = (size(estimate.model) - truth) / np.sqrt(np.sum(moves**2, axis=0))

@@ -6,6 +6,7 @@ import pytest
 from sysid import IOData, armax, compare, oe, predict
 from sysid.validation import fit_percent
 from tests.refusals import refused
+from tests.sysid.systems import losing
 
 
 def test_fit_by_hand():
@@ -96,9 +97,7 @@ def test_fits_print_as_a_table(p3):
 
 def test_an_estimate_knows_the_fit_to_its_own_data(p3):
     data = p3.draw(0)
-    y = data.y.copy()
-    y[50:60] = np.nan
-    for own in (data, [data[:400], data[400:]], IOData(data.u, y, data.dt, missing=True)):
+    for own in (data, [data[:400], data[400:]], losing(data, slice(50, 60))):
         estimate = armax(own, 2, 2, 2)
         np.testing.assert_allclose(estimate.fit_percent, compare(estimate, own)[0].one_step, rtol=1e-9)
     assert f"one step ahead: {estimate.fit_percent[0]:.2f} %" in str(estimate)
