@@ -4,6 +4,7 @@ from scipy.signal import lfilter
 
 from sysid import IOData, covf, cra, delayest
 from tests.refusals import refused
+from tests.sysid.systems import covered
 
 
 def test_blocks_and_names_of_covf():
@@ -40,8 +41,7 @@ def test_intervals_hold_at_their_level(kind, noise):
     inside, silent = [], []
     for seed in range(60):
         analysis = cra(filtered(seed, kind, noise), lags=30)
-        low, high = (edge[:, 0, 0] for edge in analysis.interval())
-        inside.append(np.mean((low <= TRUTH) & (high >= TRUTH)))
+        inside.append(np.mean(covered([edge[:, 0, 0] for edge in analysis.interval()], TRUTH)))
         silent.append(np.mean(np.abs(analysis.response[:4, 0, 0]) <= analysis.bound[:4, 0, 0]))
     assert 0.98 <= np.mean(inside) <= 1.0
     # 99 % of 240
