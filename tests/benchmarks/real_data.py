@@ -3,12 +3,13 @@
 Run by hand in an environment that has the peers: `python tests/benchmarks/real_data.py --data FOLDER [WORD ...]`, or
 all benches by `make verification DATA=FOLDER`. Words choose sets by their names. The folder holds the files of `SETS`
 that are at hand; they belong to their authors and are not part of this repository. Models are fitted to the first half
-of each record, its means removed from both halves, and judged on both halves by `compare`, the initial state fitted to
-each half for every model alike; of several outputs, fits are means. Models with a noise model are judged one step
-ahead, others, and the path from input to output of all state-space models, in simulation.
+of each record, its means removed from both halves, and judged on both halves by `compare`, one step ahead and in
+simulation, the initial state fitted to each half for every model alike; of several outputs, fits are means. Our methods
+compete with the peers' under three rules, which docs/verification.md states.
 """
 
 import contextlib
+import multiprocessing
 import os
 import sys
 import warnings
@@ -79,7 +80,25 @@ SETS = {
     "CD player": MeasuredSet("cd_player_arm.dat", (0, 1), (2, 3), 1.0, (4, 8)),
     "flexible structure": MeasuredSet("flexible_structure.dat", (0, 1), columns(2, 28), 1.0 / 1024.0, (10, 20)),
 }
-RIVAL = ("best peer", "its fit", "held out", "time / s", "lead")
+KINDS = ("one_step", "simulation")
+DUELS = (
+    ("armax", "one_step", ("armax",)),
+    ("oe", "simulation", ("oe",)),
+    ("pem_ss", "one_step", ("gain",)),
+    ("pem_ss, K = 0", "simulation", ("gain", "no gain")),
+)
+"""Of rule (a): our method, the kind of fit, and the peers' kinds of models."""
+RULES = {
+    "a": "estimator by estimator, the best peer by the validation half",
+    "b": "toolbox by toolbox, both by the validation half",
+    "c": "toolbox by toolbox, neither by the validation half",
+}
+LEAD = 0.5
+"""Points of held-out fit."""
+LONG = 40
+"""Order of the regularised ARX model that is reduced: the prior takes the place of a choice."""
+LIMIT = 300.0
+"""Time of a fit, s."""
 SETTLED, EVERY = 5000, 20
 """Of the runs of HSM150: samples before the motor turns steadily, and between those that are used."""
 
@@ -124,66 +143,137 @@ def halves(folder, name):
     return tuple(sysid.IOData(*(p - m for p, m in zip(part, means, strict=True)), one.dt) for part in (first, second))
 
 
-def fits(model, first, second, kind):
-    """Mean fits on both halves, percent; `kind` is `one_step` or `simulation`."""
-    parts = [getattr(sysid.compare(model, half)[0], kind) for half in (first, second)]
-    return [float(np.mean(part)) for part in parts]
+def horizon(order):
+    """Samples of past and future: 2.5 times the order, at least 10, as by default in `n4sid`."""
+    return max(10, -(-5 * order // 2))
 
 
-def polynomial_peers_of(structure, order, data):
-    """Peers of a polynomial structure by name."""
-    orders = [order] * (len(ORDER_NAMES[structure]) - 1) + [1]
-    task = Task(structure, dict(zip(ORDER_NAMES[structure], orders, strict=True)), order, np.ones(1))
-    peers = {"sippy-unipi": partial(polynomial_peers.sippy_polynomials, structure)}
-    if structure == "armax":
-        peers["sippy-unipi, ILLS"] = partial(polynomial_peers.sippy_polynomials, structure, mode="ILLS")
-    if data.nu == 1:
-        peers["pysib"] = getattr(polynomial_peers, f"pysib_{structure}")
-    if structure == "oe":
-        peers["jax-sysid"] = state_space_peers.jax_sysid_oe
-    return orders, {name: partial(fit, data, task) for name, fit in peers.items()}
+def own_methods(nu, ny):
+    """Our estimators of a model of a certain order, by name: functions of data and order."""
 
+    def pem(data, order, **options):
+        start = sysid.n4sid(data, order, stable=True, direct=options.get("direct", True))
+        return sysid.pem_ss(data, start, **options)
 
-def state_space_peers_of(order, data):
-    """Peers with K, and those of the path from input to output, by name."""
-    task = Task("ss", {"order": order}, order, np.ones(1))
-    with_gain = {"nfoursid": partial(state_space_peers.nfoursid_n4sid, data, task)}
-    for weighting in ("N4SID", "MOESP", "CVA", "PARSIM-K"):
-        fit = partial(state_space_peers.sippy_n4sid, data, task, weighting=weighting, direct=True)
-        with_gain[f"sippy-unipi, {weighting}"] = fit
-    without = {
-        "SLICOT": partial(state_space_peers.slicot_n4sid, data, task),
-        "SLICOT, moen4": partial(state_space_peers.slicot_moen4, data, task),
-        "control": partial(state_space_peers.control_era, data, task),
-        "jax-sysid": lambda: state_space_peers.jax_output_error(data, order, direct=True),
+    def okid(data, order):
+        return sysid.okid(data, order, p=horizon(order))
+
+    def reduced(data, order):
+        return sysid.balred(sysid.arx(data, LONG, LONG, 1, regularisation="tc"), order)
+
+    methods = {
+        "pem_ss": pem,
+        "pem_ss, K = 0": partial(pem, gain=False),
+        "pem_ss, D = 0": partial(pem, direct=False),
+        "pem_ss, K = 0, D = 0": partial(pem, gain=False, direct=False),
+        "n4sid": partial(sysid.n4sid, stable=True),
+        "n4sid, D = 0": partial(sysid.n4sid, stable=True, direct=False),
+        "okid": okid,
+        "pbsid": sysid.pbsid,
+        "pbsid, D": partial(sysid.pbsid, direct=True),
     }
-    return with_gain, without | with_gain
+    if ny == 1:
+        methods |= {
+            "armax": lambda data, order: sysid.armax(data, order, order, order, 1),
+            "arx": lambda data, order: sysid.arx(data, order, order, 1),
+            "arx, TC": lambda data, order: sysid.arx(data, order, order, 1, regularisation="tc"),
+            "long arx, TC, reduced": reduced,
+            "iv4": lambda data, order: sysid.iv4(data, order, order, 1),
+        }
+    if ny == nu == 1:
+        # of several inputs each has its own F, which makes the order that of all together
+        methods["oe"] = lambda data, order: sysid.oe(data, order, order, 1)
+    return methods
 
 
-def comparisons(data, order):
-    """Title, kind of fit, our estimator, and the peers by name."""
-    if data.ny == 1:
-        for structure, kind in (("armax", "one_step"), ("oe", "simulation")):
-            orders, peers = polynomial_peers_of(structure, order, data)
-            title = f"{structure} ({', '.join(map(str, orders))})"
-            yield title, kind, partial(getattr(sysid, structure), data, *orders), peers
-    with_gain, all_peers = state_space_peers_of(order, data)
+def peer_methods(nu, ny):
+    """The peers' methods by kind of model: `gain` and `no gain` are state space."""
 
-    def ours(gain):
-        return sysid.pem_ss(data, sysid.n4sid(data, order, stable=True), gain=gain)
+    def of(structure, fit, data, order):
+        orders = [order] * (len(ORDER_NAMES[structure]) - 1) + ([1] if structure != "ss" else [order])
+        return fit(data, Task(structure, dict(zip(ORDER_NAMES[structure], orders, strict=True)), order, np.ones(1)))
 
-    yield f"state space, {order}", "one_step", partial(ours, True), with_gain
-    yield f"state space, {order}, K = 0", "simulation", partial(ours, False), all_peers
+    def state_space(name, **options):
+        return partial(of, "ss", partial(getattr(state_space_peers, name), **options))
+
+    def jax(data, order, direct):
+        return state_space_peers.jax_output_error(data, order, direct=direct)
+
+    weightings = ("N4SID", "MOESP", "CVA", "PARSIM-K", "PARSIM-S", "PARSIM-P")
+    kinds = {
+        "gain": {
+            "nfoursid": state_space("nfoursid_n4sid"),
+            "sippy CVA, D = 0": state_space("sippy_n4sid", weighting="CVA"),
+            **{f"sippy {name}": state_space("sippy_n4sid", weighting=name, direct=True) for name in weightings},
+        },
+        "no gain": {
+            "SLICOT N4SID": state_space("slicot_n4sid"),
+            "SLICOT moen4": state_space("slicot_moen4"),
+            "control ERA": state_space("control_era"),
+            "jax-sysid": partial(jax, direct=True),
+            "jax-sysid, D = 0": partial(jax, direct=False),
+        },
+    }
+    if ny == 1:
+        for structure in ("arx", "armax", "oe"):
+            fit = partial(polynomial_peers.sippy_polynomials, structure)
+            kinds[structure] = {f"sippy {structure}": partial(of, structure, fit)}
+            if structure == "armax":
+                kinds[structure]["sippy armax ILLS"] = partial(of, structure, partial(fit, mode="ILLS"))
+            if nu == 1:
+                fit = getattr(polynomial_peers, f"pysib_{structure}")
+                kinds[structure][f"pysib {structure}"] = partial(of, structure, fit)
+    return kinds
 
 
-def attempt(fit, first, second, kind):
-    """Fits on both halves and processor time, s; or why there is none."""
+def work(sender, method, order, first, second):
+    """In a process of its own: send fits on the halves by kind and processor time, then those of the first half's cut.
+
+    An error is sent as its text.
+    """
+    cut = 2 * len(first) // 3
+    for part, rest in ((first, second), (first[:cut], first[cut:])):
+        try:
+            with silence(), np.errstate(all="ignore"):
+                answer, seconds = timed(method, part, order)
+                model = getattr(answer, "model", answer)
+                on_part, on_rest = (sysid.compare(model, half)[0] for half in (part, rest))
+            fits = {k: [float(np.mean(getattr(on, k))) for on in (on_part, on_rest)] for k in KINDS}
+            sender.send((fits, seconds))
+        except Exception as error:
+            sender.send(f"{type(error).__name__}: {error}")
+
+
+def attempt(method, order, first, second):
+    """What `work` sends, in a process that is killed after LIMIT seconds a fit; texts in place of failures."""
+    context = multiprocessing.get_context("fork")
+    receiver, sender = context.Pipe(duplex=False)
+    child = context.Process(target=work, args=(sender, method, order, first, second))
+    child.start()
+    sender.close()
+    results = []
     try:
-        with silence(), np.errstate(all="ignore"):
-            answer, seconds = timed(fit)
-            return [*fits(getattr(answer, "model", answer), first, second, kind), seconds]
-    except Exception as error:
-        return [-np.inf, -np.inf, 0.0, f"{type(error).__name__}: {error}"]
+        for _ in range(2):
+            results.append(receiver.recv() if receiver.poll(LIMIT) else f"more than {LIMIT:.0f} s")
+            if isinstance(results[-1], str):
+                break
+    except EOFError:
+        results.append("the process died")
+    child.kill()
+    child.join()
+    return [*results, "not fitted"][:2]
+
+
+def held_out(result, kind, place=0):
+    """Fit of the second part, percent: of the validation half, or (`place` 1) of the last third of the first half."""
+    value = -np.inf if isinstance(result[place], str) else result[place][0][kind][1]
+    return value if np.isfinite(value) else -np.inf
+
+
+def duel(results, ours, theirs, kind, place):
+    """Names and held-out fits of both sides; methods chosen by the fit of the validation half, or without it."""
+    chosen = [max(names, key=lambda name: held_out(results[name], kind, place)) for names in (ours, theirs)]
+    return [(name, held_out(results[name], kind)) for name in chosen]
 
 
 def nested(name, data):
@@ -206,11 +296,28 @@ def number(percent):
     return f"{percent:.2f}" if percent > -100.0 else "below -100"
 
 
+class Count:
+    """Comparisons of one rule: how many a peer leads, how many we lead, by more than LEAD."""
+
+    def __init__(self):
+        self.leads = []
+
+    def add(self, sides):
+        """Lead of the peer, points; kept for the count."""
+        (_, own), (_, other) = sides
+        self.leads.append(0.0 if own == other else other - own)
+        return self.leads[-1]
+
+    def cells(self):
+        """Number of comparisons, exceeded, ours ahead."""
+        return len(self.leads), sum(x > LEAD for x in self.leads), sum(x < -LEAD for x in self.leads)
+
+
 def main():
     parser = options(__doc__)
     parser.add_argument("words", nargs="*", help="parts of names of sets; all when none is given")
     parser.add_argument("--data", type=Path, required=True, help="folder with the files")
-    parser.add_argument("--every", action="store_true", help="print each peer's fits, times and failures too")
+    parser.add_argument("--every", action="store_true", help="print each method's fits, times and failures too")
     parser.add_argument("--nested", action="store_true", help="compare structures with those that they contain instead")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -219,10 +326,10 @@ def main():
         with contextlib.suppress(PackageNotFoundError):
             versions.append(f"{name} {version(name)}")
     print(", ".join(versions) + "\n")
-    missing = []
-    heading(
-        "data", "model", "fit", "ours", "held out", "time / s", "best peer", "its fit", "held out", "time / s", "lead"
-    )
+    missing, counts = [], {rule: Count() for rule in RULES}
+    if not asked.nested:
+        sides = ("ours", "held out", "peer", "held out", "lead")
+        heading("data", "order", "kind", *(f"({rule}) {side}" for rule in "bc" for side in sides))
     for name, one in SETS.items():
         if asked.words and not any(word in name for word in asked.words):
             continue
@@ -231,19 +338,33 @@ def main():
             continue
         first, second = halves(asked.data, name)
         if asked.nested:
-            nested(name, first)
+            if first.ny == 1:
+                nested(name, first)
             continue
+        own, kinds = own_methods(first.nu, first.ny), peer_methods(first.nu, first.ny)
+        peers = {name: method for methods in kinds.values() for name, method in methods.items()}
         for order in one.orders:
-            for title, kind, fit, peers in comparisons(first, order):
-                ours = attempt(fit, first, second, kind)
-                theirs = {peer: attempt(theirs, first, second, kind) for peer, theirs in peers.items()}
+            results = {}
+            for method, fit in (own | peers).items():
+                results[method] = attempt(fit, order, first, second)
                 if asked.every:
-                    for peer, result in {"ours": ours, **theirs}.items():
-                        print("   ", name, title, peer, *result, sep=" | ", flush=True)
-                best = max(theirs, key=lambda peer: theirs[peer][1])
-                cells = [[number(r[0]), number(r[1]), f"{r[2]:.2f}"] for r in (ours, theirs[best])]
-                lead = theirs[best][1] - ours[1]
-                row(name, title, kind.replace("_", " "), *cells[0], best, *cells[1], f"{lead:+.2f}")
+                    print("   ", name, order, method, *results[method], sep=" | ", flush=True)
+            for ours, kind, theirs in DUELS:
+                names = [peer for group in theirs for peer in kinds.get(group, ())]
+                if ours in own and names:
+                    counts["a"].add(duel(results, [ours], names, kind, 0))
+            for kind in KINDS:
+                cells = []
+                for place, rule in enumerate("bc"):
+                    sides = duel(results, own, peers, kind, place)
+                    lead = counts[rule].add(sides)
+                    cells += [cell for side, fit in sides for cell in (side, number(fit))] + [f"{lead:+.2f}"]
+                row(name, order, kind.replace("_", " "), *cells)
+    if not asked.nested:
+        print()
+        heading("rule", "comparisons", f"a peer ahead by more than {LEAD}", f"ours ahead by more than {LEAD}")
+        for rule, text in RULES.items():
+            row(f"({rule}) {text}", *counts[rule].cells())
     print("\n".join(["", *(f"Not at hand: {text}" for text in missing)]))
 
 
