@@ -1,8 +1,9 @@
-"""Subspace identification: states from the past of the data, weighted by canonical variates."""
+"""Subspace identification: states from the past of the data."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Literal, get_args
 
 import numpy as np
 import scipy
@@ -10,7 +11,7 @@ import scipy
 from sysid.models.estimate import Estimate
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.gram_matrices import hankel_moments, hankel_triangle
-from sysid.records.arguments import truth_value, whole_number
+from sysid.records.arguments import shown, truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, warn_each
@@ -26,6 +27,8 @@ from sysid.subspace.predictor import (
 from sysid.subspace.predictor_errors import Point
 from sysid.subspace.predictor_estimate import check_enough_samples, check_gain, make_predictor_estimate
 from sysid.subspace.predictor_fit import least_squares_fit, pulled_in
+
+Weighting = Literal["cva", "moesp"]
 
 SINGULAR = 1e-10  # power in a direction of the future, relative to the largest, below which it gets no weight
 NOTHING = 1e-24  # the same, relative to all channels, below which the outputs count as zero
@@ -43,7 +46,7 @@ class Subspace:
         D: Direct term (ny, nu), likewise.
         noise: Covariance of process and measurement noise (n + ny, n + ny), up to a factor.
         total: Covariance of next state and output (n + ny, n + ny), up to the same factor.
-        canonical_correlations: Between past and future, largest first.
+        canonical_correlations: Between past and future, largest first; of MOESP singular values.
         block_rows: Samples of past, and of future.
     """
 
@@ -65,12 +68,15 @@ class Subspace:
         return Predictor(self.A, self.B, self.C, self.D)
 
 
-def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int, *, direct: bool) -> Subspace:
+def subspace(
+    signals: Sequence[FloatArray], nu: int, order: int, block_rows: int, *, direct: bool, weighting: Weighting = "cva"
+) -> Subspace:
     """Regress the future on the past with the future input projected out [VanOverschee1996; Larimore1990].
 
     With Uf the future inputs, P the past and Yf the future outputs, the triangle of [Uf; P; Yf] contains the part of Yf
     that the past explains. Divided by the root of Yf given Uf, its singular values are canonical correlations, and its
-    first left singular vectors give the observability matrix.
+    first left singular vectors give the observability matrix. MOESP does not divide: its singular values are in units
+    of the outputs.
 
     Args:
         signals: [u, y] per experiment (N, nu + ny), channels of about unit size.
@@ -78,6 +84,7 @@ def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int
         order: Number of states.
         block_rows: Samples of past, and of future.
         direct: Whether D is estimated; otherwise it is zero.
+        weighting: Of the future outputs: "cva" or "moesp".
 
     Raises:
         SysidError: Order not between 1 and (block_rows - 1) * ny, or outputs that are zero.
@@ -100,7 +107,7 @@ def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int
         raise SysidError(
             "the outputs are zero, or nearly so, given the past of the record: there are no states to identify"
         )
-    root = np.sqrt(np.maximum(values, SINGULAR * values[-1]))
+    root = np.sqrt(np.maximum(values, SINGULAR * values[-1])) if weighting == "cva" else np.ones(len(values))
     # the smaller, symmetric eigenproblem would lose half of the digits of the singular values
     left, correlations, right = np.linalg.svd((vectors / root).T @ explained, full_matrices=False)
     n = max(min(order, int((correlations > RANK * correlations[0]).sum())), 1)
@@ -193,8 +200,9 @@ def n4sid(
     direct: bool = True,
     gain: bool = True,
     stable: bool = False,
+    weighting: Weighting = "cva",
 ) -> Estimate:
-    """Identify a state-space model by subspaces with canonical variates [VanOverschee1996; Larimore1990].
+    """Identify a state-space model by subspaces [VanOverschee1996; Larimore1990].
 
     A and C from the shift of the observability matrix; B, D and the initial states by least squares on the simulated
     output, given A and C; K from the residual covariance of the regression of the states. There is no search, hence no
@@ -212,10 +220,13 @@ def n4sid(
         gain: Whether K is estimated; otherwise it is zero.
         stable: Whether to enforce a stable A: of models from longer horizons, unless `block_rows` is set, and of models
             of which only the unstable poles were moved, the one with the best simulated fit.
+        weighting: "cva" (canonical variates) relates the future outputs to what the past leaves of them, and is best
+            where the order suffices; "moesp" keeps the states of the largest power, which may suit lower orders.
 
     Returns:
         The estimate. `parameters` are local coordinates; their covariance and all intervals are NaN (unknown).
-        Diagnostics: `canonical_correlations`, `block_rows`, `moved_poles` (moduli before the move).
+        Diagnostics: `canonical_correlations` ("moesp": singular values), `block_rows`, `moved_poles` (moduli before
+        the move).
 
     Raises:
         SysidError: Constant input, an order that block rows or data do not allow.
@@ -228,7 +239,8 @@ def n4sid(
     if not all(e.complete for e in experiments):
 
         def fit(filled: Sequence[IOData], gain: bool) -> Estimate:
-            return n4sid(filled, order, block_rows=block_rows, direct=direct, gain=gain, stable=stable)
+            options = {"direct": direct, "gain": gain, "stable": stable}
+            return n4sid(filled, order, block_rows=block_rows, weighting=weighting, **options)
 
         return estimate_with_gaps(fit, experiments, truth_value("gain", gain))
     nu, ny = experiments[0].nu, experiments[0].ny
@@ -236,6 +248,8 @@ def n4sid(
     direct, gain, stable = (
         truth_value(name, value) for name, value in (("direct", direct), ("gain", gain), ("stable", stable))
     )
+    if weighting not in get_args(Weighting):
+        raise SysidError(f"weighting must be one of {', '.join(get_args(Weighting))}, got {shown(weighting)}")
     check_gain(nu, gain)
     samples = check_enough_samples(experiments, order, order * (nu + 2 * ny) + nu * ny)
     shortest = min(len(e) - e.window for e in experiments)
@@ -253,7 +267,7 @@ def n4sid(
     excitation = check_excitation(experiments, [2 * int(s)] * nu)
     scales = Scales.of(experiments)
     records = [Record.of(e, scales, gain=True) for e in experiments]
-    estimate = partial(subspace, [r.w for r in records], nu, int(order), direct=direct)
+    estimate = partial(subspace, [r.w for r in records], nu, int(order), direct=direct, weighting=weighting)
     step = estimate(int(s))
     quick = LARGEST_TRIANGLE // (2 * (nu + ny))
     if block_rows is None and (slow := min(_slow_horizon(step), int(SHARE * most), quick)) >= WORTHWHILE * s:

@@ -9,6 +9,7 @@ compete with the peers' under three rules, which docs/verification.md states.
 """
 
 import contextlib
+import importlib
 import multiprocessing
 import os
 import sys
@@ -168,10 +169,17 @@ def own_methods(nu, ny):
         "pem_ss, K = 0, D = 0": partial(pem, gain=False, direct=False),
         "n4sid": partial(sysid.n4sid, stable=True),
         "n4sid, D = 0": partial(sysid.n4sid, stable=True, direct=False),
+        "n4sid, MOESP": partial(sysid.n4sid, stable=True, weighting="moesp"),
         "okid": okid,
         "pbsid": sysid.pbsid,
         "pbsid, D": partial(sysid.pbsid, direct=True),
     }
+    if ny > 1:
+        # the squares of all outputs as `compare` weighs them; with one output the criterion is the same
+        def squares(data, order, **options):
+            return pem(data, order, output_weight=np.diag(1.0 / data.y.var(axis=0)), **options)
+
+        methods |= {"pem_ss, squares": squares, "pem_ss, K = 0, squares": partial(squares, gain=False)}
     if ny == 1:
         methods |= {
             "armax": lambda data, order: sysid.armax(data, order, order, order, 1),
@@ -323,6 +331,10 @@ def main():
     warnings.simplefilter("ignore")
     versions = []
     for name in ("numpy", "scipy", "pysib", "sippy-unipi", "jax-sysid", "nfoursid", "ctrlsys", "control"):
+        # children inherit what is loaded; the threads of jax would not survive that
+        with contextlib.suppress(ImportError), silence():
+            if name != "jax-sysid":
+                importlib.import_module(name.replace("-", "_"))
         with contextlib.suppress(PackageNotFoundError):
             versions.append(f"{name} {version(name)}")
     print(", ".join(versions) + "\n")

@@ -17,7 +17,9 @@ def test_multivariable_in_unlike_units_and_two_experiments():
     scaled = StateSpace(truth.A, truth.B / [1.0, 1e3], truth.C, truth.D / [1.0, 1e3], None, 0.02)
     parts = [record_in_motion(scaled, n, seed, scale=1e3) for n, seed in ((300, 0), (500, 1))]
     for data in (parts, parts[::-1]):
-        np.testing.assert_allclose(n4sid(data, 4).model.markov(20), scaled.markov(20), atol=1e-9)
+        for weighting in ("cva", "moesp"):
+            estimate = n4sid(data, 4, weighting=weighting)
+            np.testing.assert_allclose(estimate.model.markov(20), scaled.markov(20), atol=1e-9)
 
 
 def test_the_gain_is_the_innovation_gain():
@@ -138,4 +140,5 @@ def test_refusals():
     refused("block_rows must be a whole number from 3", lambda: n4sid(data, 4, block_rows=2))
     refused("block_rows", lambda: n4sid(data, 4, block_rows=40))
     refused("too many states for the data", lambda: n4sid(data[:20], 15))
+    refused("weighting must be one of cva, moesp, got 'n4sid'", lambda: n4sid(data, 4, weighting="n4sid"))
     refused("constant", lambda: n4sid(IOData(np.ones(100), np.arange(100.0), 0.1), 1))
