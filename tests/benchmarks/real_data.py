@@ -186,11 +186,13 @@ def own_methods(nu, ny):
             "arx": lambda data, order: sysid.arx(data, order, order, 1),
             "arx, TC": lambda data, order: sysid.arx(data, order, order, 1, regularisation="tc"),
             "long arx, TC, reduced": reduced,
+            "impulseest, TC, reduced": lambda data, order: sysid.balred(sysid.impulseest(data), order),
             "iv4": lambda data, order: sysid.iv4(data, order, order, 1),
         }
     if ny == nu == 1:
         # of several inputs each has its own F, which makes the order that of all together
         methods["oe"] = lambda data, order: sysid.oe(data, order, order, 1)
+        methods["tfest"] = lambda data, order: sysid.tfest(data, order, order - 1)
     return methods
 
 
