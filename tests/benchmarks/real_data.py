@@ -156,6 +156,10 @@ def own_methods(nu, ny):
         start = sysid.n4sid(data, order, stable=True, direct=options.get("direct", True))
         return sysid.pem_ss(data, start, **options)
 
+    def long_n4sid(data, order, **options):
+        rows = state_space_peers.block_rows(Task("ss", {"order": order}, order, np.ones(1)))
+        return sysid.n4sid(data, order, stable=True, block_rows=rows, **options)
+
     def okid(data, order):
         return sysid.okid(data, order, p=horizon(order))
 
@@ -170,6 +174,8 @@ def own_methods(nu, ny):
         "n4sid": partial(sysid.n4sid, stable=True),
         "n4sid, D = 0": partial(sysid.n4sid, stable=True, direct=False),
         "n4sid, MOESP": partial(sysid.n4sid, stable=True, weighting="moesp"),
+        "n4sid, long": long_n4sid,
+        "n4sid, MOESP, long": partial(long_n4sid, weighting="moesp"),
         "okid": okid,
         "pbsid": sysid.pbsid,
         "pbsid, D": partial(sysid.pbsid, direct=True),
@@ -213,8 +219,8 @@ def peer_methods(nu, ny):
     kinds = {
         "gain": {
             "nfoursid": state_space("nfoursid_n4sid"),
-            "sippy CVA, D = 0": state_space("sippy_n4sid", weighting="CVA"),
             **{f"sippy {name}": state_space("sippy_n4sid", weighting=name, direct=True) for name in weightings},
+            **{f"sippy {name}, D = 0": state_space("sippy_n4sid", weighting=name) for name in weightings[:3]},
         },
         "no gain": {
             "SLICOT N4SID": state_space("slicot_n4sid"),
