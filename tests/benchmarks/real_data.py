@@ -312,21 +312,10 @@ def number(percent):
     return f"{percent:.2f}" if percent > -100.0 else "below -100"
 
 
-class Count:
-    """Comparisons of one rule: how many a peer leads, how many we lead, by more than LEAD."""
-
-    def __init__(self):
-        self.leads = []
-
-    def add(self, sides):
-        """Lead of the peer, points; kept for the count."""
-        (_, own), (_, other) = sides
-        self.leads.append(0.0 if own == other else other - own)
-        return self.leads[-1]
-
-    def cells(self):
-        """Number of comparisons, exceeded, ours ahead."""
-        return len(self.leads), sum(x > LEAD for x in self.leads), sum(x < -LEAD for x in self.leads)
+def lead(sides):
+    """Points by which the peer leads; none where neither has a model."""
+    (_, own), (_, other) = sides
+    return 0.0 if own == other else other - own
 
 
 def main():
@@ -346,7 +335,7 @@ def main():
         with contextlib.suppress(PackageNotFoundError):
             versions.append(f"{name} {version(name)}")
     print(", ".join(versions) + "\n")
-    missing, counts = [], {rule: Count() for rule in RULES}
+    missing, leads = [], {rule: [] for rule in RULES}
     if not asked.nested:
         sides = ("ours", "held out", "peer", "held out", "lead")
         heading("data", "order", "kind", *(f"({rule}) {side}" for rule in "bc" for side in sides))
@@ -358,8 +347,7 @@ def main():
             continue
         first, second = halves(asked.data, name)
         if asked.nested:
-            if first.ny == 1:
-                nested(name, first)
+            nested(name, first)
             continue
         own, kinds = own_methods(first.nu, first.ny), peer_methods(first.nu, first.ny)
         peers = {name: method for methods in kinds.values() for name, method in methods.items()}
@@ -372,19 +360,21 @@ def main():
             for ours, kind, theirs in DUELS:
                 names = [peer for group in theirs for peer in kinds.get(group, ())]
                 if ours in own and names:
-                    counts["a"].add(duel(results, [ours], names, kind, 0))
+                    leads["a"].append(lead(duel(results, [ours], names, kind, 0)))
             for kind in KINDS:
                 cells = []
                 for place, rule in enumerate("bc"):
                     sides = duel(results, own, peers, kind, place)
-                    lead = counts[rule].add(sides)
-                    cells += [cell for side, fit in sides for cell in (side, number(fit))] + [f"{lead:+.2f}"]
+                    leads[rule].append(lead(sides))
+                    cells += [cell for side, fit in sides for cell in (side, number(fit))]
+                    cells.append(f"{leads[rule][-1]:+.2f}")
                 row(name, order, kind.replace("_", " "), *cells)
     if not asked.nested:
         print()
         heading("rule", "comparisons", f"a peer ahead by more than {LEAD}", f"ours ahead by more than {LEAD}")
         for rule, text in RULES.items():
-            row(f"({rule}) {text}", *counts[rule].cells())
+            points = np.array(leads[rule])
+            row(f"({rule}) {text}", len(points), (points > LEAD).sum(), (points < -LEAD).sum())
     print("\n".join(["", *(f"Not at hand: {text}" for text in missing)]))
 
 
