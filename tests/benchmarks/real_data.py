@@ -98,6 +98,8 @@ LEAD = 0.5
 """Points of held-out fit."""
 LONG = 40
 """Order of the regularised ARX model that is reduced: the prior takes the place of a choice."""
+USELESS = -100.0
+"""Fit, percent, that counts for all below it and for failures."""
 LIMIT = 300.0
 """Time of a fit, s."""
 SETTLED, EVERY = 5000, 20
@@ -282,8 +284,7 @@ def attempt(method, order, first, second):
 
 def held_out(result, kind, place=0):
     """Fit of the second part, percent: of the validation half, or (`place` 1) of the last third of the first half."""
-    value = -np.inf if isinstance(result[place], str) else result[place][0][kind][1]
-    return value if np.isfinite(value) else -np.inf
+    return USELESS if isinstance(result[place], str) else max(USELESS, result[place][0][kind][1])
 
 
 def duel(results, ours, theirs, kind, place):
@@ -309,13 +310,7 @@ def nested(name, data):
 
 def number(percent):
     """A fit of two digits after the point."""
-    return f"{percent:.2f}" if percent > -100.0 else "below -100"
-
-
-def lead(sides):
-    """Points by which the peer leads; none where neither has a model."""
-    (_, own), (_, other) = sides
-    return 0.0 if own == other else other - own
+    return f"{percent:.2f}" if percent > USELESS else f"{USELESS:.0f} or less"
 
 
 def main():
@@ -360,12 +355,13 @@ def main():
             for ours, kind, theirs in DUELS:
                 names = [peer for group in theirs for peer in kinds.get(group, ())]
                 if ours in own and names:
-                    leads["a"].append(lead(duel(results, [ours], names, kind, 0)))
+                    (_, own_fit), (_, peer_fit) = duel(results, [ours], names, kind, 0)
+                    leads["a"].append(peer_fit - own_fit)
             for kind in KINDS:
                 cells = []
                 for place, rule in enumerate("bc"):
                     sides = duel(results, own, peers, kind, place)
-                    leads[rule].append(lead(sides))
+                    leads[rule].append(sides[1][1] - sides[0][1])
                     cells += [cell for side, fit in sides for cell in (side, number(fit))]
                     cells.append(f"{leads[rule][-1]:+.2f}")
                 row(name, order, kind.replace("_", " "), *cells)
