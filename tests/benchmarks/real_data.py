@@ -331,7 +331,9 @@ def main():
             versions.append(f"{name} {version(name)}")
     print(", ".join(versions) + "\n")
     missing, leads = [], {rule: [] for rule in RULES}
-    if not asked.nested:
+    if asked.nested:
+        heading("data", "structure", "pairs", "more than 1 % worse", "largest ratio", "time / s")
+    else:
         sides = ("ours", "held out", "peer", "held out", "lead")
         heading("data", "order", "kind", *(f"({rule}) {side}" for rule in "bc" for side in sides))
     for name, one in SETS.items():
