@@ -229,10 +229,10 @@ def peer_methods(nu, ny):
             "SLICOT moen4": state_space("slicot_moen4"),
             "control ERA": state_space("control_era"),
             "jax-sysid": partial(jax, direct=True),
-            "jax-sysid, D = 0": partial(jax, direct=False),
         },
     }
     if ny == 1:
+        kinds["no gain"]["jax-sysid, D = 0"] = partial(jax, direct=False)
         for structure in ("arx", "armax", "oe"):
             fit = partial(polynomial_peers.sippy_polynomials, structure)
             kinds[structure] = {f"sippy {structure}": partial(of, structure, fit)}
