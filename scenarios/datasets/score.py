@@ -56,6 +56,11 @@ class Scores:
         joints = dict.fromkeys(score.joint for score in self.scores)
         return {joint: float(np.mean([s.value for s in self.scores if s.joint == joint])) for joint in joints}
 
+    @property
+    def unit(self) -> str:
+        """Unit of the scores: that of the angle for a root mean square error, else percent."""
+        return self.scoring.unit
+
 
 def score(predictions: Path | Sequence[Path] | Mapping[str, np.ndarray], data_set: DataSet | Path | str) -> Scores:
     """Score predicted outputs of the test part, behind the window, in the metric of the data set.
