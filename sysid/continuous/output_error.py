@@ -270,13 +270,15 @@ def output_error_estimate(
     for (criterion, minimum, _), output in zip(fits, summary.output_names, strict=True):
         if not minimum.converged:
             messages.append(f"{method} did not converge for output {output}: {minimum.reason}")
-        paths = zip(criterion.structures, criterion.split(minimum.at.theta), strict=True)
-        messages += [text for structure, own in paths for text in structure.warnings(own)]
+        own = slice(begin, begin + criterion.sizes[-1])
+        values = map(criterion.split, (theta[own], np.sqrt(np.diag(covariance)[own])))
+        for structure, *path in zip(criterion.structures, *values, strict=True):
+            messages += structure.warnings(*path)
         limits = len(messages)
         for k in criterion.delays():
             delay = f"the delay {realise.names[begin + k]}"
             if minimum.at.theta[k] == 0.0:
-                messages.append(f"{delay} is at its lower limit 0, which the intervals take as known")
+                messages.append(f"{delay} is at its lower limit 0: intervals are approximate")
             elif minimum.at.theta[k] >= criterion.longest - TIGHT * dt:
                 messages.append(f"{delay} is at its limit {criterion.longest:g} s: a larger max_delay may fit better")
         begin += criterion.sizes[-1]
@@ -328,15 +330,18 @@ def _covariances(
     """Covariance of all parameters, that of the errors (ny, ny), and the largest condition number."""
     variances, influences, errors, blocks, conditions = [], [], [], [], []
     for criterion, minimum, _ in fits:
-        at = minimum.at
-        half, condition = directions(at)
-        parts = []
+        at, theta, parts = minimum.at, minimum.at.theta.copy(), []
+        # a delay fixed at 0 has the interval of a free one, by the derivative from the right
+        theta[criterion.delays()] = np.maximum(theta[criterion.delays()], 2.0 * TIGHT * criterion.experiments[0].dt)
         for e in criterion.experiments:
             # every sample has its row, zeros where no error counts, NaN for the error of a missing output
             first, part = criterion.first(e), np.zeros((len(e), len(at.theta) + 1))
             part[first:, -1] = np.nan
-            part[first:][e.known[first:, 0]] = criterion.columns(e, at.theta)[0]
+            part[first:][e.known[first:, 0]] = criterion.columns(e, theta)[0]
             parts.append(part)
+        rows = np.nan_to_num(np.vstack(parts))
+        triangle, lengths = scaled_triangle(rows, guarded=len(theta))
+        half, condition = directions(replace(at, triangle=triangle[:-1, :-1], scale=lengths[:-1]))
         variances.append(at.cost / (at.errors - len(at.theta) - at.transients))
         middle = np.eye(half.shape[1])
         if coloured and at.cost > 0.0:
@@ -344,7 +349,6 @@ def _covariances(
             middle = coloured_information(counted, min(COLOUR, at.errors // 20), half)
         blocks.append(variances[-1] * half @ middle @ half.T)
         conditions.append(condition)
-        rows = np.nan_to_num(np.vstack(parts))
         influences.append(rows[:, :-1] @ half @ half.T)
         errors.append(rows[:, -1])
     noise, covariance = np.diag(variances), scipy.linalg.block_diag(*blocks)

@@ -44,7 +44,8 @@ def procest(
             band-limited between samples.
 
     Warns:
-        SysidWarning: Poor excitation, no convergence, bad conditioning, a delay at its limit, real poles that coincide.
+        SysidWarning: Poor excitation, no convergence, bad conditioning, a delay at its limit, real poles that coincide,
+            a time constant whose interval reaches zero, where coverage is lost.
     """
 
     def structures(ny: int, nu: int) -> tuple[tuple[PathStructure, ...], ...]:

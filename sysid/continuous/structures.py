@@ -11,6 +11,7 @@ import scipy
 from sysid.continuous.path_response import TransferFunction
 from sysid.models.continuous_model import ContinuousModel
 from sysid.models.data_summary import DataSummary
+from sysid.models.frequency_response import NORMAL_95
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
@@ -61,7 +62,7 @@ class RationalPath:
         """The parameters (p,)."""
         return theta
 
-    def warnings(self, theta: FloatArray) -> list[str]:
+    def warnings(self, theta: FloatArray, deviations: FloatArray) -> list[str]:
         """None: every value has its meaning."""
         return []
 
@@ -128,13 +129,17 @@ class ProcessPath:
         middle = theta[1:first] * np.sign(theta[1]) if first > 1 else theta[1:first]
         return np.concatenate((theta[:1], middle, np.sort(theta[first:end])[::-1], theta[end:]))
 
-    def warnings(self, theta: FloatArray) -> list[str]:
-        """Texts on real poles that coincide."""
+    def warnings(self, theta: FloatArray, deviations: FloatArray) -> list[str]:
+        """Texts on real poles that coincide, otherwise on time constants that are zero within their intervals."""
         first, end = 3 if "U" in self.kind else 1, int(self.kind[1])
         return [
             f"Tp{i} and Tp{i + 1} coincide, and their intervals are wrong: the poles may be complex, as U allows"
             for i in range(first, end)
             if theta[i + 1] > COINCIDING * theta[i]
+        ] or [
+            f"the interval of {name} reaches zero and is not reliable: try fewer poles, or more data"
+            for name, value, deviation in zip(self.names, theta, deviations, strict=True)
+            if name.startswith(("Tp", "Tw")) and value <= NORMAL_95 * deviation
         ]
 
     def _factors(self, theta: FloatArray) -> tuple[list[FloatArray], dict[int, tuple[int, FloatArray]]]:

@@ -34,7 +34,9 @@ def tfest(
     minimised with exact sensitivities of the exactly sampled system. The input is held or linear between samples, as
     `data.intersample` says. Poles stay stable; `procest` has integrators. A delay is any real number: its criterion has
     several minima, of which the lowest from several initial delays is taken. Where a held input jumps exactly at the
-    delayed samples (true delays of whole samples), the interval of the delay of a first-order lag is approximate.
+    delayed samples (true delays of whole samples), the interval of the delay of a first-order lag is approximate. So
+    are all intervals where the standard deviation of a delay exceeds half a sampling interval: 0.85 instead of 0.95 at
+    one. A delay estimated as 0 has the standard deviation of one that could be negative.
 
     Args:
         data: One experiment, or several that share the model; missing outputs are left out. Several outputs are fitted

@@ -110,6 +110,9 @@ def test_limits_of_a_structure_are_reported():
         procest(oscillating, "P2")
     with pytest.warns(SysidWarning, match=r"at its limit 0\.15 s: a larger max_delay may fit better"):
         procest(oscillating, "P2DU", max_delay=0.15)
+    vague = record([2.0], [0.6, 1.9, 1.0], 0.0, 0.1, 4, samples=100, noise=1.5, seed=1)
+    with pytest.warns(SysidWarning, match="the interval of Tp2 reaches zero and is not reliable"):
+        procest(vague, "P2")
 
 
 def test_refusals():

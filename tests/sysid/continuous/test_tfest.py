@@ -86,6 +86,17 @@ def test_model_files_hold_fits_to_responses_in_continuous_time(tmp_path):
     refused("fit_response_ss in continuous time has no form", write_model, fit_response_ss(response, 1), path)
 
 
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+def test_a_delay_estimated_as_zero_has_the_covariance_of_a_free_one():
+    data = record([4.0], [1.0, 1.0, 4.0], 0.05, 0.1, 4, samples=200, noise=1.0, seed=1)
+    estimate = tfest(data, 2, 0, delay=None, max_delay=0.3, coloured=False)
+    assert estimate.parameters[-1] == 0.0
+    right = np.append(estimate.parameters[:-1], 1e-5)
+    parts = OutputError([data], [RationalPath(2, 0, None)], 0.3, True).columns(data, right)[0][:, :-1]
+    expected = estimate.noise_variance * np.linalg.inv(parts.T @ parts)
+    np.testing.assert_allclose(estimate.covariance, expected, rtol=1e-3)
+
+
 def test_refusals():
     data = record([2.0], [1.0, 0.5], 0.0, 0.1, 4, samples=100)
     refused("zeros must be a whole number from 0 to 1", tfest, data, 1, 2)
