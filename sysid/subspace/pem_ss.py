@@ -65,6 +65,7 @@ ILL_CONDITIONED = 1e12  # condition of the information matrix: the square of tha
 CROSSING_STEPS = 20  # steps with the opposite choice of `gain`, whose minimum is a further initial estimate
 SCREENING_STEPS, REFINED = 10, 2  # steps from every initial estimate, and how many of them are refined further
 SHORT = 50.0  # output values per parameter below which the criterion often has several minima
+POLYNOMIALS = 200.0  # the same, below which the fit of one output as polynomials, which is quick, is tried
 SLOW = 50  # steps; more suggest a difficult criterion, with several minima too
 COLOUR = 30  # order of the autoregressive models of a coloured disturbance
 
@@ -116,8 +117,8 @@ def pem_ss(
             covariance allows for errors of any covariance [Ljung1999, ch. 9]. Not with missing outputs.
         search: Whether to try further initial estimates (`n4sid` with several horizons, `okid`, with and without K)
             after a single start if several minima are likely: fewer than 50 output values per parameter, or a fit that
-            converges slowly or not at all (then also `armax`, `oe` without K, of one output). Such a fit takes about
-            ten times as long. Not with missing outputs.
+            converges slowly or not at all. Such a fit takes about ten times as long. With one output also `armax` (`oe`
+            without K), from fewer than 200 values per parameter on. Not with missing outputs.
         max_iterations: Limit on the accepted steps.
 
     Returns:
@@ -172,11 +173,13 @@ def pem_ss(
     chosen = min(minima, key=lambda k: minima[k].point.criterion)
     minimum, origin = minima[chosen], origins[chosen]
     name = origin.method if isinstance(origin, Estimate) else "model"
-    doubtful = (_is_slow(minimum) or samples * ny < SHORT * count) and minimum.reason != "errors at rounding level"
-    if search and len(origins) == 1 and doubtful and all(e.complete for e in experiments):
-        minimum, name = _searched(
-            experiments, records, scales, (name, models[0], minimum), direct, gain, max_iterations
-        )
+    slow = not minimum.converged or minimum.iterations > SLOW
+    doubtful = slow or samples * ny < (POLYNOMIALS if ny == 1 else SHORT) * count
+    exact = minimum.reason == "errors at rounding level"
+    if search and len(origins) == 1 and doubtful and not exact and all(e.complete for e in experiments):
+        first = (name, models[0], minimum)
+        thorough = slow or samples * ny < SHORT * count
+        minimum, name = _searched(experiments, records, scales, first, direct, gain, thorough, max_iterations)
     covariance, condition = _covariance(minimum.normal.information)
     innovation = None
     if minimum.point.gaps:
@@ -242,15 +245,16 @@ def _searched(
     first: tuple[str, StateSpace, Minimum],
     direct: bool,
     gain: bool,
+    thorough: bool,
     max_iterations: int,
 ) -> tuple[Minimum, str]:
-    """The lowest of several minima, and the name of its initial estimate."""
+    """The lowest of several minima, and the name of its initial estimate; of one output from polynomials at least."""
     name, start, best = first
     summary = DataSummary.of(experiments)
     directions = partial(local_coordinates, direct=direct)
     screened: list[tuple[str, Minimum]] = []
-    candidates = list(initial_estimates(experiments, start.order))
-    if start.ny == 1 and _is_slow(best):
+    candidates = list(initial_estimates(experiments, start.order)) if thorough else []
+    if start.ny == 1:
         candidates += _polynomial_estimates(experiments, start.order, direct, gain)
     # the minimum of the criterion with the opposite `gain` helps to escape from local minima
     other = [Record.of(e, scales, not gain, records[0].output_weight) for e in experiments]
@@ -273,10 +277,6 @@ def _searched(
         if minimum.point.criterion < best.point.criterion:
             best, name = minimum, label
     return best, name
-
-
-def _is_slow(minimum: Minimum) -> bool:
-    return not minimum.converged or minimum.iterations > SLOW
 
 
 def _refined(records: Sequence[Record], starts: Sequence[Predictor], direct: bool, max_iterations: int) -> Minimum:
@@ -318,5 +318,7 @@ def _covariance(information: FloatArray) -> tuple[FloatArray, float]:
     scale = column_scale(information)
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     kept = values > 1e-14 * values[-1]
+    if not kept.any():
+        return np.full_like(information, np.nan), np.inf
     half = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
     return half @ half.T, float(values[-1] / values[0]) if values[0] > 0.0 else np.inf

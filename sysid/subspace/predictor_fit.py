@@ -117,6 +117,9 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
         normal = linearise(records, point, directions(point.predictor))
         if point.mean_square <= ROUNDING * power:
             return Minimum(point, normal, iterations, evaluations, True, "errors at rounding level")
+        if not normal.information.any():
+            why = "the predictor is too near the edge of stability for the arithmetic"
+            return Minimum(point, normal, iterations, evaluations, False, why)
         scale = column_scale(normal.information)
         values, vectors = np.linalg.eigh(normal.information / np.outer(scale, scale))
         kept = values > 1e-14 * values[-1]
@@ -197,6 +200,9 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
         slope[q:] -= x0 / prior**2
         information += full[:q, :q] - side.T @ inverse @ side
         gradient += slope[:q] - side.T @ inverse @ slope[q:]
+    if not 0.0 < np.diag(information).max(initial=0.0) < np.inf:
+        # at the edge of stability rounding may hide how the errors depend on the parameters
+        return Normal(np.zeros((q, q)), np.zeros(q), basis)
     return Normal(0.5 * (information + information.T), gradient, basis)
 
 

@@ -74,6 +74,21 @@ def test_clean_data_of_higher_order_are_fitted_as_well_as_by_armax(seed, search)
     assert np.mean(estimate.residuals**2) <= 1.001 * np.mean(expected.residuals**2)
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+@pytest.mark.parametrize("seed", [4, 13])
+def test_predictors_at_the_edge_of_stability_are_fitted_as_well_as_by_armax(seed):
+    """Zeros near the unit circle hide from the arithmetic how the errors depend on the parameters."""
+    rng = np.random.default_rng(seed)
+    poles = [0.95 * np.exp(0.3j), 0.95 * np.exp(-0.3j), 0.8, 0.6 * np.exp(1j), 0.6 * np.exp(-1j)]
+    u = rng.standard_normal(300 if seed == 13 else 600)
+    data = IOData(u, lfilter(np.append(0.0, rng.standard_normal(5)), np.poly(poles).real, u), 1.0)
+    expected = armax(data, 3, 3, 3, 1)
+    for start in (3, expected):
+        estimate = pem_ss(data, start, direct=False)
+        assert np.mean(estimate.residuals**2) <= 1.001 * np.mean(expected.residuals**2)
+
+
 @pytest.mark.parametrize("seed", [11, 16, 24])
 def test_starts_of_clean_data_meet_with_two_outputs(seed):
     data = clean(seed, 2)
