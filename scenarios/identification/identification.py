@@ -220,7 +220,7 @@ def without_python_advice(text: str) -> str:
 
 
 def long_lag(data: IOData | Sequence[IOData]) -> int:
-    """Lags that resolve a bandwidth near 1 Hz: a tenth of the samples; MATLAB's default, 30, does not.
+    """Lags of a window that resolves a bandwidth near 1 Hz: a tenth of the samples; 30, as in MATLAB, are too few.
 
     Args:
         data: One experiment, or several, the shortest of which has more lags.

@@ -79,11 +79,11 @@ class Problem(Locked):
         return None
 
     def scattered(self, seed: int) -> StateSpace:
-        """An estimate as good as any where there is no bound: the truth itself, if nothing scatters it."""
+        """Model as good as any estimate, where there is no bound: the truth itself, if nothing scatters it."""
         del seed
         return self.truth
 
     def nonparametric(self, record: IOData) -> ComplexArray | None:
-        """Response that a record of whole periods shows without a model (nf, ny, nu); None for other records."""
+        """Measured response at the lines of a record of whole periods (nf, ny, nu); None for other records."""
         del record
         return None

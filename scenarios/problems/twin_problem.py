@@ -104,7 +104,7 @@ class TwinProblem(Problem):
         return (y / u)[:, None, None]
 
     def scattered(self, seed: int) -> StateSpace:
-        """An estimate as good as any: the best linear truth with the scatter of a measured response."""
+        """The best linear truth with the scatter of a measured response: as good as any estimate."""
         return scattered_model(self.parsed, self.truth, self.best_linear, seed)
 
 

@@ -226,7 +226,7 @@ class RealisePaths:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all parameters, with output and input of their path where there are several."""
+        """Names of all parameters; with several paths each names its output and input."""
         ny, nu = len(self.structures), len(self.structures[0])
         return tuple(
             name + (f"[{i + 1},{j + 1}]" if ny > 1 else f"[{j + 1}]" if nu > 1 else "")

@@ -203,7 +203,7 @@ def _layout(value: Any, polynomials: Polynomials | None, names: tuple[str, ...])
 
 
 def _shaped(where: str, array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Check a shape; JSON has no shape of an empty matrix."""
+    """Check the shape of an array from JSON, which writes an empty matrix as an empty list."""
     if not array.size and 0 in shape:
         array = array.reshape(shape)
     if shape != array.shape:

@@ -187,7 +187,7 @@ class Estimate(Labelled, Locked):
         return self.model.input_path().to_control()
 
     def dc_gain(self) -> FloatArray:
-        """Gain at 0 Hz (ny, nu); with its interval: `band`, in continuous time `continuous_band`."""
+        """Gain at 0 Hz (ny, nu); `band`, in continuous time `continuous_band`, gives its interval."""
         return self._responding.dc_gain()
 
     def step_response(self, n: int) -> FloatArray:

@@ -369,7 +369,7 @@ def search(
         if not best.converged and best.iterations < max_iterations:
             best = refine(best.at)
     path = {name: minimum.at.cost for name, minimum in screened.items()}
-    ambiguous = not exact and (difficult or samples < SHORT * orders.count)
+    ambiguous = difficult or (samples < SHORT * orders.count and not exact)
     smaller = _smaller(orders)[: None if neighbours else 1] if smaller_too and ambiguous and start is None else []
     for k, less in enumerate(smaller):
         below = search(

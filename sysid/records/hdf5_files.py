@@ -51,7 +51,7 @@ def _check_heaps(file: Path) -> None:
 
 
 def items_of(group: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the names and contents of a group, which must lie in its own file: a record reads no other one.
+    """Names and contents of an HDF5 group; links and arrays that lead to other files are refused.
 
     Raises:
         ValueError: A soft or an external link, or an array that is stored elsewhere.

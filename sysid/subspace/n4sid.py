@@ -239,8 +239,9 @@ def n4sid(
     if not all(e.complete for e in experiments):
 
         def fit(filled: Sequence[IOData], gain: bool) -> Estimate:
-            options = {"direct": direct, "gain": gain, "stable": stable}
-            return n4sid(filled, order, block_rows=block_rows, weighting=weighting, **options)
+            return n4sid(
+                filled, order, block_rows=block_rows, direct=direct, gain=gain, stable=stable, weighting=weighting
+            )
 
         return estimate_with_gaps(fit, experiments, truth_value("gain", gain))
     nu, ny = experiments[0].nu, experiments[0].ny

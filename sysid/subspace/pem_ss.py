@@ -174,20 +174,19 @@ def pem_ss(
     minimum, origin = minima[chosen], origins[chosen]
     name = origin.method if isinstance(origin, Estimate) else "model"
     slow = not minimum.converged or minimum.iterations > SLOW
-    doubtful = slow or samples * ny < (POLYNOMIALS if ny == 1 else SHORT) * count
-    exact = minimum.reason == "errors at rounding level"
-    if search and len(origins) == 1 and doubtful and not exact and all(e.complete for e in experiments):
+    thorough = slow or samples * ny < SHORT * count
+    doubtful = thorough or (ny == 1 and samples < POLYNOMIALS * count)
+    if search and len(origins) == 1 and doubtful and not minimum.exact and all(e.complete for e in experiments):
         first = (name, models[0], minimum)
-        thorough = slow or samples * ny < SHORT * count
         minimum, name = _searched(experiments, records, scales, first, direct, gain, thorough, max_iterations)
     covariance, condition = _covariance(minimum.normal.information)
     innovation = None
     if minimum.point.gaps:
         innovation = minimum.point.covariance
-        if gain and minimum.reason != "errors at rounding level":
+        if gain and not minimum.exact:
             at, information = minimum.point, minimum.normal.information
             covariance = gapped_covariance(records, at.predictor, at.weight, information, minimum.normal.basis)
-    if (coloured or weight is not None) and minimum.reason != "errors at rounding level":
+    if (coloured or weight is not None) and not minimum.exact:
         colour = min(COLOUR, samples // 20) if coloured else 0
         middle = gradient_covariance(records, minimum.point, minimum.normal.basis, colour)
         covariance = covariance @ middle @ covariance
@@ -195,7 +194,7 @@ def pem_ss(
     radius = float(np.abs(np.linalg.eigvals(minimum.point.predictor.A)).max())
     if not minimum.converged:
         messages.append(f"pem_ss did not converge: {minimum.reason}")
-    if condition > ILL_CONDITIONED and minimum.reason != "errors at rounding level":
+    if condition > ILL_CONDITIONED and not minimum.exact:
         messages.append(
             f"the parameters are poorly determined: condition number {condition:.2g} of the information matrix"
         )

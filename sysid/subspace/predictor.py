@@ -65,7 +65,10 @@ class Predictor:
         return Predictor(*(m + s.reshape(m.shape) for m, s in zip(matrices, steps, strict=True)))
 
     def moved_in_innovations_form(self, step: FloatArray) -> "Predictor":
-        """The same to first order, but along a line in F = A + K C, B, K, C and D: errors of clean data vary less."""
+        """The predictor after a step in F = A + K C, B, K, C and D, to first order that of `moved`.
+
+        Along such a line the errors of clean data vary less.
+        """
         out, nu = self.moved(step), self.D.shape[1]
         if self.has_gain:
             dK = out.M[:, nu:] - self.M[:, nu:]

@@ -246,12 +246,12 @@ class Point:
         samples = sum(len(e) for e in errors)
         covariance = np.asarray(sum(e.T @ e for e in errors) / samples)
         chosen = records[0].output_weight
-        point = Point(predictor, states, errors, covariance, 0.0, spreads=tuple(priors), output_weight=chosen)
         if chosen is None:
             criterion = float(np.linalg.slogdet(_floored(covariance))[1])
         else:
-            criterion = len(covariance) * float(np.log(max(point.mean_square, np.finfo(float).tiny)))
-        return replace(point, criterion=criterion + size / samples)
+            criterion = len(covariance) * float(np.log(max(_mean_square(covariance, chosen), np.finfo(float).tiny)))
+        criterion += size / samples
+        return Point(predictor, states, errors, covariance, criterion, spreads=tuple(priors), output_weight=chosen)
 
     def balanced(self) -> "Point":
         """The same behaviour in balanced coordinates, in which all entries have about equal effect."""
@@ -269,8 +269,7 @@ class Point:
     @property
     def mean_square(self) -> float:
         """Mean of e' W e, of e' e without a weight of the outputs."""
-        weight = np.eye(len(self.covariance)) if self.output_weight is None else self.output_weight
-        return float(np.sum(weight * self.covariance))
+        return _mean_square(self.covariance, self.output_weight)
 
     @property
     def inverse_covariance(self) -> FloatArray:
@@ -283,6 +282,10 @@ class Point:
         if self.output_weight is None:
             return self.inverse_covariance
         return self.output_weight * (len(self.covariance) / max(self.mean_square, np.finfo(float).tiny))
+
+
+def _mean_square(covariance: FloatArray, weight: FloatArray | None) -> float:
+    return float(np.trace(covariance) if weight is None else np.sum(weight * covariance))
 
 
 def _size(states: Sequence[FloatArray], spreads: Sequence[FloatArray]) -> float:

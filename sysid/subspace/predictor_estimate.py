@@ -69,11 +69,12 @@ def scaled_output_weight(weight: ArrayLike | None, scales: Scales) -> FloatArray
     W, ny = real_array("output_weight", weight), len(scales.y)
     if W.shape != (ny, ny):
         raise SysidError(f"output_weight: expected a matrix ({ny}, {ny}) for {ny} output(s), got shape {W.shape}")
-    if not (W.any() and is_covariance(W)):
+    size = np.abs(W).max() or 1.0  # only ratios matter, and the squares of a huge or tiny weight are out of range
+    if not (W.any() and is_covariance(W / size)):
         raise SysidError(
             f"output_weight must be symmetric without negative eigenvalues, and not zero, got {shown(W.tolist())}"
         )
-    values, vectors = np.linalg.eigh(W * np.outer(scales.y, scales.y))
+    values, vectors = np.linalg.eigh(W / size * np.outer(scales.y, scales.y))
     W = vectors * np.maximum(values, LEAST_WEIGHT * values[-1]) @ vectors.T
     return np.asarray(W * (ny / np.trace(W)), dtype=np.float64)
 

@@ -66,6 +66,7 @@ def outward(predictor: Predictor, basis: FloatArray, limit: float) -> FloatArray
 CONVERGED = 1e-8  # remaining decrease, relative to the sum of squares
 SETTLED = 1e-4  # the same in N dV / V: a hundredth of a standard deviation
 ROUNDING = 1e-29  # mean square of the errors, relative to that of the output, that is rounding alone
+EXACT = "errors at rounding level"  # the reason to stop there
 REPAIRS = 6  # limit on the steps towards an exact fit
 Directions = Callable[[Predictor], FloatArray]
 
@@ -105,6 +106,11 @@ class Minimum:
     converged: bool
     reason: str
 
+    @property
+    def exact(self) -> bool:
+        """Whether only rounding is left of the errors."""
+        return self.reason == EXACT
+
 
 def minimise(records: Sequence[Record], start: Predictor, directions: Directions, max_iterations: int) -> Minimum:
     """Levenberg-Marquardt on `Point.criterion`; the predictor stays stable [Ljung1999, ch. 7]."""
@@ -116,7 +122,7 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
     while True:
         normal = linearise(records, point, directions(point.predictor))
         if point.mean_square <= ROUNDING * power:
-            return Minimum(point, normal, iterations, evaluations, True, "errors at rounding level")
+            return Minimum(point, normal, iterations, evaluations, True, EXACT)
         if not normal.information.any():
             why = "the predictor is too near the edge of stability for the arithmetic"
             return Minimum(point, normal, iterations, evaluations, False, why)

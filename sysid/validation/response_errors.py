@@ -48,7 +48,7 @@ def variance_ratio_by_frequency(errors: FloatArray, covariance: FloatArray, free
 
 
 def variance_ratio(errors: FloatArray, covariance: FloatArray, free: np.ndarray) -> FloatArray:
-    """Mean over frequencies of |error|^2 over its variance (m,); its mean is 1."""
+    """Mean over frequencies of |error|^2 / variance of each estimate (m,), 1 on average where the variance is right."""
     return np.asarray(np.nanmean(variance_ratio_by_frequency(errors, covariance, free), axis=(1, 2, 3)))
 
 

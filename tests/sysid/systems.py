@@ -93,7 +93,7 @@ def covered(interval, true):
 
 
 def parameters_covered(estimate, true, deviations=1.96):
-    """Which intervals of the parameters, those of 95 % by default, hold their true values (p,)."""
+    """Whether the interval of each parameter, 95 % by default, holds its true value (p,)."""
     return np.abs(estimate.parameters - true) <= deviations * np.sqrt(np.diag(estimate.covariance))
 
 

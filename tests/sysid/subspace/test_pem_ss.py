@@ -141,6 +141,9 @@ def test_weights_choose_the_criterion():
     change = squares.parameters + 1e-3 * np.vstack((np.eye(len(squares.parameters)), -np.eye(len(squares.parameters))))
     sums = [np.sum(residuals(squares.realise(theta), data) ** 2) for theta in change]
     assert min(sums) > np.sum(squares.residuals**2)
+    for size in (1e-320, 1e308):
+        again = pem_ss(data, start, output_weight=size * np.eye(2))
+        np.testing.assert_array_equal(again.parameters, squares.parameters)
     same = pem_ss(data, start, output_weight=1e6 * np.linalg.inv(default.noise_variance))
     np.testing.assert_allclose(same.model.markov(20), default.model.markov(20), atol=1e-3)
     deviations = (e.frequency_response([3.0]).magnitude_deviation() for e in (same, default))
