@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from sysid.models.delta_method import standard_directions
 from sysid.models.estimate import Estimate
-from sysid.models.recursion import LARGEST, free_response, kalman_filter, state_trajectory
+from sysid.models.recursion import LARGEST, free_response, kalman_filter, output_deviations, state_trajectory
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, real_array
@@ -164,13 +164,23 @@ def _predicted(m: StateSpace, data: IOData, steps: int | None, x0: ArrayLike | N
 
 
 def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = None) -> FloatArray:
-    """State at the first sample that makes the (predicted) output fit best, by least squares."""
+    """State at the first sample that makes the (predicted) output fit best, by weighted least squares.
+
+    The weight of an output is the inverse variance of its innovations; where the model has none, or its simulated
+    output is fitted although it has a gain K, the inverse variance of the output itself.
+    """
     model = aligned(model, data)
     if model.order == 0:
         return np.zeros(0)
     K = model.gain if gain is None else gain
     samples = data.window or len(data)
     u, y = data.u[:samples], data.y[:samples]
+    deviations = output_deviations(y)
+    if model.innovation_covariance is not None and np.array_equal(K, model.gain):
+        # an output that the model explains to rounding must not hide the others
+        deviations = np.maximum(np.sqrt(np.diag(model.innovation_covariance)), 1e-8 * deviations)
+    elif not data.complete:
+        model = replace(model, innovation_covariance=np.diag(deviations**2))
     if not data.complete:
         return fitted_state(model, data, kalman_filter(replace(model, K=K), data, np.zeros(model.order), free=True))
     observer = model.A - K @ model.C
@@ -181,7 +191,8 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     error = y - state_trajectory(observer, drive, np.zeros(model.order)) @ model.C.T - u @ model.D.T
     usable = (np.abs(error) < LARGEST).all(axis=1)
     rows = len(free) if usable.all() else int(np.argmin(usable))
-    solution, *_ = np.linalg.lstsq(free[:rows].reshape(-1, model.order), error[:rows].ravel(), rcond=None)
+    phi, target = (free / deviations[:, None])[:rows], (error / deviations)[:rows]
+    solution, *_ = np.linalg.lstsq(phi.reshape(-1, model.order), target.ravel(), rcond=None)
     return np.asarray(solution, dtype=np.float64)
 
 

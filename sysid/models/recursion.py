@@ -64,7 +64,7 @@ def kalman_filter(
 
     In x+ = A x + B u + K e, y = C x + D u + e with e white of covariance R, the state is known exactly as long as no
     output is missing. At a gap its covariance grows by K R K'; the gains of the known outputs follow from it. Only the
-    ratios in R matter, and R is the unit matrix if the model has none.
+    ratios in R matter; if the model has none, R is the diagonal matrix of the outputs' variances.
 
     Returns:
         States x(t) from outputs up to t - 1, driven from x0 (N, n, 1), with `free` also the free responses to unit
@@ -73,24 +73,32 @@ def kalman_filter(
     """
     n = model.order
     known = data.known
-    gains, deviations = _gains(model, known)
+    R = model.innovation_covariance
+    gains, deviations = _gains(model, known, np.diag(output_deviations(data.y) ** 2) if R is None else R)
     y = np.where(known, data.y, 0.0)
     drive = data.u @ model.B.T + np.einsum("tnl,tl->tn", gains, y - data.u @ model.D.T)
     start = np.concatenate((np.asarray(x0, dtype=float)[:, None], np.eye(n)), axis=1) if free else x0[:, None]
     return _trajectory(model.A - gains @ model.C, drive, start), deviations
 
 
-def _gains(model: StateSpace, known: np.ndarray) -> tuple[FloatArray, FloatArray]:
+def output_deviations(y: FloatArray) -> FloatArray:
+    """Standard deviation of every output's known samples (ny,), one for an output that does not change."""
+    deviations = [float(np.std(column[~np.isnan(column)])) if not np.isnan(column).all() else 0.0 for column in y.T]
+    return np.array([deviation if deviation > 0.0 else 1.0 for deviation in deviations])
+
+
+def _gains(model: StateSpace, known: np.ndarray, R: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Gain (N, n, ny) and inverse deviation of the prediction (N, ny) at every sample, zero at missing outputs.
 
     The state covariance converges from any initial value, so that parts of the record can be filtered side by side,
     each with a warm-up; the warm-up is extended until every part begins with the final covariance of the one before.
     """
-    A, C, K = model.A, model.C, model.gain
     steps, ny = known.shape
-    n = len(A)
-    R = np.eye(ny) if model.innovation_covariance is None else np.asarray(model.innovation_covariance)
     R = R / np.trace(R) if np.trace(R) > 0.0 else np.eye(ny) / ny
+    # innovations of unit variance: whatever the units of the outputs, the same directions count as noise-free
+    units = np.sqrt(np.where(np.diag(R) > 0.0, np.diag(R), 1.0))
+    A, C, K, R = model.A, model.C / units[:, None], model.gain * units, R / np.outer(units, units)
+    n = len(A)
     noise, cross = K @ R @ K.T, K @ R
     ahead = WARM_UP
     while True:
@@ -123,7 +131,7 @@ def _gains(model: StateSpace, known: np.ndarray) -> tuple[FloatArray, FloatArray
             break
         ahead *= 4
     flat = parts * length
-    return gains.reshape(flat, n, ny)[:steps], deviations.reshape(flat, ny)[:steps]
+    return gains.reshape(flat, n, ny)[:steps] / units, deviations.reshape(flat, ny)[:steps] / units
 
 
 def _trajectory(transitions: FloatArray, drive: FloatArray, start: FloatArray) -> FloatArray:

@@ -141,3 +141,25 @@ def test_an_estimate_applies_to_signals_about_its_operating_point():
     np.testing.assert_allclose(findstates(estimate, raw), findstates(estimate, about), atol=1e-10)
     np.testing.assert_allclose(sysid.compare(estimate, raw)[0].simulation, sysid.compare(estimate, about)[0].simulation)
     np.testing.assert_allclose(predict(estimate.model, about), predict(estimate, about))
+
+
+@pytest.mark.parametrize("covariance", [None, np.diag([0.1, 0.5])])
+@pytest.mark.parametrize("lost", [False, True])
+def test_fits_do_not_depend_on_the_units_of_the_outputs(covariance, lost):
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal((60, 1))
+    drift = lfilter([0.3], [1.0, -0.9], rng.standard_normal((60, 2)), axis=0)
+    y = np.column_stack([lfilter([0.0, 1.0], [1.0, -pole], u[:, 0]) for pole in (0.95, 0.8)]) + drift
+    if lost:
+        y[20:24, 0] = np.nan
+    C, K = np.eye(2), np.array([[0.5, 0.1], [0.0, 0.3]])
+
+    def fit(units):
+        R = None if covariance is None else covariance * np.outer(units, units)
+        model = StateSpace(
+            np.diag([0.95, 0.8]), np.ones((2, 1)), units[:, None] * C, np.zeros((2, 1)), K / units, 1.0, R
+        )
+        (fits,) = sysid.compare(model, IOData(u, y * units, 1.0, missing=lost))
+        return np.array([fits.one_step, fits.simulation])
+
+    np.testing.assert_allclose(fit(np.array([1e-5, 1e5])), fit(np.ones(2)), rtol=1e-8)
