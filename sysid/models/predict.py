@@ -191,7 +191,8 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     error = y - state_trajectory(observer, drive, np.zeros(model.order)) @ model.C.T - u @ model.D.T
     usable = (np.abs(error) < LARGEST).all(axis=1)
     rows = len(free) if usable.all() else int(np.argmin(usable))
-    phi, target = (free / deviations[:, None])[:rows], (error / deviations)[:rows]
+    ratios = deviations / deviations[0]
+    phi, target = (free / ratios[:, None])[:rows], (error / ratios)[:rows]
     solution, *_ = np.linalg.lstsq(phi.reshape(-1, model.order), target.ravel(), rcond=None)
     return np.asarray(solution, dtype=np.float64)
 
