@@ -92,18 +92,19 @@ def minimise(
 ) -> Minimum:
     """Levenberg-Marquardt with exact gradients; C, D and every F stay stable at every accepted step [More1978]."""
     energy = sum(float(np.nansum(e.y[:, 0] ** 2)) if e.missing else float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
+    longest = max(map(len, experiments))
 
     def criterion(theta: FloatArray, origin: FloatArray) -> Linearisation | None:
-        if not admissible(orders, theta) and np.isfinite(theta).all():
-            theta = pulled_in(orders, theta, origin)
-        return linearise(experiments, orders, theta, initial_conditions) if admissible(orders, theta) else None
+        if not np.isfinite(theta).all():
+            return None
+        return linearise(experiments, orders, pulled_in(orders, theta, origin, longest), initial_conditions)
 
     at = start if isinstance(start, Linearisation) else linearise(experiments, orders, start, initial_conditions)
     return levenberg_marquardt(
         criterion,
         at,
         energy,
-        outward=partial(outward, orders),
+        outward=partial(outward, orders, samples=longest),
         max_iterations=max_iterations,
         good_enough=good_enough,
     )
@@ -347,9 +348,8 @@ def search(
     chosen = min(screened, key=lambda name: screened[name].at.cost)
     best = screened[chosen] if screened[chosen].converged else refine(screened[chosen].at)
     exact = best.at.cost <= NOISE_FREE * sum(float(np.nansum(e.y**2)) for e in experiments)
-    difficult = not exact and (
-        not (agreed and best.converged) or best.iterations > EASY or not admissible(orders, best.at.theta, AT_THE_LIMIT)
-    )
+    at_the_limit = not admissible(orders, best.at.theta, max(map(len, experiments)), AT_THE_LIMIT)
+    difficult = not exact and (not (agreed and best.converged) or best.iterations > EASY or at_the_limit)
     if difficult and thorough:
         for one in remaining:
             if admissible(orders, one.theta):

@@ -9,43 +9,57 @@ from sysid.models.polynomials import is_stable
 from sysid.polynomial.orders import Orders
 from sysid.records.arrays import FloatArray
 
-STABILITY_MARGIN = 1e-7  # least distance of the roots of C, D and F from the unit circle
-AT_THE_LIMIT = 4.0 * STABILITY_MARGIN  # distance of roots that a step must not move outwards
+STABILITY_MARGIN = 1e-7  # least distance of the roots of D and F from the unit circle, and of C on long records
+SHORT = 1e-3  # distance of a root of C, in 1 / (length of the record), that no record resolves
+AT_THE_LIMIT, INSIDE = 4.0, 2.0  # times the least distance: roots that must not move outwards, and those moved inside
 DOUBLE = 1e-3  # distance of two roots from 1 or -1 below which they count as a double root
 REACH = 0.9  # part of the distance to the unit circle that a step may use
-INSIDE = 2.0 * STABILITY_MARGIN  # distance at which roots from beyond the limit are placed
 
 
-def admissible(orders: Orders, theta: FloatArray, margin: float = STABILITY_MARGIN) -> bool:
-    """Whether C, D and every F have their roots inside the unit circle."""
+def noise_margin(samples: float) -> float:
+    """Least distance of the roots of C from the unit circle: samples cannot tell a longer memory of the errors."""
+    return max(STABILITY_MARGIN, SHORT / samples)
+
+
+def admissible(orders: Orders, theta: FloatArray, samples: float = np.inf, factor: float = 1.0) -> bool:
+    """Whether C, D and every F have their roots inside the unit circle, by a factor times their least distances.
+
+    That of C depends on the samples of the longest experiment.
+    """
     if not np.isfinite(theta).all():
         return False
     _, _, c, d, f = orders.split(theta)
-    return all(is_stable(polynomial, margin) for polynomial in (c, d, *f))
+    return is_stable(c, factor * noise_margin(samples)) and all(
+        is_stable(one, factor * STABILITY_MARGIN) for one in (d, *f)
+    )
 
 
-def pulled_in(orders: Orders, theta: FloatArray, origin: FloatArray) -> FloatArray:
-    """The same parameters (p,) with roots of C, D and F moved inside, where they leave the region or nearly do.
+def pulled_in(orders: Orders, theta: FloatArray, origin: FloatArray, samples: float = np.inf) -> FloatArray:
+    """The same parameters (p,) with roots of C, D and F moved inside, where they leave the region.
 
     A step from `origin` may use up to `REACH` of the distance to the unit circle: roots that arrive there at once stay.
     """
+    if admissible(orders, theta, samples):
+        return theta
     a, b, c, d, f = orders.split(theta)
     _, _, c0, d0, f0 = orders.split(origin)
-    return orders.join(a, b, _inside(c, c0), _inside(d, d0), [_inside(*pair) for pair in zip(f, f0, strict=True)])
+    inner = [_inside(*pair) for pair in zip((d, *f), (d0, *f0), strict=True)]
+    return orders.join(a, b, _inside(c, c0, noise_margin(samples)), inner[0], inner[1:])
 
 
-def _inside(polynomial: FloatArray, origin: FloatArray) -> FloatArray:
-    distance = 1.0 - np.abs(np.roots(origin)).max(initial=0.0)
-    limit = 1.0 - max(INSIDE, (1.0 - REACH) * distance)
-    if is_stable(polynomial, 1.0 - limit):
-        return polynomial
-    roots = np.roots(polynomial)
-    inner = np.poly(roots * limit / np.maximum(np.abs(roots), limit)).real
-    # zeros at the end of a polynomial are no roots
-    return np.concatenate((inner, np.zeros(len(polynomial) - len(inner))))
+def _inside(polynomial: FloatArray, origin: FloatArray, margin: float = STABILITY_MARGIN) -> FloatArray:
+    distance = max(INSIDE * margin, (1.0 - REACH) * (1.0 - np.abs(np.roots(origin)).max(initial=0.0)))
+    roots, inner = np.roots(polynomial), polynomial
+    # several roots that meet need more distance: rounding moves them
+    while not is_stable(inner, distance if inner is polynomial else margin):
+        moved = np.poly(roots * (1.0 - distance) / np.maximum(np.abs(roots), 1.0 - distance)).real
+        # zeros at the end of a polynomial are no roots
+        inner = np.concatenate((moved, np.zeros(len(polynomial) - len(moved))))
+        distance = min(2.0 * distance, 0.999)
+    return inner
 
 
-def outward(orders: Orders, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+def outward(orders: Orders, theta: FloatArray, samples: float = np.inf) -> tuple[FloatArray, FloatArray]:
     """Directions in the parameters that lead out of the stable region (rows, p), and how far it reaches (rows,).
 
     A real root leaves where the polynomial changes its sign at 1 or -1, a pair where its product exceeds 1. A double
@@ -57,7 +71,8 @@ def outward(orders: Orders, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     begin = orders.na + sum(orders.nb)
     for polynomial in (c, d, *f):
         n = len(polynomial) - 1
-        for change, distance in _ways_out(polynomial) if n else ():
+        margin = noise_margin(samples) if polynomial is c else STABILITY_MARGIN
+        for change, distance in _ways_out(polynomial, margin) if n else ():
             row = np.zeros(orders.count)
             row[begin : begin + n] = change
             rows.append(row)
@@ -66,15 +81,15 @@ def outward(orders: Orders, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.array(rows).reshape(-1, orders.count), np.array(reach)
 
 
-def _ways_out(polynomial: FloatArray) -> Iterator[tuple[FloatArray, float]]:
+def _ways_out(polynomial: FloatArray, margin: float) -> Iterator[tuple[FloatArray, float]]:
     """Derivatives by the coefficients after the first (n,) of what must not grow further than a distance; both.
 
     These are the signed values near 1 and -1, and the products of pairs.
     """
     n = len(polynomial) - 1
-    limit = 1.0 - INSIDE
+    limit = 1.0 - INSIDE * margin
     roots = np.roots(polynomial)
-    near = np.abs(roots) > 1.0 - AT_THE_LIMIT
+    near = np.abs(roots) > 1.0 - AT_THE_LIMIT * margin
     pairs = [np.poly([root, root.conjugate()]).real for root in roots[roots.imag > 0.0]]
     for end in (1.0, -1.0):
         powers = (end * limit) ** np.arange(n + 1, dtype=float)[::-1] * end**n

@@ -11,19 +11,13 @@ import scipy
 from sysid.models.estimate import Estimate
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.gram_matrices import hankel_moments, hankel_triangle
+from sysid.polynomial.stability_limit import STABILITY_MARGIN
 from sysid.records.arguments import shown, truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, warn_each
 from sysid.subspace.gaps import estimate_with_gaps
-from sysid.subspace.predictor import (
-    STABILITY_MARGIN,
-    Predictor,
-    Record,
-    Scales,
-    input_coordinates,
-    local_coordinates,
-)
+from sysid.subspace.predictor import Predictor, Record, Scales, input_coordinates, local_coordinates
 from sysid.subspace.predictor_errors import Point
 from sysid.subspace.predictor_estimate import check_enough_samples, check_gain, make_predictor_estimate
 from sysid.subspace.predictor_fit import least_squares_fit, pulled_in

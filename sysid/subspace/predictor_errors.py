@@ -10,7 +10,7 @@ from sysid.models.recursion import free_response
 from sysid.polynomial.missing_outputs import MissingOutputs
 from sysid.records.arrays import FloatArray
 from sysid.subspace.predictor import Predictor, Record, initial_spread
-from sysid.subspace.predictor_sensitivities import Sensitivities
+from sysid.subspace.predictor_sensitivities import prediction_jacobian
 
 NEGLIGIBLE = 1e-12  # tail of a response, relative to its first sample
 ROUNDS = 4  # iterations of the error covariance where its converged value is needed
@@ -86,15 +86,13 @@ def gapped_normal(
     basis: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Information (q, q) and descent direction (q,) in the directions of `basis`; see `predictor_fit.linearise`."""
-    sensitivities = Sensitivities.of(predictor)
     root = np.linalg.cholesky(np.linalg.inv(covariance))
     q = basis.shape[1]
     information, gradient = np.zeros((q, q)), np.zeros(q)
     for part, x0 in zip(parts, states, strict=True):
         gaps, e = part.missing, part.errors
-        signals = sensitivities.signals(part.filled)
-        columns = np.stack([signals @ table for table in sensitivities.table(x0, basis)], axis=1)
-        columns = gaps.eliminated(np.einsum("tlc,lr->trc", columns, root)).reshape(-1, q + len(x0))
+        columns = np.einsum("tlc,lr->trc", prediction_jacobian(predictor, part.filled, x0, basis), root)
+        columns = gaps.eliminated(columns).reshape(-1, q + len(x0))
         prior = initial_spread(free_response(predictor.A, predictor.C, len(e)))
         full = columns.T @ columns
         slope = columns.T @ (e @ root).ravel()

@@ -3,7 +3,9 @@
 Every derivative of the prediction is a fixed filter of w and of the initial state, with the poles of the predictor,
 each at most twice. In an orthonormal basis of such filters, the Gauss-Newton normal equations consist of moments of the
 basis outputs, which follow exactly from the correlations of w; these are computed once. Only the errors are computed
-sample by sample: their accuracy is that of the fit. Poles at the stability limit are constraints of every step.
+sample by sample: their accuracy is that of the fit. Poles that no record of this length tells from the unit circle are
+the exception: infinite sums lose all digits there, and derivatives are computed sample by sample too. Poles at the
+stability limit are constraints of every step.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,18 +15,14 @@ import numpy as np
 import scipy
 
 from sysid.polynomial.correlation import autoregression
-from sysid.polynomial.stability_limit import constrained_step
+from sysid.polynomial.stability_limit import STABILITY_MARGIN, constrained_step, noise_margin
 from sysid.records.arrays import FloatArray
-from sysid.subspace.predictor import STABILITY_MARGIN, Predictor, Record
+from sysid.subspace.observer_gain import spectral_radius
+from sysid.subspace.predictor import Predictor, Record
 from sysid.subspace.predictor_errors import Point, gapped_normal
-from sysid.subspace.predictor_sensitivities import Sensitivities
+from sysid.subspace.predictor_sensitivities import Sensitivities, prediction_jacobian
 
-SHORT = 1e-3  # distance of a pole from the unit circle, in 1 / (length of the record), that no record resolves
-
-
-def stability_limit(samples: int) -> float:
-    """Largest modulus of a pole: a longer memory cannot be seen in this number of samples."""
-    return 1.0 - max(STABILITY_MARGIN, SHORT / samples)
+RESOLVED = 10.0  # distance of a pole from the unit circle, in 1 / (length of the record): infinite sums keep the digits
 
 
 def pulled_in(predictor: Predictor, limit: float, beyond: float | None = None) -> Predictor:
@@ -116,8 +114,8 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
     """Levenberg-Marquardt on `Point.criterion`; the predictor stays stable [Ljung1999, ch. 7]."""
     power = float(np.mean([np.mean(r.y**2) for r in records]))
     samples = sum(len(r.y) for r in records)
-    limit = stability_limit(max(len(r.y) for r in records))
-    point = Point.at(records, pulled_in(start, limit).balanced(), np.eye(start.C.shape[0]))
+    limit = 1.0 - (noise_margin(max(len(r.y) for r in records)) if start.has_gain else STABILITY_MARGIN)
+    point = Point.at(records, start.balanced(), np.eye(start.C.shape[0]))
     damping, iterations, evaluations = 1e-6, 0, 1
     while True:
         normal = linearise(records, point, directions(point.predictor))
@@ -190,17 +188,25 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
     """Normal equations in the directions of `basis`, each experiment's initial state eliminated [GolubPereyra2003]."""
     if point.gaps:
         return Normal(*gapped_normal(point.predictor, point.gaps, point.states, point.covariance, basis), basis)
-    sensitivities = Sensitivities.of(point.predictor, bool(basis[: point.predictor.A.size].any()))
     weight = point.weight
+    root = np.linalg.cholesky(weight)
     q = basis.shape[1]
     information, gradient = np.zeros((q, q)), np.zeros(q)
+    slow = spectral_radius(point.predictor.A) > 1.0 - RESOLVED / max(len(r.y) for r in records)
+    if not slow:
+        sensitivities = Sensitivities.of(point.predictor, bool(basis[: point.predictor.A.size].any()))
     for record, x0, e, prior in zip(records, point.states, point.errors, point.spreads, strict=True):
-        table = sensitivities.table(x0, basis)
-        moments, products = sensitivities.moments(record, e)
-        weighted = np.einsum("lr,lac->rac", np.linalg.cholesky(weight), table)
-        flat = weighted.reshape(-1, table.shape[2])
-        full = flat.T @ np.matmul(moments, weighted).reshape(flat.shape)
-        slope = np.einsum("lac,al->c", table, products @ weight)
+        if slow:
+            columns = np.einsum("tlc,lr->trc", prediction_jacobian(point.predictor, record, x0, basis), root)
+            flat = columns.reshape(-1, q + len(x0))
+            full, slope = flat.T @ flat, flat.T @ (e @ root).ravel()
+        else:
+            table = sensitivities.table(x0, basis)
+            moments, products = sensitivities.moments(record, e)
+            weighted = np.einsum("lr,lac->rac", root, table)
+            flat = weighted.reshape(-1, table.shape[2])
+            full = flat.T @ np.matmul(moments, weighted).reshape(flat.shape)
+            slope = np.einsum("lac,al->c", table, products @ weight)
         corner, side = full[q:, q:], full[q:, :q]
         inverse = np.outer(prior, prior) * np.linalg.inv(corner * np.outer(prior, prior) + np.eye(len(prior)))
         slope[q:] -= x0 / prior**2
@@ -219,7 +225,6 @@ def gradient_covariance(records: Sequence[Record], point: Point, basis: FloatArr
     autoregression, by which J is filtered [Ljung1999, ch. 9]. Correlation between components at lags other than zero is
     ignored.
     """
-    sensitivities = Sensitivities.of(point.predictor)
     root, whitening = np.linalg.cholesky(point.weight), np.linalg.cholesky(point.inverse_covariance)
     mixture = root.T @ np.linalg.inv(whitening).T
     errors = np.concatenate(point.errors) @ whitening
@@ -230,9 +235,7 @@ def gradient_covariance(records: Sequence[Record], point: Point, basis: FloatArr
     q = basis.shape[1]
     total = np.zeros((q, q))
     for record, x0, prior in zip(records, point.states, point.spreads, strict=True):
-        table = np.einsum("lr,lac->rac", root, sensitivities.table(x0, basis))
-        signals = sensitivities.signals(record)
-        columns = [signals @ part for part in table]
+        columns = np.einsum("tlc,lr->rtc", prediction_jacobian(point.predictor, record, x0, basis), root)
         corner = sum(part[:, q:].T @ part[:, q:] for part in columns) + np.diag(prior**-2.0)
         onto = np.linalg.solve(corner, sum(part[:, q:].T @ part[:, :q] for part in columns))
         parts = np.tensordot(mixture.T, [part[:, :q] - part[:, q:] @ onto for part in columns], 1)

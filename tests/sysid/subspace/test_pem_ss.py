@@ -76,17 +76,29 @@ def test_clean_data_of_higher_order_are_fitted_as_well_as_by_armax(seed, search)
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
-@pytest.mark.parametrize("seed", [4, 13])
-def test_predictors_at_the_edge_of_stability_are_fitted_as_well_as_by_armax(seed):
-    """Zeros near the unit circle hide from the arithmetic how the errors depend on the parameters."""
-    rng = np.random.default_rng(seed)
+def test_predictors_at_the_edge_of_stability_are_fitted_as_well_as_by_armax():
+    """Three zeros of the noise model meet at -1; a start is never left for a worse fit."""
+    rng = np.random.default_rng(2)
     poles = [0.95 * np.exp(0.3j), 0.95 * np.exp(-0.3j), 0.8, 0.6 * np.exp(1j), 0.6 * np.exp(-1j)]
-    u = rng.standard_normal(300 if seed == 13 else 600)
+    u = rng.standard_normal(600)
     data = IOData(u, lfilter(np.append(0.0, rng.standard_normal(5)), np.poly(poles).real, u), 1.0)
     expected = armax(data, 3, 3, 3, 1)
     for start in (3, expected):
         estimate = pem_ss(data, start, direct=False)
         assert np.mean(estimate.residuals**2) <= 1.001 * np.mean(expected.residuals**2)
+
+
+@pytest.mark.parametrize("seed", [1, 4, 7])
+def test_noise_zeros_on_the_unit_circle_leave_the_intervals_of_armax(seed):
+    rng = np.random.default_rng(seed)
+    u, e = rng.standard_normal((2, 400))
+    data = IOData(u, lfilter([0.0, 1.0, 0.5], [1, -1.5, 0.7], u) + lfilter([1, 0, -1], [1, -1.5, 0.7], e), 1.0)
+    with warnings.catch_warnings(action="ignore", category=SysidWarning):
+        estimate, expected = pem_ss(data, 2, direct=False, search=False), armax(data, 2, 2, 2)
+    ours, theirs = (one.frequency_response([0.02, 0.08, 0.2]) for one in (estimate, expected))
+    assert estimate.diagnostics["converged"]
+    np.testing.assert_allclose(ours.magnitude, theirs.magnitude, rtol=1e-3)
+    np.testing.assert_allclose(ours.magnitude_deviation(), theirs.magnitude_deviation(), rtol=0.01)
 
 
 @pytest.mark.parametrize("seed", [11, 16, 24])
