@@ -15,6 +15,7 @@ from sysid.models.polynomials import Polynomials
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import real_number, truth_value, whole_number
 from sysid.records.arrays import FloatArray, Locked, real_array
+from sysid.records.data import LARGEST
 from sysid.records.errors import SysidError
 
 STARTS = 8  # number of first signals, all with the optimal spectrum: one with a low peak, the others with random phases
@@ -116,13 +117,15 @@ def design_input(
         The input with its predicted standard deviation, the bound and the comparison.
 
     Raises:
-        SysidError: Limits that are not positive, a model with several inputs, without covariance or unstable, models
+        SysidError: Limits that are not positive or out of range, a model with several inputs, without covariance or unstable, models
             of different sampling intervals, a quantity that is not finite, a comparison of another length or that does
             not determine the parameters.
     """
     n = whole_number("samples", samples, 2, 10**6)
-    amplitude = real_number("amplitude", amplitude, "be a number > 0", lambda v: 0.0 < v < np.inf)
-    rate = real_number("rate", rate, "be a number > 0", lambda v: v > 0.0)
+    least = 1.0 / LARGEST
+    sizes = f"be a number > 0, from {least:g} to {LARGEST:g}"
+    amplitude = real_number("amplitude", amplitude, sizes, lambda v: least <= v <= LARGEST)
+    rate = real_number("rate", rate, f"be a number > 0, {least:g} or more", lambda v: v >= least)
     rng = np.random.default_rng(whole_number("seed", seed, 0))
     alternatives = list(model) if isinstance(model, Sequence) else [model]
     pilots = [pilot_of(one, n, dt=dt, variance=variance, size=amplitude) for one in alternatives]
@@ -156,6 +159,8 @@ def _signal(u: ArrayLike, n: int) -> FloatArray:
     signal = real_array("comparison", u)
     if signal.shape not in ((n,), (n, 1)):
         raise SysidError(f"comparison: expected shape ({n},) or ({n}, 1), got {signal.shape}")
+    if np.abs(signal).max() > LARGEST:
+        raise SysidError(f"comparison: largest value {np.abs(signal).max():g} given, expected {LARGEST:g} at most")
     return signal.ravel()
 
 

@@ -19,6 +19,7 @@ BITS = np.repeat(np.random.default_rng(1).choice([-1.0, 1.0], 150), 2)
 
 
 ESTIMATE = sysid.oe(second_order(0, 100), 1, 1)
+LARGE = {"amplitude": 1e300, "rate": 1e300, "dt": None, "variance": None}
 UNSTABLE = replace(ESTIMATE, model=replace(ESTIMATE.model, A=1.5 * np.eye(1)))
 
 
@@ -118,6 +119,9 @@ def test_several_models_share_one_input_that_is_robust():
         ("not stable", UNSTABLE, {"dt": None, "variance": None}),
         ("amplitude must be a number > 0", SERVO, {"amplitude": 0.0}),
         ("rate must be a number > 0", SERVO, {"rate": -1.0}),
+        ("rate must be a number > 0, 1e-60 or more, got 1e-300", SERVO, {"rate": 1e-300}),
+        ("amplitude must be a number > 0, from 1e-60 to", ESTIMATE, LARGE),
+        ("comparison: largest value 1e.300 given", SERVO, {"comparison": np.full(100, 1e300)}),
         (r"comparison: expected shape \(100,\) or \(100, 1\), got \(99,\)", SERVO, {"comparison": np.ones(99)}),
         ("does not determine", SERVO, {"comparison": np.zeros(100)}),
         ("is not a finite number", SERVO, {"quantity": lambda m: np.nan}),
