@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scenarios.thesis.disturbances import DISTURBANCES
 from scenarios.thesis.model_charts import disturbed
 from scenarios.thesis.robustness import (
     CONSTANT,
@@ -41,9 +40,9 @@ def outcome(degree, *, hz=1.0, fit=99.0):
     )
 
 
-def test_every_disturbance_gives_every_draw_of_every_method(study):
+def test_every_disturbance_gives_every_draw_of_every_method(study, fewer_disturbances):
     for joint in study.joints:
-        for key, disturbance in DISTURBANCES.items():
+        for key, disturbance in fewer_disturbances.items():
             # Of a record of 20 s there are parts of 10 s and none that are longer.
             degrees = (10.0,) if key == "length" else disturbance.degrees
             expected = dict.fromkeys(degrees, 1)
