@@ -72,8 +72,8 @@ def test_clean_small_signal_data_give_back_the_true_response(joint, method, clea
 def test_intervals_cover_the_true_bandwidth_with_noise_and_rounding(truth):
     """Friction and the arm's changing geometry, each shown to spoil it by tests/benchmarks, are kept out."""
     linear = {joint: scaled(Condition(friction=False).applied(load(f"siso-5-{joint}"))) for joint in STUDIED_JOINTS}
-    # A quarter of the thesis' length: whether an interval covers does not depend on it, what the simulation costs does.
-    runs = [replace(test, seed=seed, duration=60.0) for test in linear.values() for seed in SEEDS]
+    # A sixth of the thesis' length: whether an interval covers does not depend on it, what the simulation costs does.
+    runs = [replace(test, seed=seed, duration=40.0) for test in linear.values() for seed in SEEDS]
     covered = dict.fromkeys(STUDIED_JOINTS, 0)
     for log in simulate(runs):
         (joint,) = log.axes

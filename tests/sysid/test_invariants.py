@@ -1,6 +1,7 @@
 """What no estimator may depend on: units, the clock, the sequence of channels, where a record is cut."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -50,6 +51,12 @@ def record(seed, nu=1, ny=1, samples=500, noise=0.2):
     return IOData(u, y, DT)[100:]
 
 
+@cache
+def identified(name, seed, window=None):
+    """The estimate of a record, once for all examples of a test."""
+    return EVERY[name][0](replace(record(seed), window=window))
+
+
 def response(estimate):
     return estimate.model.frequency_response(F)
 
@@ -67,7 +74,7 @@ def test_scaled_channels_scale_the_model(name, u, y, signs):
     identify, tolerance = EVERY[name]
     data = record(1)
     a, b = signs[0] * 10.0**u, signs[1] * 10.0**y
-    plain, scaled = identify(data), identify(replace(data, u=a * data.u, y=b * data.y))
+    plain, scaled = identified(name, 1), identify(replace(data, u=a * data.u, y=b * data.y))
     assert_same(response(scaled) * a / b, response(plain), tolerance)
     np.testing.assert_allclose(scaled.noise_variance / b**2, plain.noise_variance, rtol=tolerance)
     np.testing.assert_allclose(scaled.model.noise_response(F), plain.model.noise_response(F), rtol=20 * tolerance)
@@ -83,7 +90,7 @@ def test_the_clock_does_not_matter(name, cut):
     identify, tolerance = EVERY[name]
     # The instruments of iv4, simulated from rest, need 30 samples of the window for themselves.
     data = replace(record(2), window=60 if name == "iv4" else 40)
-    expected = response(identify(data))
+    expected = response(identified(name, 2, data.window))
     assert_same(response(identify(data[cut:])), expected, tolerance)
     y = data.y.copy()
     y[:cut] += 100.0
@@ -98,7 +105,7 @@ def test_a_record_in_two_parts_is_one_record(name, where):
     """The equations lost at the cut move the model by a small part of its uncertainty; the order is arbitrary."""
     identify, tolerance = EVERY[name]
     data = record(3)
-    whole = identify(data)
+    whole = identified(name, 3)
     parts = identify([data[:where], data[where:]])
     assert_same(response(identify([data[where:], data[:where]])), response(parts), tolerance)
     uncertain = np.sqrt(np.einsum("f...ii->f...", sysid.arx(data, 2, 2).frequency_response(F).covariance))

@@ -65,14 +65,15 @@ def test_a_record_that_cannot_be_used_is_told_with_its_reason(study):
     campaign, name = study.campaign, single_joint_test(3, YAW)
     log = campaign.logs[name]
     still = replace(log, commanded=np.full_like(log.commanded, 0.1))
-    logs = {**campaign.logs, name: still}
-    gone = {key: value for key, value in logs.items() if key != single_joint_test(4, YAW)}
-    spoiled = replace(campaign, logs=gone, failed={single_joint_test(4, YAW): "diverged"})
+    # the other records are not played
+    logs = {single_joint_test(5, YAW): campaign.logs[single_joint_test(5, YAW)], name: still}
+    spoiled = replace(campaign, logs=logs, failed={single_joint_test(4, YAW): "diverged"})
     models = every_data_set(YAW, spoiled)
-    assert [structure.method for record, structure, _ in models.refused if record == name] == METHODS
+    assert [(record, structure.method) for record, structure, _ in models.refused] == [(name, one) for one in METHODS]
     assert all("constant" in reason for *_, reason in models.refused)
-    assert models.missing == {single_joint_test(4, YAW): "diverged"}
-    assert len(models.models) == 6 * len(METHODS)
+    others = {single_joint_test(number, YAW): "it was not played" for number in (1, 2, 6, 7, 8)}
+    assert models.missing == {**others, single_joint_test(4, YAW): "diverged"}
+    assert [one.method for one in models.models] == METHODS
 
 
 def _model(gain, pole):

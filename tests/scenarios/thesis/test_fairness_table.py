@@ -82,7 +82,12 @@ def test_a_refused_model_leaves_out_what_it_is_part_of(synthetic_logs, monkeypat
     def refuses(data, estimator, orders):
         if estimator == "okid" and "yaw" in data.name:
             raise SysidError("too little past")
-        return estimate(data, estimator, orders)
+        # ARX has the same path from input to output, and takes no search
+        return (
+            estimate(data, "arx", (*orders[:2], orders[-1]))
+            if estimator == "armax"
+            else estimate(data, estimator, orders)
+        )
 
     monkeypatch.setattr("scenarios.thesis.estimates.estimate", refuses)
     logs = synthetic_logs([f"siso-{number}-{joint}" for number in (2, 5) for joint in STUDIED_JOINTS] + ["mimo-10"])
