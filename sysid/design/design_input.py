@@ -117,9 +117,9 @@ def design_input(
         The input with its predicted standard deviation, the bound and the comparison.
 
     Raises:
-        SysidError: Limits that are not positive or out of range, a model with several inputs, without covariance or unstable, models
-            of different sampling intervals, a quantity that is not finite, a comparison of another length or that does
-            not determine the parameters.
+        SysidError: Limits that are not positive or out of range, a model with several inputs, without covariance or
+            unstable, models of different sampling intervals, a quantity that is not finite, a comparison of another
+            length, out of range or that does not determine the parameters.
     """
     n = whole_number("samples", samples, 2, 10**6)
     least = 1.0 / LARGEST
