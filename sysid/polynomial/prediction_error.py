@@ -138,7 +138,6 @@ def levenberg_marquardt(
         g = left.T @ at.target
         limits, reach = outward(at.theta) if outward else (np.zeros((0, len(at.theta))), np.zeros(0))
         rows = np.where(significant, limits / at.scale @ right.T, 0.0)
-
         predict = partial(_predicted_step, np.where(significant, values, 0.0), g, rows, reach)
         step, decrease = predict(0.0)
         if decrease <= CONVERGED * at.cost:
@@ -149,13 +148,16 @@ def levenberg_marquardt(
         if iterations >= max_iterations:
             return Minimum(at, iterations, evaluations, False, f"stopped after {iterations} iterations")
         trial = None
-        while damping < 1e10:
+        larger = damping * 10.0 ** np.arange(10.0 - np.log10(damping))
+        # along a narrow valley a nearly undamped step may go down where shorter ones leave it
+        smaller = np.geomspace(1e-14, damping, 0 if at.cost <= NOISE_FREE * energy else 10, endpoint=False)
+        for damping in (*larger, *smaller):
             direction, predicted = predict(damping)
             trial = criterion(at.theta + right.T @ direction / at.scale, at.theta)
             evaluations += trial is not None
             if trial is not None and trial.cost < at.cost:
                 break
-            trial, damping = None, max(damping * 10.0, 1e-8)
+            trial = None
         if trial is None:
             flat = decrease <= 1e-4 * at.cost or at.cost <= NOISE_FREE * energy
             return Minimum(at, iterations, evaluations, flat, "no step decreases the errors further")
@@ -163,9 +165,9 @@ def levenberg_marquardt(
         at = trial
         iterations += 1
         if achieved > 0.75 * predicted:
-            damping /= 30.0
+            damping = max(damping / 30.0, 1e-100)
         elif achieved < 0.25 * predicted:
-            damping = max(damping * 4.0, 1e-8)
+            damping = max(damping * 4.0, 1e-12)
         if tiny:
             return Minimum(at, iterations, evaluations, True, "decrease at rounding level")
 

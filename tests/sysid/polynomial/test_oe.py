@@ -22,6 +22,19 @@ def test_clustered_real_poles(p2, order):
     assert np.max(np.abs(response / expected - 1.0)) < 1e-3
 
 
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+@pytest.mark.parametrize("poles", [[0.999, 0.9995, 0.9999], [0.999, 0.9995, 0.9999, 0.5]])
+def test_slow_poles_are_fitted_to_the_noise(poles):
+    """The criterion is a narrow valley at the edge of stability, where a search ends thousands of times higher."""
+    rng = np.random.default_rng(2)
+    u = np.repeat(rng.choice([-1.0, 1.0], 100), 50)
+    y = lfilter([0.0, *rng.standard_normal(len(poles))], np.poly(poles), u)
+    noise = 1e-3 * y.std() * rng.standard_normal(5000)
+    estimate = oe(IOData(u, y + noise, 1.0), len(poles), len(poles), 1)
+    assert estimate.diagnostics["converged"]
+    assert estimate.diagnostics["sum_of_squares"] < noise @ noise
+
+
 @pytest.mark.filterwarnings("ignore:oe did not converge")
 def test_pole_at_the_edge_is_reported():
     u = np.random.default_rng(1).standard_normal(800)
