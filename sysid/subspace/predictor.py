@@ -42,9 +42,16 @@ class Predictor:
         return self.M.shape[1] > self.D.shape[1]
 
     def is_stable(self) -> bool:
-        """Whether all poles lie inside the unit circle."""
+        """Whether the predictor is stable, also in floating-point numbers.
+
+        The eigenvalues of a matrix far from normal, as a very large gain makes it, may lie inside the unit circle only
+        up to rounding: its powers grow without bound. Those of poles that meet at the limit grow, but stay finite.
+        """
         finite = np.isfinite(self.A).all()
-        return bool(finite and np.abs(np.linalg.eigvals(self.A)).max(initial=0.0) < 1.0 - STABILITY_MARGIN)
+        if not finite or np.abs(np.linalg.eigvals(self.A)).max(initial=0.0) >= 1.0 - STABILITY_MARGIN:
+            return False
+        with np.errstate(over="ignore", invalid="ignore"):
+            return bool(np.isfinite(np.linalg.matrix_power(self.A, 2**12)).all())
 
     def vector(self) -> FloatArray:
         """All entries of A, M, C, D, row by row."""
