@@ -1,8 +1,8 @@
 """Joint log: the record of one experiment on the 1553 bus, and the quantities that only a simulation knows."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
@@ -111,6 +111,10 @@ class JointLog:
 
     def __len__(self) -> int:
         return len(self.commanded)
+
+    def __reduce__(self) -> "tuple[Callable[[], JointLog], tuple[()]]":
+        # Locked mappings cannot be pickled.
+        return partial(JointLog, **{**vars(self), "provenance": dict(self.provenance)}), ()
 
     def _channels(self) -> "dict[str, tuple[str | None, str, str]]":
         """Return the channels of this log: dimension besides time, unit and meaning."""

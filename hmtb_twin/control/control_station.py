@@ -23,6 +23,7 @@ class ControlStation:
         experiment: The experiment.
         arm: The arm as its controller knows it.
         rng: Source of bias, noise and hum.
+        live: Whether commands are computed tick by tick although they depend only on the excitation.
 
     Attributes:
         ticks: Length N of the experiment.
@@ -39,7 +40,7 @@ class ControlStation:
         TwinError: The experiment needs something that the station does not have.
     """
 
-    def __init__(self, experiment: Experiment, arm: Arm, rng: np.random.Generator) -> None:
+    def __init__(self, experiment: Experiment, arm: Arm, rng: np.random.Generator, *, live: bool = False) -> None:
         self.ticks = _ticks(experiment)
         self._mode = start_mode(experiment, arm)
         self._parameters = experiment.hand_controller
@@ -54,7 +55,7 @@ class ControlStation:
         disturbance = pickup(self.ticks, axes, self._parameters, rng, experiment.chain)
         self._interface = HandControllerInterface(self._parameters, experiment.chain, disturbance)
         self.powered = _powered(experiment, self.ticks)
-        self.live = self.operator is not None or not self.powered.all()
+        self.live = live or self.operator is not None or not self.powered.all()
         self.commands = np.empty((self.ticks, len(JOINTS)))
         self.status = np.zeros(self.ticks, dtype=np.int64)
         self.grip: bool | None = None

@@ -1,7 +1,7 @@
 """Experiments on arms of one structure, run as rows of one `mujoco.batch.Batch`, each on its own model."""
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from functools import partial
 from time import perf_counter
 
@@ -107,28 +107,44 @@ class BatchRun:
 
     def run(self, report: Callable[[int], None]) -> None:
         """Run the experiments; fill in their records or failures. `report` is called with the completed ticks."""
+        for tick in self.steps():
+            if tick % SAMPLE_RATE == 1 or not len(self._active):
+                report(self.ticks)
+
+    def steps(self) -> Generator[int]:
+        """Run the experiments tick by tick and yield the number of ticks since the start after each.
+
+        The records are filled in when the last tick is done, or when the iterator is closed: up to the ticks done.
+        """
         self._simulations.forward()
-        recording = Recording(self._lengths.tolist(), {name: now.shape[1] for name, now in self._channels().items()})
+        recording = Recording(self._lengths.tolist(), {name: now.shape[1] for name, now in self.channels().items()})
         if self._site:
             for i in set(range(len(self._rows))).difference(self._live):
                 self._rows[i].station.status |= self._status(i)
         tick = 0
-        while len(self._active):
-            recording.write(tick, self._channels())
-            if tick % BLOCK == 0:
-                self._look_ahead(tick)
-            self._operate(tick)
-            if len(self._active):
-                self._step(tick)
-            tick += 1
-            if tick % SAMPLE_RATE == 1 or not len(self._active):
-                report(self.ticks)
-        recording.close(tick)
-        for row, record in zip(self._rows, recording.records, strict=True):
-            row.record = record
+        try:
+            while len(self._active):
+                recording.write(tick, self.channels())
+                if tick % BLOCK == 0:
+                    self._look_ahead(tick)
+                self._operate(tick)
+                if len(self._active):
+                    self._step(tick)
+                tick += 1
+                yield tick
+        finally:
+            recording.close(tick)
+            for row, record in zip(self._rows, recording.records, strict=True):
+                row.record = record
 
-    def _channels(self) -> dict[str, np.ndarray]:
-        """Return the recorded channels at a tick, (rows, width) each."""
+    def switch_power(self, tick: int, *, on: bool) -> None:
+        """Switch the servo power of live experiments from a tick on that is yet to come."""
+        for i in self._live:
+            self._rows[i].station.powered[tick:] = on
+        self._switched[tick] = self._live
+
+    def channels(self) -> dict[str, np.ndarray]:
+        """Return the recorded channels at this tick, (rows, width) each."""
         now = {
             "true_angles": self._angles[:, : len(JOINTS)],
             "load_pressure": self._act[:, self._pressures],

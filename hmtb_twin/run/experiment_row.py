@@ -69,24 +69,25 @@ class ExperimentRow:
         """Return the resolver readings of the angles (7,) at a tick, rad."""
         return read_resolvers(angles, self.resolver_noise[tick], self.recorder, resolver=self.experiment.chain.resolver)
 
-    def log(self) -> JointLog:
-        """Return the log of the run."""
-        experiment, station = self.experiment, self.station
-        record = {name: values[:, 0] if name in _NUMBERS else values for name, values in self.record.items()}
+    def log(self, ticks: int | None = None) -> JointLog:
+        """Return the log of the run, or of its first ticks."""
+        experiment, station, part = self.experiment, self.station, slice(ticks)
+        record = {name: (values[:, 0] if name in _NUMBERS else values)[part] for name, values in self.record.items()}
         readings = read_resolvers(
-            record["true_angles"], self.resolver_noise, self.recorder, resolver=experiment.chain.resolver
+            record["true_angles"], self.resolver_noise[part], self.recorder, resolver=experiment.chain.resolver
         )
+        commands = station.commands[part]
         return JointLog(
             name=experiment.name,
             seed=experiment.seed,
             dt=SAMPLE_TIME,
             axes=tuple(experiment.axes),
-            commanded=station.commands if self.logged_noise is None else station.commands + self.logged_noise,
-            sent=None if self.logged_noise is None else station.commands,
+            commanded=commands if self.logged_noise is None else commands + self.logged_noise[part],
+            sent=None if self.logged_noise is None else commands,
             measured=delayed(readings, self.arm.delays),
-            status=station.status,
-            volts=station.volts,
-            counts=station.counts,
+            status=station.status[part],
+            volts=station.volts[part],
+            counts=station.counts[part],
             **record,
             provenance={
                 "variant": experiment.variant,
@@ -103,12 +104,13 @@ class ExperimentRow:
         )
 
 
-def prepare(experiment: Experiment, load: Callable[..., Arm]) -> ExperimentRow:
+def prepare(experiment: Experiment, load: Callable[..., Arm], *, live: bool = False) -> ExperimentRow:
     """Return an experiment with its arm, station and noise.
 
     Args:
         experiment: The experiment.
         load: `load_arm` or a function that returns its arms.
+        live: Whether all commands are computed tick by tick, with the same bits.
 
     Raises:
         TwinError: The experiment needs something that the laboratory does not have.
@@ -116,7 +118,7 @@ def prepare(experiment: Experiment, load: Callable[..., Arm]) -> ExperimentRow:
     arm = experiment_arm(experiment, worksite=True, load=load)
     # A stream for each source: the draws of one do not depend on whether another is switched on.
     wires, resolvers, drives, logging = np.random.default_rng(experiment.seed).spawn(4)
-    station = ControlStation(experiment, arm, wires)
+    station = ControlStation(experiment, arm, wires, live=live)
     shape = station.commands.shape
     torques = arm.process_noise * drives.standard_normal(shape) if arm.process_noise.any() else None
     noise = resolvers.standard_normal(shape)

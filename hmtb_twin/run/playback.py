@@ -10,8 +10,9 @@ import numpy as np
 from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.arm.rendering import Stage, scene_model
 from hmtb_twin.bus.joint_log import JointLog
+from hmtb_twin.bus.record import BusRecord
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.values import JOINTS
+from hmtb_twin.parameters.values import JOINTS, SAMPLE_TIME
 
 MOST_FRAMES = 1_000_000
 """Largest number of frames: more are a typing error."""
@@ -24,6 +25,31 @@ def pictured_arm(log: JointLog) -> Arm:
         log.provenance.get("payload", "rpcm"),
         worksite=log.unit_pose is not None,
     )
+
+
+def pictured_log(record: BusRecord) -> JointLog:
+    """Return a log that looks like a bus record: the arm follows the measured angles, and lost values are held.
+
+    Raises:
+        TwinError: All values of a channel were lost, or samples are not those of the bus.
+    """
+    if not len(record) or abs(record.dt - SAMPLE_TIME) > 1e-9:
+        raise TwinError(f"{record.name}: {len(record)} samples every {record.dt:g} s given, expected {SAMPLE_TIME} s")
+    command, angles, wrench = map(_held, (record.commanded, record.measured, record.wrench))
+    if not all(np.isfinite(values).all() for values in (command, angles, wrench)):
+        raise TwinError(f"{record.name}: all values of a channel were lost; there is nothing to replay")
+    volts, status = np.zeros((len(record), len(record.axes))), np.nan_to_num(record.status).astype(int)
+    unknown = np.zeros_like(angles)
+    return JointLog(
+        record.name, 0, record.dt, record.axes, command, angles, wrench, angles, unknown, volts, volts, status
+    )
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """Values (N, n) with those that are NaN as the last one before, or the first one."""
+    known, columns = np.isfinite(values), np.arange(values.shape[1])
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values))[:, None], -1), axis=0)
+    return np.asarray(values[np.where(last < 0, known.argmax(axis=0), last), columns])
 
 
 def frames(

@@ -1,3 +1,4 @@
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +32,8 @@ def test_file_gives_back_every_bit(experiment, kind, tmp_path):
     assert (back.name, back.seed, back.dt, back.axes) == (log.name, log.seed, log.dt, log.axes)
     assert dict(back.provenance) == dict(log.provenance)
     assert [path.name for path in tmp_path.iterdir()] == ["log.nc"]
+    sent = pickle.loads(pickle.dumps(log))
+    assert equal(sent, log) and dict(sent.provenance) == dict(log.provenance)
 
 
 def test_analyst_gets_command_and_measurement_only(log):

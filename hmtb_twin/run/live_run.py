@@ -1,0 +1,142 @@
+"""One experiment run tick by tick, watched while it runs, with its servo power in the hands of whoever watches."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from hmtb_twin.arm.arm import Arm, load_arm
+from hmtb_twin.bus.joint_log import JointLog
+from hmtb_twin.control.experiment import Experiment
+from hmtb_twin.files.errors import TwinError
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.run.batch_run import BatchRun
+from hmtb_twin.run.experiment_row import at_rest, prepare
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The arm at one tick of a run or of a log.
+
+    Attributes:
+        tick: Number of the tick.
+        angles: Joint angles without sensor errors (7,), rad.
+        command: Joint command in force (7,), rad.
+        wrench: Wrist force and torque (6,), N and N m.
+        status: What was limited, bits of `Status`.
+        unit_pose: Position in m and quaternion of the replacement unit (7,); None in free space.
+        contact_force: Sum of normal forces between unit and worksite, N; None in free space.
+    """
+
+    tick: int
+    angles: np.ndarray
+    command: np.ndarray
+    wrench: np.ndarray
+    status: int
+    unit_pose: np.ndarray | None = None
+    contact_force: float | None = None
+
+    @property
+    def time(self) -> float:
+        """Since the start of the experiment, s."""
+        return self.tick * SAMPLE_TIME
+
+
+def frame_of(log: JointLog, tick: int) -> Frame:
+    """Return the arm at one tick of a log."""
+    return Frame(
+        tick=tick,
+        angles=log.true_angles[tick],
+        command=log.commanded[tick] if log.sent is None else log.sent[tick],
+        wrench=log.wrench[tick],
+        status=int(log.status[tick]),
+        unit_pose=None if log.unit_pose is None else log.unit_pose[tick],
+        contact_force=None if log.contact_force is None else float(log.contact_force[tick]),
+    )
+
+
+class LiveRun:
+    """One experiment, run tick by tick: the bits of its log are those that `simulate` gives.
+
+    Args:
+        experiment: The experiment; a dataclass, so that shutdowns can be noted in its description.
+        load: `load_arm` or a function that returns its arms.
+
+    Attributes:
+        tick: Ticks done.
+        ticks: Ticks of the whole experiment.
+        failure: Why the run ended before its last tick: the physics diverged, or the operator returned an invalid
+            motion; None otherwise.
+
+    Raises:
+        TwinError: The experiment needs something that the laboratory does not have.
+        OverloadError: The drives cannot hold the arm at its first pose.
+    """
+
+    def __init__(self, experiment: Experiment, *, load: Callable[..., Arm] = load_arm) -> None:
+        self._row = row = prepare(experiment, load, live=True)
+        row.start = at_rest(row.arm, experiment.pose)
+        self._run = BatchRun([row], 1)
+        self._steps = self._run.steps()
+        self._switched: list[float] = list(experiment.shutdown)
+        self.tick, self.ticks = 0, row.ticks
+        self.failure: str | None = None
+
+    def step(self) -> Frame | None:
+        """Run one tick and return the arm after it; None at the end of the experiment or after a failure."""
+        if next(self._steps, None) is None:
+            return None
+        self.failure = self._row.failure
+        if self.failure is not None:
+            self._steps.close()
+            return None
+        done, self.tick = self.tick, self.tick + 1
+        now = {name: values[0].copy() for name, values in self._run.channels().items()}
+        return Frame(
+            tick=self.tick,
+            angles=now["true_angles"],
+            command=self._row.station.commands[done].copy(),
+            wrench=now["wrench"],
+            status=int(self._row.station.status[done]),
+            unit_pose=now.get("unit_pose"),
+            contact_force=float(now["contact_force"][0]) if "contact_force" in now else None,
+        )
+
+    @property
+    def powered(self) -> bool:
+        """Whether the servos have power at the next tick."""
+        return bool(self._row.station.powered[min(self.tick, self.ticks - 1)])
+
+    def switch_power(self, *, on: bool) -> None:
+        """Switch the servo power from the next tick on: off is an emergency shutdown, on is the reset after it.
+
+        Raises:
+            TwinError: Shutdowns to come were planned, the run has ended, or not one tick was run since the last switch.
+        """
+        if self._switched and self._switched[-1] >= self.tick * SAMPLE_TIME:
+            raise TwinError(f"the next switch of the servo power is planned for {self._switched[-1]:g} s")
+        if not 0 < self.tick < self.ticks or self.failure is not None:
+            raise TwinError("the servo power can be switched only while the arm runs")
+        if on != self.powered:
+            self._run.switch_power(self.tick, on=on)
+            self._switched.append(round(self.tick * SAMPLE_TIME, 9))
+
+    @property
+    def experiment(self) -> Experiment:
+        """The experiment with the shutdowns that were made: `simulate` repeats the run from it."""
+        if not self._switched:
+            return self._row.experiment
+        return cast(Experiment, replace(cast(Any, self._row.experiment), shutdown=tuple(self._switched)))
+
+    def log(self) -> JointLog:
+        """Return the log of the ticks done, and end the run.
+
+        Raises:
+            TwinError: No tick was run.
+        """
+        if self.tick == 0:
+            raise TwinError(f"{self._row.experiment.name}: nothing was recorded, the run ended before its first tick")
+        self._steps.close()
+        self._row.experiment = self.experiment
+        return self._row.log(self.tick)
