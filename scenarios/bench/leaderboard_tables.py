@@ -7,8 +7,10 @@ from math import inf, isinf, isnan
 
 from scenarios.bench.leaderboard_rows import LeaderboardRow, common_problems, listed
 from scenarios.bench.leaderboard_verdict import GUIDE, Verdict, count, judged_metrics, part_verdict, verdict
-from scenarios.bench.metric import Metric, Part
+from scenarios.bench.metric import UNLIMITED, Metric, Part, worst_part
+from scenarios.bench.result import Result
 from scenarios.estimators.outcome import KINDS
+from scenarios.files.printable import one_line
 
 UNKNOWN = "–"
 
@@ -81,6 +83,33 @@ def limits(ends: tuple[float, float]) -> str:
     if isinf(low):
         return f"at most {number(high)}"
     return f"at least {number(low)}" if isinf(high) else f"{number(low)} to {number(high)}"
+
+
+def metric_table(result: Result) -> tuple[str, Sequence[str], Sequence[Sequence[str]]]:
+    """Title, headings and rows of the metrics of one result."""
+    own = result.estimator
+    kind = one_line(", ".join(part for part in (own.structure, own.method, own.version) if part))
+    effort, *fewer = result.effort.split(", ", 1)
+    rows = [
+        (
+            f"{metric.title}, {metric.unit}" if metric.unit else metric.title,
+            number(metric.value),
+            _passes_if(metric),
+            UNKNOWN if metric.interval[0] == metric.interval[1] else limits(metric.interval),
+            f"{verdict(metric).sign} {verdict(metric).word}",
+        )
+        for metric in result.metrics.values()
+    ]
+    bench = ", ".join((f"{effort} bench", *fewer, f"seed {result.seed}"))
+    columns = ("", "value", "passes if", "95 % interval", "verdict")
+    return f"{own.name}{f' ({kind})' if kind else ''}: {bench}", columns, rows
+
+
+def _passes_if(metric: Metric) -> str:
+    """Limits of the part whose value is shown."""
+    judged = [part for part in metric.parts if part.passed is not None]
+    ends = worst_part(judged).limits if judged else UNLIMITED
+    return UNKNOWN if ends == UNLIMITED else limits(ends)
 
 
 def metric_names(rows: Sequence[LeaderboardRow]) -> list[str]:

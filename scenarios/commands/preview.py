@@ -79,34 +79,14 @@ def _record(seen: "Preview") -> dict[str, object]:
 
 
 def _print(seen: "Preview", picture: Path) -> None:
-    from math import degrees
-
-    from hmtb_twin import JOINTS, Status
     from scenarios.experiments.log_review import RATE_LIMITED
 
     scenario = seen.scenario
     of = f" of {scenario.duration:g} s" if seen.duration < scenario.duration else ""
-    rows = [
-        (
-            joint,
-            f"{degrees(seen.peak_rate(joint)):.1f} deg/s",
-            f"{degrees(seen.velocity_limits[JOINTS.index(joint)]):.1f} deg/s",
-            f"{degrees(seen.margin(joint)):.1f} deg",
-        )
-        for joint in seen.moving
-    ]
     mode, axes = scenario.mode.replace("_", " "), ", ".join(scenario.axes)
     columns = ("joint", "peak rate", "limit", "distance from the range's end")
-    print_table(f"{scenario.name}: {seen.duration:g} s{of}, {mode} mode, axes {axes}", columns, rows)
-    say(f"tool: up to {1000 * seen.deflection:.1f} mm and {degrees(seen.turn):.3f} deg from its start")
-    say(f"command rate-limited: {100 * seen.velocity_limited:.3g} % of the time")
-    say(
-        f"clipped: {100 * seen.dac_clipped:.3g} % by the excitation computer's converter, "
-        f"{100 * seen.share(Status.CONVERTER_SATURATED):.3g} % by the hand controller's"
-    )
-    say(f"order of excitation: {', '.join(map(str, seen.orders))}")
-    if seen.inputs is not None:
-        say(f"condition between the commands of {', '.join(seen.inputs.names)}: {seen.inputs.condition:.3g}")
+    print_table(f"{scenario.name}: {seen.duration:g} s{of}, {mode} mode, axes {axes}", columns, seen.joint_rows())
+    say_each("", seen.lines())
     say_each("note: ", [RATE_LIMITED] if seen.velocity_limited else [])
     say_each("warning: ", seen.warnings())
     say(f"plot: {picture}\n")

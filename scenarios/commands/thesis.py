@@ -57,11 +57,11 @@ def thesis(
     from scenarios.thesis.answer import answer_texts, measure_answer
     from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST
     from scenarios.thesis.findings import findings
-    from scenarios.thesis.frequencies import frequency_text, source_text
+    from scenarios.thesis.frequencies import source_text
     from scenarios.thesis.monte_carlo import recorded
     from scenarios.thesis.motion_section import read_motion
     from scenarios.thesis.report import write_report
-    from scenarios.thesis.results import results
+    from scenarios.thesis.results import result_tables, results
     from scenarios.thesis.study import planned_steps, run_study
 
     moved = read_motion(motion)
@@ -116,22 +116,8 @@ def thesis(
     if json:
         print_json(record)
         return 1 if failures else 0
-    for name, entry in comparison.joints.items():
-        rows = [
-            (
-                model.label + (" *" if model.chosen else ""),
-                f"{model.bandwidth_hz:.3f}",
-                f"{model.ci95[0]:.3f} to {model.ci95[1]:.3f}",
-                "yes" if model.covers else "no",
-            )
-            for model in entry.models.values()
-        ]
-        rows += [(f"published {model.label}", f"{model.bandwidth_hz:.3f}", "", "") for model in entry.published]
-        small = f"{entry.truth.bandwidth_hz:.3f} Hz"
-        title = f"{name}: bandwidth of the best linear truth {entry.best_linear.hz:.3f} Hz, small-signal {small}"
-        print_table(title, ("model (* chosen by the thesis)", "Hz", "95 % interval", "agrees with best linear"), rows)
-    lines = [(v.key, v.verdict, frequency_text(v, many) if many else "", v.about.claim) for v in verdicts]
-    print_table("Findings", ("", "verdict", "seeds", "claim"), lines)
+    for table in result_tables(record):
+        print_table(*table)
     if many:
         say(source_text(many, seed))
     say_each("", (*sentences, certainty))

@@ -9,9 +9,9 @@ from typing import Any
 
 from scenarios.bench.consistency import WHERE_IT_FAILS
 from scenarios.bench.leaderboard_rows import ORDERS_GIVEN
-from scenarios.bench.leaderboard_tables import UNKNOWN, limits, number
+from scenarios.bench.leaderboard_tables import limits, metric_table, number
 from scenarios.bench.leaderboard_verdict import INFORMATIVE, Verdict, part_verdict, verdict
-from scenarios.bench.metric import UNLIMITED, Metric, excess, worst_part
+from scenarios.bench.metric import Metric, excess
 from scenarios.bench.result import Result
 from scenarios.bench.run_progress import file_name
 from scenarios.commands.output import counted, print_table, say
@@ -75,30 +75,8 @@ def _metric(metric: Metric) -> dict[str, Any]:
 
 
 def _show_metrics(result: Result) -> None:
-    own = result.estimator
-    kind = one_line(", ".join(part for part in (own.structure, own.method, own.version) if part))
-    effort, *fewer = result.effort.split(", ", 1)
-    rows = [
-        (
-            f"{metric.title}, {metric.unit}" if metric.unit else metric.title,
-            number(metric.value),
-            _passes_if(metric),
-            UNKNOWN if metric.interval[0] == metric.interval[1] else limits(metric.interval),
-            f"{verdict(metric).sign} {verdict(metric).word}",
-        )
-        for metric in result.metrics.values()
-    ]
-    bench = ", ".join((f"{effort} bench", *fewer, f"seed {result.seed}"))
-    title = f"{own.name}{f' ({kind})' if kind else ''}: {bench}"
-    print_table(title, ("", "value", "passes if", "95 % interval", "verdict"), rows)
+    print_table(*metric_table(result))
     say(_wrapped(ORDERS_GIVEN) + "\n")
-
-
-def _passes_if(metric: Metric) -> str:
-    """Limits of the part whose value is shown."""
-    judged = [part for part in metric.parts if part.passed is not None]
-    ends = worst_part(judged).limits if judged else UNLIMITED
-    return UNKNOWN if ends == UNLIMITED else limits(ends)
 
 
 def _show_failures(result: Result) -> None:

@@ -10,9 +10,9 @@ from scenarios.commands.output import output_folder, print_json, print_table, sa
 from scenarios.files.errors import ScenarioError, unknown
 
 if TYPE_CHECKING:
-    from scenarios.experiments.waveform import Waveform
+    from scenarios.experiments.excitation_computer import Excitation
 
-NOT_OPTIONS = ("kind", "path", "out", "json")
+NOT_OPTIONS = ("kind", "path", "repeat_frequency", "out", "json")
 """Parameters of the command that no excitation takes."""
 
 
@@ -38,6 +38,7 @@ def waveform(
     memory: float | None = None,
     as_printed: bool = False,
     seed: int | None = None,
+    repeat_frequency: float | None = None,
     path: Path | None = None,
     out: Path = Path("."),
     json: bool = False,
@@ -72,6 +73,8 @@ def waveform(
         as_printed: Give a sign_recursion levels of twice the amplitude, as equation (2.11) is printed, without its
             factors 1/2.
         seed: Seed of prbs, sign_recursion, multisine and white_noise.
+        repeat_frequency: How often the file is played per second, Hz, which scales every frequency in it; 0.5 Hz, or
+            0.25 Hz for two_sines with a lower tone that needs 4 s, when not given.
         path: The file, with kind file: 100 numbers in V.
         out: Folder for KIND.txt (one point per line, V) and KIND.png.
         json: Print JSON.
@@ -79,31 +82,29 @@ def waveform(
     # Before any other local variable: the options that were given.
     options = {name: value for name, value in locals().items() if value is not None and value is not False}
 
-    import numpy as np
-
-    from hmtb_twin.control.data_acquisition import BOARD
-    from scenarios.experiments.model_structures import excitation_order_warning, needed_orders
+    from scenarios.experiments.excitation_review import (
+        check_excites,
+        excitation_rows,
+        excitation_summary,
+        excitation_warnings,
+    )
+    from scenarios.experiments.model_structures import needed_orders
     from scenarios.experiments.preview_figure import waveform_figure
     from scenarios.experiments.waveform import write_points
     from scenarios.report.figures import save_figure
 
-    wave = _waveform(kind, {name: value for name, value in options.items() if name not in NOT_OPTIONS}, path)
-    if not wave.points.any():
-        raise ScenarioError(f"{kind} of amplitude 0 excites nothing: expected an amplitude other than 0 V")
+    excitation = _excitation(
+        kind, {name: value for name, value in options.items() if name not in NOT_OPTIONS}, path, repeat_frequency
+    )
+    check_excites(excitation)
+    wave = excitation.waveform()
     with output_folder(out) as folder:
         name = kind if path is None else path.stem
         file = write_points(wave.points.tolist(), folder / f"{name}.txt") if path is None else path
         picture = folder / f"{name}.png"
         save_figure(waveform_figure(wave), picture, dpi=150)
-    order = wave.order_of_excitation()
     parameters = wave.parameters if path is None else {"path": str(path)}
-    beyond = int(BOARD.exceeds_range(wave.points).sum())
-    warnings = [
-        f"{beyond} of {len(wave.points)} points ask for more than the ±{BOARD.dac_range:g} V of the excitation "
-        "computer's converter, which cuts them off"
-    ] * bool(beyond)
-    warnings += [text for text in (excitation_order_warning(order),) if text]
-    mean, rms = float(wave.points.mean()), float(np.sqrt(np.mean(wave.points**2)))
+    warnings = excitation_warnings(excitation)
     if json:
         print_json(
             {
@@ -111,11 +112,7 @@ def waveform(
                 "parameters": parameters,
                 "points": file,
                 "plot": picture,
-                "update_rate_hz": wave.update_rate,
-                "period_s": wave.period,
-                "order_of_excitation": order,
-                "mean_v": mean,
-                "rms_v": rms,
+                **excitation_summary(excitation),
                 "needed_order": needed_orders(),
                 "warnings": warnings,
             }
@@ -126,19 +123,17 @@ def waveform(
         *((f"--{_flag(key)}", str(value)) for key, value in parameters.items()),
         ("points", str(file)),
         ("plot", str(picture)),
-        ("update rate / Hz", f"{wave.update_rate:.6g}"),
-        ("period / s", f"{wave.period:.6g}"),
-        ("order of excitation", str(order)),
-        ("mean / V", f"{mean:.6g}"),
-        ("root mean square / V", f"{rms:.6g}"),
+        *excitation_rows(excitation),
     ]
     print_table(f"Waveform {kind}", ("", ""), rows)
     say_each("warning: ", warnings)
     return 0
 
 
-def _waveform(kind: str, options: Mapping[str, float | int | bool], path: Path | None) -> "Waveform":
-    """The waveform; errors name options as they were typed."""
+def _excitation(
+    kind: str, options: Mapping[str, float | int | bool], path: Path | None, repeat_frequency: float | None
+) -> "Excitation":
+    """The excitation; errors name options as they were typed."""
     from inspect import Parameter, signature
 
     from scenarios.experiments.excitation import KINDS
@@ -147,8 +142,10 @@ def _waveform(kind: str, options: Mapping[str, float | int | bool], path: Path |
 
     if kind in (FILE, "points"):
         if kind != FILE or path is None or options:
-            raise ScenarioError(f"custom points come from a file: hmtb waveform {FILE} --path FILE, nothing else")
-        return Excitation("points", {"points": read_points(path)}).waveform()
+            raise ScenarioError(
+                f"custom points come from a file: hmtb waveform {FILE} --path FILE, and --repeat-frequency at most"
+            )
+        return Excitation("points", {"points": read_points(path)}, repeat_frequency)
     if kind not in KINDS:
         raise ScenarioError(unknown("excitation", kind, [FILE, *(name for name in KINDS if name != "points")]))
     if path is not None:
@@ -161,7 +158,7 @@ def _waveform(kind: str, options: Mapping[str, float | int | bool], path: Path |
     missing = [name for name, entry in known.items() if entry.default is Parameter.empty and name not in options]
     if missing:
         raise ScenarioError(f"{kind} needs {' and '.join(f'--{_flag(name)}' for name in missing)}; it takes {takes}")
-    return Excitation(kind, options).waveform()
+    return Excitation(kind, options, repeat_frequency)
 
 
 def _flag(name: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hmtb_twin import JOINTS, JointLog
+from hmtb_twin import JOINTS, JointLog, simulate
 from hmtb_twin.bus.joint_log import WRENCH
 from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.control.experiment import Status
@@ -16,7 +16,8 @@ from hmtb_twin.files.netcdf import Attribute, Contents, read_netcdf
 from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.parameters.variants import variant_named
 from hmtb_twin.run.experiment_row import experiment_arm
-from scenarios.datasets.plan import LICENSE, PlannedExperiment
+from scenarios.datasets.data_set import DataSet
+from scenarios.datasets.plan import LICENSE, DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.variables import described, provenance_of
 from scenarios.files.errors import ScenarioError
@@ -133,6 +134,32 @@ def record_attributes(spec: DataSetSpec | None, facts: Mapping[str, Any]) -> dic
         "seed": facts.get("seed"),
         "license": LICENSE,
     }
+
+
+def experiment_log(data: DataSet, name: str) -> tuple[JointLog | None, str]:
+    """Return the log of an experiment, from the files of a data set or simulated again, and where it comes from.
+
+    Returns:
+        The log and a sentence; None where truth and seed are withheld, or the spec is of another version.
+
+    Raises:
+        ScenarioError: No such experiment, files that are damaged, or a simulation that failed.
+    """
+    data.record(name)
+    try:
+        number, plan = [one.name for one in data.index].index(name), DataSetPlan(data.spec)
+    except ScenarioError as error:
+        return None, f"nothing to replay: this version cannot plan the spec: {error}"
+    if number >= len(plan) or (entry := plan[number]).name != name:
+        raise ScenarioError(f"{data.label}: the spec does not plan {name} where the index lists it")
+    if (data.folder / entry.signals).is_file():
+        return stored_log(data.folder, entry), "from the files of the data set"
+    if data.spec.withheld:
+        return None, "truth and seed are withheld: there is nothing to replay"
+    result = simulate([entry.experiment])
+    for label, reason in result.failed.items():
+        raise ScenarioError(f"{label}: {reason}")
+    return result.logs[0], "the truth is not in this copy: simulated again from the spec"
 
 
 def stored_log(folder: Path, entry: PlannedExperiment) -> JointLog:

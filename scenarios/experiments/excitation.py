@@ -297,3 +297,10 @@ _FUNCTIONS: tuple[Callable[..., Waveform], ...] = (
 
 KINDS: Mapping[str, Callable[..., Waveform]] = MappingProxyType({f.__name__: f for f in _FUNCTIONS})
 """Every excitation by the name that scenario files use."""
+
+UNITS: Mapping[str, str] = {
+    **dict.fromkeys(("amplitude", "offset"), "V"),
+    **dict.fromkeys(("frequency", "f_start", "f_end", "f_min", "f_max", "f_low", "f_high", "f_center"), "Hz"),
+    **{"pulse_width": "s", "clock": "samples per bit", "register": "bits", "ramp": "of the file"},
+}
+"""Units of the parameters of all kinds; those that are missing have none."""

@@ -12,7 +12,7 @@ import numpy as np
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.excitation import KINDS
-from scenarios.experiments.waveform import POINTS, Parameter, Waveform, read_points
+from scenarios.experiments.waveform import LONGEST, POINTS, Parameter, Waveform, read_points
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 
@@ -49,10 +49,10 @@ class Excitation:
         if self.kind not in KINDS:
             raise ScenarioError(unknown("excitation", self.kind, KINDS))
         object.__setattr__(self, "parameters", MappingProxyType(_checked(self.kind, self.parameters)))
-        if self.repeat_frequency is not None and not 0.0 < self.repeat_frequency <= FASTEST:
+        if self.repeat_frequency is not None and not 1.0 / LONGEST <= self.repeat_frequency <= FASTEST:
             raise ScenarioError(
-                f"excitation {self.kind!r}: repeat_frequency must be above 0 and up to {FASTEST:g} Hz, "
-                f"given {self.repeat_frequency}"
+                f"excitation {self.kind!r}: repeat_frequency must be {1.0 / LONGEST:.3g} Hz, once in the longest "
+                f"experiment, to {FASTEST:g} Hz, given {self.repeat_frequency}"
             )
         if self.iterations is not None and not 1 <= self.iterations < 2**31:
             raise ScenarioError(f"excitation {self.kind!r}: iterations must be 1 or more, given {self.iterations}")
@@ -66,7 +66,8 @@ class Excitation:
 
     def waveform(self) -> Waveform:
         """The 100-point file, with the update rate at which it is played."""
-        waveform = KINDS[self.kind](**self.parameters)
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused as no finite number
+            waveform = KINDS[self.kind](**self.parameters)
         rate = self.repeat_frequency
         return waveform if rate is None else replace(waveform, update_rate=POINTS * rate)
 

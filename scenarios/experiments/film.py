@@ -94,7 +94,10 @@ def _write_mp4(pictures: Iterator[np.ndarray], path: Path, rate: float) -> None:
 def viewer_module() -> Any:
     """Return MuJoCo's viewer; raises `ScenarioError` where there is no display to open its window on."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise ScenarioError("no display here, so no window for the viewer; hmtb video makes films without one")
+        raise ScenarioError(
+            "no display here, so no window for the viewer; hmtb station shows the arm in a browser, "
+            "hmtb video makes films without one"
+        )
     import mujoco.viewer
 
     return mujoco.viewer

@@ -112,6 +112,20 @@ class Skill:
     recoil: float = 0.004
 
 
+def way_to(target: Pose | None, view: View, *, carry: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return offset (3,), m, and rotation (3,), rad, to a target in the tool frame.
+
+    Args:
+        target: Target pose of the tool, or of the unit where it is carried; None for the unit, wherever it is.
+        view: The view.
+        carry: Whether the unit is carried there instead of the tool.
+    """
+    unit = view.unit
+    place, frame = (unit.position, unit.rotation) if carry and unit else (view.tool_position, view.tool_rotation)
+    goal = target or ((unit.position, unit.rotation) if unit else (place, frame))
+    return view.tool_rotation.T @ (goal[0] - place), pin.log3(frame.T @ goal[1])
+
+
 class ScriptedOperator:
     """Works through a script with six axes of the hand controller in Cartesian rate mode.
 
@@ -211,13 +225,7 @@ class ScriptedOperator:
 
     def _error(self, step: Step, seen: View) -> tuple[np.ndarray, np.ndarray]:
         """Return offset (3,), m, and rotation (3,), rad, to the target as the operator sees them, in the tool frame."""
-        unit = seen.unit
-        place, frame = (
-            (unit.position, unit.rotation) if step.carry and unit else (seen.tool_position, seen.tool_rotation)
-        )
-        target = step.target or ((unit.position, unit.rotation) if unit else (place, frame))
-        offset = seen.tool_rotation.T @ (target[0] - place)
-        turn = pin.log3(frame.T @ target[1])
+        offset, turn = way_to(step.target, seen, carry=step.carry)
         skill = self._skill
         offset = offset + (skill.blur + skill.weber * np.linalg.norm(offset)) * self._rng.standard_normal(3)
         turn = turn + (skill.tilt + skill.weber * np.linalg.norm(turn)) * self._rng.standard_normal(3)

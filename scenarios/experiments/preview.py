@@ -1,6 +1,7 @@
 """Preview of the commands of an experiment before the arm moves [Morris1996, sec. II.3]."""
 
 from dataclasses import dataclass, replace
+from math import degrees
 
 import numpy as np
 
@@ -104,6 +105,32 @@ class Preview:
     def orders(self) -> tuple[int, ...]:
         """Order of persistent excitation of each file."""
         return tuple(entry.waveform().order_of_excitation() for entry in self.scenario.excitation)
+
+    def joint_rows(self) -> list[tuple[str, str, str, str]]:
+        """Return for each moving joint its name, peak rate, velocity limit and distance from the range's end."""
+        return [
+            (
+                joint,
+                f"{degrees(self.peak_rate(joint)):.1f} deg/s",
+                f"{degrees(self.velocity_limits[JOINTS.index(joint)]):.1f} deg/s",
+                f"{degrees(self.margin(joint)):.1f} deg",
+            )
+            for joint in self.moving
+        ]
+
+    def lines(self) -> list[str]:
+        """Return the rest of the preview in words."""
+        texts = [
+            f"tool: up to {1000 * self.deflection:.1f} mm and {degrees(self.turn):.3f} deg from its start",
+            f"command rate-limited: {100 * self.velocity_limited:.3g} % of the time",
+            f"clipped: {100 * self.dac_clipped:.3g} % by the excitation computer's converter, "
+            f"{100 * self.share(Status.CONVERTER_SATURATED):.3g} % by the hand controller's",
+            f"order of excitation: {', '.join(map(str, self.orders))}",
+        ]
+        if self.inputs is not None:
+            names = ", ".join(self.inputs.names)
+            texts.append(f"condition between the commands of {names}: {self.inputs.condition:.3g}")
+        return texts
 
     def warnings(self) -> tuple[str, ...]:
         """Return what the operator should know before the arm moves, one line each."""

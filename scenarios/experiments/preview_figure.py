@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hmtb_twin import JOINTS
+from hmtb_twin import JOINTS, Status
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.experiments.preview import Preview
 from scenarios.experiments.waveform import Waveform
@@ -21,9 +21,11 @@ def waveform_figure(waveform: Waveform) -> Figure:
     upper.set(xlabel="time / s", ylabel="voltage / V", xlim=(0, waveform.period))
     frequency, density = waveform.psd()
     lines = density > 1e-12 * density.max()
-    lower.vlines(frequency[lines], 0.3 * density[lines].min(), density[lines], color=colour, lw=1.6)
+    # Whole decades: between them labels would be close, or none.
+    bottom, top = 10.0 ** np.floor(np.log10((0.3 * density[lines].min(), 15.0 * density.max())))
+    lower.vlines(frequency[lines], bottom, density[lines], color=colour, lw=1.6)
     lower.plot(frequency[lines], density[lines], "o", ms=3, color=colour)
-    lower.set(yscale="log", xlabel="frequency / Hz", ylabel="density / (V²/Hz)")
+    lower.set(yscale="log", ylim=(bottom, top), xlabel="frequency / Hz", ylabel="density / (V²/Hz)")
     lower.set_xlim(-0.01 * waveform.update_rate, 0.51 * waveform.update_rate)
     title = f"{waveform.kind.replace('_', ' ')}: one period, order of excitation {waveform.order_of_excitation()}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
@@ -35,6 +37,11 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#0
 
 LINES = ("-", "--", "-.", ":", (0, (3, 1, 1, 1)), (0, (1, 1)), "-")
 """Line styles, which keep the lines distinct in a grey print."""
+
+RED = "#e03131"
+"""Colour of the ticks at which something is limited."""
+
+_LIMITS = Status.VELOCITY_LIMITED | Status.JOINT_LIMITED | Status.SINGULAR | Status.CONVERTER_SATURATED
 
 WINDOW = 8.0
 """Length drawn, s: four repetitions of a file."""
@@ -59,6 +66,9 @@ def preview_figure(preview: Preview) -> Figure:
     for limit in sorted({float(np.degrees(preview.velocity_limits[JOINTS.index(joint)])) for joint in moving}):
         for sign in (-1.0, 1.0):
             rates.axhline(sign * limit, color=BOUND.colour, ls=BOUND.line, lw=BOUND.width)
+    limited = (preview.status[:count] & _LIMITS) != 0
+    for axes in (volts, angles, rates, tool):
+        axes.fill_between(time, 0, 1, where=limited, transform=axes.get_xaxis_transform(), color=RED, alpha=0.2, lw=0)
     angles.set(ylabel="command / deg")
     rates.set(ylabel="its rate / (deg/s)")
     for number, axis in enumerate("xyz"):
@@ -67,10 +77,17 @@ def preview_figure(preview: Preview) -> Figure:
     for axes in (volts, angles, tool):
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
-    rates.annotate("dashed: limit", (1.01, 0.5), xycoords="axes fraction", fontsize=8, color=BOUND.colour, va="center")
-    limited = 100.0 * preview.velocity_limited
+    rates.annotate(
+        "dashed: limit\nred: limited",
+        (1.01, 0.5),
+        xycoords="axes fraction",
+        fontsize=8,
+        color=BOUND.colour,
+        va="center",
+    )
+    share = 100.0 * preview.velocity_limited
     figure.suptitle(
-        f"{preview.scenario.name}: commands, first {count * SAMPLE_TIME:g} s; {limited:.3g} % at the velocity limit",
+        f"{preview.scenario.name}: commands, first {count * SAMPLE_TIME:g} s; {share:.3g} % at the velocity limit",
         x=0.01,
         ha="left",
         fontsize=11,

@@ -7,12 +7,14 @@ import numpy as np
 from hmtb_twin import JointLog, Status
 from hmtb_twin.bus.shutdown_intervals import ShutdownInterval, shutdown_intervals
 from hmtb_twin.control.data_acquisition import BOARD
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.experiments.excitation_computer import MISSES_POINTS
 from scenarios.experiments.joint_inputs import JointInputs, settled_inputs
 from scenarios.experiments.log_review import velocity_limited_share
 from scenarios.experiments.preview import deadband_warning
 from scenarios.experiments.rpcm import RpcmOutcome, rpcm_outcome
 from scenarios.experiments.scenario import Scenario
+from scenarios.files.errors import ScenarioError
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +36,56 @@ class RunReview:
     task: RpcmOutcome | None
     shutdowns: tuple[ShutdownInterval, ...]
     warnings: tuple[str, ...]
+
+    def shares(self) -> tuple[str, str]:
+        """Return the clipped and the velocity-limited share in percent."""
+        return f"{100 * self.clipped:.3g} %", f"{100 * self.velocity_limited:.3g} %"
+
+
+@dataclass(frozen=True)
+class LogSummary:
+    """A log in words.
+
+    Attributes:
+        row: Name, length, and the shares of samples that a converter clips and that a velocity limit holds.
+        facts: What it is of, and the share of ticks with each flag, by name.
+        remarks: Task, shutdowns and warnings.
+    """
+
+    row: tuple[str, str, str, str]
+    facts: tuple[tuple[str, str], ...]
+    remarks: tuple[str, ...]
+
+
+def log_summary(log: JointLog) -> LogSummary:
+    """Summarise a log by what stands in it; clipping is known of whole logs that name their scenario.
+
+    Raises:
+        ScenarioError: It has no ticks at 50 Hz, or values that are no numbers.
+    """
+    if abs(log.dt - SAMPLE_TIME) > 1e-9 or not len(log):
+        raise ScenarioError(
+            f"{log.name}: {len(log)} samples every {log.dt:g} s given, expected some every {SAMPLE_TIME} s"
+        )
+    for channel in ("commanded", "measured", "true_angles", "wrench", "load_pressure"):
+        if not np.isfinite(getattr(log, channel)).all():
+            raise ScenarioError(f"{log.name}: values of {channel} are no numbers, expected a log that is complete")
+    about, remarks = log.provenance, []
+    clipped, limited = "", f"{100 * velocity_limited_share(log):.3g} %"
+    if "scenario" in about:
+        scenario = Scenario.from_toml(about["scenario"], source=f"scenario of {log.name}")
+        if len(log) == round(scenario.duration / log.dt):
+            seen = review(log, scenario)
+            clipped, limited = seen.shares()
+            remarks = [str(entry) for entry in ((seen.task,) if seen.task else ()) + seen.shutdowns]
+            remarks += [f"warning: {text}" for text in seen.warnings]
+        else:
+            remarks = [f"{len(log) * log.dt:g} s of {scenario.duration:g} s were recorded"]
+    facts = [("axes", ", ".join(log.axes)), ("seed", str(log.seed))]
+    facts += [(name, about[name]) for name in ("variant", "payload", "pose", "mode") if name in about]
+    shares = {str(flag.name).lower().replace("_", " "): np.mean((log.status & flag) != 0) for flag in Status}
+    facts += [(f"ticks {name}", f"{100 * share:.3g} %") for name, share in shares.items() if share]
+    return LogSummary((log.name, f"{len(log) * log.dt:g} s", clipped, limited), tuple(facts), tuple(remarks))
 
 
 def review(log: JointLog, scenario: Scenario) -> RunReview:

@@ -141,6 +141,25 @@ class Scenario:
         columns = [entry.requested_volts(self.duration) for entry in self.excitation]
         return np.hstack(columns * len(self.axes) if len(columns) == 1 else columns)
 
+    def played(self) -> dict[str, Excitation]:
+        """Return what each axis plays; nothing where an operator moves the stick."""
+        each = self.excitation * (len(self.axes) if len(self.excitation) == 1 else 1)
+        return dict(zip(self.axes, each, strict=False))
+
+    def with_excitation(self, excitation: Excitation, axis: str | None = None) -> "Scenario":
+        """Return the same experiment with another excitation on one axis or on every axis.
+
+        Its description and tags go: they name what was played before.
+
+        Raises:
+            ScenarioError: An operator moves the stick, there is no such axis, or the computer lacks outputs.
+        """
+        if axis is not None and axis not in self.axes:
+            raise ScenarioError(unknown("axis", axis, self.axes))
+        each = self.played()
+        entries = (excitation,) if axis is None or not each else tuple({**each, axis: excitation}.values())
+        return replace(self, excitation=entries, description="", tags=())
+
     def operator(self) -> Operator | None:
         """Return a new operator for the task, or None if the excitation computer moves the stick."""
         return task_operator(self.task, self.seed, self.hand_controller) if self.task else None

@@ -24,6 +24,9 @@ LONGEST = 86_400.0
 LOUDEST = 1000.0
 """Largest voltage that a file may hold, V; the converters saturate at 10 V."""
 
+NO_TEXT = "it is no text, or no path"
+"""Reason why a file cannot be read that the operating system does not give."""
+
 WINDOW = POINTS / SAMPLE_RATE
 """Length of one period at the default update rate, s."""
 
@@ -166,12 +169,23 @@ def read_points(path: str | Path) -> tuple[float, ...]:
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        content = path.read_bytes()
     except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text, or no path"
-        raise ScenarioError(
-            f"cannot read waveform file {str(path)!r}: {reason}; expected {POINTS} numbers in V, one per line"
-        ) from error
+        raise _unreadable(str(path), error.strerror if isinstance(error, OSError) else NO_TEXT) from error
+    return parse_points(content, str(path))
+
+
+def parse_points(content: bytes, source: str) -> tuple[float, ...]:
+    """Read the content of a 100-point file; see `read_points`.
+
+    Args:
+        content: Its bytes.
+        source: Its name, for errors.
+    """
+    try:
+        lines = content.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise _unreadable(source, NO_TEXT) from error
     values: list[float] = []
     for number, line in enumerate(lines, start=1):
         for word in line.partition("#")[0].replace(",", " ").split():
@@ -181,15 +195,26 @@ def read_points(path: str | Path) -> tuple[float, ...]:
                 values.append(nan)
             if not isfinite(values[-1]):
                 raise ScenarioError(
-                    f"waveform file {str(path)!r}, line {number}: expected a finite number in V, given {word!r}"
+                    f"waveform file {source!r}, line {number}: expected a finite number in V, given {word!r}"
                 )
     try:
         return tuple(points(points=tuple(values)).points.tolist())
     except ScenarioError as error:
-        raise ScenarioError(f"waveform file {str(path)!r}: {error}") from error
+        raise ScenarioError(f"waveform file {source!r}: {error}") from error
+
+
+def _unreadable(source: str, reason: str | None) -> ScenarioError:
+    return ScenarioError(
+        f"cannot read waveform file {source!r}: {reason}; expected {POINTS} numbers in V, one per line"
+    )
+
+
+def points_text(values: Sequence[float]) -> str:
+    """Text of a 100-point file, V, one per line, from which `read_points` reads equal points to the last bit."""
+    return "".join(f"{float(value)!r}\n" for value in values)
 
 
 def write_points(values: Sequence[float], path: Path) -> Path:
     """Write points in V as a file that `read_points` reads back equal to the last bit; return its path."""
-    path.write_text("".join(f"{float(value)!r}\n" for value in values), encoding="utf-8")
+    path.write_text(points_text(values), encoding="utf-8")
     return path

@@ -22,12 +22,14 @@ class Estimator:
         orders: Names of the required orders.
         optional: Names of the optional orders that follow, with their defaults.
         run: Estimate from data and all orders, with options of the estimator.
+        title: What it is, in words.
         outputs: Whether it takes several outputs.
     """
 
     orders: tuple[str, ...]
     optional: Mapping[str, int]
     run: Callable[..., Estimate]
+    title: str
     outputs: bool = False
 
     def complete(self, name: str, given: Sequence[Order]) -> dict[str, Order]:
@@ -49,14 +51,24 @@ class Estimator:
 
 ESTIMATORS: Mapping[str, Estimator] = MappingProxyType(
     {
-        "arx": Estimator(("na", "nb"), {"nk": 1}, lambda data, n: sysid.arx(data, *n)),
-        "armax": Estimator(("na", "nb", "nc"), {"nk": 1}, lambda data, n: sysid.armax(data, *n)),
-        "oe": Estimator(("nb", "nf"), {"nk": 1}, lambda data, n, **options: sysid.oe(data, *n, **options)),
-        "bj": Estimator(("nb", "nc", "nd", "nf"), {"nk": 1}, lambda data, n: sysid.bj(data, *n)),
-        "iv4": Estimator(("na", "nb"), {"nk": 1}, lambda data, n: sysid.iv4(data, *n)),
-        "okid": Estimator(("order",), {"p": 5}, lambda data, n: sysid.okid(data, n[0], p=n[1]), outputs=True),
-        "n4sid": Estimator(("order",), {}, lambda data, n: sysid.n4sid(data, n[0]), outputs=True),
-        "pem_ss": Estimator(("order",), {}, lambda data, n: sysid.pem_ss(data, sysid.n4sid(data, n[0])), outputs=True),
+        "arx": Estimator(("na", "nb"), {"nk": 1}, lambda data, n: sysid.arx(data, *n), "least squares"),
+        "armax": Estimator(("na", "nb", "nc"), {"nk": 1}, lambda data, n: sysid.armax(data, *n), "prediction error"),
+        "oe": Estimator(
+            ("nb", "nf"), {"nk": 1}, lambda data, n, **options: sysid.oe(data, *n, **options), "output error"
+        ),
+        "bj": Estimator(("nb", "nc", "nd", "nf"), {"nk": 1}, lambda data, n: sysid.bj(data, *n), "Box-Jenkins"),
+        "iv4": Estimator(("na", "nb"), {"nk": 1}, lambda data, n: sysid.iv4(data, *n), "instrumental variables"),
+        "okid": Estimator(
+            ("order",), {"p": 5}, lambda data, n: sysid.okid(data, n[0], p=n[1]), "observer, realisation", outputs=True
+        ),
+        "n4sid": Estimator(("order",), {}, lambda data, n: sysid.n4sid(data, n[0]), "subspace", outputs=True),
+        "pem_ss": Estimator(
+            ("order",),
+            {},
+            lambda data, n: sysid.pem_ss(data, sysid.n4sid(data, n[0])),
+            "state space, prediction error",
+            outputs=True,
+        ),
     }
 )
 """Every estimator of the command line."""

@@ -87,10 +87,12 @@ def _chosen(choice: StructureChoice) -> tuple[str, list[Order]]:
     return best.method, [best.orders[name] for name in (*entry.orders, *entry.optional)]
 
 
-def held_out(parts: tuple[IOData, ...]) -> tuple[tuple[IOData, ...], tuple[IOData, ...] | None]:
+def hold_out(
+    parts: tuple[IOData, ...], share: float = HELD_OUT
+) -> tuple[tuple[IOData, ...], tuple[IOData, ...] | None]:
     """Records to estimate from, and the end of the longest one, which judges the model; None if it is too short."""
     longest = max(range(len(parts)), key=lambda k: len(parts[k]))
     if len(parts[longest]) < SHORTEST:
         return parts, None
-    end = round((1.0 - HELD_OUT) * len(parts[longest]))
+    end = round((1.0 - share) * len(parts[longest]))
     return (*parts[:longest], parts[longest][:end], *parts[longest + 1 :]), (parts[longest][end:],)

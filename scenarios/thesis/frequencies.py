@@ -1,6 +1,6 @@
 """Frequencies over seeds: how often a verdict was reached, and how far numbers move from seed to seed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import get_args
 
@@ -35,12 +35,18 @@ def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = 
 def frequency_text(finding: Finding, tally: Tally) -> str:
     """Describe how often seeds reached the verdict of this run, if it depends on the seed; nothing where none tried."""
     frequency = tally.frequency(finding.key)
-    if not frequency.counts:
+    return frequency_in_words(frequency.counts, depends=frequency.depends_on_seed(finding.verdict))
+
+
+def frequency_in_words(counts: Mapping[Verdict, int], *, depends: bool) -> str:
+    """Describe how many seeds reached each verdict, if it depends on the seed; nothing where none tried."""
+    seeds = sum(counts.values())
+    if not seeds:
         return ""
-    if frequency.depends_on_seed(finding.verdict):
-        parts = ", ".join(f"{frequency.counts[entry]} {entry}" for entry in ORDER if entry in frequency.counts)
-        return f"depends on the seed: of {frequency.seeds} seeds {parts}"
-    return f"same on {frequency.seeds} of {frequency.seeds} seeds"
+    if depends:
+        parts = ", ".join(f"{counts[entry]} {entry}" for entry in ORDER if entry in counts)
+        return f"depends on the seed: of {seeds} seeds {parts}"
+    return f"same on {seeds} of {seeds} seeds"
 
 
 def answer_text(tally: Tally) -> str:

@@ -1,18 +1,27 @@
 """Results of the study as a JSON record."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from hmtb_twin import STUDIED_JOINTS
+from scenarios.experiments.campaign import campaign_scenario, single_joint_test
+from scenarios.experiments.model_structures import STRUCTURES
+from scenarios.files.errors import ScenarioError
 from scenarios.thesis.attribution import AS_IT_IS, SMOOTH
 from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import Finding
-from scenarios.thesis.frequencies import finding_record, seeds_record
+from scenarios.thesis.finding import CLAIMS, Finding
+from scenarios.thesis.frequencies import finding_record, frequency_in_words, seeds_record
 from scenarios.thesis.monte_carlo import Tally
 from scenarios.thesis.multivariable import WAYS
 from sysid.models.bandwidth import half_power_hz
+
+RESULTS = "results.json"
+"""File of the conclusions of a study."""
 
 BANDWIDTH = "hz=bandwidth_hz ci95 covers half_power_hz"
 """Attributes of a bandwidth and the names that they have in the record."""
@@ -90,6 +99,67 @@ def results(
         "duration": study.duration,
         "versions": dict(study.provenance),
     }
+
+
+def read_results(folder: Path) -> Mapping[str, Any]:
+    """Read the conclusions of a study from its folder.
+
+    Raises:
+        ScenarioError: There are none, or the file is damaged or of another version.
+    """
+    path = folder / RESULTS
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        result_tables(record)
+        texts, seed, duration = (record["answer"], record["certainty"]), record["seed"], record["duration"]
+        if not all(isinstance(text, str) for text in texts):
+            raise TypeError("the answer is no text")
+        campaign_scenario(single_joint_test(1, STUDIED_JOINTS[0]), seed=seed, duration=duration)
+        return dict(record)
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise ScenarioError(f"{path} is no result of hmtb thesis, or a damaged one: {error!r}") from error
+
+
+class ResultTable(NamedTuple):
+    """A table of the results in words."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: Sequence[Sequence[str]]
+
+
+def result_tables(record: Mapping[str, Any]) -> list[ResultTable]:
+    """Return the bandwidths of each joint and the findings as tables, from a record of `results` or its file.
+
+    Raises:
+        LookupError, TypeError, ValueError: The record is another.
+    """
+    tables = []
+    for name, entry in record["bandwidth"].items():
+        rows = [
+            (
+                own.label + (" *" if own.chosen else ""),
+                _hz(model["hz"]),
+                f"{_hz(model['ci95'][0])} to {_hz(model['ci95'][1])}",
+                "yes" if model["covers"] else "no",
+            )
+            for own in STRUCTURES[name]
+            if (model := entry["recovered"].get(own.method))
+        ]
+        rows += [(f"published {label}", _hz(hz), "", "") for label, hz in entry["published"].items()]
+        true = f"best linear truth {_hz(entry['best_linear']['hz'])} Hz, small-signal {_hz(entry['true_hz'])} Hz"
+        columns = ("model (* chosen by the thesis)", "Hz", "95 % interval", "agrees with best linear")
+        tables.append(ResultTable(f"{name}: bandwidth of the {true}", columns, rows))
+    lines = []
+    for key, finding in record["findings"].items():
+        seeds = finding.get("frequency", {"verdicts": {}, "depends_on_seed": False})
+        words = frequency_in_words(seeds["verdicts"], depends=seeds["depends_on_seed"])
+        lines.append((key, str(finding["verdict"]), words, CLAIMS[key].claim))
+    return [*tables, ResultTable("Findings", ("", "verdict", "seeds", "claim"), lines)]
+
+
+def _hz(value: float | None) -> str:
+    return f"{np.nan if value is None else value:.3f}"
 
 
 def _picked(entry: object, names: str) -> dict[str, object]:

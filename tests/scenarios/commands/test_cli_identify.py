@@ -10,9 +10,9 @@ import xarray as xr
 from scipy.io import savemat
 from scipy.signal import lfilter
 
-from scenarios.commands.identify import _roots
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.order_choice import choose_and_identify
+from scenarios.identification.result_tables import roots_text
 from sysid import IOData, SysidError, arx, compare, n4sid, oe, read_model
 from sysid.polynomial.fit_with_offset import fit_with_offset, unexplained_offset
 from tests.scenarios.commands.conftest import DT, signals, table
@@ -48,7 +48,7 @@ def test_poles_are_printed_with_their_meaning(printed, csv):
     ((_, frequency, damping, time),) = [line.split() for line in lines if line.strip().startswith("0.9")]
     assert (float(frequency), damping) == (pytest.approx(0.84, rel=0.05), "1")
     assert float(time) == pytest.approx(0.19, rel=0.05)
-    assert _roots(np.array([0.5 + 0.25j, 0.5 - 0.25j, 0.0, 0.0])) == "0.5000 ± 0.2500j, 0 (2 times)"
+    assert roots_text(np.array([0.5 + 0.25j, 0.5 - 0.25j, 0.0, 0.0])) == "0.5000 ± 0.2500j, 0 (2 times)"
 
 
 @pytest.mark.parametrize("method", ESTIMATORS)
@@ -371,3 +371,17 @@ def test_files_of_models_that_cannot_be_are_refused(complaint, csv, tmp_path):
     assert "expected a file that ends with .json, .m, .c, .fmu" in complaint(*words, "--save", tmp_path / "lag.mat")
     (tmp_path / "bad.json").write_text("{}", encoding="utf-8")
     assert "bad.json: no model file" in complaint("compare", csv, "--models", tmp_path / "bad.json")
+
+
+def test_the_end_of_a_record_judges_when_asked(result, printed, complaint, csv):
+    words = (csv, "--method", "oe", "--orders", 1, 1)
+    half = result("identify", *words, "--held-out", 0.5)
+    assert half["samples"] == 600
+    assert half["fit"] != result("identify", *words)["fit"]
+    shown = printed("identify", *words, "--held-out", 0.5)
+    assert "fits to the last 50 %, which it was not estimated from" in shown
+    assert "from 0 to 0.9" in complaint("identify", *words, "--held-out", 1)
+    assert "expected one: what judges" in complaint("identify", *words, "--held-out", 0.5, "--validate", csv)
+    short = Path(csv).with_name("short.csv")
+    short.write_text("\n".join(Path(csv).read_text().splitlines()[:301]))
+    assert "300 samples in one piece" in complaint("identify", short, *words[1:], "--held-out", 0.5)

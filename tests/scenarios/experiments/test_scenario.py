@@ -129,7 +129,7 @@ def test_reseeding_draws_another_seed_for_every_name_and_keeps_the_file():
         (lambda t: t + "[specimen]\nmass = [1.1]\n", "mine.toml: specimen: 1 entries of mass given, expected 8"),
         (lambda t: t + "iterations = 1.5\n", "iterations must be a whole number"),
         (lambda t: t + "iterations = 0\n", "iterations must be 1 or more, given 0"),
-        (lambda t: t + "repeat_frequency = 0.0\n", "repeat_frequency must be above 0 and up to 1000 Hz, given 0"),
+        (lambda t: t + "repeat_frequency = 0.0\n", "in the longest experiment, to 1000 Hz, given 0"),
         (lambda t: t.replace("sine", "points"), "excitation 'points': unknown parameter 'frequency'"),
         (lambda t: t.replace("sine", "file"), "excitation 'file' takes a path and repeat_frequency"),
         (lambda t: t.replace("[excitation]\nkind", "[excitation]\nsort"), "must be a table with a kind"),

@@ -195,7 +195,7 @@ def no_study(monkeypatch):
     monkeypatch.setattr("scenarios.thesis.study.run_study", lambda **_: Study(logs))
     monkeypatch.setattr("scenarios.thesis.findings.findings", lambda study: ())
     monkeypatch.setattr("scenarios.thesis.report.write_report", lambda study, outcome, _, path, *__, **___: path)
-    monkeypatch.setattr("scenarios.thesis.results.results", lambda *_: {"findings": {}})
+    monkeypatch.setattr("scenarios.thesis.results.results", lambda *_: {"bandwidth": {}, "findings": {}})
     answer = SimpleNamespace(record=lambda: {"seeds": []})
     monkeypatch.setattr("scenarios.thesis.answer.measure_answer", lambda *_, **__: answer)
     monkeypatch.setattr("scenarios.thesis.answer.answer_texts", lambda *_: ("the answer", "not very"))
@@ -218,6 +218,7 @@ def test_results_are_there_before_the_logs(no_study, tmp_path, monkeypatch):
     monkeypatch.setattr("scenarios.files.data_file.write_log", full)
     assert main(["thesis", "--logs", "--out", str(tmp_path)]) == 2
     assert json.loads((tmp_path / "results.json").read_text()) == {
+        "bandwidth": {},
         "findings": {},
         "answer": "the answer",
         "certainty": "not very",
