@@ -27,7 +27,7 @@ ROOMS = {
     "hmtb_twin": ("files", "parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
     "scenarios": (
         *("files", "jobs", "experiments", "report", "truth", "identification", "datasets"),
-        *("estimators", "problems", "bench", "thesis", "commands"),
+        *("estimators", "problems", "bench", "thesis", "station", "commands"),
     ),
 }
 # Modules of a package outside its rooms.

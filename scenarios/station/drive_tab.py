@@ -1,0 +1,321 @@
+"""The Drive tab: the arm in the hands of whoever looks at it, and the record of the drive."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from hmtb_twin import IDEAL, JOINTS, MODES, PAYLOADS, POSES, VARIANTS, Chain, JointLog, load_arm
+from hmtb_twin.bus.shutdown_intervals import shutdown_intervals
+from hmtb_twin.control.modes import TOOL_AXES, axis_names
+from hmtb_twin.parameters.values import HAND_CONTROLLER, OPERATING_POSE
+from hmtb_twin.run.experiment_row import experiment_arm
+from hmtb_twin.run.live_run import Frame
+from hmtb_twin.run.playback import pictured_arm
+from scenarios.experiments.log_review import velocity_limited_share
+from scenarios.experiments.operator import way_to
+from scenarios.experiments.registry import load
+from scenarios.experiments.rpcm import RECEPTACLE, rpcm_outcome
+from scenarios.files.data_file import write_log
+from scenarios.files.errors import ScenarioError
+from scenarios.report.html_pieces import listing, table
+from scenarios.station.experiment_tab import DRAWINGS, WORDS
+from scenarios.station.fields import Field, Form, reporting
+from scenarios.station.recipe import Recipe, RecipeView
+from scenarios.station.stick import Drive, Stick, StickPad, grid
+from scenarios.station.strip_chart import StripChart
+
+if TYPE_CHECKING:
+    import viser
+
+    from scenarios.station.desk import Desk
+
+WORKSITE = "worksite, the unit in its holster"
+"""Where the replacement unit is exchanged."""
+
+PLACES = {WORKSITE: "none"} | {f"free space, payload {name}": name for name in PAYLOADS}
+"""Payload at the start of a drive, by the words of the menu."""
+
+ALL = "all six"
+"""The menu's word for all axes of a mode."""
+
+
+def axis_choices(mode: str) -> tuple[str, ...]:
+    """Axes of a mode to choose from: all, three together, or one."""
+    names = axis_names(mode)
+    return (ALL, ", ".join(names[:3]), ", ".join(names[3:]), *names)
+
+
+_RARE = "Arm, seed, duration"
+
+FIELDS = (
+    Field("mode", "mode", "cartesian_rate", MODES, "offsets of joints or of the tool, or their velocities"),
+    Field("axes", "axes", ALL, axis_choices("cartesian_rate"), "that the hand controller moves"),
+    Field("place", "place", WORKSITE, tuple(PLACES)),
+    Field("imperfect", "imperfections", True, hint="noise, bias, converters, hold, limits, friction"),
+    Field("pose", "pose", OPERATING_POSE, tuple(POSES), folder=_RARE),
+    Field("variant", "arm", "nominal", tuple(VARIANTS), folder=_RARE),
+    Field("seed", "seed", 0, folder=_RARE),
+    Field("duration", "longest duration / s", 600.0, folder=_RARE),
+)
+"""What a drive is described by."""
+
+
+def drive(values: dict[str, Any]) -> Drive:
+    """The drive that the fields describe, with a stick of its own; raises `ScenarioError` if they describe none."""
+    values = dict(values)
+    mode, chosen, worksite = values["mode"], values.pop("axes"), values["place"] == WORKSITE
+    # Another mode may have other axes: then all of its own.
+    axes = tuple(chosen.split(", ")) if chosen in axis_choices(mode)[1:] else axis_names(mode)
+    return Drive(
+        name="drive",
+        axes=axes,
+        excitation=(),
+        payload=PLACES[values.pop("place")],
+        worksite=worksite,
+        chain=Chain() if values.pop("imperfect") else IDEAL,
+        # A circuit compensates the bias where the tool is steered [Morris1996, sec. II.3B].
+        hand_controller=load("rpcm").hand_controller if mode.startswith("cartesian") else HAND_CONTROLLER,
+        stick=Stick(axes, grip=not worksite),
+        **values,
+    )
+
+
+def exchange(log: JointLog) -> str:
+    """How the exchange of the replacement unit went, as HTML; empty in free space."""
+    if log.unit_pose is None:
+        return ""
+    outcome = rpcm_outcome(log)
+    warning = outcome.warning()
+    rows = [(name, f"{start:.1f}", f"{end:.1f}") for name, (start, end) in outcome.phases.items()]
+    phases = table(("phase", "from / s", "to / s"), rows) if rows else ""
+    return listing([f"exchange: {outcome}", *([f"warning: {warning}"] if warning else [])]) + phases
+
+
+class DriveTab:
+    """The hand controller, what the operator sees of the arm, and the record.
+
+    Args:
+        station: The station.
+        client: The browser that steers it. A drive goes on while its page is loaded again.
+
+    Attributes:
+        drive: The drive that runs; None when none does.
+        name: Name of the last record; empty before.
+        buttons: By their labels.
+    """
+
+    title = "Drive"
+
+    def __init__(self, station: "Desk", client: "viser.ClientHandle") -> None:
+        self._station, self._client, gui = station, client, client.gui
+        last: Any = station.session.memory.get(self.title)
+        self._lock = last._lock if last else threading.RLock()
+        self.drive: Drive | None = last.drive if last else None
+        self.name: str = last.name if last else ""
+        self._moving, self._drawn = last is not None and last._moving, 0.0
+        self._setup = gui.add_folder("What is driven")
+        with self._setup:
+            self._form = Form(gui, FIELDS, drive, self._changed)
+        with gui.add_folder("Drive"):
+            self._build_buttons()
+        self._displays = gui.add_html("")
+        self._outcome = gui.add_html(last._outcome.content if last else "")
+        volts = last.volts.value if last else 2.0
+        self.volts = gui.add_slider("deflection / V", 0.1, HAND_CONTROLLER.adc_range, 0.1, volts)
+        self._pad = StickPad(gui, self._push)
+        with gui.add_folder("Strip charts"):
+            self._joint: Any = gui.add_dropdown("joint", JOINTS, initial_value="elbow_pitch")
+            self._angles = StripChart(gui, "joint angle / deg", ("command", "angle"), height=125)
+            self._forces = StripChart(gui, "force / N", ("wrist", "contact"), height=125)
+        self._joint.on_update(lambda _: self._angles.clear())
+        self._recipe = RecipeView(client, self.recipe)
+        if last:
+            self._form.set({name: handle.value for name, handle in last._form.handles.items()})
+        self._form.update()
+        self._show(moving=self._moving)
+        station.session.memory[self.title] = self
+
+    def _build_buttons(self) -> None:
+        gui, motion = self._client.gui, self._station.motion
+        grid(gui, "drive-buttons", "1fr 1fr 1fr")
+        actions: dict[str, Callable[[], None]] = {
+            "Drive": self._begin,
+            "End": motion.stop,
+            "Close (C)": lambda: self._hold(closed=True),
+            "Open (V)": lambda: self._hold(closed=False),
+            "EMERGENCY SHUTDOWN": lambda: motion.switch_power(on=False),
+            "Power on again": lambda: motion.switch_power(on=True),
+            "Replay": self._replay,
+            "Save .nc": self._save,
+            "Download .nc": self._download,
+        }
+        colours: dict[str, Any] = {"Drive": "green", "EMERGENCY SHUTDOWN": "red"}
+        self.buttons = {label: gui.add_button(label, color=colours.get(label)) for label in actions}
+        for label, action in actions.items():
+            handle = reporting(self._client, action)
+            self.buttons[label].on_click(handle)
+            if label.endswith(")"):  # its key
+                gui.add_command(label, hotkey=cast(Any, label[-2])).on_trigger(handle)
+
+    def _changed(self, planned: Drive | None) -> None:
+        if planned is not None:
+            menu, choices = self._form.handles["axes"], axis_choices(planned.mode)
+            if menu.options != choices:
+                menu.options = choices
+            self._pad.show(planned.mode, planned.stick.volts())
+
+    def _push(self, axis: str, way: int) -> None:
+        if self.drive is not None:
+            self.drive.stick.push(axis, way * self.volts.value)
+
+    def _hold(self, *, closed: bool) -> None:
+        if self.drive is not None:
+            self.drive.stick.grip = closed
+
+    def _show(self, *, moving: bool) -> None:
+        """Show the buttons for what can be done now, where the tab itself moves the arm or not."""
+        self._moving = moving
+        driven, idle = self.drive is not None, not moving
+        gripping = self.drive is not None and self.drive.worksite
+        self._setup.visible = not driven
+        shown = (idle, moving, gripping, gripping, driven, driven, *3 * [idle and bool(self.name)])
+        for button, visible in zip(self.buttons.values(), shown, strict=True):
+            button.visible = visible
+
+    def _begin(self) -> None:
+        station = self._station
+        with self._lock:
+            station.motion.check_free()
+            made = self._form.record()
+            if made is None:
+                raise ScenarioError("a field is wrong: its message says what is expected")
+            made = replace(made, name=self._free_name())
+            station.scene.load(experiment_arm(made, worksite=True, load=load_arm))
+            self._clear(made.axes[0])
+            self._outcome.content = ""
+            watch, done = lambda frames: self._tab.watch(frames), lambda log, why: self._tab.done(log, why)
+            station.motion.run(made, watch=watch, done=done)
+            self.drive = made
+            self._show(moving=True)
+
+    @property
+    def _tab(self) -> "DriveTab":
+        """The tab of the browser that steers now."""
+        return cast(DriveTab, self._station.session.memory[self.title])
+
+    def _clear(self, axis: str) -> None:
+        if axis in JOINTS:
+            self._joint.value = axis
+        self._angles.clear()
+        self._forces.clear()
+
+    def _free_name(self) -> str:
+        records, names = self._station.session.records, (f"drive-{number}" for number in count(1))
+        return next(one for one in names if one not in records and not self._file(one).exists())
+
+    def _file(self, name: str) -> Path:
+        return self._station.session.folder / f"{name}.nc"
+
+    def watch(self, frames: list[Frame]) -> None:
+        """Draw the arm's motion."""
+        joint = JOINTS.index(self._joint.value)
+        for frame in frames:
+            angles = np.degrees((frame.command[joint], frame.angles[joint])).tolist()
+            self._angles.add(frame.tick, frame.time, tuple(angles))
+            self._forces.add(frame.tick, frame.time, (_wrist(frame), frame.contact_force or 0.0))
+        if perf_counter() - self._drawn < DRAWINGS:
+            return
+        self._drawn = perf_counter()
+        self._angles.draw()
+        self._forces.draw()
+        self._displays.content = listing(displays(frames[-1], self.drive))
+        if self.drive is not None:
+            self._pad.show(self.drive.mode, self.drive.stick.volts())
+
+    def done(self, log: JointLog | None, why: str | None) -> None:
+        """Keep the record of a drive and say how it went."""
+        motion = self._station.motion
+        with self._lock:
+            self.drive = None
+            texts, task = [f"failed: {why}"] if why else [], ""
+            if log is not None:
+                self.name, task = self._station.session.keep(log), exchange(log)
+                limited = f"{100 * velocity_limited_share(log):.3g} % of it at a velocity limit"
+                texts.insert(0, f"{self.name}: {len(log) * log.dt:g} s recorded, {limited}")
+                texts += [str(entry) for entry in shutdown_intervals(log)]
+            texts.append(f"took {motion.elapsed:.1f} s, at most {1e3 * motion.lag:.0f} ms behind time")
+            self._outcome.content = listing(texts) + task
+            self._recipe.refresh()
+            self._end()
+            self._form.update()
+
+    def _end(self) -> None:
+        self._angles.draw()
+        self._forces.draw()
+        self._displays.content = ""
+        self._show(moving=False)
+
+    def _replay(self) -> None:
+        log = self._station.session.records[self.name]
+        with self._lock:
+            self._station.motion.check_free()
+            self._station.scene.load(pictured_arm(log))
+            self._clear(log.axes[0])
+            self._station.motion.replay(
+                log, watch=lambda frames: self._tab.watch(frames), done=lambda *_: self._tab._end()
+            )
+            self._show(moving=True)
+
+    def _save(self) -> None:
+        path = write_log(self._station.session.records[self.name], self._file(self.name))
+        self._client.add_notification("Saved", str(path), color="green", auto_close_seconds=8.0)
+
+    def _download(self) -> None:
+        self._save()
+        self._client.send_file_download(f"{self.name}.nc", self._file(self.name).read_bytes())
+
+    def recipe(self) -> Recipe:
+        """The record of the last drive without the page."""
+        if not self.name:
+            return Recipe((), "# after a drive: its record as commands and in Python")
+        log, path = self._station.session.records[self.name], str(self._file(self.name))
+        joint = JOINTS[int(np.ptp(log.commanded, axis=0).argmax())]
+        words = (("identify", path, "--joint", joint), ("view", path), ("video", path, "--camera", "deck"))
+        return Recipe([("hmtb", *one) for one in words], _PROGRAM.format(path=path, joint=joint))
+
+
+_PROGRAM = """from pathlib import Path
+from hmtb_twin import JointLog
+from scenarios.experiments.rpcm import rpcm_outcome
+
+log = JointLog.load(Path({path!r}))
+data = log.iodata("{joint}")  # command and angle, for any estimator of sysid
+print("no exchange" if log.unit_pose is None else rpcm_outcome(log))"""
+
+
+def displays(frame: Frame, driven: Drive | None) -> list[str]:
+    """What the displays of the control station show."""
+    words = [f"{frame.time:.1f} s", *(word for flag, word in WORDS.items() if frame.status & flag)]
+    forces = f"wrist force {_wrist(frame):.1f} N"
+    if frame.contact_force is not None:
+        forces += f", contact force {frame.contact_force:.1f} N"
+    view = driven.stick.view if driven is not None else None
+    if driven is None or view is None or view.unit is None:
+        return [", ".join(words), forces]
+    words.append(f"end effector {'closed' if driven.stick.grip else 'open'}")
+    held = view.unit.held
+    offset, turn = way_to(RECEPTACLE.seated if held else None, view, carry=held)
+    way = ", ".join(
+        f"{axis} {one:+z.0f}" for axis, one in zip(TOOL_AXES, (*1e3 * offset, *np.degrees(turn)), strict=True)
+    )
+    return [", ".join(words), forces, f"{'unit to its receptacle' if held else 'tool to unit'}, mm and deg: {way}"]
+
+
+def _wrist(frame: Frame) -> float:
+    return float(np.linalg.norm(frame.wrench[:3]))

@@ -1,0 +1,356 @@
+"""The Experiment tab: prepare an experiment, see its commands before anything moves, and run it live."""
+
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hmtb_twin import JOINTS, MODES, PAYLOADS, POSES, VARIANTS, Chain, JointLog, Status, load_arm
+from hmtb_twin.control.modes import axis_names
+from hmtb_twin.run.experiment_row import experiment_arm
+from hmtb_twin.run.live_run import Frame
+from scenarios.experiments.excitation_computer import Excitation
+from scenarios.experiments.preview import preview
+from scenarios.experiments.preview_figure import preview_figure
+from scenarios.experiments.registry import load, names, registered
+from scenarios.experiments.run_review import review
+from scenarios.experiments.scenario import Scenario
+from scenarios.files.data_file import write_log
+from scenarios.files.errors import ScenarioError
+from scenarios.report.html_pieces import card, listing, table
+from scenarios.station.fields import Field, Form, Message, reporting
+from scenarios.station.recipe import Recipe, RecipeView
+from scenarios.station.strip_chart import StripChart
+
+if TYPE_CHECKING:
+    import viser
+
+    from scenarios.station.desk import Desk
+
+SPEEDS = {"real time": 1.0, "four times as fast": 4.0, "as fast as it goes": None}
+"""Seconds of the experiment per second, by the words of the menu."""
+
+DRAWINGS = 0.2
+"""Time between two drawings of the strip charts, s."""
+
+WORDS = {
+    Status.VELOCITY_LIMITED: "velocity limit",
+    Status.JOINT_LIMITED: "end of a joint's range",
+    Status.SINGULAR: "near singular",
+    Status.CONVERTER_SATURATED: "converter saturated",
+    Status.SHUT_DOWN: "SHUT DOWN",
+    Status.UNIT_HELD: "unit held",
+}
+"""Words for the status of a tick."""
+
+
+@dataclass(frozen=True)
+class PreviewCard:
+    """A preview as the page shows it.
+
+    Attributes:
+        html: Figure, table and lines.
+        warnings: What the operator should know before the arm moves.
+    """
+
+    html: str
+    warnings: tuple[str, ...]
+
+
+def preview_card(scenario: Scenario) -> PreviewCard:
+    """Compute a preview and draw it."""
+    seen = preview(scenario)
+    head = ("joint", "peak rate", "limit", "from range's end")
+    html = card(preview_figure(seen), f"preview of {scenario.name}")
+    return PreviewCard(html + table(head, seen.joint_rows()) + listing(seen.lines()), seen.warnings())
+
+
+def amplitude(scenario: Scenario) -> float | None:
+    """The amplitude that all excitations of a scenario share, V; None where there is none."""
+    values = {entry.parameters.get("amplitude") for entry in scenario.excitation}
+    (value,) = values if len(values) == 1 else (None,)
+    return float(value) if isinstance(value, int | float) else None
+
+
+def with_amplitude(scenario: Scenario, volts: float) -> Scenario:
+    """The scenario with another amplitude of all its excitations."""
+    entries = (
+        Excitation(
+            entry.kind, {**entry.parameters, "amplitude": volts}, entry.repeat_frequency, iterations=entry.iterations
+        )
+        for entry in scenario.excitation
+    )
+    return replace(scenario, excitation=tuple(entries))
+
+
+def axis_choices(scenario: Scenario) -> tuple[str, ...]:
+    """Axes of the scenario's mode to choose from, one or several separated by commas; its own first."""
+    every = axis_names(scenario.mode)
+    several = TRIPLES["cartesian" if scenario.mode.startswith("cartesian") else "joints"]
+    return tuple(dict.fromkeys((", ".join(scenario.axes), *every, ", ".join(several), ", ".join(every))))
+
+
+TRIPLES = {"cartesian": ("x", "y", "z"), "joints": ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")}
+"""Axes that the thesis moved together."""
+
+
+def changed_scenario(base: Scenario, values: dict[str, Any]) -> Scenario:
+    """The scenario that the fields describe.
+
+    Raises:
+        ScenarioError: It is none.
+        TwinError: The laboratory has no such arm.
+    """
+    values = dict(values)
+    volts = values.pop("amplitude", None)
+    axes = tuple(one.strip() for one in values.pop("axes").split(","))
+    if values["mode"] != base.mode and not set(axes) <= set(axis_names(values["mode"])):
+        axes = TRIPLES["cartesian" if values["mode"].startswith("cartesian") else "joints"][:1]
+    shutdown = values.pop("shutdown").replace(",", " ").split()
+    try:
+        times = tuple(float(time) for time in shutdown)
+    except ValueError:
+        raise ScenarioError(f"expected times in s, such as 5 12, given {' '.join(shutdown)!r}") from None
+    if volts is not None and volts != amplitude(base):
+        base = with_amplitude(base, volts)
+    return replace(base, **values, axes=axes, shutdown=times)
+
+
+class ExperimentTab:
+    """Fields of a scenario, its preview, and the live run.
+
+    Args:
+        station: The station.
+        client: The browser that steers it.
+    """
+
+    title = "Experiment"
+
+    def __init__(self, station: "Desk", client: "viser.ClientHandle") -> None:
+        self._station, self._client = station, client
+        gui = client.gui
+        options = names()
+        own = station.session.scenario.name
+        self._start = gui.add_dropdown("start from", options, initial_value=own if own in options else options[0])
+        self._start.on_update(reporting(client, lambda: station.session.prepare(load(self._start.value))))
+        self._fields = gui.add_folder("What is done", expand_by_default=True)
+        self._build_form()
+        self._run = gui.add_button("Run", color="green")
+        self._speed = gui.add_dropdown("speed", tuple(SPEEDS))
+        self._progress: Any = gui.add_progress_bar(0.0, visible=False)
+        self._state = Message(gui)
+        self._emergency = gui.add_button("EMERGENCY SHUTDOWN", color="red", visible=False)
+        self._reset = gui.add_button("Power on again", visible=False)
+        self._stop = gui.add_button("Stop and keep the record", visible=False)
+        self._charts: list[StripChart] = []
+        self._drawn = 0.0
+        self._joint = 0
+        with gui.add_folder("Strip charts"):
+            self._charts = [
+                StripChart(gui, "moved joint / deg", ("command", "angle")),
+                StripChart(gui, "wrist force / N", ("force",)),
+            ]
+        self._outcome = gui.add_html("")
+        self._save = gui.add_button("Save the log", visible=False)
+        with gui.add_folder("Preview: the commands, before anything moves"):
+            self._preview_state = Message(gui)
+            self._preview_warnings = Message(gui)
+            self._preview = gui.add_html("")
+        with gui.add_folder("Scenario file", expand_by_default=False):
+            upload = gui.add_upload_button("Load a scenario file (TOML)")
+            upload.on_upload(reporting(client, lambda: self._load(upload.value.name, upload.value.content)))
+        self._recipe = RecipeView(client, lambda: recipe(station.session.scenario))
+        self._run.on_click(reporting(client, self._start_run))
+        self._stop.on_click(reporting(client, station.motion.stop))
+        self._emergency.on_click(reporting(client, lambda: station.motion.switch_power(on=False)))
+        self._reset.on_click(reporting(client, lambda: station.motion.switch_power(on=True)))
+        self._save.on_click(reporting(client, self._save_log))
+        self._last: JointLog | None = None
+        self._known = station.session.scenario
+        self._previewed: Scenario | None = None
+        station.session.watch(self._refresh)
+        self._show_preview()
+
+    def _build_form(self) -> None:
+        scenario, gui = self._station.session.scenario, self._client.gui
+        for child in list(self._fields._children.values()):
+            child.remove()
+        volts, times = amplitude(scenario), " ".join(f"{time:g}" for time in scenario.shutdown)
+        fields = [
+            Field("name", "name", scenario.name),
+            Field("mode", "mode", scenario.mode, tuple(MODES)),
+            Field("axes", "axes", ", ".join(scenario.axes), axis_choices(scenario)),
+            *([Field("amplitude", "amplitude / V", volts)] if volts is not None else []),
+            Field("duration", "duration / s", scenario.duration),
+            Field("payload", "payload", scenario.payload, tuple(PAYLOADS), folder=RARE),
+            Field("pose", "pose", scenario.pose, tuple(POSES), folder=RARE),
+            Field("variant", "arm", scenario.variant, tuple(VARIANTS), folder=RARE),
+            Field("seed", "seed", scenario.seed, folder=RARE),
+            Field("shutdown", "shutdowns / s", times, hint=SHUTDOWN_HINT, folder=RARE),
+        ]
+        with self._fields:
+            kinds = dict.fromkeys(entry.kind for entry in scenario.excitation)
+            words = scenario.task or ", ".join(kinds) or "nothing"
+            by = "an operator does the task" if scenario.task else "the excitation computer plays"
+            gui.add_markdown(f"{by} **{words}**; choose another in the tab Waveform")
+            self._form = Form(gui, fields, lambda values: changed_scenario(self._base(), values), self._changed)
+            with gui.add_folder("Imperfections of the laboratory", expand_by_default=False):
+                self._chain = {name: gui.add_checkbox(name, on) for name, on in vars(scenario.chain).items()}
+                for box in self._chain.values():
+                    box.on_update(lambda _: self._update())
+
+    def _base(self) -> Scenario:
+        return replace(self._known, chain=Chain(**{name: box.value for name, box in self._chain.items()}))
+
+    def _update(self) -> None:
+        self._form.update()
+
+    def _changed(self, scenario: Scenario | None) -> None:
+        if scenario is not None and scenario != self._known:
+            rebuild = scenario.mode != self._known.mode
+            self._known = scenario
+            self._station.session.prepare(scenario)
+            if rebuild:
+                self._build_form()
+
+    def _refresh(self) -> None:
+        scenario = self._station.session.scenario
+        if scenario != self._known:
+            self._known = scenario
+            self._build_form()
+        self._recipe.refresh()
+        self._show_preview()
+
+    def _load(self, name: str, content: bytes) -> None:
+        try:
+            text = content.decode()
+        except UnicodeDecodeError as error:
+            raise ScenarioError(f"{name}: expected a TOML file in UTF-8: {error}") from error
+        self._station.session.prepare(Scenario.from_toml(text, source=name, folder=self._station.session.folder))
+
+    def _show_preview(self) -> None:
+        scenario, work = self._station.session.scenario, self._station.work
+        if scenario == self._previewed:
+            return
+        if work.label:
+            if work.label != PREVIEW:
+                self._preview_state.say(f"waits: {work.label} is being computed", remark=True)
+            return
+        self._previewed = scenario
+        self._preview_state.say("is being computed ...", remark=True)
+
+        def done(seen: PreviewCard) -> None:
+            self._preview_state.say("")
+            self._preview.content = seen.html
+            self._preview_warnings.say("; ".join(seen.warnings))
+            self._show_preview()
+
+        def failed(why: str) -> None:
+            self._preview_state.say(why)
+            self._preview.content = ""
+            self._preview_warnings.say("")
+            self._show_preview()
+
+        work.start(PREVIEW, preview_card, scenario, done=done, failed=failed)
+
+    def _start_run(self) -> None:
+        self._station.motion.check_free()
+        if self._form.record() is None:
+            raise ScenarioError("a field is wrong: its message says what is expected")
+        station, scenario = self._station, self._station.session.scenario
+        station.scene.load(experiment_arm(scenario, worksite=True, load=load_arm))
+        self._joint = JOINTS.index(next((axis for axis in scenario.axes if axis in JOINTS), "elbow_pitch"))
+        for chart in self._charts:
+            chart.clear()
+        self._outcome.content = ""
+        self._buttons(running=True)  # before the run, which may end at once
+        station.motion.run(
+            scenario,
+            speed=SPEEDS[self._speed.value],
+            watch=lambda frames: self._watch(frames, scenario),
+            done=lambda log, why: self._done(log, why, scenario),
+        )
+
+    def _buttons(self, *, running: bool) -> None:
+        # What cannot be changed now gives its place to the strip charts.
+        for handle in (self._run, self._fields, self._start, self._speed):
+            handle.visible = not running
+        for handle in (self._stop, self._emergency, self._progress):
+            handle.visible = running
+        self._reset.visible = False
+        self._save.visible = not running and self._last is not None
+
+    def _watch(self, frames: list[Frame], scenario: Scenario) -> None:
+        for frame in frames:
+            joint = np.degrees((frame.command[self._joint], frame.angles[self._joint]))
+            self._charts[0].add(frame.tick, frame.time, tuple(joint.tolist()))
+            self._charts[1].add(frame.tick, frame.time, (float(np.linalg.norm(frame.wrench[:3])),))
+        if perf_counter() - self._drawn < DRAWINGS:
+            return
+        self._drawn = perf_counter()
+        for chart in self._charts:
+            chart.draw()
+        last = frames[-1]
+        self._progress.value = 100.0 * min(last.time / scenario.duration, 1.0)
+        self._reset.visible = bool(last.status & Status.SHUT_DOWN)
+        words = [word for flag, word in WORDS.items() if last.status & flag]
+        self._state.say(f"{last.time:.1f} of {scenario.duration:g} s   {', '.join(words)}", remark=True)
+
+    def _done(self, log: JointLog | None, why: str | None, scenario: Scenario) -> None:
+        self._last = log
+        texts = [f"failed: {why}"] if why else []
+        if log is not None:
+            run = Scenario.from_toml(log.provenance["scenario"])
+            whole = len(log) == round(run.duration / log.dt)
+            name = self._station.session.keep(log)
+            texts.insert(0, f"{name}: {len(log) * log.dt:g} s recorded" + "" * whole)
+            if whole:
+                judged = review(log, run)
+                clipped, limited = judged.shares()
+                texts.append(f"converter clips {clipped}, command rate-limited {limited}")
+                texts += [str(entry) for entry in ((judged.task,) if judged.task else ()) + judged.shutdowns]
+                texts += [f"warning: {text}" for text in judged.warnings]
+            if run != scenario and run.shutdown != scenario.shutdown:
+                self._station.session.prepare(run)
+        motion = self._station.motion
+        texts.append(f"took {motion.elapsed:.1f} s, at most {1e3 * motion.lag:.0f} ms behind time")
+        for chart in self._charts:
+            chart.draw()
+        self._outcome.content = listing(texts)
+        self._state.say(f"{scenario.name}: {why}" if why else "")
+        self._buttons(running=False)
+
+    def _save_log(self) -> None:
+        if self._last is not None:
+            path = write_log(self._last, self._station.session.folder / f"{self._last.name}.nc")
+            self._client.add_notification("Saved", str(path), color="green", auto_close_seconds=8.0)
+
+
+RARE = "Arm, seed, shutdowns"
+"""Folder of the fields that are rarely changed."""
+
+PREVIEW = "the preview"
+"""Name of the work."""
+
+SHUTDOWN_HINT = "times of power off and power on, alternating; empty for none"
+
+
+def recipe(scenario: Scenario) -> Recipe:
+    """The run of a scenario without the page."""
+    table_ = registered().get(scenario.name)
+    if table_ is not None and Scenario.from_table(table_) == scenario:
+        source = scenario.name
+    else:
+        source = f"{scenario.name}.toml"
+    return Recipe(
+        commands=(("hmtb", "preview", source), ("hmtb", "simulate", source)),
+        python=(
+            "import hmtb_twin, scenarios\n\n"
+            f'scenario = scenarios.load("{source}")\n'
+            "(log,) = hmtb_twin.simulate([scenario])\n"
+            f'log.save("{scenario.name}.nc")'
+        ),
+        toml=scenario.to_toml(),
+        file=f"{scenario.name}.toml",
+    )

@@ -1,0 +1,90 @@
+"""What was done on the page as a command line, as Python, and as a TOML file, which do the same elsewhere."""
+
+import shlex
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import viser
+
+BUTTON = (
+    "font:inherit;padding:0.1em 0.7em;cursor:pointer;color:inherit;"
+    "background:transparent;border:1px solid #868e96;border-radius:4px"
+)
+
+CODE = (
+    "margin:0.2em 0 0.7em;padding:0.5em 0.6em;background:rgba(134,142,150,0.14);border-radius:4px;font-size:0.8em;"
+    "line-height:1.4;max-height:16em;overflow:auto"
+)
+
+COPY = (
+    "navigator.clipboard.writeText(this.parentElement.nextElementSibling.textContent).then(() => {"
+    "this.textContent = 'Copied'; setTimeout(() => {this.textContent = 'Copy'}, 1500)})"
+)
+"""Copies the text of the code below; the loopback address counts as secure."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """The same without the page.
+
+    Attributes:
+        commands: Words of each command, `hmtb` first.
+        python: A program.
+        toml: Text of a scenario file; empty where there is none.
+        file: Name of that file.
+    """
+
+    commands: Sequence[Sequence[str]]
+    python: str
+    toml: str = ""
+    file: str = ""
+
+    @property
+    def shell(self) -> str:
+        """The commands as they are typed, a line each."""
+        return "\n".join(shlex.join(words) for words in self.commands)
+
+
+class RecipeView:
+    """A folder that shows a recipe, copies it and saves its TOML.
+
+    Args:
+        client: The browser; the folder is put into the container that is open.
+        recipe: Returns the recipe of now.
+    """
+
+    def __init__(self, client: "viser.ClientHandle", recipe: Callable[[], Recipe]) -> None:
+        gui = client.gui
+        self._recipe = recipe
+        with gui.add_folder("The same as commands and Python", expand_by_default=False):
+            self._text = gui.add_html("")
+            self._save = gui.add_button("Save TOML")
+
+            @self._save.on_click
+            def _(_: object) -> None:
+                now = self._recipe()
+                client.send_file_download(now.file, now.toml.encode(), save_immediately=True)
+
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the recipe of now."""
+        now = self._recipe()
+        # Commands wrap, which copies as one line; lines of Python keep their beginnings and scroll.
+        blocks = _block("Command line", now.shell, "pre-wrap") + _block("Python", now.python, "pre")
+        self._text.content = f'<div style="margin:0 0.75em">{blocks if now.commands else "Nothing was done yet."}</div>'
+        self._save.visible = bool(now.toml)
+
+
+def _block(title: str, code: str, wrap: str) -> str:
+    if not code:
+        return ""
+    style = f"{CODE};white-space:{wrap};overflow-wrap:{'anywhere' if wrap == 'pre-wrap' else 'normal'}"
+    button = f'<button type="button" style="{BUTTON}" onclick="{escape(COPY)}">Copy</button>'
+    return (
+        f'<div style="display:flex;justify-content:space-between;font-size:0.8em">{title}{button}</div>'
+        f'<pre style="{style}">{escape(code)}</pre>'
+    )

@@ -1,0 +1,191 @@
+"""The arm in the browser: MuJoCo's geometry as meshes, one for each body, moved by forward kinematics."""
+
+import threading
+from typing import TYPE_CHECKING, cast
+
+import mujoco
+import numpy as np
+
+from hmtb_twin import JOINTS
+from hmtb_twin.arm.arm import Arm
+from hmtb_twin.arm.rendering import scene_model
+from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.run.live_run import Frame
+
+if TYPE_CHECKING:
+    import trimesh
+    import viser
+
+SHOWN = (0, 1, 2)
+"""Groups of geoms that MuJoCo's viewer shows."""
+
+GHOST = (0.0, 114.0, 178.0)
+"""Colour of the commanded arm."""
+
+NEWTONS_PER_METRE = 200.0
+"""Wrist force that is drawn as an arrow of one metre."""
+
+SHORTEST_ARROW = 0.02
+"""Arrows below this length are not drawn, m."""
+
+
+class Scene:
+    """The worksite with the arm, the ghost of its command and the wrist force.
+
+    Args:
+        server: The page; all its browsers see the same scene.
+        arm: The arm to begin with.
+
+    Attributes:
+        arm: The arm that is shown.
+    """
+
+    def __init__(self, server: "viser.ViserServer", arm: Arm) -> None:
+        self._server = server
+        server.scene.set_up_direction("+z")
+        server.scene.world_axes.visible = False
+        server.scene.configure_default_lights(enabled=True)
+        self._ghost_visible = True
+        self._lock = threading.RLock()
+        self.load(arm)
+
+    def load(self, arm: Arm) -> None:
+        """Show another arm, or the same with another payload; both stand at the arm's operating pose until `show`."""
+        scene, model = self._server.scene, scene_model(arm)
+        with self._lock, self._server.atomic():
+            self.arm = arm
+            self._model: mujoco.MjModel = model
+            self._data = mujoco.MjData(model)
+            for root in ("/arm", "/ghost"):
+                scene.remove_by_name(root)
+            meshes = body_meshes(model)
+            # By name: a browser may draw a frame where one of the same name stood, and fixed bodies move no more.
+            names = {body: model.body(body).name for body in meshes}
+            moving = set(_descendants(model, model.body(model.jnt_bodyid[0]).id))
+            self._bodies: dict[int, viser.FrameHandle] = {
+                body: scene.add_frame(f"/arm/{names[body]}", show_axes=False) for body in meshes
+            }
+            for body, mesh in meshes.items():
+                scene.add_mesh_trimesh(f"/arm/{names[body]}/mesh", mesh)
+            self._ghost: dict[int, viser.FrameHandle] = {
+                body: scene.add_frame(f"/ghost/{names[body]}", show_axes=False, visible=self._ghost_visible)
+                for body in meshes
+                if body in moving
+            }
+            for body in self._ghost:
+                mesh = meshes[body]
+                scene.add_mesh_simple(
+                    f"/ghost/{names[body]}/mesh",
+                    mesh.vertices,
+                    mesh.faces,
+                    color=GHOST,
+                    opacity=0.25,
+                    cast_shadow=False,
+                )
+            self._tool = model.site("tool").id
+            self._arrow = scene.add_arrows(
+                "/arm/force",
+                np.zeros((1, 2, 3)),
+                (213, 94, 0),
+                shaft_radius=0.008,
+                head_radius=0.02,
+                head_length=0.05,
+                visible=False,
+            )
+        angles = arm.pose(OPERATING_POSE)
+        self.show(Frame(0, angles, angles, np.zeros(6), 0))
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Cameras of the worksite, those of the aft flight deck among them."""
+        return tuple(self._model.camera(i).name for i in range(self._model.ncam))
+
+    def show_ghost(self, *, visible: bool) -> None:
+        """Show or hide the ghost of the command."""
+        self._ghost_visible = visible
+        for handle in self._ghost.values():
+            handle.visible = visible
+
+    def show(self, frame: Frame) -> None:
+        """Show the arm of a frame."""
+        with self._lock, self._server.atomic():
+            if self._ghost_visible:
+                self._place(self._ghost, frame.command, frame.unit_pose)
+            self._place(self._bodies, frame.angles, frame.unit_pose)
+            tip = self._data.site_xpos[self._tool]
+            # The sensor measures what the arm exerts on what it holds; what the arm feels is drawn, a weight downwards.
+            force = -self._data.site_xmat[self._tool].reshape(3, 3) @ frame.wrench[:3] / NEWTONS_PER_METRE
+            long = float(np.linalg.norm(force)) > SHORTEST_ARROW
+            self._arrow.visible = long
+            if long:
+                self._arrow.points = np.array([[tip, tip + force]], dtype=np.float32)
+
+    def _place(self, handles: "dict[int, viser.FrameHandle]", angles: np.ndarray, unit: np.ndarray | None) -> None:
+        self._data.qpos[: len(JOINTS)] = angles
+        if unit is not None:
+            self._data.qpos[len(JOINTS) : len(JOINTS) + len(unit)] = unit
+        mujoco.mj_kinematics(self._model, self._data)
+        for body, handle in handles.items():
+            handle.position, handle.wxyz = self._data.xpos[body], self._data.xquat[body]
+
+    def look_through(self, client: "viser.ClientHandle", camera: str) -> None:
+        """Put the eye of one browser where a camera of the worksite stands now."""
+        mujoco.mj_camlight(self._model, self._data)
+        number = self._model.camera(camera).id
+        eye, axes = self._data.cam_xpos[number].copy(), self._data.cam_xmat[number].reshape(3, 3)
+        with client.atomic():
+            client.camera.up_direction = axes[:, 1]
+            client.camera.position = eye
+            client.camera.look_at = eye - axes[:, 2]
+            client.camera.fov = float(np.radians(self._model.cam_fovy[number]))
+
+
+def body_meshes(model: mujoco.MjModel) -> "dict[int, trimesh.Trimesh]":
+    """Return one coloured mesh in the frame of each body that has visible geoms, by the body's number."""
+    import trimesh
+
+    parts: dict[int, list[trimesh.Trimesh]] = {}
+    for geom in range(model.ngeom):
+        if model.geom_group[geom] not in SHOWN:
+            continue
+        mesh = _geom_mesh(mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom])
+        pose = np.eye(4)
+        rotation = np.empty(9)
+        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+        pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), model.geom_pos[geom]
+        mesh.apply_transform(pose)
+        material = model.geom_matid[geom]
+        rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
+        if rgba[3] == 0.0:
+            continue
+        mesh.visual = trimesh.visual.ColorVisuals(mesh, face_colors=np.rint(255 * rgba).astype(np.uint8))
+        parts.setdefault(int(model.geom_bodyid[geom]), []).append(mesh)
+    return {body: cast(trimesh.Trimesh, trimesh.util.concatenate(meshes)) for body, meshes in parts.items()}
+
+
+def _geom_mesh(kind: mujoco.mjtGeom, size: np.ndarray) -> "trimesh.Trimesh":
+    from trimesh import creation
+
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        return creation.box(2.0 * size)
+    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+        return creation.icosphere(subdivisions=2, radius=size[0])
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return creation.cylinder(size[0], 2.0 * size[1], sections=32)
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return creation.capsule(2.0 * size[1], size[0], count=(16, 24))
+    if kind == mujoco.mjtGeom.mjGEOM_PLANE:
+        return creation.box((2.0 * (size[0] or 5.0), 2.0 * (size[1] or 5.0), 0.002))
+    raise ValueError(f"a geom of type {kind.name} has no shape here; expected box, sphere, cylinder, capsule or plane")
+
+
+def _descendants(model: mujoco.MjModel, root: int) -> list[int]:
+    return [body for body in range(model.nbody) if body == root or _above(model, body, root)]
+
+
+def _above(model: mujoco.MjModel, body: int, root: int) -> bool:
+    while body:
+        body = model.body_parentid[body]
+        if body == root:
+            return True
+    return False

@@ -1,0 +1,245 @@
+"""The Waveform tab: the excitation, its 100 points and spectrum, and what it is good for."""
+
+import threading
+from collections.abc import Mapping
+from functools import partial
+from inspect import Parameter, getdoc, signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenarios.experiments.excitation import KINDS, UNITS
+from scenarios.experiments.excitation_computer import FILE, SETTINGS, Excitation
+from scenarios.experiments.excitation_review import check_excites, excitation_rows, excitation_warnings
+from scenarios.experiments.model_structures import needed_orders
+from scenarios.experiments.preview_figure import waveform_figure
+from scenarios.experiments.waveform import parse_points, points_text
+from scenarios.files.errors import ScenarioError
+from scenarios.report.html_pieces import card, table
+from scenarios.station.fields import Field, Form, Message, reporting
+from scenarios.station.recipe import Recipe, RecipeView
+
+if TYPE_CHECKING:
+    import viser
+
+    from scenarios.station.desk import Desk
+
+FIRST = {"frequency": 2.5, "f_start": 5.0, "f_end": 10.0, "f_low": 5.0, "f_high": 10.0, "f_center": 7.5}
+"""Values to begin with of parameters without default, as in tests of the thesis, Hz."""
+
+REPEATED = "how often the file is played per second, which scales every frequency in it; empty: as it was meant"
+
+LARGEST_FILE = 65_536
+"""Largest file that is read, bytes; a hundred numbers with all their digits take 2,500."""
+
+EVERY_AXIS = "every axis"
+
+
+def excitation_fields(kind: str, values: Mapping[str, Any]) -> list[Field]:
+    """Return a field for every parameter and setting of a kind, with these values or first ones."""
+    described = (getdoc(KINDS[kind]) or "").partition("Args:\n")[2].partition("\n\n")[0].splitlines()
+    hints = {name: words for name, _, words in (line.strip().partition(": ") for line in described) if words}
+    rate, count = map(values.get, SETTINGS)
+    return [
+        *(
+            Field(
+                name,
+                name.replace("_", " ") + (f" / {UNITS[name]}" if name in UNITS else ""),
+                values.get(name, FIRST[name] if entry.default is Parameter.empty else entry.default),
+                hint=hints.get(name),
+            )
+            for name, entry in signature(KINDS[kind]).parameters.items()
+            if name != "points"
+        ),
+        Field("repeat_frequency", "repetitions / Hz", rate, hint=REPEATED, folder="Repetition", optional=float),
+        Field("iterations", "iterations", count, hint="empty: until the end", folder="Repetition", optional=int),
+    ]
+
+
+def values_of(excitation: Excitation) -> dict[str, Any]:
+    """Return parameters and settings of an excitation by name."""
+    return {**excitation.parameters, **{name: getattr(excitation, name) for name in SETTINGS}}
+
+
+def waveform_recipe(excitation: Excitation, file: str) -> Recipe:
+    """Return command and Python that give the numbers of an excitation, its points from a file if they are its own."""
+    lines = ["from scenarios.experiments import Excitation"]
+    lines += ["from scenarios.experiments.excitation_review import excitation_summary"]
+    defaults = {name: entry.default for name, entry in signature(KINDS[excitation.kind]).parameters.items()}
+    own = {name: value for name, value in excitation.parameters.items() if value != defaults[name]}
+    settings = {name: value for name in SETTINGS if (value := getattr(excitation, name)) is not None}
+    parameters, options = repr(own), {**own, **settings}
+    options.pop("iterations", None)  # the command shows one period
+    if excitation.kind == "points":
+        parameters, options["path"] = f'{{"points": read_points({file!r})}}', file
+        del options["points"]
+        lines += ["from scenarios.experiments.waveform import read_points"]
+    words = ["hmtb", "waveform", _word(excitation.kind)]
+    for name, value in options.items():
+        # In one word: a value may begin with a minus sign.
+        words.append(f"--{name.replace('_', '-')}" + ("" if value is True else f"={value}"))
+    arguments = ", ".join([repr(excitation.kind), parameters, *(f"{name}={settings[name]!r}" for name in settings)])
+    lines += ["", f"excitation = Excitation({arguments})"]
+    lines += ["print(excitation.waveform().points)", "print(excitation_summary(excitation))"]
+    return Recipe([words], "\n".join(lines))
+
+
+def _word(kind: str) -> str:
+    """The word for a kind that commands take."""
+    return FILE if kind == "points" else kind
+
+
+class WaveformTab:
+    """Kind and parameters of an excitation, its figure and numbers, its file, and its way into the experiment.
+
+    Args:
+        station: The station.
+        client: The browser that steers it.
+    """
+
+    title = "Waveform"
+
+    def __init__(self, station: "Desk", client: "viser.ClientHandle") -> None:
+        self._session, self._client = station.session, client
+        self._lock = threading.Lock()  # the last that is taken: nothing outside is called under it
+        played = self._session.scenario.excitation
+        start = self._session.waveform or (played[0] if played else Excitation("prbs"))
+        self._last, self._follows = start, False
+        self._shown: Excitation | None = None
+        self._points: Any = start.parameters.get("points")
+        gui = client.gui
+        with gui.add_folder(None):
+            self._kind: Any = gui.add_dropdown("excitation", [*map(_word, KINDS)], initial_value=_word(start.kind))
+        self._about = Message(gui)
+        self._forms: dict[str, tuple[Any, Form[Excitation]]] = {}
+        for kind in KINDS:
+            fields = excitation_fields(kind, values_of(start) if kind == start.kind else {})
+            # All are built at once and one is shown: each keeps what was typed while another is looked at.
+            with gui.add_folder(None, visible=False) as folder:
+                form = Form(gui, fields, partial(self._make, kind), partial(self._changed, kind))
+            self._forms[kind] = folder, form
+        self._figure = gui.add_html("")
+        self._warnings = Message(gui)
+        self._axis: Any = gui.add_dropdown("play it on", (EVERY_AXIS,))
+        self._use = gui.add_button("Use in the experiment", color="green")
+        self._state = Message(gui)
+        self._numbers = gui.add_html("")
+        with gui.add_folder("Orders of excitation that models need", expand_by_default=False):
+            self._orders = gui.add_html("")
+        self._take = gui.add_button("Take from the experiment", color="gray")
+        upload = gui.add_upload_button("Load a file of 100 points", color="gray", mime_type="text/plain,.txt,.csv,.dat")
+        self._save = gui.add_button("Save the 100 points (TXT)", color="gray")
+        self._recipe = RecipeView(client, lambda: waveform_recipe(self._last, self._session.waveform_file))
+        self._kind.on_update(lambda _: self._pick())
+        self._axis.on_update(lambda _: self._compare())
+        upload.on_upload(reporting(client, lambda: self._load(upload.value.name, upload.value.content)))
+        self._use.on_click(reporting(client, self._put_in))
+        self._take.on_click(reporting(client, self._take_out))
+        self._save.on_click(reporting(client, self._save_points))
+        self._pick()
+        self._session.watch(self._prepared)
+
+    def _make(self, kind: str, values: Mapping[str, Any]) -> Excitation:
+        if kind == "points":
+            if self._points is None:
+                raise ScenarioError("load a file of your own, below: 100 numbers in V, one per line")
+            values = {"points": self._points, **values}
+        parameters = {name: value for name, value in values.items() if name not in SETTINGS}
+        excitation = Excitation(kind, parameters, **{name: values[name] for name in SETTINGS})
+        check_excites(excitation)
+        return excitation
+
+    def _pick(self) -> None:
+        """Show the fields of the kind that is chosen, and what they describe."""
+        with self._lock:
+            for kind, (folder, _) in self._forms.items():
+                folder.visible = _word(kind) == self._kind.value
+            chosen = next(kind for kind in KINDS if _word(kind) == self._kind.value)
+            self._about.say((getdoc(KINDS[chosen]) or "").splitlines()[0].replace("`", ""), remark=True)
+        self._forms[chosen][1].update()
+
+    def _changed(self, kind: str, excitation: Excitation | None) -> None:
+        with self._lock:
+            if _word(kind) != self._kind.value:
+                return
+            self._use.disabled = self._save.disabled = excitation is None
+            self._figure.visible = self._numbers.visible = excitation is not None or kind != "points"
+            drawn, self._shown = self._shown, excitation
+            if excitation is None:
+                self._warnings.say("")
+            elif excitation != drawn:
+                self._show(excitation)
+        self._compare()
+
+    def _show(self, excitation: Excitation) -> None:
+        self._last = self._session.waveform = excitation
+        wave, word = excitation.waveform(), _word(excitation.kind)
+        order, needed = wave.order_of_excitation(), needed_orders()
+        self._figure.content = card(waveform_figure(wave), f"{word}: 100 points and their spectrum", (5.2, 3.5))
+        self._warnings.say("; ".join(excitation_warnings(excitation)))
+        self._numbers.content = table((), excitation_rows(excitation))
+        self._orders.content = table(
+            ("model of the study", "needs", "has"),
+            [(name, str(least), str(order)) for name, least in needed.items()],
+            red=[number for number, least in enumerate(needed.values()) if least > order],
+        )
+        self._recipe.refresh()
+
+    def _compare(self) -> None:
+        """Say whether the experiment plays what is shown."""
+        scenario = self._session.scenario
+        if self._axis.options != (options := (EVERY_AXIS, *scenario.axes)):
+            self._axis.options = options
+        self._axis.visible = len(scenario.axes) > 1
+        played = self._played()
+        self._follows = bool(played) and all(entry == self._shown for entry in played)
+        kinds = ", ".join(dict.fromkeys(_word(entry.kind) for entry in played)) or "nothing: an operator has the stick"
+        words = "plays this" if self._follows else f"does not play this yet, it plays {kinds}"
+        wrong = "The figure shows the last waveform without error" if self._figure.visible else ""
+        self._state.say(f"{scenario.name} {words}" if self._shown else wrong, remark=True)
+
+    def _played(self) -> list[Excitation]:
+        """What the experiment plays on the axis that is chosen, or on every axis."""
+        played = self._session.scenario.played()
+        return [played[self._axis.value]] if self._axis.value in played else list(played.values())
+
+    def _prepared(self) -> None:
+        followed = self._follows
+        self._compare()
+        # What was entered here and is not used yet stays, whatever happens to the experiment.
+        if followed and not self._follows and self._played():
+            self._take_out()
+
+    def _put_in(self) -> None:
+        if self._shown is None:
+            raise ScenarioError("a field is wrong: its message says what is expected")
+        axis = None if self._axis.value == EVERY_AXIS else self._axis.value
+        self._session.prepare(self._session.scenario.with_excitation(self._shown, axis))
+
+    def _take_out(self) -> None:
+        if not (played := self._played()):
+            raise ScenarioError(f"{self._session.scenario.name} plays nothing: an operator has the stick")
+        self._begin_with(played[0], "points.txt")
+
+    def _begin_with(self, excitation: Excitation, file: str) -> None:
+        if excitation.kind == "points":
+            self._points, self._session.waveform_file = excitation.parameters["points"], file
+        form = self._forms[excitation.kind][1]
+        form.set({name: value for name, value in values_of(excitation).items() if name in form.handles})
+        self._kind.value = _word(excitation.kind)
+        self._pick()
+        self._recipe.refresh()
+
+    def _load(self, name: str, content: bytes) -> None:
+        if len(content) > LARGEST_FILE:
+            raise ScenarioError(
+                f"waveform file {name!r}: {len(content)} bytes, expected 100 numbers in at most {LARGEST_FILE} bytes"
+            )
+        excitation = Excitation("points", {"points": parse_points(content, name)})
+        check_excites(excitation)
+        self._begin_with(excitation, name)
+
+    def _save_points(self) -> None:
+        kind, file = self._last.kind, self._session.waveform_file
+        name = f"{Path(file).stem if kind == 'points' else kind}.txt"
+        text = points_text(self._last.waveform().points.tolist())
+        self._client.send_file_download(name, text.encode(), save_immediately=True)
