@@ -1,4 +1,4 @@
-"""Settled part of a log without its means, and the share of it at the velocity limit."""
+"""Settled part of a log without its means, the share of it at the velocity limit, and words for its status."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,6 +20,16 @@ Hz. The thesis too let each excitation reach steady state [Morris1996, sec. II.2
 RATE_LIMITED = (
     "The velocity limit acts before the recorded command: it does not distort a model from recorded command to angle."
 )
+
+WORDS = {
+    Status.VELOCITY_LIMITED: "velocity limit",
+    Status.JOINT_LIMITED: "end of a joint's range",
+    Status.SINGULAR: "near singular",
+    Status.CONVERTER_SATURATED: "converter saturated",
+    Status.SHUT_DOWN: "SHUT DOWN",
+    Status.UNIT_HELD: "unit held",
+}
+"""Words for the status of a tick."""
 
 
 def settled(log: JointLog, joints: str | Sequence[str]) -> IOData:
@@ -54,3 +64,8 @@ def velocity_limited_share(log: JointLog) -> float:
 def swing(log: JointLog, joint: str) -> float:
     """Return half of the distance between the largest and the smallest command over the settled part, rad."""
     return float(np.ptp(settled(log, joint).u[:, 0]) / 2)
+
+
+def status_words(status: int) -> list[str]:
+    """Words for the flags of a tick."""
+    return [word for flag, word in WORDS.items() if status & flag]

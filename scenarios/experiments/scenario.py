@@ -160,6 +160,18 @@ class Scenario:
         entries = (excitation,) if axis is None or not each else tuple({**each, axis: excitation}.values())
         return replace(self, excitation=entries, description="", tags=())
 
+    @property
+    def amplitude(self) -> float | None:
+        """The amplitude that all excitations share, V; None where there is none."""
+        values = {entry.parameters.get("amplitude") for entry in self.excitation}
+        (value,) = values if len(values) == 1 else (None,)
+        return float(value) if isinstance(value, int | float) else None
+
+    def with_amplitude(self, volts: float) -> "Scenario":
+        """Return the same experiment with another amplitude of all its excitations."""
+        entries = (replace(entry, parameters={**entry.parameters, "amplitude": volts}) for entry in self.excitation)
+        return replace(self, excitation=tuple(entries))
+
     def operator(self) -> Operator | None:
         """Return a new operator for the task, or None if the excitation computer moves the stick."""
         return task_operator(self.task, self.seed, self.hand_controller) if self.task else None

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from hmtb_twin.run.live_motion import Motion
+from scenarios.identification.identified_models import IdentifiedModels
 from scenarios.jobs.work import Work
-from scenarios.station.identified_models import IdentifiedModels
 from scenarios.station.scene import Scene
 from scenarios.station.session import Session
 

@@ -12,22 +12,21 @@ import numpy as np
 
 from hmtb_twin import IDEAL, JOINTS, MODES, PAYLOADS, POSES, VARIANTS, Chain, JointLog, load_arm
 from hmtb_twin.bus.shutdown_intervals import shutdown_intervals
-from hmtb_twin.control.modes import TOOL_AXES, axis_names
+from hmtb_twin.control.modes import axis_names
 from hmtb_twin.parameters.values import HAND_CONTROLLER, OPERATING_POSE
 from hmtb_twin.run.experiment_row import experiment_arm
 from hmtb_twin.run.live_run import Frame
 from hmtb_twin.run.playback import pictured_arm
+from scenarios.experiments.hand_drive import Drive, Stick, displays, drive_recipe, exchange
 from scenarios.experiments.log_review import velocity_limited_share
-from scenarios.experiments.operator import way_to
 from scenarios.experiments.registry import load
-from scenarios.experiments.rpcm import RECEPTACLE, rpcm_outcome
 from scenarios.files.data_file import write_log
 from scenarios.files.errors import ScenarioError
 from scenarios.report.html_pieces import listing, table
-from scenarios.station.experiment_tab import DRAWINGS, WORDS
+from scenarios.station.experiment_tab import DRAWINGS
 from scenarios.station.fields import Field, Form, reporting
 from scenarios.station.recipe import Recipe, RecipeView
-from scenarios.station.stick import Drive, Stick, StickPad, grid
+from scenarios.station.stick_pad import StickPad, grid
 from scenarios.station.strip_chart import StripChart
 
 if TYPE_CHECKING:
@@ -40,6 +39,9 @@ WORKSITE = "worksite, the unit in its holster"
 
 PLACES = {WORKSITE: "none"} | {f"free space, payload {name}": name for name in PAYLOADS}
 """Payload at the start of a drive, by the words of the menu."""
+
+PHASES = ("phase", "from / s", "to / s")
+"""Head of the table of an exchange."""
 
 ALL = "all six"
 """The menu's word for all axes of a mode."""
@@ -84,17 +86,6 @@ def drive(values: dict[str, Any]) -> Drive:
         stick=Stick(axes, grip=not worksite),
         **values,
     )
-
-
-def exchange(log: JointLog) -> str:
-    """How the exchange of the replacement unit went, as HTML; empty in free space."""
-    if log.unit_pose is None:
-        return ""
-    outcome = rpcm_outcome(log)
-    warning = outcome.warning()
-    rows = [(name, f"{start:.1f}", f"{end:.1f}") for name, (start, end) in outcome.phases.items()]
-    phases = table(("phase", "from / s", "to / s"), rows) if rows else ""
-    return listing([f"exchange: {outcome}", *([f"warning: {warning}"] if warning else [])]) + phases
 
 
 class DriveTab:
@@ -228,7 +219,9 @@ class DriveTab:
         for frame in frames:
             angles = np.degrees((frame.command[joint], frame.angles[joint])).tolist()
             self._angles.add(frame.tick, frame.time, tuple(angles))
-            self._forces.add(frame.tick, frame.time, (_wrist(frame), frame.contact_force or 0.0))
+            self._forces.add(
+                frame.tick, frame.time, (float(np.linalg.norm(frame.wrench[:3])), frame.contact_force or 0.0)
+            )
         if perf_counter() - self._drawn < DRAWINGS:
             return
         self._drawn = perf_counter()
@@ -243,14 +236,16 @@ class DriveTab:
         motion = self._station.motion
         with self._lock:
             self.drive = None
-            texts, task = [f"failed: {why}"] if why else [], ""
+            texts = [f"failed: {why}"] if why else []
+            phases: list[tuple[str, str, str]] = []
             if log is not None:
-                self.name, task = self._station.session.keep(log), exchange(log)
+                self.name = self._station.session.keep(log)
                 limited = f"{100 * velocity_limited_share(log):.3g} % of it at a velocity limit"
                 texts.insert(0, f"{self.name}: {len(log) * log.dt:g} s recorded, {limited}")
-                texts += [str(entry) for entry in shutdown_intervals(log)]
+                lines, phases = exchange(log)
+                texts += [*map(str, shutdown_intervals(log)), *lines]
             texts.append(f"took {motion.elapsed:.1f} s, at most {1e3 * motion.lag:.0f} ms behind time")
-            self._outcome.content = listing(texts) + task
+            self._outcome.content = listing(texts) + (table(PHASES, phases) if phases else "")
             self._recipe.refresh()
             self._end()
             self._form.update()
@@ -284,38 +279,4 @@ class DriveTab:
         """The record of the last drive without the page."""
         if not self.name:
             return Recipe((), "# after a drive: its record as commands and in Python")
-        log, path = self._station.session.records[self.name], str(self._file(self.name))
-        joint = JOINTS[int(np.ptp(log.commanded, axis=0).argmax())]
-        words = (("identify", path, "--joint", joint), ("view", path), ("video", path, "--camera", "deck"))
-        return Recipe([("hmtb", *one) for one in words], _PROGRAM.format(path=path, joint=joint))
-
-
-_PROGRAM = """from pathlib import Path
-from hmtb_twin import JointLog
-from scenarios.experiments.rpcm import rpcm_outcome
-
-log = JointLog.load(Path({path!r}))
-data = log.iodata("{joint}")  # command and angle, for any estimator of sysid
-print("no exchange" if log.unit_pose is None else rpcm_outcome(log))"""
-
-
-def displays(frame: Frame, driven: Drive | None) -> list[str]:
-    """What the displays of the control station show."""
-    words = [f"{frame.time:.1f} s", *(word for flag, word in WORDS.items() if frame.status & flag)]
-    forces = f"wrist force {_wrist(frame):.1f} N"
-    if frame.contact_force is not None:
-        forces += f", contact force {frame.contact_force:.1f} N"
-    view = driven.stick.view if driven is not None else None
-    if driven is None or view is None or view.unit is None:
-        return [", ".join(words), forces]
-    words.append(f"end effector {'closed' if driven.stick.grip else 'open'}")
-    held = view.unit.held
-    offset, turn = way_to(RECEPTACLE.seated if held else None, view, carry=held)
-    way = ", ".join(
-        f"{axis} {one:+z.0f}" for axis, one in zip(TOOL_AXES, (*1e3 * offset, *np.degrees(turn)), strict=True)
-    )
-    return [", ".join(words), forces, f"{'unit to its receptacle' if held else 'tool to unit'}, mm and deg: {way}"]
-
-
-def _wrist(frame: Frame) -> float:
-    return float(np.linalg.norm(frame.wrench[:3]))
+        return drive_recipe(self._station.session.records[self.name], str(self._file(self.name)))

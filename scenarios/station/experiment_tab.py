@@ -10,17 +10,18 @@ from hmtb_twin import JOINTS, MODES, PAYLOADS, POSES, VARIANTS, Chain, JointLog,
 from hmtb_twin.control.modes import axis_names
 from hmtb_twin.run.experiment_row import experiment_arm
 from hmtb_twin.run.live_run import Frame
-from scenarios.experiments.excitation_computer import Excitation
+from scenarios.experiments.log_review import status_words
 from scenarios.experiments.preview import preview
 from scenarios.experiments.preview_figure import preview_figure
-from scenarios.experiments.registry import load, names, registered
+from scenarios.experiments.recipe import scenario_recipe
+from scenarios.experiments.registry import load, names
 from scenarios.experiments.run_review import review
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.data_file import write_log
 from scenarios.files.errors import ScenarioError
 from scenarios.report.html_pieces import card, listing, table
 from scenarios.station.fields import Field, Form, Message, reporting
-from scenarios.station.recipe import Recipe, RecipeView
+from scenarios.station.recipe import RecipeView
 from scenarios.station.strip_chart import StripChart
 
 if TYPE_CHECKING:
@@ -33,16 +34,6 @@ SPEEDS = {"real time": 1.0, "four times as fast": 4.0, "as fast as it goes": Non
 
 DRAWINGS = 0.2
 """Time between two drawings of the strip charts, s."""
-
-WORDS = {
-    Status.VELOCITY_LIMITED: "velocity limit",
-    Status.JOINT_LIMITED: "end of a joint's range",
-    Status.SINGULAR: "near singular",
-    Status.CONVERTER_SATURATED: "converter saturated",
-    Status.SHUT_DOWN: "SHUT DOWN",
-    Status.UNIT_HELD: "unit held",
-}
-"""Words for the status of a tick."""
 
 
 @dataclass(frozen=True)
@@ -64,24 +55,6 @@ def preview_card(scenario: Scenario) -> PreviewCard:
     head = ("joint", "peak rate", "limit", "from range's end")
     html = card(preview_figure(seen), f"preview of {scenario.name}")
     return PreviewCard(html + table(head, seen.joint_rows()) + listing(seen.lines()), seen.warnings())
-
-
-def amplitude(scenario: Scenario) -> float | None:
-    """The amplitude that all excitations of a scenario share, V; None where there is none."""
-    values = {entry.parameters.get("amplitude") for entry in scenario.excitation}
-    (value,) = values if len(values) == 1 else (None,)
-    return float(value) if isinstance(value, int | float) else None
-
-
-def with_amplitude(scenario: Scenario, volts: float) -> Scenario:
-    """The scenario with another amplitude of all its excitations."""
-    entries = (
-        Excitation(
-            entry.kind, {**entry.parameters, "amplitude": volts}, entry.repeat_frequency, iterations=entry.iterations
-        )
-        for entry in scenario.excitation
-    )
-    return replace(scenario, excitation=tuple(entries))
 
 
 def axis_choices(scenario: Scenario) -> tuple[str, ...]:
@@ -112,8 +85,8 @@ def changed_scenario(base: Scenario, values: dict[str, Any]) -> Scenario:
         times = tuple(float(time) for time in shutdown)
     except ValueError:
         raise ScenarioError(f"expected times in s, such as 5 12, given {' '.join(shutdown)!r}") from None
-    if volts is not None and volts != amplitude(base):
-        base = with_amplitude(base, volts)
+    if volts is not None and volts != base.amplitude:
+        base = base.with_amplitude(volts)
     return replace(base, **values, axes=axes, shutdown=times)
 
 
@@ -160,7 +133,7 @@ class ExperimentTab:
         with gui.add_folder("Scenario file", expand_by_default=False):
             upload = gui.add_upload_button("Load a scenario file (TOML)")
             upload.on_upload(reporting(client, lambda: self._load(upload.value.name, upload.value.content)))
-        self._recipe = RecipeView(client, lambda: recipe(station.session.scenario))
+        self._recipe = RecipeView(client, lambda: scenario_recipe(station.session.scenario))
         self._run.on_click(reporting(client, self._start_run))
         self._stop.on_click(reporting(client, station.motion.stop))
         self._emergency.on_click(reporting(client, lambda: station.motion.switch_power(on=False)))
@@ -176,7 +149,7 @@ class ExperimentTab:
         scenario, gui = self._station.session.scenario, self._client.gui
         for child in list(self._fields._children.values()):
             child.remove()
-        volts, times = amplitude(scenario), " ".join(f"{time:g}" for time in scenario.shutdown)
+        volts, times = scenario.amplitude, " ".join(f"{time:g}" for time in scenario.shutdown)
         fields = [
             Field("name", "name", scenario.name),
             Field("mode", "mode", scenario.mode, tuple(MODES)),
@@ -294,7 +267,7 @@ class ExperimentTab:
         last = frames[-1]
         self._progress.value = 100.0 * min(last.time / scenario.duration, 1.0)
         self._reset.visible = bool(last.status & Status.SHUT_DOWN)
-        words = [word for flag, word in WORDS.items() if last.status & flag]
+        words = status_words(last.status)
         self._state.say(f"{last.time:.1f} of {scenario.duration:g} s   {', '.join(words)}", remark=True)
 
     def _done(self, log: JointLog | None, why: str | None, scenario: Scenario) -> None:
@@ -334,23 +307,3 @@ PREVIEW = "the preview"
 """Name of the work."""
 
 SHUTDOWN_HINT = "times of power off and power on, alternating; empty for none"
-
-
-def recipe(scenario: Scenario) -> Recipe:
-    """The run of a scenario without the page."""
-    table_ = registered().get(scenario.name)
-    if table_ is not None and Scenario.from_table(table_) == scenario:
-        source = scenario.name
-    else:
-        source = f"{scenario.name}.toml"
-    return Recipe(
-        commands=(("hmtb", "preview", source), ("hmtb", "simulate", source)),
-        python=(
-            "import hmtb_twin, scenarios\n\n"
-            f'scenario = scenarios.load("{source}")\n'
-            "(log,) = hmtb_twin.simulate([scenario])\n"
-            f'log.save("{scenario.name}.nc")'
-        ),
-        toml=scenario.to_toml(),
-        file=f"{scenario.name}.toml",
-    )

@@ -2,7 +2,6 @@
 
 import shlex
 import threading
-from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,17 +10,13 @@ from typing import TYPE_CHECKING, Any
 from hmtb_twin import JOINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import ESTIMATORS
-from scenarios.identification.model_comparison import JudgedModel
+from scenarios.identification.model_display import identification_recipe, model_list, numbers
 from scenarios.identification.request import IdentificationRequest
-from scenarios.identification.result_tables import result_tables
-from scenarios.identification.side_by_side import FIGURES, bandwidth_row, holds_truth
-from scenarios.report.html_pieces import listing, table
+from scenarios.identification.side_by_side import FIGURES
 from scenarios.station.fields import Field, Form, Message, reporting
-from scenarios.station.identification_job import IdentifiedModel
-from scenarios.station.recipe import Recipe, RecipeView
+from scenarios.station.recipe import RecipeView
 from scenarios.station.session import Session
 from sysid import write_model
-from sysid.plots import PALETTE
 from sysid.selection.structure_search import ORDERS
 
 if TYPE_CHECKING:
@@ -150,7 +145,7 @@ class IdentifyTab:
             for name in ("Numbers", *FIGURES):
                 with tabs.add_tab(name):
                     self._cards[name] = gui.add_html("")
-        self._recipe = RecipeView(client, lambda: recipe(list(self._models.listed.values())))
+        self._recipe = RecipeView(client, lambda: identification_recipe(list(self._models.listed.values())))
         station.session.watch(self._refresh)
         self._arrange()
         self._refresh()
@@ -275,36 +270,3 @@ class IdentifyTab:
         off = {key for key, box in self._shown.items() if not box.value}
         beside = tuple(kind for kind in ("truth", "published") if kind not in off)
         self._models.show(hidden={key for key in off if isinstance(key, int)}, beside=beside)
-
-
-def recipe(models: Sequence[IdentifiedModel]) -> Recipe:
-    """The models without the page."""
-    calls = ",\n    ".join(one.request.python for one in models)
-    python = (
-        "from pathlib import Path\n\n"
-        "from scenarios.identification.file_identification import identify_files\n"
-        "from scenarios.identification.result_tables import result_tables\n\n"
-        f"models = [\n    {calls},\n]\n"
-        "for model in models:\n"
-        "    for table in result_tables(model):\n"
-        '        print(table.title, *map("  ".join, table.rows), sep="\\n")'
-    )
-    return Recipe([one.request.words for one in models], python)
-
-
-def model_list(models: Sequence[IdentifiedModel], known: Sequence[JudgedModel]) -> str:
-    """Models with their colours, and beside them the truth and printed models."""
-    rows = [(one.name, *bandwidth_row(one.found), holds_truth(one.found, one.known)) for one in models]
-    rows += [(one.label, *bandwidth_row(one), "") for one in known]
-    colours = [one.style.colour for one in models] + [PALETTE[one.kind].colour for one in known]
-    return table(("model", "fit / %", "bandwidth / Hz", "95 % interval / Hz", "holds truth"), rows, colours=colours)
-
-
-def numbers(model: IdentifiedModel) -> str:
-    """What `hmtb identify` prints of a model."""
-    pieces = [listing([f"warning: {text}" for text in model.found.warnings] + list(model.remarks))]
-    pieces += [
-        listing([part.title]) + table(part.columns if any(part.columns) else (), part.rows)
-        for part in result_tables(model.found)
-    ]
-    return "".join(pieces)

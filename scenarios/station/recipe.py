@@ -1,10 +1,10 @@
-"""What was done on the page as a command line, as Python, and as a TOML file, which do the same elsewhere."""
+"""The folder of a tab with commands, Python and TOML that do the same without the page."""
 
-import shlex
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from html import escape
 from typing import TYPE_CHECKING
+
+from scenarios.experiments.recipe import Recipe
 
 if TYPE_CHECKING:
     import viser
@@ -24,28 +24,6 @@ COPY = (
     "this.textContent = 'Copied'; setTimeout(() => {this.textContent = 'Copy'}, 1500)})"
 )
 """Copies the text of the code below; the loopback address counts as secure."""
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """The same without the page.
-
-    Attributes:
-        commands: Words of each command, `hmtb` first.
-        python: A program.
-        toml: Text of a scenario file; empty where there is none.
-        file: Name of that file.
-    """
-
-    commands: Sequence[Sequence[str]]
-    python: str
-    toml: str = ""
-    file: str = ""
-
-    @property
-    def shell(self) -> str:
-        """The commands as they are typed, a line each."""
-        return "\n".join(shlex.join(words) for words in self.commands)
 
 
 class RecipeView:

@@ -1,23 +1,20 @@
-"""The arm in the browser: MuJoCo's geometry as meshes, one for each body, moved by forward kinematics."""
+"""The arm in the browser: a mesh for each body, moved by forward kinematics."""
 
 import threading
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
 from hmtb_twin import JOINTS
 from hmtb_twin.arm.arm import Arm
+from hmtb_twin.arm.meshes import body_meshes
 from hmtb_twin.arm.rendering import scene_model
 from hmtb_twin.parameters.values import OPERATING_POSE
 from hmtb_twin.run.live_run import Frame
 
 if TYPE_CHECKING:
-    import trimesh
     import viser
-
-SHOWN = (0, 1, 2)
-"""Groups of geoms that MuJoCo's viewer shows."""
 
 GHOST = (0.0, 114.0, 178.0)
 """Colour of the commanded arm."""
@@ -61,7 +58,7 @@ class Scene:
             meshes = body_meshes(model)
             # By name: a browser may draw a frame where one of the same name stood, and fixed bodies move no more.
             names = {body: model.body(body).name for body in meshes}
-            moving = set(_descendants(model, model.body(model.jnt_bodyid[0]).id))
+            tree = model.body_treeid[model.jnt_bodyid[0]]
             self._bodies: dict[int, viser.FrameHandle] = {
                 body: scene.add_frame(f"/arm/{names[body]}", show_axes=False) for body in meshes
             }
@@ -70,7 +67,7 @@ class Scene:
             self._ghost: dict[int, viser.FrameHandle] = {
                 body: scene.add_frame(f"/ghost/{names[body]}", show_axes=False, visible=self._ghost_visible)
                 for body in meshes
-                if body in moving
+                if model.body_treeid[body] == tree
             }
             for body in self._ghost:
                 mesh = meshes[body]
@@ -138,54 +135,3 @@ class Scene:
             client.camera.position = eye
             client.camera.look_at = eye - axes[:, 2]
             client.camera.fov = float(np.radians(self._model.cam_fovy[number]))
-
-
-def body_meshes(model: mujoco.MjModel) -> "dict[int, trimesh.Trimesh]":
-    """Return one coloured mesh in the frame of each body that has visible geoms, by the body's number."""
-    import trimesh
-
-    parts: dict[int, list[trimesh.Trimesh]] = {}
-    for geom in range(model.ngeom):
-        if model.geom_group[geom] not in SHOWN:
-            continue
-        mesh = _geom_mesh(mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom])
-        pose = np.eye(4)
-        rotation = np.empty(9)
-        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
-        pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), model.geom_pos[geom]
-        mesh.apply_transform(pose)
-        material = model.geom_matid[geom]
-        rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
-        if rgba[3] == 0.0:
-            continue
-        mesh.visual = trimesh.visual.ColorVisuals(mesh, face_colors=np.rint(255 * rgba).astype(np.uint8))
-        parts.setdefault(int(model.geom_bodyid[geom]), []).append(mesh)
-    return {body: cast(trimesh.Trimesh, trimesh.util.concatenate(meshes)) for body, meshes in parts.items()}
-
-
-def _geom_mesh(kind: mujoco.mjtGeom, size: np.ndarray) -> "trimesh.Trimesh":
-    from trimesh import creation
-
-    if kind == mujoco.mjtGeom.mjGEOM_BOX:
-        return creation.box(2.0 * size)
-    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        return creation.icosphere(subdivisions=2, radius=size[0])
-    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        return creation.cylinder(size[0], 2.0 * size[1], sections=32)
-    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        return creation.capsule(2.0 * size[1], size[0], count=(16, 24))
-    if kind == mujoco.mjtGeom.mjGEOM_PLANE:
-        return creation.box((2.0 * (size[0] or 5.0), 2.0 * (size[1] or 5.0), 0.002))
-    raise ValueError(f"a geom of type {kind.name} has no shape here; expected box, sphere, cylinder, capsule or plane")
-
-
-def _descendants(model: mujoco.MjModel, root: int) -> list[int]:
-    return [body for body in range(model.nbody) if body == root or _above(model, body, root)]
-
-
-def _above(model: mujoco.MjModel, body: int, root: int) -> bool:
-    while body:
-        body = model.body_parentid[body]
-        if body == root:
-            return True
-    return False

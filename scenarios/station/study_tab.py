@@ -10,11 +10,13 @@ from hmtb_twin import JOINTS, JointLog
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from hmtb_twin.run.live_run import Frame, frame_of
 from hmtb_twin.run.playback import pictured_arm
+from scenarios.experiments.opened import Opened, moved_joints, open_log
 from scenarios.experiments.preview_figure import COLOURS, RED
+from scenarios.experiments.recipe import Recipe
 from scenarios.report.html_pieces import listing, table
 from scenarios.station.fields import Message, reporting
-from scenarios.station.opening import Opened, files_in, moved_joints, open_log, open_place
-from scenarios.station.recipe import Recipe, RecipeView
+from scenarios.station.opening import files_in, open_place
+from scenarios.station.recipe import RecipeView
 
 if TYPE_CHECKING:
     import viser

@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenarios.experiments.excitation import KINDS, UNITS
-from scenarios.experiments.excitation_computer import FILE, SETTINGS, Excitation
+from scenarios.experiments.excitation_computer import SETTINGS, Excitation
 from scenarios.experiments.excitation_review import check_excites, excitation_rows, excitation_warnings
 from scenarios.experiments.model_structures import needed_orders
 from scenarios.experiments.preview_figure import waveform_figure
+from scenarios.experiments.recipe import excitation_recipe, kind_word
 from scenarios.experiments.waveform import parse_points, points_text
 from scenarios.files.errors import ScenarioError
 from scenarios.report.html_pieces import card, table
 from scenarios.station.fields import Field, Form, Message, reporting
-from scenarios.station.recipe import Recipe, RecipeView
+from scenarios.station.recipe import RecipeView
 
 if TYPE_CHECKING:
     import viser
@@ -60,34 +61,6 @@ def values_of(excitation: Excitation) -> dict[str, Any]:
     return {**excitation.parameters, **{name: getattr(excitation, name) for name in SETTINGS}}
 
 
-def waveform_recipe(excitation: Excitation, file: str) -> Recipe:
-    """Return command and Python that give the numbers of an excitation, its points from a file if they are its own."""
-    lines = ["from scenarios.experiments import Excitation"]
-    lines += ["from scenarios.experiments.excitation_review import excitation_summary"]
-    defaults = {name: entry.default for name, entry in signature(KINDS[excitation.kind]).parameters.items()}
-    own = {name: value for name, value in excitation.parameters.items() if value != defaults[name]}
-    settings = {name: value for name in SETTINGS if (value := getattr(excitation, name)) is not None}
-    parameters, options = repr(own), {**own, **settings}
-    options.pop("iterations", None)  # the command shows one period
-    if excitation.kind == "points":
-        parameters, options["path"] = f'{{"points": read_points({file!r})}}', file
-        del options["points"]
-        lines += ["from scenarios.experiments.waveform import read_points"]
-    words = ["hmtb", "waveform", _word(excitation.kind)]
-    for name, value in options.items():
-        # In one word: a value may begin with a minus sign.
-        words.append(f"--{name.replace('_', '-')}" + ("" if value is True else f"={value}"))
-    arguments = ", ".join([repr(excitation.kind), parameters, *(f"{name}={settings[name]!r}" for name in settings)])
-    lines += ["", f"excitation = Excitation({arguments})"]
-    lines += ["print(excitation.waveform().points)", "print(excitation_summary(excitation))"]
-    return Recipe([words], "\n".join(lines))
-
-
-def _word(kind: str) -> str:
-    """The word for a kind that commands take."""
-    return FILE if kind == "points" else kind
-
-
 class WaveformTab:
     """Kind and parameters of an excitation, its figure and numbers, its file, and its way into the experiment.
 
@@ -108,7 +81,9 @@ class WaveformTab:
         self._points: Any = start.parameters.get("points")
         gui = client.gui
         with gui.add_folder(None):
-            self._kind: Any = gui.add_dropdown("excitation", [*map(_word, KINDS)], initial_value=_word(start.kind))
+            self._kind: Any = gui.add_dropdown(
+                "excitation", [*map(kind_word, KINDS)], initial_value=kind_word(start.kind)
+            )
         self._about = Message(gui)
         self._forms: dict[str, tuple[Any, Form[Excitation]]] = {}
         for kind in KINDS:
@@ -128,7 +103,7 @@ class WaveformTab:
         self._take = gui.add_button("Take from the experiment", color="gray")
         upload = gui.add_upload_button("Load a file of 100 points", color="gray", mime_type="text/plain,.txt,.csv,.dat")
         self._save = gui.add_button("Save the 100 points (TXT)", color="gray")
-        self._recipe = RecipeView(client, lambda: waveform_recipe(self._last, self._session.waveform_file))
+        self._recipe = RecipeView(client, lambda: excitation_recipe(self._last, self._session.waveform_file))
         self._kind.on_update(lambda _: self._pick())
         self._axis.on_update(lambda _: self._compare())
         upload.on_upload(reporting(client, lambda: self._load(upload.value.name, upload.value.content)))
@@ -152,14 +127,14 @@ class WaveformTab:
         """Show the fields of the kind that is chosen, and what they describe."""
         with self._lock:
             for kind, (folder, _) in self._forms.items():
-                folder.visible = _word(kind) == self._kind.value
-            chosen = next(kind for kind in KINDS if _word(kind) == self._kind.value)
+                folder.visible = kind_word(kind) == self._kind.value
+            chosen = next(kind for kind in KINDS if kind_word(kind) == self._kind.value)
             self._about.say((getdoc(KINDS[chosen]) or "").splitlines()[0].replace("`", ""), remark=True)
         self._forms[chosen][1].update()
 
     def _changed(self, kind: str, excitation: Excitation | None) -> None:
         with self._lock:
-            if _word(kind) != self._kind.value:
+            if kind_word(kind) != self._kind.value:
                 return
             self._use.disabled = self._save.disabled = excitation is None
             self._figure.visible = self._numbers.visible = excitation is not None or kind != "points"
@@ -172,7 +147,7 @@ class WaveformTab:
 
     def _show(self, excitation: Excitation) -> None:
         self._last = self._session.waveform = excitation
-        wave, word = excitation.waveform(), _word(excitation.kind)
+        wave, word = excitation.waveform(), kind_word(excitation.kind)
         order, needed = wave.order_of_excitation(), needed_orders()
         self._figure.content = card(waveform_figure(wave), f"{word}: 100 points and their spectrum", (5.2, 3.5))
         self._warnings.say("; ".join(excitation_warnings(excitation)))
@@ -192,7 +167,9 @@ class WaveformTab:
         self._axis.visible = len(scenario.axes) > 1
         played = self._played()
         self._follows = bool(played) and all(entry == self._shown for entry in played)
-        kinds = ", ".join(dict.fromkeys(_word(entry.kind) for entry in played)) or "nothing: an operator has the stick"
+        kinds = (
+            ", ".join(dict.fromkeys(kind_word(entry.kind) for entry in played)) or "nothing: an operator has the stick"
+        )
         words = "plays this" if self._follows else f"does not play this yet, it plays {kinds}"
         wrong = "The figure shows the last waveform without error" if self._figure.visible else ""
         self._state.say(f"{scenario.name} {words}" if self._shown else wrong, remark=True)
@@ -225,7 +202,7 @@ class WaveformTab:
             self._points, self._session.waveform_file = excitation.parameters["points"], file
         form = self._forms[excitation.kind][1]
         form.set({name: value for name, value in values_of(excitation).items() if name in form.handles})
-        self._kind.value = _word(excitation.kind)
+        self._kind.value = kind_word(excitation.kind)
         self._pick()
         self._recipe.refresh()
 

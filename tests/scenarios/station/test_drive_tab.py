@@ -10,11 +10,12 @@ from hmtb_twin.run.live_motion import Motion as Mover
 from hmtb_twin.run.live_run import LiveRun, frame_of
 from scenarios.commands.cli import main
 from scenarios.experiments.film import load_or_simulate
+from scenarios.experiments.hand_drive import SPRING, Stick, displays
 from scenarios.experiments.registry import load
 from scenarios.experiments.rpcm import HOLSTER, PHASES, approach_point, rpcm_outcome, task_operator
 from scenarios.experiments.scenario import Scenario
-from scenarios.station.drive_tab import ALL, FIELDS, WORKSITE, DriveTab, axis_choices, displays, drive
-from scenarios.station.stick import KEYS, LET_GO, PUSHES, SPRING, Stick
+from scenarios.station.drive_tab import ALL, FIELDS, WORKSITE, DriveTab, axis_choices, drive
+from scenarios.station.stick_pad import KEYS, LET_GO, PUSHES
 from tests.scenarios.station.conftest import press, wait_until
 
 VALUES = {field.name: field.initial for field in FIELDS}
@@ -97,7 +98,7 @@ def test_the_stick_goes_through_the_chain_of_the_experiments(mode, imperfect):
         np.testing.assert_array_equal(getattr(log, channel), getattr(played, channel), err_msg=channel)
     assert (log.status & Status.CONVERTER_SATURATED).any()
     assert np.array_equal(log.volts, deflections) is not imperfect
-    assert log.provenance["operator"] == "scenarios.station.stick.Stick"
+    assert log.provenance["operator"] == "scenarios.experiments.hand_drive.Stick"
     assert "scenario" not in log.provenance  # no file describes what a hand did
 
 

@@ -7,9 +7,10 @@ import pytest
 from hmtb_twin import JointLog, simulate
 from scenarios.commands.cli import main
 from scenarios.experiments.preview import preview
+from scenarios.experiments.recipe import scenario_recipe
 from scenarios.experiments.registry import load
 from scenarios.experiments.scenario import Scenario
-from scenarios.station.experiment_tab import ExperimentTab, PreviewCard, preview_card, recipe
+from scenarios.station.experiment_tab import ExperimentTab, PreviewCard, preview_card
 from tests.scenarios.station.conftest import press, wait_until
 
 
@@ -55,8 +56,8 @@ def test_a_run_as_fast_as_it_goes_is_the_simulation_of_the_command_line(tab, pag
 
 
 def test_a_registered_experiment_needs_no_file():
-    assert recipe(load("siso-5-elbow_pitch")).shell.endswith("hmtb simulate siso-5-elbow_pitch")
-    changed = recipe(replace(load("siso-5-elbow_pitch"), seed=1))
+    assert scenario_recipe(load("siso-5-elbow_pitch")).shell.endswith("hmtb simulate siso-5-elbow_pitch")
+    changed = scenario_recipe(replace(load("siso-5-elbow_pitch"), seed=1))
     assert changed.shell.endswith("hmtb simulate siso-5-elbow_pitch.toml")
     assert Scenario.from_toml(changed.toml).seed == 1
 

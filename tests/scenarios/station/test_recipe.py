@@ -4,7 +4,8 @@ import ast
 import html
 import re
 
-from scenarios.station.recipe import Recipe, RecipeView
+from scenarios.experiments.recipe import Recipe
+from scenarios.station.recipe import RecipeView
 from tests.scenarios.station.conftest import press
 
 AWKWARD = Recipe([["hmtb", "preview", "my file.toml"], ["hmtb", "list"]], 'print("<1 & 2>")', "x = 1\n", "my.toml")

@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 
 from hmtb_twin import load_arm
+from hmtb_twin.arm.meshes import SHOWN, body_meshes
 from hmtb_twin.arm.rendering import scene_model
 from hmtb_twin.parameters.values import OPERATING_POSE
 from hmtb_twin.run.live_run import Frame
-from scenarios.station.scene import SHOWN, body_meshes
 
 
 @pytest.mark.parametrize("payload", ["rpcm", "none"])

@@ -18,9 +18,10 @@ from scenarios.bench.result import Result
 from scenarios.commands.cli import main
 from scenarios.commands.verify_output import show
 from scenarios.estimators.estimator import Estimator, Limits
+from scenarios.experiments.opened import open_log
 from scenarios.experiments.registry import load
 from scenarios.files.record_file import write_record
-from scenarios.station.opening import open_log, open_place
+from scenarios.station.opening import open_place
 from scenarios.station.study_tab import CHOOSE, StudyTab
 from scenarios.thesis.finding import CLAIMS
 from tests.refusals import refused

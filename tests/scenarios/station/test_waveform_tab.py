@@ -14,9 +14,10 @@ from scenarios.commands.cli import main
 from scenarios.experiments.excitation import KINDS, UNITS
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.excitation_review import excitation_rows, excitation_summary
+from scenarios.experiments.recipe import excitation_recipe
 from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import read_points, write_points
-from scenarios.station.waveform_tab import EVERY_AXIS, LARGEST_FILE, WaveformTab, waveform_recipe
+from scenarios.station.waveform_tab import EVERY_AXIS, LARGEST_FILE, WaveformTab
 from tests.scenarios.station.conftest import press
 
 FIELDS = {
@@ -269,5 +270,5 @@ def test_a_large_file_is_refused_before_it_is_read(tab, monkeypatch):
 
 
 def test_a_recipe_names_only_what_differs():
-    recipe = waveform_recipe(Excitation("multisine", {"odd": True, "amplitude": 1.0, "f_min": 1.0}), "")
+    recipe = excitation_recipe(Excitation("multisine", {"odd": True, "amplitude": 1.0, "f_min": 1.0}), "")
     assert recipe.shell == "hmtb waveform multisine --f-min=1.0 --odd"

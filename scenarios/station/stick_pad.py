@@ -1,24 +1,14 @@
-"""The hand controller on the page: axes that keys and buttons push, and springs that bring them back."""
+"""Keys and buttons of the hand controller on the page."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from html import escape
 from importlib import resources
-from math import inf
-from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal, cast
 
-import numpy as np
-
-from hmtb_twin import Motion, View
 from hmtb_twin.control.modes import axis_names
-from scenarios.experiments.scenario import Scenario
 
 if TYPE_CHECKING:
     import viser
-
-SPRING = 0.25
-"""Time after the last push at which an axis springs back, s: browsers delay a push by some."""
 
 PUSHES = 20.0
 """Pushes per second while a key or a button is held."""
@@ -36,51 +26,6 @@ div:has(> div > .MARK) > div {margin: 0 !important; padding: 0 !important; min-w
 div:has(> .MARK) {display: none}
 div:has(> div > .MARK) button {padding: 0 2px; font-size: 0.75em; letter-spacing: -0.02em; touch-action: none}
 </style>"""
-
-
-class Stick:
-    """The 2x3-axis hand controller as the operator of one experiment; `clock` gives the springs' time, s.
-
-    Attributes:
-        grip: Whether the end effector is closed.
-        view: What the operator saw last; None before the first tick.
-    """
-
-    def __init__(self, axes: tuple[str, ...], *, grip: bool = True, clock: Callable[[], float] = perf_counter) -> None:
-        self._clock = clock
-        self._deflections = dict.fromkeys(axes, (0.0, -inf))
-        self.grip = grip
-        self.view: View | None = None
-
-    def push(self, axis: str, volts: float, duration: float = SPRING) -> None:
-        """Deflect an axis by volts for a duration in s, or until the next push; others than its own do nothing."""
-        if axis in self._deflections:
-            self._deflections[axis] = volts, self._clock() + duration
-
-    def volts(self) -> dict[str, float]:
-        """Deflection of each axis at this moment, V."""
-        now = self._clock()
-        return {axis: volts if now < until else 0.0 for axis, (volts, until) in self._deflections.items()}
-
-    def move(self, view: View) -> Motion:
-        """Return the deflections and the grip of a tick; see `hmtb_twin.Operator`."""
-        self.view = view
-        return Motion(np.array(list(self.volts().values())), self.grip)
-
-
-@dataclass(frozen=True)
-class Drive(Scenario):
-    """An experiment that is driven by hand.
-
-    Attributes:
-        stick: The hand controller.
-    """
-
-    stick: Stick = field(default_factory=lambda: Stick(()), compare=False)
-
-    def operator(self) -> Stick:
-        """Return the hand controller."""
-        return self.stick
 
 
 class StickPad:

@@ -1,13 +1,13 @@
-"""The models of a station: identified and drawn beside the page, and kept whichever browser shows them."""
+"""Models side by side: identified and drawn in a process of their own, and kept whoever looks at them."""
 
 from collections.abc import Callable
 from dataclasses import replace
 
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import ESTIMATORS
+from scenarios.identification.model_display import IdentifiedModel, draw_figures, identify_request
 from scenarios.identification.request import IdentificationRequest
 from scenarios.jobs.work import Work
-from scenarios.station.identification_job import IdentifiedModel, draw_figures, identify_request
 from sysid.plots import PALETTE
 
 IDENTIFICATION, FIGURES = "the identification", "the drawing"

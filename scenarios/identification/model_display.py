@@ -1,16 +1,18 @@
-"""What the child process of the Identify tab does: it identifies models and draws their figures."""
+"""Identified models as a page shows them: identified, drawn and listed side by side, with their numbers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import matplotlib
 
+from scenarios.experiments.recipe import Recipe
 from scenarios.identification.file_identification import FileIdentification
 from scenarios.identification.model_comparison import JudgedModel
 from scenarios.identification.request import IdentificationRequest
-from scenarios.identification.side_by_side import DrawnModel, known_models, side_by_side
+from scenarios.identification.result_tables import result_tables
+from scenarios.identification.side_by_side import DrawnModel, bandwidth_row, holds_truth, known_models, side_by_side
 from scenarios.report.figures import SETTINGS
-from scenarios.report.html_pieces import card, listing
+from scenarios.report.html_pieces import card, listing, table
 from sysid.plots import PALETTE, Style
 
 WIDTH = 4.8
@@ -59,3 +61,36 @@ def draw_figures(models: Sequence[IdentifiedModel], kinds: Sequence[str]) -> dic
             )
             for title, figures in side_by_side(drawn, beside, WIDTH).items()
         }
+
+
+def identification_recipe(models: Sequence[IdentifiedModel]) -> Recipe:
+    """The models without the page."""
+    calls = ",\n    ".join(one.request.python for one in models)
+    python = (
+        "from pathlib import Path\n\n"
+        "from scenarios.identification.file_identification import identify_files\n"
+        "from scenarios.identification.result_tables import result_tables\n\n"
+        f"models = [\n    {calls},\n]\n"
+        "for model in models:\n"
+        "    for table in result_tables(model):\n"
+        '        print(table.title, *map("  ".join, table.rows), sep="\\n")'
+    )
+    return Recipe([one.request.words for one in models], python)
+
+
+def model_list(models: Sequence[IdentifiedModel], known: Sequence[JudgedModel]) -> str:
+    """Models with their colours, and beside them the truth and printed models."""
+    rows = [(one.name, *bandwidth_row(one.found), holds_truth(one.found, one.known)) for one in models]
+    rows += [(one.label, *bandwidth_row(one), "") for one in known]
+    colours = [one.style.colour for one in models] + [PALETTE[one.kind].colour for one in known]
+    return table(("model", "fit / %", "bandwidth / Hz", "95 % interval / Hz", "holds truth"), rows, colours=colours)
+
+
+def numbers(model: IdentifiedModel) -> str:
+    """What `hmtb identify` prints of a model."""
+    pieces = [listing([f"warning: {text}" for text in model.found.warnings] + list(model.remarks))]
+    pieces += [
+        listing([part.title]) + table(part.columns if any(part.columns) else (), part.rows)
+        for part in result_tables(model.found)
+    ]
+    return "".join(pieces)

@@ -1,0 +1,51 @@
+"""Meshes of a model's bodies, for viewers that draw no geoms of MuJoCo."""
+
+from typing import TYPE_CHECKING, cast
+
+import mujoco
+import numpy as np
+
+if TYPE_CHECKING:
+    import trimesh
+
+SHOWN = (0, 1, 2)
+"""Groups of geoms that MuJoCo's viewer shows."""
+
+
+def body_meshes(model: mujoco.MjModel) -> "dict[int, trimesh.Trimesh]":
+    """Return one coloured mesh in the frame of each body that has visible geoms, by the body's number."""
+    import trimesh
+
+    parts: dict[int, list[trimesh.Trimesh]] = {}
+    for geom in range(model.ngeom):
+        if model.geom_group[geom] not in SHOWN:
+            continue
+        mesh = _geom_mesh(mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom])
+        pose = np.eye(4)
+        rotation = np.empty(9)
+        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+        pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), model.geom_pos[geom]
+        mesh.apply_transform(pose)
+        material = model.geom_matid[geom]
+        rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
+        if rgba[3] == 0.0:
+            continue
+        mesh.visual = trimesh.visual.ColorVisuals(mesh, face_colors=np.rint(255 * rgba).astype(np.uint8))
+        parts.setdefault(int(model.geom_bodyid[geom]), []).append(mesh)
+    return {body: cast(trimesh.Trimesh, trimesh.util.concatenate(meshes)) for body, meshes in parts.items()}
+
+
+def _geom_mesh(kind: mujoco.mjtGeom, size: np.ndarray) -> "trimesh.Trimesh":
+    from trimesh import creation
+
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        return creation.box(2.0 * size)
+    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+        return creation.icosphere(subdivisions=2, radius=size[0])
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return creation.cylinder(size[0], 2.0 * size[1], sections=32)
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return creation.capsule(2.0 * size[1], size[0], count=(16, 24))
+    if kind == mujoco.mjtGeom.mjGEOM_PLANE:
+        return creation.box((2.0 * (size[0] or 5.0), 2.0 * (size[1] or 5.0), 0.002))
+    raise ValueError(f"a geom of type {kind.name} has no shape here; expected box, sphere, cylinder, capsule or plane")

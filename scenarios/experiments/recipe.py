@@ -1,0 +1,81 @@
+"""What was done on a page as a command line, as Python, and as a TOML file, which do the same elsewhere."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from inspect import signature
+
+from scenarios.experiments.excitation import KINDS
+from scenarios.experiments.excitation_computer import FILE, SETTINGS, Excitation
+from scenarios.experiments.registry import registered
+from scenarios.experiments.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """The same without the page.
+
+    Attributes:
+        commands: Words of each command, `hmtb` first.
+        python: A program.
+        toml: Text of a scenario file; empty where there is none.
+        file: Name of that file.
+    """
+
+    commands: Sequence[Sequence[str]]
+    python: str
+    toml: str = ""
+    file: str = ""
+
+    @property
+    def shell(self) -> str:
+        """The commands as they are typed, a line each."""
+        return "\n".join(shlex.join(words) for words in self.commands)
+
+
+def excitation_recipe(excitation: Excitation, file: str) -> Recipe:
+    """Return command and Python that give the numbers of an excitation, its points from a file if they are its own."""
+    lines = ["from scenarios.experiments import Excitation"]
+    lines += ["from scenarios.experiments.excitation_review import excitation_summary"]
+    defaults = {name: entry.default for name, entry in signature(KINDS[excitation.kind]).parameters.items()}
+    own = {name: value for name, value in excitation.parameters.items() if value != defaults[name]}
+    settings = {name: value for name in SETTINGS if (value := getattr(excitation, name)) is not None}
+    parameters, options = repr(own), {**own, **settings}
+    options.pop("iterations", None)  # the command shows one period
+    if excitation.kind == "points":
+        parameters, options["path"] = f'{{"points": read_points({file!r})}}', file
+        del options["points"]
+        lines += ["from scenarios.experiments.waveform import read_points"]
+    words = ["hmtb", "waveform", kind_word(excitation.kind)]
+    for name, value in options.items():
+        # In one word: a value may begin with a minus sign.
+        words.append(f"--{name.replace('_', '-')}" + ("" if value is True else f"={value}"))
+    arguments = ", ".join([repr(excitation.kind), parameters, *(f"{name}={settings[name]!r}" for name in settings)])
+    lines += ["", f"excitation = Excitation({arguments})"]
+    lines += ["print(excitation.waveform().points)", "print(excitation_summary(excitation))"]
+    return Recipe([words], "\n".join(lines))
+
+
+def kind_word(kind: str) -> str:
+    """The word for a kind that commands take."""
+    return FILE if kind == "points" else kind
+
+
+def scenario_recipe(scenario: Scenario) -> Recipe:
+    """The run of a scenario without the page."""
+    table_ = registered().get(scenario.name)
+    if table_ is not None and Scenario.from_table(table_) == scenario:
+        source = scenario.name
+    else:
+        source = f"{scenario.name}.toml"
+    return Recipe(
+        commands=(("hmtb", "preview", source), ("hmtb", "simulate", source)),
+        python=(
+            "import hmtb_twin, scenarios\n\n"
+            f'scenario = scenarios.load("{source}")\n'
+            "(log,) = hmtb_twin.simulate([scenario])\n"
+            f'log.save("{scenario.name}.nc")'
+        ),
+        toml=scenario.to_toml(),
+        file=f"{scenario.name}.toml",
+    )

@@ -1,0 +1,35 @@
+"""A study of the thesis as it is opened: its results, and one of its tests with a log to replay."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from hmtb_twin import JointLog
+from scenarios.experiments.campaign import campaign_scenario
+from scenarios.experiments.opened import Opened, open_log, open_scenario
+from scenarios.experiments.recipe import Recipe
+from scenarios.thesis.campaign import EVERY_TEST
+from scenarios.thesis.results import read_results, result_tables
+
+
+def open_study(path: Path, part: str) -> Opened:
+    """Open the folder of a study, or one of its tests: its log, or the test simulated again."""
+    record = read_results(path)
+    if part:
+        if (path / f"{part}.nc").is_file():
+            own = open_log(JointLog.load(path / f"{part}.nc"), str(path / f"{part}.nc"))
+        else:
+            test = campaign_scenario(part, seed=record["seed"], duration=record["duration"])
+            own = open_scenario(test, f"{part}.toml")
+        return replace(own, place=str(path), part=part, parts=EVERY_TEST)
+    *bandwidths, findings = result_tables(record)
+    kept = sum((path / f"{name}.nc").is_file() for name in EVERY_TEST)
+    seed = [] if record["seed"] is None else ["--seed", str(record["seed"])]
+    code = "from pathlib import Path\n\nfrom scenarios.thesis.results import read_results\n\n"
+    return Opened(
+        "study",
+        str(path),
+        Recipe([("hmtb", "thesis", *seed, "--out", str(path))], code + f"record = read_results(Path({str(path)!r}))"),
+        [findings, *bandwidths],
+        [record["answer"], record["certainty"], f"logs kept: {kept} of {len(EVERY_TEST)}; others are simulated"],
+        parts=EVERY_TEST,
+    )
