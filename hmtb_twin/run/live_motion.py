@@ -81,6 +81,11 @@ class Motion:
         """Whether something moves the arm."""
         return self._thread is not None and self._thread.is_alive()
 
+    @property
+    def timing(self) -> str:
+        """What the clock says of the current or last motion."""
+        return f"took {self.elapsed:.1f} s, at most {1e3 * self.lag:.0f} ms behind time"
+
     def check_free(self) -> None:
         """Raise `TwinError` if something moves the arm."""
         if self.running:

@@ -42,6 +42,11 @@ class Frame:
         """Since the start of the experiment, s."""
         return self.tick * SAMPLE_TIME
 
+    @property
+    def wrist_force(self) -> float:
+        """Magnitude of the wrist force, N."""
+        return float(np.linalg.norm(self.wrench[:3]))
+
 
 def frame_of(log: JointLog, tick: int) -> Frame:
     """Return the arm at one tick of a log."""

@@ -76,7 +76,7 @@ class Drive(Scenario):
 def displays(frame: Frame, driven: Drive | None) -> list[str]:
     """What the displays of the control station show."""
     words = [f"{frame.time:.1f} s", *status_words(frame.status)]
-    forces = f"wrist force {np.linalg.norm(frame.wrench[:3]):.1f} N"
+    forces = f"wrist force {frame.wrist_force:.1f} N"
     if frame.contact_force is not None:
         forces += f", contact force {frame.contact_force:.1f} N"
     view = driven.stick.view if driven is not None else None

@@ -21,13 +21,11 @@ from scenarios.experiments.hand_drive import Drive, Stick, displays, drive_recip
 from scenarios.experiments.log_review import velocity_limited_share
 from scenarios.experiments.registry import load
 from scenarios.files.data_file import write_log
-from scenarios.files.errors import ScenarioError
 from scenarios.report.html_pieces import listing, table
-from scenarios.station.experiment_tab import DRAWINGS
 from scenarios.station.fields import Field, Form, reporting
 from scenarios.station.recipe import Recipe, RecipeView
 from scenarios.station.stick_pad import StickPad, grid
-from scenarios.station.strip_chart import StripChart
+from scenarios.station.strip_chart import DRAWINGS, StripChart
 
 if TYPE_CHECKING:
     import viser
@@ -183,10 +181,7 @@ class DriveTab:
         station = self._station
         with self._lock:
             station.motion.check_free()
-            made = self._form.record()
-            if made is None:
-                raise ScenarioError("a field is wrong: its message says what is expected")
-            made = replace(made, name=self._free_name())
+            made = replace(self._form.checked(), name=self._free_name())
             station.scene.load(experiment_arm(made, worksite=True, load=load_arm))
             self._clear(made.axes[0])
             self._outcome.content = ""
@@ -219,9 +214,7 @@ class DriveTab:
         for frame in frames:
             angles = np.degrees((frame.command[joint], frame.angles[joint])).tolist()
             self._angles.add(frame.tick, frame.time, tuple(angles))
-            self._forces.add(
-                frame.tick, frame.time, (float(np.linalg.norm(frame.wrench[:3])), frame.contact_force or 0.0)
-            )
+            self._forces.add(frame.tick, frame.time, (frame.wrist_force, frame.contact_force or 0.0))
         if perf_counter() - self._drawn < DRAWINGS:
             return
         self._drawn = perf_counter()
@@ -233,7 +226,6 @@ class DriveTab:
 
     def done(self, log: JointLog | None, why: str | None) -> None:
         """Keep the record of a drive and say how it went."""
-        motion = self._station.motion
         with self._lock:
             self.drive = None
             texts = [f"failed: {why}"] if why else []
@@ -244,7 +236,7 @@ class DriveTab:
                 texts.insert(0, f"{self.name}: {len(log) * log.dt:g} s recorded, {limited}")
                 lines, phases = exchange(log)
                 texts += [*map(str, shutdown_intervals(log)), *lines]
-            texts.append(f"took {motion.elapsed:.1f} s, at most {1e3 * motion.lag:.0f} ms behind time")
+            texts.append(self._station.motion.timing)
             self._outcome.content = listing(texts) + (table(PHASES, phases) if phases else "")
             self._recipe.refresh()
             self._end()

@@ -22,7 +22,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.report.html_pieces import card, listing, table
 from scenarios.station.fields import Field, Form, Message, reporting
 from scenarios.station.recipe import RecipeView
-from scenarios.station.strip_chart import StripChart
+from scenarios.station.strip_chart import DRAWINGS, StripChart
 
 if TYPE_CHECKING:
     import viser
@@ -31,9 +31,6 @@ if TYPE_CHECKING:
 
 SPEEDS = {"real time": 1.0, "four times as fast": 4.0, "as fast as it goes": None}
 """Seconds of the experiment per second, by the words of the menu."""
-
-DRAWINGS = 0.2
-"""Time between two drawings of the strip charts, s."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +113,6 @@ class ExperimentTab:
         self._emergency = gui.add_button("EMERGENCY SHUTDOWN", color="red", visible=False)
         self._reset = gui.add_button("Power on again", visible=False)
         self._stop = gui.add_button("Stop and keep the record", visible=False)
-        self._charts: list[StripChart] = []
         self._drawn = 0.0
         self._joint = 0
         with gui.add_folder("Strip charts"):
@@ -229,8 +225,7 @@ class ExperimentTab:
 
     def _start_run(self) -> None:
         self._station.motion.check_free()
-        if self._form.record() is None:
-            raise ScenarioError("a field is wrong: its message says what is expected")
+        self._form.checked()
         station, scenario = self._station, self._station.session.scenario
         station.scene.load(experiment_arm(scenario, worksite=True, load=load_arm))
         self._joint = JOINTS.index(next((axis for axis in scenario.axes if axis in JOINTS), "elbow_pitch"))
@@ -258,7 +253,7 @@ class ExperimentTab:
         for frame in frames:
             joint = np.degrees((frame.command[self._joint], frame.angles[self._joint]))
             self._charts[0].add(frame.tick, frame.time, tuple(joint.tolist()))
-            self._charts[1].add(frame.tick, frame.time, (float(np.linalg.norm(frame.wrench[:3])),))
+            self._charts[1].add(frame.tick, frame.time, (frame.wrist_force,))
         if perf_counter() - self._drawn < DRAWINGS:
             return
         self._drawn = perf_counter()
@@ -277,7 +272,7 @@ class ExperimentTab:
             run = Scenario.from_toml(log.provenance["scenario"])
             whole = len(log) == round(run.duration / log.dt)
             name = self._station.session.keep(log)
-            texts.insert(0, f"{name}: {len(log) * log.dt:g} s recorded" + "" * whole)
+            texts.insert(0, f"{name}: {len(log) * log.dt:g} s recorded")
             if whole:
                 judged = review(log, run)
                 clipped, limited = judged.shares()
@@ -286,8 +281,7 @@ class ExperimentTab:
                 texts += [f"warning: {text}" for text in judged.warnings]
             if run != scenario and run.shutdown != scenario.shutdown:
                 self._station.session.prepare(run)
-        motion = self._station.motion
-        texts.append(f"took {motion.elapsed:.1f} s, at most {1e3 * motion.lag:.0f} ms behind time")
+        texts.append(self._station.motion.timing)
         for chart in self._charts:
             chart.draw()
         self._outcome.content = listing(texts)

@@ -125,7 +125,29 @@ class Form(Generic[T]):
     def record(self) -> T | None:
         """Make the record and say what is wrong; None while something is."""
         with self._lock:
-            return self._record()
+            values, wrong = self._values()
+            record, general = None, ""
+            if not wrong:
+                try:
+                    record, self._good = self._make(values), values
+                except EXPECTED as error:
+                    wrong = {name: text for name in values if (text := self._alone(name, values))}
+                    general = "" if wrong else str(error)
+            for name, message in self._messages.items():
+                message.say(wrong.get(name, ""))
+            self._message.say(general)
+            return record
+
+    def checked(self) -> T:
+        """Make the record.
+
+        Raises:
+            ScenarioError: A field is wrong.
+        """
+        record = self.record()
+        if record is None:
+            raise ScenarioError("a field is wrong: its message says what is expected")
+        return record
 
     def _typed(self) -> None:
         # Every letter comes in a thread of its own; those that waited while a record was made need no record each.
@@ -134,21 +156,6 @@ class Form(Generic[T]):
         with self._lock:
             if number == self._changes and not self._setting:
                 self.update()
-
-    def _record(self) -> T | None:
-        values, wrong = self._values()
-        record = None
-        general = ""
-        if not wrong:
-            try:
-                record, self._good = self._make(values), values
-            except EXPECTED as error:
-                wrong = {name: text for name in values if (text := self._alone(name, values))}
-                general = "" if wrong else str(error)
-        for name, message in self._messages.items():
-            message.say(wrong.get(name, ""))
-        self._message.say(general)
-        return record
 
     def _values(self) -> tuple[dict[str, Any], dict[str, str]]:
         values, wrong = {}, {}

@@ -176,9 +176,7 @@ class IdentifyTab:
         Raises:
             ScenarioError: A field is wrong.
         """
-        options = self._form.record()
-        if options is None:
-            raise ScenarioError("a field is wrong: its message says what is expected")
+        options = self._form.checked()
         session, method = self._station.session, MENU[self._estimator.value]
         record, judge, file, other = (options.pop(name) for name in ("record", "validate", "file", "other"))
         if record != FILE:

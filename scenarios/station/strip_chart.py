@@ -1,7 +1,8 @@
-"""Strip charts: the last seconds of some signals, drawn by the browser."""
+"""Charts of signals over time, drawn by the browser; strip charts show the last seconds of a motion."""
 
 from collections import deque
-from typing import TYPE_CHECKING, cast
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -13,8 +14,29 @@ if TYPE_CHECKING:
 SHOWN = 20.0
 """Length of a strip chart, s."""
 
+DRAWINGS = 0.2
+"""Time between two drawings while the arm moves, s."""
+
 STRIDE = 2
 """Ticks from one drawn sample to the next: 25 a second."""
+
+
+def time_chart(
+    gui: "viser.GuiApi",
+    signals: Mapping[str, str],
+    height: int,
+    axes: tuple[Any, ...],
+    *,
+    title: str | None = None,
+    padding: tuple[int, int, int, int] | None = None,
+) -> Any:
+    """Put a chart into the container that is open, with a colour for each signal; it has two empty samples so far."""
+    lines = [{"label": name, "stroke": colour, "width": 1.5} for name, colour in signals.items()]
+    series = cast("tuple[viser.uplot.Series, ...]", ({"label": "time / s"}, *lines))
+    empty = tuple(np.zeros(2) for _ in series)
+    return gui.add_uplot(
+        empty, series, scales={"x": {"time": False}}, axes=axes, title=title, height=height, padding=padding
+    )
 
 
 class StripChart:
@@ -30,24 +52,14 @@ class StripChart:
     def __init__(self, gui: "viser.GuiApi", title: str, signals: tuple[str, ...], height: int = 170) -> None:
         self._points: deque[tuple[float, ...]] = deque(maxlen=round(SHOWN * 50 / STRIDE))
         self._width = len(signals)
-        lines = [
-            {"label": name, "stroke": colour, "width": 1.5} for name, colour in zip(signals, COLOURS, strict=False)
-        ]
-        series = cast("tuple[viser.uplot.Series, ...]", ({"label": "time / s"}, *lines))
-        self._chart = gui.add_uplot(
-            self._data(),
-            series,
-            title=title,
-            scales={"x": {"time": False}},
-            axes=({"label": "time / s", "labelSize": 18, "size": 36}, {"size": 56, "space": 18}),
-            height=height,
-            padding=(8, 10, 0, 0),
-        )
+        axes = ({"label": "time / s", "labelSize": 18, "size": 36}, {"size": 56, "space": 18})
+        colours = dict(zip(signals, COLOURS, strict=False))
+        self._chart = time_chart(gui, colours, height, axes, title=title, padding=(8, 10, 0, 0))
 
     def clear(self) -> None:
         """Begin anew."""
         self._points.clear()
-        self._chart.data = self._data()
+        self.draw()
 
     def add(self, tick: int, time: float, values: tuple[float, ...]) -> None:
         """Add the signals of a tick; `draw` shows them."""
@@ -56,9 +68,4 @@ class StripChart:
 
     def draw(self) -> None:
         """Send what was added to the browser."""
-        self._chart.data = self._data()
-
-    def _data(self) -> tuple[np.ndarray, ...]:
-        if not self._points:
-            return tuple(np.zeros(1) for _ in range(self._width + 1))
-        return tuple(np.array(self._points).T)
+        self._chart.data = tuple(np.array(self._points).T if self._points else np.zeros((self._width + 1, 2)))

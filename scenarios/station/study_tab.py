@@ -2,7 +2,7 @@
 
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from scenarios.report.html_pieces import listing, table
 from scenarios.station.fields import Message, reporting
 from scenarios.station.opening import files_in, open_place
 from scenarios.station.recipe import RecipeView
+from scenarios.station.strip_chart import DRAWINGS, time_chart
 
 if TYPE_CHECKING:
     import viser
@@ -28,9 +29,6 @@ SPEEDS = ("0.25", "0.5", "1", "2", "4", "8", "16")
 
 WINDOW = 1000
 """Ticks that the plots show: 20 s."""
-
-REDRAWN = 0.2
-"""Time between two drawings while the arm moves, s."""
 
 CHOOSE = "…"
 """First entry of a menu whose other entries open something at once."""
@@ -48,15 +46,8 @@ class LogPlot:
     """
 
     def __init__(self, gui: "viser.GuiApi", names: tuple[str, ...]) -> None:
-        lines = [{"label": name, "stroke": colour, "width": 1.5} for name, colour in zip(names, COLOURS, strict=False)]
-        series = ({"label": "time / s"}, *lines, {"label": "shown", "stroke": RED, "width": 1.5})
-        self._chart = gui.add_uplot(
-            tuple(np.zeros(2) for _ in series),
-            cast("tuple[viser.uplot.Series, ...]", series),
-            scales={"x": {"time": False}},
-            axes=({"size": 30, "ticks": {"size": 4}}, {"size": 50, "ticks": {"size": 4}}),
-            height=130,
-        )
+        axes = ({"size": 30, "ticks": {"size": 4}}, {"size": 50, "ticks": {"size": 4}})
+        self._chart = time_chart(gui, {**dict(zip(names, COLOURS, strict=False)), "shown": RED}, 130, axes)
 
     def load(self, title: str, values: np.ndarray) -> None:
         """Take signals (N, n)."""
@@ -264,6 +255,6 @@ class StudyTab:
 
     def _watch(self, frames: list[Frame]) -> None:
         self._tick = frames[-1].tick
-        if perf_counter() - self._drawn > REDRAWN:
+        if perf_counter() - self._drawn > DRAWINGS:
             self._drawn = perf_counter()
             self._follow()
