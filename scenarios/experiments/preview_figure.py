@@ -68,7 +68,7 @@ def preview_figure(preview: Preview) -> Figure:
             rates.axhline(sign * limit, color=BOUND.colour, ls=BOUND.line, lw=BOUND.width)
     limited = (preview.status[:count] & _LIMITS) != 0
     for axes in (volts, angles, rates, tool):
-        axes.fill_between(time, 0, 1, where=limited, transform=axes.get_xaxis_transform(), color=RED, alpha=0.2, lw=0)
+        axes.vlines(time[limited], 0, 1, transform=axes.get_xaxis_transform(), color=RED, alpha=0.25, lw=1.0)
     angles.set(ylabel="command / deg")
     rates.set(ylabel="its rate / (deg/s)")
     for number, axis in enumerate("xyz"):
@@ -87,7 +87,7 @@ def preview_figure(preview: Preview) -> Figure:
     )
     share = 100.0 * preview.velocity_limited
     figure.suptitle(
-        f"{preview.scenario.name}: commands, first {count * SAMPLE_TIME:g} s; {share:.3g} % at the velocity limit",
+        f"{preview.scenario.name}, first {count * SAMPLE_TIME:g} s: {share:.3g} % at the velocity limit",
         x=0.01,
         ha="left",
         fontsize=11,

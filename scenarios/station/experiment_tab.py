@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 SPEEDS = {"real time": 1.0, "four times as fast": 4.0, "as fast as it goes": None}
 """Seconds of the experiment per second, by the words of the menu."""
 
+SIZE = (5.2, 7.0)
+"""Width and height of the preview, inches."""
+
 
 @dataclass(frozen=True)
 class PreviewCard:
@@ -50,7 +53,7 @@ def preview_card(scenario: Scenario) -> PreviewCard:
     """Compute a preview and draw it."""
     seen = preview(scenario)
     head = ("joint", "peak rate", "limit", "from range's end")
-    html = card(preview_figure(seen), f"preview of {scenario.name}")
+    html = card(preview_figure(seen), f"preview of {scenario.name}", SIZE)
     return PreviewCard(html + table(head, seen.joint_rows()) + listing(seen.lines()), seen.warnings())
 
 

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -10,13 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from hmtb_twin import linearize, load_arm
+from tests.scenarios.station.walk import CHROMIUM, FLAGS, PATIENCE, button, field, open_page, tab, walk
+
 playwright = pytest.importorskip("playwright.sync_api")
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 PICTURES = Path(__file__).parents[3] / "build" / "station"
-PATIENCE = 120_000
-"""Longest wait for something to appear, ms: only a hanging page takes as long."""
-
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")]
 
 
@@ -43,33 +41,18 @@ def address(tmp_path_factory):
 @pytest.fixture(scope="module")
 def chromium():
     with playwright.sync_playwright() as run:
-        browser = run.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-        )
+        browser = run.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield browser
         browser.close()
 
 
 @pytest.fixture
 def page(chromium, address):
-    requested = []
-    one = chromium.new_page(viewport={"width": 1280, "height": 800})
-    one.set_default_timeout(PATIENCE)
-    one.on("request", lambda request: requested.append(request.url))
-    one.goto(address)
-    one.get_by_role("tab", name="Experiment").wait_for()
+    one = open_page(chromium, address)
     yield one
     one.close()
-    foreign = [url for url in requested if not url.startswith((address, "data:", "blob:"))]
+    foreign = [url for url in one.requested if not url.startswith((address, "data:", "blob:"))]
     assert not foreign, "the page is complete without a network"
-
-
-def button(page, name):
-    return page.get_by_role("button", name=name, exact=True)
-
-
-def tab(page, name):
-    page.get_by_role("tab", name=name).click()
 
 
 def picture(page, name):
@@ -77,22 +60,26 @@ def picture(page, name):
     page.screenshot(path=PICTURES / f"{name}.png")
 
 
-def field(page, label):
-    """The input that stands beside a label, of the tab that is shown."""
-    words = page.locator(f'xpath=//label[normalize-space(.)="{label}"]').locator("visible=true").first
-    return words.locator("xpath=following::input[1]")
+def test_from_the_waveform_to_the_bandwidth_beside_the_truth(page):
+    rows = [row.split("\t") for row in walk(page, lambda name: picture(page, name)).splitlines()]
+    table = {row[0].strip(): row[1:] for row in rows}
+    assert table["truth"][1] == f"{linearize(load_arm()).joint('shoulder_pitch').bandwidth_hz:.3f}"
+    chosen = next(table[name] for name in table if name.startswith("1: OE 2/2/1"))
+    low, high = map(float, chosen[2].split(" to "))
+    assert low < float(chosen[1]) < high
+    assert chosen[3] == ("yes" if low <= float(table["truth"][1]) <= high else "no")
 
 
-def test_an_experiment_is_run_and_stopped(page):
+def test_a_wrong_field_and_a_shutdown(page):
     tab(page, "Experiment")
     field(page, "amplitude / V").fill("two")
     page.get_by_text("expected a number, given 'two'").wait_for()
+    picture(page, "wrong")
     field(page, "amplitude / V").fill("1")
     button(page, "Run").click()
     button(page, "EMERGENCY SHUTDOWN").click()
     page.get_by_text("SHUT DOWN", exact=False).first.wait_for()
     button(page, "Power on again").click()
-    picture(page, "experiment")
     button(page, "Stop and keep the record").click()
     page.get_by_text("s recorded").wait_for()
 
@@ -103,7 +90,6 @@ def test_the_arm_is_driven_by_keys_and_buttons(page):
     page.keyboard.down("i")
     page.keyboard.down("h")
     page.get_by_text("+2.0 V").nth(1).wait_for()  # both keys, although browsers repeat the last alone
-    picture(page, "drive")
     page.keyboard.up("i")
     page.keyboard.up("h")
     page.get_by_text("+2.0 V").first.wait_for(state="hidden")
