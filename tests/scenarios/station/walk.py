@@ -39,6 +39,13 @@ def choose(page, label, option):
     page.get_by_role("option", name=option, exact=True).click()
 
 
+def scroll(page, distance):
+    """Scroll the tab that is shown by a distance in pixels."""
+    page.mouse.move(1040, 600)
+    page.mouse.wheel(0, distance)
+    page.wait_for_timeout(1000)
+
+
 def walk(page, picture):
     """Go from tab to tab; `picture` is called with a name wherever there is something to see.
 
@@ -54,8 +61,7 @@ def walk(page, picture):
     tab(page, "Experiment")
     field(page, "duration / s").fill("60")
     page.get_by_text("command rate-limited:").wait_for()
-    page.get_by_text("Preview: the commands, before anything moves").scroll_into_view_if_needed()
-    page.get_by_text("order of excitation:").scroll_into_view_if_needed()
+    scroll(page, 2000)
     picture("preview")
     button(page, "Run").click()
     page.get_by_text(re.compile(r"^([89]|1\d)\.\d of 60 s")).wait_for()
@@ -81,9 +87,7 @@ def walk(page, picture):
     text = models.inner_text()
     for name in ("Numbers", "Bode", "Poles and zeros", "Residuals", "Fit"):
         tab(page, name)
-        page.mouse.move(1040, 600)
-        page.mouse.wheel(0, 300 if name == "Numbers" else 2000)
-        page.wait_for_timeout(1000)
+        scroll(page, 300 if name == "Numbers" else 2000)
         picture(name.split()[0].lower())
     tab(page, "Drive")
     button(page, "Drive").click()
