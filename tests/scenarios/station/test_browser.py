@@ -48,7 +48,7 @@ def chromium():
 
 @pytest.fixture
 def page(chromium, address):
-    one = open_page(chromium, address)
+    one = open_page(chromium, address, scale=0.5)
     yield one
     one.close()
     foreign = [url for url in one.requested if not url.startswith((address, "data:", "blob:"))]
@@ -103,7 +103,8 @@ def test_the_arm_is_driven_by_keys_and_buttons(page):
 
 
 def test_a_second_browser_watches_and_takes_over(page, chromium, address):
-    other = chromium.new_page(viewport={"width": 640, "height": 480})
+    page.set_viewport_size({"width": 500, "height": 100})
+    other = chromium.new_page(viewport={"width": 500, "height": 100}, device_scale_factor=0.5)
     other.set_default_timeout(PATIENCE)
     other.goto(address)
     other.get_by_text("You watch.").wait_for()
