@@ -1,6 +1,6 @@
 """Control station of one experiment: from the stick to the joint command, tick by tick."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -54,7 +54,7 @@ class ControlStation:
         axes = len(experiment.axes)
         disturbance = pickup(self.ticks, axes, self._parameters, rng, experiment.chain)
         self._interface = HandControllerInterface(self._parameters, experiment.chain, disturbance)
-        self.powered = _powered(experiment, self.ticks)
+        self.powered = servo_power(experiment.shutdown, self.ticks)
         self.live = live or self.operator is not None or not self.powered.all()
         self.commands = np.empty((self.ticks, len(JOINTS)))
         self.status = np.zeros(self.ticks, dtype=np.int64)
@@ -134,18 +134,22 @@ def _excitation(experiment: Experiment, ticks: int) -> np.ndarray:
     return volts
 
 
-def _powered(experiment: Experiment, ticks: int) -> np.ndarray:
-    """Return whether the servos have power at each tick; the shutdown times alternate between off and on."""
+def servo_power(shutdown: Sequence[float], ticks: int) -> np.ndarray:
+    """Return whether the servos have power at each tick; the shutdown times in s alternate between off and on.
+
+    Raises:
+        TwinError: They do not ascend between the first tick and the last.
+    """
     powered = np.ones(ticks, dtype=bool)
-    times = np.asarray(experiment.shutdown, dtype=float)
+    times = np.asarray(shutdown, dtype=float)
     if times.size == 0:
         return powered
-    # Times that are not finite would become ticks without meaning: they fail the check below.
-    switched = np.rint(times * SAMPLE_RATE) if np.isfinite(times).all() else np.zeros(1)
+    # Times that are huge or not finite would become ticks without meaning: they fail the check below.
+    switched = np.rint(times * SAMPLE_RATE) if (np.abs(times) < ticks).all() else np.zeros(1)
     if not (switched[0] >= 1 and (np.diff(switched) > 0).all() and switched[-1] < ticks):
         raise TwinError(
-            f"{experiment.name}: shutdown {', '.join(f'{time:g}' for time in times)} s given, expected ascending times "
-            f"between 0 and the end at {experiment.duration:g} s, {SAMPLE_TIME:g} s apart: power off, power on, ..."
+            f"shutdown {', '.join(f'{time:g}' for time in times)} s given, expected ascending times "
+            f"between 0 and the end at {ticks * SAMPLE_TIME:g} s, {SAMPLE_TIME:g} s apart: power off, power on, ..."
         )
     for index, tick in enumerate(switched.astype(int)):
         powered[tick:] = index % 2 == 1

@@ -138,10 +138,10 @@ class BatchRun:
                 row.record = record
 
     def switch_power(self, tick: int, *, on: bool) -> None:
-        """Switch the servo power of live experiments from a tick on that is yet to come."""
+        """Switch the servo power of live experiments from a tick that is yet to come until the end."""
         for i in self._live:
             self._rows[i].station.powered[tick:] = on
-        self._switched[tick] = self._live
+        self._switched = {one: rows for one, rows in self._switched.items() if one < tick} | {tick: self._live}
 
     def channels(self) -> dict[str, np.ndarray]:
         """Return the recorded channels at this tick, (rows, width) each."""

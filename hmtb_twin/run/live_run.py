@@ -116,21 +116,22 @@ class LiveRun:
     def switch_power(self, *, on: bool) -> None:
         """Switch the servo power from the next tick on: off is an emergency shutdown, on is the reset after it.
 
+        From now on nothing else switches it: shutdowns that were planned for later are dropped.
+
         Raises:
-            TwinError: Shutdowns to come were planned, the run has ended, or not one tick was run since the last switch.
+            TwinError: The run has not begun or has ended.
         """
-        if self._switched and self._switched[-1] >= self.tick * SAMPLE_TIME:
-            raise TwinError(f"the next switch of the servo power is planned for {self._switched[-1]:g} s")
         if not 0 < self.tick < self.ticks or self.failure is not None:
             raise TwinError("the servo power can be switched only while the arm runs")
-        if on != self.powered:
-            self._run.switch_power(self.tick, on=on)
+        self._switched = [time for time in self._switched if round(time / SAMPLE_TIME) < self.tick]
+        if on != bool(self._row.station.powered[self.tick - 1]):
             self._switched.append(round(self.tick * SAMPLE_TIME, 9))
+        self._run.switch_power(self.tick, on=on)
 
     @property
     def experiment(self) -> Experiment:
         """The experiment with the shutdowns that were made: `simulate` repeats the run from it."""
-        if not self._switched:
+        if self._switched == list(self._row.experiment.shutdown):
             return self._row.experiment
         return cast(Experiment, replace(cast(Any, self._row.experiment), shutdown=tuple(self._switched)))
 

@@ -24,6 +24,7 @@ from hmtb_twin import (
     TwinError,
 )
 from hmtb_twin.arm.arm import check_arm
+from hmtb_twin.control.control_station import servo_power
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import axis_names
 from hmtb_twin.parameters.values import HAND_CONTROLLER, SAMPLE_RATE, SAMPLE_TIME
@@ -122,6 +123,7 @@ class Scenario:
             check_outputs(self.excitation, self.axes, self.independent_channels)
         if not SAMPLE_TIME <= self.duration <= LONGEST:
             raise ScenarioError(f"expected a duration of {SAMPLE_TIME} to {LONGEST:g} s, given {self.duration}")
+        servo_power(self.shutdown, round(SAMPLE_RATE * self.duration))
         check_seed(self.seed)
         check_arm(self.variant, self.payload, self.plant, worksite=self.worksite, specimen=self.specimen)
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import multiprocessing
+import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -24,7 +25,7 @@ class Work:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._started = 0.0
+        self._started, self._closed = 0.0, False
         self.label = ""
         self._waiting: dict[str, Callable[[], None]] = {}
         self._open()
@@ -33,7 +34,12 @@ class Work:
         # A child that is spawned shares no thread and no lock with the page.
         spawn = multiprocessing.get_context("spawn")
         self._pool = ProcessPoolExecutor(max_workers=1, mp_context=spawn, initializer=_end_with_the_page)
-        self._child: Future[int] = self._pool.submit(getpid)
+        # Ctrl-C in a terminal reaches the child too; it is for the page to end it.
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            self._child: Future[int] = self._pool.submit(getpid)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
     @property
     def elapsed(self) -> float:
@@ -72,6 +78,8 @@ class Work:
 
         def finished(future: "Future[Any]") -> None:
             error = future.exception()
+            if self._closed:
+                return
             with self._lock:
                 self.label = ""
             if isinstance(error, BrokenProcessPool):
@@ -106,6 +114,7 @@ class Work:
 
     def close(self) -> None:
         """Stop whatever is computed, and end the child."""
+        self._closed = True
         self._kill()
         self._pool.shutdown(wait=False, cancel_futures=True)
 

@@ -261,6 +261,7 @@ class DriveTab:
 
     def _save(self) -> None:
         path = write_log(self._station.session.records[self.name], self._file(self.name))
+        self._station.session.tell()  # the tab Study lists the file
         self._client.add_notification("Saved", str(path), color="green", auto_close_seconds=8.0)
 
     def _download(self) -> None:

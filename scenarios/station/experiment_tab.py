@@ -1,8 +1,9 @@
 """The Experiment tab: prepare an experiment, see its commands before anything moves, and run it live."""
 
+import threading
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -138,10 +139,21 @@ class ExperimentTab:
         self._emergency.on_click(reporting(client, lambda: station.motion.switch_power(on=False)))
         self._reset.on_click(reporting(client, lambda: station.motion.switch_power(on=True)))
         self._save.on_click(reporting(client, self._save_log))
-        self._last: JointLog | None = None
+        last: Any = station.session.memory.get(self.title)
+        self._lock = last._lock if last else threading.RLock()
+        self._last: JointLog | None = last._last if last else None
         self._known = station.session.scenario
         self._previewed: Scenario | None = None
         station.session.watch(self._refresh)
+        with self._lock:  # a run goes on while its page is loaded again
+            station.session.memory[self.title] = self
+            if last:
+                self._joint, self._outcome.content, self._speed.value = (
+                    last._joint,
+                    last._outcome.content,
+                    last._speed.value,
+                )
+            self._buttons(running=last is not None and last._running)
         self._show_preview()
 
     def _build_form(self) -> None:
@@ -235,15 +247,26 @@ class ExperimentTab:
         for chart in self._charts:
             chart.clear()
         self._outcome.content = ""
+
+        def done(log: JointLog | None, why: str | None) -> None:
+            with self._lock:
+                self._tab._done(log, why, scenario)
+
         self._buttons(running=True)  # before the run, which may end at once
         station.motion.run(
             scenario,
             speed=SPEEDS[self._speed.value],
-            watch=lambda frames: self._watch(frames, scenario),
-            done=lambda log, why: self._done(log, why, scenario),
+            watch=lambda frames: self._tab._watch(frames, scenario),
+            done=done,
         )
 
+    @property
+    def _tab(self) -> "ExperimentTab":
+        """The tab of the browser that steers now."""
+        return cast(ExperimentTab, self._station.session.memory[self.title])
+
     def _buttons(self, *, running: bool) -> None:
+        self._running = running
         # What cannot be changed now gives its place to the strip charts.
         for handle in (self._run, self._fields, self._start, self._speed):
             handle.visible = not running
@@ -294,6 +317,7 @@ class ExperimentTab:
     def _save_log(self) -> None:
         if self._last is not None:
             path = write_log(self._last, self._station.session.folder / f"{self._last.name}.nc")
+            self._station.session.tell()  # the tab Study lists the file
             self._client.add_notification("Saved", str(path), color="green", auto_close_seconds=8.0)
 
 

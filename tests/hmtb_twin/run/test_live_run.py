@@ -73,13 +73,31 @@ def test_a_run_that_is_stopped_keeps_its_record(scenario):
     assert live.step() is None
 
 
-def test_power_is_switched_only_while_the_arm_runs_and_nothing_is_planned(scenario):
+@pytest.mark.parametrize(
+    ("tick", "on", "made"),
+    [
+        (20, False, (0.4,)),
+        (50, False, (1.0,)),
+        (50, True, ()),
+        (60, False, (1.0,)),
+        (60, True, (1.0, 1.2)),
+        (100, False, (1.0,)),
+        (150, False, (1.0, 2.0, 3.0)),
+    ],
+)
+def test_power_that_is_switched_live_drops_what_was_planned_for_later(scenario, tick, on, made):
     live = LiveRun(replace(scenario, shutdown=(1.0, 2.0)))
-    with pytest.raises(TwinError, match="planned for 2 s"):
+    run(live, tick)
+    live.switch_power(on=on)
+    run(live)
+    assert live.experiment.shutdown == made
+    same(live.log(), simulate([replace(scenario, shutdown=made)])[0])
+
+
+def test_power_is_switched_only_while_the_arm_runs(scenario):
+    live = LiveRun(scenario)
+    with pytest.raises(TwinError, match="only while the arm runs"):
         live.switch_power(on=False)
-    run(live, 60)
-    with pytest.raises(TwinError, match="planned for 2 s"):
-        live.switch_power(on=True)
     run(live)
     with pytest.raises(TwinError, match="only while the arm runs"):
         live.switch_power(on=False)

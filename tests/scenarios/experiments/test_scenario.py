@@ -147,6 +147,10 @@ def test_a_wrong_file_is_refused_with_what_there_is(change, says):
         *(({"name": name}, "scenario name") for name in ("", ".", "../escape", "a/b", "a\nb", "a\0b", "x" * 101, "-x")),
         *(({"duration": duration}, "duration") for duration in (0.0, -1.0, 1e9, float("nan"), float("inf"))),
         *(({"seed": seed}, "seed") for seed in (-1, 2**63)),
+        *(
+            ({"shutdown": times}, "ascending times")
+            for times in ((0.0,), (2.0, 1.0), (1e9,), (1e308,), (float("nan"),))
+        ),
     ],
 )
 def test_values_that_no_experiment_can_have_are_refused(changes, message):

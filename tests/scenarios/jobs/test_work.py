@@ -46,6 +46,34 @@ def test_work_is_stopped_and_the_next_one_goes_on(work):
     work.stop()  # nothing is computed, nothing happens
 
 
+def test_a_keyboard_interrupt_of_the_whole_terminal_ends_it_without_a_word():
+    program = (
+        "import os, signal, time\n"
+        "from scenarios.jobs.work import Work\n"
+        "if __name__ == '__main__':\n"
+        "    work = Work()\n"
+        "    work.start('a nap', time.sleep, 600.0, done=print, failed=print)\n"
+        "    for wait in (0.05, 0.5):\n"
+        "        try:\n"
+        "            time.sleep(wait)\n"
+        "            os.killpg(os.getpgrp(), signal.SIGINT)\n"
+        "            time.sleep(1)\n"
+        "        except KeyboardInterrupt:\n"
+        "            print(work.label)\n"
+        "    work.close()\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        cwd=os.getcwd(),
+        check=False,
+        start_new_session=True,
+        timeout=60,
+    )
+    assert (run.returncode, run.stdout, run.stderr) == (0, "a nap\na nap\n", "")
+
+
 def test_the_child_ends_with_the_station_however_that_ends():
     program = (
         "import os, signal\n"

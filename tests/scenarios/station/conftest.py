@@ -35,6 +35,7 @@ def page(served):
     wait_until(lambda: not served.work.label)
     served.session.forget_watchers()
     served.session.records.clear()
+    served.session.memory.clear()
     served.server.gui.reset()
 
 

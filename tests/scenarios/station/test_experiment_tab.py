@@ -77,6 +77,22 @@ def test_a_run_keeps_real_time_and_stops_when_told(tab, page):
     assert not tab._stop.visible
 
 
+def test_a_run_goes_on_while_its_page_is_loaded_again(tab, page):
+    station, client = page
+    press(tab._run)
+    wait_until(lambda: station.motion.pictures > 5)
+    station.session.forget_watchers()
+    again = ExperimentTab(station, client)
+    assert again._stop.visible
+    assert again._emergency.visible
+    assert not again._run.visible
+    wait_until(lambda: "of 4 s" in again._state.text)
+    press(again._stop)
+    assert "s recorded" in again._outcome.content
+    assert again._run.visible
+    assert again._save.visible
+
+
 def test_a_shutdown_by_hand_is_noted_in_the_scenario(tab, page):
     station, _ = page
     press(tab._run)
@@ -104,6 +120,7 @@ def test_a_shutdown_by_hand_is_noted_in_the_scenario(tab, page):
         ("name", "../x", "expected 1 to 100 letters"),
         ("name", "", "expected 1 to 100 letters"),
         ("shutdown", "soon", "expected times in s"),
+        ("shutdown", "nan", "expected ascending times"),
     ],
 )
 def test_the_field_says_what_is_wrong(tab, page, field, typed, expected):
