@@ -111,7 +111,7 @@ class ExperimentTab:
         self._fields = gui.add_folder("What is done", expand_by_default=True)
         self._build_form()
         self._run = gui.add_button("Run", color="green")
-        self._speed = gui.add_dropdown("speed", tuple(SPEEDS))
+        self._speed: Any = gui.add_dropdown("speed", tuple(SPEEDS))
         self._progress: Any = gui.add_progress_bar(0.0, visible=False)
         self._state = Message(gui)
         self._emergency = gui.add_button("EMERGENCY SHUTDOWN", color="red", visible=False)

@@ -88,6 +88,8 @@ def checked(session: Session, values: dict[str, Any]) -> dict[str, Any]:
     for path in filter(None, (*values["file"], values["other"])):
         if not path.exists():
             raise ScenarioError(f"there is no file {str(path)!r}")
+        if not path.is_file() and not path.is_dir():
+            raise ScenarioError(f"{str(path)!r} is neither a file nor a folder")  # a pipe or device may never end
     log = session.records.get(values["record"])
     if log is not None:
         if values["skip"] >= len(log) * log.dt:

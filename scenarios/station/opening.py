@@ -37,14 +37,15 @@ def open_place(place: str, part: str = "") -> Opened:
     path = Path(place).expanduser()
     if not place or (not path.exists() and (path.suffix in OPENED or path.name != place)):
         raise ScenarioError(f"no file or folder {place!r}; expected its path, or the name of a scenario")
+    # A pipe or a device may never end, whatever its name.
+    if path.exists() and not path.is_dir() and not (path.is_file() and path.stat().st_size <= LARGEST):
+        raise ScenarioError(f"{path}: expected a file of at most {LARGEST // 2**20} MiB")
     if not path.exists() or path.suffix == ".toml":
         return open_scenario(load(place), place)
     if (path / INDEX).is_file() or path.name.endswith(UNFINISHED):
         return opened_data_set(path, part)
     if path.name == RESULTS or (path / RESULTS).is_file():
         return open_study(path if path.is_dir() else path.parent, part)
-    if path.is_file() and path.stat().st_size > LARGEST:
-        raise ScenarioError(f"{path}: expected a file of at most {LARGEST // 2**20} MiB")
     if path.is_file() and path.suffix == ".json":
         return open_result(path)
     if path.is_file() and (log := log_of(path)) is not None:

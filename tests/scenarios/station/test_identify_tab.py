@@ -192,6 +192,7 @@ def test_models_stand_side_by_side_until_they_are_removed(tab, page):
         ("dt", "fast", "expected a number or nothing, given 'fast'"),
         ("dt", "0", "expected more than 0 s, given 0 s"),
         ("file", "/no/such.csv", "there is no file '/no/such.csv'"),
+        ("file", "/dev/zero", "'/dev/zero' is neither a file nor a folder"),
         ("other", "none.nc", "there is no file 'none.nc'"),
     ],
 )

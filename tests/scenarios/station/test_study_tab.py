@@ -1,5 +1,6 @@
 import json
 import math
+import os
 import shutil
 import threading
 import time
@@ -305,7 +306,11 @@ def test_what_cannot_be_opened_is_said_beneath_the_field(tab, made, log, tmp_pat
         (tmp_path / name).write_bytes(content)
         opened(tab, tmp_path / name)
         assert expected in tab._message.text, (name, tab._message.text)
+    os.mkfifo(tmp_path / "pipe.toml")
+    (tmp_path / "endless.toml").symlink_to("/dev/zero")
     for place, expected in {
+        tmp_path / "pipe.toml": "expected a file",
+        tmp_path / "endless.toml": "expected a file",
         "": "expected its path",
         "nothing": "unknown scenario 'nothing'",
         tmp_path / "none.nc": "no file or folder",
