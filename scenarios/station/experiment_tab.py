@@ -148,11 +148,8 @@ class ExperimentTab:
         with self._lock:  # a run goes on while its page is loaded again
             station.session.memory[self.title] = self
             if last:
-                self._joint, self._outcome.content, self._speed.value = (
-                    last._joint,
-                    last._outcome.content,
-                    last._speed.value,
-                )
+                self._joint, self._outcome.content = last._joint, last._outcome.content
+                self._speed.value = last._speed.value
             self._buttons(running=last is not None and last._running)
         self._show_preview()
 
