@@ -4,6 +4,7 @@ import contextlib
 import functools
 import http
 import io
+import logging
 import types
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
@@ -87,6 +88,8 @@ def open_server(port: int = 0) -> "viser.ViserServer":
     """
     if not 0 <= port <= 65535:
         raise ScenarioError(f"port {port} given, expected 1 to 65535, or 0 for a free one")
+    # What a broken or foreign client sends ends its connection; its traceback is no news for the terminal.
+    logging.getLogger("websockets.server").addHandler(logging.NullHandler())
     with _guarded(), contextlib.redirect_stdout(io.StringIO()):
         server: viser.ViserServer = load_viser().ViserServer(
             host=LOOPBACK, port=port, label="HMTB station", verbose=False
