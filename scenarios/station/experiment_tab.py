@@ -111,7 +111,9 @@ class ExperimentTab:
         self._fields = gui.add_folder("What is done", expand_by_default=True)
         self._build_form()
         self._run = gui.add_button("Run", color="green")
-        self._speed: Any = gui.add_dropdown("speed", tuple(SPEEDS))
+        last: Any = station.session.memory.get(self.title)
+        pace = last._speed.value if last else "real time"
+        self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=pace)
         self._progress: Any = gui.add_progress_bar(0.0, visible=False)
         self._state = Message(gui)
         self._emergency = gui.add_button("EMERGENCY SHUTDOWN", color="red", visible=False)
@@ -139,7 +141,6 @@ class ExperimentTab:
         self._emergency.on_click(reporting(client, lambda: station.motion.switch_power(on=False)))
         self._reset.on_click(reporting(client, lambda: station.motion.switch_power(on=True)))
         self._save.on_click(reporting(client, self._save_log))
-        last: Any = station.session.memory.get(self.title)
         self._lock = last._lock if last else threading.RLock()
         self._last: JointLog | None = last._last if last else None
         self._known = station.session.scenario
@@ -149,7 +150,6 @@ class ExperimentTab:
             station.session.memory[self.title] = self
             if last:
                 self._joint, self._outcome.content = last._joint, last._outcome.content
-                self._speed.value = last._speed.value
             self._buttons(running=last is not None and last._running)
         self._show_preview()
 
