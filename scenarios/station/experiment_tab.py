@@ -112,7 +112,7 @@ class ExperimentTab:
         self._build_form()
         self._run = gui.add_button("Run", color="green")
         last: Any = station.session.memory.get(self.title)
-        pace = last._speed.value if last else "real time"
+        pace = last._speed.value if last and last._running else "real time"
         self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=pace)
         self._progress: Any = gui.add_progress_bar(0.0, visible=False)
         self._state = Message(gui)
