@@ -145,9 +145,9 @@ class StudyTab:
 
     def _compute(self, label: str, function: Any, *arguments: object) -> None:
         def done(opened: Opened) -> None:
-            self._end("")
             self._station.session.memory[self.title] = opened
             self._station.session.tell()
+            self._end("")
 
         def begin() -> None:
             self._message.say(f"{label} ...", remark=True)

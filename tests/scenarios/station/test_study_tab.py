@@ -340,22 +340,27 @@ def _until(path):
         time.sleep(0.01)
 
 
+def _endless(place, part):
+    time.sleep(3600.0)
+
+
 @pytest.mark.slow
-def test_files_are_read_beside_the_page(page, made):
+def test_files_are_read_beside_the_page(page, made, monkeypatch):
     station, client = page
     tab = StudyTab(station, client)
     tab._place.value = str(made / "short.nc")
     tab._buttons.value = "Open"
-    assert tab._stop.visible and tab._message.text.endswith("...")
     wait_until(lambda: not tab._stop.visible)
     assert tab._opened.log.name == "short" and tab._message.text == ""
     release = made / "release"
     station.work.start("something else", _until, release, done=lambda _: None, failed=lambda _: None)
     tab._place.value = "siso-5-elbow_pitch"
+    monkeypatch.setattr("scenarios.station.study_tab.open_place", _endless)
     tab._buttons.value = "Open"
     assert tab._message.text == "opening siso-5-elbow_pitch begins after something else" and not tab._stop.visible
     release.touch()
-    wait_until(lambda: tab._stop.visible)
+    wait_until(lambda: station.work.label.startswith("opening"))
+    assert tab._stop.visible and tab._message.text.endswith("...")
     press(tab._stop)
     wait_until(lambda: not tab._stop.visible)
     assert "was stopped" in tab._message.text
