@@ -65,7 +65,7 @@ def main() -> None:
                     first.quantize(255, dither=Image.Dither.NONE).save(FOLDER / f"{name}.png", optimize=True)
                 film.extend([first, *(shot() for _ in range(MOVING[name]))] if name in MOVING else [first] * STILL)
 
-            walk(page, picture)
+            walk(page, picture, ("OE: output error", "choose for me"))
             browser.close()
             station.send_signal(signal.SIGINT)
     write_film(frames(film), FOLDER.parent / "station.gif", rate=RATE)

@@ -49,8 +49,13 @@ def scroll(page, distance):
     page.wait_for_timeout(1000)
 
 
-def walk(page, picture):
-    """Go from tab to tab; `picture` is called with a name wherever there is something to see.
+def walk(page, picture, estimators=("OE: output error",)):
+    """Go from tab to tab.
+
+    Args:
+        page: The page.
+        picture: Called with a name wherever there is something to see.
+        estimators: What the menu of estimators offers, for one model each.
 
     Returns:
         Text of the table of models.
@@ -80,7 +85,7 @@ def walk(page, picture):
     button(page, "Run").click()
     page.get_by_text("240 s recorded").wait_for()
     tab(page, "Identify")
-    for estimator in ("OE: output error", "choose for me"):
+    for estimator in estimators:
         choose(page, "estimator", estimator)
         button(page, "Identify").click()
         page.get_by_role("button", name="Stop", exact=True).locator("visible=true").first.wait_for(state="visible")
