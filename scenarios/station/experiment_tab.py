@@ -18,7 +18,6 @@ from scenarios.experiments.recipe import scenario_recipe
 from scenarios.experiments.registry import load, names
 from scenarios.experiments.run_review import review
 from scenarios.experiments.scenario import Scenario
-from scenarios.files.data_file import write_log
 from scenarios.files.errors import ScenarioError
 from scenarios.report.html_pieces import card, listing, table
 from scenarios.station.fields import Field, Form, Message, reporting
@@ -313,7 +312,9 @@ class ExperimentTab:
 
     def _save_log(self) -> None:
         if self._last is not None:
-            path = write_log(self._last, self._station.session.folder / f"{self._last.name}.nc")
+            records = self._station.session.records
+            name = next(name for name, log in records.items() if log is self._last)
+            path = self._station.session.file_of(name)  # files of earlier runs stay
             self._station.session.tell()  # the tab Study lists the file
             self._client.add_notification("Saved", str(path), color="green", auto_close_seconds=8.0)
 

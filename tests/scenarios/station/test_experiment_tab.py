@@ -1,5 +1,6 @@
 from dataclasses import replace
 from html import escape
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -188,3 +189,16 @@ def test_a_run_that_cannot_start_is_reported(tab, page):
     wait_until(lambda: not station.motion.running)
     assert tab._run.visible
     assert "hold" in tab._state.text or "hold" in " ".join(page[1].notices)
+
+
+@pytest.mark.slow
+def test_saving_a_second_run_leaves_the_file_of_the_first(tab, page):
+    station, client = page
+    tab._speed.value = "as fast as it goes"
+    for seed in ("7", "8"):
+        fill(tab, seed=seed)
+        press(tab._run)
+        wait_until(lambda: not station.motion.running)
+        press(tab._save)
+    files = [Path(notice.removeprefix("Saved: ")) for notice in client.notices[-2:]]
+    assert [JointLog.load(path).seed for path in files] == [7, 8]
