@@ -138,7 +138,7 @@ class BatchRun:
                 row.record = record
 
     def switch_power(self, tick: int, *, on: bool) -> None:
-        """Switch the servo power of live experiments from a tick that is yet to come until the end."""
+        """Set the servo power of live experiments from a future tick to the end of the run."""
         for i in self._live:
             self._rows[i].station.powered[tick:] = on
         self._switched = {one: rows for one, rows in self._switched.items() if one < tick} | {tick: self._live}

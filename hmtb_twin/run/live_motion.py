@@ -21,7 +21,7 @@ Done = Callable[[JointLog | None, str | None], None]
 
 
 class Playback:
-    """A replay that is steered while it runs.
+    """Speed, position and repetition of a replay, which may change while it runs.
 
     Args:
         log: What is replayed.
@@ -43,7 +43,7 @@ class Playback:
         self._wanted.append(min(max(round(time / self.log.dt), 0), len(self.log) - 1))
 
     def frames(self) -> Iterator[Frame]:
-        """Return the ticks one after the other, from wherever it was last told to go on."""
+        """Yield the ticks to show in their order; after `seek`, from the tick that it named."""
         tick = 0
         while tick < len(self.log):
             if self._wanted:

@@ -17,7 +17,7 @@ from hmtb_twin.run.experiment_row import at_rest, prepare
 
 @dataclass(frozen=True)
 class Frame:
-    """The arm at one tick of a run or of a log.
+    """State of the arm at one tick of a run or log: angles, command, forces, status.
 
     Attributes:
         tick: Number of the tick.
@@ -136,7 +136,7 @@ class LiveRun:
         return cast(Experiment, replace(cast(Any, self._row.experiment), shutdown=tuple(self._switched)))
 
     def log(self) -> JointLog:
-        """Return the log of the ticks done, and end the run.
+        """End the run and return its log up to the current tick.
 
         Raises:
             TwinError: No tick was run.

@@ -133,7 +133,7 @@ def waveform(
 def _excitation(
     kind: str, options: Mapping[str, float | int | bool], path: Path | None, repeat_frequency: float | None
 ) -> "Excitation":
-    """The excitation; errors name options as they were typed."""
+    """Build the excitation from options of the command; errors name them as they were typed."""
     from inspect import Parameter, signature
 
     from scenarios.experiments.excitation import KINDS

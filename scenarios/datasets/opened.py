@@ -14,7 +14,7 @@ MOST_PARTS = 300
 
 
 def opened_data_set(path: Path, part: str) -> Opened:
-    """Open the folder of a data set, and one of its records."""
+    """Summarise the folder of a data set and, if one is named, one of its experiments."""
     data = open_data_set(path)
     names = [one.name for one in data.index if one.failed is None]
     counts = ", ".join(f"{len(data.records(aim))} to {aim}" for aim in PARTS)

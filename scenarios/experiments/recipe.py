@@ -29,7 +29,7 @@ class Recipe:
 
     @property
     def shell(self) -> str:
-        """The commands as they are typed, a line each."""
+        """The command lines, quoted for the shell, one on each line."""
         return "\n".join(shlex.join(words) for words in self.commands)
 
 

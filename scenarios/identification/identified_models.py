@@ -18,7 +18,7 @@ COLOURS = (*ESTIMATORS, "tfest", "polyest", "welch", "cra")
 
 
 class IdentifiedModels:
-    """Models with their colours, and the figures of those that are shown.
+    """Identified models, each with its colour, and the figures that compare those that are visible.
 
     Args:
         work: Computes them.

@@ -64,7 +64,7 @@ def draw_figures(models: Sequence[IdentifiedModel], kinds: Sequence[str]) -> dic
 
 
 def identification_recipe(models: Sequence[IdentifiedModel]) -> Recipe:
-    """The models without the page."""
+    """Commands and Python that reproduce the models without the page."""
     calls = ",\n    ".join(one.request.python for one in models)
     python = (
         "from pathlib import Path\n\n"

@@ -20,7 +20,6 @@ from hmtb_twin.run.playback import pictured_arm
 from scenarios.experiments.hand_drive import Drive, Stick, displays, drive_recipe, exchange
 from scenarios.experiments.log_review import velocity_limited_share
 from scenarios.experiments.registry import load
-from scenarios.files.data_file import write_log
 from scenarios.report.html_pieces import listing, table
 from scenarios.station.fields import Field, Form, reporting
 from scenarios.station.recipe import Recipe, RecipeView
@@ -260,13 +259,11 @@ class DriveTab:
             self._show(moving=True)
 
     def _save(self) -> None:
-        path = write_log(self._station.session.records[self.name], self._file(self.name))
-        self._station.session.tell()  # the tab Study lists the file
-        self._client.add_notification("Saved", str(path), color="green", auto_close_seconds=8.0)
+        self._station.save(self.name, self._client)
 
     def _download(self) -> None:
-        self._save()
-        self._client.send_file_download(f"{self.name}.nc", self._file(self.name).read_bytes())
+        path = self._station.save(self.name, self._client)
+        self._client.send_file_download(path.name, path.read_bytes())
 
     def recipe(self) -> Recipe:
         """The record of the last drive without the page."""

@@ -141,7 +141,7 @@ class ExperimentTab:
         self._reset.on_click(reporting(client, lambda: station.motion.switch_power(on=True)))
         self._save.on_click(reporting(client, self._save_log))
         self._lock = last._lock if last else threading.RLock()
-        self._last: JointLog | None = last._last if last else None
+        self._last: str = last._last if last else ""  # name of the record of the last run
         self._known = station.session.scenario
         self._previewed: Scenario | None = None
         station.session.watch(self._refresh)
@@ -216,6 +216,7 @@ class ExperimentTab:
         if work.label:
             if work.label != PREVIEW:
                 self._preview_state.say(f"waits: {work.label} is being computed", remark=True)
+            work.when_free(PREVIEW, self._show_preview)
             return
         self._previewed = scenario
         self._preview_state.say("is being computed ...", remark=True)
@@ -224,13 +225,11 @@ class ExperimentTab:
             self._preview_state.say("")
             self._preview.content = seen.html
             self._preview_warnings.say("; ".join(seen.warnings))
-            self._show_preview()
 
         def failed(why: str) -> None:
             self._preview_state.say(why)
             self._preview.content = ""
             self._preview_warnings.say("")
-            self._show_preview()
 
         work.start(PREVIEW, preview_card, scenario, done=done, failed=failed)
 
@@ -269,7 +268,7 @@ class ExperimentTab:
         for handle in (self._stop, self._emergency, self._progress):
             handle.visible = running
         self._reset.visible = False
-        self._save.visible = not running and self._last is not None
+        self._save.visible = not running and bool(self._last)
 
     def _watch(self, frames: list[Frame], scenario: Scenario) -> None:
         for frame in frames:
@@ -288,13 +287,13 @@ class ExperimentTab:
         self._state.say(f"{last.time:.1f} of {scenario.duration:g} s   {', '.join(words)}", remark=True)
 
     def _done(self, log: JointLog | None, why: str | None, scenario: Scenario) -> None:
-        self._last = log
+        self._last = ""
         texts = [f"failed: {why}"] if why else []
         if log is not None:
             run = Scenario.from_toml(log.provenance["scenario"])
             whole = len(log) == round(run.duration / log.dt)
-            name = self._station.session.keep(log)
-            texts.insert(0, f"{name}: {len(log) * log.dt:g} s recorded")
+            self._last = self._station.session.keep(log)
+            texts.insert(0, f"{self._last}: {len(log) * log.dt:g} s recorded")
             if whole:
                 judged = review(log, run)
                 clipped, limited = judged.shares()
@@ -311,12 +310,7 @@ class ExperimentTab:
         self._buttons(running=False)
 
     def _save_log(self) -> None:
-        if self._last is not None:
-            records = self._station.session.records
-            name = next(name for name, log in records.items() if log is self._last)
-            path = self._station.session.file_of(name)  # files of earlier runs stay
-            self._station.session.tell()  # the tab Study lists the file
-            self._client.add_notification("Saved", str(path), color="green", auto_close_seconds=8.0)
+        self._station.save(self._last, self._client)
 
 
 RARE = "Arm, seed, shutdowns"

@@ -62,7 +62,7 @@ def values_of(excitation: Excitation) -> dict[str, Any]:
 
 
 class WaveformTab:
-    """Kind and parameters of an excitation, its figure and numbers, its file, and its way into the experiment.
+    """Fields of an excitation, its plot and numbers, its file, and the button that puts it into the experiment.
 
     Args:
         station: The station.

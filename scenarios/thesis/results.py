@@ -21,7 +21,7 @@ from scenarios.thesis.multivariable import WAYS
 from sysid.models.bandwidth import half_power_hz
 
 RESULTS = "results.json"
-"""File of the conclusions of a study."""
+"""Name of the file that holds the results of a study."""
 
 BANDWIDTH = "hz=bandwidth_hz ci95 covers half_power_hz"
 """Attributes of a bandwidth and the names that they have in the record."""
