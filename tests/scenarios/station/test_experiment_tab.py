@@ -1,6 +1,7 @@
 from dataclasses import replace
 from html import escape
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pytest
@@ -168,6 +169,15 @@ def test_the_preview_shows_the_words_of_the_command(tab, page):
     wait_until(lambda: not page[0].work.label)
     assert escape(seen.lines()[0]) in tab._preview.content
     assert tab._preview_warnings.text == "; ".join(seen.warnings())
+
+
+def test_a_preview_waits_for_other_work(tab, page):
+    station, _ = page
+    station.work.start("something else", sleep, 0.2, done=lambda _: None, failed=lambda _: None)
+    scenario = replace(load("siso-5-elbow_pitch"), duration=5.0)
+    station.session.prepare(scenario)
+    wait_until(lambda: tab._previewed == scenario and not station.work.label)
+    assert escape(preview(scenario).lines()[0]) in tab._preview.content
 
 
 def test_a_file_is_loaded_strictly(tab, page):
