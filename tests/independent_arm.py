@@ -4,7 +4,7 @@ Written from the equations in `docs/physics.md` and the geometry in `models/hmtb
 numbers of its parameters and nothing else: no MuJoCo, no MJCF, no code of the actuators. SciPy integrates at a tight
 tolerance, so that the difference from the twin is the error of the twin's step. States of each joint are angle q (rad),
 velocity w (rad/s), load pressure P (MPa; of electric drives current, A), its slow part Pf and the bristles' deflection
-z (rad); the indexed shoulder roll is rigid, so that six joints move.
+z (rad); an indexed shoulder roll is rigid, so that six joints move.
 """
 
 from collections.abc import Sequence
@@ -19,18 +19,16 @@ from scipy.optimize import brentq, root
 from hmtb_twin.arm.arm import Arm
 from hmtb_twin.parameters.payloads import PAYLOADS
 from hmtb_twin.parameters.specimen import LINK_NAMES, Specimen
-from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, SAMPLE_TIME
+from hmtb_twin.parameters.values import JOINTS, SAMPLE_TIME
 from hmtb_twin.parameters.variants import VARIANTS
 
 AXES = dict(zip(JOINTS, ((1, 0, 0), (0, 0, 1), (0, -1, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (1, 0, 0)), strict=True))
 """Axis of each joint along the arm's own x, y and z when it is stretched out: forward, left, up."""
 
-MOVING = [JOINTS.index(name) for name in JOINTS if name not in INDEXED_JOINTS]
-COUNT = len(MOVING)
 FASTEST = 1000.0
 """R, largest rate of the bristles, 1/s."""
 
-SCALES = np.repeat([1e-3, 1e-2, 1e-2, 1e-2, 1e-4], COUNT)
+SCALES = np.array([1e-3, 1e-2, 1e-2, 1e-2, 1e-4])
 """Typical size of q, w, P, Pf and z; absolute tolerances are the relative one of these."""
 
 
@@ -93,14 +91,15 @@ class IndependentArm:
 
     with K the flow-pressure gain including leakage and f the weight at the commanded pose by the controller's model.
     R bounds s0 to 2 R^2 J and s1 to R J/2, J the inertia that a joint sees at zero angles while the others are free.
-    All numbers are those of the arm's records, as attributes per moving joint (6,) named as above.
+    All numbers are those of the arm's records, as attributes per moving joint, six or seven, named as above.
 
     Args:
         arm: The arm whose numbers are taken.
     """
 
     def __init__(self, arm: Arm) -> None:
-        names = [JOINTS[j] for j in MOVING]
+        names = [name for name in JOINTS if name not in VARIANTS[arm.variant].indexed]
+        self.moving, self.count = [JOINTS.index(name) for name in names], len(names)
         drives, gains = [arm.drives[name] for name in names], [arm.gains[name] for name in names]
         self.controller = rigid_bodies(arm.variant, arm.payload)
         self.model = rigid_bodies(arm.variant, arm.payload, arm.specimen, joints=names)
@@ -122,9 +121,9 @@ class IndependentArm:
             self.ws, presliding, bristle_time, self.w0 = np.array(
                 [[seal.stribeck_velocity, seal.presliding, seal.bristle_time, seal.slip_velocity] for seal in seals]
             ).T
-            free = 1.0 / np.diag(np.linalg.inv(self.inertia(np.zeros(COUNT))))
+            free = 1.0 / np.diag(np.linalg.inv(self.inertia(np.zeros(self.count))))
             stiffness = self.coulomb / presliding
-            passive = np.divide(self.B, ratio - 1.0, out=np.full(COUNT, np.inf), where=ratio > 1.0)
+            passive = np.divide(self.B, ratio - 1.0, out=np.full(self.count, np.inf), where=ratio > 1.0)
             self.s0 = np.minimum(stiffness, 2.0 * FASTEST**2 * free)
             self.s1 = np.min([stiffness * bristle_time, passive, 0.5 * FASTEST * free], axis=0)
             # A joint without dry friction has bristles of no stiffness: any g but 0 will do.
@@ -135,30 +134,30 @@ class IndependentArm:
         return self.model.createData(), self.controller.createData()
 
     def feedforward(self, command: np.ndarray) -> np.ndarray:
-        """Return the weight (6,), N m, at a commanded pose (7,), rad, by the controller's model."""
-        return pin.computeGeneralizedGravity(self.controller, self._scratch[1], command)[MOVING].copy()
+        """Return the weight (n,), N m, at a commanded pose (7,), rad, by the controller's model."""
+        return pin.computeGeneralizedGravity(self.controller, self._scratch[1], command)[self.moving].copy()
 
     def weight(self, q: np.ndarray) -> np.ndarray:
-        """Return the weight (6,), N m, of the arm itself at angles (6,), rad."""
+        """Return the weight (n,), N m, of the arm itself at angles (n,), rad."""
         return pin.computeGeneralizedGravity(self.model, self._scratch[0], q).copy()
 
     def rest(self, command: np.ndarray) -> np.ndarray:
-        """Return the state (30,) at rest under a commanded pose (7,), rad, with bristles undeflected."""
-        ask, ahead = np.asarray(command, float)[MOVING], self.feedforward(command)
+        """Return the state (5n,) at rest under a commanded pose (7,), rad, with bristles undeflected."""
+        ask, ahead = np.asarray(command, float)[self.moving], self.feedforward(command)
         stiffness = self.kp * (self.F + self.G) / (self.K + self.G)
         q = root(lambda q: stiffness * (ask - q) + ahead - self.weight(q), ask, tol=1e-14).x
         pressure = self.weight(q) / self.D
-        return np.concatenate([q, np.zeros(COUNT), pressure, pressure, np.zeros(COUNT)])
+        return np.concatenate([q, np.zeros(self.count), pressure, pressure, np.zeros(self.count)])
 
     def slope(self, _t: float, state: np.ndarray, ask: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-        """Return the time derivative of the state (30,) under commanded angles and feedforward torques (6,)."""
-        q, w, P, slow, z = state.reshape(5, COUNT)
+        """Return the time derivative of the state (5n,) under commanded angles and feedforward torques (n,)."""
+        q, w, P, slow, z = state.reshape(5, self.count)
         torque = self.kp * (ask - q) - self.kd * w
         Q = (self.F * torque + self.K * ahead + self.G * (torque + ahead)) / self.D
         Q += self.c * self.D * w - self.G * P - self.H * (P - slow)
         Q = np.minimum(np.maximum(Q, -self.largest), self.largest)
         load = self.D * np.minimum(np.maximum(P, -self.limit), self.limit) - self.B * w
-        out = np.zeros((5, COUNT))
+        out = np.zeros((5, self.count))
         if self.dry:
             bound = self.coulomb + self.excess * np.exp(-((w / self.ws) ** 2))
             rate = self.s0 * w * w / np.sqrt(w * w + self.w0**2) / bound
@@ -181,53 +180,53 @@ class IndependentArm:
         state, step = self.rest(command[0]), 1e-4
         angles = np.zeros_like(command)
         for k, row in enumerate(command):
-            ahead = self.feedforward(row) + (0.0 if noise is None else noise[k, MOVING])
+            ahead = self.feedforward(row) + (0.0 if noise is None else noise[k, self.moving])
             solved = solve_ivp(
                 self.slope,
                 (0.0, SAMPLE_TIME),
                 state,
                 "DOP853",
-                args=(row[MOVING], ahead),
+                args=(row[self.moving], ahead),
                 rtol=rtol,
-                atol=rtol * SCALES,
+                atol=rtol * np.repeat(SCALES, self.count),
                 first_step=step,
             )
             if not solved.success:
                 raise ArithmeticError(f"tick {k}: {solved.message}")
             state, step = solved.y[:, -1], min(1e-3, np.diff(solved.t)[:-1].max(initial=1e-6))
-            angles[k, MOVING] = state[:COUNT]
+            angles[k, self.moving] = state[: self.count]
         return angles
 
     def linear(self, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return A (24, 24) and B (24, 6) of the arm at rest from commanded to actual angles.
+        """Return A (4n, 4n) and B (4n, n) of the arm at rest from commanded to actual angles.
 
         States are q, w, P and Pf; dry friction is off, the drag stays. Exact for a zero-order hold over a tick.
 
         Args:
             command: Commanded pose (7,), rad.
         """
-        q, data = self.rest(command)[:COUNT], self._scratch[0]
-        D, k, one = self.D, self.k, np.eye(COUNT)
+        q, data = self.rest(command)[: self.count], self._scratch[0]
+        D, k, one = self.D, self.k, np.eye(self.count)
         inverse = np.linalg.inv(self.inertia(q))
         stiffness = np.array(pin.computeGeneralizedGravityDerivatives(self.model, data, q))
         ahead = pin.computeGeneralizedGravityDerivatives(self.controller, self._scratch[1], command)
-        A, B = np.zeros((4, COUNT, 4, COUNT)), np.zeros((4, COUNT, COUNT))
+        A, B = np.zeros((4, self.count, 4, self.count)), np.zeros((4, self.count, self.count))
         A[0, :, 1] = one
         A[1, :, 0], A[1, :, 1], A[1, :, 2] = -inverse @ stiffness, -inverse * self.B, inverse * D
         opened = (self.F + self.G) / D / k
         A[2, :, 0], A[2, :, 1] = np.diag(-opened * self.kp), np.diag(-opened * self.kd + (self.c - 1.0) * D / k)
         A[2, :, 2], A[2, :, 3] = -np.diag((self.K + self.G + self.H) / k), np.diag(self.H / k)
         A[3, :, 2], A[3, :, 3] = np.diag(1.0 / self.T), np.diag(-1.0 / self.T)
-        weight = np.array(ahead)[np.ix_(MOVING, MOVING)]
+        weight = np.array(ahead)[np.ix_(self.moving, self.moving)]
         B[2] = np.diag(opened * self.kp) + ((self.K + self.G) / D / k)[:, None] * weight
-        size = 4 * COUNT
-        whole = np.zeros((size + COUNT,) * 2)
-        whole[:size, :size], whole[:size, size:] = A.reshape(size, size), B.reshape(size, COUNT)
+        size = 4 * self.count
+        whole = np.zeros((size + self.count,) * 2)
+        whole[:size, :size], whole[:size, size:] = A.reshape(size, size), B.reshape(size, self.count)
         held = expm(SAMPLE_TIME * whole)[:size]
         return held[:, :size], held[:, size:]
 
     def inertia(self, q: np.ndarray) -> np.ndarray:
-        """Return the inertia matrix (6, 6), kg m^2, at angles (6,), rad, rotors included."""
+        """Return the inertia matrix (n, n), kg m^2, at angles (n,), rad, rotors included."""
         upper = np.triu(pin.crba(self.model, self._scratch[0], q))
         return upper + np.triu(upper, 1).T
 
@@ -249,4 +248,4 @@ class IndependentArm:
             first = next(i for i, f in enumerate(grid) if gain(f, row) < level)
             return brentq(lambda f: gain(f, row) - level, grid[first - 1], grid[first], xtol=1e-12)
 
-        return {JOINTS[j]: crossing(row) for row, j in enumerate(MOVING)}
+        return {JOINTS[j]: crossing(row) for row, j in enumerate(self.moving)}

@@ -15,14 +15,14 @@ from hmtb_twin.files.errors import OverloadError, TwinError, shown
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.callbacks import install_equations
 from hmtb_twin.hydraulics.drive_actuators import drive_parameters
-from hmtb_twin.hydraulics.equilibrium import PIN_STIFFNESSES, drooping, inertia, weight_function
+from hmtb_twin.hydraulics.equilibrium import drooping, inertia, pin_stiffnesses, weight_function
 from hmtb_twin.hydraulics.valve_equilibrium import settled_arm
 from hmtb_twin.parameters.drives import Actuator, Drive
 from hmtb_twin.parameters.payloads import PAYLOADS, SEATS, WORKSITE_PAYLOADS
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.parameters.servo_gains import ServoGains
 from hmtb_twin.parameters.specimen import NOMINAL_SPECIMEN, Specimen
-from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, MOTIONS, POSES, Servo
+from hmtb_twin.parameters.values import JOINTS, MOTIONS, POSES, Servo
 from hmtb_twin.parameters.variants import Variant, variant_named
 
 
@@ -87,6 +87,11 @@ class Arm:
     def friction(self) -> bool:
         """Whether the joints have dry friction, which the oil's drag is not."""
         return self.plant.friction in ("coulomb", "lugre")
+
+    @property
+    def indexed(self) -> tuple[str, ...]:
+        """Joints that a pin holds, which follow no command."""
+        return variant_named(self.variant).indexed
 
     @property
     def delays(self) -> np.ndarray:
@@ -188,7 +193,7 @@ class Arm:
         short = [
             f"{name.replace('_', ' ')} needs {torque:.0f} N m and has {most:.0f}"
             for name, torque, most in zip(JOINTS, needed, available, strict=True)
-            if name not in INDEXED_JOINTS and torque >= most
+            if name not in self.indexed and torque >= most
         ]
         if short:
             pressure = f"at {self.plant.supply_pressure:g} MPa " if self.drives_kind == "hydraulic" else ""
@@ -204,7 +209,8 @@ class Arm:
             return command, self._activations(feedforward)
         p = drive_parameters(self.model)
         opened, resisted = p[:, eq.FEED] + p[:, eq.PRESSURE_GAIN], p[:, eq.SLOPE] + p[:, eq.PRESSURE_GAIN]
-        angles, torque = drooping(self._load, command, feedforward, p[:, eq.STIFFNESS] * opened / resisted)
+        stiffness = p[:, eq.STIFFNESS] * opened / resisted
+        angles, torque = drooping(self._load, command, feedforward, stiffness, pin_stiffnesses(self.model))
         return angles, self._activations(torque)
 
     def _activations(self, torque: np.ndarray) -> np.ndarray:
@@ -216,7 +222,7 @@ class Arm:
 
     def _load(self, angles: np.ndarray) -> np.ndarray:
         """Return the torques (7,), N m, that hold this specimen at angles (7,), rad, against its weight and its pin."""
-        return self.weight(angles) + PIN_STIFFNESSES * angles
+        return self.weight(angles) + pin_stiffnesses(self.model) * angles
 
     def weight(self, angles: np.ndarray) -> np.ndarray:
         """Return the torques (7,), N m, that hold this specimen at joint angles (7,), rad."""

@@ -15,7 +15,7 @@ from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.parameters.servo_gains import ServoGains, servo_gains
 from hmtb_twin.parameters.specimen import Specimen
-from hmtb_twin.parameters.values import HAND_CONTROLLER, INDEXED_JOINTS, JOINTS, OPERATING_POSE, PIN, POSES, SAMPLE_TIME
+from hmtb_twin.parameters.values import HAND_CONTROLLER, JOINTS, OPERATING_POSE, PIN, POSES, SAMPLE_TIME
 from hmtb_twin.parameters.variants import Variant, variant_named
 
 STEPS = {"flow": 15, "torque": 20}
@@ -50,7 +50,7 @@ def compile_arm(
     variant = variant_named(name)
     spec = _spec(variant, payload, plant, specimen, worksite)
     for joint in JOINTS:
-        configure_joint(spec.joint(joint), drives[joint])
+        configure_joint(spec.joint(joint), drives[joint], indexed=joint in variant.indexed)
     if plant.actuator == "orifice":
         # Only hydraulic drives pass `Plant.applied` with this form.
         valves = {joint: drive for joint, drive in drives.items() if isinstance(drive, Actuator)}
@@ -101,7 +101,7 @@ def tuned_gains(variant: Variant, plant: Plant = NOMINAL_PLANT) -> dict[str, Ser
     }
     for name, drive in variant.actuators.items():
         dead_zone = drive.breakaway_torque / gains[name].kp
-        if law == variant.servo and dead_zone >= HAND_CONTROLLER.gain and name not in INDEXED_JOINTS:
+        if law == variant.servo and dead_zone >= HAND_CONTROLLER.gain and name not in variant.indexed:
             raise TwinError(
                 f"{variant.name}: the {name.replace('_', ' ')} stands still up to {1e3 * dead_zone:.3g} mrad, "
                 f"expected less than the {1e3 * HAND_CONTROLLER.gain:.3g} mrad of its smallest test"
@@ -109,10 +109,10 @@ def tuned_gains(variant: Variant, plant: Plant = NOMINAL_PLANT) -> dict[str, Ser
     return gains
 
 
-def configure_joint(joint: mujoco.MjsJoint, drive: Drive) -> None:
+def configure_joint(joint: mujoco.MjsJoint, drive: Drive, *, indexed: bool) -> None:
     """Write rotor inertia, drag, brake and pin into a joint."""
-    joint.armature, joint.damping = drive.motor.armature, [drive.drag, 0.0, 0.0]
-    if joint.name in INDEXED_JOINTS:
+    joint.armature, joint.damping, joint.stiffness = drive.motor.armature, [drive.drag, 0.0, 0.0], [0.0, 0.0, 0.0]
+    if indexed:
         joint.armature += PIN.inertia
         joint.damping, joint.stiffness = [PIN.damping, 0.0, 0.0], [PIN.stiffness, 0.0, 0.0]
     joint.frictionloss = drive.motor.brake

@@ -11,7 +11,8 @@ from hmtb_twin.arm.controller_model import ControllerModel
 from hmtb_twin.control.experiment import Experiment, Status
 from hmtb_twin.control.resolved_rate import ResolvedRate
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, MOTIONS, SAMPLE_TIME, HandController
+from hmtb_twin.parameters.values import JOINTS, MOTIONS, SAMPLE_TIME, HandController
+from hmtb_twin.parameters.variants import variant_named
 
 NORMAL, VELOCITY_LIMITED, JOINT_LIMITED = Status(0), int(Status.VELOCITY_LIMITED), int(Status.JOINT_LIMITED)
 """Status of most ticks, and flags as plain numbers: making an enumeration costs as much as the command itself."""
@@ -179,13 +180,13 @@ def joint_index(name: str) -> int:
     return JOINTS.index(name)
 
 
-def axis_names(mode: str) -> tuple[str, ...]:
-    """Return the axes that the stick can move in a mode; raises `TwinError` for an unknown mode."""
+def axis_names(mode: str, variant: str = "nominal") -> tuple[str, ...]:
+    """Return the axes that the stick can move in a mode on a variant; raises `TwinError` for unknown ones."""
     if mode not in MODES:
         raise TwinError(f"unknown mode {mode!r}, available: {', '.join(MODES)}")
     if mode.startswith("cartesian"):
         return TOOL_AXES
-    return tuple(name for name in JOINTS if name not in INDEXED_JOINTS)
+    return tuple(name for name in JOINTS if name not in variant_named(variant).indexed)
 
 
 def axis_gains(mode: str, axes: tuple[str, ...], parameters: HandController) -> np.ndarray:
@@ -204,13 +205,13 @@ def start_mode(experiment: Experiment, arm: Arm) -> Mode:
     Raises:
         TwinError: Unknown mode, or axes that the mode does not have.
     """
-    known = axis_names(experiment.mode)
+    known = axis_names(experiment.mode, arm.variant)
     axes = experiment.axes
     if not axes or len(set(axes)) != len(axes) or set(axes) - set(known):
         raise TwinError(
             f"{experiment.name}: axes {', '.join(axes) or 'none'} given, expected different ones of "
             f"{', '.join(known)} in mode {experiment.mode}"
-            + ("; the shoulder roll is indexed" if set(axes) & set(INDEXED_JOINTS) else "")
+            + ("; the shoulder roll is indexed" if set(axes) & set(arm.indexed) else "")
         )
     pose = arm.pose(experiment.pose)
     lower = np.array([MOTIONS[name].lower for name in JOINTS])

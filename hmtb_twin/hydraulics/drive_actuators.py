@@ -11,7 +11,7 @@ from hmtb_twin.hydraulics.callbacks import install_equations
 from hmtb_twin.parameters.drives import RATED_PRESSURE, Actuator, Drive
 from hmtb_twin.parameters.servo_gains import ServoGains, servo_dynamics
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve
-from hmtb_twin.parameters.values import INDEXED_JOINTS, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME
 
 ORIFICE_STEP = 0.001
 """Physics step of an arm with orifice actuators, s, by the Runge-Kutta method of fourth order.
@@ -57,7 +57,8 @@ def add_linear_drives(
     # Steps end where a tick ends.
     least = [round(steps)]
     for name, inertia in inertias.items():
-        if name in INDEXED_JOINTS:
+        if spec.joint(name).stiffness[0]:
+            # A pin holds the joint.
             continue
         motor = drives[name].motor
         modes = np.linalg.eigvals(servo_dynamics(inertia, drives[name].drag, motor, gains[name]))

@@ -6,10 +6,12 @@ import mujoco
 import numpy as np
 
 from hmtb_twin.files.errors import OverloadError
-from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, PIN
+from hmtb_twin.parameters.values import JOINTS, PIN
 
-PIN_STIFFNESSES = np.where(np.isin(JOINTS, INDEXED_JOINTS), PIN.stiffness, 0.0)
-"""Stiffness of the pin of each joint (7,), N m/rad."""
+
+def pin_stiffnesses(model: mujoco.MjModel) -> np.ndarray:
+    """Return the stiffness of the pin of each joint of a model (7,), N m/rad: no other spring holds a joint."""
+    return np.array(model.jnt_stiffness[: len(JOINTS)])
 
 
 def newton(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
@@ -62,13 +64,17 @@ def inertia(model: mujoco.MjModel, angles: np.ndarray) -> np.ndarray:
     matrix = np.empty((model.nv, model.nv))
     mujoco.mj_fullM(model, data, matrix)
     # The rotors of electric drives turn with the joints; what holds an indexed joint is no part of the arm.
-    indexed = np.isin(JOINTS, INDEXED_JOINTS)
+    indexed = pin_stiffnesses(model) > 0.0
     matrix[indexed, indexed] -= PIN.inertia
     return matrix
 
 
 def drooping(
-    load: Callable[[np.ndarray], np.ndarray], command: np.ndarray, feedforward: np.ndarray, stiffness: np.ndarray
+    load: Callable[[np.ndarray], np.ndarray],
+    command: np.ndarray,
+    feedforward: np.ndarray,
+    stiffness: np.ndarray,
+    pins: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the equilibrium of a servo arm under a constant command, k (q_cmd - q) + feedforward = load(q).
 
@@ -77,6 +83,7 @@ def drooping(
         command: Commanded angles (7,), rad.
         feedforward: Feedforward torques (7,), N m.
         stiffness: Static stiffness k of each servo (7,), N m/rad.
+        pins: Stiffness of the pin of each joint (7,), N m/rad.
 
     Returns:
         Joint angles (7,) in rad and torques of the drives (7,) in N m.
@@ -89,7 +96,7 @@ def drooping(
         return stiffness * (command - angles) + feedforward
 
     def imbalance(angles: np.ndarray) -> np.ndarray:
-        return (torque(angles) - load(angles)) / (stiffness + PIN_STIFFNESSES)
+        return (torque(angles) - load(angles)) / (stiffness + pins)
 
     angles = newton(imbalance, command)
     if not np.abs(imbalance(angles)).max() < 1e-9:

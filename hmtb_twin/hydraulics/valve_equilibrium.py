@@ -8,7 +8,7 @@ import numpy as np
 from hmtb_twin.files.errors import OverloadError
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.drive_actuators import drive_parameters
-from hmtb_twin.hydraulics.equilibrium import PIN_STIFFNESSES, newton
+from hmtb_twin.hydraulics.equilibrium import newton, pin_stiffnesses
 
 
 def settled_arm(
@@ -34,7 +34,7 @@ def settled_arm(
     Raises:
         OverloadError: No equilibrium: the load is more than the valves can carry.
     """
-    parameters = drive_parameters(model)
+    parameters, pins = drive_parameters(model), pin_stiffnesses(model)
     n, oil = len(parameters), parameters[0]
     controls = np.column_stack([command, feedforward]).ravel()
     steady = np.array([eq.SPOOL_VELOCITY, eq.MEAN, eq.LOAD])
@@ -51,7 +51,7 @@ def settled_arm(
         joints = rates[1:].reshape(n, eq.STATES)[:, steady] / [oil[eq.FREQUENCY] ** 2, 1e3, 1e3]
         displacement = parameters[:, eq.DISPLACEMENT]
         missing = displacement * act[1:].reshape(n, eq.STATES)[:, eq.LOAD] - load(angles)
-        return np.concatenate([rates[:1], joints.ravel(), missing / (displacement + 1e-3 * PIN_STIFFNESSES)])
+        return np.concatenate([rates[:1], joints.ravel(), missing / (displacement + 1e-3 * pins)])
 
     start = np.concatenate(
         [
@@ -65,7 +65,7 @@ def settled_arm(
     solution = newton(imbalance, start)
     if not np.abs(imbalance(solution)).max() < 1e-9:
         stall = parameters[:, eq.DISPLACEMENT] * (oil[eq.SET] - oil[eq.RETURN])
-        most = np.max(np.abs(load(command) / stall), where=PIN_STIFFNESSES == 0.0, initial=0.0)
+        most = np.max(np.abs(load(command) / stall), where=pins == 0.0, initial=0.0)
         raise OverloadError(
             f"at {oil[eq.SET]:g} MPa the servo valves cannot hold the arm at this pose: the weight takes "
             f"{100.0 * most:.0f} % of a drive's largest torque, and what leaks through the valves leaves less than that"

@@ -19,7 +19,7 @@ JOINTS = (
 """The seven joints from the base outward."""
 
 INDEXED_JOINTS = ("shoulder_roll",)
-"""Joints held by a pin at an index position [Morris1996, I.2]."""
+"""Joints held by a pin at an index position [Morris1996, I.2]; a variant may release them."""
 
 
 @dataclass(frozen=True)

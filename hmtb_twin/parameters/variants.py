@@ -1,4 +1,4 @@
-"""The variants of the arm: nominal, published and flight.
+"""The variants of the arm: nominal, published, flight and released.
 
 `published` has the dominant poles of the printed models [Morris1996, eq. 4.14]: shoulder yaw ARMAX (4.7), shoulder
 pitch OE (4.10) and elbow pitch ARMAX (4.12), which the thesis chose. Its servo poles are solutions for the coupled arm,
@@ -10,6 +10,9 @@ could not be matched.
 Dexterous Orbital Servicing System after the Flight Telerobotic Servicer, says that the ground arm has its kinematics,
 and gives no number of it. Its numbers are assumed, within what public documents say of electric arms for space: geared
 brushless motors, brakes that hold without power, no weight to carry.
+
+`released` is the nominal arm without the pin of its shoulder roll. The thesis indexed that joint and left it to future
+work [Morris1996, VII.1]; its drive and servo have the assumed numbers of the nominal arm, which the pin hides there.
 """
 
 from collections.abc import Mapping
@@ -21,7 +24,7 @@ from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.drives import ACTUATORS, Actuator, Drive, ElectricDrive, Friction, RollGearFriction
 from hmtb_twin.parameters.quantity import quantity
 from hmtb_twin.parameters.servo_valve import POWER_UNIT
-from hmtb_twin.parameters.values import BUS, JOINTS, LINKS, MOTIONS, SERVOS, BusTerminal, Link, Servo
+from hmtb_twin.parameters.values import BUS, INDEXED_JOINTS, JOINTS, LINKS, MOTIONS, SERVOS, BusTerminal, Link, Servo
 
 
 @dataclass(frozen=True)
@@ -149,6 +152,7 @@ class Variant:
         servos: Servo of each joint.
         bus: Bus terminal of each joint.
         servo: Servo law, "flow" or "torque"; a `Plant` may ask for the other one.
+        indexed: Joints that a pin holds, which follow no command.
     """
 
     name: str
@@ -159,6 +163,7 @@ class Variant:
     servos: Mapping[str, Servo] = field(default_factory=lambda: SERVOS)
     bus: Mapping[str, BusTerminal] = field(default_factory=lambda: BUS)
     servo: str = "torque"
+    indexed: tuple[str, ...] = INDEXED_JOINTS
 
     def __post_init__(self) -> None:
         """Raise `TwinError` for hydraulics that cannot be."""
@@ -207,6 +212,9 @@ VARIANTS: Mapping[str, Variant] = MappingProxyType(
                 links=FLIGHT_LINKS,
                 actuators=FLIGHT_DRIVES,
                 servos=FLIGHT_SERVOS,
+            ),
+            Variant(
+                "released", "the nominal arm with its shoulder roll free: seven joints move", servo="flow", indexed=()
             ),
         )
     }

@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.bus.joint_log import software_versions
 from hmtb_twin.files.errors import OverloadError, TwinError
-from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, MOTIONS, OPERATING_POSE, SAMPLE_TIME, STUDIED_JOINTS
+from hmtb_twin.parameters.values import JOINTS, MOTIONS, OPERATING_POSE, SAMPLE_TIME, STUDIED_JOINTS
 from hmtb_twin.truth.innovations import Disturbances, innovations_form
 from hmtb_twin.truth.truth import Truth
 from sysid import StateSpace
@@ -26,11 +26,11 @@ AT_INDEX = 1e-9
 """Tolerance of the angle of an indexed joint, rad: a deflected pin acts with its stiffness."""
 
 
-def check_range(angles: np.ndarray) -> None:
+def check_range(angles: np.ndarray, indexed: Sequence[str]) -> None:
     """Raise `TwinError` for angles (7,), rad, with a joint at its stop or an indexed joint off its pin."""
     for name, angle in zip(JOINTS, angles, strict=True):
         message = f"pose: {name} = {np.degrees(angle):g} deg given, expected"
-        if name in INDEXED_JOINTS:
+        if name in indexed:
             if abs(angle - INDEX) > AT_INDEX:
                 raise TwinError(f"{message} {np.degrees(INDEX):g} deg, where its pin holds it")
         elif not clear_of_stops(name, float(angle)):
@@ -121,7 +121,7 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
         raise TwinError(f"amplitudes = {amplitudes!r} given, expected a sequence of numbers in rad")
     smooth = sliding(arm)
     angles = smooth.pose(pose) if isinstance(pose, str) else _angles(pose)
-    check_range(angles)
+    check_range(angles, arm.indexed)
     path, disturbances = _sampled_model(smooth, angles)
     model = innovations_form(path, disturbances.drives, disturbances.resolvers)
     errors = {amplitude: small_signal_error(smooth, model, angles, amplitude) for amplitude in amplitudes}

@@ -10,7 +10,8 @@ from hmtb_twin.control.modes import joint_index
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.plant import Plant
 from hmtb_twin.parameters.specimen import Specimen
-from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS
+from hmtb_twin.parameters.values import JOINTS
+from hmtb_twin.parameters.variants import variant_named
 from hmtb_twin.truth.innovations import Disturbances, innovations_form, minimal_innovations_form
 from sysid import StateSpace
 
@@ -175,7 +176,7 @@ class Truth:
         return JointTruth(
             name=name,
             model=minimal_innovations_form(whole, MINIMAL),
-            bandwidth_hz=np.nan if name in INDEXED_JOINTS else float(path.bandwidth()[0, 0]),
+            bandwidth_hz=np.nan if name in variant_named(self.variant).indexed else float(path.bandwidth()[0, 0]),
             dc_gain=float(path.dc_gain()[0, 0]),
             poles=np.concatenate([poles, late]),
             shares=np.concatenate([shares, late]),

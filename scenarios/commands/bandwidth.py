@@ -33,7 +33,7 @@ def bandwidth(
     tests: Annotated[tuple[int, ...] | None, tyro.conf.arg(metavar="1..8 ...")] = None,
     seeds: int | None = None,
     seed: int | None = None,
-    variant: Annotated[str | None, tyro.conf.arg(metavar="nominal|published|flight")] = None,
+    variant: Annotated[str | None, tyro.conf.arg(metavar="nominal|published|flight|released")] = None,
     no_friction: bool = False,
     duration: float | None = None,
     data: Annotated[tuple[Path, ...] | None, tyro.conf.arg(metavar="LOG ...")] = None,

@@ -70,7 +70,7 @@ def truth(
       hmtb truth --maps --out maps
 
     Args:
-        variant: Which arm: nominal (when not given), published or flight.
+        variant: Which arm: nominal (when not given), published, flight or released.
         payload: What the end effector holds: rpcm (the module, when not given), none, ballast or mdm.
         pose: Operating point: rpcm_holster_out_approach (when not given) or home, or the seven joint angles in degrees,
             separated by commas.

@@ -111,7 +111,7 @@ class Scenario:
         for attribute, known in CHOICES.items():
             if getattr(self, attribute) not in known:
                 raise ScenarioError(unknown(attribute, getattr(self, attribute), known))
-        known = axis_names(self.mode)
+        known = axis_names(self.mode, self.variant)
         for name in self.axes:
             if name not in known:
                 raise ScenarioError(f"mode {self.mode}: {unknown('axis', name, known)}")

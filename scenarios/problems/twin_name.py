@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmtb_twin import JOINTS, VARIANTS, Experiment, JointLog
-from hmtb_twin.parameters.values import INDEXED_JOINTS, LARGE_MOTION, SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.parameters.values import LARGE_MOTION, SAMPLE_RATE, SAMPLE_TIME
 from scenarios.estimators.seeds import seed_of
 from scenarios.experiments.campaign import REGISTER
 from scenarios.experiments.excitation_computer import Excitation
@@ -62,7 +62,8 @@ class TwinName:
     samples: int
 
     def __post_init__(self) -> None:
-        free = tuple(joint for joint in JOINTS if joint not in INDEXED_JOINTS)
+        indexed = VARIANTS[self.variant].indexed if self.variant in VARIANTS else ()
+        free = tuple(joint for joint in JOINTS if joint not in indexed)
         for field, names in (("variant", tuple(VARIANTS)), ("joint", free), ("excitation", tuple(PERIODS))):
             if getattr(self, field) not in names:
                 raise ScenarioError(unknown(field, getattr(self, field), names))

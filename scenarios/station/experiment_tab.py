@@ -59,7 +59,7 @@ def preview_card(scenario: Scenario) -> PreviewCard:
 
 def axis_choices(scenario: Scenario) -> tuple[str, ...]:
     """Axes of the scenario's mode to choose from, one or several separated by commas; its own first."""
-    every = axis_names(scenario.mode)
+    every = axis_names(scenario.mode, scenario.variant)
     several = TRIPLES["cartesian" if scenario.mode.startswith("cartesian") else "joints"]
     return tuple(dict.fromkeys((", ".join(scenario.axes), *every, ", ".join(several), ", ".join(every))))
 

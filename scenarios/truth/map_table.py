@@ -12,7 +12,7 @@ from hmtb_twin.parameters.values import INDEXED_JOINTS
 from sysid.records.arrays import Locked
 
 MOVING = tuple(name for name in JOINTS if name not in INDEXED_JOINTS)
-"""Joints that follow a command; the others are pinned."""
+"""Joints that follow a command on every arm; a pin may hold the others."""
 
 COLUMNS = np.array([JOINTS.index(name) for name in MOVING])
 """Their columns among the seven joints."""

@@ -10,7 +10,7 @@ from hmtb_twin import JOINTS
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.drive_actuators import valve_parameters
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
-from hmtb_twin.parameters.values import INDEXED_JOINTS, MOTIONS, OPERATING_POSE, SAMPLE_TIME
+from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE, SAMPLE_TIME
 from hmtb_twin.truth.linearization import sample_map, sliding
 from sysid import StateSpace
 
@@ -69,5 +69,5 @@ def bandwidths(arm):
             StateSpace(A, B[:, [i]], np.eye(n, len(A))[[i]], np.zeros((1, 1)), None, SAMPLE_TIME).bandwidth()[0, 0]
         )
         for i, name in enumerate(JOINTS)
-        if name not in INDEXED_JOINTS
+        if name not in arm.indexed
     }

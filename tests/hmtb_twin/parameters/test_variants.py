@@ -8,6 +8,7 @@ from scipy.linalg import expm
 
 from hmtb_twin import IDEAL, JOINTS, POSES, STUDIED_JOINTS, Plant, TwinError, linearize, load_arm, simulate
 from hmtb_twin.arm.rigid_bodies import BODIES
+from hmtb_twin.control.modes import axis_names
 from hmtb_twin.hydraulics.drive_actuators import add_linear_drives
 from hmtb_twin.parameters.provenance import markdown, provenance, provenance_table
 from hmtb_twin.parameters.quantity import TAGS, quantity
@@ -188,3 +189,16 @@ def test_readme_holds_the_gains():
     for name in JOINTS:
         expected = flow[name].kp, flow[name].dynamic, torque[name].kp, torque[name].kd
         assert rows[f"| {name.replace('_', ' ')}"].endswith("".join(f" | {gain:.5g}" for gain in expected) + " |")
+
+
+def test_released_arm_is_the_nominal_one_whose_shoulder_roll_moves(arm, truth):
+    released = load_arm("released")
+    assert (released.indexed, arm.indexed) == ((), ("shoulder_roll",))
+    assert axis_names("single_joint", "released") == JOINTS
+    assert (released.gains, released.drives) == (arm.gains, arm.drives)
+    np.testing.assert_array_equal(released.model.dof_armature[1:], arm.model.dof_armature[1:])
+    own = linearize(released, amplitudes=(1e-3,))
+    assert own.small_signal_error[1e-3] < 1e-4
+    assert own.joint("shoulder_roll").dc_gain == pytest.approx(1.0, abs=1e-8)
+    # Free, it turns under the yaw's torque: its inertia is what the yaw pushes against.
+    assert own.joint("shoulder_yaw").bandwidth_hz != pytest.approx(truth.joint("shoulder_yaw").bandwidth_hz, rel=1e-3)

@@ -31,7 +31,9 @@ ELBOW = "twin-nominal-elbow_pitch-multisine-10mrad"
 LARGE = "twin-nominal-elbow_pitch-multisine-40mrad"
 
 
-@pytest.mark.parametrize("text", [ELBOW, f"{ELBOW}-w3", f"{ELBOW}-w3@1024", "twin-published-wrist_roll-prbs-67.5mrad"])
+@pytest.mark.parametrize(
+    "text", [ELBOW, f"{ELBOW}-w3", f"{ELBOW}-w3@1024", "twin-released-shoulder_roll-prbs-67.5mrad"]
+)
 def test_a_name_says_all_of_a_problem(text):
     assert str(twin_name(text)) == text
     assert problem(text).name == text
