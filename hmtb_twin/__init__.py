@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from hmtb_twin.arm.arm import Arm, load_arm
     from hmtb_twin.arm.rendering import render
     from hmtb_twin.bus.joint_log import JointLog
-    from hmtb_twin.control.experiment import IDEAL, Chain, Experiment, Motion, Operator, Status, View
+    from hmtb_twin.control.experiment import IDEAL, Chain, Experiment, Motion, Operator, PayloadChange, Status, View
     from hmtb_twin.control.modes import MODES
     from hmtb_twin.files.errors import OverloadError, TwinError, TwinWarning
     from hmtb_twin.parameters.payloads import PAYLOADS
@@ -40,6 +40,7 @@ __all__ = [
     "Motion",
     "Operator",
     "OverloadError",
+    "PayloadChange",
     "Plant",
     "Specimen",
     "Status",
@@ -57,7 +58,7 @@ _NAMES = {
     "arm.arm": ("Arm", "load_arm"),
     "arm.rendering": ("render",),
     "bus.joint_log": ("JointLog",),
-    "control.experiment": ("IDEAL", "Chain", "Experiment", "Motion", "Operator", "Status", "View"),
+    "control.experiment": ("IDEAL", "Chain", "Experiment", "Motion", "Operator", "PayloadChange", "Status", "View"),
     "control.modes": ("MODES",),
     "files.errors": ("OverloadError", "TwinError", "TwinWarning"),
     "parameters.payloads": ("PAYLOADS",),

@@ -1,7 +1,8 @@
 """Simulated arm: a compiled MuJoCo model with its drives, servo gains and the controller's own model."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from types import MappingProxyType
 
@@ -82,6 +83,12 @@ class Arm:
         # Power fails in the middle of a run: the step stays.
         model.opt.timestep = self.model.opt.timestep
         return model
+
+    def at_step(self, step: float) -> "Arm":
+        """Return the arm with another physics step, s."""
+        model = copy(self.model)
+        model.opt.timestep = step
+        return replace(self, model=model)
 
     @property
     def friction(self) -> bool:

@@ -48,7 +48,11 @@ def write_bodies(spec: mujoco.MjSpec, variant: Variant, payload: str, specimen: 
         body.mass, body.inertia = link.mass, [link.axial_inertia, link.transverse_inertia, link.transverse_inertia]
     held = PAYLOADS[payload]
     if held is None:
-        spec.delete(spec.body(UNIT))
+        # The body stays, without mass: MuJoCo changes a simulation's model only for one of equal size.
+        empty = spec.body(UNIT)
+        empty.mass, empty.inertia = 0.0, [0.0, 0.0, 0.0]
+        for shape in list(empty.geoms):
+            spec.delete(shape)
     elif held != PAYLOADS["rpcm"]:
         unit = spec.body(UNIT)
         x, y, z = held.size

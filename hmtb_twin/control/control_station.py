@@ -1,11 +1,12 @@
 """Control station of one experiment: from the stick to the joint command, tick by tick."""
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from hmtb_twin.arm.arm import Arm
-from hmtb_twin.control.experiment import Experiment, Motion, Status, View
+from hmtb_twin.control.experiment import Experiment, Motion, PayloadChange, Status, View
 from hmtb_twin.control.hand_controller import HandControllerInterface, deflection, pickup
 from hmtb_twin.control.modes import axis_gains, start_mode
 from hmtb_twin.files.errors import TwinError
@@ -32,6 +33,7 @@ class ControlStation:
         commands: Joint commands (N, 7), rad.
         status: What was limited at each tick, bits of `Status` (N,).
         powered: Whether the servos have power at each tick (N,).
+        exchanges: Number of payload changes up to each tick (N,).
         operator: Operator; None if the excitation computer moves the stick.
         live: Whether commands are computed tick by tick.
         grip: Whether the operator has the end effector closed; None without an operator.
@@ -55,6 +57,9 @@ class ControlStation:
         disturbance = pickup(self.ticks, axes, self._parameters, rng, experiment.chain)
         self._interface = HandControllerInterface(self._parameters, experiment.chain, disturbance)
         self.powered = servo_power(experiment.shutdown, self.ticks)
+        self.exchanges = payload_exchanges(
+            experiment.payload, experiment.payload_changes, self.ticks, worksite=experiment.worksite
+        )
         self.live = live or self.operator is not None or not self.powered.all()
         self.commands = np.empty((self.ticks, len(JOINTS)))
         self.status = np.zeros(self.ticks, dtype=np.int64)
@@ -140,17 +145,41 @@ def servo_power(shutdown: Sequence[float], ticks: int) -> np.ndarray:
     Raises:
         TwinError: They do not ascend between the first tick and the last.
     """
-    powered = np.ones(ticks, dtype=bool)
-    times = np.asarray(shutdown, dtype=float)
-    if times.size == 0:
-        return powered
+    return _events("shutdown", shutdown, ticks, ": power off, power on, ...") % 2 == 0
+
+
+def payload_exchanges(
+    payload: str, changes: Sequence[PayloadChange], ticks: int, *, worksite: bool = False
+) -> np.ndarray:
+    """Return the number of payload changes up to each tick (ticks,).
+
+    Args:
+        payload: The first payload.
+        changes: The changes.
+        ticks: Length of the experiment.
+        worksite: Whether the arm stands at the worksite.
+
+    Raises:
+        TwinError: Their times do not ascend between the first tick and the last, a payload follows itself, or the arm
+            stands at the worksite.
+    """
+    payloads = [payload, *(change.payload for change in changes)]
+    if changes and worksite:
+        raise TwinError("payload_changes at the worksite given, expected none: there the operator takes the unit")
+    for before, after in pairwise(payloads):
+        if before == after:
+            raise TwinError(f"payload_changes from {' to '.join(payloads)} given: {after} follows itself")
+    return _events("payload_changes at", [change.time for change in changes], ticks)
+
+
+def _events(name: str, times: Sequence[float], ticks: int, hint: str = "") -> np.ndarray:
+    """Return the number of events up to each tick (ticks,); raises `TwinError` unless their times in s ascend."""
+    at = np.asarray(times, dtype=float)
     # Times that are huge or not finite would become ticks without meaning: they fail the check below.
-    switched = np.rint(times * SAMPLE_RATE) if (np.abs(times) < ticks).all() else np.zeros(1)
-    if not (switched[0] >= 1 and (np.diff(switched) > 0).all() and switched[-1] < ticks):
+    switched = np.rint(at * SAMPLE_RATE) if (np.abs(at) < ticks).all() else np.zeros(1)
+    if not ((switched >= 1).all() and (np.diff(switched) > 0).all() and (switched < ticks).all()):
         raise TwinError(
-            f"shutdown {', '.join(f'{time:g}' for time in times)} s given, expected ascending times "
-            f"between 0 and the end at {ticks * SAMPLE_TIME:g} s, {SAMPLE_TIME:g} s apart: power off, power on, ..."
+            f"{name} {', '.join(f'{time:g}' for time in at)} s given, expected ascending times "
+            f"between 0 and the end at {ticks * SAMPLE_TIME:g} s, {SAMPLE_TIME:g} s apart{hint}"
         )
-    for index, tick in enumerate(switched.astype(int)):
-        powered[tick:] = index % 2 == 1
-    return powered
+    return np.searchsorted(switched, np.arange(ticks), side="right")

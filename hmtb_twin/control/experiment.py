@@ -136,6 +136,22 @@ class Operator(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class PayloadChange:
+    """Exchange of the payload in free space: the new load acts from one tick to the next, where the old one was.
+
+    The arm keeps its angles, velocities and oil pressures, so that the joints sag or rise until the pressures carry the
+    new weight. The controller knows the payload from the same tick on and feeds its weight forward.
+
+    Attributes:
+        time: Since the start of the experiment, s.
+        payload: The new payload, one of `PAYLOADS`.
+    """
+
+    time: float
+    payload: str
+
+
 class Experiment(Protocol):
     """One experiment on the arm; any object with these attributes will do.
 
@@ -154,6 +170,7 @@ class Experiment(Protocol):
         chain: Imperfections that are switched on.
         hand_controller: The hand-controller interface.
         shutdown: Emergency shutdowns: times of power off and power on, alternating, s.
+        payload_changes: Exchanges of the payload in their order; in free space alone.
     """
 
     @property
@@ -184,6 +201,8 @@ class Experiment(Protocol):
     def hand_controller(self) -> HandController: ...  # noqa: D102
     @property
     def shutdown(self) -> tuple[float, ...]: ...  # noqa: D102
+    @property
+    def payload_changes(self) -> tuple[PayloadChange, ...]: ...  # noqa: D102
 
     def volts(self) -> np.ndarray:
         """Return the excitation computer's output, (N, n_axes) V at 50 Hz with N = 50 duration."""

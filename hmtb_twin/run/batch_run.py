@@ -141,7 +141,7 @@ class BatchRun:
         """Set the servo power of live experiments from a future tick to the end of the run."""
         for i in self._live:
             self._rows[i].station.powered[tick:] = on
-        self._switched = {one: rows for one, rows in self._switched.items() if one < tick} | {tick: self._live}
+        self._switched = _switched(self._rows)
 
     def channels(self) -> dict[str, np.ndarray]:
         """Return the recorded channels at this tick, (rows, width) each."""
@@ -165,7 +165,7 @@ class BatchRun:
                 self._ahead[: len(block), i] = block
 
     def _operate(self, tick: int) -> None:
-        """Run operators and power switches of a tick."""
+        """Run operators, power switches and payload changes of a tick."""
         changed = False
         for i in self._live:
             row = self._rows[i]
@@ -185,14 +185,18 @@ class BatchRun:
                 carrying = self._site.carrying(i)
             self._ahead[tick % BLOCK, i] = row.controls(slice(tick, tick + 1), carrying)[0]
         for i in self._switched.get(tick, ()):
-            powered = bool(self._rows[i].station.powered[tick])
-            arm = self._rows[i].arm
-            self._models[i] = (
-                self._site.model(i, powered=powered) if self._site else arm.model if powered else arm.unpowered
-            )
+            self._models[i] = self._model(tick, i)
             changed = True
         if changed:
             self._simulations.set_models(self._models)
+
+    def _model(self, tick: int, i: int) -> mujoco.MjModel:
+        """Return the model of row i at a tick, which depends on servo power and payload."""
+        powered = bool(self._rows[i].station.powered[tick])
+        if self._site:
+            return self._site.model(i, powered=powered)
+        arm = self._rows[i].arm_at(tick)
+        return arm.model if powered else arm.unpowered
 
     def _step(self, tick: int) -> None:
         """Step the physics through a tick under its controls."""
@@ -231,9 +235,10 @@ class BatchRun:
 
 
 def _switched(rows: Sequence[ExperimentRow]) -> dict[int, list[int]]:
-    """Return by tick the rows whose servo power switches."""
+    """Return by tick the rows whose servo power switches or whose payload changes."""
     switched: dict[int, list[int]] = defaultdict(list)
     for i, row in enumerate(rows):
-        for tick in np.flatnonzero(np.diff(row.station.powered)) + 1:
+        station = row.station
+        for tick in np.flatnonzero(np.diff(station.powered) | (np.diff(station.exchanges) > 0)) + 1:
             switched[int(tick)].append(i)
     return dict(switched)

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from json import dumps
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -13,6 +15,7 @@ from hmtb_twin.bus.recorder import delayed, read_resolvers
 from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.experiment import Experiment, Operator
 from hmtb_twin.control.hand_controller import low_pass
+from hmtb_twin.files.errors import OverloadError
 from hmtb_twin.parameters.values import SAMPLE_TIME, Recorder
 
 STATE = ("qpos", "qvel", "act", "ctrl", "eq_active")
@@ -28,7 +31,7 @@ class ExperimentRow:
 
     Attributes:
         experiment: The experiment.
-        arm: Its arm.
+        arms: Its arm with the first payload, then with that of each payload change.
         station: Its control station.
         recorder: The recorder with the noise of the arm's resolvers.
         resolver_noise: Standard normal numbers for the resolvers (N, 7).
@@ -40,7 +43,7 @@ class ExperimentRow:
     """
 
     experiment: Experiment
-    arm: Arm
+    arms: tuple[Arm, ...]
     station: ControlStation
     recorder: Recorder
     resolver_noise: np.ndarray
@@ -49,6 +52,15 @@ class ExperimentRow:
     start: dict[str, np.ndarray] = field(default_factory=dict)
     record: dict[str, np.ndarray] = field(default_factory=dict)
     failure: str | None = None
+
+    @property
+    def arm(self) -> Arm:
+        """Its arm with the first payload."""
+        return self.arms[0]
+
+    def arm_at(self, tick: int) -> Arm:
+        """Return its arm with the payload of a tick."""
+        return self.arms[self.station.exchanges[tick]]
 
     @property
     def ticks(self) -> int:
@@ -60,10 +72,19 @@ class ExperimentRow:
 
         Args:
             ticks: The ticks.
-            arm: The arm as its controller knows it at these ticks; the row's arm by default.
+            arm: The arm as its controller knows it at these ticks; that with the payload of each by default.
         """
+        if arm is None:
+            exchanges = self.station.exchanges[ticks]
+            edges = [0, *np.flatnonzero(np.diff(exchanges)) + 1, len(exchanges)]
+            return np.vstack(
+                [
+                    self.controls(slice(ticks.start + a, ticks.start + b), self.arms[exchanges[a]])
+                    for a, b in pairwise(edges)
+                ]
+            )
         noise = None if self.drive_noise is None else self.drive_noise[ticks]
-        return (arm or self.arm).controls(self.station.commands[ticks], noise)
+        return arm.controls(self.station.commands[ticks], noise)
 
     def reading(self, tick: int, angles: np.ndarray) -> np.ndarray:
         """Return the resolver readings of the angles (7,) at a tick, rad."""
@@ -92,6 +113,7 @@ class ExperimentRow:
             provenance={
                 "variant": experiment.variant,
                 "payload": experiment.payload,
+                **_payload_changes(experiment),
                 "drives": self.arm.drives_kind,
                 **{f"plant_{name}": str(value) for name, value in vars(experiment.plant).items()},
                 **{f"specimen_{name}": dumps(value) for name, value in experiment.specimen.deviations.items()},
@@ -115,7 +137,12 @@ def prepare(experiment: Experiment, load: Callable[..., Arm], *, live: bool = Fa
     Raises:
         TwinError: The experiment needs something that the laboratory does not have.
     """
-    arm = experiment_arm(experiment, worksite=True, load=load)
+    payloads = [experiment.payload, *(change.payload for change in experiment.payload_changes)]
+    arms = tuple(experiment_arm(experiment, payload, worksite=True, load=load) for payload in payloads)
+    # A run has one step, and an empty end effector needs a shorter one than a loaded one.
+    step = min(arm.model.opt.timestep for arm in arms)
+    arms = tuple(arm if arm.model.opt.timestep == step else arm.at_step(step) for arm in arms)
+    arm = arms[0]
     # A stream for each source: the draws of one do not depend on whether another is switched on.
     wires, resolvers, drives, logging = np.random.default_rng(experiment.seed).spawn(4)
     station = ControlStation(experiment, arm, wires, live=live)
@@ -125,7 +152,7 @@ def prepare(experiment: Experiment, load: Callable[..., Arm], *, live: bool = Fa
     logged, interface = None, experiment.hand_controller
     if experiment.chain.logged_noise and interface.logged_noise > 0.0:
         logged = interface.logged_noise * low_pass(logging.standard_normal(shape), interface.logged_noise_corner)
-    return ExperimentRow(experiment, arm, station, experiment.specimen.recorder, noise, logged, torques)
+    return ExperimentRow(experiment, arms, station, experiment.specimen.recorder, noise, logged, torques)
 
 
 def at_rest(arm: Arm, pose: str) -> dict[str, np.ndarray]:
@@ -135,33 +162,65 @@ def at_rest(arm: Arm, pose: str) -> dict[str, np.ndarray]:
     return {name: np.array(getattr(rest, name)) for name in STATE}
 
 
-def experiment_arm(experiment: Experiment, *, worksite: bool = False, load: Callable[..., Arm] = load_arm) -> Arm:
+def first_state(row: ExperimentRow, settle: Callable[[Arm, str], dict[str, np.ndarray]] = at_rest) -> dict[str, Any]:
+    """Return the state at rest with the first payload.
+
+    Args:
+        row: The experiment.
+        settle: `at_rest` or a function that returns its states.
+
+    Raises:
+        OverloadError: The drives cannot hold the arm at the pose with one of its payloads.
+    """
+    pose = row.experiment.pose
+    for arm in row.arms[1:]:
+        try:
+            settle(arm, pose)
+        except OverloadError as error:
+            raise OverloadError(f"payload {arm.payload}: {error}") from error
+    return settle(row.arm, pose)
+
+
+def experiment_arm(
+    experiment: Experiment,
+    payload: str | None = None,
+    *,
+    worksite: bool = False,
+    load: Callable[..., Arm] = load_arm,
+) -> Arm:
     """Return the arm of an experiment.
 
     Args:
         experiment: The experiment.
+        payload: One of its payloads; the first by default.
         worksite: Whether an experiment at the worksite gets the arm with contact; otherwise it is in free space.
         load: `load_arm` or a function that returns its arms.
 
     Raises:
         TwinError: The laboratory has no such arm.
     """
+    payload = experiment.payload if payload is None else payload
     # Before `load`, which may need hashable arguments: invalid ones may not be.
     check_arm(
         experiment.variant,
-        experiment.payload,
+        payload,
         experiment.plant,
         worksite=bool(experiment.worksite),
         specimen=experiment.specimen,
     )
     return load(
         experiment.variant,
-        experiment.payload,
+        payload,
         plant=experiment.plant,
         specimen=experiment.specimen,
         friction=experiment.chain.friction,
         worksite=worksite and bool(experiment.worksite),
     )
+
+
+def _payload_changes(experiment: Experiment) -> dict[str, str]:
+    changes = [[change.time, change.payload] for change in experiment.payload_changes]
+    return {"payload_changes": dumps(changes)} if changes else {}
 
 
 def _description(experiment: Experiment, operator: Operator | None) -> dict[str, str]:

@@ -12,7 +12,7 @@ from hmtb_twin.control.experiment import Experiment
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from hmtb_twin.run.batch_run import BatchRun
-from hmtb_twin.run.experiment_row import at_rest, prepare
+from hmtb_twin.run.experiment_row import first_state, prepare
 
 
 @dataclass(frozen=True)
@@ -76,12 +76,12 @@ class LiveRun:
 
     Raises:
         TwinError: The experiment needs something that the laboratory does not have.
-        OverloadError: The drives cannot hold the arm at its first pose.
+        OverloadError: The drives cannot hold the arm at its first pose with one of its payloads.
     """
 
     def __init__(self, experiment: Experiment, *, load: Callable[..., Arm] = load_arm) -> None:
         self._row = row = prepare(experiment, load, live=True)
-        row.start = at_rest(row.arm, experiment.pose)
+        row.start = first_state(row)
         self._run = BatchRun([row], 1)
         self._steps = self._run.steps()
         self._switched: list[float] = list(experiment.shutdown)

@@ -14,7 +14,7 @@ from hmtb_twin.bus.joint_log import JointLog
 from hmtb_twin.control.experiment import Experiment
 from hmtb_twin.files.errors import OverloadError, TwinError
 from hmtb_twin.run.batch_run import BatchRun
-from hmtb_twin.run.experiment_row import ExperimentRow, at_rest, prepare
+from hmtb_twin.run.experiment_row import ExperimentRow, at_rest, first_state, prepare
 
 
 def structure(arm: Arm) -> Hashable:
@@ -103,7 +103,8 @@ def simulate(
 
     Raises:
         TwinError: An experiment needs something that the laboratory does not have; nothing runs then.
-        OverloadError: The drives of an experiment cannot hold the arm at its first pose; nothing runs then.
+        OverloadError: The drives of an experiment cannot hold the arm at its first pose with one of its payloads;
+            nothing runs then.
         ValueError: The model of an arm does not compile; nothing runs then.
     """
     if threads is not None and not (isinstance(threads, int) and 1 <= threads <= MOST_THREADS):
@@ -160,7 +161,7 @@ def _prepared(
     for place, row in list(rows.items()):
         pose = row.experiment.pose
         try:
-            row.start = settle(row.arm, pose)
+            row.start = first_state(row, settle)
         except ValueError as error:
             if keep_going:
                 failures[place] = f"{error} ({pose})"

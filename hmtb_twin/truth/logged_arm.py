@@ -17,20 +17,40 @@ REQUIRED = ("variant", "payload", "pose", "friction")
 """Provenance that every log of the twin has."""
 
 
-def logged_arm(log: JointLog) -> Arm:
+def logged_payloads(log: JointLog) -> tuple[tuple[float, str], ...]:
+    """Return the payloads of a log in their order, each with the time in s from which the end effector holds it.
+
+    Raises:
+        TwinError: The provenance of the log names none, or is damaged.
+    """
+    try:
+        changes = [(float(time), str(payload)) for time, payload in loads(log.provenance.get("payload_changes", "[]"))]
+        return ((0.0, log.provenance["payload"]), *changes)
+    except (KeyError, TypeError, ValueError) as error:
+        raise TwinError(f"{log.name}: damaged provenance, its payloads cannot be read: {error}") from error
+
+
+def logged_arm(log: JointLog, payload: str | None = None) -> Arm:
     """Return the arm of a log, in free space and under the logged conditions.
 
     Args:
         log: A log of the twin; plant and specimen are nominal where its provenance does not name them.
+        payload: Payload in place of the logged one; necessary where the payload changes.
 
     Raises:
-        TwinError: The provenance of the log is incomplete or damaged, or the laboratory has no such arm.
+        TwinError: The provenance of the log is incomplete or damaged, the payload changes and none is named, or the
+            laboratory has no such arm.
     """
     missing = [key for key in REQUIRED if key not in log.provenance]
     if missing:
         raise TwinError(
             f"{log.name}: its provenance lacks {', '.join(missing)}; expected a log of the twin, which knows the "
             "truth about its own arm only"
+        )
+    if payload is None and len(payloads := logged_payloads(log)) > 1:
+        raise TwinError(
+            f"{log.name}: its payload changes, {', '.join(f'{name} from {time:g} s' for time, name in payloads)}; "
+            "expected one payload: the arm has another truth with each (hmtb truth --payload NAME)"
         )
     kinds = {"plant": Plant, "specimen": Specimen}
     known = [f"{kind}_{entry.name}" for kind, record in kinds.items() for entry in fields(record)]
@@ -50,7 +70,7 @@ def logged_arm(log: JointLog) -> Arm:
         raise TwinError(f"{log.name}: damaged provenance: {error}") from error
     return load_arm(
         log.provenance["variant"],
-        log.provenance["payload"],
+        log.provenance["payload"] if payload is None else payload,
         plant=plant,
         specimen=specimen,
         friction=log.provenance["friction"] == "true",

@@ -144,6 +144,8 @@ class DataSetPlan:
                     f"{template.name}: duration {one.duration:g} s given, expected a positive multiple of "
                     f"{SAMPLE_TIME:g} s"
                 )
+            if one.payload_changes:
+                raise ScenarioError(f"{template.name}: payload_changes given, expected none: a record has one truth")
             if template.block.part != "train" and samples - spec.window < 10:
                 raise ScenarioError(
                     f"{template.name} has {samples} samples, its window {spec.window}: expected 10 or more behind it "

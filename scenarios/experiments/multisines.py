@@ -1,11 +1,21 @@
 """Random-phase multisines, and the experiments that play their realisations."""
 
 from dataclasses import dataclass, replace
-from typing import Any, get_type_hints
+from typing import Any, ClassVar, get_type_hints
 
 import numpy as np
 
-from hmtb_twin import NOMINAL_PLANT, NOMINAL_SPECIMEN, Chain, Experiment, HandController, Operator, Plant, Specimen
+from hmtb_twin import (
+    NOMINAL_PLANT,
+    NOMINAL_SPECIMEN,
+    Chain,
+    Experiment,
+    HandController,
+    Operator,
+    PayloadChange,
+    Plant,
+    Specimen,
+)
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import LARGE_MOTION, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
 from scenarios.experiments.waveform import LONGEST, check_seed
@@ -156,6 +166,7 @@ class MultisineExperiment:
     seed: int = 0
     mode: str = MODE
     shutdown: tuple[float, ...] = ()
+    payload_changes: ClassVar[tuple[PayloadChange, ...]] = ()
 
     @property
     def duration(self) -> float:
@@ -205,6 +216,7 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
     problems = [
         (setting.mode != MODE, f"mode {setting.mode} given, expected {MODE}"),
         (bool(setting.shutdown), "an emergency shutdown given, expected none: the record must be periodic"),
+        (bool(setting.payload_changes), "payload_changes given, expected none: the record must be periodic"),
         (
             multisines.samples % hold != 0,
             f"a hand controller that holds {hold} samples given, expected one whose hold divides the period of "

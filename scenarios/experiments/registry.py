@@ -98,10 +98,27 @@ def exchange() -> list[Table]:
     ]
 
 
+def tracking() -> list[Table]:
+    """Tests of one joint whose payload is exchanged during the run."""
+    source = package_table("track.toml")
+    shared = {key: source[key] for key in ("duration", "payload", "payload_changes")}
+    return [
+        {
+            **shared,
+            **{key: test[key] for key in ("seed", "excitation", "hand_controller") if key in test},
+            "name": f"track-{test['joint']}",
+            "axes": [test["joint"]],
+            "description": f"{test['joint'].replace('_', ' ')}: {source['description']}",
+            "tags": [*source["tags"], test["joint"], test["excitation"]["kind"]],
+        }
+        for test in source["test"]
+    ]
+
+
 @cache
 def registered() -> Mapping[str, Table]:
     """The tables of all registered scenarios by name."""
-    tables = (*single_joint_tests(), *table2(), *independent(), *exchange())
+    tables = (*single_joint_tests(), *table2(), *independent(), *exchange(), *tracking())
     return {table["name"]: table for table in tables}
 
 

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -19,12 +19,13 @@ from hmtb_twin import (
     Chain,
     HandController,
     Operator,
+    PayloadChange,
     Plant,
     Specimen,
     TwinError,
 )
 from hmtb_twin.arm.arm import check_arm
-from hmtb_twin.control.control_station import servo_power
+from hmtb_twin.control.control_station import payload_exchanges, servo_power
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import axis_names
 from hmtb_twin.parameters.values import HAND_CONTROLLER, SAMPLE_RATE, SAMPLE_TIME
@@ -67,6 +68,7 @@ class Scenario:
         worksite: Whether the arm stands at the worksite, with contact, instead of in free space.
         task: Task of an operator in place of the excitation computer, e.g. ``"rpcm"``; empty without an operator.
         shutdown: Emergency shutdowns: times of power off and power on, alternating, s.
+        payload_changes: Exchanges of the payload in free space; an array of TOML tables with time and payload.
         independent_channels: Whether there may be more different excitations than outputs of the excitation computer.
         plant: Supply, oil, friction and noise of the drives; a TOML table of what differs from the nominal plant.
         specimen: Deviations of this arm from its variant; a TOML table.
@@ -88,6 +90,8 @@ class Scenario:
     worksite: bool = False
     task: str = ""
     shutdown: tuple[float, ...] = ()
+    # Not in the text of a scenario, from which stored truths of problems have their keys; no problem changes payloads.
+    payload_changes: tuple[PayloadChange, ...] = field(default=(), repr=False)
     independent_channels: bool = False
     plant: Plant = NOMINAL_PLANT
     specimen: Specimen = NOMINAL_SPECIMEN
@@ -123,9 +127,12 @@ class Scenario:
             check_outputs(self.excitation, self.axes, self.independent_channels)
         if not SAMPLE_TIME <= self.duration <= LONGEST:
             raise ScenarioError(f"expected a duration of {SAMPLE_TIME} to {LONGEST:g} s, given {self.duration}")
-        servo_power(self.shutdown, round(SAMPLE_RATE * self.duration))
+        ticks = round(SAMPLE_RATE * self.duration)
+        servo_power(self.shutdown, ticks)
+        payload_exchanges(self.payload, self.payload_changes, ticks, worksite=self.worksite)
         check_seed(self.seed)
-        check_arm(self.variant, self.payload, self.plant, worksite=self.worksite, specimen=self.specimen)
+        for payload in (self.payload, *(change.payload for change in self.payload_changes)):
+            check_arm(self.variant, payload, self.plant, worksite=self.worksite, specimen=self.specimen)
 
     def volts(self) -> np.ndarray:
         """Play the excitation through the excitation computer's converter.
@@ -203,7 +210,7 @@ class Scenario:
         """Write every field as TOML, such that `from_toml` gives an equal scenario back."""
         table = codec.unstructure(self)
         table |= {name: codec.changes(getattr(self, name), nominal) for name, nominal in NOMINAL.items()}
-        omitted = [name for name in (*NOMINAL, "excitation") if not table[name]]
+        omitted = [name for name in (*NOMINAL, "excitation", "payload_changes") if not table[name]]
         return codec.to_toml({key: value for key, value in table.items() if key not in omitted})
 
     @classmethod

@@ -3,7 +3,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from hmtb_twin import Chain, HandController, Plant, Specimen, linearize, load_arm
+from hmtb_twin import Chain, HandController, PayloadChange, Plant, Specimen, linearize, load_arm
 from hmtb_twin.parameters.values import LARGE_MOTION
 
 
@@ -25,6 +25,7 @@ class BinaryTest:
     mode: str = "single_joint"
     worksite: bool = False
     shutdown: tuple[float, ...] = ()
+    payload_changes: tuple[PayloadChange, ...] = ()
     chain: Chain = Chain()  # noqa: RUF009
     hand_controller: HandController = LARGE_MOTION
     spoil: dict[int, float] = field(default_factory=dict)

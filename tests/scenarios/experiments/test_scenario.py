@@ -91,6 +91,14 @@ def test_a_short_file_gets_the_defaults():
     assert scenario.volts().shape == (12_000, 1)
 
 
+def test_payload_changes_are_tables_and_no_text_without_them():
+    scenario = load("track-elbow_pitch")
+    assert [(change.time, change.payload) for change in scenario.payload_changes] == [(60.0, "rpcm"), (120.0, "mdm")]
+    assert "[[payload_changes]]" in scenario.to_toml()
+    assert Scenario.from_toml(scenario.to_toml()) == scenario
+    assert "payload_changes" not in Scenario.from_toml(MINIMAL).to_toml()
+
+
 def test_volts_are_shared_or_one_per_axis():
     axes = ("shoulder_yaw", "elbow_pitch")
     sine, prbs = Excitation("sine", {"frequency": 5.0}), Excitation("prbs")
@@ -124,6 +132,12 @@ def test_reseeding_draws_another_seed_for_every_name_and_keeps_the_file():
         (lambda t: t + "\n[chain]\nnoise = 1\n", "chain.noise must be true or false"),
         (lambda t: "variant = 'nominals'\n" + t, "unknown variant 'nominals'.*nominal"),
         (lambda t: t.replace('["elbow_pitch"]', "[]"), "one or more different entries"),
+        (lambda t: t + "[[payload_changes]]\ntime = 9\n", "missing payload; it takes time, payload"),
+        (
+            lambda t: t + "[[payload_changes]]\ntime = 9\npayload = 'x'\n",
+            "unknown payload 'x', available: rpcm",
+        ),
+        (lambda t: t + "[[payload_changes]]\ntime = 300\npayload = 'mdm'\n", "between 0 and the end at 240 s"),
         (lambda t: t + "[plant]\nprocess_noise = 2\n", "mine.toml: plant: process_noise = 2.0 given, expected 0 to 1"),
         (lambda t: t + "[plant]\nfriction = 'ice'\n", "mine.toml: plant: unknown friction 'ice', available: none"),
         (lambda t: t + "[specimen]\nmass = [1.1]\n", "mine.toml: specimen: 1 entries of mass given, expected 8"),
