@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from sysid.continuous import fit_response, fit_response_ss, procest, tfest
+from sysid.control import Controller, FollowingDesign, model_following
 from sysid.design import InputDesign, InputSignal, design_input, idinput
 from sysid.exchange import read_model, to_fmu, to_matlab, write_model
 from sysid.frequency import (
@@ -98,8 +99,10 @@ __all__ = [
     "BestLinearApproximation",
     "ContinuousEstimate",
     "ContinuousModel",
+    "Controller",
     "Estimate",
     "FeedbackTest",
+    "FollowingDesign",
     "Forecast",
     "FrequencyResponse",
     "IOData",
@@ -149,6 +152,7 @@ __all__ = [
     "ivx",
     "keep_band",
     "merge",
+    "model_following",
     "n4sid",
     "oe",
     "okid",

@@ -22,7 +22,7 @@ RECORDS = {"IOData", "StateSpace", "FrequencyResponse"}
 ROOMS = {
     "sysid": (
         *("records", "models", "polynomial", "validation", "subspace", "recursive", "frequency"),
-        *("continuous", "exchange", "design", "selection", "plots"),
+        *("continuous", "exchange", "design", "selection", "control", "plots"),
     ),
     "hmtb_twin": ("files", "parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
     "scenarios": (

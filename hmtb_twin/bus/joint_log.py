@@ -39,6 +39,7 @@ _ELECTRIC_CHANNELS = {"load_pressure": ("joint", "A", "current of each motor, in
 
 _OPTIONAL_CHANNELS = {
     "sent": ("joint", "rad", "command that the arm felt, without the noise of the record"),
+    "requested": ("joint", "rad", "command that the operator requested, ahead of the joint controller"),
     "unit_pose": ("pose", "m, 1", "position and quaternion (w, x, y, z) of the replacement unit in the world"),
     "contact_force": (
         None,
@@ -71,6 +72,7 @@ class JointLog:
         status: Limits and shutdowns at each tick, bits of `Status` (N,), integers.
         provenance: Software versions, arm and settings of the simulation.
         sent: Where the record of the commands has noise, the commands that the arm felt (N, 7), rad; None elsewhere.
+        requested: With a joint controller, the commands that the operator requested of it (N, 7), rad; None elsewhere.
         unit_pose: At the worksite, position (m) and quaternion of the replacement unit (N, 7); None elsewhere.
         contact_force: At the worksite, sum of the normal forces between the unit and the worksite (N,), N: the largest
             since the tick before; None elsewhere.
@@ -92,6 +94,7 @@ class JointLog:
     status: np.ndarray
     provenance: Mapping[str, str] = field(default_factory=dict)
     sent: np.ndarray | None = None
+    requested: np.ndarray | None = None
     unit_pose: np.ndarray | None = None
     contact_force: np.ndarray | None = None
     spool: np.ndarray | None = None

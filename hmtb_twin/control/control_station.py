@@ -6,19 +6,20 @@ from itertools import pairwise
 import numpy as np
 
 from hmtb_twin.arm.arm import Arm
-from hmtb_twin.control.experiment import Experiment, Motion, PayloadChange, Status, View
+from hmtb_twin.control.experiment import Experiment, JointController, Motion, PayloadChange, Status, View
 from hmtb_twin.control.hand_controller import HandControllerInterface, deflection, pickup
+from hmtb_twin.control.joint_loop import JointLoop
 from hmtb_twin.control.modes import axis_gains, start_mode
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.values import JOINTS, SAMPLE_RATE, SAMPLE_TIME
 
 
 class ControlStation:
-    """Excitation computer or operator, hand controller, control mode and emergency shutdown of one experiment.
+    """Excitation computer or operator, hand controller, control mode, joint controller and emergency shutdown.
 
-    Commands that depend only on the excitation are computed at once. Those of an operator, who sees the arm, and of an
-    experiment with an emergency shutdown, after which the command starts where the arm stands, are computed tick by
-    tick, with the same arithmetic to the bit.
+    Commands that depend only on the excitation are computed at once. Those of an operator or of a joint controller, who
+    see the arm, and of an experiment with an emergency shutdown, after which the command starts where the arm stands,
+    are computed tick by tick, with the same arithmetic to the bit.
 
     Args:
         experiment: The experiment.
@@ -31,6 +32,7 @@ class ControlStation:
         volts: Voltage at the converter (N, n_axes), V.
         counts: Converter counts after sample and hold (N, n_axes).
         commands: Joint commands (N, 7), rad.
+        loop: The joint controller between mode and arm; None without one.
         status: What was limited at each tick, bits of `Status` (N,).
         powered: Whether the servos have power at each tick (N,).
         exchanges: Number of payload changes up to each tick (N,).
@@ -60,7 +62,8 @@ class ControlStation:
         self.exchanges = payload_exchanges(
             experiment.payload, experiment.payload_changes, self.ticks, worksite=experiment.worksite
         )
-        self.live = live or self.operator is not None or not self.powered.all()
+        self.loop = _joint_loop(experiment, arm, self.ticks)
+        self.live = live or self.operator is not None or self.loop is not None or not self.powered.all()
         self.commands = np.empty((self.ticks, len(JOINTS)))
         self.status = np.zeros(self.ticks, dtype=np.int64)
         self.grip: bool | None = None
@@ -99,12 +102,33 @@ class ControlStation:
             self.commands[tick], self.status[tick] = self._mode.rebase(reading, deflections)
         else:
             self.commands[tick], self.status[tick] = self._mode.step(deflections)
+        if self.loop is not None:
+            self.commands[tick], limits = self.loop.step(
+                tick, self.commands[tick], reading, running=self.powered[max(tick - 1, 0)] and self.powered[tick]
+            )
+            self.status[tick] |= limits
         self._flag_saturation(slice(tick, tick + 1))
 
     def _flag_saturation(self, ticks: slice) -> None:
         counts, limit = self.counts[ticks], self._parameters.adc_limit
         saturated = ((counts <= -limit) | (counts >= limit - 1)).any(axis=1)
         self.status[ticks][saturated] |= Status.CONVERTER_SATURATED
+
+
+def _joint_loop(experiment: Experiment, arm: Arm, ticks: int) -> JointLoop | None:
+    """Return the loop about an experiment's joint controller, if it has one."""
+    make = getattr(experiment, "controller", None)
+    controller: JointController | None = make() if callable(make) else None
+    if controller is None:
+        return None
+    for method in ("restart", "command"):
+        if not callable(getattr(controller, method, None)):
+            raise TwinError(
+                f"{experiment.name}: controller() gave {type(controller).__name__}, expected an object with the "
+                "methods restart(command) and command(requested, measured, sent), or None"
+            )
+    limited = experiment.chain.velocity_limit
+    return JointLoop(controller, arm, arm.pose(experiment.pose), ticks, velocity_limit=limited)
 
 
 def _checked_volts(motion: object, axes: int) -> np.ndarray:

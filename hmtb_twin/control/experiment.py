@@ -152,8 +152,34 @@ class PayloadChange:
     payload: str
 
 
+class JointController(Protocol):
+    """Controller between the operator and the position loop; one serves one experiment from its first tick to its last.
+
+    It works at 50 Hz and sees what the bus carries: resolver readings, late by the bus delay of each joint.
+    """
+
+    def restart(self, command: np.ndarray) -> None:
+        """Begin at rest under a command (7,), rad: before the first tick, and while and after the servos lack power."""
+        ...
+
+    def command(self, requested: np.ndarray, measured: np.ndarray, sent: np.ndarray) -> np.ndarray:
+        """Return the joint command of a tick, before velocity limits and joint ranges.
+
+        Args:
+            requested: The joint command that the operator's control mode asks for (7,), rad.
+            measured: The measured angles of this tick as the bus records them (7,), rad.
+            sent: The command of the tick before, within all limits, as the arm feels it (7,), rad.
+
+        Returns:
+            Command (7,), rad.
+        """
+        ...
+
+
 class Experiment(Protocol):
     """One experiment on the arm; any object with these attributes will do.
+
+    A method `controller()` that returns a new `JointController`, or None, may be added.
 
     Attributes:
         name: Name of its log, or of its failure.

@@ -13,7 +13,7 @@ from hmtb_twin.arm.arm import Arm, check_arm, load_arm
 from hmtb_twin.bus.joint_log import JointLog, software_versions
 from hmtb_twin.bus.recorder import delayed, read_resolvers
 from hmtb_twin.control.control_station import ControlStation
-from hmtb_twin.control.experiment import Experiment, Operator
+from hmtb_twin.control.experiment import Experiment
 from hmtb_twin.control.hand_controller import low_pass
 from hmtb_twin.files.errors import OverloadError
 from hmtb_twin.parameters.values import SAMPLE_TIME, Recorder
@@ -105,6 +105,7 @@ class ExperimentRow:
             axes=tuple(experiment.axes),
             commanded=commands if self.logged_noise is None else commands + self.logged_noise[part],
             sent=None if self.logged_noise is None else commands,
+            requested=None if station.loop is None else station.loop.requested[part],
             measured=delayed(readings, self.arm.delays),
             status=station.status[part],
             volts=station.volts[part],
@@ -120,7 +121,7 @@ class ExperimentRow:
                 "pose": experiment.pose,
                 "mode": experiment.mode,
                 **{name: str(on).lower() for name, on in vars(experiment.chain).items()},
-                **_description(experiment, station.operator),
+                **_description(experiment, station),
                 **software_versions(),
             },
         )
@@ -223,10 +224,11 @@ def _payload_changes(experiment: Experiment) -> dict[str, str]:
     return {"payload_changes": dumps(changes)} if changes else {}
 
 
-def _description(experiment: Experiment, operator: Operator | None) -> dict[str, str]:
-    """Return the TOML text of the experiment if it describes all of it, and the class of its operator."""
-    by = {} if operator is None else {"operator": f"{type(operator).__module__}.{type(operator).__qualname__}"}
+def _description(experiment: Experiment, station: ControlStation) -> dict[str, str]:
+    """Return the classes of operator and joint controller, and the TOML text of the experiment if it describes all."""
+    parts = {"operator": station.operator, "controller": station.loop and station.loop.controller}
+    by = {name: f"{type(x).__module__}.{type(x).__qualname__}" for name, x in parts.items() if x is not None}
     write = getattr(experiment, "to_toml", None)
-    if not callable(write) or getattr(experiment, "has_own_operator", False):
+    if not callable(write) or station.loop is not None or getattr(experiment, "has_own_operator", False):
         return by
     return {"scenario": write(), **by}

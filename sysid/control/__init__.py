@@ -1,0 +1,6 @@
+"""Controllers designed from identified models, which make a plant answer like a reference model."""
+
+from sysid.control.controller import Controller, ControllerRun, diagonal
+from sysid.control.model_following import FollowingDesign, model_following
+
+__all__ = ["Controller", "ControllerRun", "FollowingDesign", "diagonal", "model_following"]

@@ -1,0 +1,212 @@
+"""Model following: a plant answers like a reference model, by a design from identified models only."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import LinAlgError, block_diag, solve_discrete_are
+from scipy.optimize import brentq
+
+from sysid.control.controller import Controller
+from sysid.models.state_space import StateSpace
+from sysid.records.arguments import real_number
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
+
+GRID = 120
+"""Frequencies at which the sensitivity is computed."""
+
+SOFTEST = 1e4
+"""Largest weight on the moves of the feedback, relative to the output: practically none is left."""
+
+
+@dataclass(frozen=True, eq=False)
+class FollowingDesign:
+    """Design of a model-following controller.
+
+    Attributes:
+        controller: The controller.
+        sensitivity: Largest singular value of the sensitivity at the plant's input over frequency, of the model.
+        feedback_effort: Weight on the moves of the feedback that gives it.
+    """
+
+    controller: Controller
+    sensitivity: float
+    feedback_effort: float
+
+
+def model_following(
+    plant: StateSpace,
+    reference: StateSpace,
+    *,
+    effort: float = 1e-3,
+    sensitivity: float = 2.0,
+    disturbance: float = 0.2,
+) -> FollowingDesign:
+    """Design a controller by which a plant answers like a reference model.
+
+    Three parts: a feedforward, which solves the linear-quadratic problem of following the reference model [Tyler1964;
+    AndersonMoore1990, sec. 4.3] and drives a copy of the plant's model; an observer of state and input disturbance,
+    the Kalman predictor of the innovations model with a random walk added to its input [PannocchiaRawlings2003]; and a
+    feedback of the difference between both states, less the estimated disturbance: integral action without windup.
+
+    The cost of feedforward and feedback is the sum of |y - yr|^2 + effort |u(t) - u(t-1)|^2. The feedback's effort is
+    the least one whose largest singular value of the sensitivity stays within `sensitivity`.
+
+    Args:
+        plant: Model of the plant in innovations form, m inputs and m outputs, no direct term.
+        reference: Stable model from m requests to the m outputs that are wanted, no direct term.
+        effort: Weight on the moves of the feedforward, relative to that on the outputs.
+        sensitivity: Largest peak of the sensitivity, above 1; 2 keeps gain margins of 2 and phase margins of 29 degrees
+            [AstromHagglund2006, sec. 4.6].
+        disturbance: Step of the random walk at the input per sample, in standard deviations of the innovations times
+            the inverse gain of the plant at 0 Hz.
+
+    Raises:
+        SysidError: Models of other sizes or sampling intervals, a direct term, no innovation covariance, an unstable
+            model, or no feedback that keeps the sensitivity.
+    """
+    _check(plant, reference)
+    positive = "be above 0", lambda x: 0.0 < x < np.inf
+    effort = real_number("effort", effort, *positive)
+    disturbance = real_number("disturbance", disturbance, *positive)
+    bound = real_number("sensitivity", sensitivity, "be above 1", lambda x: 1.0 < x < np.inf)
+    observer = _observer(plant, disturbance)
+    feedforward = _feedforward(plant, reference, effort)
+    frequencies = np.geomspace(1e-3, 0.5, GRID) / plant.dt
+    path = replace(plant, K=None, innovation_covariance=None)
+
+    def design(log_effort: float) -> tuple[float, Controller]:
+        controller = _combined(plant, reference, observer, feedforward, _regulator(plant, 10.0**log_effort)[0])
+        loop = np.eye(plant.nu) + controller.loop_gain(path, frequencies)
+        return float(1.0 / np.linalg.svd(loop, compute_uv=False)[:, -1].min()), controller
+
+    firmest, softest = np.log10(effort), np.log10(SOFTEST)
+    peak, controller = design(firmest)
+    chosen = firmest
+    if peak > bound:
+        least = design(softest)[0]
+        if least > bound:
+            raise SysidError(
+                f"sensitivity {bound:g} requested, but even the softest feedback peaks at {least:.3g}: lower the "
+                f"disturbance of {disturbance:g}, or allow more"
+            )
+        chosen = brentq(lambda x: design(x)[0] - bound, firmest, softest, xtol=1e-3)
+        peak, controller = design(chosen)
+    return FollowingDesign(controller, peak, 10.0**chosen)
+
+
+def _check(plant: StateSpace, reference: StateSpace) -> None:
+    m = plant.nu
+    for name, model in (("plant", plant), ("reference", reference)):
+        if (model.nu, model.ny) != (m, m) or model.D.any() or abs(model.dt / plant.dt - 1.0) > 1e-9:
+            raise SysidError(
+                f"{name}: expected {m} inputs and outputs, no direct term, at {plant.dt:g} s, got {model.nu} and "
+                f"{model.ny}{', a direct term' if model.D.any() else ''}, at {model.dt:g} s"
+            )
+        if not model.is_stable():
+            raise SysidError(f"{name}: expected a stable model, got poles to {abs(model.poles()[0]):.4g}")
+    if plant.innovation_covariance is None:
+        raise SysidError("plant: expected a model with an innovation covariance; estimates have one")
+
+
+def _observer(plant: StateSpace, disturbance: float) -> FloatArray:
+    """Return the gain (n + m, m) of the predictor of the state and of the disturbance at the input."""
+    n, m, K = plant.order, plant.nu, plant.gain
+    R = np.asarray(plant.innovation_covariance)
+    A = np.block([[plant.A, plant.B], [np.zeros((m, n)), np.eye(m)]])
+    C = np.hstack([plant.C, np.zeros((m, m))])
+    walk = disturbance * np.sqrt(np.diag(R)) / np.abs(np.diag(plant.dc_gain()))
+    Q, S = block_diag(K @ R @ K.T, np.diag(walk**2)), np.vstack([K @ R, np.zeros((m, m))])
+    # The Riccati equation needs noise on every state: a trace of it.
+    Q[np.diag_indices(n)] += 1e-9 * walk.min() ** 2
+    try:
+        P = solve_discrete_are(A.T, C.T, Q, R, s=S)
+    except (LinAlgError, ValueError) as error:
+        raise SysidError(f"plant: its observer has no solution: {error}") from error
+    return np.asarray(np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T + S.T).T)
+
+
+def _regulator(plant: StateSpace, effort: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Regulator of [x, u(t-1)]: its gain (m, n + m), the cost P, the closed loop, and H B' of the next state's cost."""
+    n, m = plant.order, plant.nu
+    A, B = block_diag(plant.A, np.zeros((m, m))), np.vstack([plant.B, np.eye(m)])
+    C = np.hstack([plant.C, np.zeros((m, m))])
+    Q, R = C.T @ C + block_diag(np.zeros((n, n)), effort * np.eye(m)), effort * np.eye(m)
+    N = np.vstack([np.zeros((n, m)), -effort * np.eye(m)])
+    P = solve_discrete_are(A, B, Q, R, s=N)
+    H = np.linalg.inv(R + B.T @ P @ B) @ B.T
+    F = H @ P @ A + np.linalg.solve(R + B.T @ P @ B, N.T)
+    return F, P, A - B @ F, H
+
+
+def _feedforward(plant: StateSpace, reference: StateSpace, effort: float) -> tuple[FloatArray, FloatArray]:
+    """Gains from [x, u(t-1)] (m, n + m) and [xr, r] (m, nr + m): requests are taken to stay as they are."""
+    m, k = plant.nu, reference.order
+    F, _, closed, H = _regulator(plant, effort)
+    exogenous = np.block([[reference.A, reference.B], [np.zeros((m, k)), np.eye(m)]])
+    C = np.hstack([plant.C, np.zeros((m, m))])
+    weight = np.hstack([-C.T @ reference.C, np.zeros((plant.order + m, m))])
+    # The cross term of the cost obeys X = weight + closed' X exogenous; the unit roots of the requests, which nothing
+    # controls, keep it out of the Riccati equation.
+    X = _stein(closed.T, exogenous, weight)
+    return F, H @ X @ exogenous
+
+
+def _stein(A: FloatArray, B: FloatArray, Q: FloatArray) -> FloatArray:
+    """Solve X = Q + A X B by doubling; the product of the spectral radii must be below 1."""
+    X = Q
+    for _ in range(60):
+        added = A @ X @ B
+        X, A, B = X + added, A @ A, B @ B
+        if np.abs(added).max() <= np.finfo(float).eps * np.abs(X).max():
+            break
+    return X
+
+
+def _combined(
+    plant: StateSpace,
+    reference: StateSpace,
+    observer: FloatArray,
+    feedforward: tuple[FloatArray, FloatArray],
+    feedback: FloatArray,
+) -> Controller:
+    """Controller with the states [x, d, u(t-1) - uf(t-1), xm, uf(t-1), xr]: observer, feedforward, reference."""
+    n, m, k = plant.order, plant.nu, reference.order
+    A, B, C = plant.A, plant.B, plant.C
+    Lx, Ld = observer[:n], observer[n:]
+    own, ahead = feedforward
+    sizes = (n, m, m, n, m, k)
+    x, d, v, xm, uf, xr = (slice(end - size, end) for size, end in zip(sizes, np.cumsum(sizes), strict=True))
+    total = sum(sizes)
+    # Feedforward uf = -own [xm, uf(t-1)] - ahead [xr, r].
+    Cf = np.zeros((m, total))
+    Cf[:, xm], Cf[:, uf], Cf[:, xr] = -own[:, :n], -own[:, n:], -ahead[:, :k]
+    Df = -ahead[:, k:]
+    # The innovation of this sample moves the next state by Lx: feedback sees it at once, through the state that would
+    # give the same next state. Of the disturbance the newest estimate is used, d + Ld e.
+    e = np.zeros((m, total))
+    e[:, x] = -C
+    Fx, Fv = feedback[:, :n], feedback[:, n:]
+    Fe = Fx @ np.linalg.lstsq(A, Lx - B @ Ld, rcond=None)[0] + Ld
+    Cu = Cf.copy()
+    Cu[:, x] -= Fx
+    Cu[:, xm] += Fx
+    Cu[:, v] -= Fv
+    Cu[:, d] -= np.eye(m)
+    Cu -= Fe @ e
+    state = np.zeros((total, total))
+    state[x, x], state[x, d] = A, B
+    state[d, d] = np.eye(m)
+    state[x] += Lx @ e
+    state[d] += Ld @ e
+    state[v] -= Cf
+    state[v, d] += np.eye(m)
+    state[xm, xm] = A
+    state[xm] += B @ Cf
+    state[uf] = Cf
+    state[xr, xr] = reference.A
+    Br, By, Bu = np.zeros((total, m)), np.zeros((total, m)), np.zeros((total, m))
+    Br[v], Br[xm], Br[uf], Br[xr] = -Df, B @ Df, Df, reference.B
+    By[x], By[d] = Lx, Ld
+    Bu[x], Bu[v] = B, np.eye(m)
+    return Controller(state, Br, By, Bu, Cu, Df, -Fe, plant.dt)
