@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import block_diag
+import scipy
 
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray, Locked, lock, real_array
@@ -131,7 +131,7 @@ def diagonal(controllers: Sequence[Controller]) -> Controller:
         raise SysidError("expected one or more controllers of one sampling interval")
 
     def block(name: str) -> FloatArray:
-        return np.asarray(block_diag(*(getattr(one, name) for one in controllers)))
+        return np.asarray(scipy.linalg.block_diag(*(getattr(one, name) for one in controllers)))
 
     A, Br, By, Bu, C, Dr, Dy = map(block, ("A", "Br", "By", "Bu", "C", "Dr", "Dy"))
     return Controller(A, Br, By, Bu, C, Dr, Dy, controllers[0].dt)

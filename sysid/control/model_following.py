@@ -3,8 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import LinAlgError, block_diag, solve_discrete_are
-from scipy.optimize import brentq
+import scipy
 
 from sysid.control.controller import Controller
 from sysid.models.state_space import StateSpace
@@ -90,7 +89,7 @@ def model_following(
                 f"sensitivity {bound:g} requested, but even the softest feedback peaks at {least:.3g}: lower the "
                 f"disturbance of {disturbance:g}, or allow more"
             )
-        chosen = brentq(lambda x: design(x)[0] - bound, firmest, softest, xtol=1e-3)
+        chosen = scipy.optimize.brentq(lambda x: design(x)[0] - bound, firmest, softest, xtol=1e-3)
         peak, controller = design(chosen)
     return FollowingDesign(controller, peak, 10.0**chosen)
 
@@ -116,12 +115,12 @@ def _observer(plant: StateSpace, disturbance: float) -> FloatArray:
     A = np.block([[plant.A, plant.B], [np.zeros((m, n)), np.eye(m)]])
     C = np.hstack([plant.C, np.zeros((m, m))])
     walk = disturbance * np.sqrt(np.diag(R)) / np.abs(np.diag(plant.dc_gain()))
-    Q, S = block_diag(K @ R @ K.T, np.diag(walk**2)), np.vstack([K @ R, np.zeros((m, m))])
+    Q, S = scipy.linalg.block_diag(K @ R @ K.T, np.diag(walk**2)), np.vstack([K @ R, np.zeros((m, m))])
     # The Riccati equation needs noise on every state: a trace of it.
     Q[np.diag_indices(n)] += 1e-9 * walk.min() ** 2
     try:
-        P = solve_discrete_are(A.T, C.T, Q, R, s=S)
-    except (LinAlgError, ValueError) as error:
+        P = scipy.linalg.solve_discrete_are(A.T, C.T, Q, R, s=S)
+    except (np.linalg.LinAlgError, ValueError) as error:
         raise SysidError(f"plant: its observer has no solution: {error}") from error
     return np.asarray(np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T + S.T).T)
 
@@ -129,11 +128,11 @@ def _observer(plant: StateSpace, disturbance: float) -> FloatArray:
 def _regulator(plant: StateSpace, effort: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Regulator of [x, u(t-1)]: its gain (m, n + m), the cost P, the closed loop, and H B' of the next state's cost."""
     n, m = plant.order, plant.nu
-    A, B = block_diag(plant.A, np.zeros((m, m))), np.vstack([plant.B, np.eye(m)])
+    A, B = scipy.linalg.block_diag(plant.A, np.zeros((m, m))), np.vstack([plant.B, np.eye(m)])
     C = np.hstack([plant.C, np.zeros((m, m))])
-    Q, R = C.T @ C + block_diag(np.zeros((n, n)), effort * np.eye(m)), effort * np.eye(m)
+    Q, R = C.T @ C + scipy.linalg.block_diag(np.zeros((n, n)), effort * np.eye(m)), effort * np.eye(m)
     N = np.vstack([np.zeros((n, m)), -effort * np.eye(m)])
-    P = solve_discrete_are(A, B, Q, R, s=N)
+    P = scipy.linalg.solve_discrete_are(A, B, Q, R, s=N)
     H = np.linalg.inv(R + B.T @ P @ B) @ B.T
     F = H @ P @ A + np.linalg.solve(R + B.T @ P @ B, N.T)
     return F, P, A - B @ F, H
