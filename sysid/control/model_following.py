@@ -1,6 +1,7 @@
 """Model following: a plant answers like a reference model, by a design from identified models only."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import scipy
@@ -14,6 +15,9 @@ from sysid.records.errors import SysidError
 GRID = 120
 """Frequencies at which the sensitivity is computed."""
 
+HALVINGS = 12
+"""How often the disturbance is halved at most."""
+
 SOFTEST = 1e4
 """Largest weight on the moves of the feedback, relative to the output: practically none is left."""
 
@@ -26,11 +30,13 @@ class FollowingDesign:
         controller: The controller.
         sensitivity: Largest singular value of the sensitivity at the plant's input over frequency, of the model.
         feedback_effort: Weight on the moves of the feedback that gives it.
+        disturbance: Step of the disturbance in the observer, as in `model_following`.
     """
 
     controller: Controller
     sensitivity: float
     feedback_effort: float
+    disturbance: float
 
 
 def model_following(
@@ -39,7 +45,8 @@ def model_following(
     *,
     effort: float = 1e-3,
     sensitivity: float = 2.0,
-    disturbance: float = 0.2,
+    disturbance: float = 0.5,
+    noise: float = 0.3,
 ) -> FollowingDesign:
     """Design a controller by which a plant answers like a reference model.
 
@@ -49,7 +56,8 @@ def model_following(
     feedback of the difference between both states, less the estimated disturbance: integral action without windup.
 
     The cost of feedforward and feedback is the sum of |y - yr|^2 + effort |u(t) - u(t-1)|^2. The feedback's effort is
-    the least one whose largest singular value of the sensitivity stays within `sensitivity`.
+    the least one whose largest singular value of the sensitivity stays within `sensitivity`; where none does, the
+    disturbance is halved until one does.
 
     Args:
         plant: Model of the plant in innovations form, m inputs and m outputs, no direct term.
@@ -57,8 +65,10 @@ def model_following(
         effort: Weight on the moves of the feedforward, relative to that on the outputs.
         sensitivity: Largest peak of the sensitivity, above 1; 2 keeps gain margins of 2 and phase margins of 29 degrees
             [AstromHagglund2006, sec. 4.6].
-        disturbance: Step of the random walk at the input per sample, in standard deviations of the innovations times
-            the inverse gain of the plant at 0 Hz.
+        disturbance: Step of the random walk at the input per sample, in standard deviations of the innovations over the
+            gain of the plant at 0 Hz. Larger ones reject friction and unknown loads faster.
+        noise: Part of the innovation gain K that the observer takes for noise of the state, from 0 to 1. In a record
+            with dry friction most of it is distortion that the input causes, and a full K makes a slow observer.
 
     Raises:
         SysidError: Models of other sizes or sampling intervals, a direct term, no innovation covariance, an unstable
@@ -69,29 +79,29 @@ def model_following(
     effort = real_number("effort", effort, *positive)
     disturbance = real_number("disturbance", disturbance, *positive)
     bound = real_number("sensitivity", sensitivity, "be above 1", lambda x: 1.0 < x < np.inf)
-    observer = _observer(plant, disturbance)
+    noise = real_number("noise", noise, "lie from 0 to 1", lambda x: 0.0 <= x <= 1.0)
     feedforward = _feedforward(plant, reference, effort)
     frequencies = np.geomspace(1e-3, 0.5, GRID) / plant.dt
     path = replace(plant, K=None, innovation_covariance=None)
 
-    def design(log_effort: float) -> tuple[float, Controller]:
+    def design(log_effort: float, observer: FloatArray) -> tuple[float, Controller]:
         controller = _combined(plant, reference, observer, feedforward, _regulator(plant, 10.0**log_effort)[0])
         loop = np.eye(plant.nu) + controller.loop_gain(path, frequencies)
         return float(1.0 / np.linalg.svd(loop, compute_uv=False)[:, -1].min()), controller
 
     firmest, softest = np.log10(effort), np.log10(SOFTEST)
-    peak, controller = design(firmest)
-    chosen = firmest
-    if peak > bound:
-        least = design(softest)[0]
-        if least > bound:
-            raise SysidError(
-                f"sensitivity {bound:g} requested, but even the softest feedback peaks at {least:.3g}: lower the "
-                f"disturbance of {disturbance:g}, or allow more"
-            )
-        chosen = scipy.optimize.brentq(lambda x: design(x)[0] - bound, firmest, softest, xtol=1e-3)
-        peak, controller = design(chosen)
-    return FollowingDesign(controller, peak, 10.0**chosen)
+    for halving in range(HALVINGS):
+        walk = disturbance / 2.0**halving
+        observer = _observer(plant, walk, noise)
+        chosen = firmest if design(firmest, observer)[0] <= bound else softest
+        if chosen == softest and design(softest, observer)[0] > bound:
+            continue
+        if chosen == softest:
+            excess = partial(lambda x, gain: design(x, gain)[0] - bound, gain=observer)
+            chosen = float(scipy.optimize.brentq(excess, firmest, softest, xtol=1e-3))
+        peak, controller = design(chosen, observer)
+        return FollowingDesign(controller, peak, 10.0**chosen, walk)
+    raise SysidError(f"sensitivity {bound:g} requested, but no disturbance down to {walk:.3g} keeps it: allow more")
 
 
 def _check(plant: StateSpace, reference: StateSpace) -> None:
@@ -108,9 +118,9 @@ def _check(plant: StateSpace, reference: StateSpace) -> None:
         raise SysidError("plant: expected a model with an innovation covariance; estimates have one")
 
 
-def _observer(plant: StateSpace, disturbance: float) -> FloatArray:
+def _observer(plant: StateSpace, disturbance: float, noise: float) -> FloatArray:
     """Return the gain (n + m, m) of the predictor of the state and of the disturbance at the input."""
-    n, m, K = plant.order, plant.nu, plant.gain
+    n, m, K = plant.order, plant.nu, noise * plant.gain
     R = np.asarray(plant.innovation_covariance)
     A = np.block([[plant.A, plant.B], [np.zeros((m, n)), np.eye(m)]])
     C = np.hstack([plant.C, np.zeros((m, m))])

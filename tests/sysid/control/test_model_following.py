@@ -1,0 +1,178 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy
+
+import sysid
+from sysid import StateSpace, SysidError, model_following
+from sysid.control import diagonal
+from sysid.control.model_following import _observer
+
+DT = 0.02
+
+
+def servo(poles, delay=0, noise=None):
+    """A position servo with real poles in rad/s and unit gain, its measurement late by samples."""
+    z = np.concatenate([np.exp(np.array(poles) * DT), np.zeros(delay)])
+    polynomial = np.poly(z)
+    A, B, C, D = scipy.signal.tf2ss([np.sum(polynomial)], polynomial)
+    K = None if noise is None else noise * np.ones((len(z), 1))
+    return StateSpace(A, B, C, D, K, DT, np.array([[1e-8]]))
+
+
+def coupled(seed=3):
+    """Two servos that push each other, with noise of the state."""
+    rng = np.random.default_rng(seed)
+    left, right = servo((-6.0, -30.0), 1), servo((-7.0, -40.0))
+    A = scipy.linalg.block_diag(left.A, right.A)
+    B = scipy.linalg.block_diag(left.B, right.B) + 0.05 * rng.standard_normal((5, 2))
+    C = scipy.linalg.block_diag(left.C, right.C)
+    K = 0.05 * rng.standard_normal((5, 2))
+    return StateSpace(A, B, C, np.zeros((2, 2)), K, DT, 1e-8 * np.array([[1.0, 0.2], [0.2, 2.0]]))
+
+
+REFERENCE = StateSpace(
+    *(scipy.linalg.block_diag(getattr(servo((-13.0, -70.0), 1), n), getattr(servo((-12.0, -80.0)), n)) for n in "ABCD"),
+    None,
+    DT,
+)
+
+
+def moves(samples, loops, seed=0):
+    """Smooth requests (N, loops) of some 0.1 rad that end at rest."""
+    rng = np.random.default_rng(seed)
+    corners = np.repeat(0.1 * rng.standard_normal((samples // 50, loops)), 50, axis=0)
+    corners[-150:] = 0.0
+    smooth = scipy.signal.lfilter([0.1], [1.0, -0.9], corners, axis=0)
+    return np.asarray(scipy.signal.lfilter([0.1], [1.0, -0.9], smooth, axis=0))
+
+
+def run(controller, plant, requests, *, disturbance=0.0, rate=np.inf):
+    """Run a controller on a plant sample by sample; return outputs and applied commands."""
+    work, x, sent = controller.start(), np.zeros(plant.order), np.zeros(plant.nu)
+    outputs, commands = [], []
+    for r in requests:
+        y = plant.C @ x
+        sent = np.clip(work.command(r, y), sent - rate, sent + rate)
+        work.applied(sent)
+        x = plant.A @ x + plant.B @ (sent + disturbance)
+        outputs.append(y)
+        commands.append(sent)
+    return np.array(outputs), np.array(commands)
+
+
+def path(model):
+    return replace(model, K=None, innovation_covariance=None)
+
+
+def test_a_known_plant_answers_like_the_reference():
+    requests = moves(1000, 2)
+    wanted = sysid.simulate(path(REFERENCE), requests)
+    alone = sysid.simulate(path(coupled()), requests)
+    errors = []
+    for effort in (1e-2, 1e-4, 1e-6):
+        outputs, _ = run(model_following(coupled(), REFERENCE, effort=effort).controller, coupled(), requests)
+        errors.append(np.sqrt(np.mean((outputs - wanted) ** 2) / np.mean((alone - wanted) ** 2)))
+    assert errors[0] < 0.1
+    assert errors[1] < 0.2 * errors[0]
+    assert errors[2] < errors[1]
+
+
+def test_feedforward_is_optimal():
+    """No other sequence of commands follows a step of the request at lower cost: least squares over 300 samples."""
+    plant, reference, effort = servo((-6.0, -30.0), 1), servo((-13.0, -70.0), 1), 1e-3
+    requests = np.full((300, 1), 0.1)
+    outputs, commands = run(model_following(plant, reference, effort=effort).controller, plant, requests)
+    wanted = sysid.simulate(path(reference), requests)[:, 0]
+    answer = scipy.linalg.toeplitz(sysid.simulate(path(plant), np.eye(300)[:, :1])[:, 0], np.zeros(300))
+    difference = np.eye(300) - np.eye(300, k=-1)
+    best = np.linalg.lstsq(np.vstack([answer, np.sqrt(effort) * difference]), np.append(wanted, np.zeros(300)))[0]
+
+    def cost(y, u):
+        return np.sum((y - wanted) ** 2) + effort * np.sum((difference @ u) ** 2)
+
+    np.testing.assert_allclose(commands[:250, 0], best[:250], atol=1e-6)
+    assert cost(outputs[:, 0], commands[:, 0]) == pytest.approx(cost(answer @ best, best), rel=1e-6)
+
+
+def test_integral_action():
+    design = model_following(coupled(), REFERENCE)
+    loop = design.controller.closed_loop(path(coupled()))
+    gain = loop.dc_gain()
+    np.testing.assert_allclose(gain[:2, :2], REFERENCE.dc_gain(), atol=1e-9)
+    np.testing.assert_allclose(gain[:2, 2:], 0.0, atol=1e-9)
+    # Also of a plant that is not the model.
+    other = replace(path(coupled()), B=1.3 * coupled().B)
+    np.testing.assert_allclose(design.controller.closed_loop(other).dc_gain()[:2, 2:], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("bound", [1.4, 2.0, 3.0])
+def test_the_sensitivity_keeps_its_bound(bound):
+    design = model_following(coupled(), REFERENCE, sensitivity=bound, disturbance=5.0, noise=1.0)
+    loop = design.controller.closed_loop(path(coupled()))
+    # The sensitivity at the plant's input, from the disturbance to the command and back: another way to compute it.
+    frequencies = np.geomspace(1e-3, 24.9, 400)
+    peak = np.linalg.norm(loop.frequency_response(frequencies)[:, 2:, 2:] + np.eye(2), 2, axis=(1, 2)).max()
+    assert peak == pytest.approx(design.sensitivity, rel=0.02)
+    assert design.sensitivity <= bound * 1.001
+    assert loop.is_stable()
+
+
+def test_the_observer_is_the_kalman_predictor():
+    """The gain is where the Riccati recursion of the predictor ends."""
+    plant, walk = coupled(), 0.5
+    R = plant.innovation_covariance
+    A = np.block([[plant.A, plant.B], [np.zeros((2, 5)), np.eye(2)]])
+    C = np.hstack([plant.C, np.zeros((2, 2))])
+    G = np.vstack([plant.gain, np.zeros((2, 2))])
+    steps = walk * np.sqrt(np.diag(R)) / np.abs(np.diag(plant.dc_gain()))
+    Q = G @ R @ G.T + np.diag(np.append(np.zeros(5), steps**2))
+    P = Q.copy()
+    for _ in range(5000):
+        L = np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T + R @ G.T).T
+        P = A @ P @ A.T + Q - L @ (C @ P @ C.T + R) @ L.T
+    np.testing.assert_allclose(_observer(plant, walk, 1.0), L, rtol=1e-4, atol=1e-7)
+
+
+def test_a_limited_command_does_not_wind_up():
+    plant, requests = coupled(), np.zeros((900, 2))
+    requests[50:450] = 0.5
+    controller = model_following(plant, REFERENCE).controller
+    _, unlimited = run(controller, plant, requests)
+    slow, limited = run(controller, plant, requests, rate=0.003)
+    assert np.abs(np.diff(unlimited, axis=0)).max() > 0.03
+    # The ramp of 0.003 a sample takes 167 samples; the output arrives with it and stays.
+    assert slow.max() < 0.5 * 1.05
+    np.testing.assert_allclose(slow[300:450], 0.5, atol=0.01)
+    np.testing.assert_allclose(slow[-100:], 0.0, atol=0.01)
+    assert np.abs(np.diff(limited, axis=0)).max() <= 0.003 + 1e-12
+
+
+def test_the_run_is_the_closed_loop():
+    plant, requests = coupled(), moves(300, 2, seed=4)
+    both = diagonal([model_following(servo((-6.0, -30.0), 1), servo((-13.0, -70.0), 1)).controller for _ in range(2)])
+    for controller in (model_following(plant, REFERENCE).controller, both):
+        outputs, commands = run(controller, plant, requests, disturbance=0.02)
+        inputs = np.hstack([requests, np.full((300, 2), 0.02)])
+        expected = sysid.simulate(controller.closed_loop(path(plant)), inputs)
+        np.testing.assert_allclose(np.hstack([outputs, commands]), expected, atol=1e-9)
+
+
+def test_refusals():
+    plant = coupled()
+    for wrong, text in (
+        ({"plant": replace(plant, D=np.eye(2))}, "direct term"),
+        ({"plant": replace(plant, innovation_covariance=None)}, "innovation covariance"),
+        ({"plant": replace(plant, A=1.2 * plant.A)}, "stable"),
+        ({"reference": servo((-13.0,))}, "2 inputs"),
+        ({"reference": replace(REFERENCE, dt=0.01)}, "at 0.02 s"),
+        ({"effort": 0.0}, "effort"),
+        ({"sensitivity": 1.0}, "sensitivity"),
+        ({"noise": 1.5}, "noise"),
+        ({"disturbance": np.nan}, "disturbance"),
+    ):
+        with pytest.raises(SysidError, match=text):
+            model_following(**{"plant": plant, "reference": REFERENCE, **wrong})
+    with pytest.raises(SysidError, match="plant of 2"):
+        model_following(plant, REFERENCE).controller.closed_loop(servo((-6.0,)))
