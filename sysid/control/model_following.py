@@ -45,8 +45,8 @@ def model_following(
     *,
     effort: float = 1e-3,
     sensitivity: float = 2.0,
-    disturbance: float = 0.5,
-    noise: float = 0.3,
+    disturbance: float = 1.0,
+    noise: float = 0.5,
 ) -> FollowingDesign:
     """Design a controller by which a plant answers like a reference model.
 
