@@ -81,17 +81,17 @@ def independent() -> list[Table]:
 
 
 def exchange() -> list[Table]:
-    """The exchange of the replacement unit [Morris1996, sec. I.3 and VI.4]."""
+    """Tasks of an operator: the exchange of the replacement unit [Morris1996, sec. I.3 and VI.4], and free motion."""
     source = package_table("rpcm.toml")
     compensation = package_table("table2.toml")["compensation"]
     return [
         {
-            **test,
             "axes": source["axes"],
             "mode": source["mode"],
             "worksite": True,
             "payload": "none",
             "tags": source["tags"],
+            **test,
             "hand_controller": {"compensation": compensation},
         }
         for test in source["test"]

@@ -14,6 +14,7 @@ from hmtb_twin.control.modes import TOOL_AXES, axis_gains
 from hmtb_twin.parameters.payloads import SEATS, UNIT, Seat
 from hmtb_twin.parameters.values import OPERATING_POSE
 from scenarios.experiments.operator import Pose, ScriptedOperator, Step
+from scenarios.experiments.reach import ReachingOperator
 from scenarios.files.errors import ScenarioError, unknown
 
 HOLSTER, RECEPTACLE = SEATS["holster"], SEATS["receptacle"]
@@ -215,7 +216,10 @@ def _height(position: np.ndarray, seat: Seat) -> np.ndarray:
 
 
 TASKS: dict[str, Callable[[], tuple[Step, ...]]] = {"rpcm": rpcm_script, "rpcm-unloaded": unloaded_script}
-"""The script of each task."""
+"""The script of each task at the worksite."""
+
+REACH = "reach"
+"""The task in free space: to move the tool from one drawn place to the next."""
 
 MODE = "cartesian_rate"
 """Control mode of all tasks."""
@@ -227,15 +231,16 @@ def check_task(task: str, experiment: Experiment, *, excited: bool) -> None:
     Raises:
         ScenarioError: Unknown task, or an experiment that does not suit it.
     """
-    if task not in TASKS:
-        raise ScenarioError(unknown("task", task, TASKS))
+    if task not in (*TASKS, REACH):
+        raise ScenarioError(unknown("task", task, (*TASKS, REACH)))
+    free = task == REACH
     wrong = [
         text
         for fails, text in (
             (experiment.mode != MODE, f'mode = "{MODE}"'),
             (experiment.axes != TOOL_AXES, f"axes = {', '.join(TOOL_AXES)}"),
-            (not experiment.worksite, "worksite = true"),
-            (experiment.payload != "none", 'payload = "none", the unit in its holster'),
+            (experiment.worksite == free, f"worksite = {str(not free).lower()}"),
+            (not free and experiment.payload != "none", 'payload = "none", the unit in its holster'),
             (excited, "no excitation"),
         )
         if fails
@@ -245,5 +250,6 @@ def check_task(task: str, experiment: Experiment, *, excited: bool) -> None:
 
 
 def task_operator(task: str, seed: int, hand_controller: HandController) -> Operator:
-    """Return an operator for one of `TASKS`; the seed draws the operator's errors."""
-    return ScriptedOperator(TASKS[task](), axis_gains(MODE, TOOL_AXES, hand_controller), seed)
+    """Return an operator for a task; the seed draws the operator's errors, or where the tool is moved in free space."""
+    gains = axis_gains(MODE, TOOL_AXES, hand_controller)
+    return ReachingOperator(gains, seed) if task == REACH else ScriptedOperator(TASKS[task](), gains, seed)

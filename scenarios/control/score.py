@@ -1,0 +1,164 @@
+"""Scores of a run against its reference: errors, response that the operator sees, effort, limits, forces, stability."""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+import sysid
+from hmtb_twin import JOINTS, JointLog, Status
+from scenarios.control.campaign import CONTROLLED
+from sysid import FrequencyResponse, IOData, StateSpace, SysidError, SysidWarning
+from sysid.models.bandwidth import HALF_POWER, gain_crossing
+from sysid.records.arrays import FloatArray, Locked
+
+FREQUENCIES = (0.5, 1.0, 2.0)
+"""Frequencies at which phase and gain are read, Hz."""
+
+LAG = 200
+"""Lag window of the spectral estimate, samples: a resolution of 0.25 Hz."""
+
+GRID = np.arange(0.1, 5.01, 0.05)
+"""Frequencies of the spectral estimate, Hz."""
+
+COHERENT = 0.8
+"""Least coherence of request and angle at which a response is read."""
+
+GROWTH = 2.0
+"""A run is unstable if its error in the last quarter exceeds that of every earlier quarter this many times."""
+
+BOUND = 0.5
+"""Largest error of a bounded run, rad."""
+
+CHANNELS = [JOINTS.index(name) for name in CONTROLLED]
+"""Columns of the controlled joints in a log."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenResponse(Locked):
+    """Response from request to angle as an operator sees it, estimated from one run and one joint's own request.
+
+    Attributes:
+        gains: At `FREQUENCIES`, of every joint (3, m); NaN where request and angle are not coherent.
+        phases: Likewise, rad.
+        bandwidth_hz: Where the gain falls below 0.707 (m,), Hz; NaN where the record does not show it.
+    """
+
+    gains: FloatArray
+    phases: FloatArray
+    bandwidth_hz: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Score(Locked):
+    """Scores of one run, joints in the order of `CONTROLLED`.
+
+    Attributes:
+        rmse: Root mean square error against the reference model's output for the run's own requests (m,), rad.
+        rmse_arm: The same against the simulated reference arm (m,), rad; None where there is none.
+        response: What the operator sees.
+        reference_response: The same estimate from the reference model's output.
+        effort: Root mean square of the rate of the command (m,), rad/s.
+        limited: Share of the ticks at a velocity limit or an end of a joint's range.
+        force: Largest contact force, N; NaN in free space.
+        force_99: Contact force that 99 % of the ticks with contact stay below, N; NaN in free space.
+        stable: Whether the error is bounded and does not grow.
+    """
+
+    rmse: FloatArray
+    rmse_arm: FloatArray | None
+    response: SeenResponse
+    reference_response: SeenResponse
+    effort: FloatArray
+    limited: float
+    force: float
+    force_99: float
+    stable: bool
+
+    @property
+    def total(self) -> float:
+        """Root mean square error over all joints against the reference model, rad."""
+        return float(np.sqrt(np.mean(self.rmse**2)))
+
+    @property
+    def total_arm(self) -> float:
+        """The same against the simulated reference arm, rad; NaN without one."""
+        return float("nan") if self.rmse_arm is None else float(np.sqrt(np.mean(self.rmse_arm**2)))
+
+
+def request_of(log: JointLog) -> FloatArray:
+    """Return what the operator requested of the controlled joints (N, m), rad, less the request at the start."""
+    request = (_sent(log) if log.requested is None else log.requested)[:, CHANNELS]
+    return np.asarray(request - request[0])
+
+
+def answer_of(log: JointLog) -> FloatArray:
+    """Return the measured angles of the controlled joints (N, m), rad, less the command at the start."""
+    return np.asarray((log.measured - _sent(log)[0])[:, CHANNELS])
+
+
+def score(log: JointLog, reference: StateSpace, arm: JointLog | None = None) -> Score:
+    """Score a run.
+
+    Args:
+        log: The run.
+        reference: Reference model of the controlled joints.
+        arm: Run of the reference arm with the same requests; None in contact with the worksite.
+    """
+    request, answer = request_of(log), answer_of(log)
+    wanted = np.asarray(sysid.simulate(reference, request))
+    error = answer - wanted
+    force = np.array([np.nan]) if log.contact_force is None else log.contact_force
+    touching = force[force > 0.0]
+    limits = Status.VELOCITY_LIMITED | Status.JOINT_LIMITED
+    return Score(
+        rmse=_rms(error),
+        rmse_arm=None if arm is None else _rms(answer - answer_of(arm)),
+        response=_seen(request, answer, log.dt),
+        reference_response=_seen(request, wanted, log.dt),
+        effort=_rms(np.diff(_sent(log)[:, CHANNELS], axis=0) / log.dt),
+        limited=float(np.mean((log.status & limits) != 0)),
+        force=float(force.max()),
+        force_99=float(np.quantile(touching, 0.99)) if len(touching) else float("nan"),
+        stable=is_stable(error),
+    )
+
+
+def is_stable(error: FloatArray) -> bool:
+    """Return whether an error (N, m), rad, is bounded and does not grow from quarter to quarter."""
+    quarters = [float(np.sqrt(np.mean(part**2))) for part in np.array_split(error, 4)]
+    return bool(np.abs(error).max() < BOUND and quarters[-1] <= GROWTH * max(quarters[:-1]))
+
+
+def _sent(log: JointLog) -> FloatArray:
+    """Return the commands that the arm felt (N, 7), rad."""
+    return log.commanded if log.sent is None else log.sent
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
+
+
+def _seen(request: FloatArray, answer: FloatArray, dt: float) -> SeenResponse:
+    """Estimate the response of every joint to its own request, where its coherence shows one."""
+    m = request.shape[1]
+    values, bandwidths = np.full((len(FREQUENCIES), m), np.nan + 0j), np.full(m, np.nan)
+    for joint in range(m):
+        if np.ptp(request[:, joint]) == 0.0 or len(request) <= LAG:
+            continue
+        data = IOData(request[:, joint], answer[:, joint], dt).detrend(1)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SysidWarning)
+            try:
+                spectra = sysid.spa(data, lag=LAG, window=np.bartlett, frequencies=GRID)
+            except SysidError:
+                continue  # a request too poor for any response
+        coherent = np.asarray(spectra.coherence)[:, 0, 0] >= COHERENT
+        response = np.where(coherent, spectra.response[:, 0, 0], np.nan)
+        values[:, joint] = response[np.searchsorted(GRID, np.array(FREQUENCIES) - 1e-9)]
+        # The first stretch of coherent frequencies alone: beyond it a crossing may be noise.
+        end = int(np.argmin(coherent)) if not coherent.all() else len(GRID)
+        if end >= 2:
+            part = FrequencyResponse(GRID[:end], response[:end, None, None], dt, "spa")
+            bandwidths[joint] = gain_crossing(part, HALF_POWER)
+    return SeenResponse(np.abs(values), np.angle(values), bandwidths)
