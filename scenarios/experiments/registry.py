@@ -101,17 +101,17 @@ def exchange() -> list[Table]:
 def tracking() -> list[Table]:
     """Tests of one joint whose payload is exchanged during the run."""
     source = package_table("track.toml")
-    shared = {key: source[key] for key in ("duration", "payload", "payload_changes")}
+    keys = ("duration", "payload", "payload_changes", "excitation", "hand_controller")
     return [
         {
-            **shared,
-            **{key: test[key] for key in ("seed", "excitation", "hand_controller") if key in test},
-            "name": f"track-{test['joint']}",
-            "axes": [test["joint"]],
-            "description": f"{test['joint'].replace('_', ' ')}: {source['description']}",
-            "tags": [*source["tags"], test["joint"], test["excitation"]["kind"]],
+            **{key: source[key] for key in keys},
+            "name": f"track-{joint}",
+            "axes": [joint],
+            "seed": 5000 + number,
+            "description": f"{joint.replace('_', ' ')}: {source['description']}",
+            "tags": [*source["tags"], joint, source["excitation"]["kind"]],
         }
-        for test in source["test"]
+        for number, joint in enumerate(source["joints"])
     ]
 
 
