@@ -75,7 +75,7 @@ from sysid.records import (
     read_netcdf,
     resample,
 )
-from sysid.recursive import RecursiveEstimate, rarmax, rarx, roe
+from sysid.recursive import RecursiveEstimate, Track, rarmax, rarx, roe, track
 from sysid.selection import StructureChoice, auto
 from sysid.subspace import era, era_dc, n4sid, okid, pbsid, pem_ss
 from sysid.validation import (
@@ -117,6 +117,7 @@ __all__ = [
     "StructureChoice",
     "SysidError",
     "SysidWarning",
+    "Track",
     "ar",
     "arma",
     "armax",
@@ -184,6 +185,7 @@ __all__ = [
     "tfest",
     "to_fmu",
     "to_matlab",
+    "track",
     "transfer_function",
     "two_stage",
     "vector_fit",

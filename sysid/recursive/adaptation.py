@@ -132,6 +132,67 @@ class Forgetting(Adaptation):
         return variance * P * (1.0 + self.factor**samples) / (1.0 + self.factor)
 
 
+@dataclass(frozen=True)
+class DirectionalForgetting(Adaptation):
+    """Least squares that forgets only in the direction of the present regressor [CaoSchwartz2000].
+
+    The information R = P^-1 loses the part that the sample psi renews, and gains the sample:
+    R = R - (1 - lambda) R psi psi' R / (psi' R psi) + psi psi'. Directions without excitation keep what is known of
+    them, so that P cannot wind up [KulhavyKarny1984; Bittanti1990].
+
+    Attributes:
+        factor: Forgetting factor lambda, 0 < factor <= 1; memory is about 1 / (1 - factor) samples of excitation.
+
+    Raises:
+        SysidError: A factor out of range.
+    """
+
+    factor: float
+
+    def __post_init__(self) -> None:
+        """Check."""
+        bound = "lie above 0 and not above 1"
+        value = real_number("the forgetting factor", self.factor, bound, lambda part: 0.0 < part <= 1.0)
+        object.__setattr__(self, "factor", value)
+
+    @property
+    def forgets(self) -> bool:
+        """True unless the factor is 1."""
+        return self.factor < 1.0
+
+    def enter(self, P: FloatArray) -> FloatArray:
+        """P and its inverse (2, p, p)."""
+        return np.stack((P, np.linalg.pinv(P, rcond=ROOT_FLOOR, hermitian=True)))
+
+    def leave(self, memory: FloatArray) -> FloatArray:
+        """The first of both."""
+        return memory[0]
+
+    def prior(self, covariance: FloatArray, variance: float) -> FloatArray:
+        """The covariance for errors of unit variance."""
+        return covariance / variance
+
+    def decay(self, steps: int) -> float:
+        """The forgetting factor."""
+        return self.factor
+
+    def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
+        """See `Adaptation`."""
+        P, R = memory
+        known = R @ psi
+        length = float(psi @ known)
+        if length > 0.0 and self.factor < 1.0:
+            R = R - (1.0 - self.factor) / length * np.outer(known, known)
+            P = P + (1.0 - self.factor) / (self.factor * length) * np.outer(psi, psi)
+        spread = P @ psi
+        gain = spread / (1.0 + float(psi @ spread))
+        return gain, np.stack((P - np.outer(gain, spread), R + np.outer(psi, psi)))
+
+    def covariance(self, P: FloatArray, energy: float, variance: float, samples: int) -> FloatArray:
+        """As that of `Forgetting`."""
+        return variance * P * (1.0 + self.factor**samples) / (1.0 + self.factor)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Kalman(Locked, Adaptation):
     """Random-walk parameters: theta(t+1) = theta(t) + w(t), cov w = R1, cov e = R2.

@@ -76,6 +76,7 @@ def test_numbers_of_any_kind():
         lambda d, e: sysid.bla(d, 50, audible=None),
         lambda d, e: sysid.keep_band(d, low_hz="2"),
         lambda d, e: sysid.recursive.Forgetting("2"),
+        lambda d, e: sysid.recursive.DirectionalForgetting("2"),
         lambda d, e: sysid.recursive.Gradient(None),
         lambda d, e: sysid.recursive.Kalman(1.0, "2"),
         lambda d, e: sysid.recursive.Kalman([[1.0, 2.0], [2.0, 1.0]]),

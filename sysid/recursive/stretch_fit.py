@@ -1,0 +1,225 @@
+"""Output-error models of a stretch of a record whose disturbance has a known colour.
+
+y = B(q)/F(q) u + free response + constant + 1/D(q) e. The stretch may begin in the middle of a motion: the free
+response that the past left in n states is estimated with the model, so nothing before the stretch biases it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from scipy.signal import lfilter
+
+from sysid.records.arrays import FloatArray, Locked
+from sysid.records.errors import SysidError
+
+FASTEST = 0.85  # pole of the first guess: five samples, between the samples and the stretch
+WIDEST_STEPS = 30  # limit on Gauss-Newton steps
+SETTLED = 1e-4  # relative decrease of the cost below which a search ends
+PREFILTERS = 10  # rounds of prefiltering that give the initial estimate
+SLOWEST = 10.0  # a real mode slower than the stretch over this is an offset or a drift
+RINGING = 0.998  # largest modulus of the other poles: a ring of 10 s at 50 Hz
+KNOWN = 1e-9  # smallest singular value of the scaled gradients that counts, relative to the largest
+NOISE_ORDER = 10  # largest order of D
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StretchFit(Locked):
+    """A model of a stretch, and what a recursion needs to continue it.
+
+    Attributes:
+        B: Coefficients of the numerator from lag nk (n,).
+        F: Denominator (n + 1,), monic.
+        nuisance: Free response (n,) and constant, in units of the output.
+        directions: Independent steps of one standard deviation each, for e of unit variance (3n + 1, r): B, F, free
+            response, constant. Parameters of which the stretch tells nothing do not move.
+        variance: Of e, unbiased.
+        errors: Estimates of e over the stretch (rows,), without the samples that D takes to start.
+        gradients: Of the predictions (rows, 3n + 1), likewise.
+    """
+
+    B: FloatArray
+    F: FloatArray
+    nuisance: FloatArray
+    directions: FloatArray
+    variance: float
+    errors: FloatArray
+    gradients: FloatArray
+
+    @property
+    def order(self) -> int:
+        """Degree n of F."""
+        return len(self.B)
+
+    @property
+    def criterion(self) -> float:
+        """Akaike's criterion, corrected for short stretches [HurvichTsai1989]."""
+        N, p = self.gradients.shape
+        return N * float(np.log(self.errors @ self.errors / N)) + 2.0 * p * N / (N - p - 2)
+
+
+def fit_stretch(
+    u: FloatArray,
+    y: FloatArray,
+    begin: int,
+    orders: Sequence[int],
+    nk: int,
+    D: FloatArray,
+    last: StretchFit | None = None,
+) -> StretchFit:
+    """Fit y[begin:] by models of several orders and return the one that Akaike's criterion prefers.
+
+    Each search starts from the prefiltered least squares of [SteiglitzMcBride1965] and ends with Gauss-Newton steps.
+
+    Args:
+        u: Input (N,), with the samples before `begin` as far as they are known.
+        y: Output (N,).
+        begin: First sample of the stretch.
+        orders: Degrees n of F, numbers of coefficients of B.
+        nk: Delay in samples.
+        D: Whitening filter of the disturbance, monic.
+        last: Fit of the same plant to a shorter stretch, from which the search of its degree begins.
+
+    Raises:
+        SysidError: The stretch is too short for any of the orders.
+    """
+    fits = []
+    for n in orders:
+        if len(y) - begin - len(D) <= 2 * (3 * n + 1):
+            continue
+        if last is not None and last.order == n:
+            start = last.B, last.F
+        else:
+            start = _prefiltered(u, y, begin, nk, D, np.asarray(np.poly(np.full(n, FASTEST)), dtype=float))
+        fits.append(_search(u, y, begin, nk, D, *start))
+    if not fits:
+        raise SysidError(f"{len(y) - begin} samples given, expected more for a model of order {min(orders)}")
+    return min(fits, key=lambda fit: fit.criterion)
+
+
+def whitening_filter(errors: FloatArray) -> FloatArray:
+    """Return D of the autoregression D(q) v = e, its order by Schwarz's criterion."""
+    N = len(errors)
+    c = np.array([errors[k:] @ errors[: N - k] for k in range(NOISE_ORDER + 1)]) / N
+    best, least = np.ones(1), N * np.log(c[0])
+    for m in range(1, NOISE_ORDER + 1):
+        a = scipy.linalg.solve_toeplitz(c[:m], -c[1 : m + 1])
+        criterion = N * np.log(c[0] + a @ c[1 : m + 1]) + m * np.log(N)
+        if criterion < least:
+            best, least = np.append(1.0, a), criterion
+    return best
+
+
+def delayed(x: FloatArray, lags: int) -> FloatArray:
+    """Return a signal (N,) later by some samples, zero before."""
+    return x if not lags else np.concatenate((np.zeros(min(lags, len(x))), x[:-lags]))
+
+
+def _lags(x: FloatArray, first: int, count: int) -> FloatArray:
+    out = np.zeros((len(x), count))
+    for k in range(count):
+        out[first + k :, k] = x[: len(x) - first - k]
+    return out
+
+
+def _free(F: FloatArray, count: int, samples: int) -> FloatArray:
+    impulse = np.zeros(samples)
+    impulse[0] = 1.0
+    return _lags(lfilter([1.0], F, impulse), 0, count)
+
+
+def _whitened(D: FloatArray, columns: FloatArray) -> FloatArray:
+    # the first rows lack the samples before the stretch
+    rows = len(columns) - len(D) + 1
+    return np.asarray(sum(d * columns[len(D) - 1 - k : len(D) - 1 - k + rows] for k, d in enumerate(D)))
+
+
+def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
+    scale = np.linalg.norm(A, axis=0)
+    scale[scale == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(A / scale, b, rcond=1e-11)[0] / scale)
+
+
+def _stable(F: FloatArray, samples: int) -> bool:
+    poles = np.roots(F)
+    slow = np.exp(-SLOWEST / samples)
+    real = np.isreal(poles)
+    return bool((np.abs(poles) < RINGING).all() and (np.abs(poles[real]) < max(slow, FASTEST)).all())
+
+
+def _prefiltered(
+    u: FloatArray, y: FloatArray, begin: int, nk: int, D: FloatArray, F: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Least squares of F y/F = B u/F, F from the round before [SteiglitzMcBride1965]."""
+    n, samples = len(F) - 1, len(y) - begin
+    past = delayed(u, nk)[begin:]
+    B = np.zeros(n)
+    for _ in range(PREFILTERS):
+        inputs, outputs = lfilter([1.0], F, past), lfilter([1.0], F, y[begin:])
+        columns = np.hstack(
+            (_lags(inputs, 0, n), -_lags(outputs, 1, n), _free(F, 2 * n, samples), np.ones((samples, 1)))
+        )
+        theta = _solve(_whitened(D, columns), _whitened(D, outputs))
+        poles = np.roots(np.append(1.0, theta[n : 2 * n]))
+        size = np.maximum(np.abs(poles), 1e-12)
+        slow = max(np.exp(-SLOWEST / samples), FASTEST)
+        # poles outside are mirrored, then kept clear of the bound
+        poles = poles / size * np.minimum(np.minimum(size, 1.0 / size), np.where(np.isreal(poles), 0.999 * slow, 0.99))
+        B, last, F = theta[:n], F, np.real(np.poly(poles))
+        if np.abs(F - last).max() < 1e-6:
+            break
+    return B, F
+
+
+def gradient_rows(
+    u: FloatArray, y: FloatArray, begin: int, nk: int, B: FloatArray, F: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return gradients (samples, 3n + 1), and errors without free response and constant (samples,), not whitened."""
+    n, samples = len(B), len(y) - begin
+    x = lfilter([1.0], F, delayed(u, nk))
+    simulated = lfilter(B, [1.0], x)
+    w = lfilter([1.0], F, simulated)
+    model = np.hstack((_lags(x, 0, n), -_lags(w, 1, n)))[begin:]
+    columns = np.hstack((model, _free(F, n, samples), np.ones((samples, 1))))
+    return columns, y[begin:] - simulated[begin:]
+
+
+def _search(
+    u: FloatArray, y: FloatArray, begin: int, nk: int, D: FloatArray, B: FloatArray, F: FloatArray
+) -> StretchFit:
+    n, samples = len(B), len(y) - begin
+
+    def cost(A: FloatArray, r: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        known = _solve(A[:, 2 * n :], r)
+        errors = r - A[:, 2 * n :] @ known
+        return float(errors @ errors), errors, known
+
+    def linearised(B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+        columns, errors = gradient_rows(u, y, begin, nk, B, F)
+        return _whitened(D, columns), _whitened(D, errors)
+
+    A, r = linearised(B, F)
+    least, errors, nuisance = cost(A, r)
+    for _ in range(WIDEST_STEPS):
+        step, size = _solve(A, r), 1.0
+        while size > 1e-3:
+            next_B, next_F = B + size * step[:n], F + size * np.append(0.0, step[n : 2 * n])
+            if _stable(next_F, samples):
+                next_A, next_r = linearised(next_B, next_F)
+                next_cost = cost(next_A, next_r)
+                if next_cost[0] <= least:
+                    break
+            size *= 0.5
+        else:
+            break
+        decrease = least - next_cost[0]
+        B, F, A, r, (least, errors, nuisance) = next_B, next_F, next_A, next_r, next_cost
+        if decrease <= SETTLED * least and size == 1.0:
+            break
+    scale = np.linalg.norm(A, axis=0)
+    scale[scale == 0.0] = 1.0
+    _, values, rows = np.linalg.svd(A / scale, full_matrices=False)
+    known = values > KNOWN * values[0]
+    directions = rows[known].T / values[known] / scale[:, None]
+    return StretchFit(B, F, nuisance, directions, least / (len(errors) - len(scale)), errors, A)

@@ -1,0 +1,281 @@
+"""Identification of a plant that changes, sample by sample: bandwidth and delay with intervals, and the changes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from sysid.polynomial.data_checks import check_excitation
+from sysid.polynomial.polynomial_estimate import check_single_output
+from sysid.records.arguments import real_number, whole_number
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+from sysid.records.errors import SysidError, warn_each
+from sysid.recursive.adaptation import DirectionalForgetting
+from sysid.recursive.change_test import ChangeTest
+from sysid.recursive.servo_quantities import LAGS, ServoQuantities
+from sysid.recursive.stretch_fit import StretchFit, fit_stretch, gradient_rows, whitening_filter
+
+PER_PARAMETER = 8  # samples per parameter from which a model is fitted to the data after a change
+GROWTH = 1.4  # of the stretch from one fit to the next: steps of the recursion between them stay small
+BLOCKS = 15  # parts of a stretch whose scatter tells its errors: 14 degrees of freedom
+STUDENT_95 = float(scipy.special.stdtrit(BLOCKS - 1, 0.975))
+WIDEST = 20.0  # logarithm of a factor by which nothing is known
+HISTORY = 4.0  # s of inputs before a stretch that its simulation takes in
+LONGEST_DELAY = 1000  # samples
+SHORTEST = 20  # samples per parameter in the calibration
+
+
+@dataclass(frozen=True)
+class Change:
+    """A detected change.
+
+    Attributes:
+        time: Most likely time of the change, s.
+        detected: Time of the alarm, s.
+        statistic: Statistic of `ChangeTest` at the alarm.
+        threshold: Its threshold.
+    """
+
+    time: float
+    detected: float
+    statistic: float
+    threshold: float
+
+
+@dataclass(frozen=True)
+class TrackSample:
+    """Estimates after one sample.
+
+    Attributes:
+        time: Time of the sample, s, the first of the calibration at 0.
+        bandwidth: Frequency at which the gain falls to 0.707 of that at 0 Hz, Hz; NaN without one, and after an alarm
+            until enough data follow.
+        bandwidth_ci95: 95 % interval.
+        delay: Phase delay at the bandwidth, s.
+        delay_ci95: 95 % interval.
+        change: The change that this sample revealed, or None.
+        settled: Whether the model is of data since the last alarm.
+    """
+
+    time: float
+    bandwidth: float
+    bandwidth_ci95: tuple[float, float]
+    delay: float
+    delay_ci95: tuple[float, float]
+    change: Change | None
+    settled: bool
+
+
+class Tracker:
+    """Recursive prediction-error estimate that notices changes and then starts afresh.
+
+    Model: y = B(q)/F(q) u + constant + 1/D(q) e. The calibration, a stretch without a change, gives D and the degree of
+    F. Then every sample makes one step of recursive least squares with `DirectionalForgetting` along the gradient at
+    the last fit; fits, by Gauss-Newton steps on the stretch since the last change, come at lengths that grow by 1.4, up
+    to twice the memory. An alarm of `ChangeTest` ends the stretch: nothing is known of the new plant then (the
+    covariance is opened wholly), the first model follows after eight samples per parameter, and the test is armed again
+    at twice that length.
+
+    Memory: the variance of an estimate with memory T is c / (2 T), c that of the calibration times its length; the lag
+    behind a random walk that moves q per second has the variance q T / 2. Their sum is least at T = sqrt(c / q)
+    [LjungGunnarsson1990]; lambda = 1 - dt / T.
+
+    Intervals: the covariance follows every gain, Pi = (I - L psi') Pi (I - L psi')' + variance L L'. Dry friction makes
+    errors that depend on the motion, which no whitening removes. So Pi is scaled, for bandwidth and delay each, by the
+    scatter of the estimates from fifteen blocks of the calibration against what white errors explain (batch means), and
+    intervals take Student's quantile of fourteen degrees of freedom.
+    """
+
+    def __init__(
+        self,
+        record: IOData,
+        order: int = 8,
+        nk: int = 1,
+        *,
+        gain: float | None = None,
+        drift: float = 1e-3,
+        false_alarms: float = 1.0,
+    ) -> None:
+        """Fit the calibration.
+
+        Args:
+            record: Calibration: one input, one output, no change. Half a minute of a servo of 1 Hz suffices.
+            order: Largest degree of F; Akaike's criterion chooses.
+            nk: Delay in samples, at least 1.
+            gain: Gain at 0 Hz where it is known, 1 for a position servo; by default that of the model.
+            drift: Drift to be followed between changes: standard deviation of the bandwidth's relative change in a
+                minute.
+            false_alarms: Wanted false alarms per hour.
+
+        Raises:
+            SysidError: Several inputs or outputs, missing samples, a constant input, a short calibration, arguments out
+                of range, a calibration without a bandwidth.
+        """
+        if not isinstance(record, IOData):
+            raise SysidError(f"track takes one IOData record, got {type(record).__name__}")
+        check_single_output([record])
+        if record.nu != 1 or not np.isfinite(record.y).all():
+            raise SysidError(f"{record.nu} inputs given, expected one, and no missing outputs")
+        self.order = whole_number("order", order, 1, LAGS - 1)
+        self._nk = whole_number("nk", nk, 1, LONGEST_DELAY)
+        positive = "be positive", lambda value: 0.0 < value < np.inf
+        self._gain = None if gain is None else real_number("gain", gain, *positive)
+        drift = real_number("drift", drift, *positive)
+        rate = real_number("false_alarms", false_alarms, *positive) / 3600.0
+        least = SHORTEST * (3 * min(self.order, 2) + 1)
+        if len(record) < least:
+            raise SysidError(f"{len(record)} samples of calibration given, expected {least} or more")
+        warn_each(check_excitation([record], [2]), stacklevel=2)
+        self.dt = record.dt
+        self._zero = record.u[0, 0], record.y[0, 0]
+        self._u, self._y = list(record.u[:, 0] - self._zero[0]), list(record.y[:, 0] - self._zero[1])
+        self._dropped, self._begin, self._samples = 0, 0, len(record)
+        self._quantities = ServoQuantities(self._nk, self.dt, self._gain)
+        u, y, most = np.array(self._u), np.array(self._y), len(record) // SHORTEST // 3
+        degrees = range(min(2, self.order), min(self.order, max(most, 2)) + 1)
+        plain = fit_stretch(u, y, 0, degrees, self._nk, np.ones(1))
+        self._D = whitening_filter(plain.errors)
+        fit = fit_stretch(u, y, 0, degrees, self._nk, self._D)
+        value, moves = self._quantities(fit.B, fit.F)
+        if not np.isfinite(value).all():
+            raise SysidError("the model of the calibration has no bandwidth: its gain does not fall to 0.707")
+        self._inflation = self._scatter(fit, moves)
+        n = 2 * fit.order
+        relative = self._inflation[0] * fit.variance * float(np.sum((moves[0] @ fit.directions[:n]) ** 2))
+        memory = np.sqrt(relative * len(record) * self.dt / (drift**2 / 60.0))
+        self.memory = float(max(memory, PER_PARAMETER * len(fit.directions) * self.dt))
+        self._rule = DirectionalForgetting(1.0 - min(self.dt / self.memory, 0.5))
+        window = max(round(1.0 / np.exp(value[0]) / self.dt), 2)
+        self._test = ChangeTest(fit.errors, fit.variance, window, rate, self.dt)
+        self._calibration, self._fits = len(record), 0
+        self._open(fit)
+
+    def _open(self, fit: StretchFit) -> None:
+        """Begin the recursion at a fit of the stretch that ends now."""
+        length = len(self._u) - self._begin
+        self._fit: StretchFit | None = fit
+        self._last = fit
+        rows, errors = gradient_rows(np.array(self._u), np.array(self._y), self._begin, self._nk, fit.B, fit.F)
+        self._row = rows[-1]
+        self._rows = np.column_stack((rows, errors))[-len(self._D) :]
+        self._directions, self._offset = fit.directions, np.concatenate((np.zeros(2 * fit.order), fit.nuisance))
+        unit = np.eye(fit.directions.shape[1])
+        self._delta, self._memory, self._Pi = np.zeros(len(unit)), self._rule.enter(unit), fit.variance * unit
+        self._B, self._F = fit.B, fit.F
+        longest = max(round(2.0 * self.memory / self.dt), self._calibration)
+        self._due = round(GROWTH * length) if length < longest else length + longest // 2
+
+    def _scatter(self, fit: StretchFit, moves: FloatArray) -> FloatArray:
+        """Scatter of block estimates of bandwidth and delay, over that of white errors (2,)."""
+        n = 2 * fit.order
+        total = np.zeros(2)
+        size = len(fit.errors) // BLOCKS
+        for k in range(BLOCKS):
+            part = slice(k * size, (k + 1) * size)
+            columns = fit.gradients[part][:, [*range(n), -1]]
+            scale = np.linalg.norm(columns, axis=0) + 1e-300
+            inverse = np.linalg.pinv(columns / scale, rcond=1e-9)
+            along = (moves / scale[:n]) @ inverse[:n]
+            total += (along @ fit.errors[part]) ** 2 / (along**2).sum(axis=1)
+        return total / ((BLOCKS - 1) * fit.variance)
+
+    def step(self, u: float, y: float, *, report: bool = True) -> TrackSample:
+        """Take one more sample of input and output; without `report`, bandwidth and delay are left out (NaN).
+
+        Raises:
+            SysidError: A sample that is not finite.
+        """
+        if not (np.isfinite(u) and np.isfinite(y)):
+            raise SysidError(f"u = {u}, y = {y} given, expected finite numbers")
+        self._u.append(u - self._zero[0])
+        self._y.append(y - self._zero[1])
+        self._samples += 1
+        change = None if self._fit is None else self._update(self._fit)
+        if len(self._u) - self._begin >= self._due:
+            self._refit()
+        return self._sample(change, report)
+
+    @property
+    def parameters(self) -> FloatArray:
+        """Present b1..bn, f1..fn (2n,); empty after an alarm until enough data follow."""
+        return np.concatenate((self._B, self._F[1:])) if self._fit is not None else np.zeros(0)
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the parameters (2n, 2n), scaled as that of the bandwidth."""
+        parts = self._directions[: len(self.parameters)]
+        return np.asarray(self._inflation[0] * parts @ self._Pi @ parts.T)
+
+    def _update(self, fit: StretchFit) -> Change | None:
+        """One step of the recursion; the change if the sample reveals one."""
+        n, D = fit.order, self._D
+        x, w, z = self._row[:n], -self._row[n : 2 * n], self._row[2 * n : 3 * n]
+        F = fit.F[1:]
+        last = self._u[-1 - self._nk]
+        row = np.concatenate(([last - F @ x], x[:-1], [F @ w - fit.B @ x], -w[:-1], [-F @ z], z[:-1], [1.0]))
+        self._row = row
+        self._rows = np.vstack((self._rows[1:], np.append(row, self._y[-1] - fit.B @ row[:n])))
+        white = D[::-1] @ self._rows
+        # in steps of one standard deviation the recursion is well conditioned, however nearly poles and zeros cancel
+        psi = self._directions.T @ white[:-1]
+        error = float(white[-1] - white[:-1] @ self._offset - psi @ self._delta)
+        gain, self._memory = self._rule.step(self._memory, psi, 0)
+        self._delta = self._delta + gain * error
+        left = self._Pi - np.outer(gain, psi @ self._Pi)
+        self._Pi = left - np.outer(left @ psi, gain) + fit.variance * np.outer(gain, gain)
+        moved = self._directions[: 2 * n] @ self._delta
+        self._B, self._F = fit.B + moved[:n], fit.F + np.append(0.0, moved[n:])
+        statistic = self._test.update(error, fit.variance)
+        length = len(self._u) - self._begin
+        threshold = self._test.threshold(length, len(white) - 1)
+        if statistic < threshold or length < 2 * PER_PARAMETER * (len(white) - 1):
+            return None
+        now = (self._samples - 1) * self.dt
+        change = Change(now - self._test.age(fit.variance) * self.dt, now, statistic, threshold)
+        self._fit = None
+        self._begin = len(self._u)
+        self._due = PER_PARAMETER * (3 * fit.order + 1)
+        return change
+
+    def _refit(self) -> None:
+        """Fit the stretch anew, at most twice the memory, and begin the recursion there."""
+        longest = round(2.0 * self.memory / self.dt)
+        self._begin = max(self._begin, len(self._u) - max(longest, self._calibration))
+        drop = max(self._begin - round(HISTORY / self.dt), 0)
+        del self._u[:drop], self._y[:drop]
+        self._begin -= drop
+        degree = self._last.order
+        self._fits += 1
+        # other degrees are tried after a change, and then at every other fit
+        around = 2 if self._fit is None else 1 - self._fits % 2
+        degrees = range(max(degree - around, min(2, self.order)), min(degree + around, self.order) + 1)
+        # the denominator of the recursion may be unstable, that of a fit is not
+        last = self._fit
+        fit = fit_stretch(np.array(self._u), np.array(self._y), self._begin, degrees, self._nk, self._D, last)
+        if self._fit is None:
+            self._test.restart()
+        if len(fit.errors) >= self._calibration:
+            moves = self._quantities(fit.B, fit.F)[1]
+            if np.isfinite(moves).all():
+                self._inflation = self._scatter(fit, moves)
+        self._open(fit)
+
+    def _sample(self, change: Change | None, report: bool) -> TrackSample:
+        time, nothing = (self._samples - 1) * self.dt, (np.nan, np.nan)
+        if self._fit is None or not report:
+            return TrackSample(time, np.nan, nothing, np.nan, nothing, change, self._fit is not None)
+        (log_f, delay), moves = self._quantities(self._B, self._F)
+        along = moves @ self._directions[: 2 * self._fit.order]
+        deviation = np.sqrt(self._inflation * np.maximum(np.einsum("ij,jk,ik->i", along, self._Pi, along), 0.0))
+        reach = STUDENT_95 * deviation
+        f, wide = float(np.exp(log_f)), float(np.exp(min(reach[0], WIDEST)))
+        return TrackSample(
+            time,
+            f,
+            (f / wide, f * wide),
+            float(delay),
+            (float(delay - reach[1]), float(delay + reach[1])),
+            change,
+            True,
+        )
