@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from scipy.signal import lfilter
 
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.errors import SysidError
@@ -126,7 +125,7 @@ def _lags(x: FloatArray, first: int, count: int) -> FloatArray:
 def _free(F: FloatArray, count: int, samples: int) -> FloatArray:
     impulse = np.zeros(samples)
     impulse[0] = 1.0
-    return _lags(lfilter([1.0], F, impulse), 0, count)
+    return _lags(scipy.signal.lfilter([1.0], F, impulse), 0, count)
 
 
 def _whitened(D: FloatArray, columns: FloatArray) -> FloatArray:
@@ -156,7 +155,7 @@ def _prefiltered(
     past = delayed(u, nk)[begin:]
     B = np.zeros(n)
     for _ in range(PREFILTERS):
-        inputs, outputs = lfilter([1.0], F, past), lfilter([1.0], F, y[begin:])
+        inputs, outputs = scipy.signal.lfilter([1.0], F, past), scipy.signal.lfilter([1.0], F, y[begin:])
         columns = np.hstack(
             (_lags(inputs, 0, n), -_lags(outputs, 1, n), _free(F, 2 * n, samples), np.ones((samples, 1)))
         )
@@ -177,9 +176,9 @@ def gradient_rows(
 ) -> tuple[FloatArray, FloatArray]:
     """Return gradients (samples, 3n + 1), and errors without free response and constant (samples,), not whitened."""
     n, samples = len(B), len(y) - begin
-    x = lfilter([1.0], F, delayed(u, nk))
-    simulated = lfilter(B, [1.0], x)
-    w = lfilter([1.0], F, simulated)
+    x = scipy.signal.lfilter([1.0], F, delayed(u, nk))
+    simulated = scipy.signal.lfilter(B, [1.0], x)
+    w = scipy.signal.lfilter([1.0], F, simulated)
     model = np.hstack((_lags(x, 0, n), -_lags(w, 1, n)))[begin:]
     columns = np.hstack((model, _free(F, n, samples), np.ones((samples, 1))))
     return columns, y[begin:] - simulated[begin:]

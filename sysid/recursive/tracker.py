@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.polynomial_estimate import check_single_output
@@ -19,7 +18,7 @@ from sysid.recursive.stretch_fit import StretchFit, fit_stretch, gradient_rows, 
 PER_PARAMETER = 8  # samples per parameter from which a model is fitted to the data after a change
 GROWTH = 1.4  # of the stretch from one fit to the next: steps of the recursion between them stay small
 BLOCKS = 15  # parts of a stretch whose scatter tells its errors: 14 degrees of freedom
-STUDENT_95 = float(scipy.special.stdtrit(BLOCKS - 1, 0.975))
+STUDENT_95 = 2.1447866879178035  # 97.5 % quantile of BLOCKS - 1 degrees of freedom
 WIDEST = 20.0  # logarithm of a factor by which nothing is known
 HISTORY = 4.0  # s of inputs before a stretch that its simulation takes in
 LONGEST_DELAY = 1000  # samples

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import scipy
 
 import sysid
 from sysid import IOData, Polynomials, rarx, track
@@ -9,6 +10,7 @@ from sysid.recursive import DirectionalForgetting, Forgetting, Tracker
 from sysid.recursive.change_test import ChangeTest
 from sysid.recursive.servo_quantities import ServoQuantities
 from sysid.recursive.stretch_fit import fit_stretch, whitening_filter
+from sysid.recursive.tracker import BLOCKS, STUDENT_95
 from tests.refusals import refused
 
 SERVOS = [np.poly([0.82, 0.86 + 0.1j, 0.86 - 0.1j]).real, np.poly([0.9, 0.9 + 0.12j, 0.9 - 0.12j]).real]
@@ -136,6 +138,10 @@ def test_live_is_the_same_and_a_constant_plant_raises_no_alarm():
     assert sample.time == pytest.approx(data.time[1699]) and sample.bandwidth == whole.bandwidth[1699]
     assert sample.bandwidth_ci95 == tuple(whole.bandwidth_ci95[1699])
     np.testing.assert_array_equal(live.parameters[:2], whole.parameters[1699, :2])
+
+
+def test_the_quantile_is_that_of_the_blocks():
+    assert scipy.stats.t.ppf(0.975, BLOCKS - 1) == pytest.approx(STUDENT_95, rel=1e-12)
 
 
 def test_refusals():
