@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from sysid.continuous import fit_response, fit_response_ss, procest, tfest
-from sysid.control import Controller, FollowingDesign, model_following
+from sysid.control import Controller, FollowingDesign, VirtualReferenceDesign, model_following, vrft
 from sysid.design import InputDesign, InputSignal, design_input, idinput
 from sysid.exchange import read_model, to_fmu, to_matlab, write_model
 from sysid.frequency import (
@@ -118,6 +118,7 @@ __all__ = [
     "SysidError",
     "SysidWarning",
     "Track",
+    "VirtualReferenceDesign",
     "ar",
     "arma",
     "armax",
@@ -189,6 +190,7 @@ __all__ = [
     "transfer_function",
     "two_stage",
     "vector_fit",
+    "vrft",
     "welch",
     "write_model",
     "zero_pole_gain",

@@ -2,5 +2,14 @@
 
 from sysid.control.controller import Controller, ControllerRun, diagonal
 from sysid.control.model_following import FollowingDesign, model_following
+from sysid.control.vrft import VirtualReferenceDesign, vrft
 
-__all__ = ["Controller", "ControllerRun", "FollowingDesign", "diagonal", "model_following"]
+__all__ = [
+    "Controller",
+    "ControllerRun",
+    "FollowingDesign",
+    "VirtualReferenceDesign",
+    "diagonal",
+    "model_following",
+    "vrft",
+]
