@@ -9,7 +9,14 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from sysid.continuous import fit_response, fit_response_ss, procest, tfest
-from sysid.control import Controller, FollowingDesign, VirtualReferenceDesign, model_following, vrft
+from sysid.control import (
+    AdaptiveFollowing,
+    Controller,
+    FollowingDesign,
+    VirtualReferenceDesign,
+    model_following,
+    vrft,
+)
 from sysid.design import InputDesign, InputSignal, design_input, idinput
 from sysid.exchange import read_model, to_fmu, to_matlab, write_model
 from sysid.frequency import (
@@ -95,6 +102,7 @@ if TYPE_CHECKING:
     from sysid import plots as plots
 
 __all__ = [
+    "AdaptiveFollowing",
     "Bandwidth",
     "BestLinearApproximation",
     "ContinuousEstimate",

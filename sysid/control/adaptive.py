@@ -1,0 +1,197 @@
+"""Adaptive model following: a fixed design, and a feedforward that learns friction and stiffness from its errors."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.control.controller import Controller
+from sysid.models.state_space import StateSpace
+from sysid.records.arguments import real_number
+from sysid.records.arrays import FloatArray, Locked
+from sysid.records.errors import SysidError
+
+if TYPE_CHECKING:
+    from sysid.control.controller import ControllerRun
+
+SLOWEST_HZ = 0.15
+"""Frequency below which integral action rejects what the feedforward would learn: errors are high-passed here."""
+
+NOISE = 4.0
+"""Standard deviation of what the regressors leave unexplained, over that of the innovations: nonlinear, correlated."""
+
+FASTEST = 20.0
+"""Largest factor by which an error beyond `NOISE` speeds up forgetting; beyond it the sample weighs less."""
+
+PRIOR = 0.25
+"""Standard deviation of the coefficients a priori, over their bounds."""
+
+STRIDE = 5
+"""Samples from one step of the adaptation to the next."""
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptiveFollowing(Locked):
+    """Controller u = uf + ua of a fixed design, uf, and an adaptive feedforward ua = -theta' phi.
+
+    The plant that is controlled is taken for its model with a disturbance at the input, y = G(q) (u + d), and the
+    disturbance of loop i for theta_i' phi_i, with the regressors phi_i = [v_i / sqrt(v_i^2 + velocity^2), yr]: dry
+    friction, and a stiffness matrix, by which other payloads show at the frequencies of an operator. yr and its
+    velocity v are those of the reference model, so no noise enters: desired compensation [SadeghHorowitz1990].
+
+    theta minimises the sum over the past of lambda^(t-s) |H (y - G u) - (H G phi') theta|^2, divided by the variance of
+    the innovations, plus the prior |theta|^2 about the fixed design [Gunnarsson1996]; H is a high-pass filter. Since G
+    is driven by the command that was applied, limits of rate and range leave no trace in the error, and no augmentation
+    as in [KarasonAnnaswamy1994] is needed. Directions that are not excited return to the fixed design. The larger an
+    error, the faster it forgets [Fortescue1981], to a limit; beyond it, as when a new payload makes the plant sag, an
+    error counts as if it were at the limit. Samples whose error lies in the dead zone neither add nor forget
+    [GoodwinSin1984, sec. 3.6]. theta is projected onto a box.
+
+    Boundedness, whatever the errors of the model and whatever theta does. The fixed design is told u - ua alone, so it
+    takes ua for a disturbance at the plant's input; |ua_i| <= friction + stiffness |yr|_1, bounded for bounded requests
+    because the reference is stable.
+    1. Within the limits: if the loop of the fixed design and the true plant is stable and linear, |y| is at most
+       |y without ua| + |Sd|_1 max |ua|, with |Sd|_1 the l1 norm of the impulse response from the plant's input to y.
+       A bounded disturbance at the input, such as dry friction, adds |Sd|_1 times its bound, and a nonlinearity from y
+       to the input, of gain g, keeps y bounded if g |Sd|_1 < 1: small gain [IoannouFidan2006, sec. 3.6].
+    2. Beyond the limits: if the plant, and the fixed design between y, applied command and state, are stable (as those
+       of `model_following` are), and the range of commands is bounded, then every signal is bounded.
+    It proves no convergence. Where the true disturbance is theta' phi and phi is exciting, this is least squares; else
+    theta is the best fit in the stated norm, which is not the norm of the tracking error.
+
+    L1 adaptive control [HovakimyanCao2010] cancels a low-passed estimate of the whole disturbance: the disturbance
+    observer of the fixed design is its linear form. What follows can only be learnt because phi is known ahead.
+
+    Attributes:
+        fixed: The fixed design.
+        plant: Stable model of the plant, with innovation covariance, no direct term.
+        reference: Stable reference model, no direct term.
+        friction: Bound of the coefficients of friction, in units of the command.
+        stiffness: Bound of the coefficients of stiffness.
+        memory: Time constant of forgetting, s.
+        velocity: Velocity below which friction is taken as viscous, in units of the output per second.
+        dead_zone: Error that counts as noise, in standard deviations of the innovations.
+
+    Raises:
+        SysidError: Models of other sizes or sampling intervals, a direct term, an unstable model, no innovation
+            covariance, or an invalid number.
+    """
+
+    fixed: Controller
+    plant: StateSpace
+    reference: StateSpace
+    friction: float = 0.02
+    stiffness: float = 0.4
+    memory: float = 20.0
+    velocity: float = 0.005
+    dead_zone: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check."""
+        m, dt = self.fixed.loops, self.fixed.dt
+        for name, model in (("plant", self.plant), ("reference", self.reference)):
+            if (model.nu, model.ny) != (m, m) or model.D.any() or abs(model.dt / dt - 1.0) > 1e-9:
+                raise SysidError(
+                    f"{name}: expected {m} inputs and outputs, no direct term, at {dt:g} s, got {model.nu} and "
+                    f"{model.ny}{', a direct term' if model.D.any() else ''}, at {model.dt:g} s"
+                )
+            if not model.is_stable():
+                raise SysidError(f"{name}: expected a stable model, got poles to {abs(model.poles()[0]):.4g}")
+        if self.plant.innovation_covariance is None or not np.diag(self.plant.innovation_covariance).all():
+            raise SysidError("plant: expected a model with variances of its innovations; estimates have them")
+        for name in ("friction", "stiffness", "memory", "velocity", "dead_zone"):
+            value = real_number(name, getattr(self, name), "be above 0", lambda x: 0.0 < x < np.inf)
+            object.__setattr__(self, name, value)
+
+    def start(self) -> "AdaptiveRun":
+        """Return the controller at rest, with the coefficients of the fixed design: zeros."""
+        return AdaptiveRun(self)
+
+
+class AdaptiveRun:
+    """An adaptive controller at work, sample by sample; see `AdaptiveFollowing`.
+
+    Attributes:
+        coefficients: Friction, then stiffness against each output, of each loop (m, 1 + m).
+        learnt: Number of samples that lay outside the dead zone.
+    """
+
+    coefficients: FloatArray
+    learnt: int
+
+    def __init__(self, design: AdaptiveFollowing) -> None:
+        m, dt = design.fixed.loops, design.fixed.dt
+        p, block = 1 + m, dt * STRIDE
+        self._fixed: ControllerRun = design.fixed.start()
+        self._reference, self._dt, self._velocity = design.reference, dt, design.velocity
+        self._xr, self._yr = np.zeros(design.reference.order), np.zeros(m)
+        self._request, self._friction = np.zeros(m), np.zeros(m)
+        self._friction_sum, self._yr_sum = np.zeros(m), np.zeros(m)
+        # The model of the plant at the rate of the adaptation, for regressors held at their means over STRIDE samples.
+        powers = [np.linalg.matrix_power(design.plant.A, k) for k in range(STRIDE + 1)]
+        self._plant, self._x = design.plant, np.zeros(design.plant.order)
+        self._A, self._B = powers[-1], sum(powers[:-1]) @ design.plant.B / STRIDE
+        self._states, self._regressors = np.zeros((len(self._x), m * p)), np.zeros((m, m, p))
+        self._sums = [self._regressors[i, i] for i in range(m)]
+        # Column 0 is the error of the model, the others are its answers to each regressor at each input.
+        self._raw, self._passed = np.zeros((m, 1 + m * p)), np.zeros((m, 1 + m * p))
+        self._pole = float(np.exp(-2.0 * np.pi * SLOWEST_HZ * block))
+        self._scale = (1.0 / np.sqrt(np.diag(np.asarray(design.plant.innovation_covariance))))[:, None]
+        self._bounds = np.tile(np.r_[design.friction, np.full(m, design.stiffness)], m)
+        # Coefficients are scaled such that the prior's information is one.
+        self._unit = PRIOR / NOISE * self._bounds
+        self._rate, self._dead_zone = block / design.memory, design.dead_zone
+        self._information, self._evidence = np.eye(m * p), np.zeros(m * p)
+        self._own, self._tick, self._begun = np.zeros(m), 0, False
+        self.coefficients, self.learnt = np.zeros((m, p)), 0
+
+    def command(self, requested: np.ndarray, measured: np.ndarray) -> np.ndarray:
+        """Return the command u(t) (m,) for the request (m,) and the measurement (m,) of this sample."""
+        if self._tick == STRIDE:
+            self._learn(measured)
+            self._tick = 0
+        yr = self._reference.C @ self._xr
+        v = (yr - self._yr) / self._dt
+        self._yr, self._request, self._friction = yr, requested, v / np.sqrt(v * v + self._velocity**2)
+        self._own = -(self.coefficients[:, 0] * self._friction + self.coefficients[:, 1:] @ yr)
+        return np.asarray(self._fixed.command(requested, measured) + self._own)
+
+    def applied(self, command: np.ndarray) -> None:
+        """Tell the command (m,) that was applied at this sample, and advance to the next."""
+        self._fixed.applied(command - self._own)
+        self._xr = self._reference.A @ self._xr + self._reference.B @ self._request
+        self._x = self._plant.A @ self._x + self._plant.B @ command
+        self._friction_sum += self._friction
+        self._yr_sum += self._yr
+        self._tick += 1
+
+    def _learn(self, measured: np.ndarray) -> None:
+        """Add the error of this sample to the sums, and solve for the coefficients."""
+        m = len(measured)
+        for loop, sums in enumerate(self._sums):
+            sums[0], sums[1:] = self._friction_sum[loop], self._yr_sum
+        self._friction_sum, self._yr_sum = np.zeros(m), np.zeros(m)
+        self._states = self._A @ self._states + self._B @ self._regressors.reshape(m, -1)
+        raw = np.empty_like(self._raw)
+        raw[:, 0], raw[:, 1:] = measured - self._plant.C @ self._x, self._plant.C @ self._states
+        if not self._begun:
+            # An offset at the start is no motion.
+            self._raw, self._begun = raw, True
+        self._passed = self._pole * self._passed + 0.5 * (1.0 + self._pole) * (raw - self._raw)
+        self._raw = raw
+        scaled = self._scale * self._passed
+        error, regressors = scaled[:, 0], scaled[:, 1:]
+        left = error - regressors @ self.coefficients.ravel()
+        if np.abs(left).max() <= self._dead_zone:
+            return
+        regressors *= self._unit
+        size = float(left @ left) / (m * NOISE**2)
+        keep, weight = math.exp(-self._rate * min(size, FASTEST)), min(1.0, FASTEST / size)
+        self._information *= keep
+        self._information.flat[:: m * m + m + 1] += 1.0 - keep
+        self._information += (weight * regressors.T) @ regressors
+        self._evidence = keep * self._evidence + weight * (error @ regressors)
+        theta = self._unit * np.linalg.solve(self._information, self._evidence)
+        self.coefficients = np.clip(theta, -self._bounds, self._bounds).reshape(m, 1 + m)
+        self.learnt += 1
