@@ -7,11 +7,11 @@ from scenarios.files.lazy_names import lazy_names
 if TYPE_CHECKING:
     from scenarios.control.campaign import IdentifiedPair, identification_experiment, identify_pair
     from scenarios.control.joint_controller import Law
-    from scenarios.control.runs import ControlledScenario, ScenarioRuns, run_scenarios
+    from scenarios.control.runs import Controlled, ScenarioRuns, run_scenarios
     from scenarios.control.score import Score
 
 __all__ = [
-    "ControlledScenario",
+    "Controlled",
     "IdentifiedPair",
     "Law",
     "ScenarioRuns",

@@ -23,6 +23,9 @@ EXCITATION = Multisines(rms=0.05, f_min=0.025, f_max=3.0, period=40.0, realisati
 
 Most commands slew at their velocity limits, and the record holds the limited ones."""
 
+FREQUENCY_TEST = replace(EXCITATION, rms=0.01, periods=2)
+"""Two minutes on all joints at once."""
+
 ORDERS = {"nominal": 18, "flight": 12}
 """Order of the model of an arm; of other variants as of the nominal one."""
 
@@ -66,6 +69,12 @@ def identification_experiment(
         specimen=specimen,
         seed=seed,
     )
+
+
+def frequency_test(payload: str = "rpcm", plant: Plant = NOMINAL_PLANT, seed: int = 0) -> MultisineExperiment:
+    """Return the experiment that shows the response of a controlled arm, slow enough to stay within its limits."""
+    experiment = identification_experiment(seed=seed, payload=payload, plant=plant)
+    return replace(experiment, name="multisine", multisines=replace(FREQUENCY_TEST, seed=seed))
 
 
 def identified_model(record: IOData, order: int) -> StateSpace:

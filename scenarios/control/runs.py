@@ -1,34 +1,43 @@
 """Runs of scenarios without control, with it, and of the reference arm on the same requests."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
+from typing import Any, cast
 
-from hmtb_twin import NOMINAL_PLANT, NOMINAL_SPECIMEN, JointLog, simulate
+from hmtb_twin import NOMINAL_PLANT, NOMINAL_SPECIMEN, Experiment, JointLog, simulate
 from hmtb_twin.control.experiment import JointController
 from scenarios.control.campaign import CONTROLLED
 from scenarios.control.joint_controller import DeviationController, Law
+from scenarios.experiments.multisines import MultisineExperiment
 from scenarios.experiments.scenario import Scenario
 
+Tested = Scenario | MultisineExperiment
+"""What is run with control and without."""
 
-@dataclass(frozen=True)
-class ControlledScenario(Scenario):
-    """A scenario whose arm is under control.
+
+@dataclass(frozen=True, eq=False)
+class Controlled:
+    """An experiment whose arm is under control; all else is as in the experiment.
 
     Attributes:
+        experiment: The experiment.
         law: The control law of the controlled joints.
+        name: Name of its log.
     """
 
-    law: Law | None = field(default=None, repr=False, compare=False)
+    experiment: Experiment
+    law: Law
+    name: str
 
-    @classmethod
-    def of(cls, scenario: Scenario, law: Law, name: str) -> "ControlledScenario":
-        """Return a scenario under control, with a name of its own."""
-        values = {one.name: getattr(scenario, one.name) for one in fields(Scenario)}
-        return cls(**{**values, "name": name}, law=law)
+    def __getattr__(self, attribute: str) -> Any:
+        """Return an attribute of the experiment."""
+        if attribute == "experiment":  # not yet there, as while it is copied
+            raise AttributeError(attribute)
+        return getattr(self.experiment, attribute)
 
-    def controller(self) -> JointController | None:
+    def controller(self) -> JointController:
         """Return a new controller of the joints."""
-        return None if self.law is None else DeviationController(self.law, CONTROLLED)
+        return DeviationController(self.law, CONTROLLED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +53,7 @@ class ScenarioRuns:
         failed: Reasons of failures by name of the run.
     """
 
-    scenario: Scenario
+    scenario: Tested
     without: JointLog | None
     controlled: Mapping[str, JointLog]
     reference: JointLog | None
@@ -52,7 +61,7 @@ class ScenarioRuns:
 
 
 def run_scenarios(
-    scenarios: Sequence[Scenario],
+    scenarios: Sequence[Tested],
     laws: Mapping[str, Law],
     *,
     reference: str | None = "flight",
@@ -74,12 +83,12 @@ def run_scenarios(
     Raises:
         TwinError: A run needs something that the laboratory does not have.
     """
-    runs: dict[tuple[int, str], Scenario] = {}
+    runs: dict[tuple[int, str], Experiment] = {}
     for place, one in enumerate(scenarios):
         # Numbered: scenarios may share a name and differ in seed, payload or specimen.
         runs[place, ""] = replace(one, name=f"{place}+{one.name}"[:100])
-        for name, law in laws.items():
-            runs[place, name] = ControlledScenario.of(one, law, f"{place}+{name}+{one.name}"[:100])
+        for number, (name, law) in enumerate(laws.items()):
+            runs[place, name] = cast(Experiment, Controlled(one, law, f"{place}+{number}+{one.name}"[:100]))
         if reference is not None and not one.worksite:
             flight = replace(one, variant=reference, plant=NOMINAL_PLANT, specimen=NOMINAL_SPECIMEN)
             runs[place, "reference"] = replace(flight, name=f"{place}+reference+{one.name}"[:100])

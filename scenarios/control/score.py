@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 import sysid
-from hmtb_twin import JOINTS, JointLog, Status
+from hmtb_twin import JOINTS, POSES, JointLog, Status
 from scenarios.control.campaign import CONTROLLED
 from sysid import FrequencyResponse, IOData, StateSpace, SysidError, SysidWarning
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
-from sysid.records.arrays import FloatArray, Locked
+from sysid.records.arrays import ComplexArray, FloatArray, Locked
 
 FREQUENCIES = (0.5, 1.0, 2.0)
 """Frequencies at which phase and gain are read, Hz."""
@@ -21,8 +21,14 @@ LAG = 200
 GRID = np.arange(0.1, 5.01, 0.05)
 """Frequencies of the spectral estimate, Hz."""
 
-COHERENT = 0.8
-"""Least coherence of request and angle at which a response is read."""
+UNCERTAIN = 0.1
+"""Largest standard deviation of a gain that is read, as a part of it."""
+
+WEAK = 0.01
+"""Power of a request relative to its peak below which leakage of the lag window may exceed it."""
+
+MOVES = 1e-4
+"""Range of a request that is more than noise, rad."""
 
 GROWTH = 2.0
 """A run is unstable if its error in the last quarter exceeds that of every earlier quarter this many times."""
@@ -36,10 +42,10 @@ CHANNELS = [JOINTS.index(name) for name in CONTROLLED]
 
 @dataclass(frozen=True, eq=False)
 class SeenResponse(Locked):
-    """Response from request to angle as an operator sees it, estimated from one run and one joint's own request.
+    """Response from request to angle as an operator sees it, estimated from one run.
 
     Attributes:
-        gains: At `FREQUENCIES`, of every joint (3, m); NaN where request and angle are not coherent.
+        gains: At `FREQUENCIES`, of every joint (3, m); NaN where the record does not determine them.
         phases: Likewise, rad.
         bandwidth_hz: Where the gain falls below 0.707 (m,), Hz; NaN where the record does not show it.
     """
@@ -87,14 +93,13 @@ class Score(Locked):
 
 
 def request_of(log: JointLog) -> FloatArray:
-    """Return what the operator requested of the controlled joints (N, m), rad, less the request at the start."""
-    request = (_sent(log) if log.requested is None else log.requested)[:, CHANNELS]
-    return np.asarray(request - request[0])
+    """Return what the operator requested of the controlled joints (N, m), rad, less the pose at the start."""
+    return np.asarray(((_sent(log) if log.requested is None else log.requested) - _pose(log))[:, CHANNELS])
 
 
 def answer_of(log: JointLog) -> FloatArray:
-    """Return the measured angles of the controlled joints (N, m), rad, less the command at the start."""
-    return np.asarray((log.measured - _sent(log)[0])[:, CHANNELS])
+    """Return the measured angles of the controlled joints (N, m), rad, less the pose at the start."""
+    return np.asarray((log.measured - _pose(log))[:, CHANNELS])
 
 
 def score(log: JointLog, reference: StateSpace, arm: JointLog | None = None) -> Score:
@@ -135,30 +140,51 @@ def _sent(log: JointLog) -> FloatArray:
     return log.commanded if log.sent is None else log.sent
 
 
+def _pose(log: JointLog) -> FloatArray:
+    """Return the pose at rest (7,), rad; the first request differs from it by the bias of the hand controller."""
+    return np.array(POSES[log.provenance["pose"]])
+
+
 def _rms(values: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
 
 def _seen(request: FloatArray, answer: FloatArray, dt: float) -> SeenResponse:
-    """Estimate the response of every joint to its own request, where its coherence shows one."""
+    """Estimate the response of every joint to its own request, where the record determines it."""
     m = request.shape[1]
     values, bandwidths = np.full((len(FREQUENCIES), m), np.nan + 0j), np.full(m, np.nan)
-    for joint in range(m):
-        if np.ptp(request[:, joint]) == 0.0 or len(request) <= LAG:
-            continue
-        data = IOData(request[:, joint], answer[:, joint], dt).detrend(1)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SysidWarning)
-            try:
-                spectra = sysid.spa(data, lag=LAG, window=np.bartlett, frequencies=GRID)
-            except SysidError:
-                continue  # a request too poor for any response
-        coherent = np.asarray(spectra.coherence)[:, 0, 0] >= COHERENT
-        response = np.where(coherent, spectra.response[:, 0, 0], np.nan)
+    for joint, response in seen_responses(request, answer, dt).items():
         values[:, joint] = response[np.searchsorted(GRID, np.array(FREQUENCIES) - 1e-9)]
-        # The first stretch of coherent frequencies alone: beyond it a crossing may be noise.
-        end = int(np.argmin(coherent)) if not coherent.all() else len(GRID)
+        # The first stretch alone: beyond it a crossing may be noise.
+        end = int(np.argmax(np.isnan(response))) if np.isnan(response).any() else len(GRID)
         if end >= 2:
             part = FrequencyResponse(GRID[:end], response[:end, None, None], dt, "spa")
             bandwidths[joint] = gain_crossing(part, HALF_POWER)
     return SeenResponse(np.abs(values), np.angle(values), bandwidths)
+
+
+def seen_responses(request: FloatArray, answer: FloatArray, dt: float) -> dict[int, ComplexArray]:
+    """Estimate the responses from the requests to the angles (N, m) of the joints that are moved.
+
+    The start, in which the bias of the hand controller arrives, is left out. All requests are inputs at once: those of
+    an operator depend on each other.
+
+    Returns:
+        By joint, the response to its own request at `GRID`, NaN where its standard deviation exceeds `UNCERTAIN`
+        or the request is weak.
+    """
+    moved = np.flatnonzero(np.ptp(request, axis=0) > MOVES)
+    if not len(moved) or len(request) <= 2 * LAG:
+        return {}
+    data = IOData(request[:, moved], answer[:, moved], dt)[LAG:].detrend(1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SysidWarning)
+        try:
+            spectra = sysid.spa(data, lag=LAG, window=np.bartlett, frequencies=GRID)
+        except SysidError:
+            return {}  # requests too poor for any response
+    own = np.einsum("fii->fi", spectra.response)
+    deviation = np.einsum("fii->fi", spectra.magnitude_deviation())
+    power = np.einsum("fii->fi", np.asarray(spectra.input_spectrum)).real
+    known = np.where((deviation < UNCERTAIN * np.abs(own)) & (power > WEAK * power.max(axis=0)), own, np.nan)
+    return {int(joint): known[:, k] for k, joint in enumerate(moved)}
