@@ -31,7 +31,7 @@ def control(
     scenarios: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SCENARIO")] = (),
     /,
     *,
-    method: Annotated[tuple[str, ...], tyro.conf.arg(metavar="following|FILE.json ...")] = ("following",),
+    method: Annotated[tuple[str, ...], tyro.conf.arg(metavar="following|vrft|FILE.json ...")] = ("following",),
     reference: Annotated[str, tyro.conf.arg(metavar="VARIANT|MODEL.json")] = "flight",
     record: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None,
     payload: Annotated[str, tyro.conf.arg(metavar="NAME")] = "rpcm",
@@ -56,7 +56,8 @@ def control(
     limit of rate or range; the largest contact force. A run is stable if its error is bounded and does not grow.
 
     Without SCENARIO: reach (an operator in free space), rpcm (the exchange of the replacement unit), 20 s of a binary
-    sequence of the thesis, and multisine, two minutes that show the response up to 3 Hz. docs/control.md says how the methods work and where they break.
+    sequence of the thesis, and multisine, two minutes that show the response up to 3 Hz. docs/control.md says
+    how the methods work and where they break.
 
       hmtb control
       hmtb control reach --seeds 5 --with-stress --out control
@@ -82,13 +83,15 @@ def control(
 
     from hmtb_twin import VARIANTS, Plant
     from scenarios.control.campaign import frequency_test, identification_experiment, identify_pair
-    from scenarios.control.design import design
+    from scenarios.control.design import check_method, design
     from scenarios.control.runs import run_scenarios
     from scenarios.control.study import results, stress
     from scenarios.experiments.registry import selected
     from scenarios.experiments.waveform import check_seed, seed_range
 
     check_seed(seed)
+    for name in method:
+        check_method(name)
     plant = Plant(friction_level=friction_level)
     draws: list[Tested] = []
     for own in seed_range(seeds, seed):

@@ -17,6 +17,7 @@ from sysid.exchange.json_text import decoded, encoded, parsed, text_of
 
 METHODS: Mapping[str, Callable[[IdentifiedPair], Law]] = {
     "following": lambda pair: sysid.model_following(pair.ground, pair.reference).controller,
+    "vrft": lambda pair: sysid.vrft(pair.record, pair.reference).controller,
 }
 """How each method designs its law."""
 
@@ -37,11 +38,16 @@ def design(method: str, pair: IdentifiedPair) -> Law:
         ScenarioError: No such method, or a file without a law of the controlled joints.
         SysidError: The models allow no design.
     """
+    check_method(method)
+    return read_law(Path(method)) if method.endswith(".json") else METHODS[method](pair)
+
+
+def check_method(method: str) -> None:
+    """Raise `ScenarioError` unless a name is that of a method or of a file of a law."""
     if method.endswith(".json"):
-        return read_law(Path(method))
-    if method not in METHODS:
+        read_law(Path(method))
+    elif method not in METHODS:
         raise ScenarioError(unknown("method", method, METHODS) + "; or a file of --out that ends in .json")
-    return METHODS[method](pair)
 
 
 def write_law(law: Law, path: Path) -> Path:
