@@ -179,14 +179,17 @@ class DirectionalForgetting(Adaptation):
     def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
         """See `Adaptation`."""
         P, R = memory
-        known = R @ psi
+        known, spread, square = R @ psi, P @ psi, psi[:, None] * psi
         length = float(psi @ known)
+        lost = opened = 0.0
         if length > 0.0 and self.factor < 1.0:
-            R = R - (1.0 - self.factor) / length * np.outer(known, known)
-            P = P + (1.0 - self.factor) / (self.factor * length) * np.outer(psi, psi)
-        spread = P @ psi
+            lost, opened = (1.0 - self.factor) / length, (1.0 - self.factor) / (self.factor * length)
+            spread = spread + opened * float(psi @ psi) * psi
         gain = spread / (1.0 + float(psi @ spread))
-        return gain, np.stack((P - np.outer(gain, spread), R + np.outer(psi, psi)))
+        out = np.empty_like(memory)
+        out[0] = P + opened * square - gain[:, None] * spread
+        out[1] = R + square - lost * (known[:, None] * known)
+        return gain, out
 
     def covariance(self, P: FloatArray, energy: float, variance: float, samples: int) -> FloatArray:
         """As that of `Forgetting`."""

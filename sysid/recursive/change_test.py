@@ -1,6 +1,7 @@
 """Detection of changes by the energy of the innovations, with a threshold for a wanted rate of false alarms."""
 
 from collections import deque
+from itertools import islice
 
 import numpy as np
 import scipy
@@ -61,8 +62,8 @@ class ChangeTest:
         self._recent.append(error)
         if len(self._recent) < self.window:
             return -np.inf
-        last = np.array(self._recent)[-self.window :]
-        return float(np.log(last @ last / (self.window * variance)))
+        energy = sum(e * e for e in islice(self._recent, len(self._recent) - self.window, None))
+        return float(np.log(energy / (self.window * variance)))
 
     def age(self, variance: float) -> int:
         """Samples since the most likely time of the change, within two windows [WillskyJones1976]."""

@@ -78,7 +78,7 @@ def fit_stretch(
         orders: Degrees n of F, numbers of coefficients of B.
         nk: Delay in samples.
         D: Whitening filter of the disturbance, monic.
-        last: Fit of the same plant to a shorter stretch, from which the search of its degree begins.
+        last: Fit of the same plant to a shorter stretch, a second start.
 
     Raises:
         SysidError: The stretch is too short for any of the orders.
@@ -87,11 +87,10 @@ def fit_stretch(
     for n in orders:
         if len(y) - begin - len(D) <= 2 * (3 * n + 1):
             continue
+        starts = [_prefiltered(u, y, begin, nk, D, np.asarray(np.poly(np.full(n, FASTEST)), dtype=float))]
         if last is not None and last.order == n:
-            start = last.B, last.F
-        else:
-            start = _prefiltered(u, y, begin, nk, D, np.asarray(np.poly(np.full(n, FASTEST)), dtype=float))
-        fits.append(_search(u, y, begin, nk, D, *start))
+            starts.append((last.B, last.F))
+        fits.append(min((_search(u, y, begin, nk, D, *start) for start in starts), key=lambda fit: fit.variance))
     if not fits:
         raise SysidError(f"{len(y) - begin} samples given, expected more for a model of order {min(orders)}")
     return min(fits, key=lambda fit: fit.criterion)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.records.arguments import real_number, whole_number
+from sysid.records.arguments import real_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
@@ -78,7 +78,6 @@ def track(
     gain: float | None = None,
     drift: float = 1e-3,
     false_alarms: float = 1.0,
-    every: int = 10,
 ) -> Track:
     """Follow a plant along a record: `Tracker`, sample by sample.
 
@@ -92,7 +91,6 @@ def track(
             default that of the model.
         drift: Drift to be followed between changes: standard deviation of the bandwidth's relative change in a minute.
         false_alarms: Wanted false alarms per hour.
-        every: Samples from one evaluation of the bandwidth to the next; between them the last one is repeated.
 
     Raises:
         SysidError: Several inputs or outputs, missing samples, a constant input, a calibration that is too short or as
@@ -107,7 +105,6 @@ def track(
     calibration = real_number(
         "calibration", calibration, f"lie between 0 and {seconds:g} s", lambda s: 0.0 < s < seconds
     )
-    every = whole_number("every", every, least=1)
     first = max(round(calibration / data.dt), 1)
     tracker = Tracker(data[:first], order, nk, gain=gain, drift=drift, false_alarms=false_alarms)
     n, N = tracker.order, len(data)
@@ -116,8 +113,7 @@ def track(
     changes = []
     u, y = data.u[:, 0].tolist(), data.y[:, 0].tolist()
     for t in range(first, N):
-        anew = (t - first) % every == 0 or not settled[t - 1]
-        sample = tracker.step(u[t], y[t], report=anew)
+        sample = tracker.step(u[t], y[t])
         settled[t] = sample.settled
         if sample.change is not None:
             changes.append(sample.change)
@@ -127,8 +123,7 @@ def track(
         columns = [*range(degree), *range(n, n + degree)]
         parameters[t, columns] = theta
         deviations[t, columns] = np.sqrt(np.maximum(np.diag(tracker.covariance), 0.0))
-        bandwidth = sample.bandwidth, *sample.bandwidth_ci95, sample.delay, *sample.delay_ci95
-        values[t] = bandwidth if anew else values[t - 1]
+        values[t] = sample.bandwidth, *sample.bandwidth_ci95, sample.delay, *sample.delay_ci95
     names = tuple(f"{letter}{k + 1}" for letter in "bf" for k in range(n))
     return Track(
         times=data.time,

@@ -16,6 +16,7 @@ from sysid.recursive.servo_quantities import LAGS, ServoQuantities
 from sysid.recursive.stretch_fit import StretchFit, fit_stretch, gradient_rows, whitening_filter
 
 PER_PARAMETER = 8  # samples per parameter from which a model is fitted to the data after a change
+ARMED = 4  # lengths of the first stretch after which the test is armed again
 GROWTH = 1.4  # of the stretch from one fit to the next: steps of the recursion between them stay small
 BLOCKS = 15  # parts of a stretch whose scatter tells its errors: 14 degrees of freedom
 STUDENT_95 = 2.1447866879178035  # 97.5 % quantile of BLOCKS - 1 degrees of freedom
@@ -74,7 +75,7 @@ class Tracker:
     the last fit; fits, by Gauss-Newton steps on the stretch since the last change, come at lengths that grow by 1.4, up
     to twice the memory. An alarm of `ChangeTest` ends the stretch: nothing is known of the new plant then (the
     covariance is opened wholly), the first model follows after eight samples per parameter, and the test is armed again
-    at twice that length.
+    at four times that length: the first models are rough.
 
     Memory: the variance of an estimate with memory T is c / (2 T), c that of the calibration times its length; the lag
     behind a random walk that moves q per second has the variance q T / 2. Their sum is least at T = sqrt(c / q)
@@ -82,8 +83,8 @@ class Tracker:
 
     Intervals: the covariance follows every gain, Pi = (I - L psi') Pi (I - L psi')' + variance L L'. Dry friction makes
     errors that depend on the motion, which no whitening removes. So Pi is scaled, for bandwidth and delay each, by the
-    scatter of the estimates from fifteen blocks of the calibration against what white errors explain (batch means), and
-    intervals take Student's quantile of fourteen degrees of freedom.
+    scatter of the estimates from fifteen blocks of the calibration where that exceeds what white errors explain (batch
+    means), and intervals take Student's quantile of fourteen degrees of freedom.
     """
 
     def __init__(
@@ -156,17 +157,17 @@ class Tracker:
         self._fit: StretchFit | None = fit
         self._last = fit
         rows, errors = gradient_rows(np.array(self._u), np.array(self._y), self._begin, self._nk, fit.B, fit.F)
-        self._row = rows[-1]
+        self._row = rows[-1].copy()
         self._rows = np.column_stack((rows, errors))[-len(self._D) :]
         self._directions, self._offset = fit.directions, np.concatenate((np.zeros(2 * fit.order), fit.nuisance))
         unit = np.eye(fit.directions.shape[1])
         self._delta, self._memory, self._Pi = np.zeros(len(unit)), self._rule.enter(unit), fit.variance * unit
-        self._B, self._F = fit.B, fit.F
+        self._value, self._moves = self._quantities(fit.B, fit.F)
         longest = max(round(2.0 * self.memory / self.dt), self._calibration)
         self._due = round(GROWTH * length) if length < longest else length + longest // 2
 
     def _scatter(self, fit: StretchFit, moves: FloatArray) -> FloatArray:
-        """Scatter of block estimates of bandwidth and delay, over that of white errors (2,)."""
+        """Scatter of block estimates of bandwidth and delay over that of white errors, at least one (2,)."""
         n = 2 * fit.order
         total = np.zeros(2)
         size = len(fit.errors) // BLOCKS
@@ -177,10 +178,10 @@ class Tracker:
             inverse = np.linalg.pinv(columns / scale, rcond=1e-9)
             along = (moves / scale[:n]) @ inverse[:n]
             total += (along @ fit.errors[part]) ** 2 / (along**2).sum(axis=1)
-        return total / ((BLOCKS - 1) * fit.variance)
+        return np.maximum(total / ((BLOCKS - 1) * fit.variance), 1.0)
 
-    def step(self, u: float, y: float, *, report: bool = True) -> TrackSample:
-        """Take one more sample of input and output; without `report`, bandwidth and delay are left out (NaN).
+    def step(self, u: float, y: float) -> TrackSample:
+        """Take one more sample of input and output.
 
         Raises:
             SysidError: A sample that is not finite.
@@ -193,42 +194,44 @@ class Tracker:
         change = None if self._fit is None else self._update(self._fit)
         if len(self._u) - self._begin >= self._due:
             self._refit()
-        return self._sample(change, report)
+        return self._sample(change)
 
     @property
     def parameters(self) -> FloatArray:
         """Present b1..bn, f1..fn (2n,); empty after an alarm until enough data follow."""
-        return np.concatenate((self._B, self._F[1:])) if self._fit is not None else np.zeros(0)
+        if self._fit is None:
+            return np.zeros(0)
+        moved = self._directions[: 2 * self._fit.order] @ self._delta
+        return np.concatenate((self._fit.B, self._fit.F[1:])) + moved
 
     @property
     def covariance(self) -> FloatArray:
         """Covariance of the parameters (2n, 2n), scaled as that of the bandwidth."""
-        parts = self._directions[: len(self.parameters)]
+        parts = self._directions[: 0 if self._fit is None else 2 * self._fit.order]
         return np.asarray(self._inflation[0] * parts @ self._Pi @ parts.T)
 
     def _update(self, fit: StretchFit) -> Change | None:
         """One step of the recursion; the change if the sample reveals one."""
         n, D = fit.order, self._D
-        x, w, z = self._row[:n], -self._row[n : 2 * n], self._row[2 * n : 3 * n]
-        F = fit.F[1:]
-        last = self._u[-1 - self._nk]
-        row = np.concatenate(([last - F @ x], x[:-1], [F @ w - fit.B @ x], -w[:-1], [-F @ z], z[:-1], [1.0]))
-        self._row = row
-        self._rows = np.vstack((self._rows[1:], np.append(row, self._y[-1] - fit.B @ row[:n])))
+        row, F = self._row, fit.F[1:]
+        first = self._u[-1 - self._nk] - F @ row[:n], F @ -row[n : 2 * n] - fit.B @ row[:n], -(F @ row[2 * n : 3 * n])
+        row[1 : 3 * n] = row[: 3 * n - 1]
+        row[[0, n, 2 * n]] = first
+        self._rows[:-1] = self._rows[1:]
+        self._rows[-1, :-1], self._rows[-1, -1] = row, self._y[-1] - fit.B @ row[:n]
         white = D[::-1] @ self._rows
         # in steps of one standard deviation the recursion is well conditioned, however nearly poles and zeros cancel
         psi = self._directions.T @ white[:-1]
         error = float(white[-1] - white[:-1] @ self._offset - psi @ self._delta)
         gain, self._memory = self._rule.step(self._memory, psi, 0)
         self._delta = self._delta + gain * error
-        left = self._Pi - np.outer(gain, psi @ self._Pi)
-        self._Pi = left - np.outer(left @ psi, gain) + fit.variance * np.outer(gain, gain)
-        moved = self._directions[: 2 * n] @ self._delta
-        self._B, self._F = fit.B + moved[:n], fit.F + np.append(0.0, moved[n:])
+        spread = self._Pi @ psi
+        own = gain[:, None] * ((float(psi @ spread) + fit.variance) * gain - spread)
+        self._Pi = self._Pi + own - spread[:, None] * gain
         statistic = self._test.update(error, fit.variance)
         length = len(self._u) - self._begin
         threshold = self._test.threshold(length, len(white) - 1)
-        if statistic < threshold or length < 2 * PER_PARAMETER * (len(white) - 1):
+        if statistic < threshold or length < ARMED * PER_PARAMETER * (len(white) - 1):
             return None
         now = (self._samples - 1) * self.dt
         change = Change(now - self._test.age(fit.variance) * self.dt, now, statistic, threshold)
@@ -246,10 +249,10 @@ class Tracker:
         self._begin -= drop
         degree = self._last.order
         self._fits += 1
-        # other degrees are tried after a change, and then at every other fit
-        around = 2 if self._fit is None else 1 - self._fits % 2
+        # other degrees are tried on young stretches, and then at every other fit
+        young = len(self._u) - self._begin < self._calibration
+        around = 2 if self._fit is None else int(young or self._fits % 2 == 0)
         degrees = range(max(degree - around, min(2, self.order)), min(degree + around, self.order) + 1)
-        # the denominator of the recursion may be unstable, that of a fit is not
         last = self._fit
         fit = fit_stretch(np.array(self._u), np.array(self._y), self._begin, degrees, self._nk, self._D, last)
         if self._fit is None:
@@ -260,15 +263,16 @@ class Tracker:
                 self._inflation = self._scatter(fit, moves)
         self._open(fit)
 
-    def _sample(self, change: Change | None, report: bool) -> TrackSample:
+    def _sample(self, change: Change | None) -> TrackSample:
         time, nothing = (self._samples - 1) * self.dt, (np.nan, np.nan)
-        if self._fit is None or not report:
-            return TrackSample(time, np.nan, nothing, np.nan, nothing, change, self._fit is not None)
-        (log_f, delay), moves = self._quantities(self._B, self._F)
-        along = moves @ self._directions[: 2 * self._fit.order]
+        if self._fit is None:
+            return TrackSample(time, np.nan, nothing, np.nan, nothing, change, False)
+        # linear in the parameters as the recursion is: where poles and zeros nearly cancel, they move far together
+        along = self._moves @ self._directions[: 2 * self._fit.order]
+        log_f, delay = self._value + along @ self._delta
         deviation = np.sqrt(self._inflation * np.maximum(np.einsum("ij,jk,ik->i", along, self._Pi, along), 0.0))
         reach = STUDENT_95 * deviation
-        f, wide = float(np.exp(log_f)), float(np.exp(min(reach[0], WIDEST)))
+        f, wide = float(np.exp(log_f)), float(np.exp(np.minimum(reach[0], WIDEST)))
         return TrackSample(
             time,
             f,

@@ -130,7 +130,7 @@ def test_a_change_is_noticed_and_followed():
 
 def test_live_is_the_same_and_a_constant_plant_raises_no_alarm():
     data, _ = switched(7, change=10**6, samples=3000)
-    whole = track(data, 4, DELAY, gain=1.0, every=1)
+    whole = track(data, 4, DELAY, gain=1.0)
     assert whole.changes == () and whole.settled[1500:].all()
     live = Tracker(data[:1500], 4, DELAY, gain=1.0)
     for u, y in zip(data.u[1500:1700, 0], data.y[1500:1700, 0], strict=True):
