@@ -115,10 +115,17 @@ def tracking() -> list[Table]:
     ]
 
 
+def every_joint() -> list[Table]:
+    """All seven joints at once, each with a multisine of its own: what the thesis left to future work [Morris1996]."""
+    source = package_table("every_joint.toml")
+    return [{**source, "excitation": [{**source["excitation"], "seed": seed} for seed in range(len(source["axes"]))]}]
+
+
 @cache
 def registered() -> Mapping[str, Table]:
     """The tables of all registered scenarios by name."""
-    tables = (*single_joint_tests(), *table2(), *independent(), *exchange(), *tracking())
+    makers = (single_joint_tests, table2, independent, exchange, tracking, every_joint)
+    tables = (table for maker in makers for table in maker())
     return {table["name"]: table for table in tables}
 
 

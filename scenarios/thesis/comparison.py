@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from hmtb_twin import JointLog, JointTruth, Truth
+from scenarios.identification.every_joint import SevenJoints
 from scenarios.thesis.attribution import Attributions
 from scenarios.thesis.campaign import ESTIMATION_TEST, Campaign
 from scenarios.thesis.estimates import IdentifiedModel
@@ -106,6 +107,7 @@ class Comparison:
         observers: OKID's observers by joint [Morris1996, ch. V].
         robustness: Models from disturbed records; all of it only when thorough.
         fairness: The same table of fits for every arm; empty where the study is not thorough.
+        every_joint: The seven-joint model; None where the study is not thorough.
         cost: Time spent.
         provenance: Versions of what was used.
     """
@@ -123,6 +125,7 @@ class Comparison:
     observers: Mapping[str, JointObserver]
     robustness: Robustness
     fairness: tuple[ArmFairness, ...]
+    every_joint: SevenJoints | None
     cost: Cost
     provenance: Mapping[str, str]
 

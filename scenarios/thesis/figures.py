@@ -19,6 +19,7 @@ from scenarios.thesis import model_charts, record_charts, response_charts
 from scenarios.thesis.answer import Answer, answer_chart
 from scenarios.thesis.chart import Chart, draw
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.every_joint_section import every_joint
 from scenarios.thesis.motion_section import motion_chart
 
 CHARTS: Mapping[str, Callable[[Comparison], Chart]] = {
@@ -28,7 +29,7 @@ CHARTS: Mapping[str, Callable[[Comparison], Chart]] = {
         *(record_charts.correlations, record_charts.observers, record_charts.several),
         *(response_charts.responses, response_charts.transfer_function, response_charts.four_spectra),
         *(response_charts.roots, response_charts.coupling),
-        *(model_charts.data_sets, model_charts.orders, model_charts.disturbed),
+        *(model_charts.data_sets, model_charts.orders, model_charts.disturbed, every_joint),
     )
 }
 """Functions that draw the figures of `report_figures.toml`, but for those of the answer and of the motion."""

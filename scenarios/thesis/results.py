@@ -14,6 +14,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.thesis.attribution import AS_IT_IS, SMOOTH
 from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.every_joint_section import every_joint_record
 from scenarios.thesis.finding import CLAIMS, Finding
 from scenarios.thesis.frequencies import finding_record, frequency_in_words, seeds_record
 from scenarios.thesis.monte_carlo import Tally
@@ -92,6 +93,7 @@ def results(
             | {"measures": [_picked(measure, "what values ahead") for measure in entry.measures]}
             for entry in categories(study)
         },
+        "every_joint": every_joint_record(study),
         "cost": _picked(study.cost, "physics_s simulation_s report_s total_s times_physics"),
         "seeds": None if tally is None else seeds_record(tally),
         "failed": dict(study.failed),

@@ -19,6 +19,7 @@ from scenarios.experiments.registry import load
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
+from scenarios.identification.every_joint import MULTISINES, SevenJoints, identify_every_joint
 from scenarios.identification.identification import long_lag
 from scenarios.identification.recovered_bandwidth import intervals_agree
 from scenarios.thesis.attribution import attribute, best_linear_of, order_effects, scaled
@@ -44,7 +45,7 @@ JUDGING = 64.0
 """Length of tests that only judge models, on other arms than that of the study, s: one minute after settling."""
 
 ANALYSES = tuple(COSTS)[: list(COSTS).index("answer")]
-"""Steps after the simulation; only a thorough study takes the last."""
+"""Steps after the simulation; only a thorough study takes the last two."""
 
 T = TypeVar("T")
 
@@ -143,7 +144,7 @@ def planned_steps(
         for condition, scenarios in arms
     }
     minutes = max(entry.duration for entry in arms[1][1]) / 60.0
-    for name in (*(ANALYSES if thorough else ANALYSES[:-1]), *afterwards):
+    for name in (*(ANALYSES if thorough else ANALYSES[:-2]), *afterwards):
         fixed, each_minute, brief = COSTS[name]
         costs[name] = (fixed + minutes * each_minute) * (1.0 if thorough else brief)
     return Steps(costs, report)
@@ -209,9 +210,13 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
     with steps.step("robustness") as part:
         robust = robustness(main, thorough=thorough, part=part)
     table: tuple[ArmFairness, ...] = ()
+    seven: SevenJoints | None = None
     if thorough:
         with steps.step("other arms") as part:
             table = fairness(campaigns, part)
+        with steps.step("every joint") as part:
+            brief = replace(MULTISINES, realisations=2) if main.duration is not None else MULTISINES
+            seven = identify_every_joint(brief, seed=main.seed, progress=part)
     return Comparison(
         campaigns=campaigns,
         joints=joints,
@@ -226,6 +231,7 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
         observers=observed,
         robustness=robust,
         fairness=table,
+        every_joint=seven,
         cost=Cost(sum(one.physics_s for one in campaigns), sum(one.simulation_s for one in campaigns), 0.0),
         provenance=versions(),
     )

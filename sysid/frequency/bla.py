@@ -242,6 +242,17 @@ def response_agreement(approximation: BestLinearApproximation, expected: Complex
     Raises:
         SysidError: Shapes differ, or there is a single realisation.
     """
+    p, over_all = agreement_p(approximation, expected)
+    response = approximation.response
+    return ResponseAgreement(response.frequencies, expected, response.response / expected, p, over_all)
+
+
+def agreement_p(approximation: BestLinearApproximation, expected: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """Return the p-values of `response_agreement`, of each line (nf, ny, nu) and over all lines (ny, nu).
+
+    Raises:
+        SysidError: Shapes differ, or there is a single realisation.
+    """
     response = approximation.response.response
     if expected.shape != response.shape:
         raise SysidError(f"expected a response of shape {response.shape}, got {expected.shape}")
@@ -250,4 +261,4 @@ def response_agreement(approximation: BestLinearApproximation, expected: Complex
     statistic = np.abs(response - expected) ** 2 / approximation.total_variance
     p = scipy.stats.f.sf(statistic, 2, 2 * (approximation.realisations - 1))
     over_all = scipy.stats.chi2.sf(-2.0 * np.log(np.maximum(p, np.finfo(float).tiny)).sum(axis=0), 2 * len(p))
-    return ResponseAgreement(approximation.response.frequencies, expected, response / expected, p, over_all)
+    return p, over_all

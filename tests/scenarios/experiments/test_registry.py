@@ -69,7 +69,7 @@ def test_a_saved_scenario_loads_and_unknown_names_say_what_there_is(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(load("siso-5-shoulder_yaw").to_toml(), encoding="utf-8")
     assert load(path) == load(str(path)) == load("siso-5-shoulder_yaw")
-    refused(r"did you mean 'siso-5-shoulder_yaw' or .* There are 69, listed by", load, "siso5-shoulder_yaw")
-    refused("^unknown scenario 'x'; there are 69, listed by: hmtb scenarios list$", load, "x")
+    refused(r"did you mean 'siso-5-shoulder_yaw' or .* There are 70, listed by", load, "siso5-shoulder_yaw")
+    refused("^unknown scenario 'x'; there are 70, listed by: hmtb scenarios list$", load, "x")
     refused("unknown tag 'siro'.*did you mean 'siso'", names, "siro")
     refused("cannot read scenario file", load, tmp_path / "missing.toml")

@@ -1,0 +1,92 @@
+"""Report section on the seven-joint model: its variables, its figure and its numbers in the results."""
+
+import numpy as np
+
+from hmtb_twin import JOINTS
+from scenarios.identification.every_joint import FLOOR, LEVEL, MULTISINES, SevenJoints
+from scenarios.report.figure_style import MRAD, short
+from scenarios.thesis.chart import Chart, Panel, Series
+from scenarios.thesis.comparison import Comparison
+from sysid.plots import PALETTE, Style
+
+LEAST = 1e-4
+"""Lower end of the axis of gains: intervals that reach zero end there."""
+
+
+def every_joint_section(study: Comparison) -> dict[str, object]:
+    """Variables of the template of this section; none where the study has no seven-joint model."""
+    seven = study.every_joint
+    if seven is None:
+        return {}
+    whole = seven.approximation
+    multisines = whole.experiment.multisines
+    return {
+        "rows": [(path, path.estimate.bandwidth().path()) for path in seven.paths],
+        "held": sum(path.band[1] <= path.truth.bandwidth_hz <= path.band[2] for path in seven.paths),
+        "multisines": multisines,
+        "whole": multisines.realisations == MULTISINES.realisations,
+        "records": multisines.realisations * len(JOINTS),
+        "rms": [float(end) for end in (MRAD * whole.command_rms.min(), MRAD * whole.command_rms.max())],
+        "distortion": [float(whole.distortion_percent.min()), float(whole.distortion_percent.max())],
+        "coupled": int(seven.coupled.sum()) - len(JOINTS),
+        "uncoupled": seven.uncoupled,
+        "false": seven.false_calls,
+        "missed": _missed(seven),
+        "level": 100.0 * LEVEL,
+        "floor": FLOOR,
+    }
+
+
+def _missed(seven: SevenJoints) -> list[tuple[str, str, float]]:
+    """Coupled paths that are not called so: commanded, moved, true gain over the band."""
+    pairs = np.argwhere(seven.coupled & ~seven.significant)
+    return [(short(JOINTS[j]), short(JOINTS[i]), float(seven.true_gain[i, j])) for i, j in pairs]
+
+
+def every_joint(study: Comparison) -> Chart:
+    """Gain of every path over the band, with intervals, and what is significant, beside the small-signal truth."""
+    seven = study.every_joint
+    if seven is None:
+        return Chart({})
+    names, gains, panels = [short(joint) for joint in JOINTS], seven.coupling, []
+    colour = PALETTE["arx"].colour
+    kinds = (
+        (f"significant, 95 % interval (test at {100 * LEVEL:g} %)", Style(colour, "", 1.0, "s"), True),
+        ("not significant", Style(PALETTE["measured"].colour, "", 1.0, "x"), False),
+    )
+    for i, moved in enumerate(names):
+        true = np.where(seven.coupled[i], np.maximum(seven.true_gain[i], LEAST), np.nan)
+        series = [Series("small-signal truth", names, true, Style(PALETTE["truth"].colour, "", 1.0, "D"))]
+        for label, style, wanted in kinds:
+            gain, low, high = (
+                np.where(seven.significant[i] == wanted, np.maximum(values[i], LEAST), np.nan)
+                for values in (gains.gain, gains.low, gains.high)
+            )
+            series.append(Series(label, names, gain, style, low, high))
+        panels.append(Panel("commanded", "gain", series, f"{moved} moves", "y", None, (LEAST, 1.0)))
+    return Chart({("",): tuple(panels)}, ("",), columns=2, height=230)
+
+
+def every_joint_record(study: Comparison) -> dict[str, object] | None:
+    """The seven-joint model for `results.json`; rows are measured, columns commanded joints."""
+    seven = study.every_joint
+    if seven is None:
+        return None
+    return {
+        "joints": {
+            path.joint: {
+                "true_hz": path.truth.bandwidth_hz,
+                "hz": path.band[0],
+                "ci95": path.band[1:],
+                "model_hz": path.estimate.bandwidth().path()[0],
+                "delay": path.delay,
+                "true_delay": path.truth.delay_samples,
+            }
+            for path in seven.paths
+        },
+        "coupling": {
+            "level": LEVEL,
+            **{name: getattr(seven.coupling, name).tolist() for name in ("gain", "low", "high", "p")},
+            **{name: getattr(seven, name).tolist() for name in ("true_gain", "coupled", "significant")},
+        },
+    }

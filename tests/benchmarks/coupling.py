@@ -1,0 +1,110 @@
+"""How often the test of coupling calls paths without any, and finds those with: seven joints, campaign by campaign.
+
+Every campaign has phases and noise of its own. First the paths without coupling: of the arm with its stick-slip
+friction, which symmetry forbids, and of a surrogate that has none at all, seven linear joints side by side under the
+same commands with the noise of the resolvers. Then every coupled path, and the seven joints. The best linear gain of a
+path and bandwidth of a joint are those of the mean response of all other campaigns.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import binomtest
+
+import sysid
+from hmtb_twin import JOINTS, linearize, load_arm, simulate
+from scenarios.identification.every_joint import LEVEL, MULTISINES, campaign, seven_joints
+from scenarios.report.figure_style import short
+from scenarios.truth.best_linear import approximated
+from sysid.frequency.band_gain import band_gain
+from sysid.models.bandwidth import response_bandwidth
+from tests.benchmarks.tables import heading, options, row
+
+LEVELS = (LEVEL, 0.05)
+
+
+def surrogate(truth, logs, rng):
+    """The logs as seven uncoupled linear joints would have them: small-signal truth of each, resolver noise."""
+    channels = [truth.channel(name, name) for name in JOINTS]
+    altered = []
+    for log in logs:
+        offsets = log.commanded - truth.angles
+        moved = [sysid.simulate(one, offsets[:, [k]], rng=rng)[:, 0] for k, one in enumerate(channels)]
+        altered.append(replace(log, measured=truth.angles + np.column_stack(moved)))
+    return altered
+
+
+def rates(name, p):
+    """Print a row: paths without coupling that are called, of all campaigns (n, paths)."""
+    cells = []
+    for level in LEVELS:
+        called = int((p < level).sum())
+        ends = binomtest(called, p.size).proportion_ci(method="wilson")
+        cells.append(f"{called}: {100 * called / p.size:.2f} ({100 * ends.low:.2f} to {100 * ends.high:.2f})")
+    row(name, p.size, *cells, int((p < LEVEL).any(axis=1).sum()))
+
+
+def share(hits):
+    """Hits (n,) as text."""
+    return f"{int(np.sum(hits))} of {len(hits)}"
+
+
+def main():
+    parser = options(__doc__)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=1, help="first seed")
+    parser.add_argument("--realisations", type=int, default=MULTISINES.realisations)
+    chosen = parser.parse_args()
+    multisines = replace(MULTISINES, realisations=chosen.realisations)
+    models, plain, truth = [], [], None
+    for seed in range(chosen.first, chosen.first + chosen.seeds):
+        experiments = campaign(multisines, seed=seed)
+        logs = list(simulate(experiments, threads=1))
+        models.append(seven_joints(experiments, logs))
+        first = experiments[0]
+        truth = truth or linearize(load_arm(first.variant, first.payload), first.pose, amplitudes=())
+        altered = surrogate(truth, logs, np.random.default_rng([seed, 9]))
+        alike = approximated(experiments, altered, JOINTS, physics_seconds=0.0, origin={})
+        plain.append(band_gain(alike.servo).p[~np.eye(len(JOINTS), dtype=bool)])
+    coupled, true = models[0].coupled, models[0].true_gain
+    heading(
+        "arm", "paths tested", *(f"called at {100 * level:g} %: % (95 %)" for level in LEVELS), "campaigns with one"
+    )
+    rates("with friction", np.array([one.coupling.p[~coupled] for one in models]))
+    rates("uncoupled surrogate", np.array(plain))
+    print()
+    responses = np.array([one.approximation.servo.response.response for one in models])
+    total = responses.sum(axis=0)
+    others = [(total - one) / (len(models) - 1) for one in responses]
+    heading("commanded", "moved", "true gain", "best linear", "called", "intervals hold true", "hold best linear")
+    for i, j in np.argwhere(coupled):
+        if i == j:
+            continue
+        linear = [float(np.sqrt(np.mean(np.abs(one[:, i, j]) ** 2))) for one in others]
+        low, high = (np.array([getattr(one.coupling, end)[i, j] for one in models]) for end in ("low", "high"))
+        held = (share((low <= gain) & (gain <= high)) for gain in (true[i, j], np.array(linear)))
+        called = share(np.array([one.significant[i, j] for one in models]))
+        row(short(JOINTS[j]), short(JOINTS[i]), f"{true[i, j]:.2g}", f"{np.mean(linear):.2g}", called, *held)
+    print()
+    bands = [response_bandwidth(replace(models[0].approximation.servo.response, response=one)).hz for one in others]
+    heading(
+        "joint", "true / Hz", "best linear", "recovered", "hold true", "hold best linear", "of the model", "delay right"
+    )
+    for k, path in enumerate(models[0].paths):
+        rows = [one.paths[k] for one in models]
+        hz, low, high = np.array([one.band for one in rows]).T
+        linear, own = np.array([one[k, k] for one in bands]), path.truth.bandwidth_hz
+        fitted = [one.estimate.bandwidth().path()[0] for one in rows]
+        row(
+            short(path.joint),
+            f"{own:.3f}",
+            f"{linear.mean():.3f}",
+            f"{hz.min():.3f} to {hz.max():.3f}",
+            *(share((low <= value) & (value <= high)) for value in (own, linear)),
+            f"{min(fitted):.3f} to {max(fitted):.3f}",
+            share(np.array([one.delay == path.truth.delay_samples for one in rows])),
+        )
+
+
+if __name__ == "__main__":
+    main()
