@@ -35,7 +35,7 @@ The resolvers' noise of 0.02 mrad would hide a smaller one in an hour of command
 paths that symmetry forbids have gains of rounding, 1e-13, and all others more than 1e-4.
 """
 
-ORDERS = ((2, 3), (3, 3), (3, 4), (4, 4), (4, 5), (5, 5))
+ORDERS = ((2, 3), (3, 4), (4, 4), (5, 5))
 """nb, nf of the output-error models of a joint; the Bayesian information criterion chooses [Schwarz1978]."""
 
 
@@ -47,14 +47,17 @@ class SevenJointPath:
         joint: The joint.
         truth: Small-signal truth.
         estimate: Output-error model of the response to its own command.
-        band: Bandwidth of that response with its 95 % interval, Hz, without a model.
+        hz: Its bandwidth with the 95 % interval, Hz.
+        bare: Bandwidth of the response without a model, likewise: of a smooth curve through its lines, which may err by
+            half a percent.
         delay: Samples from a command to the first measurement that shows it, by correlation; -1 where none shows.
     """
 
     joint: str
     truth: JointTruth
     estimate: Estimate
-    band: Interval
+    hz: Interval
+    bare: Interval
     delay: int
 
 
@@ -146,9 +149,10 @@ def seven_joints(
     truth = linearize(arm, first.pose, amplitudes=())
     gain = np.abs(truth.model.frequency_response(response.frequencies))
     band, delays = response_bandwidth(response), _delays(logs)
+    models = [_model(response, k, delay) for k, delay in enumerate(delays)]
     paths = tuple(
-        SevenJointPath(joint, truth.joint(joint), _model(response, k, delay), band.path(k, k), delay)
-        for k, (joint, delay) in enumerate(zip(JOINTS, delays, strict=True))
+        SevenJointPath(joint, truth.joint(joint), model, model.bandwidth().path(), band.path(k, k), delay)
+        for k, (joint, model, delay) in enumerate(zip(JOINTS, models, delays, strict=True))
     )
     return SevenJoints(whole, paths, band_gain(whole.servo), np.sqrt((gain**2).mean(axis=0)), gain.max(axis=0) > FLOOR)
 

@@ -21,8 +21,8 @@ def every_joint_section(study: Comparison) -> dict[str, object]:
     whole = seven.approximation
     multisines = whole.experiment.multisines
     return {
-        "rows": [(path, path.estimate.bandwidth().path()) for path in seven.paths],
-        "held": sum(path.band[1] <= path.truth.bandwidth_hz <= path.band[2] for path in seven.paths),
+        "paths": seven.paths,
+        "held": sum(path.hz[1] <= path.truth.bandwidth_hz <= path.hz[2] for path in seven.paths),
         "multisines": multisines,
         "whole": multisines.realisations == MULTISINES.realisations,
         "records": multisines.realisations * len(JOINTS),
@@ -48,22 +48,22 @@ def every_joint(study: Comparison) -> Chart:
     seven = study.every_joint
     if seven is None:
         return Chart({})
-    names, gains, panels = [short(joint) for joint in JOINTS], seven.coupling, []
-    colour = PALETTE["arx"].colour
+    # An axis counts its names from below.
+    names, upward, panels = [short(joint) for joint in JOINTS], slice(None, None, -1), []
     kinds = (
-        (f"significant, 95 % interval (test at {100 * LEVEL:g} %)", Style(colour, "", 1.0, "s"), True),
+        (f"significant at {100 * LEVEL:g} %, 95 % interval", Style(PALETTE["arx"].colour, "", 1.0, "s"), True),
         ("not significant", Style(PALETTE["measured"].colour, "", 1.0, "x"), False),
     )
     for i, moved in enumerate(names):
-        true = np.where(seven.coupled[i], np.maximum(seven.true_gain[i], LEAST), np.nan)
-        series = [Series("small-signal truth", names, true, Style(PALETTE["truth"].colour, "", 1.0, "D"))]
+        true = np.where(seven.coupled[i], seven.true_gain[i], np.nan)[upward]
+        series = [Series("small-signal truth", true, names[upward], Style(PALETTE["truth"].colour, "", 1.0, "D"))]
         for label, style, wanted in kinds:
             gain, low, high = (
-                np.where(seven.significant[i] == wanted, np.maximum(values[i], LEAST), np.nan)
-                for values in (gains.gain, gains.low, gains.high)
+                np.where(seven.significant[i] == wanted, np.maximum(values[i], LEAST), np.nan)[upward]
+                for values in (seven.coupling.gain, seven.coupling.low, seven.coupling.high)
             )
-            series.append(Series(label, names, gain, style, low, high))
-        panels.append(Panel("commanded", "gain", series, f"{moved} moves", "y", None, (LEAST, 1.0)))
+            series.append(Series(label, gain, names[upward], style, low, high, along=True))
+        panels.append(Panel("gain", "command to", series, f"{moved} moves", "x", (LEAST, 1.0)))
     return Chart({("",): tuple(panels)}, ("",), columns=2, height=230)
 
 
@@ -76,9 +76,10 @@ def every_joint_record(study: Comparison) -> dict[str, object] | None:
         "joints": {
             path.joint: {
                 "true_hz": path.truth.bandwidth_hz,
-                "hz": path.band[0],
-                "ci95": path.band[1:],
-                "model_hz": path.estimate.bandwidth().path()[0],
+                "hz": path.hz[0],
+                "ci95": path.hz[1:],
+                "bare_hz": path.bare[0],
+                "bare_ci95": path.bare[1:],
                 "delay": path.delay,
                 "true_delay": path.truth.delay_samples,
             }

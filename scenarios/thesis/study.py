@@ -215,8 +215,8 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
         with steps.step("other arms") as part:
             table = fairness(campaigns, part)
         with steps.step("every joint") as part:
-            brief = replace(MULTISINES, realisations=2) if main.duration is not None else MULTISINES
-            seven = identify_every_joint(brief, seed=main.seed, progress=part)
+            fewer = replace(MULTISINES, realisations=2) if main.duration is not None else MULTISINES
+            seven = identify_every_joint(fewer, seed=main.seed, progress=part)
     return Comparison(
         campaigns=campaigns,
         joints=joints,

@@ -89,6 +89,7 @@ def study_run(fewer_disturbances):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("scenarios.thesis.robustness.DISTURBANCES", fewer_disturbances)
         patch.setattr("scenarios.thesis.order_search.POLES", (1, 2, 5))
+        patch.setattr("scenarios.identification.every_joint.ORDERS", ((3, 4),))
         # models of three of the tests of several joints, one of them with independent inputs
         patch.setattr("scenarios.thesis.every_data_set.names", lambda _: ("mimo-1", "mimo-13", "mimo-7-independent"))
         moves = []
