@@ -21,7 +21,7 @@ SLOWEST_HZ = 0.15
 NOISE = 4.0
 """Standard deviation of what the regressors leave unexplained, over that of the innovations: nonlinear, correlated."""
 
-FASTEST = 20.0
+FASTEST = 8.0
 """Largest factor by which an error beyond `NOISE` speeds up forgetting; beyond it the sample weighs less."""
 
 PRIOR = 0.25
@@ -44,8 +44,8 @@ class AdaptiveFollowing(Locked):
     the innovations, plus the prior |theta|^2 about the fixed design [Gunnarsson1996]; H is a high-pass filter. Since G
     is driven by the command that was applied, limits of rate and range leave no trace in the error, and no augmentation
     as in [KarasonAnnaswamy1994] is needed. Directions that are not excited return to the fixed design. The larger an
-    error, the faster it forgets [Fortescue1981], to a limit; beyond it, as when a new payload makes the plant sag, an
-    error counts as if it were at the limit. Samples whose error lies in the dead zone neither add nor forget
+    error, the faster it forgets [Fortescue1981], to a limit; beyond it, as when a new payload makes the plant sag, the
+    weight of a sample falls with its error. Samples whose error lies in the dead zone neither add nor forget
     [GoodwinSin1984, sec. 3.6]. theta is projected onto a box.
 
     Boundedness, whatever the errors of the model and whatever theta does. The fixed design is told u - ua alone, so it
@@ -83,7 +83,7 @@ class AdaptiveFollowing(Locked):
     reference: StateSpace
     friction: float = 0.02
     stiffness: float = 0.4
-    memory: float = 20.0
+    memory: float = 12.0
     velocity: float = 0.005
     dead_zone: float = 2.0
 
@@ -187,7 +187,7 @@ class AdaptiveRun:
             return
         regressors *= self._unit
         size = float(left @ left) / (m * NOISE**2)
-        keep, weight = math.exp(-self._rate * min(size, FASTEST)), min(1.0, FASTEST / size)
+        keep, weight = math.exp(-self._rate * min(size, FASTEST)), min(1.0, FASTEST / size) ** 2
         self._information *= keep
         self._information.flat[:: m * m + m + 1] += 1.0 - keep
         self._information += (weight * regressors.T) @ regressors
