@@ -27,8 +27,8 @@ from hmtb_twin import PayloadChange, Plant, Specimen, simulate
 from hmtb_twin.parameters.specimen_draw import draw_specimen
 from scenarios import load
 from scenarios.control.campaign import identification_experiment, identify_pair
-from scenarios.control.runs import ControlledScenario
-from scenarios.control.score import CHANNELS, is_stable, request_of
+from scenarios.control.runs import Controlled
+from scenarios.control.score import answer_of, is_stable, request_of
 from sysid import AdaptiveFollowing, model_following
 from tests.benchmarks.model_following import POPULATION, keep, kept, linear_truth, rms
 from tests.benchmarks.tables import heading, options, row
@@ -73,11 +73,7 @@ def run(scenarios, reference):
     """Errors against the reference (N, m), rad, by the name of the scenario, and failures."""
     logs = simulate(list(scenarios.values()), keep_going=True)
     names = {one.name: key for key, one in scenarios.items()}
-    # Angles count from the request at the start: arms with another payload droop from it, which is an error.
-    answers = {log.name: (log.measured - log.requested[0])[:, CHANNELS] for log in logs}
-    errors = {
-        names[log.name]: answers[log.name] - np.asarray(sysid.simulate(reference, request_of(log))) for log in logs
-    }
+    errors = {names[log.name]: answer_of(log) - np.asarray(sysid.simulate(reference, request_of(log))) for log in logs}
     return errors, {names[name]: str(reason) for name, reason in logs.failed.items()}
 
 
@@ -93,7 +89,7 @@ def specimens_part(folder, count):
     for start in range(0, len(missing), BATCH):
         batch = missing[start : start + BATCH]
         scenarios = {
-            number: ControlledScenario.of(
+            number: Controlled(
                 replace(load("reach"), duration=15.0, seed=number, **arm_of(number)),
                 controllers["adaptive"],
                 str(number),
@@ -149,7 +145,7 @@ def payloads_part(folder, count):
             for kind, scenario in (("changed", changed), ("steady", replace(one, payload=after))):
                 key = f"{change}, {kind}"
                 name = key.replace(" ", "-").replace(",", "")
-                scenarios[key] = ControlledScenario.of(scenario, controllers["adaptive"], name)
+                scenarios[key] = Controlled(scenario, controllers["adaptive"], name)
         errors, failed = run(scenarios, reference)
         # Of each ten seconds after the exchange.
         windows = {key: [1e3 * rms(error[k : k + 500]) for k in (3000, 3500, 4000)] for key, error in errors.items()}
@@ -174,7 +170,7 @@ def gains_part(folder, count):
             for arm, changes in ARMS.items():
                 for name, law in controllers.items():
                     one = replace(load("reach"), duration=80.0, seed=seed, **changes)
-                    scenarios[f"{arm}, {name}"] = ControlledScenario.of(one, law, f"{arm}-{name}".replace(" ", "-"))
+                    scenarios[f"{arm}, {name}"] = Controlled(one, law, f"{arm}-{name}".replace(" ", "-"))
             errors, failed = run(scenarios, reference)
             values = {key: 1e3 * rms(error[2000:]) for key, error in errors.items()}
             keep(path, [{"run": f"{seed} {heavy}", "heavy": heavy, "errors": values, "failed": failed}])
