@@ -149,7 +149,7 @@ def seven_joints(
     truth = linearize(arm, first.pose, amplitudes=())
     gain = np.abs(truth.model.frequency_response(response.frequencies))
     band, delays = response_bandwidth(response), _delays(logs)
-    models = [_model(response, k, delay) for k, delay in enumerate(delays)]
+    models = [joint_model(response, *pair) for pair in zip(JOINTS, delays, strict=True)]
     paths = tuple(
         SevenJointPath(joint, truth.joint(joint), model, model.bandwidth().path(), band.path(k, k), delay)
         for k, (joint, model, delay) in enumerate(zip(JOINTS, models, delays, strict=True))
@@ -157,14 +157,20 @@ def seven_joints(
     return SevenJoints(whole, paths, band_gain(whole.servo), np.sqrt((gain**2).mean(axis=0)), gain.max(axis=0) > FLOOR)
 
 
-def _model(response: FrequencyResponse, k: int, delay: int) -> Estimate:
-    """Output-error model of a joint's response to its own command, of the likeliest of `ORDERS`."""
+def joint_model(response: FrequencyResponse, joint: str, delay: int) -> Estimate:
+    """Output-error model of a joint's response to its own command, of the likeliest of `ORDERS`.
+
+    Models that are slower than the lowest line are left out where others are there: their gain at 0 Hz is anyone's.
+    """
+    k = JOINTS.index(joint)
     own = response.select(inputs=[k], outputs=[k])
     with warnings.catch_warnings():
         # Orders too high have poorly determined parameters: that is why the criterion chooses.
         warnings.simplefilter("ignore", SysidWarning)
         fits = [sysid.fit_response(own, nb, nf, max(delay, 0), known_variance=False) for nb, nf in ORDERS]
-    return min(fits, key=lambda fit: fit.bic)
+    slowest = np.exp(-2.0 * np.pi * response.frequencies[0] * response.dt)
+    known = [fit for fit in fits if np.abs(fit.poles()).max() < slowest]
+    return min(known or fits, key=lambda fit: fit.bic)
 
 
 def _delays(logs: Sequence[JointLog]) -> list[int]:

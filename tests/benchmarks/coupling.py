@@ -12,8 +12,8 @@ import numpy as np
 from scipy.stats import binomtest
 
 import sysid
-from hmtb_twin import JOINTS, linearize, load_arm, simulate
-from scenarios.identification.every_joint import LEVEL, MULTISINES, ORDERS, campaign, seven_joints
+from hmtb_twin import JOINTS, Chain, linearize, load_arm, simulate
+from scenarios.identification.every_joint import LEVEL, MULTISINES, campaign, joint_model, seven_joints
 from scenarios.report.figure_style import short
 from scenarios.truth.best_linear import approximated
 from sysid.frequency.band_gain import band_gain
@@ -53,11 +53,13 @@ def main():
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first", type=int, default=1, help="first seed")
     parser.add_argument("--realisations", type=int, default=MULTISINES.realisations)
+    parser.add_argument("--no-friction", action="store_true", help="joints without dry friction")
     chosen = parser.parse_args()
     multisines = replace(MULTISINES, realisations=chosen.realisations)
     models, plain, truth = [], [], None
     for seed in range(chosen.first, chosen.first + chosen.seeds):
-        experiments = campaign(multisines, seed=seed)
+        chain = Chain(friction=not chosen.no_friction)
+        experiments = [replace(one, chain=chain) for one in campaign(multisines, seed=seed)]
         logs = list(simulate(experiments, threads=1))
         models.append(seven_joints(experiments, logs))
         first = experiments[0]
@@ -69,7 +71,10 @@ def main():
     heading(
         "arm", "paths tested", *(f"called at {100 * level:g} %: % (95 %)" for level in LEVELS), "campaigns with one"
     )
-    rates("with friction", np.array([one.coupling.p[~coupled] for one in models]))
+    rates(
+        "without friction" if chosen.no_friction else "with friction",
+        np.array([one.coupling.p[~coupled] for one in models]),
+    )
     rates("uncoupled surrogate", np.array(plain))
     print()
     responses = np.array([one.approximation.servo.response.response for one in models])
@@ -92,9 +97,7 @@ def main():
         rows = [one.paths[k] for one in models]
         hz, low, high = np.array([one.hz for one in rows]).T
         own, bare = path.truth.bandwidth_hz, [one.bare[0] for one in rows]
-        # Of all others together the highest order is well determined.
-        fits = [sysid.fit_response(one.select(inputs=[k], outputs=[k]), *ORDERS[-1], path.delay) for one in pooled]
-        linear = np.array([fit.bandwidth().path()[0] for fit in fits])
+        linear = np.array([joint_model(one, path.joint, path.delay).bandwidth().path()[0] for one in pooled])
         row(
             short(path.joint),
             f"{own:.3f}",
