@@ -86,7 +86,7 @@ def identified_model(record: IOData, order: int) -> StateSpace:
     with warnings.catch_warnings():
         # On chance and conditioning: what the model is worth shows in the design's sensitivity and in the runs.
         warnings.simplefilter("ignore", SysidWarning)
-        return sysid.n4sid(record, order, direct=False).model
+        return sysid.n4sid(record, order, direct=False, stable=True).model
 
 
 def identify_pair(
