@@ -20,6 +20,7 @@ PREFILTERS = 10  # rounds of prefiltering that give the initial estimate
 SLOWEST = 10.0  # a real mode slower than the stretch over this is an offset or a drift
 RINGING = 0.998  # largest modulus of the other poles: a ring of 10 s at 50 Hz
 KNOWN = 1e-9  # smallest singular value of the scaled gradients that counts, relative to the largest
+EXACT = 1e-20  # power of the errors, relative to the output, that is rounding alone
 NOISE_ORDER = 10  # largest order of D
 
 
@@ -55,7 +56,7 @@ class StretchFit(Locked):
     def criterion(self) -> float:
         """Akaike's criterion, corrected for short stretches [HurvichTsai1989]."""
         N, p = self.gradients.shape
-        return N * float(np.log(self.errors @ self.errors / N)) + 2.0 * p * N / (N - p - 2)
+        return N * float(np.log(self.errors @ self.errors / N + np.finfo(float).tiny)) + 2.0 * p * N / (N - p - 2)
 
 
 def fit_stretch(
@@ -220,4 +221,5 @@ def _search(
     _, values, rows = np.linalg.svd(A / scale, full_matrices=False)
     known = values > KNOWN * values[0]
     directions = rows[known].T / values[known] / scale[:, None]
-    return StretchFit(B, F, nuisance, directions, least / (len(errors) - len(scale)), errors, A)
+    variance = max(least / (len(errors) - len(scale)), EXACT * float(np.mean(y**2)))
+    return StretchFit(B, F, nuisance, directions, variance, errors, A)

@@ -177,7 +177,7 @@ class Tracker:
             scale = np.linalg.norm(columns, axis=0) + 1e-300
             inverse = np.linalg.pinv(columns / scale, rcond=1e-9)
             along = (moves / scale[:n]) @ inverse[:n]
-            total += (along @ fit.errors[part]) ** 2 / (along**2).sum(axis=1)
+            total += (along @ fit.errors[part]) ** 2 / ((along**2).sum(axis=1) + np.finfo(float).tiny)
         return np.maximum(total / ((BLOCKS - 1) * fit.variance), 1.0)
 
     def step(self, u: float, y: float) -> TrackSample:
