@@ -31,7 +31,7 @@ def control(
     scenarios: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SCENARIO")] = (),
     /,
     *,
-    method: Annotated[tuple[str, ...], tyro.conf.arg(metavar="following|vrft|FILE.json ...")] = ("following",),
+    method: Annotated[tuple[str, ...], tyro.conf.arg(metavar="following|adaptive|vrft|FILE.json ...")] = ("following",),
     reference: Annotated[str, tyro.conf.arg(metavar="VARIANT|MODEL.json")] = "flight",
     record: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None,
     payload: Annotated[str, tyro.conf.arg(metavar="NAME")] = "rpcm",

@@ -13,15 +13,23 @@ from scenarios.control.campaign import CONTROLLED, IdentifiedPair
 from scenarios.control.joint_controller import Law
 from scenarios.files.errors import ScenarioError, unknown
 from sysid import Controller, SysidError
+from sysid.control import AdaptiveFollowing
 from sysid.exchange.json_text import decoded, encoded, parsed, text_of
+
+
+def _adaptive(pair: IdentifiedPair) -> Law:
+    fixed = sysid.model_following(pair.ground, pair.reference).controller
+    return AdaptiveFollowing(fixed, pair.ground, pair.reference)
+
 
 METHODS: Mapping[str, Callable[[IdentifiedPair], Law]] = {
     "following": lambda pair: sysid.model_following(pair.ground, pair.reference).controller,
+    "adaptive": _adaptive,
     "vrft": lambda pair: sysid.vrft(pair.record, pair.reference).controller,
 }
 """How each method designs its law."""
 
-LAWS: Mapping[str, type] = {kind.__name__: kind for kind in (Controller,)}
+LAWS: Mapping[str, type] = {kind.__name__: kind for kind in (Controller, AdaptiveFollowing)}
 """Classes of laws that a file may hold."""
 
 FORMAT = "hmtb-control 1"
