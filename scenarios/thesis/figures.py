@@ -19,6 +19,7 @@ from scenarios.thesis import model_charts, record_charts, response_charts
 from scenarios.thesis.answer import Answer, answer_chart
 from scenarios.thesis.chart import Chart, draw
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.control_section import control_chart
 from scenarios.thesis.every_joint_section import every_joint
 from scenarios.thesis.motion_section import motion_chart
 
@@ -32,7 +33,7 @@ CHARTS: Mapping[str, Callable[[Comparison], Chart]] = {
         *(model_charts.data_sets, model_charts.orders, model_charts.disturbed, every_joint),
     )
 }
-"""Functions that draw the figures of `report_figures.toml`, but for those of the answer and of the motion."""
+"""Functions that draw the figures of `report_figures.toml`, but for those of the answer, the motion and the control."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +76,7 @@ def report_figures(
     `motion` has the cells of the map of `hmtb motion`; `progress` is called with the figures made and those in all.
     """
     charts = {**CHARTS, "answer": lambda _: answer_chart(answer), "motion": lambda _: motion_chart(motion)}
+    charts["control"] = lambda _: control_chart()
     figures: dict[str, ReportFigure] = {}
     entries = _table()["figure"]
     for number, entry in enumerate(entries, start=1):

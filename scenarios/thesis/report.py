@@ -26,6 +26,7 @@ from scenarios.thesis import chapters
 from scenarios.thesis.answer import Answer, answer_texts
 from scenarios.thesis.attribution import CONDITIONS
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.control_section import control_section
 from scenarios.thesis.every_joint_section import every_joint_section
 from scenarios.thesis.fairness_section import fairness_section
 from scenarios.thesis.figures import report_figures, without_counterpart, write_figures
@@ -68,6 +69,7 @@ SECTIONS: Mapping[str, Callable[[Comparison], object]] = {
     **{"chapter_3": chapters.chapter_3, "chapter_4": chapters.chapter_4, "chapter_5": chapters.chapter_5},
     **{"chapter_6": chapters.chapter_6, "published": chapters.published_section, "fairness": fairness_section},
     **{"robustness": chapters.robustness, "short": shortcomings, "every_joint": every_joint_section},
+    **{"control": control_section},
 }
 """Variables of the sections, by the name that their templates know."""
 
