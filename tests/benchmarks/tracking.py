@@ -50,6 +50,7 @@ MOMENTS = {
 WITHIN = 10.0
 CLASS = Multisines(rms=0.02, f_max=2.5, period=DURATION)
 UNCHANGED = 600.0
+NEAR = (0.6, 1.5)
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,7 @@ def twin_record(seed, changes, duration=DURATION, first=0):
 
 def crossing(model, departure=lambda f: 0.0 * f):
     """Bandwidth and phase delay at the gain 0.707 of a model times exp(departure), which is a function of frequency."""
-    f = np.geomspace(0.05, 3.0, 40001)
+    f = np.geomspace(*NEAR, 20001)
     response = np.log(np.abs(g := model.frequency_response(f)[:, 0, 0])) + 1j * np.unwrap(np.angle(g)) + departure(f)
     above = response.real - np.log(np.sqrt(0.5))
     k = int(np.argmax(above < 0.0))
@@ -119,7 +120,7 @@ def targets(problem, truths):
         setting = MultisineExperiment("target", (JOINT,), payload=payload, seed=7)
         found = best_linear(setting, replace(CLASS, period=20.4, realisations=20, seed=10**6)).servo.response
         f = found.frequencies
-        near = (f > 0.6) & (f < 1.5)
+        near = (f > NEAR[0]) & (f < NEAR[1])
         ratio = np.log(found.response[near, 0, 0] / model.frequency_response(f[near])[:, 0, 0])
         curve = np.polynomial.polynomial.polyfit(np.log(f[near]), ratio, 2)
         out.append(crossing(model, lambda f, curve=curve: np.polynomial.polynomial.polyval(np.log(f), curve)))
