@@ -24,8 +24,11 @@ NOISE = 4.0
 FASTEST = 8.0
 """Largest factor by which an error beyond `NOISE` speeds up forgetting; beyond it the sample weighs less."""
 
-PRIOR = 0.25
+PRIOR = 0.025
 """Standard deviation of the coefficients a priori, over their bounds."""
+
+SMOOTHING = 1.0
+"""Time constant with which the coefficients go to the solution, s."""
 
 STRIDE = 5
 """Samples from one step of the adaptation to the next."""
@@ -46,7 +49,7 @@ class AdaptiveFollowing(Locked):
     as in [KarasonAnnaswamy1994] is needed. Directions that are not excited return to the fixed design. The larger an
     error, the faster it forgets [Fortescue1981], to a limit; beyond it, as when a new payload makes the plant sag, the
     weight of a sample falls with its error. Samples whose error lies in the dead zone neither add nor forget
-    [GoodwinSin1984, sec. 3.6]. theta is projected onto a box.
+    [GoodwinSin1984, sec. 3.6]. theta is projected onto a box, and goes to the solution smoothly.
 
     Boundedness, whatever the errors of the model and whatever theta does. The fixed design is told u - ua alone, so it
     takes ua for a disturbance at the plant's input; |ua_i| <= friction + stiffness |yr|_1, bounded for bounded requests
@@ -144,6 +147,7 @@ class AdaptiveRun:
         self._rate, self._dead_zone = block / design.memory, design.dead_zone
         self._information, self._evidence = np.eye(m * p), np.zeros(m * p)
         self._own, self._tick, self._begun = np.zeros(m), 0, False
+        self._gain = block / SMOOTHING
         self.coefficients, self.learnt = np.zeros((m, p)), 0
 
     def command(self, requested: np.ndarray, measured: np.ndarray) -> np.ndarray:
@@ -187,11 +191,12 @@ class AdaptiveRun:
             return
         regressors *= self._unit
         size = float(left @ left) / (m * NOISE**2)
-        keep, weight = math.exp(-self._rate * min(size, FASTEST)), min(1.0, FASTEST / size) ** 2
+        keep, weight = math.exp(-self._rate * min(size, FASTEST)), min(1.0, FASTEST / size)
         self._information *= keep
         self._information.flat[:: m * m + m + 1] += 1.0 - keep
         self._information += (weight * regressors.T) @ regressors
         self._evidence = keep * self._evidence + weight * (error @ regressors)
         theta = self._unit * np.linalg.solve(self._information, self._evidence)
-        self.coefficients = np.clip(theta, -self._bounds, self._bounds).reshape(m, 1 + m)
+        target = np.clip(theta, -self._bounds, self._bounds).reshape(m, 1 + m)
+        self.coefficients = self.coefficients + self._gain * (target - self.coefficients)
         self.learnt += 1
