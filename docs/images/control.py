@@ -1,8 +1,8 @@
 """Take figures and record of two runs of `hmtb control` into the page and the package.
 
-    hmtb control --method following adaptive vrft --out build/control
-    hmtb control reach --duration 30 --with-stress --method following adaptive vrft --out build/stress
-    PYTHONPATH=. python docs/images/control.py build/control build/stress
+hmtb control --method following adaptive vrft --out build/control
+hmtb control reach --duration 30 --with-stress --method following adaptive vrft --out build/stress
+PYTHONPATH=. python docs/images/control.py build/control build/stress
 """
 
 import json
@@ -26,7 +26,8 @@ def main(runs: Path, stress: Path) -> None:
     record["stress"] = [{**row, "joints": {}} for row in (*other["runs"], *other["stress"])]
     for row in record["runs"]:
         row["joints"] = {
-            name: {key: value for key, value in row["joints"][name].items() if key not in LEFT_OUT} for name in CONTROLLED
+            name: {key: value for key, value in row["joints"][name].items() if key not in LEFT_OUT}
+            for name in CONTROLLED
         }
     RECORD.write_text(json.dumps(record, indent=1) + "\n")
 
