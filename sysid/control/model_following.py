@@ -70,6 +70,9 @@ def model_following(
         noise: Part of the innovation gain K that the observer takes for noise of the state, from 0 to 1. In a record
             with dry friction most of it is distortion that the input causes, and a full K makes a slow observer.
 
+    Returns:
+        The controller, and the peak of the sensitivity that its design reached.
+
     Raises:
         SysidError: Models of other sizes or sampling intervals, a direct term, no innovation covariance, an unstable
             model, or no feedback that keeps the sensitivity.

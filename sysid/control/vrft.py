@@ -86,6 +86,9 @@ def vrft(
         corner: Corner frequency of T in Hz; by default the highest with which the sensitivity is kept.
         instruments: Number of instruments per input, at least `terms`.
 
+    Returns:
+        The controller, and how its design came about.
+
     Raises:
         SysidError: Another number of inputs or outputs, a record too short, with too little excitation or too much
             noise, a reference that is unstable or answers before the plant can, or no feedback that keeps the

@@ -92,6 +92,9 @@ def track(
         drift: Drift to be followed between changes: standard deviation of the bandwidth's relative change in a minute.
         false_alarms: Wanted false alarms per hour.
 
+    Returns:
+        Estimates with intervals at every sample, and the changes.
+
     Raises:
         SysidError: Several inputs or outputs, missing samples, a constant input, a calibration that is too short or as
             long as the record, arguments out of range.
