@@ -10,7 +10,7 @@ from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.bus.joint_log import JointLog
 from hmtb_twin.control.experiment import Experiment
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.parameters.values import JOINTS, SAMPLE_TIME
 from hmtb_twin.run.batch_run import BatchRun
 from hmtb_twin.run.experiment_row import first_state, prepare
 
@@ -27,6 +27,7 @@ class Frame:
         status: What was limited, bits of `Status`.
         unit_pose: Position in m and quaternion of the replacement unit (7,); None in free space.
         contact_force: Sum of normal forces between unit and worksite, N; None in free space.
+        measured: Angles on the bus in the tick of the command (7,), rad; None where nothing was recorded.
     """
 
     tick: int
@@ -36,6 +37,7 @@ class Frame:
     status: int
     unit_pose: np.ndarray | None = None
     contact_force: float | None = None
+    measured: np.ndarray | None = None
 
     @property
     def time(self) -> float:
@@ -58,6 +60,7 @@ def frame_of(log: JointLog, tick: int) -> Frame:
         status=int(log.status[tick]),
         unit_pose=None if log.unit_pose is None else log.unit_pose[tick],
         contact_force=None if log.contact_force is None else float(log.contact_force[tick]),
+        measured=log.measured[tick],
     )
 
 
@@ -86,10 +89,12 @@ class LiveRun:
         self._steps = self._run.steps()
         self._switched: list[float] = list(experiment.shutdown)
         self.tick, self.ticks = 0, row.ticks
+        self._readings = np.empty((row.ticks, len(JOINTS)))
         self.failure: str | None = None
 
     def step(self) -> Frame | None:
         """Run one tick and return the arm after it; None at the end of the experiment or after a failure."""
+        angles = self._run.channels()["true_angles"][0].copy()
         if next(self._steps, None) is None:
             return None
         self.failure = self._row.failure
@@ -97,6 +102,7 @@ class LiveRun:
             self._steps.close()
             return None
         done, self.tick = self.tick, self.tick + 1
+        self._readings[done] = self._row.reading(done, angles)
         now = {name: values[0].copy() for name, values in self._run.channels().items()}
         return Frame(
             tick=self.tick,
@@ -106,6 +112,7 @@ class LiveRun:
             status=int(self._row.station.status[done]),
             unit_pose=now.get("unit_pose"),
             contact_force=float(now["contact_force"][0]) if "contact_force" in now else None,
+            measured=self._readings[np.maximum(done - self._row.arm.delays, 0), np.arange(len(JOINTS))],
         )
 
     @property

@@ -21,6 +21,7 @@ from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 from scenarios.report.html_pieces import card, listing, table
 from scenarios.station.fields import Field, Form, Message, reporting
+from scenarios.station.live_track import CALIBRATION, LiveTrack
 from scenarios.station.recipe import RecipeView
 from scenarios.station.strip_chart import DRAWINGS, StripChart
 
@@ -124,7 +125,9 @@ class ExperimentTab:
             self._charts = [
                 StripChart(gui, "moved joint / deg", ("command", "angle")),
                 StripChart(gui, "wrist force / N", ("force",)),
+                StripChart(gui, "tracked bandwidth / Hz", ("bandwidth", "from", "to")),
             ]
+            self._tracked = Message(gui)
         self._outcome = gui.add_html("")
         self._save = gui.add_button("Save the log", visible=False)
         with gui.add_folder("Preview: the commands, before anything moves"):
@@ -147,8 +150,12 @@ class ExperimentTab:
         station.session.watch(self._refresh)
         with self._lock:  # a run goes on while its page is loaded again
             station.session.memory[self.title] = self
+            self._track: LiveTrack | None = None
             if last:
                 self._joint, self._outcome.content = last._joint, last._outcome.content
+                self._track = last._track
+            if self._track:
+                self._track.chart, self._track.message = self._charts[2], self._tracked
             self._buttons(running=last is not None and last._running)
         self._show_preview()
 
@@ -242,6 +249,12 @@ class ExperimentTab:
         for chart in self._charts:
             chart.clear()
         self._outcome.content = ""
+        if self._track:
+            self._track.close()
+        self._tracked.say("")
+        # A joint alone, long enough to calibrate.
+        followed = scenario.axes == (JOINTS[self._joint],) and scenario.duration > CALIBRATION
+        self._track = LiveTrack(self._charts[2], self._tracked) if followed else None
 
         def done(log: JointLog | None, why: str | None) -> None:
             with self._lock:
@@ -275,10 +288,12 @@ class ExperimentTab:
             joint = np.degrees((frame.command[self._joint], frame.angles[self._joint]))
             self._charts[0].add(frame.tick, frame.time, tuple(joint.tolist()))
             self._charts[1].add(frame.tick, frame.time, (frame.wrist_force,))
+            if self._track and frame.measured is not None:
+                self._track.add(frame.command[self._joint], frame.measured[self._joint])
         if perf_counter() - self._drawn < DRAWINGS:
             return
         self._drawn = perf_counter()
-        for chart in self._charts:
+        for chart in self._charts[:2]:
             chart.draw()
         last = frames[-1]
         self._progress.value = 100.0 * min(last.time / scenario.duration, 1.0)
@@ -303,8 +318,10 @@ class ExperimentTab:
             if run != scenario and run.shutdown != scenario.shutdown:
                 self._station.session.prepare(run)
         texts.append(self._station.motion.timing)
-        for chart in self._charts:
+        for chart in self._charts[:2]:
             chart.draw()
+        if self._track:
+            self._track.close()
         self._outcome.content = listing(texts)
         self._state.say(f"{scenario.name}: {why}" if why else "")
         self._buttons(running=False)

@@ -45,7 +45,9 @@ def test_a_live_run_has_the_bits_of_a_simulation(scenario):
         np.testing.assert_array_equal(frame.angles, at.angles)
         np.testing.assert_array_equal(frame.wrench, at.wrench)
         # the command in force is that of the tick before: it moved the arm to here
-        np.testing.assert_array_equal(frame.command, frame_of(log, frame.tick - 1).command)
+        before = frame_of(log, frame.tick - 1)
+        np.testing.assert_array_equal(frame.command, before.command)
+        np.testing.assert_array_equal(frame.measured, before.measured)
 
 
 def test_power_that_is_switched_live_is_a_planned_shutdown(scenario):

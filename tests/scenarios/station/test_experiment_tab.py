@@ -13,6 +13,7 @@ from scenarios.experiments.recipe import scenario_recipe
 from scenarios.experiments.registry import load
 from scenarios.experiments.scenario import Scenario
 from scenarios.station.experiment_tab import ExperimentTab, PreviewCard, preview_card
+from sysid.recursive import track
 from tests.scenarios.station.conftest import press, wait_until
 
 
@@ -93,6 +94,25 @@ def test_a_run_goes_on_while_its_page_is_loaded_again(tab, page):
     assert "s recorded" in again._outcome.content
     assert again._run.visible
     assert again._save.visible
+
+
+@pytest.mark.slow
+def test_the_bandwidth_that_follows_a_run_is_that_of_its_record(page, monkeypatch):
+    station, client = page
+    for module in ("live_track", "experiment_tab"):
+        monkeypatch.setattr(f"scenarios.station.{module}.CALIBRATION", 15.0)
+    station.session.prepare(replace(load("track-elbow_pitch"), duration=20.0, payload_changes=()))
+    tab = ExperimentTab(station, client)
+    tab._speed.value = "as fast as it goes"
+    press(tab._run)
+    wait_until(lambda: not station.motion.running)
+    tab._track.join()
+    times, *drawn = tab._charts[2]._chart.data
+    (log,) = station.session.records.values()
+    followed = track(log.iodata(), calibration=15.0, gain=1.0)
+    assert times == pytest.approx(np.arange(15.0, 20.0, 0.2))
+    at = np.rint(times / log.dt).astype(int)
+    np.testing.assert_array_equal(np.array(drawn).T, np.column_stack((followed.bandwidth, followed.bandwidth_ci95))[at])
 
 
 def test_a_shutdown_by_hand_is_noted_in_the_scenario(tab, page):

@@ -1,0 +1,167 @@
+"""`hmtb track`: bandwidth and delay that follow a record, and when the arm changed."""
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from scenarios.commands.output import draw, output_folder, print_json, print_table, progress, say, say_each
+from scenarios.files.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from hmtb_twin import JointLog
+    from scenarios.identification.tracking import Tracking
+
+FILES = ("track.csv", "track.nc", "track.png", "track.svg")
+"""Files of --out."""
+
+
+def track(
+    data: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")],
+    *,
+    order: int = 8,
+    nk: int = 1,
+    calibration: float = 30.0,
+    gain: float | None = None,
+    drift: float = 1e-3,
+    false_alarms: float = 1.0,
+    joint: str | None = None,
+    input: str = "u",
+    output: str = "y",
+    dt: float | None = None,
+    time: str | None = None,
+    test: str | None = None,
+    duration: float | None = None,
+    seed: int | None = None,
+    no_bla: bool = False,
+    threads: int | None = None,
+    out: Path | None = None,
+    json: bool = False,
+) -> int:
+    """Follow bandwidth and delay through a record, each with its 95 % interval, and detect when the arm changed.
+
+    DATA is a log, record or table as for hmtb identify, or a registered scenario or a TOML file, which is then
+    simulated. It has one joint, or one input and one output. The estimator goes through the record sample by sample and
+    uses no later one. In the first --calibration seconds nothing may change: they give structure and threshold.
+
+    The bandwidth is where the gain falls to 0.707 of that at 0 Hz, the delay is the phase delay there. For logs and
+    scenarios of the twin the truth of every payload stands beside the estimates, which never see it: that of the
+    linearised arm, without friction, and the best linear one under a multisine like the command (some seconds of one
+    core for each payload; --no-bla leaves it out).
+
+      hmtb track track-elbow_pitch --gain 1 --out tracked
+      hmtb track siso-5-elbow_pitch.nc
+      hmtb track robot.csv --input command --output angle --time stamp --calibration 60
+
+    Args:
+        data: Log, record, table, scenario or TOML file.
+        order: Largest order of the model; the calibration chooses.
+        nk: Samples until the output depends on the input.
+        calibration: Length of the first part, s.
+        gain: Gain at 0 Hz where it is known, 1 for a position servo; that of the model when not given.
+        drift: Drift to follow between changes: standard deviation of the bandwidth's relative change in a minute.
+        false_alarms: False alarms per hour that the threshold allows.
+        joint: Joint of a log or record; the excited one when not given.
+        input: Input column of a table.
+        output: Output column of a table.
+        dt: Sampling interval of a table without times, s.
+        time: Column of times.
+        test: Test of a 1553 record, by name or number.
+        duration: Length of the experiment instead of the scenario's own, s.
+        seed: Seed of the scenario's noise.
+        no_bla: Leave out the best linear truth.
+        threads: Threads for the physics; all processors when not given.
+        out: Folder for the estimates (track.csv, track.nc) and the figure (track.png, track.svg).
+        json: Print JSON, with the estimates once a second.
+    """
+    from dataclasses import replace
+
+    from scenarios.files.data_file import log_of, read_parts
+    from scenarios.identification.tracking import Tracking, true_stretches
+    from sysid.recursive import track as follow
+
+    path = Path(data)
+    with nullcontext() if out is None else output_folder(out, *FILES) as folder:
+        if path.suffix != ".toml" and path.exists():
+            if duration is not None or seed is not None:
+                raise ScenarioError("--duration and --seed are for scenarios; leave them out for a record")
+            parts = read_parts(path, joint=joint, input=input, output=output, dt=dt, time=time, test=test)
+            if len(parts) != 1:
+                raise ScenarioError(f"{path.name}: {len(parts)} parts between gaps, expected one record without gaps")
+            log, record = log_of(path), replace(parts[0], name=path.stem)
+        else:
+            log = _simulated(data, duration, seed, threads)
+            record = replace(log.iodata(joint), name=log.name)
+        found = follow(record, order, nk, calibration=calibration, gain=gain, drift=drift, false_alarms=false_alarms)
+        tracking = Tracking(record.name, found)
+        if log is not None:
+            truth = true_stretches(log, joint or log.axes[0], gain=gain, best_linear=not no_bla, threads=threads)
+            tracking = replace(tracking, truth=truth)
+        files = _write(tracking, folder) if folder else []
+    if json:
+        print_json({**tracking.record(), "files": files})
+    else:
+        _print(tracking)
+        say_each("written: ", files)
+    return 0
+
+
+def _simulated(name: str, duration: float | None, seed: int | None, threads: int | None) -> "JointLog":
+    import hmtb_twin
+    from scenarios.experiments.registry import load
+
+    with progress("simulating") as bar:
+        result = hmtb_twin.simulate([load(name, duration=duration, seed=seed)], threads=threads, progress=bar)
+    if result.failed:
+        raise ScenarioError(f"{name} failed: {'; '.join(result.failed.values())}")
+    return result.logs[0]
+
+
+def _write(tracking: "Tracking", folder: Path) -> list[Path]:
+    from hmtb_twin.files.atomic_write import write_whole
+    from hmtb_twin.files.netcdf import Contents, Variable
+    from scenarios.datasets.tables import table_text
+    from scenarios.identification.tracking_figure import tracking_figure
+
+    table, netcdf, *pictures = (folder / name for name in FILES)
+    columns = tracking.columns()
+    rows = [
+        dict(zip(columns, row, strict=True)) for row in zip(*(one.tolist() for one in columns.values()), strict=True)
+    ]
+    write_whole(table, table_text(columns, rows))
+    variables = {name: Variable(("sample",), values, {}) for name, values in columns.items()}
+    write_whole(netcdf, Contents(variables, {"title": f"Estimates that follow {tracking.name}"}).to_bytes())
+    return [table, netcdf, *draw(lambda: tracking_figure(tracking), *pictures)]
+
+
+def _print(tracking: "Tracking") -> None:
+    import numpy as np
+
+    def numbers(values: Any, digits: int, scale: float = 1.0) -> str:
+        return " to ".join(f"{scale * value:.{digits}f}" for value in np.atleast_1d(values).tolist()).replace(
+            "nan", "—"
+        )
+
+    known = bool(tracking.truth)
+    columns = ["from / s", "to / s", "bandwidth\n/ Hz", "95 % interval\n/ Hz", "delay\n/ ms", "95 % interval\n/ ms"]
+    columns += ["payload", "small-signal\ntruth / Hz", "best linear\ntruth / Hz", "true delays\n/ ms"] if known else []
+    rows = []
+    for stretch, last in tracking.rows():
+        cells = [numbers(stretch.begin, 1), numbers(stretch.end, 1)]
+        cells += [numbers(last["bandwidth"], 3), numbers(last["bandwidth_ci95"], 3)]
+        cells += [numbers(last["delay"], 1, 1e3), numbers(last["delay_ci95"], 1, 1e3)]
+        if known:
+            cells += [stretch.payload, numbers(stretch.small_signal_hz, 3), numbers(stretch.best_linear_ci95, 3)]
+            delays = (stretch.small_signal_delay, stretch.best_linear_delay)
+            cells.append(", ".join(numbers(delay, 1, 1e3) for delay in delays))
+        rows.append(cells)
+    print_table(f"{tracking.name}: the last estimate of each part", columns, rows)
+    for stretch in tracking.truth[1:]:
+        alarm = tracking.alarm(stretch)
+        seen = f"alarm after {alarm.detected - stretch.begin:.1f} s" if alarm else "missed"
+        say(f"change at {stretch.begin:g} s to payload {stretch.payload}: {seen}")
+    alarms = tracking.false_alarms if known else tracking.track.changes
+    say_each("false alarm at " if known else "alarm at ", (f"{one.detected:.1f} s" for one in alarms))
+    if not tracking.track.changes:
+        say("no change detected")

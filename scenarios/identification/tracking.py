@@ -1,0 +1,197 @@
+"""Bandwidth and delay that follow a record sample by sample, beside the truth of each payload where it is known."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hmtb_twin import JointLog, JointTruth, Status, TwinError, linearize
+from hmtb_twin.truth.logged_arm import logged_arm, logged_payloads
+from scenarios.experiments.log_review import SETTLING
+from scenarios.experiments.scenario import Scenario
+from scenarios.files.errors import ScenarioError
+from scenarios.truth.bla_of_test import best_linear_of_test
+from sysid import FrequencyResponse
+from sysid.models.bandwidth import HALF_POWER
+from sysid.recursive import Change, Track
+
+UNKNOWN = (np.nan, np.nan)
+"""Interval of what is not known."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Part of a record in which the arm stays the same, with its truth; NaN where that is not known.
+
+    Attributes:
+        begin: First time, s.
+        end: Last time, s.
+        payload: Payload of the end effector; empty for records from elsewhere.
+        small_signal_hz: Bandwidth of the linearised arm, Hz.
+        small_signal_delay: Its phase delay at the bandwidth, s.
+        best_linear_hz: Bandwidth of the best linear approximation under a multisine like the command, Hz.
+        best_linear_ci95: Its 95 % interval, Hz.
+        best_linear_delay: Its phase delay at the bandwidth, s.
+    """
+
+    begin: float
+    end: float
+    payload: str = ""
+    small_signal_hz: float = np.nan
+    small_signal_delay: float = np.nan
+    best_linear_hz: float = np.nan
+    best_linear_ci95: tuple[float, float] = UNKNOWN
+    best_linear_delay: float = np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Tracking:
+    """Estimates that followed a record, and the truth about it.
+
+    Attributes:
+        name: Name of the record.
+        track: The estimates.
+        truth: Parts of the record with one payload each; none where the truth is not known.
+    """
+
+    name: str
+    track: Track
+    truth: tuple[Stretch, ...] = ()
+
+    @property
+    def stretches(self) -> tuple[Stretch, ...]:
+        """The parts with one payload each; where they are not known, those between the detected changes."""
+        times = self.track.times
+        end = round(float(2.0 * times[-1] - times[-2]), 9)
+        ends = [float(times[0]), *(change.time for change in self.track.changes), end]
+        return self.truth or tuple(Stretch(a, b) for a, b in pairwise(ends))
+
+    def alarm(self, stretch: Stretch) -> Change | None:
+        """Return the first alarm in a part, which belongs to the change at its begin; None if that was missed."""
+        alarms = (one for one in self.track.changes if stretch.begin <= one.detected < stretch.end)
+        return next(alarms, None)
+
+    @property
+    def false_alarms(self) -> tuple[Change, ...]:
+        """The alarms that belong to no true change; none where the truth is not known."""
+        true = [self.alarm(stretch) for stretch in self.truth[1:]]
+        return tuple(change for change in self.track.changes if change not in true) if self.truth else ()
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the estimates at every sample as columns (N,) by name with unit."""
+        track = self.track
+        named = {"time_s": track.times, "settled": track.settled.astype(int)}
+        for name, unit in (("bandwidth", "hz"), ("delay", "s")):
+            low, high = getattr(track, f"{name}_ci95").T
+            named |= {f"{name}_{unit}": getattr(track, name), f"{name}_low_{unit}": low, f"{name}_high_{unit}": high}
+        for number, name in enumerate(track.parameter_names):
+            named |= {name: track.parameters[:, number], f"{name}_deviation": track.deviations[:, number]}
+        return named
+
+    def rows(self) -> Iterator[tuple[Stretch, dict[str, Any]]]:
+        """Yield each part with the last estimate in it: time, bandwidth, delay, intervals; NaN without any."""
+        track = self.track
+        for stretch in self.stretches:
+            inside = (track.times >= stretch.begin) & (track.times < stretch.end) & np.isfinite(track.bandwidth)
+            values = {name: getattr(track, name) for name in ("bandwidth", "bandwidth_ci95", "delay", "delay_ci95")}
+            last = np.flatnonzero(inside)[-1:]
+            yield (
+                stretch,
+                {
+                    "time": track.times[last[0]] if last.size else np.nan,
+                    **{
+                        name: one[last[0]] if last.size else np.full(one.shape[1:], np.nan)
+                        for name, one in values.items()
+                    },
+                },
+            )
+
+    def record(self) -> dict[str, object]:
+        """Return what `hmtb track --json` prints; the estimates once a second."""
+        second = max(1, round(1.0 / (self.track.times[1] - self.track.times[0])))
+        alarms = [(one, self.alarm(one)) for one in self.truth[1:]]
+        return {
+            "name": self.name,
+            "memory_s": self.track.memory,
+            "changes": [vars(change) for change in self.track.changes],
+            "true_changes": [
+                {"time": one.begin, "payload": one.payload, "detected": alarm and alarm.detected}
+                for one, alarm in alarms
+            ],
+            "false_alarms": [change.detected for change in self.false_alarms] if self.truth else None,
+            "stretches": [{**vars(stretch), **estimate} for stretch, estimate in self.rows()],
+            "estimates": {name: values[::second] for name, values in self.columns().items()},
+        }
+
+
+def true_stretches(
+    log: JointLog, joint: str, *, gain: float | None = None, best_linear: bool = True, threads: int | None = None
+) -> tuple[Stretch, ...]:
+    """Return the truth about a log with each of its payloads; estimates never see it.
+
+    Args:
+        log: A log of the twin.
+        joint: The joint.
+        gain: Gain at 0 Hz that bandwidths are relative to; by default that of each model.
+        best_linear: Whether to measure the best linear approximation with each payload: some seconds for each.
+        threads: Threads for the physics.
+
+    Raises:
+        ScenarioError: A shutdown or work in contact, which has no linear truth.
+        TwinError: The provenance of the log is incomplete.
+    """
+    if log.unit_pose is not None or (log.status & Status.SHUT_DOWN).any():
+        raise ScenarioError(f"{log.name}: a shutdown, or work in contact, has no linear truth")
+    if "scenario" not in log.provenance:
+        raise TwinError(f"{log.name}: its provenance lacks scenario; expected a log of hmtb simulate")
+    scenario = Scenario.from_toml(log.provenance["scenario"], source=f"{log.name}, its scenario")
+    payloads = logged_payloads(log)
+    ends = [time for time, _ in payloads[1:] if time < len(log) * log.dt] + [len(log) * log.dt]
+    data, stretches = log.iodata(joint), list[Stretch]()
+    for (begin, payload), end in zip(payloads, ends, strict=False):
+        truth = linearize(logged_arm(log, payload), scenario.pose, amplitudes=()).joint(joint)
+        delay = phase_delay(truth.model.frequency_response, truth.bandwidth_hz)
+        stretch = Stretch(begin, end, payload, truth.bandwidth_hz, delay)
+        if best_linear and log.axes == (joint,):
+            setting = replace(scenario, payload=payload, payload_changes=())
+            part = data[round((begin or SETTLING) / log.dt) : round(end / log.dt)].detrend()
+            bla = best_linear_of_test(setting, [part], test=log.name, threads=threads)
+            hz, ci95, delay = best_linear_servo(bla.response, truth, gain)
+            stretch = replace(stretch, best_linear_hz=hz, best_linear_ci95=ci95, best_linear_delay=delay)
+        stretches.append(stretch)
+    return tuple(stretches)
+
+
+def best_linear_servo(
+    response: FrequencyResponse, truth: JointTruth, gain: float | None = None
+) -> tuple[float, tuple[float, float], float]:
+    """Return bandwidth, its 95 % interval and phase delay of a best linear approximation of few lines; NaN without one.
+
+    Under a heavy payload the arm resonates between the lines. The ratio to the small-signal response varies slowly, and
+    is interpolated in place of the response itself. The bandwidth is relative to the gain at 0 Hz: `gain`, by default
+    that of the truth times the ratio at the lowest line.
+    """
+    linear = truth.model.frequency_response
+    f, values = response.frequencies, response.response[:, 0, 0]
+    ratio = values / linear(f)[:, 0, 0]
+    fine = np.geomspace(f[0], f[-1], 4000)
+    size = np.abs(linear(fine)[:, 0, 0]) * np.interp(fine, f, np.abs(ratio))
+    below = np.flatnonzero(size < HALF_POWER * (truth.dc_gain * np.abs(ratio[0]) if gain is None else gain))
+    if not below.size or below[0] == 0 or response.covariance is None:
+        return np.nan, UNKNOWN, np.nan
+    hz = float(fine[below[0]])
+    # Half the variance of a complex number is that of its modulus.
+    relative = np.sqrt(0.5 * np.trace(response.covariance[:, 0, 0], axis1=1, axis2=2)) / np.abs(values)
+    slope = np.gradient(np.log(size), np.log(fine))[below[0]]
+    spread = np.hypot(np.interp(hz, f, relative), relative[0] if gain is None else 0.0) / abs(slope)
+    reach = float(np.exp(1.96 * spread))
+    turned = float(np.interp(hz, f, np.unwrap(np.angle(ratio)))) / (2.0 * np.pi * hz)
+    return hz, (hz / reach, hz * reach), phase_delay(linear, hz) - turned
+
+
+def phase_delay(response: Callable[[np.ndarray], np.ndarray], hz: float) -> float:
+    """Return the phase delay in s of a frequency response at a frequency in Hz, its phase followed from 0 Hz on."""
+    values = response(np.linspace(1e-3 * hz, hz, 400))[:, 0, 0]
+    return float(-np.unwrap(np.angle(values))[-1] / (2.0 * np.pi * hz))

@@ -1,0 +1,63 @@
+"""`hmtb track`: a log with its truth, a table without, and refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hmtb_twin import PayloadChange, simulate
+from hmtb_twin.files.netcdf import read_netcdf
+from scenarios.experiments.registry import load
+from scenarios.files.data_file import write_log
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A log of 40 s with a payload change, and the same as a table."""
+    changed = replace(load("track-elbow_pitch"), duration=40.0, payload_changes=(PayloadChange(20.0, "mdm"),))
+    log = simulate([changed])[0]
+    folder = tmp_path_factory.mktemp("track")
+    data = log.iodata()
+    table = np.column_stack((data.time, data.u, data.y))
+    np.savetxt(folder / "arm.csv", table, delimiter=",", header="t,command,angle", comments="")
+    return write_log(log, folder / "track.nc"), folder / "arm.csv"
+
+
+def test_a_log_stands_beside_its_truth_and_a_table_gives_the_same_estimates(run, files, tmp_path):
+    log, table = files
+    code, out, _ = run("track", log, "--calibration", 15, "--no-bla", "--out", tmp_path)
+    assert code == 0
+    assert "change at 20 s to payload mdm: alarm after" in out
+    assert "0.937" in out
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["track.csv", "track.nc", "track.png", "track.svg"]
+    estimates = np.genfromtxt(tmp_path / "track.csv", delimiter=",", names=True)
+    kept = read_netcdf(tmp_path / "track.nc").variables
+    np.testing.assert_array_equal(kept["bandwidth_hz"].values, estimates["bandwidth_hz"])
+    words = ("--input", "command", "--output", "angle", "--time", "t", "--calibration", 15)
+    code, out, _ = run("track", table, *words)
+    assert code == 0
+    assert "alarm at 20" in out
+    assert "truth" not in out
+
+
+def test_json_has_the_estimates_once_a_second(result, files):
+    output = result("track", files[0], "--calibration", 15, "--no-bla")
+    assert [one["payload"] for one in output["stretches"]] == ["none", "mdm"]
+    assert output["false_alarms"] == []
+    assert output["estimates"]["time_s"] == pytest.approx(np.arange(40.0))
+    assert output["estimates"]["bandwidth_hz"][:15] == [None] * 15
+    assert output["true_changes"][0]["detected"] == output["changes"][0]["detected"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("track-ebow_pitch",), "did you mean 'track-elbow_pitch'"),
+        (("track-elbow_pitch", "--duration", 90), "payload_changes at 60, 120 s given, expected ascending times"),
+        (("{log}", "--seed", 1), "--duration and --seed are for scenarios"),
+        (("{log}", "--calibration", 50), "calibration"),
+        (("mimo-7-independent", "--duration", 4), "name the joint"),
+    ],
+)
+def test_what_cannot_be_followed_is_refused(complaint, files, words, message):
+    assert message in complaint("track", *(files[0] if word == "{log}" else word for word in words))
