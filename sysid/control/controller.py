@@ -77,20 +77,16 @@ class Controller(Locked):
         Raises:
             SysidError: Another number of inputs or outputs, a direct term, or another sampling interval.
         """
-        m, n = self.loops, plant.order
+        m = self.loops
         if (plant.nu, plant.ny) != (m, m) or plant.D.any() or abs(plant.dt - self.dt) > 1e-9 * self.dt:
             raise SysidError(
                 f"expected a plant of {m} inputs and outputs without direct term at {self.dt:g} s, got {plant.nu}, "
                 f"{plant.ny}{', with direct term' if plant.D.any() else ''} at {plant.dt:g} s"
             )
-        measured, zero = np.hstack([plant.C, np.zeros((m, len(self.A)))]), np.zeros((m, m))
-        command = np.hstack([self.Dy @ plant.C, self.C])
-        A = np.vstack(
-            [
-                np.hstack([plant.A, np.zeros((n, len(self.A)))]) + plant.B @ command,
-                np.hstack([self.By @ plant.C, self.A]) + self.Bu @ command,
-            ]
-        )
+        x, own = np.split(np.eye(plant.order + len(self.A)), [plant.order])
+        measured, zero = plant.C @ x, np.zeros((m, m))
+        command = self.C @ own + self.Dy @ measured
+        A = np.vstack([plant.A @ x + plant.B @ command, self.A @ own + self.By @ measured + self.Bu @ command])
         B = np.block([[plant.B @ self.Dr, plant.B], [self.Br + self.Bu @ self.Dr, np.zeros((len(self.A), m))]])
         D = np.block([[zero, zero], [self.Dr, zero]])
         return StateSpace(A, B, np.vstack([measured, command]), D, None, self.dt)

@@ -21,6 +21,9 @@ HALVINGS = 12
 SOFTEST = 1e4
 """Largest weight on the moves of the feedback, relative to the output: practically none is left."""
 
+RETURN = 1.0, 200.0
+"""Weights on the moves of command and output while the plan is regained after a limit, relative to the output."""
+
 
 @dataclass(frozen=True, eq=False)
 class FollowingDesign:
@@ -50,10 +53,12 @@ def model_following(
 ) -> FollowingDesign:
     """Design a controller by which a plant answers like a reference model.
 
-    Three parts: a feedforward, which solves the linear-quadratic problem of following the reference model [Tyler1964;
+    Four parts: a feedforward, which solves the linear-quadratic problem of following the reference model [Tyler1964;
     AndersonMoore1990, sec. 4.3] and drives a copy of the plant's model; an observer of state and input disturbance,
-    the Kalman predictor of the innovations model with a random walk added to its input [PannocchiaRawlings2003]; and a
-    feedback of the difference between both states, less the estimated disturbance: integral action without windup.
+    the Kalman predictor of the innovations model with a random walk added to its input [PannocchiaRawlings2003]; a
+    feedback of the difference between both states, less the estimated disturbance: integral action without windup; and
+    a way back after limits. What they leave of the command moves the copy [WestonPostlethwaite2000], so the feedback
+    does not fight them, and a gentle regulator of its own leads the copy back to the plan.
 
     The cost of feedforward and feedback is the sum of |y - yr|^2 + effort |u(t) - u(t-1)|^2. The feedback's effort is
     the least one whose largest singular value of the sensitivity stays within `sensitivity`; where none does, the
@@ -83,12 +88,12 @@ def model_following(
     disturbance = real_number("disturbance", disturbance, *positive)
     bound = real_number("sensitivity", sensitivity, "be above 1", lambda x: 1.0 < x < np.inf)
     noise = real_number("noise", noise, "lie from 0 to 1", lambda x: 0.0 <= x <= 1.0)
-    feedforward = _feedforward(plant, reference, effort)
+    feedforward, back = _feedforward(plant, reference, effort), _regulator(plant, *RETURN)[0]
     frequencies = np.geomspace(1e-3, 0.5, GRID) / plant.dt
     path = replace(plant, K=None, innovation_covariance=None)
 
     def design(log_effort: float, observer: FloatArray) -> tuple[float, Controller]:
-        controller = _combined(plant, reference, observer, feedforward, _regulator(plant, 10.0**log_effort)[0])
+        controller = _combined(plant, reference, observer, feedforward, _regulator(plant, 10.0**log_effort)[0], back)
         loop = np.eye(plant.nu) + controller.loop_gain(path, frequencies)
         return float(1.0 / np.linalg.svd(loop, compute_uv=False)[:, -1].min()), controller
 
@@ -138,23 +143,26 @@ def _observer(plant: StateSpace, disturbance: float, noise: float) -> FloatArray
     return np.asarray(np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T + S.T).T)
 
 
-def _regulator(plant: StateSpace, effort: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Regulator of [x, u(t-1)]: its gain (m, n + m), the cost P, the closed loop, and H B' of the next state's cost."""
+def _regulator(plant: StateSpace, effort: float, damping: float = 0.0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Regulator of [x, u(t-1)]: its gain (m, n + m), the closed loop, and the gain from the next state's cost."""
     n, m = plant.order, plant.nu
     A, B = scipy.linalg.block_diag(plant.A, np.zeros((m, m))), np.vstack([plant.B, np.eye(m)])
     C = np.hstack([plant.C, np.zeros((m, m))])
-    Q, R = C.T @ C + scipy.linalg.block_diag(np.zeros((n, n)), effort * np.eye(m)), effort * np.eye(m)
+    move = plant.C @ np.hstack([plant.A - np.eye(n), plant.B])
+    # Damping weights the next move of the output under a held command.
+    Q, R = C.T @ C + damping * move.T @ move, effort * np.eye(m)
+    Q[n:, n:] += R
     N = np.vstack([np.zeros((n, m)), -effort * np.eye(m)])
     P = scipy.linalg.solve_discrete_are(A, B, Q, R, s=N)
     H = np.linalg.inv(R + B.T @ P @ B) @ B.T
     F = H @ P @ A + np.linalg.solve(R + B.T @ P @ B, N.T)
-    return F, P, A - B @ F, H
+    return F, A - B @ F, H
 
 
 def _feedforward(plant: StateSpace, reference: StateSpace, effort: float) -> tuple[FloatArray, FloatArray]:
     """Gains from [x, u(t-1)] (m, n + m) and [xr, r] (m, nr + m): requests are taken to stay as they are."""
     m, k = plant.nu, reference.order
-    F, _, closed, H = _regulator(plant, effort)
+    F, closed, H = _regulator(plant, effort)
     exogenous = np.block([[reference.A, reference.B], [np.zeros((m, k)), np.eye(m)]])
     C = np.hstack([plant.C, np.zeros((m, m))])
     weight = np.hstack([-C.T @ reference.C, np.zeros((plant.order + m, m))])
@@ -181,44 +189,28 @@ def _combined(
     observer: FloatArray,
     feedforward: tuple[FloatArray, FloatArray],
     feedback: FloatArray,
+    back: FloatArray,
 ) -> Controller:
-    """Controller with the states [x, d, u(t-1) - uf(t-1), xm, uf(t-1), xr]: observer, feedforward, reference."""
+    """Controller of feedforward, way back from limits, and feedback; its signals are rows over state, r, y and ua."""
     n, m, k = plant.order, plant.nu, reference.order
-    A, B, C = plant.A, plant.B, plant.C
+    A, B = plant.A, plant.B
     Lx, Ld = observer[:n], observer[n:]
     own, ahead = feedforward
-    sizes = (n, m, m, n, m, k)
-    x, d, v, xm, uf, xr = (slice(end - size, end) for size, end in zip(sizes, np.cumsum(sizes), strict=True))
-    total = sum(sizes)
-    # Feedforward uf = -own [xm, uf(t-1)] - ahead [xr, r].
-    Cf = np.zeros((m, total))
-    Cf[:, xm], Cf[:, uf], Cf[:, xr] = -own[:, :n], -own[:, n:], -ahead[:, :k]
-    Df = -ahead[:, k:]
-    # The innovation of this sample moves the next state by Lx: feedback sees it at once, through the state that would
+    sizes = (n, m, n, m, n, m, m, k, m, m, m)
+    # The plant's state is taken for xm + xl + xe: the plan, the departure from it that limits cause, and the error that
+    # the feedback corrects. uf, ul and ue are their commands at the sample before, ue less that against d.
+    xm, uf, xl, ul, xe, ue, d, xr, r, y, ua = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
+    planned = -own @ np.vstack([xm, uf]) - ahead @ np.vstack([xr, r])
+    # The innovation e of this sample moves the next state by Lx: feedback sees it at once, through the state that would
     # give the same next state. Of the disturbance the newest estimate is used, d + Ld e.
-    e = np.zeros((m, total))
-    e[:, x] = -C
-    Fx, Fv = feedback[:, :n], feedback[:, n:]
-    Fe = Fx @ np.linalg.lstsq(A, Lx - B @ Ld, rcond=None)[0] + Ld
-    Cu = Cf.copy()
-    Cu[:, x] -= Fx
-    Cu[:, xm] += Fx
-    Cu[:, v] -= Fv
-    Cu[:, d] -= np.eye(m)
-    Cu -= Fe @ e
-    state = np.zeros((total, total))
-    state[x, x], state[x, d] = A, B
-    state[d, d] = np.eye(m)
-    state[x] += Lx @ e
-    state[d] += Ld @ e
-    state[v] -= Cf
-    state[v, d] += np.eye(m)
-    state[xm, xm] = A
-    state[xm] += B @ Cf
-    state[uf] = Cf
-    state[xr, xr] = reference.A
-    Br, By, Bu = np.zeros((total, m)), np.zeros((total, m)), np.zeros((total, m))
-    Br[v], Br[xm], Br[uf], Br[xr] = -Df, B @ Df, Df, reference.B
-    By[x], By[d] = Lx, Ld
-    Bu[x], Bu[v] = B, np.eye(m)
-    return Controller(state, Br, By, Bu, Cu, Df, -Fe, plant.dt)
+    e = y - plant.C @ (xm + xl + xe)
+    newest = feedback[:, :n] @ np.linalg.lstsq(A, Lx - B @ Ld, rcond=None)[0] + Ld
+    corrected = -feedback @ np.vstack([xe, ue]) - d - newest @ e
+    command = planned - back @ np.vstack([xl, ul]) + corrected
+    departed = ua - planned - corrected
+    nexts = [A @ xm + B @ planned, planned, A @ xl + B @ departed, departed, A @ xe + B @ (d + corrected) + Lx @ e]
+    nexts += [d + corrected, d + Ld @ e, reference.A @ xr + reference.B @ r]
+    ends = np.cumsum(sizes)[-4:-1]
+    C, Dr, Dy, _ = np.split(command, ends, axis=1)
+    state, Br, By, Bu = np.split(np.vstack(nexts), ends, axis=1)
+    return Controller(state, Br, By, Bu, C, Dr, Dy, plant.dt)
