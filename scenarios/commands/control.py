@@ -13,8 +13,8 @@ from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
     from scenarios.control.campaign import IdentifiedPair
-    from scenarios.control.joint_controller import Law
-    from scenarios.control.runs import Tested
+    from scenarios.control.runs import Law, ScenarioRuns, Tested
+    from scenarios.control.score import Score
     from scenarios.control.study import ControlResult
 
 DEFAULT = ("reach", "rpcm", "siso-5-elbow_pitch", "multisine")
@@ -71,7 +71,7 @@ def control(
         record: Log (.nc) of the ground arm from which to identify it; all six joints must move.
         payload: Payload of both arms: rpcm, none, ballast or mdm; at the worksite the operator takes the unit.
         friction_level: Dry friction of the ground arm's seals, in multiples of the nominal.
-        duration: Length of each scenario instead of its own, s.
+        duration: Length of each scenario but multisine instead of its own, s.
         seed: Draws excitation and noise of the identification; with several seeds, of the first run.
         seeds: Runs of each scenario, each with other noise and another operator.
         with_stress: Run the first scenario in free space also with other payloads, worn seals and wrong models.
@@ -83,15 +83,16 @@ def control(
 
     from hmtb_twin import VARIANTS, Plant
     from scenarios.control.campaign import frequency_test, identification_experiment, identify_pair
-    from scenarios.control.design import check_method, design
+    from scenarios.control.design import designer
     from scenarios.control.runs import run_scenarios
     from scenarios.control.study import results, stress
     from scenarios.experiments.registry import selected
     from scenarios.experiments.waveform import check_seed, seed_range
 
     check_seed(seed)
-    for name in method:
-        check_method(name)
+    designers = {Path(name).stem if name.endswith(".json") else name: designer(name) for name in method}
+    if len(designers) < len(method) or {"without", "reference", "control"} & designers.keys():
+        raise ScenarioError(f"--method {' '.join(method)} given, expected names of their own, none of a file of --out")
     plant = Plant(friction_level=friction_level)
     draws: list[Tested] = []
     for own in seed_range(seeds, seed):
@@ -111,10 +112,11 @@ def control(
         with progress("identification") as bar:
             ground = record or identification_experiment(seed=seed, payload=payload, plant=plant)
             pair = identify_pair(seed, ground=ground, reference=reference, threads=threads, progress=bar)
-        laws = {Path(name).stem if name.endswith(".json") else name: design(name, pair) for name in method}
+        laws = {name: design(pair) for name, design in designers.items()}
         with progress("runs") as bar:
             runs = run_scenarios(draws, laws, reference=arm, threads=threads, progress=bar)
-        scored = results(pair, runs, list(laws))
+        own_laws = {name: (name, "") for name in laws}
+        scored = [one for run in runs for one in results(pair, run, own_laws)]
         broken: tuple[ControlResult, ...] = ()
         if with_stress and free is not None:
             with progress("stress") as bar:
@@ -149,28 +151,24 @@ def _write(
     files += [sysid.write_model(getattr(pair, name), folder / f"model-{name}.json") for name in ("ground", "reference")]
     runs = {id(one.runs): one.runs for one in scored}
     for number, run in enumerate(runs.values()):
-        logs = {"without": run.without, "reference": run.reference, **run.controlled}
-        files += [
-            log.save(folder / f"{run.scenario.name}-{number}-{name}.nc")
-            for name, log in logs.items()
-            if log is not None
-        ]
-    for name in dict.fromkeys(one.runs.scenario.name for one in scored):
-        first = next(one.runs for one in scored if one.runs.scenario.name == name)
-        own = [one for one in scored if one.runs is first]
-        files += draw(partial(figures.run_figure, own, pair), *_pictures(folder, f"{name}-run"))
-        if not first.scenario.worksite:
-            files += draw(partial(figures.response_figure, own, pair), *_pictures(folder, f"{name}-response"))
-    files += draw(lambda: figures.error_figure(scored), *_pictures(folder, "errors"))
+        files += [log.save(folder / f"{run.scenario.name}-{number}-{name}.nc") for name, log in run.logs.items()]
+    firsts: dict[str, ScenarioRuns] = {}
+    for one in scored:
+        firsts.setdefault(one.runs.scenario.name, one.runs)
+    pictures = {}
+    for name, run in firsts.items():
+        own = [one for one in scored if one.runs is run]
+        pictures[f"{name}-run"] = partial(figures.run_figure, own, pair)
+        if not run.scenario.worksite:
+            pictures[f"{name}-response"] = partial(figures.response_figure, own, pair)
+    pictures["errors"] = partial(figures.error_figure, scored)
     if broken:
-        name, seed = broken[0].runs.scenario.name, broken[0].runs.scenario.seed
-        own = [one for one in scored if (one.runs.scenario.name, one.runs.scenario.seed) == (name, seed)]
-        files += draw(lambda: figures.robustness_figure([*own, *broken]), *_pictures(folder, "stress"))
+        changed = broken[0].runs.scenario
+        own = [one for one in scored if one.runs is firsts[changed.name]]
+        pictures["stress"] = partial(figures.robustness_figure, [*own, *broken])
+    for name, make in pictures.items():
+        files += draw(make, *(folder / f"{name}.{ending}" for ending in ("png", "svg")))
     return files
-
-
-def _pictures(folder: Path, name: str) -> list[Path]:
-    return [folder / f"{name}.{ending}" for ending in ("png", "svg")]
 
 
 def _print(scored: "Sequence[ControlResult]", broken: "Sequence[ControlResult]") -> None:
@@ -178,17 +176,18 @@ def _print(scored: "Sequence[ControlResult]", broken: "Sequence[ControlResult]")
 
     from scenarios.control.campaign import CONTROLLED
 
-    def millirad(value: float, arm: float) -> str:
-        return f"{1e3 * value:.3g}" + (f" ({1e3 * arm:.3g})" if np.isfinite(arm) else "")
+    def millirad(score: "Score") -> str:
+        arm = f" ({1e3 * score.total_arm:.3g})" if np.isfinite(score.total_arm) else ""
+        return f"{1e3 * score.total:.3g}{arm}"
 
     def line(one: "ControlResult", first: str) -> list[str]:
         none, own = one.without, one.controlled
+        cells = [first, one.method, millirad(none)]
         if own is None:
-            return [first, one.method, millirad(none.total, none.total_arm), "failed", *[""] * 4]
+            return [*cells, "failed", *[""] * 4]
         forces = "" if np.isnan(none.force) else f"{none.force:.0f} / {own.force:.0f}"
-        with_, factor = millirad(own.total, own.total_arm), f"{none.total / own.total:.2g}"
-        limited, stable = f"{100 * own.limited:.2g}", "yes" if own.stable else "NO"
-        return [first, one.method, millirad(none.total, none.total_arm), with_, factor, limited, forces, stable]
+        cells += [millirad(own), f"{none.total / own.total:.2g}", f"{100 * own.limited:.2g}", forces]
+        return [*cells, "yes" if own.stable else "NO"]
 
     columns = ["scenario", "method", "without\n/ mrad", "with\n/ mrad", "factor", "at limits\n/ %"]
     columns += ["contact without / with\n/ N", "stable"]
@@ -213,4 +212,5 @@ def _print(scored: "Sequence[ControlResult]", broken: "Sequence[ControlResult]")
     if broken:
         heading = f"{broken[0].runs.scenario.name} with the same laws on other arms, and laws from wrong models"
         print_table(heading, ["condition", *columns[1:]], [line(one, one.condition) for one in broken])
-    say_each("failed: ", (f"{one.method}: {why}" for one in (*scored, *broken) for why in one.runs.failed.values()))
+    reasons = (f"{name}: {why}" for one in (*scored, *broken) for name, why in one.runs.failed.items())
+    say_each("failed: ", dict.fromkeys(reasons))

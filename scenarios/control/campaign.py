@@ -24,13 +24,13 @@ EXCITATION = Multisines(rms=0.05, f_min=0.025, f_max=3.0, period=40.0, realisati
 Most commands slew at their velocity limits, and the record holds the limited ones."""
 
 FREQUENCY_TEST = replace(EXCITATION, rms=0.01, periods=2)
-"""Two minutes on all joints at once."""
+"""Two minutes, slow enough for the commands of a controlled arm to stay within the velocity limits."""
 
 ORDERS = {"nominal": 18, "flight": 12}
 """Order of the model of an arm; of other variants as of the nominal one."""
 
-REFERENCE = "flight"
-"""The variant that the ground arm is made to answer like."""
+CHANNELS = [JOINTS.index(name) for name in CONTROLLED]
+"""Columns of the controlled joints in a log."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +41,11 @@ class IdentifiedPair:
         ground: Model of the arm to be controlled, in innovations form.
         reference: Model whose answers are wanted.
         record: The record behind `ground`, angles in rad about their means.
-        source: Where the reference is from: a variant or a file.
     """
 
     ground: StateSpace
     reference: StateSpace
     record: IOData
-    source: str = REFERENCE
 
 
 def identification_experiment(
@@ -72,28 +70,16 @@ def identification_experiment(
 
 
 def frequency_test(payload: str = "rpcm", plant: Plant = NOMINAL_PLANT, seed: int = 0) -> MultisineExperiment:
-    """Return the experiment that shows the response of a controlled arm, slow enough to stay within its limits."""
+    """Return the experiment that shows the response of a controlled arm; see `FREQUENCY_TEST`."""
     experiment = identification_experiment(seed=seed, payload=payload, plant=plant)
     return replace(experiment, name="multisine", multisines=replace(FREQUENCY_TEST, seed=seed))
-
-
-def identified_model(record: IOData, order: int) -> StateSpace:
-    """Return the subspace model of a record of all controlled joints, without direct term.
-
-    Raises:
-        SysidError: The record is too short, or does not excite all joints independently.
-    """
-    with warnings.catch_warnings():
-        # On chance and conditioning: what the model is worth shows in the design's sensitivity and in the runs.
-        warnings.simplefilter("ignore", SysidWarning)
-        return sysid.n4sid(record, order, direct=False, stable=True).model
 
 
 def identify_pair(
     seed: int = 0,
     *,
     ground: MultisineExperiment | Path | None = None,
-    reference: str | Path = REFERENCE,
+    reference: str | Path = "flight",
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> IdentifiedPair:
@@ -101,39 +87,48 @@ def identify_pair(
 
     Args:
         seed: Draws excitation and noise.
-        ground: Experiment on the ground arm, or a file of a record in which all controlled joints move; by default the
-            experiment on the nominal arm.
+        ground: Experiment on the ground arm, by default on the nominal one, or a file of a record in which all
+            controlled joints move.
         reference: A variant, or a model file (`.json`) with the controlled joints in their order.
         threads: Threads for the physics.
         progress: Called with the completed ticks and the total.
 
     Raises:
-        ScenarioError: No such variant, or a file of other channels.
-        SysidError: A record that identifies no model.
+        ScenarioError: No such variant, a file of other channels or with gaps, or a run that failed.
+        SysidError: A record that is too short, or does not excite all joints independently.
     """
     known = read_model(Path(reference)) if str(reference).endswith(".json") else None
     if known is None and reference not in VARIANTS:
         raise ScenarioError(unknown("reference", reference, VARIANTS) + "; or a model file that ends in .json")
-    own = identification_experiment(seed=seed) if ground is None else ground
-    record = _read(own) if isinstance(own, Path) else None
-    experiments = [] if isinstance(own, Path) else [own]
+    ground = ground or identification_experiment(seed=seed)
+    experiments, parts = [], list[IOData]()
+    if isinstance(ground, Path):
+        parts = list(read_parts(ground, joint=CONTROLLED))
+        if len(parts) != 1:
+            raise ScenarioError(f"{ground.name}: {len(parts)} parts between gaps given, expected a record without gaps")
+    else:
+        experiments.append(ground)
     if known is None:
-        payload = "rpcm" if isinstance(own, Path) else own.payload
+        payload = "rpcm" if isinstance(ground, Path) else ground.payload
         # Another seed: two arms have other noise, and a record of each has its own phases.
         experiments.append(identification_experiment(str(reference), seed + 1, payload=payload))
-    records = [log.iodata(CONTROLLED).detrend(0) for log in simulate(experiments, threads=threads, progress=progress)]
-    record = record or records[0]
-    known = known or _unit_gain(identified_model(records[-1], ORDERS.get(str(reference), ORDERS["nominal"])))
-    return IdentifiedPair(identified_model(record, ORDERS["nominal"]), known, record, str(reference))
+    result = simulate(experiments, threads=threads, progress=progress)
+    for name, reason in result.failed.items():
+        raise ScenarioError(f"{name}: {reason}")
+    records = [part.detrend(0) for part in (*parts, *(log.iodata(CONTROLLED) for log in result))]
+    if known is None:
+        model = _identified(records[-1], str(reference))
+        # Position servos come to rest where they are commanded; dry friction hides a few thousandths of that gain in a
+        # record, 1 mrad on moves of 0.5 rad.
+        known = replace(model, B=model.B @ np.linalg.inv(model.dc_gain()))
+    return IdentifiedPair(_identified(records[0], "nominal"), known, records[0])
 
 
-def _unit_gain(model: StateSpace) -> StateSpace:
-    """Return a model whose angles come to rest where they are commanded.
-
-    That position servos without load do so is known beforehand; dry friction hides a few thousandths of it in a record,
-    1 mrad on moves of 0.5 rad.
-    """
-    return replace(model, B=model.B @ np.linalg.inv(model.dc_gain()))
+def _identified(record: IOData, variant: str) -> StateSpace:
+    with warnings.catch_warnings():
+        # On chance and conditioning: what the model is worth shows in the design's sensitivity and in the runs.
+        warnings.simplefilter("ignore", SysidWarning)
+        return sysid.n4sid(record, ORDERS.get(variant, ORDERS["nominal"]), direct=False, stable=True).model
 
 
 def read_model(path: Path) -> StateSpace:
@@ -154,10 +149,3 @@ def read_model(path: Path) -> StateSpace:
             f"{m} joints ({', '.join(CONTROLLED)}) at {SAMPLE_TIME:g} s"
         )
     return model
-
-
-def _read(path: Path) -> IOData:
-    parts = read_parts(path, joint=CONTROLLED)
-    if len(parts) != 1:
-        raise ScenarioError(f"{path.name}: {len(parts)} stretches between gaps given, expected a record without gaps")
-    return parts[0].detrend(0)

@@ -1,61 +1,53 @@
 """Designs of control laws from an identified pair, by method, and their files."""
 
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
 import sysid
 from hmtb_twin.files.atomic_write import write_whole
 from scenarios.control.campaign import CONTROLLED, IdentifiedPair
-from scenarios.control.joint_controller import Law
+from scenarios.control.runs import Law
 from scenarios.files.errors import ScenarioError, unknown
-from sysid import Controller, SysidError
-from sysid.control import AdaptiveFollowing
+from sysid import AdaptiveFollowing, SysidError
 from sysid.exchange.json_text import decoded, encoded, parsed, text_of
 
 
-def _adaptive(pair: IdentifiedPair) -> Law:
-    fixed = sysid.model_following(pair.ground, pair.reference).controller
-    return AdaptiveFollowing(fixed, pair.ground, pair.reference)
+def _following(pair: IdentifiedPair) -> sysid.Controller:
+    return sysid.model_following(pair.ground, pair.reference).controller
 
 
 METHODS: Mapping[str, Callable[[IdentifiedPair], Law]] = {
-    "following": lambda pair: sysid.model_following(pair.ground, pair.reference).controller,
-    "adaptive": _adaptive,
+    "following": _following,
+    "adaptive": lambda pair: AdaptiveFollowing(_following(pair), pair.ground, pair.reference),
     "vrft": lambda pair: sysid.vrft(pair.record, pair.reference).controller,
 }
 """How each method designs its law."""
 
-LAWS: Mapping[str, type] = {kind.__name__: kind for kind in (Controller, AdaptiveFollowing)}
+LAWS: Mapping[str, type[Law]] = {kind.__name__: kind for kind in get_args(Law)}
 """Classes of laws that a file may hold."""
 
 FORMAT = "hmtb-control 1"
 
 
-def design(method: str, pair: IdentifiedPair) -> Law:
-    """Design the law of a method, or read that of a file.
+def designer(method: str) -> Callable[[IdentifiedPair], Law]:
+    """Return the function that designs the law of a method, or that returns the law of a file.
 
     Args:
         method: One of `METHODS`, or the path of a file of `write_law`, which ends in `.json`.
-        pair: The identified models.
 
     Raises:
         ScenarioError: No such method, or a file without a law of the controlled joints.
-        SysidError: The models allow no design.
     """
-    check_method(method)
-    return read_law(Path(method)) if method.endswith(".json") else METHODS[method](pair)
-
-
-def check_method(method: str) -> None:
-    """Raise `ScenarioError` unless a name is that of a method or of a file of a law."""
     if method.endswith(".json"):
-        read_law(Path(method))
-    elif method not in METHODS:
+        law = read_law(Path(method))
+        return lambda _: law
+    if method not in METHODS:
         raise ScenarioError(unknown("method", method, METHODS) + "; or a file of --out that ends in .json")
+    return METHODS[method]
 
 
 def write_law(law: Law, path: Path) -> Path:
@@ -76,37 +68,31 @@ def read_law(path: Path) -> Law:
         if not isinstance(content, dict) or content.get("format") != FORMAT or content.get("kind") not in LAWS:
             raise ScenarioError(f"{path.name}: expected a law of hmtb control --out ({', '.join(LAWS)})")
         law: Law = decoded("law", content.get("law"), LAWS[content["kind"]])
-    except (OSError, SysidError, json.JSONDecodeError) as error:
+    except SysidError as error:
         raise ScenarioError(f"{path.name}: expected a law of hmtb control --out: {error}") from error
     if content.get("joints") != list(CONTROLLED):
         raise ScenarioError(f"{path.name}: joints {content.get('joints')} given, expected {', '.join(CONTROLLED)}")
     return law
 
 
-@dataclass(frozen=True)
-class WrongModel:
-    """An error of the ground arm's model.
+def wrong_model(pair: IdentifiedPair, gain: float = 1.0, delay: int = 0) -> IdentifiedPair:
+    """Return a pair whose model of the ground arm is wrong, and its record in the same way.
 
-    Attributes:
-        gain: Factor on its gain.
+    Args:
+        pair: The right pair.
+        gain: Factor on the model's gain.
         delay: Further samples of delay.
     """
-
-    gain: float = 1.0
-    delay: int = 0
-
-    def applied(self, pair: IdentifiedPair) -> IdentifiedPair:
-        """Return the pair with the wrong model; its record is wrong in the same way."""
-        model, zero = pair.ground, np.zeros_like
-        B = self.gain * model.B
-        for _ in range(self.delay):
-            n, m = B.shape
-            A = np.block([[model.A, B], [np.zeros((m, n + m))]])
-            C = np.hstack([model.C, np.zeros((len(model.C), m))])
-            K = np.vstack([model.gain, np.zeros((m, len(model.C)))])
-            B = np.vstack([zero(B), np.eye(m)])
-            model = replace(model, A=A, B=B, C=C, K=K)
-        data = pair.record
-        u = np.roll(data.u, -self.delay, axis=0) / self.gain
-        record = replace(data, u=u)[: len(data) - self.delay]
-        return replace(pair, ground=replace(model, B=B), record=record)
+    model = replace(pair.ground, B=gain * pair.ground.B)
+    for _ in range(delay):
+        n, m = model.B.shape
+        none = np.zeros((m, m))
+        model = replace(
+            model,
+            A=np.block([[model.A, model.B], [np.zeros((m, n + m))]]),
+            B=np.vstack([0.0 * model.B, np.eye(m)]),
+            C=np.hstack([model.C, none]),
+            K=np.vstack([model.gain, none]),
+        )
+    record = replace(pair.record, u=np.roll(pair.record.u, -delay, axis=0) / gain)
+    return replace(pair, ground=model, record=record[: len(record) - delay])

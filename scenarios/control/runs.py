@@ -1,18 +1,53 @@
 """Runs of scenarios without control, with it, and of the reference arm on the same requests."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
+import numpy as np
+
 from hmtb_twin import NOMINAL_PLANT, NOMINAL_SPECIMEN, Experiment, JointLog, simulate
-from hmtb_twin.control.experiment import JointController
-from scenarios.control.campaign import CONTROLLED
-from scenarios.control.joint_controller import DeviationController, Law
+from scenarios.control.campaign import CHANNELS
 from scenarios.experiments.multisines import MultisineExperiment
 from scenarios.experiments.scenario import Scenario
+from sysid import AdaptiveFollowing, Controller
+
+Law = Controller | AdaptiveFollowing
+"""Control law of the controlled joints, in deviations from where it starts."""
 
 Tested = Scenario | MultisineExperiment
-"""What is run with control and without."""
+"""Experiment that `run_scenarios` plays with each control law and without."""
+
+
+class DeviationController:
+    """Joint controller of the laboratory that runs a law in deviations from the pose at its restart.
+
+    Joints that are not of the law follow their requests.
+
+    Args:
+        law: The law.
+    """
+
+    def __init__(self, law: Law) -> None:
+        self._law = law
+
+    def restart(self, command: np.ndarray) -> None:
+        """Begin at rest under a command (7,), rad."""
+        self._origin = command[CHANNELS]
+        self._run = self._law.start()
+        self._begun = False
+
+    def command(self, requested: np.ndarray, measured: np.ndarray, sent: np.ndarray) -> np.ndarray:
+        """Return the joint command (7,), rad; see `hmtb_twin.control.experiment.JointController`."""
+        if self._begun:
+            # The limits are known one tick later.
+            self._run.applied(sent[CHANNELS] - self._origin)
+        self._begun = True
+        answer = requested.copy()
+        answer[CHANNELS] = self._origin + self._run.command(
+            requested[CHANNELS] - self._origin, measured[CHANNELS] - self._origin
+        )
+        return answer
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,29 +70,25 @@ class Controlled:
             raise AttributeError(attribute)
         return getattr(self.experiment, attribute)
 
-    def controller(self) -> JointController:
+    def controller(self) -> DeviationController:
         """Return a new controller of the joints."""
-        return DeviationController(self.law, CONTROLLED)
+        return DeviationController(self.law)
 
 
 @dataclass(frozen=True, eq=False)
 class ScenarioRuns:
-    """The runs of one scenario.
+    """Runs of one scenario: `without` control, with each law by its name, and of the `reference` arm.
 
     Attributes:
         scenario: The scenario.
-        without: The log without control; None if that run failed.
-        controlled: The log with each control law, by its name, of the runs that did not fail.
-        reference: The log of the reference arm on the same requests; None at the worksite, where the operator answers
-            to the arm and requests differ, or without such an arm.
-        failed: Reasons of failures by name of the run.
+        logs: Logs of the runs that did not fail. The reference arm has none at the worksite, where the operator answers
+            to the arm and requests differ.
+        failed: Reasons of the failures.
     """
 
     scenario: Tested
-    without: JointLog | None
-    controlled: Mapping[str, JointLog]
-    reference: JointLog | None
-    failed: Mapping[str, str] = field(default_factory=dict)
+    logs: Mapping[str, JointLog]
+    failed: Mapping[str, str]
 
 
 def run_scenarios(
@@ -85,26 +116,22 @@ def run_scenarios(
     """
     runs: dict[tuple[int, str], Experiment] = {}
     for place, one in enumerate(scenarios):
-        # Numbered: scenarios may share a name and differ in seed, payload or specimen.
-        runs[place, ""] = replace(one, name=f"{place}+{one.name}"[:100])
-        for number, (name, law) in enumerate(laws.items()):
-            runs[place, name] = cast(Experiment, Controlled(one, law, f"{place}+{number}+{one.name}"[:100]))
+        runs[place, "without"] = one
         if reference is not None and not one.worksite:
-            flight = replace(one, variant=reference, plant=NOMINAL_PLANT, specimen=NOMINAL_SPECIMEN)
-            runs[place, "reference"] = replace(flight, name=f"{place}+reference+{one.name}"[:100])
-    logs = simulate(list(runs.values()), threads=threads, progress=progress, keep_going=True)
-    by_name = {log.name: log for log in logs}
-    results = []
-    for place, one in enumerate(scenarios):
-        own = {key: runs[place, key].name for key in ("", *laws, "reference") if (place, key) in runs}
-        done = {key: replace(by_name[name], name=one.name) for key, name in own.items() if name in by_name}
-        results.append(
-            ScenarioRuns(
-                one,
-                done.get(""),
-                {key: done[key] for key in laws if key in done},
-                done.get("reference"),
-                {key: logs.failed[name] for key, name in own.items() if name in logs.failed},
-            )
+            runs[place, "reference"] = replace(one, variant=reference, plant=NOMINAL_PLANT, specimen=NOMINAL_SPECIMEN)
+        for name, law in laws.items():
+            runs[place, name] = cast(Experiment, Controlled(one, law, one.name))
+    # Numbered: scenarios may share a name and differ in seed, payload or specimen.
+    named = {f"{number}+{run.name}"[:100]: (key, run) for number, (key, run) in enumerate(runs.items())}
+    experiments = [replace(cast(Any, run), name=name) for name, (_, run) in named.items()]
+    result = simulate(experiments, threads=threads, progress=progress, keep_going=True)
+    logs = {named[log.name][0]: log for log in result}
+    failed = {named[name][0]: reason for name, reason in result.failed.items()}
+    return tuple(
+        ScenarioRuns(
+            one,
+            {name: replace(log, name=one.name) for (at, name), log in logs.items() if at == place},
+            {name: reason for (at, name), reason in failed.items() if at == place},
         )
-    return tuple(results)
+        for place, one in enumerate(scenarios)
+    )

@@ -1,13 +1,14 @@
 """Scores of a run against its reference: errors, response that the operator sees, effort, limits, forces, stability."""
 
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 import sysid
-from hmtb_twin import JOINTS, POSES, JointLog, Status
-from scenarios.control.campaign import CONTROLLED
+from hmtb_twin import POSES, JointLog, Status
+from scenarios.control.campaign import CHANNELS
 from sysid import FrequencyResponse, IOData, StateSpace, SysidError, SysidWarning
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
@@ -36,9 +37,6 @@ GROWTH = 2.0
 BOUND = 0.5
 """Largest error of a bounded run, rad."""
 
-CHANNELS = [JOINTS.index(name) for name in CONTROLLED]
-"""Columns of the controlled joints in a log."""
-
 
 @dataclass(frozen=True, eq=False)
 class SeenResponse(Locked):
@@ -62,7 +60,7 @@ class Score(Locked):
     Attributes:
         rmse: Root mean square error against the reference model's output for the run's own requests (m,), rad.
         rmse_arm: The same against the simulated reference arm (m,), rad; None where there is none.
-        response: What the operator sees.
+        response: Response that the operator sees.
         reference_response: The same estimate from the reference model's output.
         effort: Root mean square of the rate of the command (m,), rad/s.
         limited: Share of the ticks at a velocity limit or an end of a joint's range.
@@ -84,12 +82,12 @@ class Score(Locked):
     @property
     def total(self) -> float:
         """Root mean square error over all joints against the reference model, rad."""
-        return float(np.sqrt(np.mean(self.rmse**2)))
+        return float(_rms(self.rmse))
 
     @property
     def total_arm(self) -> float:
         """The same against the simulated reference arm, rad; NaN without one."""
-        return float("nan") if self.rmse_arm is None else float(np.sqrt(np.mean(self.rmse_arm**2)))
+        return float("nan") if self.rmse_arm is None else float(_rms(self.rmse_arm))
 
 
 def request_of(log: JointLog) -> FloatArray:
@@ -131,7 +129,7 @@ def score(log: JointLog, reference: StateSpace, arm: JointLog | None = None) -> 
 
 def is_stable(error: FloatArray) -> bool:
     """Return whether an error (N, m), rad, is bounded and does not grow from quarter to quarter."""
-    quarters = [float(np.sqrt(np.mean(part**2))) for part in np.array_split(error, 4)]
+    quarters = [float(_rms(part.ravel())) for part in np.array_split(error, 4)]
     return bool(np.abs(error).max() < BOUND and quarters[-1] <= GROWTH * max(quarters[:-1]))
 
 
@@ -150,41 +148,39 @@ def _rms(values: FloatArray) -> FloatArray:
 
 
 def _seen(request: FloatArray, answer: FloatArray, dt: float) -> SeenResponse:
-    """Estimate the response of every joint to its own request, where the record determines it."""
-    m = request.shape[1]
-    values, bandwidths = np.full((len(FREQUENCIES), m), np.nan + 0j), np.full(m, np.nan)
-    for joint, response in seen_responses(request, answer, dt).items():
-        values[:, joint] = response[np.searchsorted(GRID, np.array(FREQUENCIES) - 1e-9)]
+    """Read gain, phase and bandwidth off `seen_responses`."""
+    responses = seen_responses(request, answer, dt)
+    values = responses[np.searchsorted(GRID, np.array(FREQUENCIES) - 1e-9)]
+    bandwidths = np.full(request.shape[1], np.nan)
+    for joint, response in enumerate(responses.T):
         # The first stretch alone: beyond it a crossing may be noise.
-        end = int(np.argmax(np.isnan(response))) if np.isnan(response).any() else len(GRID)
+        end = int(np.argmax(np.isnan([*response, np.nan])))
         if end >= 2:
             part = FrequencyResponse(GRID[:end], response[:end, None, None], dt, "spa")
             bandwidths[joint] = gain_crossing(part, HALF_POWER)
     return SeenResponse(np.abs(values), np.angle(values), bandwidths)
 
 
-def seen_responses(request: FloatArray, answer: FloatArray, dt: float) -> dict[int, ComplexArray]:
-    """Estimate the responses from the requests to the angles (N, m) of the joints that are moved.
+def seen_responses(request: FloatArray, answer: FloatArray, dt: float) -> ComplexArray:
+    """Estimate the responses from the requests to the angles (N, m), each joint's to its own request.
 
     The start, in which the bias of the hand controller arrives, is left out. All requests are inputs at once: those of
     an operator depend on each other.
 
     Returns:
-        By joint, the response to its own request at `GRID`, NaN where its standard deviation exceeds `UNCERTAIN`
-        or the request is weak.
+        Responses at `GRID` (n_f, m), NaN where the standard deviation exceeds `UNCERTAIN` or the request is weak.
     """
+    responses = np.full((len(GRID), request.shape[1]), np.nan + 0j)
     moved = np.flatnonzero(np.ptp(request, axis=0) > MOVES)
     if not len(moved) or len(request) <= 2 * LAG:
-        return {}
+        return responses
     data = IOData(request[:, moved], answer[:, moved], dt)[LAG:].detrend(1)
-    with warnings.catch_warnings():
+    # Requests too poor for any response leave it unknown.
+    with warnings.catch_warnings(), suppress(SysidError):
         warnings.simplefilter("ignore", SysidWarning)
-        try:
-            spectra = sysid.spa(data, lag=LAG, window=np.bartlett, frequencies=GRID)
-        except SysidError:
-            return {}  # requests too poor for any response
-    own = np.einsum("fii->fi", spectra.response)
-    deviation = np.einsum("fii->fi", spectra.magnitude_deviation())
-    power = np.einsum("fii->fi", np.asarray(spectra.input_spectrum)).real
-    known = np.where((deviation < UNCERTAIN * np.abs(own)) & (power > WEAK * power.max(axis=0)), own, np.nan)
-    return {int(joint): known[:, k] for k, joint in enumerate(moved)}
+        spectra = sysid.spa(data, lag=LAG, window=np.bartlett, frequencies=GRID)
+        matrices = (spectra.response, spectra.magnitude_deviation(), np.asarray(spectra.input_spectrum).real)
+        own, deviation, power = (np.einsum("fii->fi", matrix) for matrix in matrices)
+        known = (deviation < UNCERTAIN * np.abs(own)) & (power > WEAK * power.max(axis=0))
+        responses[:, moved] = np.where(known, own, np.nan)
+    return responses

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import sysid
-from hmtb_twin import JOINTS, JointLog, JointTruth, linearize, load_arm, simulate
+from hmtb_twin import JOINTS, JointLog, JointTruth, simulate
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.experiments.registry import load
@@ -86,21 +86,6 @@ class SevenJoints(Locked):
         """Whether a path is called coupled at `LEVEL` (7, 7)."""
         return np.asarray(self.coupling.p < LEVEL)
 
-    @property
-    def false_calls(self) -> int:
-        """Paths that are called coupled and are not."""
-        return int(np.sum(self.significant & ~self.coupled))
-
-    @property
-    def missed(self) -> int:
-        """Coupled paths that are not called so."""
-        return int(np.sum(self.coupled & ~self.significant))
-
-    @property
-    def uncoupled(self) -> int:
-        """Paths without coupling."""
-        return int(np.sum(~self.coupled))
-
 
 def campaign(multisines: Multisines = MULTISINES, *, seed: int | None = None) -> tuple[MultisineExperiment, ...]:
     """Return the experiments: all joints of `SETTING` at once, as many records as joints for each realisation.
@@ -117,7 +102,6 @@ def identify_every_joint(
     multisines: Multisines = MULTISINES,
     *,
     seed: int | None = None,
-    threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> SevenJoints:
     """Play the campaign and identify the seven-joint model from it; see `campaign`.
@@ -125,14 +109,13 @@ def identify_every_joint(
     Args:
         multisines: The excitation class.
         seed: Draws phases and noise.
-        threads: Threads of the simulation.
         progress: Called with the simulated ticks and those in all.
 
     Raises:
         ScenarioError: An experiment failed.
     """
     experiments = campaign(multisines, seed=seed)
-    result = simulate(experiments, threads=threads, progress=progress)
+    result = simulate(experiments, progress=progress)
     for name, reason in result.failed.items():
         raise ScenarioError(f"{name}: {reason}")
     return seven_joints(experiments, list(result), physics_seconds=result.physics_seconds)
@@ -144,9 +127,7 @@ def seven_joints(
     """Identify the seven-joint model from existing records; see `campaign`."""
     origin = {"setting": SETTING, "seed": str(experiments[0].multisines.seed)}
     whole = approximated(experiments, logs, JOINTS, physics_seconds=physics_seconds, origin=origin)
-    response, first = whole.servo.response, experiments[0]
-    arm = load_arm(first.variant, first.payload, plant=first.plant, specimen=first.specimen)
-    truth = linearize(arm, first.pose, amplitudes=())
+    response, truth = whole.servo.response, whole.small_signal
     gain = np.abs(truth.model.frequency_response(response.frequencies))
     band, delays = response_bandwidth(response), _delays(logs)
     models = [joint_model(response, *pair) for pair in zip(JOINTS, delays, strict=True)]

@@ -6,6 +6,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
+
 from scenarios.control.campaign import CONTROLLED
 from scenarios.control.figures import LAWS, WITHOUT, WITHOUT_LABEL
 from scenarios.report.figure_style import MRAD, short
@@ -20,7 +22,7 @@ def read_control() -> Mapping[str, Any]:
     return record
 
 
-def control_section(_: object) -> dict[str, object]:
+def control_section(_: object) -> dict[str, Any]:
     """Return the variables of the section's template; the study itself takes no part."""
     record = read_control()
     return {**record, "scenarios": dict.fromkeys(row["scenario"] for row in record["runs"])}
@@ -32,21 +34,15 @@ def control_chart() -> Chart:
     methods = dict(zip(record["methods"], LAWS, strict=False))
 
     def panels(scenario: str) -> tuple[Panel, ...]:
-        rows = {row["method"]: row["joints"] for row in record["runs"] if row["scenario"] == scenario}
-        first = next(iter(rows.values()))
-        errors = {WITHOUT_LABEL: ([first[joint]["rmse_without"] for joint in CONTROLLED], WITHOUT)}
-        errors |= {
-            name: ([own[joint]["rmse_with"] for joint in CONTROLLED], methods[name]) for name, own in rows.items()
-        }
-        series = tuple(
-            Series(name, [short(joint) for joint in CONTROLLED], [MRAD * one for one in values], _marks(style))
-            for name, (values, style) in errors.items()
-        )
+        rows = [row for row in record["runs"] if row["scenario"] == scenario]
+        runs = [(WITHOUT_LABEL, WITHOUT, rows[0]["joints"], "rmse_without")]
+        runs += [(row["method"], methods[row["method"]], row["joints"], "rmse_with") for row in rows]
+        series = []
+        for label, style, joints, key in runs:
+            # A run that failed has no errors.
+            errors = MRAD * np.array([joints[joint][key] for joint in CONTROLLED], dtype=float)
+            marks = Style(style.colour, "", style.width, style.marker)
+            series.append(Series(label, [short(joint) for joint in CONTROLLED], errors, marks))
         return (Panel("joint", "rms error / mrad", series, log="y"),)
 
-    names = dict.fromkeys(row["scenario"] for row in record["runs"])
-    return Chart(by_view(panels, dict(zip(names, names, strict=True))), ("Run",))
-
-
-def _marks(style: Style) -> Style:
-    return Style(style.colour, "", style.width, style.marker)
+    return Chart(by_view(panels, {name: name for name in control_section(None)["scenarios"]}), ("Run",))

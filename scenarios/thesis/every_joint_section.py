@@ -3,7 +3,7 @@
 import numpy as np
 
 from hmtb_twin import JOINTS
-from scenarios.identification.every_joint import FLOOR, LEVEL, MULTISINES, SevenJoints
+from scenarios.identification.every_joint import FLOOR, LEVEL, MULTISINES
 from scenarios.report.figure_style import MRAD, short
 from scenarios.thesis.chart import Chart, Panel, Series
 from scenarios.thesis.comparison import Comparison
@@ -18,7 +18,7 @@ def every_joint_section(study: Comparison) -> dict[str, object]:
     seven = study.every_joint
     if seven is None:
         return {}
-    whole = seven.approximation
+    whole, called = seven.approximation, seven.significant
     multisines = whole.experiment.multisines
     return {
         "paths": seven.paths,
@@ -29,18 +29,16 @@ def every_joint_section(study: Comparison) -> dict[str, object]:
         "rms": [float(end) for end in (MRAD * whole.command_rms.min(), MRAD * whole.command_rms.max())],
         "distortion": [float(whole.distortion_percent.min()), float(whole.distortion_percent.max())],
         "coupled": int(seven.coupled.sum()) - len(JOINTS),
-        "uncoupled": seven.uncoupled,
-        "false": seven.false_calls,
-        "missed": _missed(seven),
+        "uncoupled": int((~seven.coupled).sum()),
+        "false": int((called & ~seven.coupled).sum()),
+        # Commanded, moved, true gain over the band.
+        "missed": [
+            (short(JOINTS[j]), short(JOINTS[i]), float(seven.true_gain[i, j]))
+            for i, j in np.argwhere(seven.coupled & ~called)
+        ],
         "level": 100.0 * LEVEL,
         "floor": FLOOR,
     }
-
-
-def _missed(seven: SevenJoints) -> list[tuple[str, str, float]]:
-    """Coupled paths that are not called so: commanded, moved, true gain over the band."""
-    pairs = np.argwhere(seven.coupled & ~seven.significant)
-    return [(short(JOINTS[j]), short(JOINTS[i]), float(seven.true_gain[i, j])) for i, j in pairs]
 
 
 def every_joint(study: Comparison) -> Chart:

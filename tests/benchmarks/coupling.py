@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 import sysid
-from hmtb_twin import JOINTS, Chain, linearize, load_arm, simulate
+from hmtb_twin import JOINTS, Chain, simulate
 from scenarios.identification.every_joint import LEVEL, MULTISINES, campaign, joint_model, seven_joints
 from scenarios.report.figure_style import short
 from scenarios.truth.best_linear import approximated
@@ -33,8 +33,13 @@ def surrogate(truth, logs, rng):
     return altered
 
 
-def rates(name, p):
-    """Print a row: paths without coupling that are called, of all campaigns (n, paths)."""
+def print_false_calls(name, p):
+    """Print how many uncoupled paths the test calls coupled.
+
+    Args:
+        name: Kind of arm.
+        p: p-value of each path in each campaign (campaigns, paths).
+    """
     cells = []
     for level in LEVELS:
         called = int((p < level).sum())
@@ -44,7 +49,7 @@ def rates(name, p):
 
 
 def share(hits):
-    """Hits (n,) as text."""
+    """Text that says how many of several truth values hold."""
     return f"{int(np.sum(hits))} of {len(hits)}"
 
 
@@ -56,38 +61,31 @@ def main():
     parser.add_argument("--no-friction", action="store_true", help="joints without dry friction")
     chosen = parser.parse_args()
     multisines = replace(MULTISINES, realisations=chosen.realisations)
-    models, plain, truth = [], [], None
+    models, plain = [], []
     for seed in range(chosen.first, chosen.first + chosen.seeds):
         chain = Chain(friction=not chosen.no_friction)
         experiments = [replace(one, chain=chain) for one in campaign(multisines, seed=seed)]
         logs = list(simulate(experiments, threads=1))
         models.append(seven_joints(experiments, logs))
-        first = experiments[0]
-        truth = truth or linearize(load_arm(first.variant, first.payload), first.pose, amplitudes=())
-        altered = surrogate(truth, logs, np.random.default_rng([seed, 9]))
+        altered = surrogate(models[-1].approximation.small_signal, logs, np.random.default_rng([seed, 9]))
         alike = approximated(experiments, altered, JOINTS, physics_seconds=0.0, origin={})
         plain.append(band_gain(alike.servo).p[~np.eye(len(JOINTS), dtype=bool)])
     coupled, true = models[0].coupled, models[0].true_gain
-    heading(
-        "arm", "paths tested", *(f"called at {100 * level:g} %: % (95 %)" for level in LEVELS), "campaigns with one"
-    )
-    rates(
-        "without friction" if chosen.no_friction else "with friction",
-        np.array([one.coupling.p[~coupled] for one in models]),
-    )
-    rates("uncoupled surrogate", np.array(plain))
+    levels = (f"called at {100 * level:g} %: % (95 %)" for level in LEVELS)
+    heading("arm", "paths tested", *levels, "campaigns with one")
+    name = "without friction" if chosen.no_friction else "with friction"
+    print_false_calls(name, np.array([one.coupling.p[~coupled] for one in models]))
+    print_false_calls("uncoupled surrogate", np.array(plain))
     print()
     responses = np.array([one.approximation.servo.response.response for one in models])
     total = responses.sum(axis=0)
     others = [(total - one) / (len(models) - 1) for one in responses]
     heading("commanded", "moved", "true gain", "best linear", "called", "intervals hold true", "hold best linear")
-    for i, j in np.argwhere(coupled):
-        if i == j:
-            continue
+    for i, j in np.argwhere(coupled & ~np.eye(len(JOINTS), dtype=bool)):
         linear = [float(np.sqrt(np.mean(np.abs(one[:, i, j]) ** 2))) for one in others]
         low, high = (np.array([getattr(one.coupling, end)[i, j] for one in models]) for end in ("low", "high"))
         held = (share((low <= gain) & (gain <= high)) for gain in (true[i, j], np.array(linear)))
-        called = share(np.array([one.significant[i, j] for one in models]))
+        called = share([one.significant[i, j] for one in models])
         row(short(JOINTS[j]), short(JOINTS[i]), f"{true[i, j]:.2g}", f"{np.mean(linear):.2g}", called, *held)
     print()
     pooled = [replace(models[0].approximation.servo.response, response=one) for one in others]
@@ -105,7 +103,7 @@ def main():
             f"{hz.min():.3f} to {hz.max():.3f}",
             *(share((low <= value) & (value <= high)) for value in (own, linear)),
             f"{min(bare):.3f} to {max(bare):.3f}",
-            share(np.array([one.delay == path.truth.delay_samples for one in rows])),
+            share([one.delay == path.truth.delay_samples for one in rows]),
         )
 
 

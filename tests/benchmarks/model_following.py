@@ -89,12 +89,14 @@ def seed_results(seed):
     runs = run_scenarios([replace(load(name), seed=seed) for name in ("reach", "rpcm")], laws)
     errors = {}
     for run in runs:
-        for law, log in {"none": run.without, **run.controlled}.items():
-            scores, answer, request = score(log, pair.reference, run.reference), answer_of(log), request_of(log)
-            misses = {"model": answer - np.asarray(sysid.simulate(pair.reference, request))}
-            misses["true"] = answer - np.asarray(sysid.simulate(flight, request))
-            if run.reference is not None:
-                misses["arm"] = answer - answer_of(run.reference)
+        arm = run.logs.get("reference")
+        for law in ("without", *laws):
+            log = run.logs[law]
+            scores, answer, request = score(log, pair.reference), answer_of(log), request_of(log)
+            wanted = {"model": pair.reference, "true": flight}
+            misses = {kind: answer - np.asarray(sysid.simulate(one, request)) for kind, one in wanted.items()}
+            if arm is not None:
+                misses["arm"] = answer - answer_of(arm)
                 misses["arm but wrist roll"] = misses["arm"][:, :-1]
             free = is_free(log)
             entry = {name: 1e3 * rms(miss[free]) for name, miss in misses.items()}
@@ -117,11 +119,11 @@ def specimen_results(numbers, law, reference):
         scenarios.append(replace(scenario, specimen=specimen, plant=Plant(**changes)))
     results = []
     for number, run in zip(numbers, run_scenarios(scenarios, {"identified": law}, reference=None), strict=True):
-        entry = {"specimen": number, "failed": dict(run.failed)}
-        for name, log in {"none": run.without, **run.controlled}.items():
-            if log is not None:
-                scores = score(log, reference)
-                entry[name] = {"error": 1e3 * scores.total, "stable": scores.stable}
+        # A controlled run that ends early is no arm that cannot be held.
+        entry = {"specimen": number, "failed": dict(run.failed), "identified": {"error": np.inf, "stable": False}}
+        for name, log in run.logs.items():
+            scores = score(log, reference)
+            entry[name] = {"error": 1e3 * scores.total, "stable": scores.stable}
         entry["payload"] = run.scenario.specimen.payload_mass
         entry["friction"] = run.scenario.plant.friction_level
         results.append(entry)
@@ -130,8 +132,7 @@ def specimen_results(numbers, law, reference):
 
 def kept(path, key):
     """Entries of a file of results by their number."""
-    if not path.exists():
-        return {}
+    path.touch()
     return {entry[key]: entry for entry in map(json.loads, path.read_text().splitlines())}
 
 
@@ -159,15 +160,14 @@ def seeds_part(folder, count):
         for kind, words in kinds.items():
             none, own, truth = (
                 np.array([entry["errors"][f"{name} {law}"].get(kind) or np.nan for entry in results])
-                for law in ("none", "identified", "truth")
+                for law in ("without", "identified", "truth")
             )
             if np.isfinite(none).all():
                 means = [f"{one.mean():.3g}" for one in (none, own, truth)]
                 row(name, words, *means[:2], f"{(none / own).min():.3g}", means[2], f"{own.mean() / truth.mean():.3g}")
-    forces = {
-        law: [entry["errors"][f"rpcm {law}"]["force"] for entry in results] for law in ("none", "identified", "truth")
-    }
-    print(*(f"largest contact force, median, {law}: {np.median(one):.0f} N." for law, one in forces.items()))
+    for law in ("without", "identified", "truth"):
+        forces = [entry["errors"][f"rpcm {law}"]["force"] for entry in results]
+        print(f"largest contact force, median, {law}: {np.median(forces):.0f} N.")
     heading("payload over the unit's mass", "largest modulus of a pole of the true linear loop")
     for factor in FACTORS:
         row(factor, f"{max(entry['poles'][str(factor)] for entry in results):.4f}")
@@ -182,14 +182,14 @@ def specimens_part(folder, count):
         keep(path, specimen_results(missing[start : start + BATCH], law, pair.reference))
         print(f"{min(start + BATCH, len(missing))} of {len(missing)} arms done", file=sys.stderr)
     entries = [entry for number, entry in kept(path, "specimen").items() if number < count]
-    done = [entry for entry in entries if not entry["failed"]]
-    ratio = np.array([entry["identified"]["error"] / entry["none"]["error"] for entry in done])
-    unstable = [entry["specimen"] for entry in done if not entry["identified"]["stable"]]
+    held = [entry for entry in entries if "without" not in entry["failed"]]
+    ratio = np.array([entry["identified"]["error"] / entry["without"]["error"] for entry in held])
+    unstable = sum(not entry["identified"]["stable"] for entry in held)
     heading("arms", "cannot be held", "unstable", "worse than without", "median error over without", "largest")
     worse, median, largest = int((ratio >= 1.0).sum()), f"{np.median(ratio):.3f}", f"{ratio.max():.3f}"
-    row(len(entries), len(entries) - len(done), len(unstable), worse, median, largest)
-    for entry in sorted(done, key=lambda one: -one["identified"]["error"] / one["none"]["error"])[:10]:
-        print(entry)
+    row(len(entries), len(entries) - len(held), unstable, worse, median, largest)
+    for place in np.argsort(-ratio)[:10]:
+        print(held[place])
 
 
 def main():
@@ -199,10 +199,8 @@ def main():
     parser.add_argument("--out", type=Path, default=Path("build/model_following"), help="folder of the results")
     asked = parser.parse_args()
     asked.out.mkdir(parents=True, exist_ok=True)
-    if asked.part == "seeds":
-        seeds_part(asked.out, asked.count or len(SEEDS))
-    else:
-        specimens_part(asked.out, asked.count or 500)
+    part, count = {"seeds": (seeds_part, len(SEEDS)), "specimens": (specimens_part, 500)}[asked.part]
+    part(asked.out, asked.count or count)
 
 
 if __name__ == "__main__":

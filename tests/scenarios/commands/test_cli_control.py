@@ -8,18 +8,18 @@ import pytest
 
 import sysid
 from hmtb_twin import JointLog, simulate
-from scenarios.control.campaign import CONTROLLED, identification_experiment
-from scenarios.control.design import WrongModel, design, read_law
+from scenarios.control.campaign import CONTROLLED, EXCITATION, identification_experiment, identify_pair
+from scenarios.control.design import METHODS, read_law, wrong_model
 from scenarios.control.study import CONDITIONS, WRONG
-from tests.refusals import refused
-from tests.scenarios.control.test_campaign import SHORT, identify_pair, model
+from tests.scenarios.control.test_campaign import model
 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """A short record of the ground arm, and a reference."""
     folder = tmp_path_factory.mktemp("control")
-    record = simulate([replace(identification_experiment(), multisines=SHORT)])[0].save(folder / "ground.nc")
+    short = replace(identification_experiment(), multisines=replace(EXCITATION, period=20.0, periods=2))
+    record = simulate([short])[0].save(folder / "ground.nc")
     return ("--record", record, "--reference", sysid.write_model(model(), folder / "reference.json"))
 
 
@@ -34,28 +34,38 @@ def test_results_designs_logs_and_figures(result, printed, files, tmp_path):
     assert {one.rsplit(".", 1)[1] for one in done["files"]} == {"json", "nc", "png", "svg"}
     assert json.loads((out / "control.json").read_text())["runs"] == done["runs"]
     assert JointLog.load(out / "reach-0-following.nc").requested is not None
-    law = read_law(out / "following.json")
-    np.testing.assert_array_equal(law.A, design("following", identify_pair(ground=files[1], reference=files[3])).A)
+    pair = identify_pair(ground=files[1], reference=files[3])
+    np.testing.assert_array_equal(read_law(out / "following.json").A, METHODS["following"](pair).A)
+    np.testing.assert_array_equal(sysid.read_model(out / "model-reference.json").A, 0.9 * np.eye(6))
+    ground = sysid.read_model(out / "model-ground.json")
+    assert (ground.order, ground.nu, ground.ny, ground.D.any()) == (18, 6, 6, False)
+    # Every joint follows its own command slowly.
+    np.testing.assert_allclose(np.diag(ground.dc_gain()), 1.0, atol=0.1)
     text = printed("control", "reach", *files, "--duration", 6, "--method", out / "following.json")
     assert f"{1e3 * run['rmse_with']:.3g}" in text
 
 
-def test_what_is_refused(complaint, files, tmp_path):
-    assert "did you mean 'flight'" in complaint("control", "--reference", "fligth")
-    assert "did you mean 'reach'" in complaint("control", "raech", *files)
-    assert "unknown method 'follow'" in complaint("control", "reach", *files, "--method", "follow")
-    assert "expected one, as reach" in complaint("control", "rpcm", *files, "--with-stress")
-    other = tmp_path / "other.json"
-    other.write_text("{}")
-    assert "expected a law of hmtb control --out" in complaint("control", "reach", *files, "--method", other)
-    refused("expected a law of hmtb control --out", read_law, tmp_path / "none.json")
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("reach", "--reference", "fligth"), "did you mean 'flight'"),
+        (("raech",), "did you mean 'reach'"),
+        (("reach", "--method", "follow"), "unknown method 'follow'"),
+        (("reach", "--method", "vrft", "vrft"), "expected names of their own"),
+        (("rpcm", "--with-stress"), "expected one, as reach"),
+        (("reach", "--method", "none.json"), "expected a law of hmtb control --out: cannot read"),
+        (("reach", "--method", "{reference}"), "expected a law of hmtb control --out (Controller, Adaptive"),
+    ],
+)
+def test_what_is_refused(complaint, files, words, message):
+    assert message in complaint("control", *files, *(files[3] if word == "{reference}" else word for word in words))
 
 
 def test_a_wrong_model_answers_wrongly(files):
     pair = identify_pair(ground=files[1], reference=files[3])
-    wrong = WrongModel(gain=0.8, delay=2).applied(pair)
+    wrong = wrong_model(pair, gain=0.8, delay=2)
     late = np.exp(-2j * np.pi * 1.0 * 0.04)
     np.testing.assert_allclose(
         wrong.ground.frequency_response([1.0]), 0.8 * late * pair.ground.frequency_response([1.0]), rtol=1e-9
     )
-    np.testing.assert_allclose(wrong.record.u[:-2], pair.record.u[2:-2] / 0.8)
+    np.testing.assert_allclose(wrong.record.u, pair.record.u[2:] / 0.8)
