@@ -1,6 +1,5 @@
 """Adaptive model following: a fixed design, and a feedforward that learns friction and stiffness from its errors."""
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,8 +20,11 @@ SLOWEST_HZ = 0.15
 NOISE = 4.0
 """Standard deviation of what the regressors leave unexplained, over that of the innovations: nonlinear, correlated."""
 
-FASTEST = 8.0
-"""Largest factor by which an error beyond `NOISE` speeds up forgetting; beyond it the sample weighs less."""
+LARGEST = 12.0
+"""Largest mean square of the errors, over that of `NOISE`, from which is learnt: free arms stay below it."""
+
+PAUSE = 2.0
+"""How long nothing is learnt after a larger error, s."""
 
 PRIOR = 0.025
 """Standard deviation of the coefficients a priori, over their bounds."""
@@ -47,9 +49,11 @@ class AdaptiveFollowing(Locked):
     the innovations, plus the prior |theta|^2 about the fixed design [Gunnarsson1996]; H is a high-pass filter. Since G
     is driven by the command that was applied, limits of rate and range leave no trace in the error, and no augmentation
     as in [KarasonAnnaswamy1994] is needed. Directions that are not excited return to the fixed design. The larger an
-    error, the faster it forgets [Fortescue1981], to a limit; beyond it, as when a new payload makes the plant sag, the
-    weight of a sample falls with its error. Samples whose error lies in the dead zone neither add nor forget
-    [GoodwinSin1984, sec. 3.6]. theta is projected onto a box, and goes to the solution smoothly.
+    error, the faster it forgets [Fortescue1981]. Samples whose error lies in the dead zone neither add nor forget
+    [GoodwinSin1984, sec. 3.6]; nor do those for a while after an error larger than those of a free arm, as when it
+    meets an obstacle or a new payload makes it sag. theta is projected onto a box, and goes to the solution smoothly.
+    Of theta_i that share enters the command by which theta has lowered the squared errors of loop i: where the
+    regressors explain nothing, as the vibration of another payload, the fixed design remains.
 
     Boundedness, whatever the errors of the model and whatever theta does. The fixed design is told u - ua alone, so it
     takes ua for a disturbance at the plant's input; |ua_i| <= friction + stiffness |yr|_1, bounded for bounded requests
@@ -116,8 +120,8 @@ class AdaptiveRun:
     """An adaptive controller at work, sample by sample; see `AdaptiveFollowing`.
 
     Attributes:
-        coefficients: Friction, then stiffness against each output, of each loop (m, 1 + m).
-        learnt: Number of samples that lay outside the dead zone.
+        coefficients: Friction, then stiffness against each output, of each loop (m, 1 + m), as they enter the command.
+        learnt: Number of samples from which was learnt.
     """
 
     coefficients: FloatArray
@@ -147,7 +151,9 @@ class AdaptiveRun:
         self._rate, self._dead_zone = block / design.memory, design.dead_zone
         self._information, self._evidence = np.eye(m * p), np.zeros(m * p)
         self._own, self._tick, self._begun = np.zeros(m), 0, False
-        self._gain = block / SMOOTHING
+        self._gain, self._pause, self._waiting = block / SMOOTHING, round(PAUSE / block), 0
+        # Squared errors of each loop, without theta and with it.
+        self._energy, self._theta = np.zeros((2, m)), np.zeros(m * p)
         self.coefficients, self.learnt = np.zeros((m, p)), 0
 
     def command(self, requested: np.ndarray, measured: np.ndarray) -> np.ndarray:
@@ -186,17 +192,20 @@ class AdaptiveRun:
         self._raw = raw
         scaled = self._scale * self._passed
         error, regressors = scaled[:, 0], scaled[:, 1:]
-        left = error - regressors @ self.coefficients.ravel()
-        if np.abs(left).max() <= self._dead_zone:
+        left = error - regressors @ self._theta
+        size = float(left @ left) / (m * NOISE**2)
+        self._waiting = self._pause if size > LARGEST else max(self._waiting - 1, 0)
+        if self._waiting or np.abs(left).max() <= self._dead_zone:
             return
         regressors *= self._unit
-        size = float(left @ left) / (m * NOISE**2)
-        keep, weight = math.exp(-self._rate * min(size, FASTEST)), min(1.0, FASTEST / size)
+        keep = np.exp(-self._rate * size)
+        self._energy = keep * self._energy + np.square([error, left])
         self._information *= keep
         self._information.flat[:: m * m + m + 1] += 1.0 - keep
-        self._information += (weight * regressors.T) @ regressors
-        self._evidence = keep * self._evidence + weight * (error @ regressors)
+        self._information += regressors.T @ regressors
+        self._evidence = keep * self._evidence + error @ regressors
         theta = self._unit * np.linalg.solve(self._information, self._evidence)
-        target = np.clip(theta, -self._bounds, self._bounds).reshape(m, 1 + m)
-        self.coefficients = self.coefficients + self._gain * (target - self.coefficients)
+        self._theta = self._theta + self._gain * (np.clip(theta, -self._bounds, self._bounds) - self._theta)
+        explained = 1.0 - self._energy[1] / self._energy[0]
+        self.coefficients = np.clip(explained, 0.0, 1.0)[:, None] * self._theta.reshape(m, 1 + m)
         self.learnt += 1

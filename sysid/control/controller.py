@@ -32,9 +32,12 @@ class Controller(Locked):
         Dr: From the requests to the commands (m, m).
         Dy: From the measurements to the commands (m, m).
         dt: Sampling interval, s.
+        feedforward: The part of [C, Dr] that is feedforward (m, n + m).
+        correction: Largest differences between commands and feedforward (m,): they bound with which force feedback
+            presses against an obstacle; None for no bound.
 
     Raises:
-        SysidError: Matrices of incompatible shapes, or not finite.
+        SysidError: Matrices of incompatible shapes, or not finite, or a correction without feedforward.
     """
 
     A: FloatArray
@@ -45,11 +48,23 @@ class Controller(Locked):
     Dr: FloatArray
     Dy: FloatArray
     dt: float
+    feedforward: FloatArray | None = None
+    correction: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Check and lock."""
         n, m = len(np.atleast_2d(self.A)), len(np.atleast_2d(self.Dr))
-        shapes = {"A": (n, n), "Br": (n, m), "By": (n, m), "Bu": (n, m), "C": (m, n), "Dr": (m, m), "Dy": (m, m)}
+        shapes: dict[str, tuple[int, ...]] = {
+            "A": (n, n),
+            "Br": (n, m),
+            "By": (n, m),
+            "Bu": (n, m),
+            "C": (m, n),
+            "Dr": (m, m),
+            "Dy": (m, m),
+        }
+        if self.correction is not None:
+            shapes |= {"feedforward": (m, n + m), "correction": (m,)}
         for name, shape in shapes.items():
             matrix = real_array(name, getattr(self, name))
             if matrix.shape != shape:
@@ -110,7 +125,11 @@ class ControllerRun:
         """Return the command u(t) (m,) for the request (m,) and the measurement (m,) of this sample."""
         law = self._law
         self._next = law.A @ self._state + law.Br @ requested + law.By @ measured
-        return np.asarray(law.C @ self._state + law.Dr @ requested + law.Dy @ measured)
+        wanted = np.asarray(law.C @ self._state + law.Dr @ requested + law.Dy @ measured)
+        if law.correction is None or law.feedforward is None:
+            return wanted
+        forward = law.feedforward @ np.concatenate([self._state, requested])
+        return np.asarray(np.clip(wanted, forward - law.correction, forward + law.correction))
 
     def applied(self, command: np.ndarray) -> None:
         """Tell the command (m,) that was applied at this sample, and advance to the next."""
@@ -118,7 +137,7 @@ class ControllerRun:
 
 
 def diagonal(controllers: Sequence[Controller]) -> Controller:
-    """Return several controllers as one, side by side.
+    """Return several controllers as one, side by side, without bounds of their corrections.
 
     Raises:
         SysidError: None given, or different sampling intervals.

@@ -60,6 +60,7 @@ def vrft(
     pole: float = 0.5,
     sensitivity: float = 2.0,
     corner: float | None = None,
+    correction: float = 1.0,
     instruments: int = 24,
 ) -> VirtualReferenceDesign:
     """Tune a controller of two degrees of freedom so that the plant answers like a reference model M.
@@ -84,6 +85,9 @@ def vrft(
         pole: Pole of the Laguerre functions; 0 makes them delays.
         sensitivity: Largest peak of the sensitivity, above 1.
         corner: Corner frequency of T in Hz; by default the highest with which the sensitivity is kept.
+        correction: Largest difference between each command and its feedforward, in standard deviations of that command
+            in the record. What asks for more than the record has tried is an obstacle: against it, integral action and
+            an operator who steers by sight push in turn, harder and harder.
         instruments: Number of instruments per input, at least `terms`.
 
     Returns:
@@ -100,6 +104,7 @@ def vrft(
     pole = real_number("pole", pole, "lie in 0 <= pole < 1", lambda x: 0.0 <= x < 1.0)
     bound = real_number("sensitivity", sensitivity, "be above 1", lambda x: 1.0 < x < np.inf)
     corners = [*np.geomspace(FASTEST, SLOWEST, TRIED) / record.dt]
+    allowed = real_number("correction", correction, "be above 0", lambda x: 0.0 < x < np.inf) * record.u.std(axis=0)
     if corner is not None:
         corners = [real_number("corner", corner, "be above 0, in Hz", lambda x: 0.0 < x < np.inf)]
     _check(record, reference, delay, instruments)
@@ -137,7 +142,7 @@ def vrft(
         rest[delay] -= gain
         back = inverse(gain * rest, np.convolve(lags, lags), list(range(m)))[0]
         lags_left = np.asarray(np.polydiv(rest, [1.0, -1.0])[0])
-        controller = _controller(reference, ahead, back, (gain, lags_left), delay, pole)
+        controller = _controller(reference, ahead, back, (gain, lags_left), delay, pole, allowed)
         peak = _sensitivity(controller, plant)
         if peak <= bound:
             return VirtualReferenceDesign(
@@ -231,6 +236,7 @@ def _controller(
     error_filter: tuple[float, FloatArray],
     delay: int,
     pole: float,
+    correction: FloatArray,
 ) -> Controller:
     """Controller u(t) = ua(t-1) + uf(t) - uf(t-1) + F' z^-delay w(t), where w is the error through gain/denominator."""
     m, terms = reference.nu, ahead.shape[1] // reference.nu
@@ -248,11 +254,12 @@ def _controller(
     error = reference.C @ xr - y
     xf = A @ xf + B @ coming
     xb = A @ xb + B @ (Cw @ xw + Dw @ error)
-    command = applied + ahead @ xf - forward + back @ xb
+    feedforward = ahead @ xf
+    command = applied + feedforward - forward + back @ xb
     following = np.vstack(
-        [xf, xb, Aw @ xw + Bw @ error, np.zeros((m, total + 2 * m)), ahead @ xf, reference.A @ xr + reference.B @ r]
+        [xf, xb, Aw @ xw + Bw @ error, np.zeros((m, total + 2 * m)), feedforward, reference.A @ xr + reference.B @ r]
     )
     Bu = np.zeros((total, m))
     Bu[2 * m * terms + len(Aw) :][:m] = np.eye(m)
     (state, Br, By), (C, Dr, Dy) = (np.split(x, [total, total + m], axis=1) for x in (following, command))
-    return Controller(state, Br, By, Bu, C, Dr, Dy, reference.dt)
+    return Controller(state, Br, By, Bu, C, Dr, Dy, reference.dt, feedforward[:, :-m], correction)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sysid.control import AdaptiveFollowing, model_following
+from sysid.control import AdaptiveFollowing, adaptive, model_following
 from sysid.models.state_space import StateSpace
 from sysid.records.errors import SysidError
 
@@ -59,13 +59,15 @@ def rms(design, plant, theta, **kwargs):
     return float(np.sqrt(np.mean((run(design, plant, theta, **kwargs)[0] - yr)[SAMPLES // 2 :] ** 2)))
 
 
-def test_learns_a_disturbance_in_the_span_of_its_regressors():
+def test_learns_a_disturbance_in_the_span_of_its_regressors(monkeypatch):
+    monkeypatch.setattr(adaptive, "LARGEST", np.inf)
     loop = run(ADAPTIVE, PLANT, TRUE)[2]
     assert loop.coefficients == pytest.approx(TRUE, abs=0.03 * np.abs(TRUE).max())
     assert rms(ADAPTIVE, PLANT, TRUE) < 0.25 * rms(ADAPTIVE.fixed, PLANT, TRUE)
 
 
-def test_learns_through_limits_of_the_command():
+def test_learns_through_limits_of_the_command(monkeypatch):
+    monkeypatch.setattr(adaptive, "LARGEST", np.inf)
     r = requests()
     _, u, loop = run(ADAPTIVE, PLANT, TRUE, limit=0.2, r=r)
     assert 0.1 < np.mean(np.abs(u) == 0.2) < 0.9
@@ -76,6 +78,11 @@ def test_measurement_noise_within_the_dead_zone_teaches_nothing():
     loop = run(replace(ADAPTIVE, dead_zone=4.0), PLANT, np.zeros((2, 3)), noise=0.5 * SIGMA)[2]
     assert loop.learnt == 0
     assert not loop.coefficients.any()
+
+
+def test_an_obstacle_teaches_nothing():
+    loop = run(ADAPTIVE, PLANT, np.zeros((2, 3)), kick=0.05)[2]
+    assert (np.abs(loop.coefficients) <= [2e-4, 4e-3, 4e-3]).all()
 
 
 @pytest.mark.parametrize("plant", [lags(0.05, -0.3), lags(0.11, 0.4)])

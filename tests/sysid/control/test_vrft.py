@@ -117,6 +117,15 @@ def test_offsets_and_limits():
     np.testing.assert_allclose(outputs[-50:], 0.0, atol=1e-3)
 
 
+def test_feedback_presses_against_an_obstacle_with_no_more_than_the_record_has_tried():
+    data = record()
+    work = vrft(data, REFERENCE, terms=3, pole=0.0, corner=2.0).controller.start()
+    for _ in range(500):
+        sent = work.command(np.full(2, 0.5), np.zeros(2))
+        work.applied(sent)
+    np.testing.assert_allclose(sent - 0.5, data.u.std(axis=0), rtol=1e-3)
+
+
 def test_refusals():
     data, rng = record(), np.random.default_rng(1)
     one = np.repeat(data.u[:, :1], 2, axis=1)
