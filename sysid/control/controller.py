@@ -54,15 +54,8 @@ class Controller(Locked):
     def __post_init__(self) -> None:
         """Check and lock."""
         n, m = len(np.atleast_2d(self.A)), len(np.atleast_2d(self.Dr))
-        shapes: dict[str, tuple[int, ...]] = {
-            "A": (n, n),
-            "Br": (n, m),
-            "By": (n, m),
-            "Bu": (n, m),
-            "C": (m, n),
-            "Dr": (m, m),
-            "Dy": (m, m),
-        }
+        shapes: dict[str, tuple[int, ...]] = {"A": (n, n), "C": (m, n), "Dr": (m, m), "Dy": (m, m)}
+        shapes |= dict.fromkeys(("Br", "By", "Bu"), (n, m))
         if self.correction is not None:
             shapes |= {"feedforward": (m, n + m), "correction": (m,)}
         for name, shape in shapes.items():
