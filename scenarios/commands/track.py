@@ -126,10 +126,8 @@ def _write(tracking: "Tracking", folder: Path) -> list[Path]:
 
     table, netcdf, *pictures = (folder / name for name in FILES)
     columns = tracking.columns()
-    rows = [
-        dict(zip(columns, row, strict=True)) for row in zip(*(one.tolist() for one in columns.values()), strict=True)
-    ]
-    write_whole(table, table_text(columns, rows))
+    values = zip(*(one.tolist() for one in columns.values()), strict=True)
+    write_whole(table, table_text(columns, [dict(zip(columns, row, strict=True)) for row in values]))
     variables = {name: Variable(("sample",), values, {}) for name, values in columns.items()}
     write_whole(netcdf, Contents(variables, {"title": f"Estimates that follow {tracking.name}"}).to_bytes())
     return [table, netcdf, *draw(lambda: tracking_figure(tracking), *pictures)]
@@ -139,9 +137,8 @@ def _print(tracking: "Tracking") -> None:
     import numpy as np
 
     def numbers(values: Any, digits: int, scale: float = 1.0) -> str:
-        return " to ".join(f"{scale * value:.{digits}f}" for value in np.atleast_1d(values).tolist()).replace(
-            "nan", "—"
-        )
+        texts = [f"{scale * value:.{digits}f}" for value in np.atleast_1d(values).tolist()]
+        return " to ".join(texts).replace("nan", "—")
 
     known = bool(tracking.truth)
     columns = ["from / s", "to / s", "bandwidth\n/ Hz", "95 % interval\n/ Hz", "delay\n/ ms", "95 % interval\n/ ms"]

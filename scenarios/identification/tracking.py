@@ -92,33 +92,24 @@ class Tracking:
 
     def rows(self) -> Iterator[tuple[Stretch, dict[str, Any]]]:
         """Yield each part with the last estimate in it: time, bandwidth, delay, intervals; NaN without any."""
-        track = self.track
+        track, names = self.track, ("bandwidth", "bandwidth_ci95", "delay", "delay_ci95")
         for stretch in self.stretches:
             inside = (track.times >= stretch.begin) & (track.times < stretch.end) & np.isfinite(track.bandwidth)
-            values = {name: getattr(track, name) for name in ("bandwidth", "bandwidth_ci95", "delay", "delay_ci95")}
-            last = np.flatnonzero(inside)[-1:]
-            yield (
-                stretch,
-                {
-                    "time": track.times[last[0]] if last.size else np.nan,
-                    **{
-                        name: one[last[0]] if last.size else np.full(one.shape[1:], np.nan)
-                        for name, one in values.items()
-                    },
-                },
-            )
+            # The first sample is of the calibration, which has no estimates.
+            last = np.flatnonzero(inside)[-1] if inside.any() else 0
+            time = track.times[last] if inside.any() else np.nan
+            yield stretch, {"time": time, **{name: getattr(track, name)[last] for name in names}}
 
     def record(self) -> dict[str, object]:
         """Return what `hmtb track --json` prints; the estimates once a second."""
         second = max(1, round(1.0 / (self.track.times[1] - self.track.times[0])))
-        alarms = [(one, self.alarm(one)) for one in self.truth[1:]]
         return {
             "name": self.name,
             "memory_s": self.track.memory,
             "changes": [vars(change) for change in self.track.changes],
             "true_changes": [
-                {"time": one.begin, "payload": one.payload, "detected": alarm and alarm.detected}
-                for one, alarm in alarms
+                {"time": one.begin, "payload": one.payload, "detected": (alarm := self.alarm(one)) and alarm.detected}
+                for one in self.truth[1:]
             ],
             "false_alarms": [change.detected for change in self.false_alarms] if self.truth else None,
             "stretches": [{**vars(stretch), **estimate} for stretch, estimate in self.rows()],
@@ -149,7 +140,7 @@ def true_stretches(
     scenario = Scenario.from_toml(log.provenance["scenario"], source=f"{log.name}, its scenario")
     payloads = logged_payloads(log)
     ends = [time for time, _ in payloads[1:] if time < len(log) * log.dt] + [len(log) * log.dt]
-    data, stretches = log.iodata(joint), list[Stretch]()
+    data, stretches = log.iodata(joint), []
     for (begin, payload), end in zip(payloads, ends, strict=False):
         truth = linearize(logged_arm(log, payload), scenario.pose, amplitudes=()).joint(joint)
         delay = phase_delay(truth.model.frequency_response, truth.bandwidth_hz)

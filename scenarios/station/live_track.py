@@ -1,6 +1,7 @@
 """Bandwidth that follows a live run: the recursive estimator in a thread of its own, drawn as a strip chart."""
 
 import threading
+from itertools import islice
 from queue import SimpleQueue
 
 import numpy as np
@@ -46,14 +47,15 @@ class LiveTrack:
 
     def _follow(self) -> None:
         self.message.say(f"the bandwidth follows after {CALIBRATION:g} s of calibration", remark=True)
-        start = [sample for _ in range(round(CALIBRATION * SAMPLE_RATE)) if (sample := self._samples.get()) is not None]
+        samples = iter(self._samples.get, None)
+        start = list(islice(samples, round(CALIBRATION * SAMPLE_RATE)))
         if len(start) < round(CALIBRATION * SAMPLE_RATE):
             return
         u, y = np.array(start).T
         try:
             # The gain of a position servo at 0 Hz is known.
             tracker = Tracker(IOData(u, y, SAMPLE_TIME), gain=1.0)
-            while (sample := self._samples.get()) is not None:
+            for sample in samples:
                 self._show(tracker.step(*sample))
         except SysidError as error:
             self.message.say(f"the bandwidth is not followed: {error}")

@@ -70,7 +70,7 @@ def laws(heavy=False):
 
 
 def run(scenarios, reference):
-    """Errors against the reference (N, m), rad, by the name of the scenario, and failures."""
+    """Simulate scenarios; return the tracking errors (N, m), rad, and the reasons of failures, both by scenario."""
     logs = simulate(list(scenarios.values()), keep_going=True)
     names = {one.name: key for key, one in scenarios.items()}
     errors = {names[log.name]: answer_of(log) - np.asarray(sysid.simulate(reference, request_of(log))) for log in logs}

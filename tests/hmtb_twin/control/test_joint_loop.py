@@ -3,7 +3,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from hmtb_twin import JointLog, Status, TwinError, load_arm, simulate
+from hmtb_twin import JointLog, Status, TwinError, simulate
 from hmtb_twin.parameters.values import JOINTS, MOTIONS
 from hmtb_twin.run.live_run import LiveRun
 from tests.hmtb_twin.altered_arms import UPPER, equal
@@ -90,4 +90,3 @@ def test_commands_that_are_none_end_the_run(experiment, answer):
 def test_a_controller_needs_its_methods(experiment):
     with pytest.raises(TwinError, match="restart"):
         simulate([controlled(experiment, object(), duration=1.0)])
-    assert load_arm().delays.max() == 1
