@@ -90,14 +90,14 @@ def _ways_out(polynomial: FloatArray, margin: float) -> Iterator[tuple[FloatArra
     limit = 1.0 - INSIDE * margin
     roots = np.roots(polynomial)
     near = np.abs(roots) > 1.0 - AT_THE_LIMIT * margin
-    pairs = [np.poly([root, root.conjugate()]).real for root in roots[roots.imag > 0.0]]
+    pairs = [(1.0, -2.0 * root.real, abs(root) ** 2) for root in roots[roots.imag > 0.0]]
     for end in (1.0, -1.0):
         powers = (end * limit) ** np.arange(n + 1, dtype=float)[::-1] * end**n
         yield -powers[1:], float(powers @ polynomial)
         close = np.abs(roots - end) < DOUBLE
         if (close & near).any() and close.sum() > 1 and not (roots.imag[close & near] > 0.0).any():
-            pairs.append(np.poly(roots[close][np.argsort(-np.abs(roots[close]))[:2]]).real)
-    for pair in np.array(pairs, dtype=np.float64):
+            pairs.append(tuple(np.poly(roots[close][np.argsort(-np.abs(roots[close]))[:2]]).real))
+    for pair in pairs:
         # remainders of z^(n-1), ..., z, 1 by the pair: coefficients of z and 1 (2, n)
         remainders = [(0.0, 1.0)]
         for _ in range(n - 1):
@@ -105,7 +105,7 @@ def _ways_out(polynomial: FloatArray, margin: float) -> Iterator[tuple[FloatArra
             remainders.append((t - pair[1] * s, -pair[2] * s))
         changes = np.array(remainders[::-1]).T
         # p + dp = (rest + ...)(pair + s z + t): dp = rest (s z + t) modulo the pair
-        rest = np.polydiv(polynomial, pair)[0]
+        rest = scipy.signal.lfilter([1.0], pair, polynomial[: n - 1])
         images = np.column_stack((changes[:, : n - 1] @ rest, changes[:, 1:] @ rest))
         yield np.linalg.lstsq(images, changes, rcond=None)[0][1], limit**2 - pair[2]
 
