@@ -31,7 +31,7 @@ SEVERAL = {
 }
 EVERY = {**SINGLE, **SEVERAL}
 each = pytest.mark.parametrize("name", EVERY)
-quick = settings(max_examples=8, deadline=None, derandomize=True)
+quick = settings(max_examples=5, deadline=None, derandomize=True)
 pytestmark = pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 
 

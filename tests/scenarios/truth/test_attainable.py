@@ -53,7 +53,7 @@ def test_on_a_linear_joint_all_floors_are_the_recorder_noise(sliding, floors):
 
 @pytest.mark.slow
 def test_without_noise_nothing_is_left(floors):
-    ideal = attainable(run("siso-5-shoulder_yaw", chain=IDEAL)[0])
+    ideal = attainable(run("siso-5-shoulder_yaw", chain=IDEAL)[0], steps=10)
     assert ideal.simulation.any_model.rmse == 0.0
     assert ideal.simulation.any_model.fit == 100.0
     assert ideal.simulation.best_linear.rmse == pytest.approx(ideal.distortion)
@@ -72,7 +72,7 @@ def test_without_noise_nothing_is_left(floors):
 )
 def test_no_estimator_goes_below_on_fresh_data(name, changes):
     train, fresh = run(name, (1, 2), duration=24.0, **changes)
-    data, record, floors = train.iodata().detrend(), fresh.iodata().detrend(), attainable(fresh)
+    data, record, floors = train.iodata().detrend(), fresh.iodata().detrend(), attainable(fresh, steps=10)
     for fit in compare([oe(data, 5, 5), armax(data, 4, 4, 4)], record):
         for estimated, horizon in ((fit.simulated, floors.simulation), (fit.predicted, floors.one_step)):
             for floor in (horizon.any_model, horizon.best_linear):
@@ -83,7 +83,7 @@ def test_no_estimator_goes_below_on_fresh_data(name, changes):
 @pytest.mark.slow
 def test_a_sufficient_model_reaches_them_on_fresh_data(sliding):
     fresh = run("siso-5-shoulder_yaw", (2,), chain=QUIET)[0]
-    record, floors = fresh.iodata().detrend(), attainable(fresh)
+    record, floors = fresh.iodata().detrend(), attainable(fresh, steps=10)
     best = error(record, compare(oe(sliding.iodata().detrend(), 5, 5), record)[0].simulated)
     assert best < 1.01 * floors.simulation.any_model.rmse
 
@@ -92,7 +92,7 @@ def test_a_sufficient_model_reaches_them_on_fresh_data(sliding):
 def test_process_noise_parts_simulation_from_prediction(floors):
     """The right predictor is that with the true K; a simulation cannot know what the drives did."""
     noisy = run("siso-5-shoulder_yaw", chain=QUIET, plant=Plant(process_noise=0.01))[0]
-    shaken = attainable(noisy)
+    shaken = attainable(noisy, steps=10)
     assert shaken.provenance["noise-free angles"] == "simulated anew without process noise"
     assert shaken.simulation.any_model.rmse > 2 * shaken.one_step.small_signal.rmse
     assert shaken.simulation.small_signal.rmse == pytest.approx(shaken.simulation.any_model.rmse, rel=0.01)
@@ -138,7 +138,7 @@ def test_where_process_noise_shakes_friction_the_floor_is_that_of_the_mean_respo
     """A stuck joint creeps under noise; the motion without noise is not what to expect."""
     plant = Plant(process_noise=0.05, friction_level=20.0)
     log = run("siso-5-shoulder_yaw", duration=20.0, chain=Chain(), plant=plant)[0]
-    floors = attainable(log)
+    floors = attainable(log, steps=10)
     assert floors.provenance["noise-free angles"] == "mean of 8 draws of process noise"
     still, variance = conditional_mean(
         load_arm(plant=replace(plant, process_noise=0.0), specimen=Specimen(resolver_noise=5.0)),
@@ -156,12 +156,12 @@ def test_several_axes_need_a_name_and_count_every_command():
     both = Scenario("both", ("shoulder_pitch", "elbow_pitch"), load("siso-5-elbow_pitch").excitation, 20.0, chain=QUIET)
     log = simulate([both])[0]
     refused("excites shoulder_pitch, elbow_pitch: name the joint", attainable, log)
-    one = attainable(log, "shoulder_pitch")
+    one = attainable(log, "shoulder_pitch", steps=10)
     assert one.parameters[0] == 2 * (one.memory + 1) + 1
 
 
 def test_the_window_is_not_scored(sliding):
-    floors = attainable(sliding, window=1000)
+    floors = attainable(sliding, window=1000, steps=10)
     error = sliding.measured[1000:, 1] - sliding.true_angles[999:-1, 1]
     assert floors.samples == 2000
     assert floors.simulation.any_model.rmse == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
@@ -211,7 +211,7 @@ def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there(
         run("siso-5-elbow_pitch", duration=16.0, chain=QUIET, plant=Plant(actuator="orifice", process_noise=noise))[0]
         for noise in (0.0, 0.002)
     )
-    quiet, floors = attainable(plain), attainable(noisy)
+    quiet, floors = attainable(plain, steps=10), attainable(noisy, steps=10)
     assert floors.provenance["noise-free angles"] == "mean of 8 draws of process noise"
     assert abs(plain.true_angles[0, 3] - plain.commanded[0, 3]) > 5e-4
     # Simulated anew, the arm does on average what it did without that noise; what is left is noise without an offset.
