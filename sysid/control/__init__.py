@@ -1,7 +1,7 @@
 """Controllers designed from identified models, which make a plant answer like a reference model."""
 
 from sysid.control.adaptive import AdaptiveFollowing, AdaptiveRun
-from sysid.control.controller import Controller, ControllerRun, diagonal
+from sysid.control.controller import Controller, ControllerRun
 from sysid.control.model_following import FollowingDesign, model_following
 from sysid.control.vrft import VirtualReferenceDesign, vrft
 
@@ -12,7 +12,6 @@ __all__ = [
     "ControllerRun",
     "FollowingDesign",
     "VirtualReferenceDesign",
-    "diagonal",
     "model_following",
     "vrft",
 ]

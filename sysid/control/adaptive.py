@@ -1,18 +1,13 @@
 """Adaptive model following: a fixed design, and a feedforward that learns friction and stiffness from its errors."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sysid.control.controller import Controller
+from sysid.control.controller import Controller, check_pair
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import real_number
 from sysid.records.arrays import FloatArray, Locked
-from sysid.records.errors import SysidError
-
-if TYPE_CHECKING:
-    from sysid.control.controller import ControllerRun
 
 SLOWEST_HZ = 0.15
 """Frequency below which integral action rejects what the feedforward would learn: errors are high-passed here."""
@@ -67,9 +62,6 @@ class AdaptiveFollowing(Locked):
     It proves no convergence. Where the true disturbance is theta' phi and phi is exciting, this is least squares; else
     theta is the best fit in the stated norm, which is not the norm of the tracking error.
 
-    L1 adaptive control [HovakimyanCao2010] cancels a low-passed estimate of the whole disturbance: the disturbance
-    observer of the fixed design is its linear form. What follows can only be learnt because phi is known ahead.
-
     Attributes:
         fixed: The fixed design.
         plant: Stable model of the plant, with innovation covariance, no direct term.
@@ -96,17 +88,7 @@ class AdaptiveFollowing(Locked):
 
     def __post_init__(self) -> None:
         """Check."""
-        m, dt = self.fixed.loops, self.fixed.dt
-        for name, model in (("plant", self.plant), ("reference", self.reference)):
-            if (model.nu, model.ny) != (m, m) or model.D.any() or abs(model.dt / dt - 1.0) > 1e-9:
-                raise SysidError(
-                    f"{name}: expected {m} inputs and outputs, no direct term, at {dt:g} s, got {model.nu} and "
-                    f"{model.ny}{', a direct term' if model.D.any() else ''}, at {model.dt:g} s"
-                )
-            if not model.is_stable():
-                raise SysidError(f"{name}: expected a stable model, got poles to {abs(model.poles()[0]):.4g}")
-        if self.plant.innovation_covariance is None or not np.diag(self.plant.innovation_covariance).all():
-            raise SysidError("plant: expected a model with variances of its innovations; estimates have them")
+        check_pair(self.plant, self.reference, self.fixed.loops, self.fixed.dt)
         for name in ("friction", "stiffness", "memory", "velocity", "dead_zone"):
             value = real_number(name, getattr(self, name), "be above 0", lambda x: 0.0 < x < np.inf)
             object.__setattr__(self, name, value)
@@ -130,17 +112,16 @@ class AdaptiveRun:
     def __init__(self, design: AdaptiveFollowing) -> None:
         m, dt = design.fixed.loops, design.fixed.dt
         p, block = 1 + m, dt * STRIDE
-        self._fixed: ControllerRun = design.fixed.start()
+        self._fixed = design.fixed.start()
         self._reference, self._dt, self._velocity = design.reference, dt, design.velocity
-        self._xr, self._yr = np.zeros(design.reference.order), np.zeros(m)
-        self._request, self._friction = np.zeros(m), np.zeros(m)
-        self._friction_sum, self._yr_sum = np.zeros(m), np.zeros(m)
+        self._xr, self._request = np.zeros(design.reference.order), np.zeros(m)
+        # Regressors of this sample, friction and yr of each loop, and their sums over STRIDE samples.
+        self._phi, self._sum = np.zeros((2, 2, m))
         # The model of the plant at the rate of the adaptation, for regressors held at their means over STRIDE samples.
         powers = [np.linalg.matrix_power(design.plant.A, k) for k in range(STRIDE + 1)]
         self._plant, self._x = design.plant, np.zeros(design.plant.order)
         self._A, self._B = powers[-1], sum(powers[:-1]) @ design.plant.B / STRIDE
         self._states, self._regressors = np.zeros((len(self._x), m * p)), np.zeros((m, m, p))
-        self._sums = [self._regressors[i, i] for i in range(m)]
         # Column 0 is the error of the model, the others are its answers to each regressor at each input.
         self._raw, self._passed = np.zeros((m, 1 + m * p)), np.zeros((m, 1 + m * p))
         self._pole = float(np.exp(-2.0 * np.pi * SLOWEST_HZ * block))
@@ -162,9 +143,9 @@ class AdaptiveRun:
             self._learn(measured)
             self._tick = 0
         yr = self._reference.C @ self._xr
-        v = (yr - self._yr) / self._dt
-        self._yr, self._request, self._friction = yr, requested, v / np.sqrt(v * v + self._velocity**2)
-        self._own = -(self.coefficients[:, 0] * self._friction + self.coefficients[:, 1:] @ yr)
+        v = (yr - self._phi[1]) / self._dt
+        self._phi, self._request = np.stack([v / np.sqrt(v * v + self._velocity**2), yr]), requested
+        self._own = -(self.coefficients[:, 0] * self._phi[0] + self.coefficients[:, 1:] @ yr)
         return np.asarray(self._fixed.command(requested, measured) + self._own)
 
     def applied(self, command: np.ndarray) -> None:
@@ -172,16 +153,14 @@ class AdaptiveRun:
         self._fixed.applied(command - self._own)
         self._xr = self._reference.A @ self._xr + self._reference.B @ self._request
         self._x = self._plant.A @ self._x + self._plant.B @ command
-        self._friction_sum += self._friction
-        self._yr_sum += self._yr
+        self._sum += self._phi
         self._tick += 1
 
     def _learn(self, measured: np.ndarray) -> None:
         """Add the error of this sample to the sums, and solve for the coefficients."""
-        m = len(measured)
-        for loop, sums in enumerate(self._sums):
-            sums[0], sums[1:] = self._friction_sum[loop], self._yr_sum
-        self._friction_sum, self._yr_sum = np.zeros(m), np.zeros(m)
+        m, own = len(measured), np.arange(len(measured))
+        self._regressors[own, own, 0], self._regressors[own, own, 1:] = self._sum
+        self._sum = np.zeros((2, m))
         self._states = self._A @ self._states + self._B @ self._regressors.reshape(m, -1)
         raw = np.empty_like(self._raw)
         raw[:, 0], raw[:, 1:] = measured - self._plant.C @ self._x, self._plant.C @ self._states

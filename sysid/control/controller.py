@@ -1,18 +1,15 @@
 """Linear controllers that know which command was applied: limits and delays cannot wind them up."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray, Locked, lock, real_array
 from sysid.records.errors import SysidError
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+GRID = 120
+"""Frequencies at which the sensitivity is computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,26 +82,22 @@ class Controller(Locked):
         Raises:
             SysidError: Another number of inputs or outputs, a direct term, or another sampling interval.
         """
-        m = self.loops
-        if (plant.nu, plant.ny) != (m, m) or plant.D.any() or abs(plant.dt - self.dt) > 1e-9 * self.dt:
-            raise SysidError(
-                f"expected a plant of {m} inputs and outputs without direct term at {self.dt:g} s, got {plant.nu}, "
-                f"{plant.ny}{', with direct term' if plant.D.any() else ''} at {plant.dt:g} s"
-            )
+        check_model("plant", plant, self.loops, self.dt, stable=False)
         x, own = np.split(np.eye(plant.order + len(self.A)), [plant.order])
-        measured, zero = plant.C @ x, np.zeros((m, m))
+        measured, zero = plant.C @ x, np.zeros_like(self.Dr)
         command = self.C @ own + self.Dy @ measured
         A = np.vstack([plant.A @ x + plant.B @ command, self.A @ own + self.By @ measured + self.Bu @ command])
-        B = np.block([[plant.B @ self.Dr, plant.B], [self.Br + self.Bu @ self.Dr, np.zeros((len(self.A), m))]])
+        B = np.block([[plant.B @ self.Dr, plant.B], [self.Br + self.Bu @ self.Dr, 0.0 * self.Bu]])
         D = np.block([[zero, zero], [self.Dr, zero]])
         return StateSpace(A, B, np.vstack([measured, command]), D, None, self.dt)
 
-    def loop_gain(self, plant: StateSpace, f_hz: "ArrayLike") -> np.ndarray:
-        """Return the loop gain at the plant's input L = -K G (n_f, m, m), within all limits."""
-        feedback = StateSpace(
-            self.A + self.Bu @ self.C, self.By + self.Bu @ self.Dy, self.C, self.Dy, None, self.dt
-        ).frequency_response(f_hz)
-        return np.asarray(-feedback @ plant.frequency_response(f_hz))
+    def sensitivity(self, plant: StateSpace) -> float:
+        """Return the largest singular value over frequency of the sensitivity at a plant's input, of a stable loop."""
+        A, B = self.A + self.Bu @ self.C, self.By + self.Bu @ self.Dy
+        f_hz = np.geomspace(1e-3, 0.5, GRID) / self.dt
+        feedback = StateSpace(A, B, self.C, self.Dy, None, self.dt).frequency_response(f_hz)
+        differences = np.eye(self.loops) - feedback @ plant.frequency_response(f_hz)
+        return float(1.0 / np.linalg.svd(differences, compute_uv=False)[:, -1].min())
 
 
 class ControllerRun:
@@ -129,17 +122,20 @@ class ControllerRun:
         self._state = self._next + self._law.Bu @ command
 
 
-def diagonal(controllers: Sequence[Controller]) -> Controller:
-    """Return several controllers as one, side by side, without bounds of their corrections.
+def check_model(name: str, model: StateSpace, loops: int, dt: float, *, stable: bool = True) -> None:
+    """Refuse a model of other inputs and outputs than the loops, with a direct term, at another dt, s, or unstable."""
+    if (model.nu, model.ny) != (loops, loops) or model.D.any() or abs(model.dt / dt - 1.0) > 1e-9:
+        raise SysidError(
+            f"{name}: expected {loops} inputs and outputs, no direct term, at {dt:g} s, got {model.nu} and "
+            f"{model.ny}{', a direct term' if model.D.any() else ''}, at {model.dt:g} s"
+        )
+    if stable and not model.is_stable():
+        raise SysidError(f"{name}: expected a stable model, got poles to {abs(model.poles()[0]):.4g}")
 
-    Raises:
-        SysidError: None given, or different sampling intervals.
-    """
-    if not controllers or len({one.dt for one in controllers}) > 1:
-        raise SysidError("expected one or more controllers of one sampling interval")
 
-    def block(name: str) -> FloatArray:
-        return np.asarray(scipy.linalg.block_diag(*(getattr(one, name) for one in controllers)))
-
-    A, Br, By, Bu, C, Dr, Dy = map(block, ("A", "Br", "By", "Bu", "C", "Dr", "Dy"))
-    return Controller(A, Br, By, Bu, C, Dr, Dy, controllers[0].dt)
+def check_pair(plant: StateSpace, reference: StateSpace, loops: int, dt: float) -> None:
+    """Refuse models of plant and reference by `check_model`, or without variances of the plant's innovations."""
+    check_model("plant", plant, loops, dt)
+    check_model("reference", reference, loops, dt)
+    if plant.innovation_covariance is None or not np.diag(plant.innovation_covariance).all():
+        raise SysidError("plant: expected a model with innovation covariance, without zero variances, as of estimates")

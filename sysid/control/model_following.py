@@ -1,19 +1,16 @@
 """Model following: a plant answers like a reference model, by a design from identified models only."""
 
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
-from sysid.control.controller import Controller
+from sysid.control.controller import Controller, check_pair
 from sysid.models.state_space import StateSpace
+from sysid.polynomial.orthonormal_basis import stein
 from sysid.records.arguments import real_number
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
-
-GRID = 120
-"""Frequencies at which the sensitivity is computed."""
 
 HALVINGS = 12
 """How often the disturbance is halved at most."""
@@ -82,48 +79,33 @@ def model_following(
         SysidError: Models of other sizes or sampling intervals, a direct term, no innovation covariance, an unstable
             model, or no feedback that keeps the sensitivity.
     """
-    _check(plant, reference)
+    check_pair(plant, reference, plant.nu, plant.dt)
     positive = "be above 0", lambda x: 0.0 < x < np.inf
     effort = real_number("effort", effort, *positive)
     disturbance = real_number("disturbance", disturbance, *positive)
     bound = real_number("sensitivity", sensitivity, "be above 1", lambda x: 1.0 < x < np.inf)
     noise = real_number("noise", noise, "lie from 0 to 1", lambda x: 0.0 <= x <= 1.0)
     feedforward, back = _feedforward(plant, reference, effort), _regulator(plant, *RETURN)[0]
-    frequencies = np.geomspace(1e-3, 0.5, GRID) / plant.dt
-    path = replace(plant, K=None, innovation_covariance=None)
+    ends = np.log10([effort, SOFTEST])
 
-    def design(log_effort: float, observer: FloatArray) -> tuple[float, Controller]:
-        controller = _combined(plant, reference, observer, feedforward, _regulator(plant, 10.0**log_effort)[0], back)
-        loop = np.eye(plant.nu) + controller.loop_gain(path, frequencies)
-        return float(1.0 / np.linalg.svd(loop, compute_uv=False)[:, -1].min()), controller
+    def design(log_effort: float, observer: FloatArray) -> Controller:
+        return _combined(plant, reference, observer, feedforward, _regulator(plant, 10.0**log_effort)[0], back)
 
-    firmest, softest = np.log10(effort), np.log10(SOFTEST)
+    def excess(log_effort: float, observer: FloatArray) -> float:
+        return design(log_effort, observer).sensitivity(plant) - bound
+
     for halving in range(HALVINGS):
         walk = disturbance / 2.0**halving
         observer = _observer(plant, walk, noise)
-        chosen = firmest if design(firmest, observer)[0] <= bound else softest
-        if chosen == softest and design(softest, observer)[0] > bound:
+        firmest, softest = (excess(end, observer) for end in ends)
+        if min(firmest, softest) > 0.0:
             continue
-        if chosen == softest:
-            excess = partial(lambda x, gain: design(x, gain)[0] - bound, gain=observer)
-            chosen = float(scipy.optimize.brentq(excess, firmest, softest, xtol=1e-3))
-        peak, controller = design(chosen, observer)
-        return FollowingDesign(controller, peak, 10.0**chosen, walk)
+        chosen = ends[0]
+        if firmest > 0.0:
+            chosen = scipy.optimize.brentq(excess, *ends, args=(observer,), xtol=1e-3)
+        controller = design(chosen, observer)
+        return FollowingDesign(controller, controller.sensitivity(plant), float(10.0**chosen), walk)
     raise SysidError(f"sensitivity {bound:g} requested, but no disturbance down to {walk:.3g} keeps it: allow more")
-
-
-def _check(plant: StateSpace, reference: StateSpace) -> None:
-    m = plant.nu
-    for name, model in (("plant", plant), ("reference", reference)):
-        if (model.nu, model.ny) != (m, m) or model.D.any() or abs(model.dt / plant.dt - 1.0) > 1e-9:
-            raise SysidError(
-                f"{name}: expected {m} inputs and outputs, no direct term, at {plant.dt:g} s, got {model.nu} and "
-                f"{model.ny}{', a direct term' if model.D.any() else ''}, at {model.dt:g} s"
-            )
-        if not model.is_stable():
-            raise SysidError(f"{name}: expected a stable model, got poles to {abs(model.poles()[0]):.4g}")
-    if plant.innovation_covariance is None:
-        raise SysidError("plant: expected a model with an innovation covariance; estimates have one")
 
 
 def _observer(plant: StateSpace, disturbance: float, noise: float) -> FloatArray:
@@ -168,19 +150,7 @@ def _feedforward(plant: StateSpace, reference: StateSpace, effort: float) -> tup
     weight = np.hstack([-C.T @ reference.C, np.zeros((plant.order + m, m))])
     # The cross term of the cost obeys X = weight + closed' X exogenous; the unit roots of the requests, which nothing
     # controls, keep it out of the Riccati equation.
-    X = _stein(closed.T, exogenous, weight)
-    return F, H @ X @ exogenous
-
-
-def _stein(A: FloatArray, B: FloatArray, Q: FloatArray) -> FloatArray:
-    """Solve X = Q + A X B by doubling; the product of the spectral radii must be below 1."""
-    X = Q
-    for _ in range(60):
-        added = A @ X @ B
-        X, A, B = X + added, A @ A, B @ B
-        if np.abs(added).max() <= np.finfo(float).eps * np.abs(X).max():
-            break
-    return X
+    return F, H @ stein(closed.T, exogenous.T, weight) @ exogenous
 
 
 def _combined(

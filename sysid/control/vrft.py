@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from sysid.control.controller import Controller
+from sysid.control.controller import Controller, check_model
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.least_squares import solve
 from sysid.polynomial.orthonormal_basis import all_pass
@@ -13,9 +13,6 @@ from sysid.records.arguments import real_number, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_record
 from sysid.records.errors import SysidError
-
-GRID = 120
-"""Frequencies at which the sensitivity is computed."""
 
 SETTLING = 10
 """Part of the record, one over it, in which filters settle and which enters no regression."""
@@ -143,7 +140,7 @@ def vrft(
         back = inverse(gain * rest, np.convolve(lags, lags), list(range(m)))[0]
         lags_left = np.asarray(np.polydiv(rest, [1.0, -1.0])[0])
         controller = _controller(reference, ahead, back, (gain, lags_left), delay, pole, allowed)
-        peak = _sensitivity(controller, plant)
+        peak = controller.sensitivity(plant) if controller.closed_loop(plant).is_stable() else np.inf
         if peak <= bound:
             return VirtualReferenceDesign(
                 controller, ahead.reshape(m, m, n), back.reshape(m, m, n), float(tried), peak, unexplained
@@ -157,14 +154,10 @@ def vrft(
 
 def _check(record: IOData, reference: StateSpace, delay: int, instruments: int) -> None:
     m = reference.nu
-    for what, one in (("reference", reference), ("record", record)):
-        if (one.nu, one.ny) != (m, m) or abs(one.dt / record.dt - 1.0) > 1e-9:
-            raise SysidError(
-                f"{what}: expected {m} inputs and outputs at {record.dt:g} s, got {one.nu} and {one.ny} at {one.dt:g} s"
-            )
-    if reference.D.any() or not reference.is_stable():
-        raise SysidError("reference: expected a stable model without direct term")
-    early = np.abs(sum(_markov(reference, delay - 1), np.zeros((m, m)))).max()
+    check_model("reference", reference, m, record.dt)
+    if (record.nu, record.ny) != (m, m):
+        raise SysidError(f"record: expected {m} inputs and outputs, got {record.nu} and {record.ny}")
+    early = np.abs(reference.step_response(delay)[-1]).max()
     if early > PREMATURE:
         raise SysidError(
             f"reference: {early:.2g} of its step comes within the delay of {delay} samples (at most {PREMATURE:g} may)"
@@ -176,20 +169,11 @@ def _check(record: IOData, reference: StateSpace, delay: int, instruments: int) 
         )
 
 
-def _markov(model: StateSpace, count: int) -> list[FloatArray]:
-    """C B, C A B, ... (count of them)."""
-    out, state = [], model.B
-    for _ in range(count):
-        out.append(model.C @ state)
-        state = model.A @ state
-    return out
-
-
-def _own_responses(reference: StateSpace, most: int) -> list[FloatArray]:
-    """Impulse responses of each output to its own request, until they have decayed."""
+def _own_responses(reference: StateSpace, most: int) -> FloatArray:
+    """Impulse responses of each output to its own request (m, samples), until they have decayed."""
     decay = np.log(1e-12) / np.log(max(abs(reference.poles()[0]), 1e-12))
-    markov = _markov(reference, min(most, int(decay) + 1))
-    return list(np.array([np.diag(h) for h in markov]).T)
+    markov = reference.markov(min(most, int(decay) + 1) + 1)[1:]
+    return np.diagonal(markov, axis1=1, axis2=2).T
 
 
 def _filtered(numerator: FloatArray, denominator: FloatArray, x: FloatArray) -> FloatArray:
@@ -221,14 +205,6 @@ def _long_model(record: IOData, count: int, pole: float, first: int) -> StateSpa
     return StateSpace(A, B, fit.solution[:-1].T, np.zeros((record.ny, record.nu)), None, record.dt)
 
 
-def _sensitivity(controller: Controller, plant: StateSpace) -> float:
-    """Largest singular value of the sensitivity at the plant's input; infinite if the loop is unstable."""
-    if not controller.closed_loop(plant).is_stable():
-        return np.inf
-    loop = np.eye(plant.nu) + controller.loop_gain(plant, np.geomspace(1e-3, 0.5, GRID) / plant.dt)
-    return float(1.0 / np.linalg.svd(loop, compute_uv=False)[:, -1].min())
-
-
 def _controller(
     reference: StateSpace,
     ahead: FloatArray,
@@ -249,8 +225,7 @@ def _controller(
     # Each signal as a matrix that gives it from [states, r, y].
     signals = np.split(np.eye(total + 2 * m), np.cumsum(sizes)[:-1])
     xf, xb, xw, applied, forward, xr, r, y = signals
-    markov = _markov(reference, delay)
-    coming = reference.C @ np.linalg.matrix_power(reference.A, delay) @ xr + sum(markov) @ r
+    coming = reference.C @ np.linalg.matrix_power(reference.A, delay) @ xr + reference.step_response(delay + 1)[-1] @ r
     error = reference.C @ xr - y
     xf = A @ xf + B @ coming
     xb = A @ xb + B @ (Cw @ xw + Dw @ error)
