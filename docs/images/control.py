@@ -9,8 +9,6 @@ import json
 import sys
 from pathlib import Path
 
-from scenarios.control.campaign import CONTROLLED
-
 FOLDER = Path(__file__).parent
 RECORD = FOLDER.parents[1] / "scenarios" / "data" / "control.json"
 SHOWN = ("reach-run", "rpcm-run", "siso-5-elbow_pitch-run", "multisine-response", "errors")
@@ -25,10 +23,9 @@ def main(runs: Path, stress: Path) -> None:
     record, other = (json.loads((folder / "control.json").read_text()) for folder in (runs, stress))
     record["stress"] = [{**row, "joints": {}} for row in (*other["runs"], *other["stress"])]
     for row in record["runs"]:
-        row["joints"] = {
-            name: {key: value for key, value in row["joints"][name].items() if key not in LEFT_OUT}
-            for name in CONTROLLED
-        }
+        for joint in row["joints"].values():
+            for key in LEFT_OUT:
+                del joint[key]
     RECORD.write_text(json.dumps(record, indent=1) + "\n")
 
 

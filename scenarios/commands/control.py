@@ -1,6 +1,6 @@
 """`hmtb control`: the ground arm made to answer like the flight arm, and how well it does."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
     from scenarios.control.campaign import IdentifiedPair
-    from scenarios.control.runs import Law, ScenarioRuns, Tested
+    from scenarios.control.runs import Law, Tested
     from scenarios.control.score import Score
     from scenarios.control.study import ControlResult
 
@@ -123,7 +123,7 @@ def control(
                 broken = stress(free, pair, laws, reference=arm, threads=threads, progress=bar)
         records = {"runs": [one.record() for one in scored], "stress": [one.record() for one in broken]}
         content = {"reference": reference, "methods": list(laws), **records}
-        files = _write(folder, pair, laws, scored, broken, json_text(content)) if folder else []
+        files = _write(folder, pair, laws, scored, broken, content) if folder else []
     if json:
         print_json({**content, "files": files})
     else:
@@ -138,7 +138,7 @@ def _write(
     laws: "dict[str, Law]",
     scored: "Sequence[ControlResult]",
     broken: "Sequence[ControlResult]",
-    text: str,
+    content: Mapping[str, object],
 ) -> list[Path]:
     """Write record, designs, models, logs and figures."""
     import sysid
@@ -147,25 +147,23 @@ def _write(
     from scenarios.control.design import write_law
 
     files = [folder / "control.json", *(write_law(law, folder / f"{name}.json") for name, law in laws.items())]
-    write_whole(files[0], text)
+    write_whole(files[0], json_text(content))
     files += [sysid.write_model(getattr(pair, name), folder / f"model-{name}.json") for name in ("ground", "reference")]
-    runs = {id(one.runs): one.runs for one in scored}
-    for number, run in enumerate(runs.values()):
-        files += [log.save(folder / f"{run.scenario.name}-{number}-{name}.nc") for name, log in run.logs.items()]
-    firsts: dict[str, ScenarioRuns] = {}
-    for one in scored:
-        firsts.setdefault(one.runs.scenario.name, one.runs)
+    firsts: dict[str, list[ControlResult]] = {}
     pictures = {}
-    for name, run in firsts.items():
-        own = [one for one in scored if one.runs is run]
+    for number, one in enumerate(scored[:: len(laws)]):
+        run, name = one.runs, one.runs.scenario.name
+        files += [log.save(folder / f"{name}-{number}-{law}.nc") for law, log in run.logs.items()]
+        if name in firsts:
+            continue
+        own = firsts[name] = [other for other in scored if other.runs is run]
         pictures[f"{name}-run"] = partial(figures.run_figure, own, pair)
         if not run.scenario.worksite:
             pictures[f"{name}-response"] = partial(figures.response_figure, own, pair)
     pictures["errors"] = partial(figures.error_figure, scored)
     if broken:
-        changed = broken[0].runs.scenario
-        own = [one for one in scored if one.runs is firsts[changed.name]]
-        pictures["stress"] = partial(figures.robustness_figure, [*own, *broken])
+        same = firsts[broken[0].runs.scenario.name]
+        pictures["stress"] = partial(figures.robustness_figure, [*same, *broken])
     for name, make in pictures.items():
         files += draw(make, *(folder / f"{name}.{ending}" for ending in ("png", "svg")))
     return files

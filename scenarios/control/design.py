@@ -14,6 +14,7 @@ from scenarios.control.runs import Law
 from scenarios.files.errors import ScenarioError, unknown
 from sysid import AdaptiveFollowing, SysidError
 from sysid.exchange.json_text import decoded, encoded, parsed, text_of
+from sysid.models import add_delay
 
 
 def _following(pair: IdentifiedPair) -> sysid.Controller:
@@ -83,16 +84,6 @@ def wrong_model(pair: IdentifiedPair, gain: float = 1.0, delay: int = 0) -> Iden
         gain: Factor on the model's gain.
         delay: Further samples of delay.
     """
-    model = replace(pair.ground, B=gain * pair.ground.B)
-    for _ in range(delay):
-        n, m = model.B.shape
-        none = np.zeros((m, m))
-        model = replace(
-            model,
-            A=np.block([[model.A, model.B], [np.zeros((m, n + m))]]),
-            B=np.vstack([0.0 * model.B, np.eye(m)]),
-            C=np.hstack([model.C, none]),
-            K=np.vstack([model.gain, none]),
-        )
+    model = add_delay(replace(pair.ground, B=gain * pair.ground.B), delay)
     record = replace(pair.record, u=np.roll(pair.record.u, -delay, axis=0) / gain)
     return replace(pair, ground=model, record=record[: len(record) - delay])

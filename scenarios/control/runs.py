@@ -33,9 +33,7 @@ class DeviationController:
 
     def restart(self, command: np.ndarray) -> None:
         """Begin at rest under a command (7,), rad."""
-        self._origin = command[CHANNELS]
-        self._run = self._law.start()
-        self._begun = False
+        self._origin, self._run, self._begun = command[CHANNELS], self._law.start(), False
 
     def command(self, requested: np.ndarray, measured: np.ndarray, sent: np.ndarray) -> np.ndarray:
         """Return the joint command (7,), rad; see `hmtb_twin.control.experiment.JointController`."""
@@ -43,10 +41,8 @@ class DeviationController:
             # The limits are known one tick later.
             self._run.applied(sent[CHANNELS] - self._origin)
         self._begun = True
-        answer = requested.copy()
-        answer[CHANNELS] = self._origin + self._run.command(
-            requested[CHANNELS] - self._origin, measured[CHANNELS] - self._origin
-        )
+        answer, (r, y) = requested.copy(), (signal[CHANNELS] - self._origin for signal in (requested, measured))
+        answer[CHANNELS] = self._origin + self._run.command(r, y)
         return answer
 
 
@@ -57,12 +53,10 @@ class Controlled:
     Attributes:
         experiment: The experiment.
         law: The control law of the controlled joints.
-        name: Name of its log.
     """
 
     experiment: Experiment
     law: Law
-    name: str
 
     def __getattr__(self, attribute: str) -> Any:
         """Return an attribute of the experiment."""
@@ -87,8 +81,8 @@ class ScenarioRuns:
     """
 
     scenario: Tested
-    logs: Mapping[str, JointLog]
-    failed: Mapping[str, str]
+    logs: dict[str, JointLog]
+    failed: dict[str, str]
 
 
 def run_scenarios(
@@ -114,24 +108,27 @@ def run_scenarios(
     Raises:
         TwinError: A run needs something that the laboratory does not have.
     """
-    runs: dict[tuple[int, str], Experiment] = {}
+    places: dict[str, tuple[int, str]] = {}
+    experiments: list[Experiment] = []
+
+    def add(place: int, name: str, one: Tested, law: Law | None = None) -> None:
+        # Numbered: scenarios may share a name and differ in seed, payload or specimen.
+        named = replace(one, name=f"{len(experiments)}+{one.name}"[:100])
+        places[named.name] = place, name
+        experiments.append(named if law is None else cast(Experiment, Controlled(named, law)))
+
     for place, one in enumerate(scenarios):
-        runs[place, "without"] = one
+        add(place, "without", one)
         if reference is not None and not one.worksite:
-            runs[place, "reference"] = replace(one, variant=reference, plant=NOMINAL_PLANT, specimen=NOMINAL_SPECIMEN)
-        for name, law in laws.items():
-            runs[place, name] = cast(Experiment, Controlled(one, law, one.name))
-    # Numbered: scenarios may share a name and differ in seed, payload or specimen.
-    named = {f"{number}+{run.name}"[:100]: (key, run) for number, (key, run) in enumerate(runs.items())}
-    experiments = [replace(cast(Any, run), name=name) for name, (_, run) in named.items()]
+            add(place, "reference", replace(one, variant=reference, plant=NOMINAL_PLANT, specimen=NOMINAL_SPECIMEN))
+        for law in laws:
+            add(place, law, one, laws[law])
     result = simulate(experiments, threads=threads, progress=progress, keep_going=True)
-    logs = {named[log.name][0]: log for log in result}
-    failed = {named[name][0]: reason for name, reason in result.failed.items()}
-    return tuple(
-        ScenarioRuns(
-            one,
-            {name: replace(log, name=one.name) for (at, name), log in logs.items() if at == place},
-            {name: reason for (at, name), reason in failed.items() if at == place},
-        )
-        for place, one in enumerate(scenarios)
-    )
+    runs = tuple(ScenarioRuns(one, {}, {}) for one in scenarios)
+    for log in result:
+        place, name = places[log.name]
+        runs[place].logs[name] = replace(log, name=scenarios[place].name)
+    for label, reason in result.failed.items():
+        place, name = places[label]
+        runs[place].failed[name] = reason
+    return runs

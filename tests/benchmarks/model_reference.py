@@ -1,4 +1,4 @@
-"""Model reference control on the twin: identifications, drawn arms, exchanged payloads, changed arms, cost.
+"""Model reference control on the twin: identifications, drawn arms, exchanged payloads, changed arms and models.
 
 Criteria, of 2026-11-24, before the runs below; the defaults of `model_following` were chosen on other seeds.
 
@@ -20,7 +20,6 @@ Criteria, of 2026-11-24, before the runs below; the defaults of `model_following
   adapted for more than a minute. `adaptive` passes where, of every exchange and seed, the root mean square error over
   the six joints from 10 to 20 s after it is at most 1.5 times the steady one.
 - `gains`: errors of the adaptive and of the fixed controller from 40 to 80 s; nothing is to be passed.
-- `cost`: processor time of one tick; nothing is to be passed.
 
 But in `seeds`, errors are those against the identified reference model. Runs are kept in a file as they end, so that an
 interrupted bench resumes.
@@ -42,7 +41,7 @@ from scenarios.control.campaign import CONTROLLED, identification_experiment, id
 from scenarios.control.runs import run_scenarios
 from scenarios.control.score import answer_of, is_stable, request_of
 from sysid import AdaptiveFollowing, model_following
-from tests.benchmarks.tables import heading, options, row, timed
+from tests.benchmarks.tables import heading, options, row
 
 FACTORS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 """Masses of the payload over that of the replacement unit."""
@@ -270,30 +269,11 @@ def show_gains(results):
             row(arm, model, f"{fixed:.3f}", f"{adaptive:.3f}", f"{adaptive / fixed:.2f}")
 
 
-def cost_results(numbers):
-    """Processor time of one tick of one arm, us."""
-    signals = 0.1 * np.random.default_rng(1).standard_normal((3000, 6)).cumsum(axis=0) / 50
-
-    def ticks(loop):
-        for sample in signals:
-            loop.applied(loop.command(sample, sample))
-
-    for _ in numbers:
-        yield {name: 1e6 * timed(ticks, law.start())[1] / len(signals) for name, law in designs()[0].items()}
-
-
-def show_cost(results):
-    heading("law", "processor time of one tick of one arm, us")
-    for law in results[0]:
-        row(law, f"{min(one[law] for one in results):.0f}")
-
-
 PARTS = {
     "seeds": (seed_results, show_seeds, range(100, 120), 1),
     "specimens": (specimen_results, show_specimens, range(500), 25),
     "payloads": (payload_results, show_payloads, range(200, 205), 1),
     "gains": (gain_results, show_gains, range(200, 205), 1),
-    "cost": (cost_results, show_cost, range(5), 5),
 }
 """Results by number, table, numbers, and how many run side by side."""
 

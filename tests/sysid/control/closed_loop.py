@@ -1,6 +1,17 @@
-"""Closed loops of the tests of controllers: run sample by sample, and their sensitivity."""
+"""Servos of the tests of controllers, and loops with them: run sample by sample, and their sensitivity."""
 
 import numpy as np
+import scipy
+
+from sysid import StateSpace
+
+DT = 0.02
+
+
+def servo(poles, delay=0):
+    """A position servo with real poles in rad/s and unit gain, its measurement late by samples."""
+    polynomial = np.poly([*np.exp(np.array(poles) * DT), *np.zeros(delay)])
+    return StateSpace(*scipy.signal.tf2ss([np.sum(polynomial)], polynomial), None, DT, np.array([[1e-8]]))
 
 
 def run(law, plant, requests, *, disturbance=0.0, noise=0.0, limit=np.inf, rate=np.inf):

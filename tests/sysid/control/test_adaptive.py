@@ -9,9 +9,9 @@ import sysid
 from sysid import AdaptiveFollowing, StateSpace, model_following
 from sysid.control import adaptive
 from tests.refusals import refused
-from tests.sysid.control.closed_loop import run
+from tests.sysid.control.closed_loop import DT, run
 
-DT, SIGMA, SAMPLES = 0.02, 1e-4, 3000
+SIGMA, SAMPLES = 1e-4, 3000
 TRUE = np.array([[0.004, 0.10, -0.05], [0.002, 0.02, 0.08]])  # friction, stiffness against both outputs
 
 

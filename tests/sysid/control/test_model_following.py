@@ -5,39 +5,22 @@ import pytest
 import scipy
 
 import sysid
-from sysid import Controller, StateSpace, model_following
+from sysid import Controller, model_following
 from sysid.control.model_following import _observer
+from sysid.models import block_diagonal
 from tests.refusals import refused
-from tests.sysid.control.closed_loop import run, sensitivity_peak
-
-DT = 0.02
-
-
-def servo(poles, delay=0, noise=None):
-    """A position servo with real poles in rad/s and unit gain, its measurement late by samples."""
-    z = np.concatenate([np.exp(np.array(poles) * DT), np.zeros(delay)])
-    polynomial = np.poly(z)
-    A, B, C, D = scipy.signal.tf2ss([np.sum(polynomial)], polynomial)
-    K = None if noise is None else noise * np.ones((len(z), 1))
-    return StateSpace(A, B, C, D, K, DT, np.array([[1e-8]]))
+from tests.sysid.control.closed_loop import DT, run, sensitivity_peak, servo
 
 
 def coupled(seed=3):
     """Two servos that push each other, with noise of the state."""
     rng = np.random.default_rng(seed)
-    left, right = servo((-6.0, -30.0), 1), servo((-7.0, -40.0))
-    A = scipy.linalg.block_diag(left.A, right.A)
-    B = scipy.linalg.block_diag(left.B, right.B) + 0.05 * rng.standard_normal((5, 2))
-    C = scipy.linalg.block_diag(left.C, right.C)
-    K = 0.05 * rng.standard_normal((5, 2))
-    return StateSpace(A, B, C, np.zeros((2, 2)), K, DT, 1e-8 * np.array([[1.0, 0.2], [0.2, 2.0]]))
+    both = block_diagonal([servo((-6.0, -30.0), 1), servo((-7.0, -40.0))])
+    noise = {"B": both.B + 0.05 * rng.standard_normal((5, 2)), "K": 0.05 * rng.standard_normal((5, 2))}
+    return replace(both, **noise, innovation_covariance=1e-8 * np.array([[1.0, 0.2], [0.2, 2.0]]))
 
 
-REFERENCE = StateSpace(
-    *(scipy.linalg.block_diag(getattr(servo((-13.0, -70.0), 1), n), getattr(servo((-12.0, -80.0)), n)) for n in "ABCD"),
-    None,
-    DT,
-)
+REFERENCE = block_diagonal([servo((-13.0, -70.0), 1), servo((-12.0, -80.0))])
 
 
 def moves(samples, loops, seed=0):

@@ -7,10 +7,10 @@ from scipy.linalg import block_diag
 
 import sysid
 from sysid import Controller, IOData, StateSpace, vrft
+from sysid.models import block_diagonal
 from tests.refusals import refused
-from tests.sysid.control.closed_loop import run, sensitivity_peak
+from tests.sysid.control.closed_loop import DT, run, sensitivity_peak, servo
 
-DT = 0.02
 A1 = -np.array([[1.1, 0.1], [-0.05, 1.2]])
 A2 = np.array([[0.3, 0.05], [0.0, 0.36]])
 GAIN = np.eye(2) + A1 + A2
@@ -20,15 +20,7 @@ IDEAL = np.stack([np.linalg.solve(GAIN, one) for one in (np.eye(2), A1, A2)], ax
 """Its inverse u(t) = GAIN^-1 (y(t+2) + A1 y(t+1) + A2 y(t))."""
 
 
-def servo(pole, delay):
-    """Two servos with equal real poles and a delay in samples."""
-    z = np.array([pole, *np.zeros(delay - 1)])
-    one = scipy.signal.tf2ss([1.0 - pole], np.poly(z))
-    A, B, C, D = (np.kron(np.eye(2), matrix) for matrix in one)
-    return StateSpace(A, B, C, D, None, DT)
-
-
-REFERENCE = servo(0.8, 2)
+REFERENCE = block_diagonal([servo((np.log(0.8) / DT,), 1)] * 2)
 
 
 def plant():
@@ -134,7 +126,7 @@ def test_refusals():
         ({"reference": replace(REFERENCE, A=1.3 * REFERENCE.A)}, "stable"),
         ({"reference": replace(REFERENCE, D=np.eye(2))}, "direct term"),
         ({"reference": replace(REFERENCE, dt=0.01)}, "at 0.02 s"),
-        ({"reference": servo(0.3, 1)}, "within the delay"),
+        ({"reference": block_diagonal([servo((-60.0,))] * 2)}, "within the delay"),
         ({"corner": 12.0, "sensitivity": 1.5}, "sensitivity 1.5 requested"),
         ({"instruments": 2}, "instruments"),
         ({"pole": 1.0}, "pole"),
