@@ -98,7 +98,7 @@ def control(
     for own in seed_range(seeds, seed):
         for word in scenarios or DEFAULT:
             if word == MULTISINE:
-                draws.append(frequency_test(payload, plant, own))
+                draws.append(replace(frequency_test(own), plant=plant, payload=payload))
                 continue
             for one in selected([word], duration=duration, seed=None if seeds == 1 else own):
                 length = WAVEFORM_SECONDS if not scenarios and duration is None and one.excitation else one.duration
@@ -110,7 +110,7 @@ def control(
     arm = reference if reference in VARIANTS else None
     with nullcontext() if out is None else output_folder(out, "control.json") as folder:
         with progress("identification") as bar:
-            ground = record or identification_experiment(seed=seed, payload=payload, plant=plant)
+            ground = record or replace(identification_experiment(seed=seed), payload=payload, plant=plant)
             pair = identify_pair(seed, ground=ground, reference=reference, threads=threads, progress=bar)
         laws = {name: design(pair) for name, design in designers.items()}
         with progress("runs") as bar:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import sysid
-from hmtb_twin import JOINTS, NOMINAL_PLANT, NOMINAL_SPECIMEN, SAMPLE_TIME, VARIANTS, Plant, Specimen, simulate
+from hmtb_twin import JOINTS, SAMPLE_TIME, VARIANTS, simulate
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.files.data_file import read_parts
 from scenarios.files.errors import ScenarioError, unknown
@@ -48,31 +48,21 @@ class IdentifiedPair:
     record: IOData
 
 
-def identification_experiment(
-    variant: str = "nominal",
-    seed: int = 0,
-    *,
-    payload: str = "rpcm",
-    plant: Plant = NOMINAL_PLANT,
-    specimen: Specimen = NOMINAL_SPECIMEN,
-) -> MultisineExperiment:
+def identification_experiment(variant: str = "nominal", seed: int = 0) -> MultisineExperiment:
     """Return the experiment whose record identifies an arm in free space; the seed draws phases and noise."""
     return MultisineExperiment(
         name=f"identification-{variant}-{seed}",
         axes=CONTROLLED,
         multisines=replace(EXCITATION, seed=seed),
         variant=variant,
-        payload=payload,
-        plant=plant,
-        specimen=specimen,
         seed=seed,
     )
 
 
-def frequency_test(payload: str = "rpcm", plant: Plant = NOMINAL_PLANT, seed: int = 0) -> MultisineExperiment:
+def frequency_test(seed: int = 0) -> MultisineExperiment:
     """Return the experiment that shows the response of a controlled arm; see `FREQUENCY_TEST`."""
-    experiment = identification_experiment(seed=seed, payload=payload, plant=plant)
-    return replace(experiment, name="multisine", multisines=replace(FREQUENCY_TEST, seed=seed))
+    multisines = replace(FREQUENCY_TEST, seed=seed)
+    return replace(identification_experiment(seed=seed), name="multisine", multisines=multisines)
 
 
 def identify_pair(
@@ -111,7 +101,7 @@ def identify_pair(
     if known is None:
         payload = "rpcm" if isinstance(ground, Path) else ground.payload
         # Another seed: two arms have other noise, and a record of each has its own phases.
-        experiments.append(identification_experiment(str(reference), seed + 1, payload=payload))
+        experiments.append(replace(identification_experiment(str(reference), seed + 1), payload=payload))
     result = simulate(experiments, threads=threads, progress=progress)
     for name, reason in result.failed.items():
         raise ScenarioError(f"{name}: {reason}")

@@ -114,7 +114,7 @@ def designs(seed=100, mass=1.0):
     """Fixed and adaptive law, from a record of an arm with units of a mass, and the reference: that of one unit."""
     pair = identify_pair(seed)
     if mass != 1.0:
-        arm = identification_experiment(seed=seed + 1, specimen=Specimen(payload_mass=mass))
+        arm = replace(identification_experiment(seed=seed + 1), specimen=Specimen(payload_mass=mass))
         pair = replace(identify_pair(seed + 1, ground=arm), reference=pair.reference)
     fixed = model_following(pair.ground, pair.reference).controller
     return {"following": fixed, "adaptive": AdaptiveFollowing(fixed, pair.ground, pair.reference)}, pair.reference
