@@ -25,7 +25,7 @@ def track(
     calibration: float = 30.0,
     gain: float | None = None,
     drift: float = 1e-3,
-    false_alarms: float = 1.0,
+    false_alarms: float = 0.1,
     joint: str | None = None,
     input: str = "u",
     output: str = "y",
@@ -61,7 +61,7 @@ def track(
         calibration: Length of the first part, s.
         gain: Gain at 0 Hz where it is known, 1 for a position servo; that of the model when not given.
         drift: Drift to follow between changes: standard deviation of the bandwidth's relative change in a minute.
-        false_alarms: False alarms per hour that the threshold allows.
+        false_alarms: False alarms per hour for which the threshold is set; friction raises somewhat more.
         joint: Joint of a log or record; the excited one when not given.
         input: Input column of a table.
         output: Output column of a table.

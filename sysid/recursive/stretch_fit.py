@@ -22,6 +22,8 @@ RINGING = 0.998  # largest modulus of the other poles: a ring of 10 s at 50 Hz
 KNOWN = 1e-9  # smallest singular value of the scaled gradients that counts, relative to the largest
 EXACT = 1e-20  # power of the errors, relative to the output, that is rounding alone
 NOISE_ORDER = 10  # largest order of D
+COMMON = 0.5  # pole and zero that a model gets as the start of one with a degree more
+PENALTY = 3.0  # of the criterion, per parameter
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,12 +56,17 @@ class StretchFit(Locked):
 
     @property
     def criterion(self) -> float:
-        """Akaike's criterion, corrected for short stretches [HurvichTsai1989]."""
+        """AIC3, corrected for short stretches [HurvichTsai1989].
+
+        Akaike's penalty of 2 takes the likelihood for regular. A pole that a zero cancels may stand anywhere, and the
+        best place for the noise is found each time: 3 per parameter, as for mixtures [Bozdogan1994].
+        """
         N, p = self.gradients.shape
-        return N * float(np.log(self.errors @ self.errors / N + np.finfo(float).tiny)) + 2.0 * p * N / (N - p - 2)
+        power = self.errors @ self.errors / N
+        return N * float(np.log(power + np.finfo(float).tiny)) + PENALTY * p * N / (N - p - 2)
 
 
-def fit_stretch(
+def fit_degrees(
     u: FloatArray,
     y: FloatArray,
     begin: int,
@@ -67,34 +74,59 @@ def fit_stretch(
     nk: int,
     D: FloatArray,
     last: StretchFit | None = None,
-) -> StretchFit:
-    """Fit y[begin:] by models of several orders and return the one that Akaike's criterion prefers.
+) -> list[StretchFit]:
+    """Fit y[begin:] by models of several degrees.
 
-    Each search starts from the prefiltered least squares of [SteiglitzMcBride1965] and ends with Gauss-Newton steps.
+    Each search ends with Gauss-Newton steps. It starts from the prefiltered least squares of [SteiglitzMcBride1965] and
+    from the model before, with a pole and a zero that cancel.
 
     Args:
         u: Input (N,), with the samples before `begin` as far as they are known.
         y: Output (N,).
         begin: First sample of the stretch.
-        orders: Degrees n of F, numbers of coefficients of B.
+        orders: Degrees n of F, numbers of coefficients of B, ascending.
         nk: Delay in samples.
         D: Whitening filter of the disturbance, monic.
-        last: Fit of the same plant to a shorter stretch, a second start.
+        last: Fit of the same plant to a shorter stretch, another start.
+
+    Returns:
+        The models by degree; degrees for which the stretch is too short are left out.
 
     Raises:
         SysidError: The stretch is too short for any of the orders.
     """
-    fits = []
+    fits: list[StretchFit] = []
     for n in orders:
         if len(y) - begin - len(D) <= 2 * (3 * n + 1):
             continue
         starts = [_prefiltered(u, y, begin, nk, D, np.asarray(np.poly(np.full(n, FASTEST)), dtype=float))]
         if last is not None and last.order == n:
             starts.append((last.B, last.F))
+        if fits:
+            common = np.poly(np.full(n - fits[-1].order, COMMON))
+            starts.append((np.convolve(fits[-1].B, common), np.convolve(fits[-1].F, common)))
         fits.append(min((_search(u, y, begin, nk, D, *start) for start in starts), key=lambda fit: fit.variance))
     if not fits:
         raise SysidError(f"{len(y) - begin} samples given, expected more for a model of order {min(orders)}")
+    return fits
+
+
+def preferred(fits: Sequence[StretchFit]) -> StretchFit:
+    """Return the model with the least criterion."""
     return min(fits, key=lambda fit: fit.criterion)
+
+
+def model_weights(fits: Sequence[StretchFit]) -> FloatArray:
+    """Return weights of models by degree (len(fits),), whose sum is one [Buckland1997].
+
+    Half of each weight goes to the next degree: at the degree that balances bias and variance, the bias is no smaller
+    than the deviation, and an interval must not miss it.
+    """
+    criteria = np.array([fit.criterion for fit in fits])
+    weights = np.exp(-0.5 * (criteria - criteria.min()))
+    next_degree = np.append(0.0, weights[:-1])
+    next_degree[-1] += weights[-1]
+    return np.asarray((weights + next_degree) / (2.0 * weights.sum()))
 
 
 def whitening_filter(errors: FloatArray) -> FloatArray:

@@ -77,20 +77,20 @@ def track(
     calibration: float = 30.0,
     gain: float | None = None,
     drift: float = 1e-3,
-    false_alarms: float = 1.0,
+    false_alarms: float = 0.1,
 ) -> Track:
     """Follow a plant along a record: `Tracker`, sample by sample.
 
     Args:
         data: One experiment with one input and one output; offsets need not be removed.
-        order: Largest degree of F; Akaike's criterion chooses, at the start and again with more data.
+        order: Largest degree of F; estimates are means over models of several degrees.
         nk: Delay in samples, at least 1: y(t) depends on u(t-nk) first.
         calibration: Length of the first stretch, in which the plant does not change, s. It gives the colour of the
             disturbance, the scale of the intervals and the threshold for changes.
         gain: Gain at 0 Hz where it is known, 1 for a position servo: the bandwidth is then no extrapolation to 0 Hz. By
             default that of the model.
         drift: Drift to be followed between changes: standard deviation of the bandwidth's relative change in a minute.
-        false_alarms: Wanted false alarms per hour.
+        false_alarms: Wanted false alarms per hour; dry friction raises more than normal errors would.
 
     Returns:
         Estimates with intervals at every sample, and the changes.

@@ -13,13 +13,22 @@ from sysid.records.errors import SysidError, warn_each
 from sysid.recursive.adaptation import DirectionalForgetting
 from sysid.recursive.change_test import ChangeTest
 from sysid.recursive.servo_quantities import LAGS, ServoQuantities
-from sysid.recursive.stretch_fit import StretchFit, fit_stretch, gradient_rows, whitening_filter
+from sysid.recursive.stretch_fit import (
+    StretchFit,
+    fit_degrees,
+    gradient_rows,
+    model_weights,
+    preferred,
+    whitening_filter,
+)
 
 PER_PARAMETER = 8  # samples per parameter from which a model is fitted to the data after a change
 ARMED = 4  # lengths of the first stretch after which the test is armed again
 GROWTH = 1.4  # of the stretch from one fit to the next: steps of the recursion between them stay small
-BLOCKS = 15  # parts of a stretch whose scatter tells its errors: 14 degrees of freedom
-STUDENT_95 = 2.1447866879178035  # 97.5 % quantile of BLOCKS - 1 degrees of freedom
+BLOCKS = 10  # parts of a stretch whose scatter tells its errors: 9 degrees of freedom
+STUDENT_95 = 2.2621571627409915  # 97.5 % quantile of BLOCKS - 1 degrees of freedom
+LEAST_SCATTER = 0.75  # over that of white errors: less is the chance of ten blocks
+AROUND = 2  # degrees above and below the last one that a fit tries
 WIDEST = 20.0  # logarithm of a factor by which nothing is known
 HISTORY = 4.0  # s of inputs before a stretch that its simulation takes in
 LONGEST_DELAY = 1000  # samples
@@ -70,21 +79,26 @@ class TrackSample:
 class Tracker:
     """Recursive prediction-error estimate that notices changes and then starts afresh.
 
-    Model: y = B(q)/F(q) u + constant + 1/D(q) e. The calibration, a stretch without a change, gives D and the degree of
-    F. Then every sample makes one step of recursive least squares with `DirectionalForgetting` along the gradient at
-    the last fit; fits, by Gauss-Newton steps on the stretch since the last change, come at lengths that grow by 1.4, up
-    to twice the memory. An alarm of `ChangeTest` ends the stretch: nothing is known of the new plant then (the
-    covariance is opened wholly), the first model follows after eight samples per parameter, and the test is armed again
-    at four times that length: the first models are rough.
+    Model: y = B(q)/F(q) u + constant + 1/D(q) e. The calibration, a stretch without a change, gives D. Then every
+    sample makes one step of recursive least squares with `DirectionalForgetting` along the gradient at the last fit;
+    fits, by Gauss-Newton steps on the stretch since the last change, come at lengths that grow by 1.4, up to twice the
+    memory. An alarm of `ChangeTest` ends the stretch: nothing is known of the new plant then (the covariance is opened
+    wholly), the first model follows after eight samples per parameter, and the test is armed again at four times that
+    length: the first models are rough.
 
     Memory: the variance of an estimate with memory T is c / (2 T), c that of the calibration times its length; the lag
     behind a random walk that moves q per second has the variance q T / 2. Their sum is least at T = sqrt(c / q)
     [LjungGunnarsson1990]; lambda = 1 - dt / T.
 
+    Degrees: bandwidth and delay are means over models of several degrees, see `model_weights`. The recursion moves the
+    one that the criterion prefers; by how much the others differ from the mean at the fit widens the intervals until
+    the next one [Buckland1997].
+
     Intervals: the covariance follows every gain, Pi = (I - L psi') Pi (I - L psi')' + variance L L'. Dry friction makes
     errors that depend on the motion, which no whitening removes. So Pi is scaled, for bandwidth and delay each, by the
-    scatter of the estimates from fifteen blocks of the calibration where that exceeds what white errors explain (batch
-    means), and intervals take Student's quantile of fourteen degrees of freedom.
+    scatter of the scores of ten blocks over that of white errors: batch means of the sandwich estimate [White1982].
+    Intervals take Student's quantile of nine degrees of freedom. Stretches shorter than the calibration take the
+    scatter of the last one that was not.
     """
 
     def __init__(
@@ -95,18 +109,18 @@ class Tracker:
         *,
         gain: float | None = None,
         drift: float = 1e-3,
-        false_alarms: float = 1.0,
+        false_alarms: float = 0.1,
     ) -> None:
         """Fit the calibration.
 
         Args:
             record: Calibration: one input, one output, no change. Half a minute of a servo of 1 Hz suffices.
-            order: Largest degree of F; Akaike's criterion chooses.
+            order: Largest degree of F.
             nk: Delay in samples, at least 1.
             gain: Gain at 0 Hz where it is known, 1 for a position servo; by default that of the model.
             drift: Drift to be followed between changes: standard deviation of the bandwidth's relative change in a
                 minute.
-            false_alarms: Wanted false alarms per hour.
+            false_alarms: Wanted false alarms per hour; dry friction raises more than normal errors would.
 
         Raises:
             SysidError: Several inputs or outputs, missing samples, a constant input, a short calibration, arguments out
@@ -134,9 +148,10 @@ class Tracker:
         self._quantities = ServoQuantities(self._nk, self.dt, self._gain)
         u, y, most = np.array(self._u), np.array(self._y), len(record) // SHORTEST // 3
         degrees = range(min(2, self.order), min(self.order, max(most, 2)) + 1)
-        plain = fit_stretch(u, y, 0, degrees, self._nk, np.ones(1))
+        plain = preferred(fit_degrees(u, y, 0, degrees, self._nk, np.ones(1)))
         self._D = whitening_filter(plain.errors)
-        fit = fit_stretch(u, y, 0, degrees, self._nk, self._D)
+        fits = fit_degrees(u, y, 0, degrees, self._nk, self._D)
+        fit = preferred(fits)
         value, moves = self._quantities(fit.B, fit.F)
         if not np.isfinite(value).all():
             raise SysidError("the model of the calibration has no bandwidth: its gain does not fall to 0.707")
@@ -148,12 +163,12 @@ class Tracker:
         self._rule = DirectionalForgetting(1.0 - min(self.dt / self.memory, 0.5))
         window = max(round(1.0 / np.exp(value[0]) / self.dt), 2)
         self._test = ChangeTest(fit.errors, fit.variance, window, rate, self.dt)
-        self._calibration, self._fits = len(record), 0
-        self._open(fit)
+        self._calibration = len(record)
+        self._open(fits)
 
-    def _open(self, fit: StretchFit) -> None:
-        """Begin the recursion at a fit of the stretch that ends now."""
-        length = len(self._u) - self._begin
+    def _open(self, fits: list[StretchFit]) -> None:
+        """Begin the recursion at the fits of the stretch that ends now."""
+        length, fit = len(self._u) - self._begin, preferred(fits)
         self._fit: StretchFit | None = fit
         self._last = fit
         rows, errors = gradient_rows(np.array(self._u), np.array(self._y), self._begin, self._nk, fit.B, fit.F)
@@ -162,23 +177,35 @@ class Tracker:
         self._directions, self._offset = fit.directions, np.concatenate((np.zeros(2 * fit.order), fit.nuisance))
         unit = np.eye(fit.directions.shape[1])
         self._delta, self._memory, self._Pi = np.zeros(len(unit)), self._rule.enter(unit), fit.variance * unit
-        self._value, self._moves = self._quantities(fit.B, fit.F)
+        self._moves = self._quantities(fit.B, fit.F)[1]
+        self._value, self._between = self._average(fits, fit)
         longest = max(round(2.0 * self.memory / self.dt), self._calibration)
         self._due = round(GROWTH * length) if length < longest else length + longest // 2
 
+    def _average(self, fits: list[StretchFit], fit: StretchFit) -> tuple[FloatArray, FloatArray]:
+        """Mean of log bandwidth and delay over the models (2,), and its variance less that of `fit` (2,)."""
+        rows = []
+        for one, weight in zip(fits, model_weights(fits), strict=True):
+            value, moves = self._quantities(one.B, one.F)
+            if np.isfinite(value).all():
+                along = moves @ one.directions[: 2 * one.order]
+                rows.append((np.full(2, weight), value, one.variance * (along**2).sum(axis=1), np.full(2, one is fit)))
+        if not rows:
+            return np.full(2, np.nan), np.zeros(2)
+        weights, values, variances, own = np.array(rows).transpose(1, 0, 2)
+        weights = weights / weights.sum(axis=0)
+        mean = (weights * values).sum(axis=0)
+        deviation = (weights * np.sqrt(self._inflation * variances + (values - mean) ** 2)).sum(axis=0)
+        return mean, np.maximum(deviation**2 - self._inflation * (own * variances).sum(axis=0), 0.0)
+
     def _scatter(self, fit: StretchFit, moves: FloatArray) -> FloatArray:
-        """Scatter of block estimates of bandwidth and delay over that of white errors, at least one (2,)."""
-        n = 2 * fit.order
-        total = np.zeros(2)
-        size = len(fit.errors) // BLOCKS
-        for k in range(BLOCKS):
-            part = slice(k * size, (k + 1) * size)
-            columns = fit.gradients[part][:, [*range(n), -1]]
-            scale = np.linalg.norm(columns, axis=0) + 1e-300
-            inverse = np.linalg.pinv(columns / scale, rcond=1e-9)
-            along = (moves / scale[:n]) @ inverse[:n]
-            total += (along @ fit.errors[part]) ** 2 / ((along**2).sum(axis=1) + np.finfo(float).tiny)
-        return np.maximum(total / ((BLOCKS - 1) * fit.variance), 1.0)
+        """Scatter over blocks of the scores of bandwidth and delay, over that of white errors (2,)."""
+        along = moves @ fit.directions[: 2 * fit.order]
+        scores = fit.gradients @ (fit.directions @ along.T) * fit.errors[:, None]
+        size = len(scores) // BLOCKS
+        sums = scores[: BLOCKS * size].reshape(BLOCKS, size, 2).sum(axis=1)
+        white = fit.variance * (along**2).sum(axis=1) + np.finfo(float).tiny
+        return np.maximum((sums**2).sum(axis=0) / white * BLOCKS / (BLOCKS - 1), LEAST_SCATTER)
 
     def step(self, u: float, y: float) -> TrackSample:
         """Take one more sample of input and output.
@@ -248,20 +275,16 @@ class Tracker:
         del self._u[:drop], self._y[:drop]
         self._begin -= drop
         degree = self._last.order
-        self._fits += 1
-        # other degrees are tried on young stretches, and then at every other fit
-        young = len(self._u) - self._begin < self._calibration
-        around = 2 if self._fit is None else int(young or self._fits % 2 == 0)
-        degrees = range(max(degree - around, min(2, self.order)), min(degree + around, self.order) + 1)
-        last = self._fit
-        fit = fit_stretch(np.array(self._u), np.array(self._y), self._begin, degrees, self._nk, self._D, last)
+        degrees = range(max(degree - AROUND, min(2, self.order)), min(degree + AROUND, self.order) + 1)
+        fits = fit_degrees(np.array(self._u), np.array(self._y), self._begin, degrees, self._nk, self._D, self._fit)
         if self._fit is None:
             self._test.restart()
-        if len(fit.errors) >= self._calibration:
+        fit = preferred(fits)
+        if len(self._u) - self._begin >= self._calibration:
             moves = self._quantities(fit.B, fit.F)[1]
             if np.isfinite(moves).all():
                 self._inflation = self._scatter(fit, moves)
-        self._open(fit)
+        self._open(fits)
 
     def _sample(self, change: Change | None) -> TrackSample:
         time, nothing = (self._samples - 1) * self.dt, (np.nan, np.nan)
@@ -270,7 +293,8 @@ class Tracker:
         # linear in the parameters as the recursion is: where poles and zeros nearly cancel, they move far together
         along = self._moves @ self._directions[: 2 * self._fit.order]
         log_f, delay = self._value + along @ self._delta
-        deviation = np.sqrt(self._inflation * np.maximum(np.einsum("ij,jk,ik->i", along, self._Pi, along), 0.0))
+        own = np.maximum(np.einsum("ij,jk,ik->i", along, self._Pi, along), 0.0)
+        deviation = np.sqrt(self._inflation * own + self._between)
         reach = STUDENT_95 * deviation
         f, wide = float(np.exp(log_f)), float(np.exp(np.minimum(reach[0], WIDEST)))
         return TrackSample(

@@ -9,14 +9,19 @@ Two problems. `linear`: the small-signal truths of the three payloads, switched 
 noise; the target is the true bandwidth of the payload that is carried. `twin`: the simulated arm, all links of the
 chain and dry friction; there the small-signal truth is not what data can show (docs/truth.md), the target is the best
 linear approximation in the same class and amplitude of excitation: the small-signal response times its measured
-departure, which is smooth, a parabola in the logarithms through the lines from 0.6 to 1.5 Hz. The bandwidth is in
-both cases the frequency of the gain 0.707: the gain of a position servo at 0 Hz is one. Targets of the delay are the
-phase delays of the same responses there.
+departure, which is smooth, a polynomial of degree 6 in the logarithms through the lines from 0.6 to 1.5 Hz, of 96
+realisations of a minute. The bandwidth is in both cases the frequency of the gain 0.707: the gain of a position servo
+at 0 Hz is one. Targets of the delay are the phase delays of the same responses there.
 
 Criterion, written on 2026-11-24 before the runs: over 200 runs, intervals of the bandwidth cover 93 to 97 % of the
 targets before (59 s), during (5, 10 and 20 s after a change) and 30 s after the changes; a missing estimate counts as
 a miss. At least 95 % of the changes are detected within 10 s. In long records without a change, and in the 200 runs
 outside those 10 s, at most one alarm an hour; a second alarm within the 10 s counts as false.
+
+Changed on 2026-11-27, after 87 of these runs had missed it: the targets of the twin. Twenty realisations of 20 s and a
+parabola were wrong by 0.9 ms in the delay with the multiplexer, whose departure is no parabola, and by 0.15 % in the
+bandwidth without payload; a spectral estimate from records of ten minutes agrees with those of now to 0.04 %. The
+estimator was changed as well, on other records: seeds from 2000.
 
 `--runs 200` continues a journal (JSON lines) where it stopped; `--quick` takes ten runs and an eighth of the hours.
 """
@@ -118,11 +123,13 @@ def targets(problem, truths):
     out = []
     for payload, model in zip(PAYLOADS, models, strict=True):
         setting = MultisineExperiment("target", (JOINT,), payload=payload, seed=7)
-        found = best_linear(setting, replace(CLASS, period=20.4, realisations=20, seed=10**6)).servo.response
-        f = found.frequencies
+        # six parts of 16 realisations: less memory
+        classes = (replace(CLASS, period=61.2, realisations=16, seed=2 * 10**6 + k) for k in range(6))
+        parts = [best_linear(setting, one).servo.response for one in classes]
+        f, response = parts[0].frequencies, sum(part.response[:, 0, 0] for part in parts) / len(parts)
         near = (f > NEAR[0]) & (f < NEAR[1])
-        ratio = np.log(found.response[near, 0, 0] / model.frequency_response(f[near])[:, 0, 0])
-        curve = np.polynomial.polynomial.polyfit(np.log(f[near]), ratio, 2)
+        ratio = np.log(response[near] / model.frequency_response(f[near])[:, 0, 0])
+        curve = np.polynomial.polynomial.polyfit(np.log(f[near]), ratio, 6)
         out.append(crossing(model, lambda f, curve=curve: np.polynomial.polynomial.polyval(np.log(f), curve)))
     return out
 

@@ -9,7 +9,7 @@ from sysid.models.bandwidth import half_power_hz
 from sysid.recursive import DirectionalForgetting, Forgetting, Tracker
 from sysid.recursive.change_test import ChangeTest
 from sysid.recursive.servo_quantities import ServoQuantities
-from sysid.recursive.stretch_fit import fit_stretch, whitening_filter
+from sysid.recursive.stretch_fit import fit_degrees, model_weights, preferred, whitening_filter
 from sysid.recursive.tracker import BLOCKS, STUDENT_95
 from tests.refusals import refused
 
@@ -60,13 +60,24 @@ def test_directions_without_excitation_keep_their_information():
 def test_a_stretch_in_the_middle_of_a_motion_is_fitted_exactly(begin):
     data, _ = switched(1, deviation=0.0)
     u, y = data.u[: begin + 400, 0], data.y[: begin + 400, 0]
-    fit = fit_stretch(
+    fits = fit_degrees(
         u[max(begin - 50, 0) :], y[max(begin - 50, 0) :], min(begin, 50), (2, 3), DELAY, np.array([1, -0.7])
     )
-    assert fit.order == 3
+    fit = preferred(fits)
+    assert fit is fits[1] and fit.order == 3
     np.testing.assert_allclose(fit.F, SERVOS[0], atol=1e-6)
     np.testing.assert_allclose(fit.B, numerator(SERVOS[0]), atol=1e-7)
     assert fit.nuisance[-1] == pytest.approx(0.3, abs=1e-7)
+
+
+def test_no_degree_fits_worse_than_a_smaller_one():
+    data, _ = switched(2)
+    fits = fit_degrees(data.u[:800, 0], data.y[:800, 0], 0, range(3, 9), DELAY, np.ones(1))
+    costs = [fit.errors @ fit.errors for fit in fits]
+    assert (np.diff(costs) <= 1e-9 * costs[0]).all()
+    weights, criteria = model_weights(fits), np.array([fit.criterion for fit in fits])
+    assert weights.sum() == pytest.approx(1.0) and min(weights[:2]) > 0.3 and np.argmin(criteria) == 0
+    assert weights[1] / weights[0] == pytest.approx(1.0 + np.exp(0.5 * (criteria[0] - criteria[1])))
 
 
 def test_colour_of_a_disturbance():
@@ -141,7 +152,7 @@ def test_live_is_the_same_and_a_constant_plant_raises_no_alarm():
 
 
 def test_the_quantile_is_that_of_the_blocks():
-    assert scipy.stats.t.ppf(0.975, BLOCKS - 1) == pytest.approx(STUDENT_95, rel=1e-12)
+    assert scipy.stats.t.ppf(0.975, BLOCKS - 1) == pytest.approx(STUDENT_95, rel=1e-10)
 
 
 def test_refusals():
