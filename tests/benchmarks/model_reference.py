@@ -149,7 +149,8 @@ def seed_results(seeds):
                     left["arm"] = 1e3 * (answer_of(log) - answer_of(arm))
                     left["arm but wrist roll"] = left["arm"][:, :-1]
                 entry = {name: rms(miss[free]) for name, miss in left.items()}
-                entry["contact"] = None if free.all() else rms(left["model"][~free])
+                if not free.all():
+                    entry |= {"contact": rms(left["model"][~free]), "all": rms(left["model"])}
                 entry["force"] = 0.0 if log.contact_force is None else float(log.contact_force.max())
                 errors[f"{run.scenario.name} {law}"] = entry
         payloads = [{"specimen": Specimen(payload_mass=one)} if one else {"payload": "none"} for one in FACTORS]
@@ -164,6 +165,7 @@ def show_seeds(results):
         "arm": "simulated flight",
         "arm but wrist roll": "the same, but for the wrist roll, which sticks",
         "contact": "its model, in contact",
+        "all": "its model, all ticks",
     }
     laws = ("without", "identified", "truth")
     for name in ("reach", "rpcm"):
