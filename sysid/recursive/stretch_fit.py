@@ -6,6 +6,7 @@ response that the past left in n states is estimated with the model, so nothing 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
@@ -18,7 +19,8 @@ WIDEST_STEPS = 30  # limit on Gauss-Newton steps
 SETTLED = 1e-4  # relative decrease of the cost below which a search ends
 PREFILTERS = 10  # rounds of prefiltering that give the initial estimate
 SLOWEST = 10.0  # a real mode slower than the stretch over this is an offset or a drift
-RINGING = 0.998  # largest modulus of the other poles: a ring of 10 s at 50 Hz
+RINGING = 5.0  # a mode that rings longer than the stretch over this is noise
+STEADIEST = 0.998  # largest modulus of its poles: a ring of 10 s at 50 Hz
 KNOWN = 1e-9  # smallest singular value of the scaled gradients that counts, relative to the largest
 EXACT = 1e-20  # power of the errors, relative to the output, that is rounding alone
 NOISE_ORDER = 10  # largest order of D
@@ -172,11 +174,10 @@ def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.lstsq(A / scale, b, rcond=1e-11)[0] / scale)
 
 
-def _stable(F: FloatArray, samples: int) -> bool:
-    poles = np.roots(F)
-    slow = np.exp(-SLOWEST / samples)
-    real = np.isreal(poles)
-    return bool((np.abs(poles) < RINGING).all() and (np.abs(poles[real]) < max(slow, FASTEST)).all())
+def _largest(poles: np.ndarray[Any, Any], samples: int) -> FloatArray:
+    """Largest moduli of poles, for real and complex ones, of a model of so many samples."""
+    slow, ring = np.maximum(np.exp(-np.array([SLOWEST, RINGING]) / samples), FASTEST)
+    return np.where(np.isreal(poles), slow, min(ring, STEADIEST))
 
 
 def _prefiltered(
@@ -194,9 +195,8 @@ def _prefiltered(
         theta = _solve(_whitened(D, columns), _whitened(D, outputs))
         poles = np.roots(np.append(1.0, theta[n : 2 * n]))
         size = np.maximum(np.abs(poles), 1e-12)
-        slow = max(np.exp(-SLOWEST / samples), FASTEST)
         # poles outside are mirrored, then kept clear of the bound
-        poles = poles / size * np.minimum(np.minimum(size, 1.0 / size), np.where(np.isreal(poles), 0.999 * slow, 0.99))
+        poles = poles / size * np.minimum(np.minimum(size, 1.0 / size), 0.999 * _largest(poles, samples))
         B, last, F = theta[:n], F, np.real(np.poly(poles))
         if np.abs(F - last).max() < 1e-6:
             break
@@ -236,7 +236,8 @@ def _search(
         step, size = _solve(A, r), 1.0
         while size > 1e-3:
             next_B, next_F = B + size * step[:n], F + size * np.append(0.0, step[n : 2 * n])
-            if _stable(next_F, samples):
+            poles = np.roots(next_F)
+            if (np.abs(poles) < _largest(poles, samples)).all():
                 next_A, next_r = linearised(next_B, next_F)
                 next_cost = cost(next_A, next_r)
                 if next_cost[0] <= least:
