@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from hmtb_twin.arm.arm import Arm
-from hmtb_twin.control.experiment import Experiment, JointController, Motion, PayloadChange, Status, View
+from hmtb_twin.control.experiment import Experiment, JointController, Motion, Status, View
 from hmtb_twin.control.hand_controller import HandControllerInterface, deflection, pickup
 from hmtb_twin.control.joint_loop import JointLoop
 from hmtb_twin.control.modes import axis_gains, start_mode
@@ -59,9 +59,7 @@ class ControlStation:
         disturbance = pickup(self.ticks, axes, self._parameters, rng, experiment.chain)
         self._interface = HandControllerInterface(self._parameters, experiment.chain, disturbance)
         self.powered = servo_power(experiment.shutdown, self.ticks)
-        self.exchanges = payload_exchanges(
-            experiment.payload, experiment.payload_changes, self.ticks, worksite=experiment.worksite
-        )
+        self.exchanges = payload_exchanges(experiment, self.ticks)
         self.loop = _joint_loop(experiment, arm, self.ticks)
         self.live = live or self.operator is not None or self.loop is not None or not self.powered.all()
         self.commands = np.empty((self.ticks, len(JOINTS)))
@@ -172,23 +170,16 @@ def servo_power(shutdown: Sequence[float], ticks: int) -> np.ndarray:
     return _events("shutdown", shutdown, ticks, ": power off, power on, ...") % 2 == 0
 
 
-def payload_exchanges(
-    payload: str, changes: Sequence[PayloadChange], ticks: int, *, worksite: bool = False
-) -> np.ndarray:
-    """Return the number of payload changes up to each tick (ticks,).
-
-    Args:
-        payload: The first payload.
-        changes: The changes.
-        ticks: Length of the experiment.
-        worksite: Whether the arm stands at the worksite.
+def payload_exchanges(experiment: Experiment, ticks: int) -> np.ndarray:
+    """Return the number of payload changes up to each tick (ticks,) of an experiment.
 
     Raises:
         TwinError: Their times do not ascend between the first tick and the last, a payload follows itself, or the arm
             stands at the worksite.
     """
-    payloads = [payload, *(change.payload for change in changes)]
-    if changes and worksite:
+    changes = experiment.payload_changes
+    payloads = [experiment.payload, *(change.payload for change in changes)]
+    if changes and experiment.worksite:
         raise TwinError("payload_changes at the worksite given, expected none: there the operator takes the unit")
     for before, after in pairwise(payloads):
         if before == after:

@@ -75,14 +75,9 @@ class ExperimentRow:
             arm: The arm as its controller knows it at these ticks; that with the payload of each by default.
         """
         if arm is None:
-            exchanges = self.station.exchanges[ticks]
-            edges = [0, *np.flatnonzero(np.diff(exchanges)) + 1, len(exchanges)]
-            return np.vstack(
-                [
-                    self.controls(slice(ticks.start + a, ticks.start + b), self.arms[exchanges[a]])
-                    for a, b in pairwise(edges)
-                ]
-            )
+            changes = ticks.start + np.flatnonzero(np.diff(self.station.exchanges[ticks])) + 1
+            parts = pairwise([ticks.start, *changes, ticks.stop])
+            return np.vstack([self.controls(slice(a, b), self.arm_at(a)) for a, b in parts])
         noise = None if self.drive_noise is None else self.drive_noise[ticks]
         return arm.controls(self.station.commands[ticks], noise)
 
@@ -98,6 +93,7 @@ class ExperimentRow:
             record["true_angles"], self.resolver_noise[part], self.recorder, resolver=experiment.chain.resolver
         )
         commands = station.commands[part]
+        changes = [[change.time, change.payload] for change in experiment.payload_changes]
         return JointLog(
             name=experiment.name,
             seed=experiment.seed,
@@ -114,7 +110,7 @@ class ExperimentRow:
             provenance={
                 "variant": experiment.variant,
                 "payload": experiment.payload,
-                **_payload_changes(experiment),
+                **({"payload_changes": dumps(changes)} if changes else {}),
                 "drives": self.arm.drives_kind,
                 **{f"plant_{name}": str(value) for name, value in vars(experiment.plant).items()},
                 **{f"specimen_{name}": dumps(value) for name, value in experiment.specimen.deviations.items()},
@@ -217,11 +213,6 @@ def experiment_arm(
         friction=experiment.chain.friction,
         worksite=worksite and bool(experiment.worksite),
     )
-
-
-def _payload_changes(experiment: Experiment) -> dict[str, str]:
-    changes = [[change.time, change.payload] for change in experiment.payload_changes]
-    return {"payload_changes": dumps(changes)} if changes else {}
 
 
 def _description(experiment: Experiment, station: ControlStation) -> dict[str, str]:

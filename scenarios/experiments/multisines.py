@@ -5,17 +5,7 @@ from typing import Any, ClassVar, get_type_hints
 
 import numpy as np
 
-from hmtb_twin import (
-    NOMINAL_PLANT,
-    NOMINAL_SPECIMEN,
-    Chain,
-    Experiment,
-    HandController,
-    Operator,
-    PayloadChange,
-    Plant,
-    Specimen,
-)
+from hmtb_twin import NOMINAL_PLANT, NOMINAL_SPECIMEN, Chain, Experiment, HandController, Operator, Plant, Specimen
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import LARGE_MOTION, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
 from scenarios.experiments.waveform import LONGEST, check_seed
@@ -166,7 +156,7 @@ class MultisineExperiment:
     seed: int = 0
     mode: str = MODE
     shutdown: tuple[float, ...] = ()
-    payload_changes: ClassVar[tuple[PayloadChange, ...]] = ()
+    payload_changes: ClassVar[tuple[()]] = ()
 
     @property
     def duration(self) -> float:

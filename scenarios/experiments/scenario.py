@@ -129,7 +129,7 @@ class Scenario:
             raise ScenarioError(f"expected a duration of {SAMPLE_TIME} to {LONGEST:g} s, given {self.duration}")
         ticks = round(SAMPLE_RATE * self.duration)
         servo_power(self.shutdown, ticks)
-        payload_exchanges(self.payload, self.payload_changes, ticks, worksite=self.worksite)
+        payload_exchanges(self, ticks)
         check_seed(self.seed)
         for payload in (self.payload, *(change.payload for change in self.payload_changes)):
             check_arm(self.variant, payload, self.plant, worksite=self.worksite, specimen=self.specimen)

@@ -133,32 +133,16 @@ class Forgetting(Adaptation):
 
 
 @dataclass(frozen=True)
-class DirectionalForgetting(Adaptation):
+class DirectionalForgetting(Forgetting):
     """Least squares that forgets only in the direction of the present regressor [CaoSchwartz2000].
 
     The information R = P^-1 loses the part that the sample psi renews, and gains the sample:
     R = R - (1 - lambda) R psi psi' R / (psi' R psi) + psi psi'. Directions without excitation keep what is known of
-    them, so that P cannot wind up [KulhavyKarny1984; Bittanti1990].
-
-    Attributes:
-        factor: Forgetting factor lambda, 0 < factor <= 1; memory is about 1 / (1 - factor) samples of excitation.
-
-    Raises:
-        SysidError: A factor out of range.
+    them, so that P cannot wind up [KulhavyKarny1984; Bittanti1990]. Memory, of excitation, and attributes are those of
+    `Forgetting`.
     """
 
-    factor: float
-
-    def __post_init__(self) -> None:
-        """Check."""
-        bound = "lie above 0 and not above 1"
-        value = real_number("the forgetting factor", self.factor, bound, lambda part: 0.0 < part <= 1.0)
-        object.__setattr__(self, "factor", value)
-
-    @property
-    def forgets(self) -> bool:
-        """True unless the factor is 1."""
-        return self.factor < 1.0
+    diffuse: ClassVar[float] = 1e6
 
     def enter(self, P: FloatArray) -> FloatArray:
         """P and its inverse (2, p, p)."""
@@ -168,32 +152,20 @@ class DirectionalForgetting(Adaptation):
         """The first of both."""
         return memory[0]
 
-    def prior(self, covariance: FloatArray, variance: float) -> FloatArray:
-        """The covariance for errors of unit variance."""
-        return covariance / variance
-
-    def decay(self, steps: int) -> float:
-        """The forgetting factor."""
-        return self.factor
-
     def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
         """See `Adaptation`."""
         P, R = memory
         known, spread, square = R @ psi, P @ psi, psi[:, None] * psi
-        length = float(psi @ known)
+        length, forgetting = float(psi @ known), self.decay(steps)
         lost = opened = 0.0
-        if length > 0.0 and self.factor < 1.0:
-            lost, opened = (1.0 - self.factor) / length, (1.0 - self.factor) / (self.factor * length)
+        if length > 0.0 and forgetting < 1.0:
+            lost, opened = (1.0 - forgetting) / length, (1.0 - forgetting) / (forgetting * length)
             spread = spread + opened * float(psi @ psi) * psi
         gain = spread / (1.0 + float(psi @ spread))
         out = np.empty_like(memory)
         out[0] = P + opened * square - gain[:, None] * spread
         out[1] = R + square - lost * (known[:, None] * known)
         return gain, out
-
-    def covariance(self, P: FloatArray, energy: float, variance: float, samples: int) -> FloatArray:
-        """As that of `Forgetting`."""
-        return variance * P * (1.0 + self.factor**samples) / (1.0 + self.factor)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

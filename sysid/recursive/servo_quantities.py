@@ -41,8 +41,10 @@ class ServoQuantities:
             at, ahead = np.log(np.abs(self._values(B, F, self._delays(np.array([f, f * (1 + h)]))))) - np.log(level)
             step = at * np.log1p(h) / (ahead - at) if ahead < at else 0.5 * (np.log(f) - low)
             f = float(np.exp(np.clip(np.log(f) - step, low, high)))
-        around, moves = self._response(B, F, np.array([f * (1 - h), f, f * (1 + h), 0.0]))
-        relative = moves / around[:, None]
+        z = self._delays(np.array([f * (1 - h), f, f * (1 + h), 0.0]))
+        around = self._values(B, F, z)
+        past = np.hstack((z[:, self._nk : self._nk + n], -around[:, None] * z[:, 1 : n + 1]))
+        relative = past / (z[:, : n + 1] @ F)[:, None] / around[:, None]
         slope = np.log(np.abs(around[2] / around[0])) / (2.0 * h)
         level_move = relative[3].real if self._gain is None else 0.0
         log_f = -(relative[1].real - level_move) / slope
@@ -59,10 +61,3 @@ class ServoQuantities:
     def _values(self, B: FloatArray, F: FloatArray, z: ComplexArray) -> ComplexArray:
         n = len(B)
         return np.asarray(z[:, self._nk : self._nk + n] @ B / (z[:, : n + 1] @ F))
-
-    def _response(self, B: FloatArray, F: FloatArray, f: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        n, z = len(B), self._delays(f)
-        denominator = z[:, : n + 1] @ F
-        past = z[:, self._nk : self._nk + n]
-        g = past @ B / denominator
-        return g, np.hstack((past, -g[:, None] * z[:, 1 : n + 1])) / denominator[:, None]
