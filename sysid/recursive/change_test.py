@@ -21,10 +21,6 @@ class ChangeTest:
     crosses its mean upwards [Rice1945]; the level follows from the wanted rate. As mean and deviation come from n
     independent windows, the quantile is Student's with n - 1 degrees of freedom. Logarithms of energies have a lighter
     upper tail than the normal distribution, which makes the level cautious.
-
-    Attributes:
-        window: Length of the window in samples.
-        deviation: Standard deviation of the statistic.
     """
 
     def __init__(self, errors: FloatArray, variance: float, window: int, rate: float, dt: float) -> None:
@@ -39,7 +35,7 @@ class ChangeTest:
         """
         energy = np.convolve(errors**2, np.full(window, 1.0 / window), mode="valid")
         series = np.log(energy / variance)
-        self.window, self._mean, self.deviation = window, float(series.mean()), float(series.std())
+        self._window, self._mean, self._deviation = window, float(series.mean()), float(series.std())
         self._windows = max(len(errors) / window, SIDE)
         above = series > self._mean
         crossings = max(int(np.sum(above[1:] & ~above[:-1])), 1)
@@ -49,21 +45,21 @@ class ChangeTest:
 
     def restart(self) -> None:
         """Forget the errors so far."""
-        self._recent: deque[float] = deque(maxlen=2 * self.window)
+        self._recent: deque[float] = deque(maxlen=2 * self._window)
 
     def threshold(self, samples: int, parameters: int) -> float:
         """Level of the statistic for a model of this many parameters that was fitted to so many samples."""
         # a short stretch knows its variance and its parameters less well
-        scatter = np.sqrt(1.0 + 1.0 / self._windows + self.window / samples)
-        return self._mean + float(np.log1p(parameters / samples)) + self._quantile * self.deviation * float(scatter)
+        scatter = np.sqrt(1.0 + 1.0 / self._windows + self._window / samples)
+        return self._mean + float(np.log1p(parameters / samples)) + self._quantile * self._deviation * float(scatter)
 
     def update(self, error: float, variance: float) -> float:
         """Return the statistic after one more error; minus infinity while the window fills."""
         self._recent.append(error)
-        if len(self._recent) < self.window:
+        if len(self._recent) < self._window:
             return -np.inf
-        energy = sum(e * e for e in islice(self._recent, len(self._recent) - self.window, None))
-        return float(np.log(energy / (self.window * variance)))
+        energy = sum(e * e for e in islice(self._recent, len(self._recent) - self._window, None))
+        return float(np.log(energy / (self._window * variance)))
 
     def age(self, variance: float) -> int:
         """Samples since the most likely time of the change, within two windows [WillskyJones1976]."""

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from sysid.models.sampling import lagged_input
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.errors import SysidError
 
@@ -144,11 +145,6 @@ def whitening_filter(errors: FloatArray) -> FloatArray:
     return best
 
 
-def delayed(x: FloatArray, lags: int) -> FloatArray:
-    """Return a signal (N,) later by some samples, zero before."""
-    return x if not lags else np.concatenate((np.zeros(min(lags, len(x))), x[:-lags]))
-
-
 def _lags(x: FloatArray, first: int, count: int) -> FloatArray:
     out = np.zeros((len(x), count))
     for k in range(count):
@@ -185,7 +181,7 @@ def _prefiltered(
 ) -> tuple[FloatArray, FloatArray]:
     """Least squares of F y/F = B u/F, F from the round before [SteiglitzMcBride1965]."""
     n, samples = len(F) - 1, len(y) - begin
-    past = delayed(u, nk)[begin:]
+    past = lagged_input(u, nk)[begin:]
     B = np.zeros(n)
     for _ in range(PREFILTERS):
         inputs, outputs = scipy.signal.lfilter([1.0], F, past), scipy.signal.lfilter([1.0], F, y[begin:])
@@ -208,7 +204,7 @@ def gradient_rows(
 ) -> tuple[FloatArray, FloatArray]:
     """Return gradients (samples, 3n + 1), and errors without free response and constant (samples,), not whitened."""
     n, samples = len(B), len(y) - begin
-    x = scipy.signal.lfilter([1.0], F, delayed(u, nk))
+    x = scipy.signal.lfilter([1.0], F, lagged_input(u, nk))
     simulated = scipy.signal.lfilter(B, [1.0], x)
     w = scipy.signal.lfilter([1.0], F, simulated)
     model = np.hstack((_lags(x, 0, n), -_lags(w, 1, n)))[begin:]

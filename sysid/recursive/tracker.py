@@ -144,7 +144,7 @@ class Tracker:
         self.dt = record.dt
         self._zero = record.u[0, 0], record.y[0, 0]
         self._u, self._y = list(record.u[:, 0] - self._zero[0]), list(record.y[:, 0] - self._zero[1])
-        self._dropped, self._begin, self._samples = 0, 0, len(record)
+        self._begin, self._samples = 0, len(record)
         self._quantities = ServoQuantities(self._nk, self.dt, self._gain)
         u, y, most = np.array(self._u), np.array(self._y), len(record) // SHORTEST // 3
         degrees = range(min(2, self.order), min(self.order, max(most, 2)) + 1)
@@ -164,6 +164,7 @@ class Tracker:
         window = max(round(1.0 / np.exp(value[0]) / self.dt), 2)
         self._test = ChangeTest(fit.errors, fit.variance, window, rate, self.dt)
         self._calibration = len(record)
+        self._longest = max(round(2.0 * self.memory / self.dt), self._calibration)
         self._open(fits)
 
     def _open(self, fits: list[StretchFit]) -> None:
@@ -179,8 +180,7 @@ class Tracker:
         self._delta, self._memory, self._Pi = np.zeros(len(unit)), self._rule.enter(unit), fit.variance * unit
         self._moves = self._quantities(fit.B, fit.F)[1]
         self._value, self._between = self._average(fits, fit)
-        longest = max(round(2.0 * self.memory / self.dt), self._calibration)
-        self._due = round(GROWTH * length) if length < longest else length + longest // 2
+        self._due = round(GROWTH * length) if length < self._longest else length + self._longest // 2
 
     def _average(self, fits: list[StretchFit], fit: StretchFit) -> tuple[FloatArray, FloatArray]:
         """Mean of log bandwidth and delay over the models (2,), and its variance less that of `fit` (2,)."""
@@ -269,8 +269,7 @@ class Tracker:
 
     def _refit(self) -> None:
         """Fit the stretch anew, at most twice the memory, and begin the recursion there."""
-        longest = round(2.0 * self.memory / self.dt)
-        self._begin = max(self._begin, len(self._u) - max(longest, self._calibration))
+        self._begin = max(self._begin, len(self._u) - self._longest)
         drop = max(self._begin - round(HISTORY / self.dt), 0)
         del self._u[:drop], self._y[:drop]
         self._begin -= drop
