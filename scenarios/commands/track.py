@@ -136,9 +136,8 @@ def _write(tracking: "Tracking", folder: Path) -> list[Path]:
 def _print(tracking: "Tracking") -> None:
     import numpy as np
 
-    def numbers(values: Any, digits: int, scale: float = 1.0) -> str:
-        texts = [f"{scale * value:.{digits}f}" for value in np.atleast_1d(values).tolist()]
-        return " to ".join(texts).replace("nan", "—")
+    def numbers(values: Any, digits: int, between: str = " to ") -> str:
+        return between.join(f"{value:.{digits}f}" for value in np.atleast_1d(values).tolist()).replace("nan", "—")
 
     known = bool(tracking.truth)
     columns = ["from / s", "to / s", "bandwidth\n/ Hz", "95 % interval\n/ Hz", "delay\n/ ms", "95 % interval\n/ ms"]
@@ -146,13 +145,11 @@ def _print(tracking: "Tracking") -> None:
     rows = []
     for stretch, last in tracking.rows():
         cells = [numbers(stretch.begin, 1), numbers(stretch.end, 1)]
-        cells += [numbers(last["bandwidth"], 3), numbers(last["bandwidth_ci95"], 3)]
-        cells += [numbers(last["delay"], 1, 1e3), numbers(last["delay_ci95"], 1, 1e3)]
-        if known:
-            cells += [stretch.payload, numbers(stretch.small_signal_hz, 3), numbers(stretch.best_linear_ci95, 3)]
-            delays = (stretch.small_signal_delay, stretch.best_linear_delay)
-            cells.append(", ".join(numbers(delay, 1, 1e3) for delay in delays))
-        rows.append(cells)
+        cells += [numbers(last[name], 3) for name in ("bandwidth", "bandwidth_ci95")]
+        cells += [numbers(1e3 * last[name], 1) for name in ("delay", "delay_ci95")]
+        cells += [stretch.payload, numbers(stretch.small_signal_hz, 3), numbers(stretch.best_linear_ci95, 3)]
+        cells.append(numbers((1e3 * stretch.small_signal_delay, 1e3 * stretch.best_linear_delay), 1, ", "))
+        rows.append(cells[: len(columns)])
     print_table(f"{tracking.name}: the last estimate of each part", columns, rows)
     for stretch in tracking.truth[1:]:
         alarm = tracking.alarm(stretch)

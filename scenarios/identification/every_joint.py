@@ -16,7 +16,6 @@ from scenarios.identification.recovered_bandwidth import Interval
 from scenarios.truth.best_linear import BestLinearTruth, approximated
 from sysid import Estimate, FrequencyResponse, IOData, SysidWarning
 from sysid.frequency.band_gain import BandGain, band_gain
-from sysid.models.bandwidth import response_bandwidth
 from sysid.records.arrays import Locked
 
 SETTING = "every-joint"
@@ -44,8 +43,7 @@ class SevenJointPath:
     """Model of one joint from the campaign, beside its truth.
 
     Attributes:
-        joint: The joint.
-        truth: Small-signal truth.
+        truth: The joint's small-signal truth.
         estimate: Output-error model of the response to its own command.
         hz: Its bandwidth with the 95 % interval, Hz.
         bare: Bandwidth of the response without a model, likewise: of a smooth curve through its lines, which may err by
@@ -53,7 +51,6 @@ class SevenJointPath:
         delay: Samples from a command to the first measurement that shows it, by correlation; -1 where none shows.
     """
 
-    joint: str
     truth: JointTruth
     estimate: Estimate
     hz: Interval
@@ -129,13 +126,12 @@ def seven_joints(
     whole = approximated(experiments, logs, JOINTS, physics_seconds=physics_seconds, origin=origin)
     response, truth = whole.servo.response, whole.small_signal
     gain = np.abs(truth.model.frequency_response(response.frequencies))
-    band, delays = response_bandwidth(response), _delays(logs)
-    models = [joint_model(response, *pair) for pair in zip(JOINTS, delays, strict=True)]
-    paths = tuple(
-        SevenJointPath(joint, truth.joint(joint), model, model.bandwidth().path(), band.path(k, k), delay)
-        for k, (joint, model, delay) in enumerate(zip(JOINTS, models, delays, strict=True))
-    )
-    return SevenJoints(whole, paths, band_gain(whole.servo), np.sqrt((gain**2).mean(axis=0)), gain.max(axis=0) > FLOOR)
+    band, paths = whole.bandwidth, []
+    for k, (joint, delay) in enumerate(zip(JOINTS, _delays(logs), strict=True)):
+        model = joint_model(response, joint, delay)
+        paths.append(SevenJointPath(truth.joint(joint), model, model.bandwidth().path(), band.path(k, k), delay))
+    true_gain, coupled = np.sqrt((gain**2).mean(axis=0)), gain.max(axis=0) > FLOOR
+    return SevenJoints(whole, tuple(paths), band_gain(whole.servo), true_gain, coupled)
 
 
 def joint_model(response: FrequencyResponse, joint: str, delay: int) -> Estimate:

@@ -72,7 +72,7 @@ def every_joint_record(study: Comparison) -> dict[str, object] | None:
         return None
     return {
         "joints": {
-            path.joint: {
+            path.truth.name: {
                 "true_hz": path.truth.bandwidth_hz,
                 "hz": path.hz[0],
                 "ci95": path.hz[1:],

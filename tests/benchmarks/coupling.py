@@ -9,15 +9,14 @@ path and bandwidth of a joint are those of the mean response of all other campai
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import binomtest
 
 import sysid
-from hmtb_twin import JOINTS, Chain, simulate
-from scenarios.identification.every_joint import LEVEL, MULTISINES, campaign, joint_model, seven_joints
+from hmtb_twin import JOINTS, simulate
+from scenarios.identification.every_joint import LEVEL, campaign, joint_model, seven_joints
 from scenarios.report.figure_style import short
 from scenarios.truth.best_linear import approximated
 from sysid.frequency.band_gain import band_gain
-from tests.benchmarks.tables import heading, options, row
+from tests.benchmarks.tables import heading, options, percentage, row
 
 LEVELS = (LEVEL, 0.05)
 
@@ -34,17 +33,9 @@ def surrogate(truth, logs, rng):
 
 
 def print_false_calls(name, p):
-    """Print how many uncoupled paths the test calls coupled.
-
-    Args:
-        name: Kind of arm.
-        p: p-value of each path in each campaign (campaigns, paths).
-    """
-    cells = []
-    for level in LEVELS:
-        called = int((p < level).sum())
-        ends = binomtest(called, p.size).proportion_ci(method="wilson")
-        cells.append(f"{called}: {100 * called / p.size:.2f} ({100 * ends.low:.2f} to {100 * ends.high:.2f})")
+    """Print how many uncoupled paths the test calls coupled, by the p-values of campaigns (campaigns, paths)."""
+    counts = [int((p < level).sum()) for level in LEVELS]
+    cells = (f"{called}: {percentage(called, p.size, 2)}" for called in counts)
     row(name, p.size, *cells, int((p < LEVEL).any(axis=1).sum()))
 
 
@@ -57,14 +48,10 @@ def main():
     parser = options(__doc__)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first", type=int, default=1, help="first seed")
-    parser.add_argument("--realisations", type=int, default=MULTISINES.realisations)
-    parser.add_argument("--no-friction", action="store_true", help="joints without dry friction")
     chosen = parser.parse_args()
-    multisines = replace(MULTISINES, realisations=chosen.realisations)
     models, plain = [], []
     for seed in range(chosen.first, chosen.first + chosen.seeds):
-        chain = Chain(friction=not chosen.no_friction)
-        experiments = [replace(one, chain=chain) for one in campaign(multisines, seed=seed)]
+        experiments = campaign(seed=seed)
         logs = list(simulate(experiments, threads=1))
         models.append(seven_joints(experiments, logs))
         altered = surrogate(models[-1].approximation.small_signal, logs, np.random.default_rng([seed, 9]))
@@ -73,8 +60,7 @@ def main():
     coupled, true = models[0].coupled, models[0].true_gain
     levels = (f"called at {100 * level:g} %: % (95 %)" for level in LEVELS)
     heading("arm", "paths tested", *levels, "campaigns with one")
-    name = "without friction" if chosen.no_friction else "with friction"
-    print_false_calls(name, np.array([one.coupling.p[~coupled] for one in models]))
+    print_false_calls("with friction", np.array([one.coupling.p[~coupled] for one in models]))
     print_false_calls("uncoupled surrogate", np.array(plain))
     print()
     responses = np.array([one.approximation.servo.response.response for one in models])
@@ -95,9 +81,9 @@ def main():
         rows = [one.paths[k] for one in models]
         hz, low, high = np.array([one.hz for one in rows]).T
         own, bare = path.truth.bandwidth_hz, [one.bare[0] for one in rows]
-        linear = np.array([joint_model(one, path.joint, path.delay).bandwidth().path()[0] for one in pooled])
+        linear = np.array([joint_model(one, path.truth.name, path.delay).bandwidth().path()[0] for one in pooled])
         row(
-            short(path.joint),
+            short(path.truth.name),
             f"{own:.3f}",
             f"{linear.mean():.3f}",
             f"{hz.min():.3f} to {hz.max():.3f}",

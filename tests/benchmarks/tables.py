@@ -9,6 +9,8 @@ import os
 from pathlib import Path
 from time import process_time
 
+from scipy.stats import binomtest
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -43,6 +45,12 @@ def environment():
     """Environment of a process that imports this checkout and computes on one thread."""
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     return {**os.environ, **threads, "PYTHONPATH": str(ROOT)}
+
+
+def percentage(hits, trials, digits=1):
+    """Percentage with its 95 % interval, by Wilson's score."""
+    interval = binomtest(hits, trials).proportion_ci(0.95, "wilson")
+    return "{:.{d}f} ({:.{d}f} to {:.{d}f})".format(*(100 * p for p in (hits / trials, *interval)), d=digits)
 
 
 def heading(*names):

@@ -39,11 +39,10 @@ def with_valve(arm, *, valve=SERVO_VALVE, power_unit=POWER_UNIT):
 
 def at_step(arm, step, integrator=None):
     """Return an arm with another physics step in s, a whole part of a tick, and perhaps another integrator."""
-    model = copy(arm.model)
-    model.opt.timestep = SAMPLE_TIME / round(SAMPLE_TIME / step)
+    other = arm.at_step(SAMPLE_TIME / round(SAMPLE_TIME / step))
     if integrator is not None:
-        model.opt.integrator = integrator
-    return replace(arm, model=model)
+        other.model.opt.integrator = integrator
+    return other
 
 
 def natural_poles(arm, pose):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from hmtb_twin import PayloadChange, simulate
 from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions
 from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios.commands.cli import main
@@ -15,6 +16,7 @@ from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, TruthSpec,
 from scenarios.datasets.withhold import build_withheld
 from scenarios.experiments.campaign import NOMINAL
 from scenarios.experiments.excitation_computer import Excitation
+from scenarios.experiments.registry import load
 from scenarios.thesis.disturbances import DISTURBANCES
 from scenarios.thesis.study import planned_steps, run_study
 
@@ -101,6 +103,13 @@ def study_run(fewer_disturbances):
 def study(study_run):
     """The study of `study_run`."""
     return study_run[0]
+
+
+@pytest.fixture(scope="session")
+def exchange_log():
+    """The elbow pitch for 40 s, its end effector empty, and with the multiplexer from 20 s on."""
+    changes = (PayloadChange(20.0, "mdm"),)
+    return simulate([replace(load("track-elbow_pitch"), duration=40.0, payload_changes=changes)])[0]
 
 
 @pytest.fixture(scope="session")

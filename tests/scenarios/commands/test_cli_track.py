@@ -1,30 +1,23 @@
 """`hmtb track`: a log with its truth, a table without, and refusals."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from hmtb_twin import PayloadChange, simulate
 from hmtb_twin.files.netcdf import read_netcdf
-from scenarios.experiments.registry import load
 from scenarios.files.data_file import write_log
+from tests.scenarios.commands.conftest import table
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory):
-    """A log of 40 s with a payload change, and the same as a table."""
-    changed = replace(load("track-elbow_pitch"), duration=40.0, payload_changes=(PayloadChange(20.0, "mdm"),))
-    log = simulate([changed])[0]
-    folder = tmp_path_factory.mktemp("track")
-    data = log.iodata()
-    table = np.column_stack((data.time, data.u, data.y))
-    np.savetxt(folder / "arm.csv", table, delimiter=",", header="t,command,angle", comments="")
-    return write_log(log, folder / "track.nc"), folder / "arm.csv"
+def files(exchange_log, tmp_path_factory):
+    """The log of a payload change, and the same as a table."""
+    folder, data = tmp_path_factory.mktemp("track"), exchange_log.iodata()
+    columns = {"t": data.time, "command": data.u[:, 0], "angle": data.y[:, 0]}
+    return write_log(exchange_log, folder / "track.nc"), table(folder / "arm.csv", columns)
 
 
 def test_a_log_stands_beside_its_truth_and_a_table_gives_the_same_estimates(run, files, tmp_path):
-    log, table = files
+    log, arm = files
     code, out, _ = run("track", log, "--calibration", 15, "--no-bla", "--out", tmp_path)
     assert code == 0
     assert "change at 20 s to payload mdm: alarm after" in out
@@ -34,7 +27,7 @@ def test_a_log_stands_beside_its_truth_and_a_table_gives_the_same_estimates(run,
     kept = read_netcdf(tmp_path / "track.nc").variables
     np.testing.assert_array_equal(kept["bandwidth_hz"].values, estimates["bandwidth_hz"])
     words = ("--input", "command", "--output", "angle", "--time", "t", "--calibration", 15)
-    code, out, _ = run("track", table, *words)
+    code, out, _ = run("track", arm, *words)
     assert code == 0
     assert "alarm at 20" in out
     assert "truth" not in out

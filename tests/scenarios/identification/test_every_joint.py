@@ -56,7 +56,7 @@ def test_model_of_a_linear_arm_is_its_truth(truth, monkeypatch):
     experiments = campaign(FEWER, seed=3)
     found = seven_joints(experiments, records(truth, experiments, coupling=True))
     for path in found.paths:
-        assert path.delay == path.truth.delay_samples == (1 if path.joint == "shoulder_pitch" else 2)
+        assert path.delay == path.truth.delay_samples == (1 if path.truth.name == "shoulder_pitch" else 2)
         assert 0.997 * path.hz[1] < path.truth.bandwidth_hz < 1.003 * path.hz[2]
         assert path.bare[0] == pytest.approx(path.truth.bandwidth_hz, rel=8e-3)
     assert (~found.coupled).sum() == 24

@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hmtb_twin import PayloadChange, linearize, load_arm, simulate
-from scenarios.experiments.registry import load
+from hmtb_twin import linearize, load_arm
 from scenarios.identification.tracking import Tracking, best_linear_servo, phase_delay, true_stretches
 from scenarios.identification.tracking_figure import tracking_figure
 from sysid import FrequencyResponse
@@ -13,15 +12,9 @@ from tests.refusals import refused
 
 
 @pytest.fixture(scope="module")
-def log():
-    changed = replace(load("track-elbow_pitch"), duration=40.0, payload_changes=(PayloadChange(20.0, "mdm"),))
-    return simulate([changed])[0]
-
-
-@pytest.fixture(scope="module")
-def tracking(log):
-    followed = track(log.iodata(), calibration=15.0)
-    return Tracking(log.name, followed, true_stretches(log, "elbow_pitch", best_linear=False))
+def tracking(exchange_log):
+    followed = track(exchange_log.iodata(), calibration=15.0)
+    return Tracking(exchange_log.name, followed, true_stretches(exchange_log, "elbow_pitch", best_linear=False))
 
 
 def test_the_change_is_found_and_stands_beside_its_truth(tracking):
@@ -69,6 +62,6 @@ def test_the_best_linear_bandwidth_of_a_linear_arm_is_its_own(payload):
     assert delay == pytest.approx(phase_delay(truth.model.frequency_response, hz), rel=2e-3)
 
 
-def test_a_shutdown_has_no_truth(log):
-    off = replace(log, status=log.status | 16)
+def test_a_shutdown_has_no_truth(exchange_log):
+    off = replace(exchange_log, status=exchange_log.status | 16)
     refused("a shutdown, or work in contact, has no linear truth", true_stretches, off, "elbow_pitch")

@@ -12,7 +12,7 @@ from scenarios.thesis.report import html
 
 def test_seven_joints_have_bandwidths_and_delays_and_the_strong_paths_are_significant(study):
     seven = study.every_joint
-    assert [path.joint for path in seven.paths] == list(JOINTS)
+    assert [path.truth.name for path in seven.paths] == list(JOINTS)
     for path in seven.paths:
         # Friction slows a joint by up to a sixth.
         assert 0.8 < path.hz[0] / path.truth.bandwidth_hz < 1.05
