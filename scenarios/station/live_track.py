@@ -41,10 +41,6 @@ class LiveTrack:
         """End after the samples that were added."""
         self._samples.put(None)
 
-    def join(self) -> None:
-        """Wait for the end, after `close`."""
-        self._thread.join()
-
     def _follow(self) -> None:
         self.message.say(f"the bandwidth follows after {CALIBRATION:g} s of calibration", remark=True)
         samples = iter(self._samples.get, None)

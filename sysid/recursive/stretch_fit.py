@@ -153,9 +153,7 @@ def _lags(x: FloatArray, first: int, count: int) -> FloatArray:
 
 
 def _free(F: FloatArray, count: int, samples: int) -> FloatArray:
-    impulse = np.zeros(samples)
-    impulse[0] = 1.0
-    return _lags(scipy.signal.lfilter([1.0], F, impulse), 0, count)
+    return _lags(scipy.signal.lfilter([1.0], F, np.eye(1, samples)[0]), 0, count)
 
 
 def _whitened(D: FloatArray, columns: FloatArray) -> FloatArray:
@@ -217,32 +215,27 @@ def _search(
 ) -> StretchFit:
     n, samples = len(B), len(y) - begin
 
-    def cost(A: FloatArray, r: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        known = _solve(A[:, 2 * n :], r)
-        errors = r - A[:, 2 * n :] @ known
-        return float(errors @ errors), errors, known
+    def linearised(B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
+        A, r = (_whitened(D, part) for part in gradient_rows(u, y, begin, nk, B, F))
+        nuisance = _solve(A[:, 2 * n :], r)
+        errors = r - A[:, 2 * n :] @ nuisance
+        return A, r, nuisance, errors, float(errors @ errors)
 
-    def linearised(B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
-        columns, errors = gradient_rows(u, y, begin, nk, B, F)
-        return _whitened(D, columns), _whitened(D, errors)
-
-    A, r = linearised(B, F)
-    least, errors, nuisance = cost(A, r)
+    A, r, nuisance, errors, least = linearised(B, F)
     for _ in range(WIDEST_STEPS):
         step, size = _solve(A, r), 1.0
         while size > 1e-3:
             next_B, next_F = B + size * step[:n], F + size * np.append(0.0, step[n : 2 * n])
             poles = np.roots(next_F)
             if (np.abs(poles) < _largest(poles, samples)).all():
-                next_A, next_r = linearised(next_B, next_F)
-                next_cost = cost(next_A, next_r)
-                if next_cost[0] <= least:
+                tried = linearised(next_B, next_F)
+                if tried[-1] <= least:
                     break
             size *= 0.5
         else:
             break
-        decrease = least - next_cost[0]
-        B, F, A, r, (least, errors, nuisance) = next_B, next_F, next_A, next_r, next_cost
+        decrease = least - tried[-1]
+        B, F, (A, r, nuisance, errors, least) = next_B, next_F, tried
         if decrease <= SETTLED * least and size == 1.0:
             break
     scale = np.linalg.norm(A, axis=0)

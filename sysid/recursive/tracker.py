@@ -293,15 +293,7 @@ class Tracker:
         along = self._moves @ self._directions[: 2 * self._fit.order]
         log_f, delay = self._value + along @ self._delta
         own = np.maximum(np.einsum("ij,jk,ik->i", along, self._Pi, along), 0.0)
-        deviation = np.sqrt(self._inflation * own + self._between)
-        reach = STUDENT_95 * deviation
+        reach = STUDENT_95 * np.sqrt(self._inflation * own + self._between)
         f, wide = float(np.exp(log_f)), float(np.exp(np.minimum(reach[0], WIDEST)))
-        return TrackSample(
-            time,
-            f,
-            (f / wide, f * wide),
-            float(delay),
-            (float(delay - reach[1]), float(delay + reach[1])),
-            change,
-            True,
-        )
+        ends = float(delay - reach[1]), float(delay + reach[1])
+        return TrackSample(time, f, (f / wide, f * wide), float(delay), ends, change, True)

@@ -106,7 +106,7 @@ def test_the_bandwidth_that_follows_a_run_is_that_of_its_record(page, monkeypatc
     tab._speed.value = "as fast as it goes"
     press(tab._run)
     wait_until(lambda: not station.motion.running)
-    tab._track.join()
+    tab._track._thread.join()
     times, *drawn = tab._charts[2]._chart.data
     (log,) = station.session.records.values()
     followed = track(log.iodata(), calibration=15.0, gain=1.0)
