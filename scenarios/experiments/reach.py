@@ -3,19 +3,13 @@
 import numpy as np
 
 from hmtb_twin import Motion, View
-from scenarios.experiments.operator import PEAK, Submovement
+from scenarios.experiments.operator import PEAK, Skill, Step, Submovement
 
 REACH = 0.12
 """Largest distance of a target from the start along each direction of the tool, m."""
 
 TURN = 0.15
 """Largest angle of a target about each direction of the tool, rad."""
-
-SPEED, TURNING = 0.10, 0.15
-"""Peak speed, m/s, and peak angular speed, rad/s: as in the exchange of the replacement unit."""
-
-QUICKEST = 0.5
-"""Shortest movement, s."""
 
 PAUSE = (0.3, 0.8)
 """Shortest and longest pause between movements, s."""
@@ -24,7 +18,8 @@ PAUSE = (0.3, 0.8)
 class ReachingOperator:
     """Moves the tool in minimum-jerk movements [FlashHogan1985] in Cartesian rate mode.
 
-    The operator does not look: runs with one seed have the same motion of the stick, whatever the arm does.
+    Speeds and the shortest movement are those of the exchange of the replacement unit. The operator does not look: runs
+    with one seed have the same motion of the stick, whatever the arm does.
 
     Args:
         gains: Velocity per volt of the six axes, m/(s V) and rad/(s V).
@@ -35,7 +30,7 @@ class ReachingOperator:
         self._gains = gains
         self._rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(7,)))
         self._place = np.zeros(6)
-        self._movement = Submovement(np.zeros(6), 0.0, QUICKEST)
+        self._movement = Submovement(np.zeros(6), 0.0, Skill.quickest)
         self._next = self._movement.end
 
     def move(self, view: View) -> Motion:
@@ -43,7 +38,7 @@ class ReachingOperator:
         if view.time >= self._next:
             target = self._rng.uniform(-1.0, 1.0, 6) * np.repeat((REACH, TURN), 3)
             way = target - self._place
-            fastest = np.linalg.norm(way[:3]) / SPEED, np.linalg.norm(way[3:]) / TURNING
-            self._movement = Submovement(way, view.time, max(QUICKEST, PEAK * float(max(fastest))))
+            fastest = np.linalg.norm(way[:3]) / Step.speed, np.linalg.norm(way[3:]) / Skill.turning
+            self._movement = Submovement(way, view.time, max(Skill.quickest, PEAK * float(max(fastest))))
             self._place, self._next = target, self._movement.end + self._rng.uniform(*PAUSE)
         return Motion(self._movement.velocity(view.time) / self._gains, grip=False)

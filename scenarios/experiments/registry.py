@@ -101,15 +101,14 @@ def exchange() -> list[Table]:
 def tracking() -> list[Table]:
     """Tests of one joint whose payload is exchanged during the run."""
     source = package_table("track.toml")
-    keys = ("duration", "payload", "payload_changes", "excitation", "hand_controller")
     return [
         {
-            **{key: source[key] for key in keys},
+            **source["every"],
             "name": f"track-{joint}",
             "axes": [joint],
             "seed": 5000 + number,
             "description": f"{joint.replace('_', ' ')}: {source['description']}",
-            "tags": [*source["tags"], joint, source["excitation"]["kind"]],
+            "tags": [*source["tags"], joint, source["every"]["excitation"]["kind"]],
         }
         for number, joint in enumerate(source["joints"])
     ]
