@@ -28,17 +28,17 @@ estimator was changed as well, on other records: seeds from 2000.
 
 import json
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import binomtest
 
 import sysid
 from hmtb_twin import JOINTS, linearize, load_arm, simulate
 from hmtb_twin.control.experiment import PayloadChange
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.truth.best_linear import best_linear
-from tests.benchmarks.tables import heading, options, row
+from tests.benchmarks.tables import heading, options, percentage, row
 
 JOINT = "elbow_pitch"
 COLUMN = JOINTS.index(JOINT)
@@ -91,18 +91,14 @@ def linear_record(truths, seed, changes, duration=DURATION, first=0):
     return sysid.IOData(offsets, y + noise, 0.02)
 
 
-def twin_record(seed, changes, duration=DURATION, first=0):
+def twin_record(_, seed, changes, duration=DURATION, first=0):
     """Record of the simulated arm."""
-    exchanges = tuple(PayloadChange(t, p) for t, p in zip(changes, PAYLOADS[1:], strict=False))
-    experiment = Exchange(
-        f"exchange-{seed}",
-        (JOINT,),
-        excitation(seed, duration),
-        payload=PAYLOADS[first],
-        seed=seed,
-        payload_changes=exchanges,
-    )
-    return simulate([experiment])[0].iodata(JOINT)
+    changed = tuple(PayloadChange(t, p) for t, p in zip(changes, PAYLOADS[1:], strict=False))
+    settings = {"payload": PAYLOADS[first], "seed": seed, "payload_changes": changed}
+    return simulate([Exchange("exchange", (JOINT,), excitation(seed, duration), **settings)])[0].iodata(JOINT)
+
+
+RECORDS = {"linear": linear_record, "twin": twin_record}
 
 
 def crossing(model, departure=lambda f: 0.0 * f):
@@ -145,12 +141,6 @@ def outcome(record):
     return {"moments": ends, "alarms": [change.detected for change in found.changes]}
 
 
-def wilson(hits, trials):
-    """Percentage with its 95 % interval."""
-    interval = binomtest(hits, trials).proportion_ci(0.95, "wilson")
-    return f"{100 * hits / trials:.1f} ({100 * interval.low:.1f} to {100 * interval.high:.1f})"
-
-
 def report(problem, runs, hours, truth):
     """Print the tables of a problem."""
     print(f"\n`{problem}`, {len(runs)} runs\n")
@@ -164,7 +154,7 @@ def report(problem, runs, hours, truth):
         entries[name] = np.column_stack((*hits, values[:, 2] - values[:, 1]))
     during = np.vstack([entries[name] for name in ("5 s after", "10 s after", "20 s after")])
     for name, values in {**entries, "during, all three": during}.items():
-        counts = (wilson(int(values[:, k].sum()), len(values)) for k in (0, 1))
+        counts = (percentage(int(values[:, k].sum()), len(values)) for k in (0, 1))
         row(name, *counts, f"{1e3 * np.nanmedian(values[:, 2]):.2f}")
     alarms = [r["alarms"] for r in runs]
     delays = [min((a - c for a in run if a >= c), default=np.inf) for run in alarms for c in CHANGES]
@@ -174,7 +164,7 @@ def report(problem, runs, hours, truth):
     heading("changes detected within 10 s, %", "median delay, s", "95 % of them, s", "false alarms, hours at risk")
     at_risk = len(runs) * (DURATION - 30.0) / 3600.0
     quantiles = (f"{np.quantile(delays, q):.2f}" for q in (0.5, 0.95))
-    row(wilson(within, len(delays)), *quantiles, f"{false} in {at_risk:.1f}")
+    row(percentage(within, len(delays)), *quantiles, f"{false} in {at_risk:.1f}")
     if hours:
         total = sum(one["hours"] for one in hours)
         print(f"\nWithout a change: {sum(one['alarms'] for one in hours)} alarms in {total:.2f} hours.", flush=True)
@@ -184,7 +174,7 @@ def main():
     parser = options(__doc__)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--problems", nargs="*", default=["linear", "twin"], choices=["linear", "twin"])
+    parser.add_argument("--problems", nargs="*", default=[*RECORDS], choices=RECORDS)
     parser.add_argument("--unchanged", type=int, default=16, help="unchanged records of ten minutes per problem")
     parser.add_argument("--journal", type=Path, default=Path("tracking-{}.jsonl"))
     arguments = parser.parse_args()
@@ -201,16 +191,12 @@ def main():
                     file.write(json.dumps([key, done[key]]) + "\n")
             return done[key]
 
-        def draw(seed, changes, duration=DURATION, first=0, problem=problem):
-            if problem == "linear":
-                return linear_record(truths, seed, changes, duration, first)
-            return twin_record(seed, changes, duration, first)
-
         truth = once("targets", lambda problem=problem: targets(problem, truths))
         print(f"{problem}: targets, Hz and s: {np.round(truth, 4).tolist()}", flush=True)
+        draw = partial(RECORDS[problem], truths)
         results = [once(f"run {k}", lambda k=k: outcome(draw(1000 + k, CHANGES))) for k in range(runs)]
 
-        def count(k):
+        def count(k, draw=draw):
             record = draw(10**5 + k, (), UNCHANGED, k % 3)
             return {"alarms": len(outcome(record)["alarms"]), "hours": (UNCHANGED - 30.0) / 3600.0}
 
