@@ -170,6 +170,30 @@ def report(problem, runs, hours, truth):
         print(f"\nWithout a change: {sum(one['alarms'] for one in hours)} alarms in {total:.2f} hours.", flush=True)
 
 
+def measure(problem, runs, unchanged, path):
+    """Print the tables of a problem from so many runs and unchanged records; outcomes are kept in a journal."""
+    done = dict(json.loads(line) for line in path.read_text().splitlines()) if path.exists() else {}
+
+    def once(key, work, *arguments):
+        if key not in done:
+            done[key] = work(*arguments)
+            with path.open("a") as file:
+                file.write(json.dumps([key, done[key]]) + "\n")
+        return done[key]
+
+    truths = [linearize(load_arm(payload=payload), amplitudes=()) for payload in PAYLOADS]
+    draw = partial(RECORDS[problem], truths)
+
+    def count(k):
+        record = draw(10**5 + k, (), UNCHANGED, k % 3)
+        return {"alarms": len(outcome(record)["alarms"]), "hours": (UNCHANGED - 30.0) / 3600.0}
+
+    truth = once("targets", targets, problem, truths)
+    print(f"{problem}: targets, Hz and s: {np.round(truth, 4).tolist()}", flush=True)
+    results = [once(f"run {k}", lambda k: outcome(draw(1000 + k, CHANGES)), k) for k in range(runs)]
+    report(problem, results, [once(f"unchanged {k}", count, k) for k in range(unchanged)], truth)
+
+
 def main():
     parser = options(__doc__)
     parser.add_argument("--runs", type=int, default=200)
@@ -177,31 +201,10 @@ def main():
     parser.add_argument("--problems", nargs="*", default=[*RECORDS], choices=RECORDS)
     parser.add_argument("--unchanged", type=int, default=16, help="unchanged records of ten minutes per problem")
     parser.add_argument("--journal", type=Path, default=Path("tracking-{}.jsonl"))
-    arguments = parser.parse_args()
-    runs, unchanged = (10, 2) if arguments.quick else (arguments.runs, arguments.unchanged)
-    truths = [linearize(load_arm(payload=payload), amplitudes=()) for payload in PAYLOADS]
-    for problem in arguments.problems:
-        path = Path(str(arguments.journal).format(problem))
-        done = dict(json.loads(line) for line in path.read_text().splitlines()) if path.exists() else {}
-
-        def once(key, work, done=done, path=path):
-            if key not in done:
-                done[key] = work()
-                with path.open("a") as file:
-                    file.write(json.dumps([key, done[key]]) + "\n")
-            return done[key]
-
-        truth = once("targets", lambda problem=problem: targets(problem, truths))
-        print(f"{problem}: targets, Hz and s: {np.round(truth, 4).tolist()}", flush=True)
-        draw = partial(RECORDS[problem], truths)
-        results = [once(f"run {k}", lambda k=k: outcome(draw(1000 + k, CHANGES))) for k in range(runs)]
-
-        def count(k, draw=draw):
-            record = draw(10**5 + k, (), UNCHANGED, k % 3)
-            return {"alarms": len(outcome(record)["alarms"]), "hours": (UNCHANGED - 30.0) / 3600.0}
-
-        hours = [once(f"unchanged {k}", lambda k=k: count(k)) for k in range(unchanged)]
-        report(problem, results, hours, truth)
+    asked = parser.parse_args()
+    runs, unchanged = (10, 2) if asked.quick else (asked.runs, asked.unchanged)
+    for problem in asked.problems:
+        measure(problem, runs, unchanged, Path(str(asked.journal).format(problem)))
 
 
 if __name__ == "__main__":
