@@ -14,7 +14,7 @@ from scenarios.experiments.registry import load
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import Interval
 from scenarios.truth.best_linear import BestLinearTruth, approximated
-from sysid import Estimate, FrequencyResponse, IOData, SysidWarning
+from sysid import Estimate, FrequencyResponse, SysidWarning
 from sysid.frequency.band_gain import BandGain, band_gain
 from sysid.records.arrays import Locked
 
@@ -153,7 +153,7 @@ def joint_model(response: FrequencyResponse, joint: str, delay: int) -> Estimate
 def _delays(logs: Sequence[JointLog]) -> list[int]:
     """Delay of each joint, samples: first lag at which its angle correlates with its whitened command."""
     start = round(SETTLING / logs[0].dt)
-    records = [IOData(log.commanded[start:], log.measured[start:], log.dt) for log in logs]
+    records = [log.iodata(JOINTS)[start:] for log in logs]
     with warnings.catch_warnings():
         # Its test for feedback takes the friction's noise, which the command excites, for some.
         warnings.simplefilter("ignore", SysidWarning)

@@ -17,9 +17,6 @@ from sysid import FrequencyResponse
 from sysid.models.bandwidth import HALF_POWER
 from sysid.recursive import Change, Track
 
-UNKNOWN = (np.nan, np.nan)
-"""Interval of what is not known."""
-
 
 @dataclass(frozen=True)
 class Stretch:
@@ -42,7 +39,7 @@ class Stretch:
     small_signal_hz: float = np.nan
     small_signal_delay: float = np.nan
     best_linear_hz: float = np.nan
-    best_linear_ci95: tuple[float, float] = UNKNOWN
+    best_linear_ci95: tuple[float, float] = (np.nan, np.nan)
     best_linear_delay: float = np.nan
 
 
@@ -171,7 +168,7 @@ def best_linear_servo(
     size = np.abs(linear(fine)[:, 0, 0]) * np.interp(fine, f, np.abs(ratio))
     below = np.flatnonzero(size < HALF_POWER * (truth.dc_gain * np.abs(ratio[0]) if gain is None else gain))
     if not below.size or below[0] == 0 or response.covariance is None:
-        return np.nan, UNKNOWN, np.nan
+        return np.nan, (np.nan, np.nan), np.nan
     hz = float(fine[below[0]])
     # Half the variance of a complex number is that of its modulus.
     relative = np.sqrt(0.5 * np.trace(response.covariance[:, 0, 0], axis1=1, axis2=2)) / np.abs(values)
