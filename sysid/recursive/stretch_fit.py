@@ -165,7 +165,12 @@ def _whitened(D: FloatArray, columns: FloatArray) -> FloatArray:
 def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
     scale = np.linalg.norm(A, axis=0)
     scale[scale == 0.0] = 1.0
-    return np.asarray(np.linalg.lstsq(A / scale, b, rcond=1e-11)[0] / scale)
+    try:
+        solution = np.linalg.lstsq(A / scale, b, rcond=1e-11)[0]
+    except np.linalg.LinAlgError:
+        # the divide-and-conquer SVD of LAPACK fails on rare matrices, QR on none
+        solution = scipy.linalg.lstsq(A / scale, b, cond=1e-11, lapack_driver="gelsy")[0]
+    return np.asarray(solution / scale)
 
 
 def _largest(poles: np.ndarray[Any, Any], samples: int) -> FloatArray:
@@ -240,7 +245,7 @@ def _search(
             break
     scale = np.linalg.norm(A, axis=0)
     scale[scale == 0.0] = 1.0
-    _, values, rows = np.linalg.svd(A / scale, full_matrices=False)
+    _, values, rows = scipy.linalg.svd(np.linalg.qr(A / scale, mode="r"), lapack_driver="gesvd")
     known = values > KNOWN * values[0]
     directions = rows[known].T / values[known] / scale[:, None]
     variance = max(least / (len(errors) - len(scale)), EXACT * float(np.mean(y**2)))

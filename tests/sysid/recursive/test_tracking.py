@@ -80,6 +80,19 @@ def test_no_degree_fits_worse_than_a_smaller_one():
     assert weights[1] / weights[0] == pytest.approx(1.0 + np.exp(0.5 * (criteria[0] - criteria[1])))
 
 
+def test_fits_go_on_where_the_singular_values_do_not_converge(monkeypatch):
+    data, _ = switched(2)
+    case = data.u[:400, 0], data.y[:400, 0], 0, (3,), DELAY, np.ones(1)
+    (expected,) = fit_degrees(*case)
+
+    def diverges(*_, **__):
+        raise np.linalg.LinAlgError("SVD did not converge in Linear Least Squares")
+
+    monkeypatch.setattr(np.linalg, "lstsq", diverges)
+    (fit,) = fit_degrees(*case)
+    np.testing.assert_allclose(fit.F, expected.F, rtol=1e-6)
+
+
 def test_colour_of_a_disturbance():
     e = np.random.default_rng(2).standard_normal(20000)
     v = np.zeros(20000)
