@@ -46,7 +46,8 @@ class AdaptiveFollowing(Locked):
     as in [KarasonAnnaswamy1994] is needed. Directions that are not excited return to the fixed design. The larger an
     error, the faster it forgets [Fortescue1981]. Samples whose error lies in the dead zone neither add nor forget
     [GoodwinSin1984, sec. 3.6]; nor do those for a while after an error larger than those of a free arm, as when it
-    meets an obstacle or a new payload makes it sag. theta is projected onto a box, and goes to the solution smoothly.
+    meets an obstacle or a new payload makes it sag, and then the sums begin anew. theta is projected onto a box, and
+    goes to the solution smoothly.
     Of theta_i that share enters the command by which theta has lowered the squared errors of loop i: where the
     regressors explain nothing, as the vibration of another payload, the fixed design remains.
 
@@ -130,12 +131,10 @@ class AdaptiveRun:
         # Coefficients are scaled such that the prior's information is one.
         self._unit = PRIOR / NOISE * self._bounds
         self._rate, self._dead_zone = block / design.memory, design.dead_zone
-        self._information, self._evidence = np.eye(m * p), np.zeros(m * p)
         self._own, self._tick, self._begun = np.zeros(m), 0, False
         self._gain, self._pause, self._waiting = block / SMOOTHING, round(PAUSE / block), 0
-        # Squared errors of each loop, without theta and with it.
-        self._energy, self._theta = np.zeros((2, m)), np.zeros(m * p)
-        self.coefficients, self.learnt = np.zeros((m, p)), 0
+        self._theta, self.coefficients, self.learnt = np.zeros(m * p), np.zeros((m, p)), 0
+        self._restart()
 
     def command(self, requested: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """Return the command u(t) (m,) for the request (m,) and the measurement (m,) of this sample."""
@@ -156,6 +155,13 @@ class AdaptiveRun:
         self._sum += self._phi
         self._tick += 1
 
+    def _restart(self) -> None:
+        """Begin the sums; nothing is known then but the prior."""
+        m, p = self.coefficients.shape
+        self._information, self._evidence = np.eye(m * p), np.zeros(m * p)
+        # Squared errors of each loop, without theta and with it.
+        self._energy = np.zeros((2, m))
+
     def _learn(self, measured: np.ndarray) -> None:
         """Add the error of this sample to the sums, and solve for the coefficients."""
         m, own = len(measured), np.arange(len(measured))
@@ -173,7 +179,10 @@ class AdaptiveRun:
         error, regressors = scaled[:, 0], scaled[:, 1:]
         left = error - regressors @ self._theta
         size = float(left @ left) / (m * NOISE**2)
-        self._waiting = self._pause if size > LARGEST else max(self._waiting - 1, 0)
+        self._waiting = max(self._waiting - 1, 0)
+        if size > LARGEST:
+            self._waiting = self._pause
+            self._restart()
         if self._waiting or np.abs(left).max() <= self._dead_zone:
             return
         regressors *= self._unit
