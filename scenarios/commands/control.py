@@ -83,7 +83,7 @@ def control(
 
     from hmtb_twin import VARIANTS, Plant
     from scenarios.control.campaign import frequency_test, identification_experiment, identify_pair
-    from scenarios.control.design import designer
+    from scenarios.control.design import METHODS, designer
     from scenarios.control.runs import run_scenarios
     from scenarios.control.study import results, stress
     from scenarios.experiments.registry import selected
@@ -91,6 +91,8 @@ def control(
 
     check_seed(seed)
     designers = {Path(name).stem if name.endswith(".json") else name: designer(name) for name in method}
+    if not method:
+        raise ScenarioError(f"--method: none given, expected {', '.join(METHODS)}, or files of --out")
     if len(designers) < len(method) or {"without", "reference", "control"} & designers.keys():
         raise ScenarioError(f"--method {' '.join(method)} given, expected names of their own, none of a file of --out")
     plant = Plant(friction_level=friction_level)
@@ -203,7 +205,8 @@ def _print(scored: "Sequence[ControlResult]", broken: "Sequence[ControlResult]")
             gains = " / ".join(f"{each.gains[1, k]:.2f}" for each in three)
             phases = " / ".join(f"{np.degrees(each.phases[1, k]):.0f}" for each in three)
             bands = " / ".join(f"{each.bandwidth_hz[k]:.2f}" for each in three)
-            seen.append([f"{one.runs.scenario.name}, {one.method}", joint, gains, phases, bands.replace("nan", "-")])
+            cells = (cell.replace("nan", "-") for cell in (gains, phases, bands))
+            seen.append([f"{one.runs.scenario.name}, {one.method}", joint, *cells])
     if seen:
         titles = ["scenario", "joint", "gain at 1 Hz", "phase at 1 Hz / °", "bandwidth / Hz"]
         print_table("What the operator sees: without / with / reference", titles, seen)

@@ -90,12 +90,15 @@ def track(
             if len(parts) != 1:
                 raise ScenarioError(f"{path.name}: {len(parts)} parts between gaps, expected one record without gaps")
             log, record = log_of(path), replace(parts[0], name=path.stem)
+        elif path.suffix not in ("", ".toml"):
+            raise ScenarioError(f"no file {data}; hmtb simulate makes logs of scenarios")
         else:
             log = _simulated(data, duration, seed, threads)
             record = replace(log.iodata(joint), name=log.name)
         found = follow(record, order, nk, calibration=calibration, gain=gain, drift=drift, false_alarms=false_alarms)
         tracking = Tracking(record.name, found)
-        if log is not None:
+        # Runs under control are experiments without a truth.
+        if log is not None and "scenario" in log.provenance:
             truth = true_stretches(log, joint or log.axes[0], gain=gain, best_linear=not no_bla, threads=threads)
             tracking = replace(tracking, truth=truth)
         files = _write(tracking, folder) if folder else []

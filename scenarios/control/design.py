@@ -66,7 +66,7 @@ def read_law(path: Path) -> Law:
     """
     try:
         content = parsed(path)
-        if not isinstance(content, dict) or content.get("format") != FORMAT or content.get("kind") not in LAWS:
+        if not isinstance(content, dict) or content.get("format") != FORMAT or str(content.get("kind")) not in LAWS:
             raise ScenarioError(f"{path.name}: expected a law of hmtb control --out ({', '.join(LAWS)})")
         law: Law = decoded("law", content.get("law"), LAWS[content["kind"]])
     except SysidError as error:

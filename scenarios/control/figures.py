@@ -102,15 +102,21 @@ def response_figure(results: Sequence[ControlResult], pair: IdentifiedPair) -> F
     logs, joint = _drawn(results)
     figure = Figure(figsize=(WIDTH, 4.4), layout="constrained")
     gain, phase = figure.subplots(2, 1, sharex=True)
-    _draw_response(gain, phase, pair.reference.frequency_response(GRID)[:, joint, joint], REFERENCE, "reference model")
-    for label, (log, style) in logs.items():
-        seen = seen_responses(request_of(log), answer_of(log), log.dt)[:, joint]
+    # The reference by the same estimate: where requests are poor, all curves are wrong alike.
+    request = request_of(logs[WITHOUT_LABEL][0])
+    drawn = [("reference model", REFERENCE, request, np.asarray(sysid.simulate(pair.reference, request)))]
+    drawn += [(label, style, request_of(log), answer_of(log)) for label, (log, style) in logs.items()]
+    for label, style, request, answer in drawn:
+        seen = seen_responses(request, answer, logs[WITHOUT_LABEL][0].dt)[:, joint]
         if np.isfinite(seen).any():
             _draw_response(gain, phase, seen, style, label)
     gain.set(ylabel="gain", xscale="log", title=f"{short(CONTROLLED[joint])}, {results[0].runs.scenario.name}")
     phase.set(ylabel="phase / °", xlabel="frequency / Hz")
     plain_marks(phase.xaxis, (GRID[0], GRID[-1]))
-    gain.legend(fontsize=8, frameon=False)
+    if gain.lines:
+        gain.legend(fontsize=8, frameon=False)
+    else:
+        gain.text(0.5, 0.5, "the requests are too poor for a response", transform=gain.transAxes, ha="center")
     dress([gain, phase])
     return figure
 

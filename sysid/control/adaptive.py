@@ -8,6 +8,7 @@ from sysid.control.controller import Controller, check_pair
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import real_number
 from sysid.records.arrays import FloatArray, Locked
+from sysid.records.errors import SysidError
 
 SLOWEST_HZ = 0.15
 """Frequency below which integral action rejects what the feedforward would learn: errors are high-passed here."""
@@ -89,6 +90,8 @@ class AdaptiveFollowing(Locked):
 
     def __post_init__(self) -> None:
         """Check."""
+        if not isinstance(self.fixed, Controller):
+            raise SysidError(f"fixed: expected a Controller, got {type(self.fixed).__name__}")
         check_pair(self.plant, self.reference, self.fixed.loops, self.fixed.dt)
         for name in ("friction", "stiffness", "memory", "velocity", "dead_zone"):
             value = real_number(name, getattr(self, name), "be above 0", lambda x: 0.0 < x < np.inf)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.models.state_space import StateSpace
+from sysid.records.arguments import sampling_interval
 from sysid.records.arrays import FloatArray, Locked, lock, real_array
 from sysid.records.errors import SysidError
 
@@ -53,13 +54,18 @@ class Controller(Locked):
         n, m = len(np.atleast_2d(self.A)), len(np.atleast_2d(self.Dr))
         shapes: dict[str, tuple[int, ...]] = {"A": (n, n), "C": (m, n), "Dr": (m, m), "Dy": (m, m)}
         shapes |= dict.fromkeys(("Br", "By", "Bu"), (n, m))
+        if self.correction is not None or self.feedforward is not None:
+            shapes["feedforward"] = (m, n + m)
         if self.correction is not None:
-            shapes |= {"feedforward": (m, n + m), "correction": (m,)}
+            shapes["correction"] = (m,)
         for name, shape in shapes.items():
             matrix = real_array(name, getattr(self, name))
             if matrix.shape != shape:
                 raise SysidError(f"{name}: expected shape {shape} for {n} states and {m} loops, got {matrix.shape}")
             object.__setattr__(self, name, lock(matrix))
+        object.__setattr__(self, "dt", sampling_interval(self.dt))
+        if self.correction is not None and self.correction.min() <= 0.0:
+            raise SysidError(f"correction: expected values above 0, got {self.correction.min():g}")
 
     @property
     def loops(self) -> int:
@@ -93,6 +99,7 @@ class Controller(Locked):
 
     def sensitivity(self, plant: StateSpace) -> float:
         """Return the largest singular value over frequency of the sensitivity at a plant's input, of a stable loop."""
+        check_model("plant", plant, self.loops, self.dt, stable=False)
         A, B = self.A + self.Bu @ self.C, self.By + self.Bu @ self.Dy
         f_hz = np.geomspace(1e-3, 0.5, GRID) / self.dt
         feedback = StateSpace(A, B, self.C, self.Dy, None, self.dt).frequency_response(f_hz)
@@ -108,7 +115,13 @@ class ControllerRun:
         self._state, self._next = np.zeros(len(controller.A)), np.zeros(len(controller.A))
 
     def command(self, requested: np.ndarray, measured: np.ndarray) -> np.ndarray:
-        """Return the command u(t) (m,) for the request (m,) and the measurement (m,) of this sample."""
+        """Return the command u(t) (m,) for the request (m,) and the measurement (m,) of this sample.
+
+        Raises:
+            SysidError: A request or a measurement that is not finite: the state would never recover.
+        """
+        if not (np.isfinite(requested).all() and np.isfinite(measured).all()):
+            raise SysidError(f"request {requested}, measurement {measured}: expected finite numbers")
         law = self._law
         self._next = law.A @ self._state + law.Br @ requested + law.By @ measured
         wanted = np.asarray(law.C @ self._state + law.Dr @ requested + law.Dy @ measured)
@@ -124,6 +137,8 @@ class ControllerRun:
 
 def check_model(name: str, model: StateSpace, loops: int, dt: float, *, stable: bool = True) -> None:
     """Refuse a model of other inputs and outputs than the loops, with a direct term, at another dt, s, or unstable."""
+    if not isinstance(model, StateSpace):
+        raise SysidError(f"{name}: expected a StateSpace, got {type(model).__name__}")
     if (model.nu, model.ny) != (loops, loops) or model.D.any() or abs(model.dt / dt - 1.0) > 1e-9:
         raise SysidError(
             f"{name}: expected {loops} inputs and outputs, no direct term, at {dt:g} s, got {model.nu} and "

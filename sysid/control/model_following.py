@@ -79,7 +79,11 @@ def model_following(
         SysidError: Models of other sizes or sampling intervals, a direct term, no innovation covariance, an unstable
             model, or no feedback that keeps the sensitivity.
     """
+    if not isinstance(plant, StateSpace):
+        raise SysidError(f"plant: expected a StateSpace, got {type(plant).__name__}")
     check_pair(plant, reference, plant.nu, plant.dt)
+    if not np.diag(plant.dc_gain()).all():
+        raise SysidError("plant: expected a gain at 0 Hz from every input to its own output, got 0")
     positive = "be above 0", lambda x: 0.0 < x < np.inf
     effort = real_number("effort", effort, *positive)
     disturbance = real_number("disturbance", disturbance, *positive)
@@ -104,6 +108,8 @@ def model_following(
         if firmest > 0.0:
             chosen = scipy.optimize.brentq(excess, *ends, args=(observer,), xtol=1e-3)
         controller = design(chosen, observer)
+        if not controller.closed_loop(plant).is_stable():
+            raise SysidError("plant: rounding makes its loop unstable: scale inputs and outputs to like size")
         return FollowingDesign(controller, controller.sensitivity(plant), float(10.0**chosen), walk)
     raise SysidError(f"sensitivity {bound:g} requested, but no disturbance down to {walk:.3g} keeps it: allow more")
 
@@ -135,7 +141,10 @@ def _regulator(plant: StateSpace, effort: float, damping: float = 0.0) -> tuple[
     Q, R = C.T @ C + damping * move.T @ move, effort * np.eye(m)
     Q[n:, n:] += R
     N = np.vstack([np.zeros((n, m)), -effort * np.eye(m)])
-    P = scipy.linalg.solve_discrete_are(A, B, Q, R, s=N)
+    try:
+        P = scipy.linalg.solve_discrete_are(A, B, Q, R, s=N)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise SysidError(f"plant: its regulator has no solution: {error}") from error
     H = np.linalg.inv(R + B.T @ P @ B) @ B.T
     F = H @ P @ A + np.linalg.solve(R + B.T @ P @ B, N.T)
     return F, A - B @ F, H

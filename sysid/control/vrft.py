@@ -153,7 +153,11 @@ def vrft(
 
 
 def _check(record: IOData, reference: StateSpace, delay: int, instruments: int) -> None:
+    if not isinstance(reference, StateSpace):
+        raise SysidError(f"reference: expected a StateSpace, got {type(reference).__name__}")
     m = reference.nu
+    if not np.isfinite(record.y).all() or not np.ptp(record.u, axis=0).all():
+        raise SysidError("record: expected moving inputs, and no missing outputs")
     check_model("reference", reference, m, record.dt)
     if (record.nu, record.ny) != (m, m):
         raise SysidError(f"record: expected {m} inputs and outputs, got {record.nu} and {record.ny}")

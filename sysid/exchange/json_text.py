@@ -35,6 +35,8 @@ def parsed(path: Path) -> Any:
         raise SysidError(f"cannot read {path}: {error.strerror}") from error
     except ValueError as error:
         raise SysidError(f"no JSON in UTF-8, or cut short: {error}") from error
+    except RecursionError as error:
+        raise SysidError("brackets are nested too deep, expected three levels of a matrix") from error
 
 
 def _refused(text: str) -> None:

@@ -83,8 +83,6 @@ def read_model(path: str | Path) -> Estimate | StateSpace | Polynomials:
         return _model(parsed(file))
     except SysidError as error:
         raise SysidError(f"{file.name}: {error}") from error
-    except RecursionError as error:
-        raise SysidError(f"{file.name}: brackets are nested too deep, expected three levels of a matrix") from error
 
 
 def _model(content: Any) -> Estimate | StateSpace | Polynomials:

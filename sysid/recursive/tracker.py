@@ -135,8 +135,9 @@ class Tracker:
         self._nk = whole_number("nk", nk, 1, LONGEST_DELAY)
         positive = "be positive", lambda value: 0.0 < value < np.inf
         self._gain = None if gain is None else real_number("gain", gain, *positive)
-        drift = real_number("drift", drift, *positive)
-        rate = real_number("false_alarms", false_alarms, *positive) / 3600.0
+        drift = real_number("drift", drift, "lie between 1e-9 and 1e3", lambda value: 1e-9 <= value <= 1e3)
+        wanted = "lie between 1e-100 and 1e100", lambda value: 1e-100 <= value <= 1e100
+        rate = real_number("false_alarms", false_alarms, *wanted) / 3600.0
         least = SHORTEST * (3 * min(self.order, 2) + 1)
         if len(record) < least:
             raise SysidError(f"{len(record)} samples of calibration given, expected {least} or more")
@@ -294,6 +295,8 @@ class Tracker:
         log_f, delay = self._value + along @ self._delta
         own = np.maximum(np.einsum("ij,jk,ik->i", along, self._Pi, along), 0.0)
         reach = STUDENT_95 * np.sqrt(self._inflation * own + self._between)
-        f, wide = float(np.exp(log_f)), float(np.exp(np.minimum(reach[0], WIDEST)))
+        # nothing is seen above half the sampling frequency
+        top = 0.5 / self.dt
+        f, wide = float(np.exp(min(log_f, np.log(top)))), float(np.exp(np.minimum(reach[0], WIDEST)))
         ends = float(delay - reach[1]), float(delay + reach[1])
-        return TrackSample(time, f, (f / wide, f * wide), float(delay), ends, change, True)
+        return TrackSample(time, f, (f / wide, min(f * wide, top)), float(delay), ends, change, True)

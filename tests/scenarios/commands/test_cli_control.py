@@ -52,6 +52,7 @@ def test_results_designs_logs_and_figures(result, printed, files, tmp_path):
         (("raech",), "did you mean 'reach'"),
         (("reach", "--method", "follow"), "unknown method 'follow'"),
         (("reach", "--method", "vrft", "vrft"), "expected names of their own"),
+        (("reach", "--method"), "--method: none given"),
         (("rpcm", "--with-stress"), "expected one, as reach"),
         (("reach", "--method", "none.json"), "expected a law of hmtb control --out: cannot read"),
         (("reach", "--method", "{reference}"), "expected a law of hmtb control --out (Controller, Adaptive"),

@@ -47,6 +47,7 @@ def test_json_has_the_estimates_once_a_second(result, files):
     [
         (("track-ebow_pitch",), "did you mean 'track-elbow_pitch'"),
         (("track-elbow_pitch", "--duration", 90), "payload_changes at 60, 120 s given, expected ascending times"),
+        (("none.nc",), "no file none.nc"),
         (("{log}", "--seed", 1), "--duration and --seed are for scenarios"),
         (("{log}", "--calibration", 50), "calibration"),
         (("mimo-7-independent", "--duration", 4), "name the joint"),

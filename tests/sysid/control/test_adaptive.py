@@ -100,6 +100,7 @@ def test_the_same_run_gives_the_same_bits():
         ({"plant": replace(PLANT, innovation_covariance=np.diag([1.0, 0.0]))}, "plant: .* without zero variances"),
         ({"plant": replace(PLANT, A=1.2 * np.eye(4))}, "plant: expected a stable model"),
         ({"memory": 0.0}, "memory"),
+        ({"fixed": None}, "fixed: expected a Controller"),
     ],
 )
 def test_what_it_refuses(wrong, message):

@@ -144,6 +144,17 @@ def test_refusals():
         ({"sensitivity": 1.0}, "sensitivity"),
         ({"noise": 1.5}, "noise"),
         ({"disturbance": np.nan}, "disturbance"),
+        ({"plant": None}, "expected a StateSpace, got NoneType"),
+        ({"plant": replace(plant, C=0.0 * plant.C)}, "a gain at 0 Hz"),
     ):
         refused(text, model_following, **{"plant": plant, "reference": REFERENCE, **wrong})
-    refused("plant: expected 2 inputs", model_following(plant, REFERENCE).controller.closed_loop, servo((-6.0,)))
+    controller = model_following(plant, REFERENCE).controller
+    refused("plant: expected 2 inputs", controller.closed_loop, servo((-6.0,)))
+    refused("at 0.02 s", controller.sensitivity, replace(plant, dt=0.01))
+    refused("expected finite", controller.start().command, np.zeros(2), np.array([0.0, np.nan]))
+    for wrong, text in (
+        ({"dt": -1.0}, "dt must"),
+        ({"feedforward": np.ones((2, 2))}, "feedforward: expected shape"),
+        ({"feedforward": np.hstack([controller.C, controller.Dr]), "correction": [-1.0, 1.0]}, "above 0, got -1"),
+    ):
+        refused(text, replace, controller, **wrong)

@@ -121,6 +121,8 @@ def test_refusals():
     for wrong, text in (
         ({"data": data.select(inputs=[0])}, "record: expected 2 inputs and outputs"),
         ({"data": data[:60]}, "samples or more"),
+        ({"data": replace(data, u=np.c_[data.u[:, 0], np.ones(len(data))])}, "moving inputs"),
+        ({"reference": None}, "got NoneType"),
         ({"data": replace(data, u=one, y=sysid.simulate(plant(), one))}, "excite all inputs"),
         ({"data": replace(data, y=rng.standard_normal(data.y.shape))}, "unexplained"),
         ({"reference": replace(REFERENCE, A=1.3 * REFERENCE.A)}, "stable"),
