@@ -91,6 +91,18 @@ def verify() -> object:
     }
 
 
+def truth(variant: str) -> object:
+    """What `hmtb truth` prints of an arm; of the shoulder roll, which a pin holds, without what rounding decides.
+
+    Its gain is 1e-7: the order of its minimal model and the place of its response's peak differ between processors.
+    """
+    printed = hmtb("truth", "--variant", variant)
+    roll = printed["joints"]["shoulder_roll"]  # type: ignore[index]
+    for key in ("poles", "zeros", "delay_samples"):
+        del roll[key]
+    return printed
+
+
 def thesis() -> object:
     """The numbers of a short study."""
     with tempfile.TemporaryDirectory() as folder:
@@ -152,7 +164,7 @@ def estimators(problem: str) -> object:
 
 CASES: dict[str, Callable[[], object]] = {
     **{f"estimators-{name}": partial(estimators, name) for name in ("p1", "p2", "p3")},
-    **{f"truth-{name}": partial(hmtb, "truth", "--variant", name) for name in ("nominal", "published", "flight")},
+    **{f"truth-{name}": partial(truth, name) for name in ("nominal", "published", "flight")},
     "bandwidth": partial(hmtb, "bandwidth"),
     **{f"dataset-{name}": partial(dataset, f"hmtb-{name}-v1") for name in ("siso", "mimo", "nonlinear")},
     "verify": verify,
