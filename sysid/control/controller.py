@@ -135,10 +135,13 @@ class ControllerRun:
         self._state = self._next + self._law.Bu @ command
 
 
-def check_model(name: str, model: StateSpace, loops: int, dt: float, *, stable: bool = True) -> None:
+def check_model(
+    name: str, model: StateSpace, loops: int | None = None, dt: float | None = None, *, stable: bool = True
+) -> None:
     """Refuse a model of other inputs and outputs than the loops, with a direct term, at another dt, s, or unstable."""
     if not isinstance(model, StateSpace):
         raise SysidError(f"{name}: expected a StateSpace, got {type(model).__name__}")
+    loops, dt = loops or model.nu, dt or model.dt
     if (model.nu, model.ny) != (loops, loops) or model.D.any() or abs(model.dt / dt - 1.0) > 1e-9:
         raise SysidError(
             f"{name}: expected {loops} inputs and outputs, no direct term, at {dt:g} s, got {model.nu} and "
@@ -148,9 +151,9 @@ def check_model(name: str, model: StateSpace, loops: int, dt: float, *, stable: 
         raise SysidError(f"{name}: expected a stable model, got poles to {abs(model.poles()[0]):.4g}")
 
 
-def check_pair(plant: StateSpace, reference: StateSpace, loops: int, dt: float) -> None:
+def check_pair(plant: StateSpace, reference: StateSpace, loops: int | None = None, dt: float | None = None) -> None:
     """Refuse models of plant and reference by `check_model`, or without variances of the plant's innovations."""
     check_model("plant", plant, loops, dt)
-    check_model("reference", reference, loops, dt)
+    check_model("reference", reference, plant.nu, plant.dt)
     if plant.innovation_covariance is None or not np.diag(plant.innovation_covariance).all():
         raise SysidError("plant: expected a model with innovation covariance, without zero variances, as of estimates")

@@ -47,6 +47,7 @@ def model_following(
     sensitivity: float = 2.0,
     disturbance: float = 1.0,
     noise: float = 0.5,
+    correction: FloatArray | None = None,
 ) -> FollowingDesign:
     """Design a controller by which a plant answers like a reference model.
 
@@ -71,6 +72,7 @@ def model_following(
             gain of the plant at 0 Hz. Larger ones reject friction and unknown loads faster.
         noise: Part of the innovation gain K that the observer takes for noise of the state, from 0 to 1. In a record
             with dry friction most of it is distortion that the input causes, and a full K makes a slow observer.
+        correction: Largest differences between commands and feedforward (m,), as in `Controller`; None for no bound.
 
     Returns:
         The controller, and the peak of the sensitivity that its design reached.
@@ -79,9 +81,7 @@ def model_following(
         SysidError: Models of other sizes or sampling intervals, a direct term, no innovation covariance, an unstable
             model, or no feedback that keeps the sensitivity.
     """
-    if not isinstance(plant, StateSpace):
-        raise SysidError(f"plant: expected a StateSpace, got {type(plant).__name__}")
-    check_pair(plant, reference, plant.nu, plant.dt)
+    check_pair(plant, reference)
     if not np.diag(plant.dc_gain()).all():
         raise SysidError("plant: expected a gain at 0 Hz from every input to its own output, got 0")
     positive = "be above 0", lambda x: 0.0 < x < np.inf
@@ -93,7 +93,8 @@ def model_following(
     ends = np.log10([effort, SOFTEST])
 
     def design(log_effort: float, observer: FloatArray) -> Controller:
-        return _combined(plant, reference, observer, feedforward, _regulator(plant, 10.0**log_effort)[0], back)
+        feedback = _regulator(plant, 10.0**log_effort)[0]
+        return _combined(plant, reference, observer, feedforward, feedback, back, correction)
 
     def excess(log_effort: float, observer: FloatArray) -> float:
         return design(log_effort, observer).sensitivity(plant) - bound
@@ -169,6 +170,7 @@ def _combined(
     feedforward: tuple[FloatArray, FloatArray],
     feedback: FloatArray,
     back: FloatArray,
+    correction: FloatArray | None,
 ) -> Controller:
     """Controller of feedforward, way back from limits, and feedback; its signals are rows over state, r, y and ua."""
     n, m, k = plant.order, plant.nu, reference.order
@@ -192,4 +194,4 @@ def _combined(
     ends = np.cumsum(sizes)[-4:-1]
     C, Dr, Dy, _ = np.split(command, ends, axis=1)
     state, Br, By, Bu = np.split(np.vstack(nexts), ends, axis=1)
-    return Controller(state, Br, By, Bu, C, Dr, Dy, plant.dt)
+    return Controller(state, Br, By, Bu, C, Dr, Dy, plant.dt, planned[:, : ends[1]], correction)

@@ -57,7 +57,7 @@ def vrft(
     pole: float = 0.5,
     sensitivity: float = 2.0,
     corner: float | None = None,
-    correction: float = 1.0,
+    correction: float = 0.5,
     instruments: int = 24,
 ) -> VirtualReferenceDesign:
     """Tune a controller of two degrees of freedom so that the plant answers like a reference model M.
@@ -153,12 +153,10 @@ def vrft(
 
 
 def _check(record: IOData, reference: StateSpace, delay: int, instruments: int) -> None:
-    if not isinstance(reference, StateSpace):
-        raise SysidError(f"reference: expected a StateSpace, got {type(reference).__name__}")
-    m = reference.nu
     if not np.isfinite(record.y).all() or not np.ptp(record.u, axis=0).all():
         raise SysidError("record: expected moving inputs, and no missing outputs")
-    check_model("reference", reference, m, record.dt)
+    check_model("reference", reference, dt=record.dt)
+    m = reference.nu
     if (record.nu, record.ny) != (m, m):
         raise SysidError(f"record: expected {m} inputs and outputs, got {record.nu} and {record.ny}")
     early = np.abs(reference.step_response(delay)[-1]).max()

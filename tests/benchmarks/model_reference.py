@@ -38,9 +38,10 @@ from hmtb_twin import PayloadChange, Plant, Specimen, Status, linearize, load_ar
 from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions, draw_specimen
 from scenarios import load
 from scenarios.control.campaign import CONTROLLED, identification_experiment, identify_pair
+from scenarios.control.design import METHODS
 from scenarios.control.runs import run_scenarios
 from scenarios.control.score import answer_of, is_stable, request_of
-from sysid import AdaptiveFollowing, model_following
+from sysid import model_following
 from tests.benchmarks.tables import heading, options, row
 
 FACTORS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
@@ -116,8 +117,7 @@ def designs(seed=100, mass=1.0):
     if mass != 1.0:
         arm = replace(identification_experiment(seed=seed + 1), specimen=Specimen(payload_mass=mass))
         pair = replace(identify_pair(seed + 1, ground=arm), reference=pair.reference)
-    fixed = model_following(pair.ground, pair.reference).controller
-    return {"following": fixed, "adaptive": AdaptiveFollowing(fixed, pair.ground, pair.reference)}, pair.reference
+    return {method: METHODS[method](pair) for method in ("following", "adaptive")}, pair.reference
 
 
 def reach_errors(duration, arms, laws, reference):
@@ -139,7 +139,9 @@ def seed_results(seeds):
     """Errors of each seed's runs, by scenario and law, and the loop's worst pole for each payload."""
     for seed in seeds:
         known, reference = designs(seed)
-        laws = {"identified": known["following"], "truth": model_following(linear_truth(), reference).controller}
+        own = known["following"]
+        truth = model_following(linear_truth(), reference, correction=own.correction).controller
+        laws = {"identified": own, "truth": truth}
         wanted, errors = {"model": reference, "true": linear_truth("flight")}, {}
         for run in run_scenarios([replace(load(name), seed=seed) for name in ("reach", "rpcm")], laws):
             arm = run.logs.pop("reference", None)

@@ -111,6 +111,22 @@ def test_a_limited_command_does_not_wind_up():
     assert np.abs(np.linalg.eigvals(controller.A)).max() < 0.9
 
 
+def test_an_obstacle_meets_no_more_than_the_correction():
+    """Held in place, the plant meets the plan's command and the correction, however long the feedback integrates."""
+    plant, requests, bounds = coupled(), moves(600, 2, seed=6), np.array([0.01, 0.03])
+    planned = run(model_following(plant, REFERENCE).controller, plant, requests)[1]
+    most = []
+    for correction in (None, bounds):
+        law = model_following(plant, REFERENCE, correction=correction).controller.start()
+        commands = np.empty_like(requests)
+        for command, request in zip(commands, requests, strict=True):
+            command[:] = law.command(request, np.zeros(2))
+            law.applied(command)
+        most.append(np.abs(commands - planned).max(axis=0))
+    assert (most[0] > 3.0 * bounds).all()
+    np.testing.assert_allclose(most[1], bounds, rtol=1e-6)
+
+
 @pytest.mark.parametrize("rate", [0.005, 0.01, 0.02])
 def test_requests_beyond_the_limits(rate):
     """A binary request, whose answer needs faster commands than the limits allow, is followed better than without."""
@@ -144,6 +160,7 @@ def test_refusals():
         ({"sensitivity": 1.0}, "sensitivity"),
         ({"noise": 1.5}, "noise"),
         ({"disturbance": np.nan}, "disturbance"),
+        ({"correction": [0.1]}, "correction: expected shape"),
         ({"plant": None}, "expected a StateSpace, got NoneType"),
         ({"plant": replace(plant, C=0.0 * plant.C)}, "a gain at 0 Hz"),
     ):
