@@ -24,7 +24,6 @@ RINGING = 5.0  # a mode that rings longer than the stretch over this is noise
 STEADIEST = 0.998  # largest modulus of its poles: a ring of 10 s at 50 Hz
 KNOWN = 1e-9  # smallest singular value of the scaled gradients that counts, relative to the largest
 EXACT = 1e-20  # power of the errors, relative to the output, that is rounding alone
-NOISE_ORDER = 10  # largest order of D
 COMMON = 0.5  # pole and zero that a model gets as the start of one with a degree more
 PENALTY = 3.0  # of the criterion, per parameter
 
@@ -130,19 +129,6 @@ def model_weights(fits: Sequence[StretchFit]) -> FloatArray:
     next_degree = np.append(0.0, weights[:-1])
     next_degree[-1] += weights[-1]
     return np.asarray((weights + next_degree) / (2.0 * weights.sum()))
-
-
-def whitening_filter(errors: FloatArray) -> FloatArray:
-    """Return D of the autoregression D(q) v = e, its order by Schwarz's criterion."""
-    N = len(errors)
-    c = np.array([errors[k:] @ errors[: N - k] for k in range(NOISE_ORDER + 1)]) / N
-    best, least = np.ones(1), N * np.log(c[0])
-    for m in range(1, NOISE_ORDER + 1):
-        a = scipy.linalg.solve_toeplitz(c[:m], -c[1 : m + 1])
-        criterion = N * np.log(c[0] + a @ c[1 : m + 1]) + m * np.log(N)
-        if criterion < least:
-            best, least = np.append(1.0, a), criterion
-    return best
 
 
 def _lags(x: FloatArray, first: int, count: int) -> FloatArray:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.polynomial.correlation import autoregression
 from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.polynomial_estimate import check_single_output
 from sysid.records.arguments import real_number, whole_number
@@ -19,12 +20,12 @@ from sysid.recursive.stretch_fit import (
     gradient_rows,
     model_weights,
     preferred,
-    whitening_filter,
 )
 
 PER_PARAMETER = 8  # samples per parameter from which a model is fitted to the data after a change
 ARMED = 4  # lengths of the first stretch after which the test is armed again
 GROWTH = 1.4  # of the stretch from one fit to the next: steps of the recursion between them stay small
+NOISE_ORDER = 10  # largest order of D
 BLOCKS = 10  # parts of a stretch whose scatter tells its errors: 9 degrees of freedom
 STUDENT_95 = 2.2621571627409915  # 97.5 % quantile of BLOCKS - 1 degrees of freedom
 LEAST_SCATTER = 0.75  # over that of white errors: less is the chance of ten blocks
@@ -97,8 +98,8 @@ class Tracker:
     Intervals: the covariance follows every gain, Pi = (I - L psi') Pi (I - L psi')' + variance L L'. Dry friction makes
     errors that depend on the motion, which no whitening removes. So Pi is scaled, for bandwidth and delay each, by the
     scatter of the scores of ten blocks over that of white errors: batch means of the sandwich estimate [White1982].
-    Intervals take Student's quantile of nine degrees of freedom. Stretches shorter than the calibration take the
-    scatter of the last one that was not.
+    Intervals take Student's quantile of nine degrees of freedom. Short blocks miss what is slower than they are: a
+    stretch shorter than the calibration takes at least the scatter of the last one that was not.
     """
 
     def __init__(
@@ -150,13 +151,13 @@ class Tracker:
         u, y, most = np.array(self._u), np.array(self._y), len(record) // SHORTEST // 3
         degrees = range(min(2, self.order), min(self.order, max(most, 2)) + 1)
         plain = preferred(fit_degrees(u, y, 0, degrees, self._nk, np.ones(1)))
-        self._D = whitening_filter(plain.errors)
+        self._D = autoregression(plain.errors, NOISE_ORDER, select=True)[0]
         fits = fit_degrees(u, y, 0, degrees, self._nk, self._D)
         fit = preferred(fits)
         value, moves = self._quantities(fit.B, fit.F)
         if not np.isfinite(value).all():
             raise SysidError("the model of the calibration has no bandwidth: its gain does not fall to 0.707")
-        self._inflation = self._scatter(fit, moves)
+        self._inflation = self._scatter_of_long = self._scatter(fit, moves)
         n = 2 * fit.order
         relative = self._inflation[0] * fit.variance * float(np.sum((moves[0] @ fit.directions[:n]) ** 2))
         memory = np.sqrt(relative * len(record) * self.dt / (drift**2 / 60.0))
@@ -280,10 +281,12 @@ class Tracker:
         if self._fit is None:
             self._test.restart()
         fit = preferred(fits)
-        if len(self._u) - self._begin >= self._calibration:
-            moves = self._quantities(fit.B, fit.F)[1]
-            if np.isfinite(moves).all():
-                self._inflation = self._scatter(fit, moves)
+        moves = self._quantities(fit.B, fit.F)[1]
+        if np.isfinite(moves).all():
+            own = self._scatter(fit, moves)
+            if len(self._u) - self._begin >= self._calibration:
+                self._scatter_of_long = own
+            self._inflation = np.maximum(own, self._scatter_of_long)
         self._open(fits)
 
     def _sample(self, change: Change | None) -> TrackSample:

@@ -9,7 +9,7 @@ from sysid.models.bandwidth import half_power_hz
 from sysid.recursive import DirectionalForgetting, Forgetting, Tracker
 from sysid.recursive.change_test import ChangeTest
 from sysid.recursive.servo_quantities import ServoQuantities
-from sysid.recursive.stretch_fit import fit_degrees, model_weights, preferred, whitening_filter
+from sysid.recursive.stretch_fit import fit_degrees, model_weights, preferred
 from sysid.recursive.tracker import BLOCKS, STUDENT_95
 from tests.refusals import refused
 
@@ -91,14 +91,6 @@ def test_fits_go_on_where_the_singular_values_do_not_converge(monkeypatch):
     monkeypatch.setattr(np.linalg, "lstsq", diverges)
     (fit,) = fit_degrees(*case)
     np.testing.assert_allclose(fit.F, expected.F, rtol=1e-6)
-
-
-def test_colour_of_a_disturbance():
-    e = np.random.default_rng(2).standard_normal(20000)
-    v = np.zeros(20000)
-    for t in range(2, 20000):
-        v[t] = 1.5 * v[t - 1] - 0.7 * v[t - 2] + e[t]
-    np.testing.assert_allclose(whitening_filter(v)[:3], [1.0, -1.5, 0.7], atol=0.03)
 
 
 @pytest.mark.parametrize("gain", [None, 1.0])
