@@ -117,12 +117,12 @@ def control(
         laws = {name: design(pair) for name, design in designers.items()}
         with progress("runs") as bar:
             runs = run_scenarios(draws, laws, reference=arm, threads=threads, progress=bar)
-        own_laws = {name: (name, "") for name in laws}
-        scored = [one for run in runs for one in results(pair, run, own_laws)]
+        scored = [one for run in runs for one in results(pair, run, {name: (name, "") for name in laws})]
         broken: tuple[ControlResult, ...] = ()
         if with_stress and free is not None:
             with progress("stress") as bar:
-                broken = stress(free, pair, laws, reference=arm, threads=threads, progress=bar)
+                redesigned = [name for name in method if name in METHODS]
+                broken = stress(free, pair, laws, redesigned, reference=arm, threads=threads, progress=bar)
         records = {"runs": [one.record() for one in scored], "stress": [one.record() for one in broken]}
         content = {"reference": reference, "methods": list(laws), **records}
         files = _write(folder, pair, laws, scored, broken, content) if folder else []

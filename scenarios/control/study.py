@@ -1,6 +1,6 @@
 """Study of control: scenarios with each law and without, and where the laws break."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -112,6 +112,7 @@ def stress(
     scenario: Tested,
     pair: IdentifiedPair,
     laws: Mapping[str, Law],
+    redesigned: Collection[str],
     *,
     reference: str | None = "flight",
     threads: int | None = None,
@@ -122,7 +123,8 @@ def stress(
     Args:
         scenario: The scenario.
         pair: The identified models.
-        laws: Laws by name; those named after a method are designed anew.
+        laws: Laws by name.
+        redesigned: Methods that are designed anew.
         reference: Variant of the reference arm; None runs none.
         threads: Threads for the physics.
         progress: Called with the completed ticks and the total of each half.
@@ -133,7 +135,7 @@ def stress(
     wrong: dict[str, Law] = {}
     labels: dict[str, tuple[str, str]] = {}
     for condition, error in WRONG.items():
-        for method in (name for name in laws if name in METHODS):
+        for method in redesigned:
             label = f"{condition}: {method}"
             with suppress(SysidError):
                 wrong[label] = METHODS[method](wrong_model(pair, **error))
