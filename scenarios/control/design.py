@@ -17,10 +17,11 @@ from sysid.exchange.json_text import decoded, encoded, parsed, text_of
 from sysid.models import add_delay
 
 
-CORRECTION = 0.5
-"""Largest corrections of a feedback, in standard deviations of the record's commands: some 20 mrad.
+CORRECTION = 0.7
+"""Largest corrections of a feedback, in standard deviations of the record's commands: some 30 mrad.
 
-Free arms need 2 to 5 mrad. Half as much and twice as much met larger errors in contact, on seeds 300 to 315 of `rpcm`.
+Arms with one unit need 2 to 5 mrad in free space, with three units 25. Of 0.12 to 1, this left the least errors in
+contact (seeds 300 to 328 of `rpcm`).
 """
 
 
