@@ -42,7 +42,7 @@ def bandwidth(
     out: Path | None = None,
     json: bool = False,
 ) -> int:
-    """Does the 1 Hz finding hold: has every joint a bandwidth of about 1 Hz?
+    """Does the 1 Hz finding hold: bandwidths recovered, true, printed.
 
     For each joint, method, test and seed it prints the recovered bandwidth with its 95 % interval, beside the true
     bandwidth of the arm in two senses, the models that the thesis prints, and 1 Hz; then the answer in words.

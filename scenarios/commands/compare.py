@@ -41,7 +41,7 @@ def compare(
     out: Annotated[Path | None, tyro.conf.arg(metavar="FIGURE")] = None,
     json: bool = False,
 ) -> int:
-    """Compare models with a record: how well each simulates and predicts it, and its bandwidth.
+    """Compare models with a record: fits and bandwidths.
 
     Name models by their origin:
 

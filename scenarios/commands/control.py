@@ -44,7 +44,7 @@ def control(
     out: Path | None = None,
     json: bool = False,
 ) -> int:
-    """Make the ground arm answer like the flight arm, and measure how well it does.
+    """Make the ground arm answer like the flight arm.
 
     Both arms are identified from four simulated minutes each, in which all six joints move. A controller is designed
     from the two models alone, never from the truth, and runs at 50 Hz between the operator and the arm with its

@@ -18,7 +18,7 @@ def convert(
     lossy: bool = False,
     json: bool = False,
 ) -> int:
-    """Convert records of the bus between 1553, ASCII, CSV, NetCDF and MATLAB files.
+    """Convert records between 1553, ASCII, CSV, NetCDF and MATLAB.
 
     The ending of a file defines its format: .ch10 (1553, IRIG 106 Chapter 10), .asc or .txt (ASCII flat file), .csv,
     .nc (NetCDF4), .mat (MATLAB 5). A 1553 record holds up to five tests: several files become one run, and a run

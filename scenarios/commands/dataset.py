@@ -36,9 +36,9 @@ def list_(*, json: bool = False) -> int:
 
 
 def show(spec: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC")], *, json: bool = False) -> int:
-    """Show the spec of a data set as TOML, with all defaults, from which to write your own.
+    """Show the spec of a data set as TOML, with all defaults.
 
-    Write it to a file, edit it, change its name, and build it:
+    A data set of your own starts from one that exists: write it to a file, edit it, change its name, and build it:
 
       hmtb dataset show hmtb-siso-v1 > mine.toml
       hmtb dataset build mine.toml
@@ -65,7 +65,7 @@ def check(
     workers: int | None = None,
     json: bool = False,
 ) -> int:
-    """Check a data set: files, hashes, metadata, and some experiments by simulating them again.
+    """Check files, hashes, metadata, and some experiments anew.
 
     The exit code is 1 if anything differs. With the software that built the data set, experiments that are simulated
     again must have the same bits; with other versions, numbers must agree to nine digits, and measured angles to one
@@ -100,9 +100,10 @@ def export(
     out: Path = Path("."),
     json: bool = False,
 ) -> int:
-    """Export the records of a data set as .mat, CSV, Parquet or ASCII files, with the same numbers to the last bit.
+    """Export the records as .mat, CSV, Parquet or ASCII files.
 
-    Each format gets a folder of its own, named after the data set. Only the data are exported, never the truth.
+    Numbers are the same to the last bit. Each format gets a folder of its own, named after the data set. Only the data
+    are exported, never the truth.
 
       hmtb dataset export hmtb-siso-v1 --format mat,csv --out exported
 
@@ -183,11 +184,12 @@ def baselines(
     records: int | None = None,
     json: bool = False,
 ) -> int:
-    """Repeat a baseline of a data set, and compare it with the row that is published in its baselines.csv.
+    """Repeat a baseline, and compare it with the published row.
 
-    Models and their operating point are identified from the training part alone. They are scored as predictions are,
-    with the initial state from the initialisation window. Where a record has several outputs, methods of one output
-    identify one model for each. Without --method every row that the spec of the data set lists is repeated.
+    The published row stands in baselines.csv of the data set. Models and their operating point are identified from the
+    training part alone. They are scored as predictions are, with the initial state from the initialisation window.
+    Where a record has several outputs, methods of one output identify one model for each. Without --method every row
+    that the spec of the data set lists is repeated.
 
       hmtb dataset baselines hmtb-siso-v1 --method oe --orders 2 2 1
       hmtb dataset baselines hmtb-siso-v1 --method arx --orders 10 10      your own choice, for comparison

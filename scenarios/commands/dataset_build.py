@@ -29,7 +29,7 @@ def build(
     progress: How = "auto",
     json: bool = False,
 ) -> int:
-    """Build a data set into a folder of its own; an interrupted build resumes with the same command.
+    """Build a data set; an interrupted build resumes.
 
     Nothing is lost if a build is interrupted, killed or out of disk: run the command again, and the data set has the
     same bytes. An experiment that fails is listed with its reason; the others continue, and the exit code is 1.

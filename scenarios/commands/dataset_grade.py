@@ -17,7 +17,7 @@ def grade(
     *,
     json: bool = False,
 ) -> int:
-    """Grade predictions and models against the complete data sets in a withheld folder.
+    """Grade predictions and models against withheld data sets.
 
     A submission is a folder of predictions as hmtb dataset score reads them, one for each test record, and
     optionally of models model-JOINT.json, as hmtb identify --save writes them or with matrices A, B, C, D and dt;

@@ -14,7 +14,7 @@ def leaderboard(
     out: Path = Path("."),
     json: bool = False,
 ) -> int:
-    """Compare the results of several estimators on the test bench, on a page and in tables.
+    """Compare results of hmtb verify on a page and in tables.
 
     Results are the files that hmtb verify writes, or folders of them. The page leaderboard.html needs no network; the
     same tables stand in leaderboard.md. Rows are ordered by the number of figures that fail where theory expects

@@ -10,7 +10,7 @@ FILES = ("motion.json", "motion.csv", "motion.png", "motion.svg")
 
 
 def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | None = None, json: bool = False) -> int:
-    """How far did the arm of the thesis move, against what friction, by what servo?
+    """How far did the arm of the thesis move, against what friction?
 
     The thesis prints neither the unit of the hand controller's gain nor friction, servo and noise. Every setting of
     these is tried on the three joints with 20 binary sequences; the models that the thesis' methods recover are scored

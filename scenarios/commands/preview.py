@@ -19,7 +19,7 @@ def preview(
     seed: int | None = None,
     json: bool = False,
 ) -> int:
-    """Show the commands of experiments before anything moves, as on the oscilloscope of the laboratory.
+    """Show the commands of experiments before anything moves.
 
     The commands are those of a simulation to the bit, noise included; the arm is not simulated. Names are registered
     scenarios (hmtb scenarios), tags of them, or TOML files. Files of the same names in the folder are replaced.

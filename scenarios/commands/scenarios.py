@@ -17,9 +17,9 @@ def scenarios(
     tag: str | None = None,
     json: bool = False,
 ) -> int:
-    """List the experiments that exist, or show one as TOML to start your own from.
+    """List the experiments that exist, or show one as TOML.
 
-    Write one to a file, edit it, and simulate it:
+    An experiment of your own starts from one that exists: write it to a file, edit it, and simulate it:
 
       hmtb scenarios show siso-5-elbow_pitch > mine.toml
       hmtb simulate mine.toml

@@ -7,9 +7,10 @@ from scenarios.commands.output import output_folder, say
 
 
 def station(*, port: int = 0, out: Path = Path("."), browser: bool = True) -> int:
-    """Serve a page with the arm, from the waveform to the verdict, until Ctrl-C.
+    """Operate the arm in the browser, from waveform to verdict.
 
-    The page is for this machine alone. The first browser steers, others watch. Needs the extra "station".
+    Serves the page until Ctrl-C, for this machine alone. The first browser steers, others watch. Needs the extra
+    "station".
 
     Args:
         port: Port on the loopback address; 0 takes a free one.

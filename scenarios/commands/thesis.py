@@ -26,7 +26,7 @@ def thesis(
     logs: bool = False,
     json: bool = False,
 ) -> int:
-    """Run the whole study and write report.html: simulate, identify, compare with the truth, report.
+    """Run the whole study and write its report, report.html.
 
     All tests in the two tables of the thesis and the exchange of the replacement unit are simulated on the nominal arm;
     those that the report compares, also without friction and on the published arm. Each joint is identified with the

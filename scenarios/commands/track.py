@@ -39,11 +39,12 @@ def track(
     out: Path | None = None,
     json: bool = False,
 ) -> int:
-    """Follow bandwidth and delay through a record, each with its 95 % interval, and detect when the arm changed.
+    """Follow bandwidth and delay through a record, and detect changes.
 
-    DATA is a log, record or table as for hmtb identify, or a registered scenario or a TOML file, which is then
-    simulated. It has one joint, or one input and one output. The estimator goes through the record sample by sample and
-    uses no later one. In the first --calibration seconds nothing may change: they give structure and threshold.
+    Estimates have 95 % intervals. DATA is a log, record or table as for hmtb identify, or a registered scenario or a
+    TOML file, which is then simulated. It has one joint, or one input and one output. The estimator goes through the
+    record sample by sample and uses no later one. In the first --calibration seconds nothing may change: they give
+    structure and threshold.
 
     The bandwidth is where the gain falls to 0.707 of that at 0 Hz, the delay is the phase delay there. For logs and
     scenarios of the twin the truth of every payload stands beside the estimates, which never see it: that of the

@@ -47,7 +47,7 @@ def truth(
     out: Path | None = None,
     json: bool = False,
 ) -> int:
-    """Print the true poles, zeros, bandwidth, gain and delay of each joint, which an estimator should recover.
+    """Print true poles, zeros, bandwidth, gain and delay of each joint.
 
     The table shows the small-signal truth: the physics linearised at the pose, sampled at 50 Hz, without dry friction.
     It is exact as the amplitude goes to zero; a line below the table gives its error at other amplitudes. A locked

@@ -49,6 +49,8 @@ def listing(program: str, description: str, commands: Mapping[str, str]) -> str:
         summary = text.partition("\n")[0]
         first, others = f"  {name}".ljust(width), " " * width
         lines += textwrap.wrap(summary, columns, initial_indent=first, subsequent_indent=others)
+    lines += ["", f"Options and examples: {program} COMMAND --help. Release: hmtb --version."]
+    lines += ["Exit codes: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted."]
     return "\n".join(lines) + "\n"
 
 

@@ -46,7 +46,7 @@ def verify(
     verbose: bool = False,
     json: bool = False,
 ) -> int:
-    """Test an estimator on problems with known truth: 13 figures, of which 12 give verdicts.
+    """Test an estimator on problems with known truth: 13 figures.
 
     An estimator is a function that takes a record and a task and returns a model, or a program in any language that
     reads a file and writes one (docs/your-estimator.md). It runs in a process of its own with limits of time and

@@ -30,9 +30,10 @@ def video(
     seed: int | None = None,
     json: bool = False,
 ) -> int:
-    """Film an experiment: a scenario, which is simulated first, or a log of hmtb simulate.
+    """Film an experiment: a scenario or a log.
 
-    Films are rendered without a display. .mp4 needs the extra hmtb-twin[video]; .gif and .png do without.
+    A scenario is simulated first. Films are rendered without a display. .mp4 needs the extra hmtb-twin[video]; .gif and
+    .png do without.
 
     Args:
         name: A registered scenario, a TOML file, or a log NAME.nc.
@@ -108,9 +109,9 @@ def view(
     loop: bool = False,
     seed: int | None = None,
 ) -> int:
-    """Show the arm in MuJoCo's viewer: alone, to be moved by hand, or an experiment played back.
+    """Show the arm, or an experiment, in MuJoCo's viewer.
 
-    Needs a display; hmtb video works without one.
+    Alone, the arm is moved by hand. Needs a display; hmtb video works without one.
 
     Args:
         name: A scenario, which is simulated first, or a log NAME.nc. When not given: the arm at the approach point,

@@ -43,7 +43,7 @@ def waveform(
     out: Path = Path("."),
     json: bool = False,
 ) -> int:
-    """Write the 100-point file of an excitation and a plot of it with its spectrum.
+    """Write the 100-point file of an excitation, and plot its spectrum.
 
     Kinds: sine, two_sines, multisine, prbs, sign_recursion, chirp, chirp_as_printed, chirp_franklin,
     bipolar_ramping_pulse, white_noise; and file, a 100-point file of your own, which is only shown. Each kind has

@@ -16,7 +16,6 @@ from sysid import AdaptiveFollowing, SysidError
 from sysid.exchange.json_text import decoded, encoded, parsed, text_of
 from sysid.models import add_delay
 
-
 CORRECTION = 0.7
 """Largest corrections of a feedback, in standard deviations of the record's commands: some 30 mrad.
 

@@ -40,6 +40,15 @@ def test_help_of_every_command_shows_neither_empty_defaults_nor_wrapped_examples
     assert not any(line.startswith("hmtb ") for line in out.splitlines())
 
 
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_help_shows_a_line_for_each_command_on_one_screen(printed, program, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = printed(*program.split()[1:], "--help").splitlines()
+    shown = lines[lines.index("Commands:") + 2 :]
+    assert [line.split()[0] for line in shown[: shown.index("")]] == list(PROGRAMS[program]["commands"])
+    assert len(lines) <= 40
+
+
 def test_help_names_every_variant_and_payload(run):
     from hmtb_twin import PAYLOADS, VARIANTS
 
