@@ -16,11 +16,11 @@ from sysid import AdaptiveFollowing, SysidError
 from sysid.exchange.json_text import decoded, encoded, parsed, text_of
 from sysid.models import add_delay
 
-CORRECTION = 0.7
-"""Largest corrections of a feedback, in standard deviations of the record's commands: some 30 mrad.
+CORRECTION = 0.85
+"""Largest corrections of a feedback, in standard deviations of the record's commands: 35 to 40 mrad.
 
-Arms with one unit need 2 to 5 mrad in free space, with three units 25. Of 0.12 to 1, this left the least errors in
-contact (seeds 300 to 328 of `rpcm`).
+Arms with one unit need 2 to 5 mrad in free space; the elbow needs 35 mrad after three units are exchanged for none. In
+contact (seeds 300 to 328 of `rpcm`) errors were about the same from 0.5 to 0.8, and larger with 0.4 and 1.
 """
 
 

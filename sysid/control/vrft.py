@@ -57,7 +57,7 @@ def vrft(
     pole: float = 0.5,
     sensitivity: float = 2.0,
     corner: float | None = None,
-    correction: float = 0.7,
+    correction: float = 0.85,
     instruments: int = 24,
 ) -> VirtualReferenceDesign:
     """Tune a controller of two degrees of freedom so that the plant answers like a reference model M.
