@@ -93,7 +93,8 @@ def control(
     designers = {Path(name).stem if name.endswith(".json") else name: designer(name) for name in method}
     if not method:
         raise ScenarioError(f"--method: none given, expected {', '.join(METHODS)}, or files of --out")
-    if len(designers) < len(method) or {"without", "reference", "control"} & designers.keys():
+    taken = {"without", "reference", "control", "model-ground", "model-reference"}
+    if len(designers) < len(method) or taken & designers.keys():
         raise ScenarioError(f"--method {' '.join(method)} given, expected names of their own, none of a file of --out")
     plant = Plant(friction_level=friction_level)
     draws: list[Tested] = []
@@ -211,7 +212,7 @@ def _print(scored: "Sequence[ControlResult]", broken: "Sequence[ControlResult]")
         titles = ["scenario", "joint", "gain at 1 Hz", "phase at 1 Hz / °", "bandwidth / Hz"]
         print_table("What the operator sees: without / with / reference", titles, seen)
     if broken:
-        heading = f"{broken[0].runs.scenario.name} with the same laws on other arms, and laws from wrong models"
+        heading = f"{broken[0].runs.scenario.name} with the same laws on other arms, and designs from wrong models"
         print_table(heading, ["condition", *columns[1:]], [line(one, one.condition) for one in broken])
     reasons = (f"{name}: {why}" for one in (*scored, *broken) for name, why in one.runs.failed.items())
     say_each("failed: ", dict.fromkeys(reasons))

@@ -19,9 +19,7 @@ from sysid.models import add_delay
 CORRECTION = 0.85
 """Largest corrections of a feedback, in standard deviations of the record's commands: 35 to 40 mrad.
 
-Arms with one unit need 2 to 5 mrad in free space; the elbow needs 35 mrad after three units are exchanged for none. In
-contact (seeds 300 to 328 of `rpcm`) errors were about the same from 0.5 to 0.8, and larger with 0.4 and 1.
-"""
+The elbow needs 35 mrad for three units. In contact errors are the same from 0.5 to 0.8, larger with 0.4 and 1."""
 
 
 def _following(pair: IdentifiedPair) -> sysid.Controller:
@@ -79,8 +77,9 @@ def read_law(path: Path) -> Law:
         law: Law = decoded("law", content.get("law"), LAWS[content["kind"]])
     except SysidError as error:
         raise ScenarioError(f"{path.name}: expected a law of hmtb control --out: {error}") from error
-    if content.get("joints") != list(CONTROLLED):
-        raise ScenarioError(f"{path.name}: joints {content.get('joints')} given, expected {', '.join(CONTROLLED)}")
+    loops = law.fixed.loops if isinstance(law, AdaptiveFollowing) else law.loops
+    if content.get("joints") != list(CONTROLLED) or loops != len(CONTROLLED):
+        raise ScenarioError(f"{path.name}: {loops} loops, {content.get('joints')} given, expected {list(CONTROLLED)}")
     return law
 
 

@@ -55,11 +55,12 @@ class AdaptiveFollowing(Locked):
     Boundedness, whatever the errors of the model and whatever theta does. The fixed design is told u - ua alone, so it
     takes ua for a disturbance at the plant's input; |ua_i| <= friction + stiffness |yr|_1, bounded for bounded requests
     because the reference is stable.
-    1. Within the limits: if the loop of the fixed design and the true plant is stable and linear, |y| is at most
-       |y without ua| + |Sd|_1 max |ua|, with |Sd|_1 the l1 norm of the impulse response from the plant's input to y.
-       A bounded disturbance at the input, such as dry friction, adds |Sd|_1 times its bound, and a nonlinearity from y
-       to the input, of gain g, keeps y bounded if g |Sd|_1 < 1: small gain [IoannouFidan2006, sec. 3.6].
-    2. Beyond the limits: if the plant, and the fixed design between y, applied command and state, are stable (as those
+    1. Within the limits, and the correction of the fixed design: if its loop with the true plant is stable and linear,
+       |y| is at most |y without ua| + |Sd|_1 max |ua|, with |Sd|_1 the l1 norm of the impulse response from the plant's
+       input to y. A bounded disturbance at the input, such as dry friction, adds |Sd|_1 times its bound, and a
+       nonlinearity from y to the input, of gain g, keeps y bounded if g |Sd|_1 < 1: small gain [IoannouFidan2006, sec.
+       3.6].
+    2. Beyond them: if the plant, and the fixed design between y, applied command and state, are stable (as those
        of `model_following` are), and the range of commands is bounded, then every signal is bounded.
     It proves no convergence. Where the true disturbance is theta' phi and phi is exciting, this is least squares; else
     theta is the best fit in the stated norm, which is not the norm of the tracking error.

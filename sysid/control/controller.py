@@ -32,7 +32,7 @@ class Controller(Locked):
         dt: Sampling interval, s.
         feedforward: The part of [C, Dr] that is feedforward (m, n + m).
         correction: Largest differences between commands and feedforward (m,): they bound with which force feedback
-            presses against an obstacle; None for no bound.
+            presses against an obstacle; None for no bound. Beyond it the loop has no integral action.
 
     Raises:
         SysidError: Matrices of incompatible shapes, or not finite, or a correction without feedforward.
@@ -135,9 +135,7 @@ class ControllerRun:
         self._state = self._next + self._law.Bu @ command
 
 
-def check_model(
-    name: str, model: StateSpace, loops: int | None = None, dt: float | None = None, *, stable: bool = True
-) -> None:
+def check_model(name: str, model: StateSpace, loops: int = 0, dt: float = 0.0, *, stable: bool = True) -> None:
     """Refuse a model of other inputs and outputs than the loops, with a direct term, at another dt, s, or unstable."""
     if not isinstance(model, StateSpace):
         raise SysidError(f"{name}: expected a StateSpace, got {type(model).__name__}")
@@ -151,7 +149,7 @@ def check_model(
         raise SysidError(f"{name}: expected a stable model, got poles to {abs(model.poles()[0]):.4g}")
 
 
-def check_pair(plant: StateSpace, reference: StateSpace, loops: int | None = None, dt: float | None = None) -> None:
+def check_pair(plant: StateSpace, reference: StateSpace, loops: int = 0, dt: float = 0.0) -> None:
     """Refuse models of plant and reference by `check_model`, or without variances of the plant's innovations."""
     check_model("plant", plant, loops, dt)
     check_model("reference", reference, plant.nu, plant.dt)

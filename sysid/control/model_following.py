@@ -72,7 +72,7 @@ def model_following(
             gain of the plant at 0 Hz. Larger ones reject friction and unknown loads faster.
         noise: Part of the innovation gain K that the observer takes for noise of the state, from 0 to 1. In a record
             with dry friction most of it is distortion that the input causes, and a full K makes a slow observer.
-        correction: Largest differences between commands and feedforward (m,), as in `Controller`; None for no bound.
+        correction: Largest differences between commands and feedforward (m,), see `Controller`; None for no bound.
 
     Returns:
         The controller, and the peak of the sensitivity that its design reached.
@@ -112,7 +112,7 @@ def model_following(
         if not controller.closed_loop(plant).is_stable():
             raise SysidError("plant: rounding makes its loop unstable: scale inputs and outputs to like size")
         return FollowingDesign(controller, controller.sensitivity(plant), float(10.0**chosen), walk)
-    raise SysidError(f"sensitivity {bound:g} requested, but no disturbance down to {walk:.3g} keeps it: allow more")
+    raise SysidError(f"no disturbance down to {walk:.3g} keeps sensitivity {bound:g}: allow more, or record for longer")
 
 
 def _observer(plant: StateSpace, disturbance: float, noise: float) -> FloatArray:

@@ -105,9 +105,8 @@ def track(
     if not isinstance(data, IOData):
         raise SysidError(f"track takes one IOData record, got {type(data).__name__}")
     seconds = len(data) * data.dt
-    calibration = real_number(
-        "calibration", calibration, f"lie between 0 and {seconds:g} s", lambda s: 0.0 < s < seconds
-    )
+    within = f"lie between 0 and {seconds:g} s", lambda s: 0.0 < s < seconds
+    calibration = real_number("calibration", calibration, *within)
     first = max(round(calibration / data.dt), 1)
     tracker = Tracker(data[:first], order, nk, gain=gain, drift=drift, false_alarms=false_alarms)
     n, N = tracker.order, len(data)

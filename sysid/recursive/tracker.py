@@ -13,7 +13,7 @@ from sysid.records.data import IOData
 from sysid.records.errors import SysidError, warn_each
 from sysid.recursive.adaptation import DirectionalForgetting
 from sysid.recursive.change_test import ChangeTest
-from sysid.recursive.servo_quantities import LAGS, ServoQuantities
+from sysid.recursive.servo_quantities import LAGS, LOWEST, ServoQuantities
 from sysid.recursive.stretch_fit import (
     StretchFit,
     fit_degrees,
@@ -213,10 +213,10 @@ class Tracker:
         """Take one more sample of input and output.
 
         Raises:
-            SysidError: A sample that is not finite.
+            SysidError: A sample that is no number, not finite, or beyond 1e60.
         """
-        if not (np.isfinite(u) and np.isfinite(y)):
-            raise SysidError(f"u = {u}, y = {y} given, expected finite numbers")
+        finite = "be finite, at most 1e60", lambda value: abs(value) <= 1e60
+        u, y = real_number("u", u, *finite), real_number("y", y, *finite)
         self._u.append(u - self._zero[0])
         self._y.append(y - self._zero[1])
         self._samples += 1
@@ -298,8 +298,8 @@ class Tracker:
         log_f, delay = self._value + along @ self._delta
         own = np.maximum(np.einsum("ij,jk,ik->i", along, self._Pi, along), 0.0)
         reach = STUDENT_95 * np.sqrt(self._inflation * own + self._between)
-        # nothing is seen above half the sampling frequency
-        top = 0.5 / self.dt
-        f, wide = float(np.exp(min(log_f, np.log(top)))), float(np.exp(np.minimum(reach[0], WIDEST)))
+        # nothing is seen above half the sampling frequency, nor below the grid
+        low, top = LOWEST / self.dt, 0.5 / self.dt
+        f, wide = np.exp(np.clip((log_f, reach[0]), (np.log(low), 0.0), (np.log(top), WIDEST))).tolist()
         ends = float(delay - reach[1]), float(delay + reach[1])
         return TrackSample(time, f, (f / wide, min(f * wide, top)), float(delay), ends, change, True)

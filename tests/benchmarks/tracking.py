@@ -21,7 +21,7 @@ outside those 10 s, at most one alarm an hour; a second alarm within the 10 s co
 Changed on 2026-11-27, after 87 of these runs had missed it: the targets of the twin. Twenty realisations of 20 s and a
 parabola were wrong by 0.9 ms in the delay with the multiplexer, whose departure is no parabola, and by 0.15 % in the
 bandwidth without payload; a spectral estimate from records of ten minutes agrees with those of now to 0.04 %. The
-estimator was changed as well, on other records (seeds from 2000), and once more after 200 runs in which the intervals of
+estimator was changed as well, on other records (seeds from 2000), and once more after 200 runs in which intervals of
 the delay, for which the criterion asks nothing, had covered 92.3 % during the changes.
 
 `--runs 200` continues a journal (JSON lines) where it stopped; `--quick` takes ten runs and an eighth of the hours.

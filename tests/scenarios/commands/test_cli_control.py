@@ -9,8 +9,9 @@ import pytest
 import sysid
 from hmtb_twin import JointLog, simulate
 from scenarios.control.campaign import CONTROLLED, EXCITATION, identification_experiment, identify_pair
-from scenarios.control.design import METHODS, read_law, wrong_model
+from scenarios.control.design import METHODS, read_law, write_law, wrong_model
 from scenarios.control.study import CONDITIONS, WRONG
+from sysid import Controller
 from tests.scenarios.control.test_campaign import model
 
 
@@ -55,13 +56,19 @@ def test_results_designs_logs_and_figures(result, files, tmp_path):
         (("reach", "--method", "follow"), "unknown method 'follow'"),
         (("reach", "--method", "vrft", "vrft"), "expected names of their own"),
         (("reach", "--method"), "--method: none given"),
+        (("reach", "--method", "{two}"), "2 loops"),
+        (("reach", "--method", "{taken}"), "none of a file of --out"),
         (("rpcm", "--with-stress"), "expected one, as reach"),
         (("reach", "--method", "none.json"), "expected a law of hmtb control --out: cannot read"),
         (("reach", "--method", "{reference}"), "expected a law of hmtb control --out (Controller, Adaptive"),
     ],
 )
-def test_what_is_refused(complaint, files, words, message):
-    assert message in complaint("control", *files, *(files[3] if word == "{reference}" else word for word in words))
+def test_what_is_refused(complaint, files, words, message, tmp_path):
+    given = {"{reference}": files[3], "{two}": tmp_path / "two.json", "{taken}": tmp_path / "model-ground.json"}
+    none = np.zeros((2, 2))
+    write_law(Controller(none, none, none, none, none, np.eye(2), none, 0.02), given["{two}"])
+    write_law(Controller(*(np.zeros((6, 6)),) * 5, np.eye(6), np.zeros((6, 6)), 0.02), given["{taken}"])
+    assert message in complaint("control", *files, *(given.get(word, word) for word in words))
 
 
 def test_a_wrong_model_answers_wrongly(files):

@@ -21,10 +21,11 @@ def numerator(F):
     return np.array([1.0, 0.2, 0.1]) / 1.3 * F.sum()
 
 
-def switched(seed, change=3000, samples=6000, deviation=1e-4):
-    """A servo of third order that becomes another one, in state space: input, output, the true bandwidths."""
+def switched(seed, change=3000, samples=6000, deviation=1e-4, rest=None):
+    """A servo that becomes another one, in state space, its input at rest from a sample on; the true bandwidths."""
     rng = np.random.default_rng(seed)
     u = 0.02 * np.convolve(rng.standard_normal(samples + 20), np.hanning(8) / 2.0)[20 : samples + 20]
+    u[samples if rest is None else rest :] = 0.0
     models = [innovations_form(Polynomials(B=np.append([0, 0], numerator(F)), F=F), dt=0.02) for F in SERVOS]
     x, y = np.zeros(models[0].order), np.empty(samples)
     for t in range(samples):
@@ -160,6 +161,14 @@ def test_the_quantile_is_that_of_the_blocks():
     assert scipy.stats.t.ppf(0.975, BLOCKS - 1) == pytest.approx(STUDENT_95, rel=1e-10)
 
 
+def test_bandwidths_below_those_that_a_model_can_show_are_not_claimed():
+    """Without excitation after a change the model is noise: the interval reaches from nothing to all, never [0, 0]."""
+    found = track(switched(9, samples=9000, rest=3010)[0])
+    low, high = found.bandwidth_ci95[found.settled & np.isfinite(found.bandwidth)].T
+    assert (high - low > 0.0).all()
+    assert found.bandwidth[np.isfinite(found.bandwidth)].min() >= 2e-4 / 0.02 * 0.999
+
+
 def test_refusals():
     data, _ = switched(0, samples=2000)
     two = IOData(np.c_[data.u, data.u**2], data.y, 0.02)
@@ -172,6 +181,8 @@ def test_refusals():
     refused("order must be", track, data, 2**70)
     refused("the forgetting factor must", DirectionalForgetting, 1.5)
     refused("got list", track, [data])
-    refused("expected finite", Tracker(data[:1500], 3, DELAY).step, np.nan, 0.0)
+    tracker = Tracker(data[:1500], 3, DELAY)
+    for u, y in ((np.nan, 0.0), (0.0, 1e61), ("a", 0.0), ([1.0], 0.0), (0.0, None), (1j, 0.0)):
+        refused("must be finite", tracker.step, u, y)
     flat = IOData(data.u, data.u * 0.5 + np.random.default_rng(0).standard_normal((2000, 1)) * 1e-6, 0.02)
     refused("no bandwidth", sysid.track, flat[:1800], 2)
