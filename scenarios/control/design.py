@@ -17,7 +17,7 @@ from sysid.exchange.json_text import decoded, encoded, parsed, text_of
 from sysid.models import add_delay
 
 CORRECTION = 0.85
-"""Largest corrections of a feedback, in standard deviations of the record's commands: 35 to 40 mrad.
+"""Largest corrections of a feedback, in standard deviations of the record's commands: 31 to 41 mrad.
 
 The elbow needs 35 mrad for three units. In contact errors are the same from 0.5 to 0.8, larger with 0.4 and 1."""
 
