@@ -97,6 +97,17 @@ images: $(INSTALLED) ## make the pictures of the README, of docs/maps.md and of 
 	@echo "==> Building the data sets of docs/datasets.md and drawing them"
 	@"$(BIN)/python" docs/images/datasets.py
 
+.PHONY: docs
+docs: $(INSTALLED) ## build the site of the pages in docs and of every public name
+	@echo "==> Building the site"
+	@NO_MKDOCS_2_WARNING=1 "$(BIN)/mkdocs" build --quiet
+	@echo "==> It is in build/site; to read it: $(BIN)/python -m http.server --directory build/site --bind 127.0.0.1"
+
+.PHONY: wheel
+wheel: $(INSTALLED) ## build the wheel and the source archive into dist
+	@echo "==> Building the wheel"
+	@"$(BIN)/python" -m build --no-isolation --outdir dist .
+
 .PHONY: bench
 bench: $(INSTALLED) ## run the benchmarks alone, with their figures printed
 	@echo "==> Running the benchmarks"
