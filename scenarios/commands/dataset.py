@@ -1,4 +1,4 @@
-"""`hmtb dataset`: list, show, check, export and score benchmark data sets; build and grade have files of their own."""
+"""`hmtb dataset`: list, get, show, check, export and score data sets; build and grade have files of their own."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,7 +8,7 @@ import tyro
 from scenarios.commands.output import counted, print_json, print_table, progress, say, say_each
 from scenarios.files.errors import ScenarioError
 from scenarios.files.toml_file import read_toml
-from scenarios.jobs.progress import show_progress
+from scenarios.jobs.progress import How, show_progress
 
 Folder = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
 
@@ -19,6 +19,7 @@ def list_(*, json: bool = False) -> int:
     Args:
         json: Print JSON.
     """
+    from scenarios.datasets.canonical import canonical
     from scenarios.datasets.plan import DataSetPlan
     from scenarios.datasets.spec import shipped
 
@@ -30,9 +31,46 @@ def list_(*, json: bool = False) -> int:
         ]
         print_json({"data_sets": entries})
         return 0
-    rows = [(label, str(len(p)), f"{p.seconds / 3600:.3g} h", p.spec.title) for label, p in plans.items()]
-    print_table("data sets", ("name", "experiments", "length", "title"), rows)
+    rows = []
+    for label, plan in plans.items():
+        known = canonical().get(label)
+        cost = (f"{known.megabytes} MB", f"{known.minutes:g} min") if known else ("", "")
+        rows.append((label, str(len(plan)), f"{plan.seconds / 3600:.3g} h", *cost, plan.spec.title))
+    print_table("data sets", ("name", "experiments", "length", "size", "build, two processors", "title"), rows)
     return 0
+
+
+def get(
+    name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")],
+    *,
+    cache: Path | None = None,
+    workers: int | None = None,
+    progress: How = "auto",
+    json: bool = False,
+) -> int:
+    """Get a data set from the cache, or build it there.
+
+    A copy in the cache is checked to the last bit. Its records are compared with the canonical ones that the release
+    names; the exit code is 1 if they differ. In Python: scenarios.load_dataset(NAME).
+
+    Args:
+        name: A data set that comes with the package (hmtb dataset list).
+        cache: Folder of the copies; that of the variable HMTB_CACHE, or hmtb-twin in the user's cache, when not given.
+        workers: Threads for the physics, all processors by default; the data do not depend on it.
+        progress: How stderr shows the progress; auto is a bar on a terminal, else a line now and then.
+        json: Print JSON.
+    """
+    from scenarios.datasets.canonical import canonical_verdict, hash_of_records, load_dataset
+
+    with show_progress(name, progress) as show:
+        data_set = load_dataset(name, cache=cache, workers=workers, progress=show)
+    same, line = canonical_verdict(data_set)
+    if json:
+        print_json({"path": data_set.folder, "records": hash_of_records(data_set), "canonical": same, "verdict": line})
+    else:
+        say(str(data_set.folder))
+        say(line)
+    return 0 if same else 1
 
 
 def show(spec: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC")], *, json: bool = False) -> int:

@@ -1,0 +1,101 @@
+"""Data sets that are the same for all: built once into a cache, and compared with the hash that the release names."""
+
+import os
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import NamedTuple
+
+from scenarios.datasets.build import build
+from scenarios.datasets.check import examine
+from scenarios.datasets.data_set import DataSet, open_data_set
+from scenarios.datasets.index import hash_of_all
+from scenarios.datasets.spec import shipped
+from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.toml_file import read_toml
+from scenarios.jobs.progress import Report
+
+SHOWN = 3
+"""Problems of a damaged copy that are named."""
+
+
+class Canonical(NamedTuple):
+    """What a release names of a data set.
+
+    Attributes:
+        records: Hash of its records, see `hash_of_records`.
+        megabytes: Size.
+        minutes: Time of a build on two processors.
+    """
+
+    records: str
+    megabytes: int
+    minutes: float
+
+
+def load_dataset(
+    name: str, *, cache: str | Path | None = None, workers: int | None = None, progress: Report | None = None
+) -> DataSet:
+    """Return a data set of the package: the copy in the cache, checked to the last bit, or one that is built there.
+
+    `canonical_verdict` says whether its records are those that the release names.
+
+    Args:
+        name: Name with version, as `hmtb dataset list` prints it.
+        cache: Folder of the copies; by default that of the variable HMTB_CACHE, else hmtb-twin in the user's cache.
+        workers: Threads for the physics; all processors by default. The bits do not depend on it.
+        progress: Called with the progress of a build.
+
+    Raises:
+        ScenarioError: No such data set, or a copy whose bits have changed.
+    """
+    if name not in shipped():
+        raise ScenarioError(unknown("data set", name, shipped(), listing="hmtb dataset list"))
+    folder = cache_folder() if cache is None else Path(cache)
+    if not (folder / name).exists():
+        return build(shipped()[name], folder, workers=workers, progress=progress)
+    problems = examine(folder / name, regenerate=0, workers=workers).problems
+    if problems:
+        more = f"; and {len(problems) - SHOWN} more" if len(problems) > SHOWN else ""
+        raise ScenarioError(
+            f"{folder / name} is damaged: {'; '.join(problems[:SHOWN])}{more}. Remove the folder, and it is built again"
+        )
+    return open_data_set(folder / name)
+
+
+def cache_folder() -> Path:
+    """Return the folder of the copies: HMTB_CACHE, else hmtb-twin in XDG_CACHE_HOME or ~/.cache."""
+    if own := os.environ.get("HMTB_CACHE"):
+        return Path(own)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmtb-twin"
+
+
+@cache
+def canonical() -> Mapping[str, Canonical]:
+    """Return what this release names of its data sets, by name."""
+    text = files("scenarios").joinpath("data", "canonical.toml").read_text(encoding="utf-8")
+    return {name: Canonical(**table) for name, table in read_toml(text, "canonical.toml").items()}
+
+
+def hash_of_records(data_set: DataSet) -> str:
+    """Return the hash of the arrays of all records, without the truth.
+
+    Records do not depend on the kernels of the linear algebra. The truth does in its last digits, and its matrices A, B
+    and C in their coordinates: the hash of all arrays is that of one kind of processor.
+    """
+    return hash_of_all({one.file: one.arrays} for one in data_set.index)
+
+
+def canonical_verdict(data_set: DataSet) -> tuple[bool, str]:
+    """Return whether the records are those that the release names, and a line that says so."""
+    own, named = hash_of_records(data_set), canonical().get(data_set.label)
+    if named is None:
+        return True, f"{data_set.label}: records {own[:12]}; this release names no canonical hash"
+    if own == named.records:
+        return True, f"{data_set.label}: records {own[:12]}, the canonical ones of this release"
+    why = "built with other versions, or on another kind of processor: hmtb dataset check tells how near they are"
+    return (
+        False,
+        f"{data_set.label}: records {own[:12]}, not the canonical ones {named.records[:12]} of this release; {why}",
+    )

@@ -1,0 +1,70 @@
+"""Data sets that are the same for all: the canonical hash on this machine, with any workers, and damaged copies."""
+
+from dataclasses import replace
+
+import pytest
+
+import scenarios
+from scenarios.datasets import canonical_verdict, open_data_set
+from scenarios.datasets.canonical import Canonical, cache_folder, canonical, hash_of_records
+from scenarios.datasets.spec import shipped
+from tests.refusals import refused
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 2])
+def test_the_records_are_canonical_with_any_number_of_workers(workers, tmp_path, monkeypatch):
+    monkeypatch.setattr("scenarios.datasets.build.STAGES", ())
+    monkeypatch.setenv("HMTB_CACHE", str(tmp_path / "new" / "cache"))
+    data_set = scenarios.load_dataset("hmtb-siso-v1", workers=workers)
+    assert data_set.folder == tmp_path / "new" / "cache" / "hmtb-siso-v1"
+    assert hash_of_records(data_set) == canonical()["hmtb-siso-v1"].records
+    assert canonical_verdict(data_set)[0] and "the canonical ones" in canonical_verdict(data_set)[1]
+
+
+@pytest.fixture
+def cached(tiny_spec, copy, monkeypatch):
+    """The tiny data set as one of the package, in a cache."""
+    monkeypatch.setattr("scenarios.datasets.canonical.shipped", lambda: {copy.name: tiny_spec})
+    return copy
+
+
+def test_a_copy_in_the_cache_is_opened(cached):
+    assert scenarios.load_dataset(cached.name, cache=cached.parent).folder == cached
+
+
+def test_a_flipped_bit_is_told(cached):
+    path = next((cached / "data").rglob("*.nc"))
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    refused(f"data/{path.relative_to(cached / 'data')}", scenarios.load_dataset, cached.name, cache=cached.parent)
+    refused("Remove the folder", scenarios.load_dataset, cached.name, cache=cached.parent)
+
+
+def test_verdicts(tiny, monkeypatch):
+    data_set = open_data_set(tiny)
+    assert canonical_verdict(data_set) == (True, canonical_verdict(data_set)[1])
+    assert "names no canonical hash" in canonical_verdict(data_set)[1]
+    monkeypatch.setattr("scenarios.datasets.canonical.canonical", lambda: {data_set.label: Canonical("0" * 64, 1, 1.0)})
+    same, line = canonical_verdict(data_set)
+    assert not same and "not the canonical ones 000000000000" in line
+    # The truth does not matter to it.
+    first, *others = data_set.index
+    changed = replace(data_set, index=(replace(first, arrays={**first.arrays, "u": "1" * 64}), *others), hash="")
+    assert hash_of_records(changed) != hash_of_records(data_set) == hash_of_records(replace(data_set, hash=""))
+
+
+def test_every_canonical_hash_is_of_a_data_set_of_the_package():
+    assert set(canonical()) <= set(shipped())
+    assert all(len(bytes.fromhex(one.records)) == 32 for one in canonical().values())
+
+
+def test_where_copies_lie(monkeypatch, tmp_path):
+    monkeypatch.delenv("HMTB_CACHE", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / "hmtb-twin"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / ".cache" / "hmtb-twin"
+    refused("unknown data set", scenarios.load_dataset, "hmtb-none-v1", cache=tmp_path)
