@@ -23,7 +23,7 @@ USAGE = [
     ("scenarios show", "hmtb scenarios show needs a name"),
     ("truth --payloads rpcm", "unknown option '--payloads': did you mean --payload?"),
     ("waveform", "missing KIND"),
-    ("dataset nonsense", "unknown command 'nonsense'; there are: list, show, build"),
+    ("dataset nonsense", "unknown command 'nonsense'; there are: list, get, show, build"),
     ("dataset build", "missing SPEC; see hmtb dataset build --help"),
     ("dataset build hmtb-siso-v1 --workers two", "--workers: expected a whole number, given two"),
     ("dataset build hmtb-siso-v1 elsewhere", "unexpected argument 'elsewhere'; see hmtb dataset build --help"),
