@@ -86,6 +86,7 @@ def compare(
 
     from scenarios.files.data_file import joints_of, read_parts
     from scenarios.identification.model_comparison import compare_models, parsed
+    from sysid import SysidError
     from sysid.validation.cross_validation import same_samples
 
     names = [parsed(text) for text in dict.fromkeys(models)]
@@ -108,17 +109,24 @@ def compare(
         records = read(data, joint=joint, test=test)
         # The same joints, whichever the other record excites.
         others = read(estimation, joint=joint or joints_of(records[0]), test=estimation_test) if estimation else None
-        parts, judged = compare_models(
-            names,
-            records,
-            data,
-            estimation=others,
-            estimation_path=estimation,
-            skip=skip,
-            keep_mean=keep_mean,
-            steps=steps,
-            test=test,
-        )
+        try:
+            parts, judged = compare_models(
+                names,
+                records,
+                data,
+                estimation=others,
+                estimation_path=estimation,
+                skip=skip,
+                keep_mean=keep_mean,
+                steps=steps,
+                test=test,
+            )
+        except SysidError as error:
+            text, by_name, _ = str(error).partition("channels are matched by name")
+            if not by_name:
+                raise
+            remedy = "read the record as that of the model, by --input and --output or by --joint"
+            raise ScenarioError(f"{text}{by_name}; {remedy}") from error
     texts = [str(warning.message) for warning in caught]
     if identified and (others is None or same_samples(records, others)):
         where = f"{data.name} itself" if estimation is None else f"{estimation.name}, which holds the same record"

@@ -89,6 +89,15 @@ def test_the_fits_are_those_of_identify(result, csv):
     assert entry["poles"] == [pytest.approx(pole) for pole in same["poles"]]
 
 
+def test_a_model_of_other_channels_names_the_options(result, complaint, csv, tmp_path):
+    model = tmp_path / "model.json"
+    result("identify", csv, "--method", "arx", "--orders", "1", "1", "--save", model)
+    other = tmp_path / "other.csv"
+    other.write_text(csv.read_text(encoding="utf-8").replace("u", "command", 1), encoding="utf-8")
+    text = complaint("compare", other, "--input", "command", "--models", model)
+    assert "by --input and --output" in text and "dataclasses" not in text
+
+
 def test_three_joints_at_once(result, logs):
     joints = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
     words = ("--models", "published:okid", "truth", "--joint", *joints, "--skip", 4)
