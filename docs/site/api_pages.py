@@ -29,7 +29,7 @@ def public_packages() -> Iterator[tuple[str, list[str]]]:
 
 
 def place(package: str, name: str) -> str:
-    """Return the path of a public name: in the part that has it, and in its module where both have the same name."""
+    """Return the dotted path at which the reference documents a public name of a package."""
     own = getattr(import_module(package), name)
     for part, names in public_packages():
         if part.startswith(f"{package}.") and name in names and getattr(import_module(part), name) is own:
@@ -58,7 +58,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages."""
+    """Add the reference of each package, and the pages from outside docs, to the site."""
     for path, page in ELSEWHERE.items():
         text = (ROOT / path).read_text(encoding="utf-8")
         files.append(File.generated(config, page, content=re.sub(r"\]\((?:\.\./)*docs/", "](", text)))

@@ -1,4 +1,4 @@
-"""Data sets that are the same for all: built once into a cache, and compared with the hash that the release names."""
+"""Data sets of the package from a cache, and their canonical hashes, by which all users have the same records."""
 
 import os
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ SHOWN = 3
 
 
 class Canonical(NamedTuple):
-    """What a release names of a data set.
+    """Canonical hash, size and build time of a data set in this release.
 
     Attributes:
         records: Hash of its records, see `hash_of_records`.
@@ -73,7 +73,7 @@ def cache_folder() -> Path:
 
 @cache
 def canonical() -> Mapping[str, Canonical]:
-    """Return what this release names of its data sets, by name."""
+    """Return canonical hash, size and build time of the data sets of this release, by name."""
     text = files("scenarios").joinpath("data", "canonical.toml").read_text(encoding="utf-8")
     return {name: Canonical(**table) for name, table in read_toml(text, "canonical.toml").items()}
 
@@ -88,7 +88,7 @@ def hash_of_records(data_set: DataSet) -> str:
 
 
 def canonical_verdict(data_set: DataSet) -> tuple[bool, str]:
-    """Return whether the records are those that the release names, and a line that says so."""
+    """Return whether the records have the canonical hash of this release, and a line that says so."""
     own, named = hash_of_records(data_set), canonical().get(data_set.label)
     if named is None:
         return True, f"{data_set.label}: records {own[:12]}; this release names no canonical hash"
