@@ -26,7 +26,7 @@ ROOMS = {
     ),
     "hmtb_twin": ("files", "parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
     "scenarios": (
-        *("files", "jobs", "experiments", "report", "truth", "identification", "control", "datasets"),
+        *("files", "jobs", "experiments", "report", "truth", "identification", "control", "datasets", "exchange"),
         *("estimators", "problems", "bench", "thesis", "station", "commands"),
     ),
 }

@@ -3,8 +3,9 @@
 import errno
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from hmtb_twin.files.errors import TwinError
 
@@ -110,3 +111,22 @@ def sync(path: Path) -> None:
             raise
     finally:
         os.close(descriptor)
+
+
+@contextmanager
+def working_folder(out: Path) -> Iterator[Path]:
+    """Make a temporary folder on the disk of the result; it is removed in the end, and on errors `out` with it if new.
+
+    Args:
+        out: Folder of the results, made if missing.
+    """
+    new = [path for path in (out, *out.parents) if not path.exists()]
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        with TemporaryDirectory(prefix=".export-", dir=out) as place:
+            yield Path(place)
+    except BaseException:
+        with suppress(OSError):  # another program may have written there meanwhile
+            for path in new:  # innermost first
+                path.rmdir()
+        raise

@@ -33,14 +33,15 @@ def data_contents(spec: DataSetSpec, entry: PlannedExperiment, log: JointLog) ->
     """Return what an analyst may see of an experiment.
 
     Returns:
-        `u` (sample, input) and `y` (sample, output), rad; the flags of the control computer; where the spec asks for
-        all channels also the other joints, and force and torque at the wrist.
+        `u` (sample, input) and `y` (sample, output), rad; time, s; flags of the control computer; where the spec asks
+        for all channels also the other joints, and force and torque at the wrist.
     """
     studied = [joint_index(name) for name in entry.joints]
     variables = described(
         "data",
         {
             "sample": np.arange(len(log), dtype=np.int64),
+            "t": np.arange(len(log)) / SAMPLE_RATE,
             "input": entry.joints,
             "output": entry.joints,
             "u": log.commanded[:, studied],

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hmtb_twin.files.atomic_write import replacing, write_whole
+from hmtb_twin.files.hashes import file_hash
 from scenarios.datasets.plan import INDEX, SUMS
 
 
@@ -68,3 +69,8 @@ def paths_of_files(folder: Path) -> list[str]:
 def write_checksums(folder: Path, sums: Mapping[str, str]) -> None:
     """Write checksums by path, as `sha256sum --check` reads them."""
     write_whole(folder / SUMS, "".join(f"{sums[path]}  {path}\n" for path in sorted(sums)), durable=True)
+
+
+def seal(folder: Path) -> None:
+    """Write the checksums of all files in a folder."""
+    write_checksums(folder, {path: file_hash(folder / path) for path in paths_of_files(folder) if path != SUMS})

@@ -32,6 +32,8 @@ METADATA = ("experiments.csv", "README.md", "LICENSE", "CITATION.cff", "croissan
 MOST_LISTED = 1000
 """Files that the catalogue entry lists one by one; in larger data sets those of one kind in one folder become a set."""
 
+LICENSE_URL = "https://creativecommons.org/licenses/by/4.0/"
+
 FEW = 20
 """Files of one kind in one folder that are listed one by one in any data set."""
 
@@ -83,15 +85,16 @@ def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) ->
         "attainable": read_table(folder / ATTAINABLE),
         "baselines": read_table(folder / BASELINES),
         "license": LICENSE,
-        "license_url": "https://creativecommons.org/licenses/by/4.0/",
+        "license_url": LICENSE_URL,
         "license_text": files("scenarios").joinpath("data", "licenses", "CC-BY-4.0.txt").read_text(encoding="utf-8"),
         "authors": [{"family-names": one, "given-names": own} if own else {"name": name} for name, one, own in names],
     }
 
+    context["bibtex"] = bibtex(spec, index["hash"])
+
     def render(template: str) -> str:
         return ENVIRONMENT.get_template(template).render(context)
 
-    context["bibtex"] = render("citation.bib.j2")
     texts = {
         "experiments.csv": table_text(rows[0], rows),
         "README.md": render("datasheet.md.j2"),
@@ -108,6 +111,11 @@ def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) ->
     entry = json.loads(render("croissant.json.j2"))
     texts["croissant.json"] = json.dumps(entry, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     return {path: text.encode() for path, text in texts.items()}
+
+
+def bibtex(spec: DataSetSpec, whole: str) -> str:
+    """Citation of a data set with that hash of all arrays."""
+    return ENVIRONMENT.get_template("citation.bib.j2").render(spec=spec, whole=whole)
 
 
 def _experiment_rows(folder: Path, plan: DataSetPlan, entries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

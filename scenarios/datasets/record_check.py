@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from hmtb_twin.files.netcdf import Attribute, Contents
+from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.datasets.variables import GIVEN, WINDOW
 
 
@@ -51,6 +52,8 @@ def record_problems(
     sample = variables["sample"].values if "sample" in variables else np.zeros(0)
     if sample.dtype != np.int64 or not np.array_equal(sample, np.arange(sample.size)):
         yield "sample does not count 0, 1, 2, ... in whole numbers"
+    if "t" not in variables or not np.array_equal(variables["t"].values, sample / SAMPLE_RATE):
+        yield f"t is not the time of each sample, sample / {SAMPLE_RATE} s"
     if samples is not None and sample.shape != (samples,):
         yield f"sample has shape {list(sample.shape)}, expected {samples} samples"
     for name, role in (("u", "input"), ("y", "output")):

@@ -9,7 +9,7 @@ import numpy as np
 from hmtb_twin.files.netcdf import Attribute, Variable
 from scenarios.files.toml_file import package_table
 
-GIVEN = ("sample", "u", "joint_commanded")
+GIVEN = ("sample", "t", "u", "joint_commanded")
 """Variables of a scored record that are published for all samples even where the truth is withheld."""
 
 WINDOW = "window_sample"

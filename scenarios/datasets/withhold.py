@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from hmtb_twin.files.atomic_write import write_whole
+from hmtb_twin.files.atomic_write import working_folder, write_whole
 from hmtb_twin.files.netcdf import Contents, Variable, read_netcdf
 from scenarios.datasets.build import build as build_data_set
 from scenarios.datasets.data_set import open_data_set
-from scenarios.datasets.export import seal, working_folder
-from scenarios.datasets.index import hash_of_all, read_index
+from scenarios.datasets.index import hash_of_all, read_index, seal
 from scenarios.datasets.metadata import metadata_files
 from scenarios.datasets.plan import BASELINES, BUILD, INDEX, SPEC, SUMS, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec

@@ -1,6 +1,7 @@
 """Calls of the command line; a small study and small data sets, made once for all tests that look at them."""
 
 import json
+import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from hmtb_twin import PayloadChange, simulate
 from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions
 from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios.commands.cli import main
+from scenarios.datasets import open_data_set
 from scenarios.datasets.build import build
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, TruthSpec, Twins
@@ -162,3 +164,15 @@ def school(tiny_spec, tmp_path_factory):
     )
     (ann, bob), _ = build_withheld(spec, place / "out", place / "withheld", persons=("ann", "bob"), seed=3)
     return Class(spec, place / "withheld", ann, bob)
+
+
+@pytest.fixture(scope="session")
+def data_set(tiny):
+    """The tiny data set, opened."""
+    return open_data_set(tiny)
+
+
+@pytest.fixture
+def copy(tiny, tmp_path):
+    """A copy of the tiny data set, for tests that change it."""
+    return Path(shutil.copytree(tiny, tmp_path / tiny.name))

@@ -17,9 +17,8 @@ from hmtb_twin.files.netcdf import Contents, read_netcdf
 from scenarios.datasets import check as check_module
 from scenarios.datasets.check import examine, same_software
 from scenarios.datasets.experiment_file import record_attributes
-from scenarios.datasets.export import seal
 from scenarios.datasets.folder_check import list_files
-from scenarios.datasets.index import hash_of_all, read_index
+from scenarios.datasets.index import hash_of_all, read_index, seal
 from scenarios.datasets.record_check import record_problems
 from scenarios.jobs.netcdf_reader import NetcdfReader
 from tests.refusals import refused

@@ -1,4 +1,4 @@
-"""The page on data sets and its pictures: the snippets run as they stand, in Python and Octave, with equal numbers."""
+"""The pages on data sets and their pictures: the snippets run as they stand, in Python and Octave, with equal numbers."""
 
 import importlib.util
 import json
@@ -17,23 +17,25 @@ from PIL import Image
 
 from hmtb_twin.parameters.specimen_draw import TwinDistributions
 from scenarios.datasets.baselines import BaselineData, baseline
-from scenarios.datasets.export import FORMATS, export
 from scenarios.datasets.score import score
 from scenarios.datasets.spec import DataSetSpec, shipped
 from scenarios.datasets.spec_tables import METRICS, UNITS, BaselineSpec, Method, RecordBlock, Scoring, TruthSpec
+from scenarios.exchange.export import FORMATS, export
 from scenarios.experiments.multisines import Multisines
 from tests.benchmarks.tables import ROOT, environment
 
-PAGE = (ROOT / "docs/datasets.md").read_text(encoding="utf-8")
+PAGE, SPEC_PAGE, COURSE_PAGE = (
+    (ROOT / f"docs/{name}.md").read_text(encoding="utf-8") for name in ("datasets", "dataset-spec", "dataset-course")
+)
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 
 TINY = {
     "multisine-elbow_pitch-01": "noise",
     "prbs-elbow_pitch": "binary-elbow_pitch",
     "hmtb-siso-v1": "tiny-v1",
-    "class/NAME-STUDENT-v1": "tiny-v1",
+    "class/class-ada-v1": "tiny-v1",
 }
-"""What the tiny data set has in the place of what the page speaks of."""
+"""What the tiny data set has in the place of what the pages speak of."""
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +47,7 @@ def place(tiny, tmp_path_factory):
     return folder
 
 
-def snippets(language):
-    page = PAGE
+def snippets(language, page=PAGE):
     for name, tiny in TINY.items():
         page = page.replace(name, tiny)
     return re.findall(rf"^```{language}\n(.*?)^```", page, re.M | re.S)
@@ -72,10 +73,11 @@ def test_the_python_snippets_run(place, data_set):
 
 def test_the_snippet_for_students_comes_near_the_baseline(place, data_set, monkeypatch):
     """Command and answer are taken from their means: the first command is a step of the excitation already."""
-    (snippet,) = (text for text in snippets("python") if "steps=None" in text)
+    (snippet,) = snippets("python", COURSE_PAGE)
     monkeypatch.chdir(place)
 
     def reached(text):
+        shutil.rmtree("submissions", ignore_errors=True)
         names = {}
         exec(text, names)
         return score({names["test"].name: names["yhat"]}, data_set).mean
@@ -156,15 +158,15 @@ def test_octave_reads_the_files_themselves(place, data_set):
     assert lines == [digest(record.u), digest(record.y)]
 
 
-def rows(section):
-    """The tables of a section: second columns by the names in the first."""
-    lines = PAGE.split(f"\n## {section}\n")[1].split("\n## ")[0].splitlines()
+def rows(page, section):
+    """The tables of a section of a page: second columns by the names in the first."""
+    lines = page.split(f"\n## {section}\n")[1].split("\n## ")[0].splitlines()
     cells = [line.split(" | ", 1) for line in lines if line.startswith("| `")]
     return {name: text for names, text in cells for name in re.findall(r"`([^`]+)`", names)}
 
 
-def test_every_key_of_a_spec_and_every_format_stands_on_the_page_and_no_other():
-    texts = rows("A data set of your own")
+def test_every_key_of_a_spec_and_every_format_stands_on_its_page_and_no_other():
+    texts = rows(SPEC_PAGE, "The spec file")
     tables = {"[scoring]", "[truth]", "[baselines]", "[twins]", "[[records]]"}
     kinds = (DataSetSpec, RecordBlock, TwinDistributions)
     known = {entry.name for kind in kinds for entry in fields(kind)} - {name.strip("[]") for name in tables}
@@ -174,7 +176,7 @@ def test_every_key_of_a_spec_and_every_format_stands_on_the_page_and_no_other():
         missing = {entry.name for entry in fields(kind)} - set(re.findall(r"`(\w+)`", texts[key]))
         assert not missing, f"{key}: {missing}"
     assert set(re.findall(r"`(\w+)`", texts["[scoring]"])) >= {*METRICS, *UNITS}
-    assert list(rows("How models are scored")) == list(METRICS)
+    assert list(rows(PAGE, "How models are scored")) == list(METRICS)
     formats = PAGE.split("### Formats")[1].split("\n## ")[0]
     assert re.findall(r"^\| `(\w+)` \|", formats, re.M) == list(FORMATS)
 
@@ -189,10 +191,10 @@ def test_every_data_set_stands_on_the_page_with_its_picture():
 
 
 def test_the_page_names_what_is_in_a_folder(tiny):
-    table = PAGE.split("\n## The folder\n")[1].split("In a record:")[0]
+    table = SPEC_PAGE.split("\n## The folder\n")[1].split("### Records")[0]
     named = {name.split("/")[0] for row in table.splitlines() for name in re.findall(r"`([^`]+)`", row.split(" | ")[0])}
     there = {path.name for path in tiny.iterdir()}
-    assert there <= named, f"docs/datasets.md lacks {sorted(there - named)}"
+    assert there <= named, f"docs/dataset-spec.md lacks {sorted(there - named)}"
     assert named - there <= {"baselines.csv", "baselines"}
 
 

@@ -79,7 +79,7 @@ def test_outputs_behind_the_window_of_a_scored_record_are_not_published(school):
     complete, public = (
         read_netcdf(folder / place).variables for folder in (school.withheld / school.ann.name, school.ann)
     )
-    assert {name for name, one in public.items() if "sample" in one.dims} == {"sample", "u", "joint_commanded"}
+    assert {name for name, one in public.items() if "sample" in one.dims} == {"sample", "t", "u", "joint_commanded"}
     assert np.array_equal(public["y"].values, complete["y"].values[:20])
     assert np.array_equal(public["u"].values, complete["u"].values)
     published = b"\n".join(content for _, content in contents(school.ann))

@@ -1,0 +1,147 @@
+"""Data sets of the package as the packages `nonlinear_benchmarks` [Champneys2024] and IdentiBench take them."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenarios.datasets.canonical import load_dataset
+from scenarios.datasets.data_set import DataRecord, DataSet, Joints
+from scenarios.datasets.spec_tables import UNITS, Scoring
+from scenarios.files.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from identibench import BenchmarkSpec
+    from nonlinear_benchmarks.utilities import Input_output_data
+
+INSTALL = "pip install 'hmtb-twin[benchmarks]'"
+
+
+def nonlinear_benchmark(
+    name: str,
+    *,
+    joint: Joints | None = None,
+    block: str | None = None,
+    train_test_split: bool = True,
+    atleast_2d: bool = False,
+    always_return_tuples_of_datasets: bool = False,
+    cache: str | Path | None = None,
+) -> Any:
+    """Load a data set as a loader of the package `nonlinear_benchmarks` does, as its `Input_output_data`.
+
+    Args:
+        name: Data set, as for `load_dataset`.
+        joint: The joint of records with one input and output; several names: of records with exactly these.
+        block: Block of the spec.
+        train_test_split: Return two parts; else a tuple of all records.
+        atleast_2d: Inputs (N, nu) and outputs (N, ny) also where there is one.
+        always_return_tuples_of_datasets: Tuples also where a part has one record.
+        cache: Folder of the copies, as for `load_dataset`.
+
+    Returns:
+        Training and validation records, then test records: a record, or a tuple of several. Test records have the
+        number of samples from which a model may find its initial state.
+
+    Raises:
+        ScenarioError: No such data set or no such records, or the package is not installed.
+    """
+    try:
+        from nonlinear_benchmarks.utilities import always_return_tuples_of_datasets_fun, atleast_2d_fun
+    except ImportError as error:
+        raise ScenarioError(f"the package nonlinear_benchmarks is not installed: {INSTALL}") from error
+    selected = load_dataset(name, cache=cache).select(joint=joint, block=block)
+    train, test = ([_input_output_data(one) for part in parts for one in selected.records(part)] for parts in _SPLIT)
+    if not train_test_split:
+        return atleast_2d_fun((*train, *test), apply=atleast_2d)
+    if not train or not test:
+        raise ScenarioError(
+            f"{name}: no {'test' if train else 'training'} records selected; train_test_split=False has all"
+        )
+    parts = (part[0] if len(part) == 1 else tuple(part) for part in (train, test))
+    return always_return_tuples_of_datasets_fun(
+        *(atleast_2d_fun(part, apply=atleast_2d) for part in parts), apply=always_return_tuples_of_datasets
+    )
+
+
+def identibench_spec(name: str, *, joint: Joints | None = None, cache: str | Path | None = None) -> "BenchmarkSpec":
+    """Return the benchmark of a data set for `identibench.run_benchmark`: simulation of its test records.
+
+    Its score `test` is the primary score of the data set, but for the single precision in which IdentiBench keeps
+    records; where the test part has several blocks, each is a test set of its own too.
+
+    Args:
+        name: Data set, as for `load_dataset`.
+        joint: The joint of the records, or several; by default those of the data set if all its records have the same.
+        cache: Folder of the copies, as for `load_dataset`.
+
+    Raises:
+        ScenarioError: No such data set, records with different joints, a data set that scores predictions, or the
+            package is not installed.
+    """
+    try:
+        from identibench import BenchmarkSpec, Dataset, Simulation
+    except ImportError as error:
+        raise ScenarioError(f"the package identibench is not installed: {INSTALL}") from error
+    selected = load_dataset(name, cache=cache)
+    selected = selected if joint is None else selected.select(joint=joint)
+    choices = sorted({one.joints for one in selected.index})
+    if len(choices) > 1:
+        shown = "; ".join(", ".join(joints) for joints in choices)
+        raise ScenarioError(f"{name} has records of different joints; expected joint=... of: {shown}")
+    scoring = selected.spec.scoring
+    if scoring.steps:
+        raise ScenarioError(
+            f"{name} scores predictions {scoring.steps} samples ahead; expected a data set of simulations"
+        )
+    channels, label = len(choices[0]), "-".join((name, *choices[0]))
+    prepare = partial(_write_records, name, joint, cache)
+    data = Dataset(label, prepare=prepare, version=selected.hash)
+    blocks = dict.fromkeys(one.block for one in selected.records("test"))
+    several = {block: [(data, f"test/{block}/*.hdf5")] for block in blocks} if len(blocks) > 1 else {}
+    return BenchmarkSpec(
+        name=label,
+        u_cols=[f"u{k}" for k in range(channels)],
+        y_cols=[f"y{k}" for k in range(channels)],
+        train=[(data, "train/*/*.hdf5")],
+        valid=[(data, "validation/*/*.hdf5")] if selected.validation else [],
+        test_sets={"test": [(data, "test/*/*.hdf5")]} | several,
+        task=Simulation(metric=_metric(scoring), init_window=selected.spec.window),
+    )
+
+
+_SPLIT = (("train", "validation"), ("test",))
+
+
+def _input_output_data(record: DataRecord) -> "Input_output_data":
+    from nonlinear_benchmarks.utilities import Input_output_data
+
+    if record.signals.withheld:
+        raise ScenarioError(f"{record.name}: its outputs are withheld, expected a data set with all outputs")
+    window = record.state_initialization_window_length
+    return Input_output_data(record.u.copy(), record.y.copy(), record.sampling_time, record.name, window)
+
+
+def _write_records(name: str, joint: Joints | None, cache: str | Path | None, folder: Path, force: bool) -> None:
+    """Write the records of a data set as IdentiBench reads them; it calls this in a process of its own."""
+    from identibench.utils import iodata_to_hdf5
+
+    selected: DataSet = load_dataset(name, cache=cache)
+    for one in (selected if joint is None else selected.select(joint=joint)).records():
+        iodata_to_hdf5(_input_output_data(one), folder / one.part / one.block, one.name)
+
+
+def _metric(scoring: Scoring) -> Callable[[np.ndarray, np.ndarray], float]:
+    """The metric of a data set from those of IdentiBench."""
+    from identibench import metrics
+
+    compute = {"rmse": metrics.rmse, "nrmse": metrics.nrmse, "fit": metrics.fit_index}[scoring.metric]
+    # IdentiBench gives NRMSE as a ratio and the fit in percent
+    factor = {"rmse": UNITS.get(scoring.unit, 1.0), "nrmse": 100.0, "fit": 1.0}[scoring.metric]
+
+    def metric(prediction: np.ndarray, target: np.ndarray) -> float:
+        return factor * np.mean(compute(prediction, target))
+
+    metric.__name__ = f"{scoring.metric}_{scoring.unit}" if scoring.metric == "rmse" else scoring.metric
+    return metric

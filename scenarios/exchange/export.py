@@ -1,0 +1,141 @@
+"""Export of a data set to formats that other programs read: .mat, CSV, Parquet, ASCII."""
+
+import json
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from hmtb_twin.files.atomic_write import working_folder
+from hmtb_twin.files.netcdf import Contents, read_netcdf
+from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
+from scenarios.datasets.index import seal
+from scenarios.exchange.part_tables import PartTables
+from scenarios.exchange.record_files import ascii_table, csv, csv_metadata, mat
+from scenarios.files.errors import ScenarioError, unknown
+
+
+class Writer(Protocol):
+    """Writes the records of a data set into the folder of a format."""
+
+    def add(self, record: DataRecord, contents: Contents) -> str:
+        """Write a record and return the path of its file in the folder."""
+        ...
+
+    def close(self) -> None:
+        """Write what describes the records as a whole."""
+        ...
+
+
+class RecordFiles:
+    """A file for each record, and where a format has it, one of metadata beside it.
+
+    Args:
+        folder: Folder of the format.
+        ending: Ending of the files.
+        to_bytes: Makes a file.
+        metadata: Makes the metadata of a file of that name, which goes to NAME-metadata.json.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        ending: str,
+        to_bytes: Callable[[Contents], bytes],
+        metadata: Callable[[Contents, str], bytes] | None = None,
+    ) -> None:
+        self._folder, self._ending, self._to_bytes, self._metadata = folder, ending, to_bytes, metadata
+
+    def add(self, record: DataRecord, contents: Contents) -> str:
+        """Write a record."""
+        path = self._folder / record.part / f"{record.name}{self._ending}"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(self._to_bytes(contents))
+        if self._metadata is not None:
+            path.with_name(f"{path.name}-metadata.json").write_bytes(self._metadata(contents, path.name))
+        return f"{record.part}/{path.name}"
+
+    def close(self) -> None:
+        """Nothing describes the files as a whole."""
+
+
+FORMATS: Mapping[str, Callable[[Path, DataSet], Writer]] = {
+    "mat": lambda folder, _: RecordFiles(folder, ".mat", mat),
+    "csv": lambda folder, _: RecordFiles(folder, ".csv", csv, csv_metadata),
+    "parquet": PartTables,
+    "ascii": lambda folder, _: RecordFiles(folder, ".txt", ascii_table),
+}
+"""Writer of each format, by its name."""
+
+
+def export(
+    folder: Path, out: Path, formats: Sequence[str], *, progress: Callable[[int, int], None] | None = None
+) -> tuple[Path, ...]:
+    """Write the records of a data set in other formats, from its index and its `data/`; the spec only describes them.
+
+    Each format has a folder `<label>-<format>` of its own; it appears when it is complete.
+
+    Args:
+        folder: The data set.
+        out: Folder in which the folders of the formats are created.
+        formats: Names of `FORMATS`.
+        progress: Called with the records done and their total.
+
+    Raises:
+        ScenarioError: No data set, an unknown format, a folder that is already there, or a record that is not what the
+            index says.
+        OSError: A file cannot be written; nothing of the export stays.
+    """
+    data_set = open_data_set(folder)
+    if out.resolve().is_relative_to(folder.resolve()):
+        raise ScenarioError(f"{out} is inside the data set, which is never changed; name another --out")
+    if not formats:
+        raise ScenarioError(f"no format given of {', '.join(FORMATS)}")
+    for name in formats:
+        if name not in FORMATS:
+            raise ScenarioError(unknown("format", name, FORMATS))
+    finals = {name: out / f"{data_set.label}-{name}" for name in formats}
+    existing = [str(path) for path in finals.values() if path.exists()]
+    if existing:
+        raise ScenarioError(
+            f"{', '.join(existing)} is already there, and is not overwritten; remove it, or name another --out"
+        )
+    records = data_set.records()
+    with working_folder(out) as place:
+        for name in finals:
+            (place / name).mkdir()
+        writers = {name: FORMATS[name](place / name, data_set) for name in finals}
+        listed: dict[str, list[dict[str, object]]] = {name: [] for name in finals}
+        for done, one in enumerate(records, start=1):
+            contents = read_record(data_set, one)
+            facts = {key: getattr(one, key) for key in ("name", "part", "block", "arm", "twin", "joints")}
+            for name, writer in writers.items():
+                listed[name].append(facts | {"file": writer.add(one, contents)})
+            if progress is not None:
+                progress(done, len(records))
+        for name, final in finals.items():
+            writers[name].close()
+            index = {"data_set": data_set.label, "hash": data_set.hash, "format": name, "records": listed[name]}
+            text = json.dumps(index, indent=1, allow_nan=False) + "\n"
+            (place / name / "export.json").write_text(text, encoding="utf-8")
+            for file in ("LICENSE", "CITATION.cff"):
+                if (data_set.folder / file).is_file():
+                    shutil.copyfile(data_set.folder / file, place / name / file)
+            seal(place / name)
+            (place / name).rename(final)
+    return tuple(finals.values())
+
+
+def read_record(data_set: DataSet, record: DataRecord) -> Contents:
+    """Read the file of a record.
+
+    Raises:
+        ScenarioError: Its arrays are not those of the index.
+    """
+    contents = read_netcdf(data_set.folder / record.file)
+    if differing := contents.differing(record.arrays):
+        raise ScenarioError(
+            f"{data_set.folder / record.file}: {', '.join(differing)} differ from what the index says; expected an "
+            "undamaged data set, see hmtb dataset check"
+        )
+    return contents

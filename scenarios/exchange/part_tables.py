@@ -1,0 +1,146 @@
+"""Parquet: one table for each part of a data set, with a card for Hugging Face and a Croissant entry that reads it."""
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from itertools import takewhile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hmtb_twin.files.hashes import file_hash
+from hmtb_twin.files.netcdf import Contents, read_netcdf
+from scenarios.datasets.data_set import DataRecord, DataSet
+from scenarios.datasets.metadata import ENVIRONMENT, LICENSE_URL, bibtex
+from scenarios.datasets.plan import LICENSE
+from scenarios.datasets.spec_tables import PARTS
+from scenarios.exchange.record_files import ExportColumn, columns
+from scenarios.files.errors import ScenarioError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+LABELS = {
+    "experiment": "name of the record",
+    "block": "block of the spec that asks for the record",
+    "arm": "arm under its conditions",
+    "joints": "joints that are commanded and measured, separated by blanks",
+}
+"""Columns that are the same for all samples of a record, and their meaning."""
+
+SIZES = ("n<1K", "1K<n<10K", "10K<n<100K", "100K<n<1M", "1M<n<10M", "10M<n<100M", "100M<n<1B", "1B<n<10B")
+"""Size categories of Hugging Face, a factor of ten each."""
+
+
+class PartTables:
+    """A table `PART.parquet` for each part: all samples of its records in order, a row group for each record.
+
+    All tables have the same columns: the name of the record, its block, arm and joints; number and time of the sample;
+    a column for each channel that a record of the data set has. A cell is null where its record has no such channel or
+    withholds it, and NaN where the sample was lost. Units stand in the metadata of the columns.
+
+    Args:
+        folder: Folder of the tables.
+        data_set: The data set; its spec is in its folder.
+
+    Raises:
+        ScenarioError: No pyarrow, no spec, or records whose channels contradict each other.
+    """
+
+    def __init__(self, folder: Path, data_set: DataSet) -> None:
+        try:
+            import pyarrow as pa
+            import pyarrow.parquet as pq
+        except ImportError as error:
+            raise ScenarioError("Parquet needs pyarrow: pip install 'hmtb-twin[parquet]'") from error
+        self._pa, self._pq = pa, pq
+        self._folder, self._data_set, self._spec = folder, data_set, data_set.spec
+        self._columns = _all_columns(data_set)
+        fields = [pa.field(name, pa.dictionary(pa.int32(), pa.string()), nullable=False) for name in LABELS]
+        for column in self._columns:
+            about = {"unit": column.unit, "role": column.role, "description": column.meaning}
+            kind = pa.from_numpy_dtype(column.values.dtype)
+            fields.append(pa.field(column.name, kind, nullable=column.role != "index", metadata=about))
+        facts = {"data_set": data_set.label, "hash": data_set.hash, "sampling_time": "1/50 s", "license": LICENSE}
+        self._schema = pa.schema(fields, facts)
+        self._tables: dict[str, Any] = {}
+        self._rows, self._records = Counter[str](), Counter[str]()
+
+    def add(self, record: DataRecord, contents: Contents) -> str:
+        """Append a record to the table of its part."""
+        path = f"{record.part}.parquet"
+        if record.part not in self._tables:
+            self._tables[record.part] = self._pq.ParquetWriter(self._folder / path, self._schema, compression="zstd")
+        own = {column.name: column for column in columns(contents)}
+        count = len(own["sample"].values)
+        if strange := own.keys() - {column.name for column in self._columns}:
+            raise ScenarioError(
+                f"{record.name} has the channels {', '.join(sorted(strange))}, unlike others of its block"
+            )
+        labels = {
+            "experiment": record.name,
+            "block": record.block,
+            "arm": record.arm,
+            "joints": " ".join(record.joints),
+        }
+        arrays = [self._label(text, count) for text in labels.values()]
+        for field in list(self._schema)[len(LABELS) :]:
+            column = own.get(field.name)
+            values = self._pa.array(np.zeros(0) if column is None else column.values, field.type)
+            arrays.append(self._pa.concat_arrays([values, self._pa.nulls(count - len(values), field.type)]))
+        self._tables[record.part].write_table(self._pa.Table.from_arrays(arrays, schema=self._schema))
+        self._rows[record.part] += count
+        self._records[record.part] += 1
+        return path
+
+    def close(self) -> None:
+        """Finish the tables; write the card README.md, croissant.json, and the datasheet if the data set has it."""
+        for table in self._tables.values():
+            table.close()
+        parts = [part for part in PARTS if part in self._tables]
+        context: dict[str, Any] = {
+            "spec": self._spec,
+            "label": self._data_set.label,
+            "bibtex": bibtex(self._spec, self._data_set.hash),
+            "license_url": LICENSE_URL,
+            "labels": LABELS,
+            "columns": self._columns,
+            "parts": [(part, self._records[part], self._rows[part]) for part in parts],
+            "size": SIZES[len(list(takewhile(lambda k: self._rows.total() >= 10 ** (k + 3), range(len(SIZES) - 1))))],
+            "objects": [
+                (f"{part}.parquet", (path := self._folder / f"{part}.parquet").stat().st_size, file_hash(path))
+                for part in parts
+            ],
+            "kind": lambda column: "sc:Integer" if column.values.dtype.kind in "iu" else "sc:Float",
+            "several": len({column.name for column in self._columns if column.role == "input"}) > 1,
+        }
+        card = ENVIRONMENT.get_template("dataset_card.md.j2").render(context)
+        entry = json.loads(ENVIRONMENT.get_template("croissant_tables.json.j2").render(context))
+        text = json.dumps(entry, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        (self._folder / "README.md").write_text(card, encoding="utf-8")
+        (self._folder / "croissant.json").write_text(text, encoding="utf-8")
+        if (datasheet := self._data_set.folder / "README.md").is_file():
+            (self._folder / "datasheet.md").write_bytes(datasheet.read_bytes())
+
+    def _label(self, text: str, count: int) -> "pa.Array":
+        indices = self._pa.array(np.zeros(count, np.int32))
+        return self._pa.DictionaryArray.from_arrays(indices, self._pa.array([text]))
+
+
+def _all_columns(data_set: DataSet) -> Sequence[ExportColumn]:
+    """The columns of all records; those of one block with the same joints have the same."""
+    firsts = {(one.part, one.block, one.joints): one for one in reversed(data_set.records())}
+    known: dict[str, ExportColumn] = {}
+    for one in sorted(firsts.values(), key=lambda one: PARTS.index(one.part)):
+        for column in columns(read_netcdf(data_set.folder / one.file)):
+            if known.setdefault(column.name, column)[:3] != column[:3]:
+                raise ScenarioError(f"{one.name}: {column.name} has another unit or role than in other records")
+            if known[column.name].values.dtype != column.values.dtype:
+                raise ScenarioError(f"{one.name}: {column.name} has another type than in other records")
+    first = ("sample", "t")
+    ordered = sorted(known.values(), key=lambda column: _ROLES.get(column.role, len(_ROLES)))
+    return [known[name] for name in first] + [column for column in ordered if column.name not in first]
+
+
+_ROLES = {"index": 0, "input": 1, "output": 2}
