@@ -105,11 +105,13 @@ def test_links_parameters_and_flags_of_the_laboratory_exist():
 
 # --- docs/maps.md ---
 
+MAP_FINDINGS = "docs/measured/map-findings.md"
+
 
 @pytest.mark.slow
 def test_small_signal_sentences_of_the_maps_are_computed():
-    """Those over amplitude and friction take a minute; the command at the head of the page renews them."""
-    (text,) = re.findall(r"<!-- findings -->\n(.*?)<!-- end -->", page("docs/maps.md"), re.S)
+    """Those over amplitude and friction take a minute; docs/images/maps.py renews them."""
+    (text,) = re.findall(r"<!-- findings -->\n(.*?)<!-- end -->", page(MAP_FINDINGS), re.S)
     shown = [line.removeprefix("- ") for line in text.strip().splitlines()]
     sentences = findings(maps(load_arm(), OPERATING_POSE, Density(amplitudes=())))
     assert len(shown) == len(sentences) + 2
@@ -117,10 +119,12 @@ def test_small_signal_sentences_of_the_maps_are_computed():
         assert_same_sentence(printed, sentence)
 
 
-def test_readme_quotes_the_maps():
+def test_readme_and_page_quote_the_maps():
     (turn, amplitude) = re.findall(r"more than (\d+)°, and from ([\d.]+) rad", page("README.md"))[0]
-    assert f"turn every joint at once by up to {turn}°" in page("docs/maps.md")
-    within = re.findall(r"(?:shoulder|elbow) \w+ from ([\d.]+) to", page("docs/maps.md").partition("- Amplitude")[2])
+    assert f"turn every joint at once by up to {turn}°" in page(MAP_FINDINGS)
+    assert f"Turn every joint at once by up to {turn}°" in page("docs/maps.md")
+    within = re.findall(r"(?:shoulder|elbow) \w+ from ([\d.]+) to", page(MAP_FINDINGS).partition("- Amplitude")[2])
+    assert f"From {max(within, key=float)} rad rms (yaw) or {min(within, key=float)} rad" in page("docs/maps.md")
     assert len(within) == 3 and max(map(float, within)) == float(amplitude)
 
 

@@ -13,12 +13,16 @@ from scenarios.truth.published import EQUATIONS
 from tests.benchmarks import yaw_question as question
 
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / "docs/published-variant.md").read_text(encoding="utf-8")
+PAGE, POLES, HYPOTHESES = (
+    (ROOT / f"docs/{name}.md").read_text(encoding="utf-8")
+    for name in ("published-variant", "measured/published-poles", "measured/yaw-hypotheses")
+)
 NUMBER = re.compile(r"-?\d+\.?\d*")
 
 
 def block(command: str) -> str:
-    (text,) = re.findall(rf"<!-- measured by: {re.escape(command)} -->\n(.*?)<!-- end -->", PAGE, re.S)
+    text = POLES + HYPOTHESES
+    (text,) = re.findall(rf"<!-- measured by: {re.escape(command)} -->\n(.*?)<!-- end -->", text, re.S)
     return text.strip()
 
 
@@ -68,7 +72,7 @@ def test_shoulder_pitch_shares_its_gain_with_its_neighbours_as_the_page_says(tru
 
 def test_servos_gains_and_seals_are_those_of_the_arm():
     arm = load_arm("published")
-    rows = re.findall(r"^\| (\w+ \w+) \| (-[\d., -]+) \| (\d+) \| (\d+) \| ([\d.]+) \| ([\d.]+) \|$", PAGE, re.M)
+    rows = re.findall(r"^\| (\w+ \w+) \| (-[\d., -]+) \| (\d+) \| (\d+) \| ([\d.]+) \| ([\d.]+) \|$", POLES, re.M)
     assert len(rows) == 4
     for joint, poles, kp, kd, coulomb, band in rows:
         name = joint.replace(" ", "_")

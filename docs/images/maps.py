@@ -1,4 +1,4 @@
-"""Make the maps of docs/maps.md anew, figures and sentences: `PYTHONPATH=. python docs/images/maps.py`."""
+"""Make the figures of docs/maps.md and their findings anew: `PYTHONPATH=. python docs/images/maps.py`."""
 
 import re
 from pathlib import Path
@@ -14,7 +14,7 @@ from scenarios.truth.truth_figure import truth_figure
 from scenarios.truth.truth_summary import truth_summary
 
 FOLDER = Path(__file__).parent
-PAGE = FOLDER.parent / "maps.md"
+PAGE = FOLDER.parent / "measured" / "map-findings.md"
 SHOWN = ("workspace", "locality", "coupling", "amplitude")
 
 

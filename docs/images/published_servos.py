@@ -3,7 +3,7 @@
 Each servo places the poles of its joint as if the neighbours stood still; in the arm they move, and the poles with
 them. The wanted poles are therefore solved for on the coupled rigid arm with its pressure lags, which is linear in
 closed form at a pose. `python -m docs.images.published_servos` prints the poles and the tables of
-docs/published-variant.md.
+docs/measured/published-poles.md.
 """
 
 import sys

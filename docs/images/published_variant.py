@@ -15,7 +15,7 @@ from sysid import StateSpace
 from sysid.plots.palette import GRID, PALETTE
 
 FOLDER = Path(__file__).parent
-PAGE = FOLDER.parent / "published-variant.md"
+HYPOTHESES = FOLDER.parent / "measured/yaw-hypotheses.md"
 LOWEST_LINE = 0.5
 
 
@@ -27,7 +27,7 @@ def main() -> None:
     for name, figure in {
         "published-poles.svg": poles(variant),
         "published-bode.svg": bode(variant, nominal),
-        "yaw-friction.svg": friction(PAGE.read_text(encoding="utf-8")),
+        "yaw-friction.svg": friction(HYPOTHESES.read_text(encoding="utf-8")),
     }.items():
         figure.savefig(FOLDER / name, metadata={"Date": None})
 
@@ -101,7 +101,7 @@ def _response(
 
 
 def friction(page: str) -> Figure:
-    """What the three estimators read off the nominal arm against its dry friction, from the page's table."""
+    """What the three estimators read off the nominal arm against its dry friction, from the table of hypotheses."""
     label = r"(?:as it is \()?dry friction ([\d.]+) %\)?"
     rows = re.findall(rf"^\| {label} \|((?: +-?[\d.a-z]+ \|){{9}})", page, re.M)
     rows.sort(key=lambda one: float(one[0]))

@@ -1,7 +1,7 @@
 """How the best linear approximation departs from the small-signal truth: link by link and amplitude by amplitude.
 
 First the agreement of the arm without friction, seed by seed: p-values of the lines and of the whole, and what the
-intervals of the bandwidth hold. Then the tables of `docs/truth.md`.
+intervals of the bandwidth hold. Then the tables that `docs/truth.md` quotes.
 """
 
 from collections.abc import Mapping

@@ -1,6 +1,6 @@
-"""The 1 Hz finding on every arm of the study, over seeds: `docs/bandwidth.md`.
+"""The 1 Hz finding on every arm of the study, over seeds: `docs/measured/one-hertz.md`.
 
-Its output stands on that page; renewed by: python tests/benchmarks/verification.py one_hertz
+Its table is renewed by: python tests/benchmarks/verification.py one_hertz
 """
 
 from contextlib import nullcontext

@@ -5,7 +5,7 @@ all benches by `make verification DATA=FOLDER`. Words choose sets by their names
 that are at hand; they belong to their authors and are not part of this repository. Models are fitted to the first half
 of each record, its means removed from both halves, and judged on both halves by `compare`, one step ahead and in
 simulation, the initial state fitted to each half for every model alike; of several outputs, fits are means. Our methods
-compete with the peers' under three rules, which docs/verification.md states.
+compete with the peers' under three rules, which docs/measured/real-data.md states.
 """
 
 import contextlib

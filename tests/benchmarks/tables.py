@@ -1,7 +1,7 @@
 """Markdown tables on standard output, row by row, and the options, clock and environment that most benchmarks share.
 
 A benchmark runs from the root of the repository with `PYTHONPATH=.`; `python tests/benchmarks/verification.py NAME`
-runs it and renews its tables in `docs`.
+runs it and renews its tables in `docs` and `docs/measured`.
 """
 
 import argparse

@@ -1,8 +1,8 @@
-"""Measure again what the pages in `docs` say. Run by `make verification`, or by hand with words to choose by.
+"""Renew the measured tables of `docs` and `docs/measured`. Run by `make verification`, or with words to choose by.
 
-A block of a page begins with a comment that names its command and ends with another; what the command prints takes
-the place of what stands between them. A command that fails leaves its block as it was, and so does one that needs the
-FOLDER of measured data where none is given.
+A table begins with a comment that names its command and ends with another; what the command prints replaces the text
+between them. The sentences of the pages that quote a table are not renewed: correct them by hand. A command that fails
+leaves its table as it was, and so does one that needs the FOLDER of measured data where none is given.
 """
 
 import argparse
@@ -50,7 +50,7 @@ def main():
     parser.add_argument("--data", type=Path, help="folder with the measured data")
     asked = parser.parse_args()
     folder = asked.data.resolve() if asked.data else None
-    return 1 if sum(_renew(page, asked.words, folder) for page in sorted((ROOT / "docs").glob("*.md"))) else 0
+    return 1 if sum(_renew(page, asked.words, folder) for page in sorted((ROOT / "docs").rglob("*.md"))) else 0
 
 
 def _renew(path, words, folder):

@@ -36,7 +36,7 @@ def test_the_words_carry_every_channel_of_the_record_and_the_documented_table_is
     for message in MESSAGES:
         assert (message.quantities, message.units) == CHANNELS[message.name][:2]
     assert BAM == Recorder().resolver_step == np.deg2rad(180 / 32768)
-    text = (ROOT / "docs/bus.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/measured/bus-words.md").read_text(encoding="utf-8")
     assert "\n".join(interface_control_table()) in text
     assert len(re.findall(r"^\| .*\| `checksum` \|", text, re.M)) == len(MESSAGES)
 
