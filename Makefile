@@ -97,6 +97,11 @@ images: $(INSTALLED) ## make the pictures of the README, of docs/maps.md and of 
 	@echo "==> Building the data sets of docs/datasets.md and drawing them"
 	@"$(BIN)/python" docs/images/datasets.py
 
+.PHONY: diagrams
+diagrams: $(INSTALLED) ## draw the diagrams of the pages anew for the site (needs npm and chromium)
+	@npm install --silent --no-save --prefix build/mermaid mermaid@11
+	@"$(BIN)/python" docs/site/diagrams.py build/mermaid/node_modules/mermaid/dist/mermaid.min.js
+
 .PHONY: docs
 docs: $(INSTALLED) ## build the site of the pages in docs and of every public name
 	@echo "==> Building the site"

@@ -2,6 +2,7 @@
 
 import os
 import re
+import runpy
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -61,3 +62,14 @@ def test_pages_load_nothing_from_the_network(site):
     assert "parameters.html" in site
     for path, page in site.items():
         assert not [one for one in page.loaded if re.match(r"(https?:)?//", one)], path
+
+
+def test_every_diagram_has_its_picture():
+    """`make diagrams` draws them."""
+    hooks = runpy.run_path(str(ROOT / "docs/site/diagrams.py"))
+    pages = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
+    diagrams = [found["text"] for text in pages.values() for found in hooks["DIAGRAM"].finditer(text)]
+    assert len(diagrams) == sum(text.count("```mermaid") for text in pages.values()) >= 4
+    there = {path.name for path in (ROOT / "docs/images").glob("diagram-*.svg")}
+    assert there == set(map(hooks["picture"], diagrams))
+    assert "```mermaid" not in hooks["on_page_markdown"](pages["architecture.md"])

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 DOCS = Path(__file__).parents[1]
-DIAGRAM = re.compile(r"^```mermaid\n%% (?P<title>.+)\n(?P<text>.*?)^```\n", re.M | re.S)
+DIAGRAM = re.compile(r"^```mermaid\n%% (?P<title>[^\n]+)\n(?P<text>.*?)^```\n", re.M | re.S)
 OPTIONS = "{startOnLoad: false, theme: 'neutral', htmlLabels: false, flowchart: {htmlLabels: false, useMaxWidth: true}}"
 
 
@@ -44,8 +44,9 @@ def main(mermaid: Path) -> None:
         page.evaluate(f"mermaid.initialize({OPTIONS})")
         for number, text in enumerate(texts):
             drawing = page.evaluate("([name, text]) => mermaid.render(name, text).then(r => r.svg)", [f"d{number}", text])
-            # its own ground, legible on light and dark pages
-            drawing = drawing.replace('style="', 'style="background: white; padding: 8px; border-radius: 6px; ', 1)
+            # its own size and ground: legible on light and dark pages, and never drawn larger than it is
+            size = 'width="{2}" height="{3}"'.format(*re.findall(r'viewBox="(\S+) (\S+) (\S+) (\S+)"', drawing)[0])
+            drawing = drawing.replace('width="100%"', size, 1).replace('style="', 'style="background: white; ', 1)
             (folder / picture(text)).write_text(drawing + "\n", encoding="utf-8")
         browser.close()
 

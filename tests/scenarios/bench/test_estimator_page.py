@@ -14,13 +14,16 @@ from sysid.models import innovations_form
 from tests.benchmarks.tables import ROOT
 
 PAGE = (ROOT / "docs/your-estimator.md").read_text(encoding="utf-8")
+FAULTS = (ROOT / "docs/measured/faulty-estimators.md").read_text(encoding="utf-8")
+PROTOCOL = (ROOT / "docs/estimator-protocol.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
 def mine():
-    """The page's Python."""
+    """The file that the page writes, and the faults to append to it."""
     names = {}
-    exec("\n".join(re.findall(r"^```python\n(.*?)^```", PAGE, re.M | re.S)), names)
+    file = re.findall(r"^cat > my_estimator.py <<'END'\n(.*?)^END\n", PAGE, re.M | re.S)
+    exec("\n".join(file + re.findall(r"^```python\n(.*?)^```", FAULTS, re.M | re.S)), names)
     return names
 
 
@@ -68,7 +71,8 @@ def test_every_metric_and_family_of_problems_stands_on_the_page():
 
 
 def test_its_commands_are_understood():
-    lines = [line for block in re.findall(r"^```sh\n(.*?)^```", PAGE, re.M | re.S) for line in block.splitlines()]
+    programs = re.findall(r"`((?:--stays )?--command .*)`", PROTOCOL)
+    lines = re.findall(r"^hmtb .*", PAGE, re.M) + [f"hmtb verify {words}" for words in programs]
     assert len(lines) >= 4
     for line in lines:
         program, *words = shlex.split(line)

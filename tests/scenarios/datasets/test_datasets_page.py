@@ -1,4 +1,4 @@
-"""The pages on data sets and their pictures: the snippets run as they stand, in Python and Octave, with equal numbers."""
+"""The pages on data sets and their pictures: the snippets run in Python and Octave, with equal numbers."""
 
 import importlib.util
 import json
@@ -60,7 +60,8 @@ def digest(values):
 
 @pytest.mark.slow
 def test_the_python_snippets_run(place, data_set):
-    text = "\n".join(snippets("python"))
+    # tests/test_code_blocks.py runs those of other packages
+    text = "\n".join(one for one in snippets("python") if "identibench" not in one)
     command = [sys.executable, "-c", text]
     done = subprocess.run(command, cwd=place, env=environment(), capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr

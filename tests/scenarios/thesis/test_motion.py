@@ -186,7 +186,7 @@ def test_the_record_of_the_whole_campaign_is_of_its_factors_and_items():
     record, campaign = read_motion(), MotionCampaign()
     assert record["campaign"] == json.loads(json.dumps(vars(campaign)))
     assert record["failed"] == []
-    page = (Path(__file__).parents[3] / "docs" / "motion.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs/measured/motion-campaign.md").read_text(encoding="utf-8")
     assert [text for text in motion_texts(record) if f"- {text}\n" not in page] == []
     assert {joint: list(one["best"]["distances"]) for joint, one in record["joints"].items()} == {
         joint: list(items(joint)) for joint in STUDIED_JOINTS

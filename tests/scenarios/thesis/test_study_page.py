@@ -11,7 +11,9 @@ from scenarios.thesis.finding import CLAIMS, Verdict
 from scenarios.thesis.frequencies import ORDER
 from scenarios.thesis.study import ESTIMATION_TEST
 
-PAGE = (Path(__file__).parents[3] / "docs/study.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[3] / "docs"
+PAGE = (DOCS / "study.md").read_text(encoding="utf-8")
+CLAIM_LIST = (DOCS / "measured/thesis-claims.md").read_text(encoding="utf-8")
 
 
 def test_the_switches_exist():
@@ -29,7 +31,7 @@ def test_the_verdicts_and_claims_are_all_there():
 
 
 def test_every_claim_is_listed():
-    (listed,) = re.findall(r"<!-- claims: .*?-->\n(.*?)<!-- end of claims -->", PAGE, flags=re.S)
+    (listed,) = re.findall(r"<!-- claims: .*?-->\n(.*?)<!-- end of claims -->", CLAIM_LIST, flags=re.S)
     rows = [f"| {claim.key} | {claim.claim} | {claim.where} |" for claim in CLAIMS.values()]
     assert listed.splitlines() == ["| | Claim | Thesis |", "|---|---|---|", *rows]
 
