@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hmtb_twin import TwinError, load_arm
 from hmtb_twin.files.hashes import file_hash
 from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
@@ -23,6 +24,7 @@ from scenarios.datasets.tables import table_text
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
 from scenarios.identification.methods import ESTIMATORS, estimate
+from scenarios.identification.nonlinear_methods import NONLINEAR, RECORDS_ALONE, Known
 from sysid import IOData, SysidError, SysidWarning
 from sysid.polynomial.fit_with_offset import fit_with_offset
 from sysid.validation.predictors import Hold, ModelPredictor, Predictor, StackedPredictor, StaticGain
@@ -103,16 +105,22 @@ def baseline(data: BaselineData, method: Method) -> Baseline:
     models: dict[tuple[str, ...], Predictor] = {}
     trained: dict[str, None] = {}
     scoring, joints = data.data_set.spec.scoring, {frozenset(one.joints) for one in data.train}
+    uses_truth = method.name in NONLINEAR and NONLINEAR[method.name].truth
 
     def predicted(record: DataRecord) -> np.ndarray:
         training = () if method.name == "truth" else data.training(record)
-        key = (record.arm, *record.joints) if method.name == "truth" else (*record.joints, *(r.name for r in training))
+        own_arm = method.name == "truth" or uses_truth
+        key = (record.arm if own_arm else "", *record.joints, *(one.name for one in training))
         if key not in models and method.name == "truth":
             models[key] = _true_predictor(data.data_set, record.arm, record.joints)
         elif key not in models:
             order = {one.name: [one.joints.index(joint) for joint in record.joints] for one in training}
             parts = [one.iodata().select(inputs=order[one.name], outputs=order[one.name]) for one in training]
-            models[key] = identified(method, parts)
+            known = Known(data.data_set.spec.seed)
+            if uses_truth:
+                zones = [dead_zone(data.data_set, one.arm, record.joints[0]) for one in (*training, record)]
+                known = Known(data.data_set.spec.seed, tuple(zones[:-1]), zones[-1])
+            models[key] = identified(method, parts, known)
             trained.update(dict.fromkeys(order))
         return models[key].predicted(record.iodata(), scoring.steps)
 
@@ -121,26 +129,30 @@ def baseline(data: BaselineData, method: Method) -> Baseline:
     return Baseline(test, score_outputs(scoring, known, predicted) if known else None, tuple(trained))
 
 
-def identified(method: Method, parts: Sequence[IOData]) -> Predictor:
+def identified(method: Method, parts: Sequence[IOData], known: Known = RECORDS_ALONE) -> Predictor:
     """Identify a predictor from records, its operating point with it.
 
     Args:
         method: The method; not the truth.
         parts: Training records with the same channels.
+        known: What a nonlinear method may know besides them.
 
     Raises:
+        ScenarioError: Orders or records that a nonlinear method cannot use.
         SysidError: The estimator refuses the records.
     """
     if method.name == "hold":
         return Hold(np.concatenate([part.y for part in parts]).mean(axis=0))
     if method.name == "gain":
         return StaticGain.fitted(parts)
-    if parts[0].ny > 1 and not ESTIMATORS[method.name].outputs:
+    if parts[0].ny > 1 and not (method.name in ESTIMATORS and ESTIMATORS[method.name].outputs):
         rows = range(parts[0].ny)
-        return StackedPredictor(tuple(identified(method, [p.select(outputs=[i]) for p in parts]) for i in rows))
+        return StackedPredictor(tuple(identified(method, [p.select(outputs=[i]) for p in parts], known) for i in rows))
     with warnings.catch_warnings():
         # A poor model shows in its score.
         warnings.simplefilter("ignore", SysidWarning)
+        if method.name in NONLINEAR:
+            return NONLINEAR[method.name].run(parts, method.orders, known)
         model = fit_with_offset(partial(estimate, method=method.name, orders=method.orders), parts).estimate
     return ModelPredictor(model.model, *(model.operating_point or ()))
 
@@ -156,6 +168,25 @@ def _true_predictor(data_set: DataSet, arm: str, joints: Sequence[str]) -> Model
     model = single.model if single else stored.truth.subset(joints, joints)
     index = [list(stored.truth.model.input_names or ()).index(f"{joint} commanded") for joint in joints]
     return ModelPredictor(model, stored.truth.angles[index], stored.rest[index])
+
+
+def dead_zone(data_set: DataSet, arm: str, joint: str) -> float:
+    """Return the half width of the dead zone that friction makes in a joint's position loop, rad, from the truth.
+
+    It is Coulomb's torque over the proportional gain: the angle error whose torque a sliding joint loses to friction.
+
+    Raises:
+        ScenarioError: The truth of the arm is missing, or of an arm that this version does not know.
+    """
+    path = data_set.folder / arm_file(arm)
+    if not path.is_file():
+        raise ScenarioError(f"{data_set.label}: no {arm_file(arm)}; the known dead zone is taken from the truth")
+    truth = read_arm(path).truth
+    try:
+        twin = load_arm(truth.variant, truth.payload, plant=truth.plant, specimen=truth.specimen)
+    except TwinError as error:
+        raise ScenarioError(f"{path}: {error}") from error
+    return twin.drives[joint].coulomb_torque / twin.gains[joint].kp
 
 
 def baseline_pieces(plan: DataSetPlan) -> tuple[str, ...]:

@@ -55,7 +55,7 @@ def load_dataset(
     folder = cache_folder() if cache is None else Path(cache)
     if not (folder / name).exists():
         return build(shipped()[name], folder, workers=workers, progress=progress)
-    problems = examine(folder / name, regenerate=0, workers=workers).problems
+    problems = examine(folder / name, regenerate=0, workers=workers, progress=progress).problems
     if problems:
         more = f"; and {len(problems) - SHOWN} more" if len(problems) > SHOWN else ""
         raise ScenarioError(

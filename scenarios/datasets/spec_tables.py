@@ -15,6 +15,7 @@ from scenarios.experiments.scenario import NAME
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.methods import ESTIMATORS
+from scenarios.identification.nonlinear_methods import NONLINEAR
 
 PARTS = ("train", "validation", "test")
 """Purposes of records: to identify from, to choose a model by, and to score it on."""
@@ -43,7 +44,7 @@ class Method:
     """A method of identification with its orders.
 
     Attributes:
-        name: One of `TRIVIAL`, or an estimator of the command line.
+        name: One of `TRIVIAL`, an estimator of the command line, or one of `NONLINEAR`.
         orders: Its orders, completed by their defaults.
     """
 
@@ -55,8 +56,11 @@ class Method:
             if self.orders:
                 raise ScenarioError(f"method {self.name} given orders {self.orders}, expected none")
             return
+        if self.name in NONLINEAR:
+            object.__setattr__(self, "orders", tuple(NONLINEAR[self.name].checked(self.name, self.orders).values()))
+            return
         if self.name not in ESTIMATORS:
-            raise ScenarioError(unknown("method", self.name, (*TRIVIAL, *ESTIMATORS)))
+            raise ScenarioError(unknown("method", self.name, (*TRIVIAL, *ESTIMATORS, *NONLINEAR)))
         complete = ESTIMATORS[self.name].complete(self.name, self.orders)
         object.__setattr__(self, "orders", tuple(complete.values()))
 

@@ -15,22 +15,21 @@ Records = IOData | Sequence[IOData]
 
 
 @dataclass(frozen=True)
-class Estimator:
-    """An estimator and the names of its orders.
+class Structure:
+    """Names of the orders of a method.
 
     Attributes:
         orders: Names of the required orders.
         optional: Names of the optional orders that follow, with their defaults.
-        run: Estimate from data and all orders, with options of the estimator.
-        title: What it is, in words.
-        outputs: Whether it takes several outputs.
     """
 
     orders: tuple[str, ...]
     optional: Mapping[str, int]
-    run: Callable[..., Estimate]
-    title: str
-    outputs: bool = False
+
+    @property
+    def usage(self) -> str:
+        """The orders in their sequence, optional ones in brackets."""
+        return " ".join([*self.orders, *(f"[{entry}]" for entry in self.optional)])
 
     def complete(self, name: str, given: Sequence[Order]) -> dict[str, Order]:
         """Return all orders by name, defaults filled in.
@@ -38,15 +37,31 @@ class Estimator:
         Raises:
             ScenarioError: Too few, too many, or negative.
         """
-        usage = " ".join([*self.orders, *(f"[{entry}]" for entry in self.optional)])
         names = (*self.orders, *self.optional)
         if not len(self.orders) <= len(given) <= len(names):
             shown = " ".join(map(str, given)) or "nothing"
-            raise ScenarioError(f"{name} takes the orders {usage}; given {shown}")
+            raise ScenarioError(f"{name} takes the orders {self.usage}; given {shown}")
         if any(np.min(order) < 0 for order in given):
-            raise ScenarioError(f"orders must be 0 or more, given {' '.join(map(str, given))}; {name} takes {usage}")
+            raise ScenarioError(
+                f"orders must be 0 or more, given {' '.join(map(str, given))}; {name} takes {self.usage}"
+            )
         defaults = list(self.optional.values())[len(given) - len(self.orders) :]
         return dict(zip(names, (*given, *defaults), strict=True))
+
+
+@dataclass(frozen=True)
+class Estimator(Structure):
+    """An estimator and the names of its orders.
+
+    Attributes:
+        run: Estimate from data and all orders, with options of the estimator.
+        title: What it is, in words.
+        outputs: Whether it takes several outputs.
+    """
+
+    run: Callable[..., Estimate]
+    title: str
+    outputs: bool = False
 
 
 ESTIMATORS: Mapping[str, Estimator] = MappingProxyType(

@@ -14,7 +14,7 @@ from hmtb_twin.control.modes import joint_index
 from hmtb_twin.run.experiment_row import experiment_arm
 from hmtb_twin.truth.linearization import simulated
 from scenarios.datasets.attainable_scores import attainable_files
-from scenarios.datasets.baselines import BaselineData, baseline, differences, report
+from scenarios.datasets.baselines import BaselineData, baseline, dead_zone, differences, report
 from scenarios.datasets.build import build
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, DataSetPlan
 from scenarios.datasets.score import score, score_model
@@ -141,13 +141,44 @@ def test_models_come_from_the_training_part_of_their_own_arm(small):
     assert "no training records of elbow_pitch" in report(none, Method("gain"))["row"]["failed"]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("text", ["narx:3/3/1/2", "neural_ss:2/2", "hammerstein:2/2"])
+def test_nonlinear_baselines_score_well_and_repeat(small, text):
+    bench = BaselineData(small, BaselineSpec())
+    made = report(bench, Method.parsed(text))
+    assert made == report(BaselineData(small, BaselineSpec()), Method.parsed(text))
+    assert made["row"]["failed"] == ""
+    hold = float(report(bench, Method("hold"))["row"]["test"])
+    assert float(made["row"]["test"]) < 0.5 * hold
+
+
+def test_the_known_dead_zone_is_friction_over_stiffness(small):
+    rough, smooth = (small.record(name) for name in ("noise-lugre", "noise-viscous"))
+    arm = experiment_arm(Physics(small, rough).experiment)
+    expected = arm.drives["elbow_pitch"].coulomb_torque / arm.gains["elbow_pitch"].kp
+    assert dead_zone(small, rough.arm, "elbow_pitch") == pytest.approx(expected) == pytest.approx(0.49e-3, rel=0.05)
+    assert dead_zone(small, smooth.arm, "elbow_pitch") == 0.0
+    refused("known dead zone is taken from the truth", dead_zone, small, "no-arm", "elbow_pitch")
+
+
+def test_a_nonlinear_baseline_that_fails_says_why(small):
+    bench = BaselineData(small, BaselineSpec())
+    for text, reason in (("narx:30/30/1/3", "candidate terms of 1 input"), ("hammerstein:3/2", "1 <= nb <= nf")):
+        row = report(bench, Method.parsed(text))["row"]
+        assert reason in row["failed"]
+        assert row["test"] == ""
+
+
 def test_methods_are_understood_strictly():
     assert Method.parsed("oe:2/2") == Method("oe", (2, 2, 1))
     assert str(Method.parsed("okid:2")) == "okid:2/5"
+    assert str(Method.parsed("hammerstein:2/2")) == "hammerstein:2/2/1"
     for text, match in (
         ("oe:2", "oe takes the orders"),
         ("hold:1", "method hold given orders"),
         ("ox:2/2", "unknown method 'ox'"),
+        ("narx:2/2/1", "narx takes the orders na nb nk degree"),
+        ("neural_ss:3/0", "neurons = 0 given, expected 1 or more"),
         ("oe:2/-2", "expected a method with its orders"),
     ):
         refused(match, Method.parsed, text)

@@ -1,0 +1,108 @@
+"""The nonlinear baselines of data sets by name, each with its orders."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from scenarios.files.errors import ScenarioError
+from scenarios.identification.methods import Structure
+from sysid import IOData
+from sysid.validation.predictors import Predictor
+
+
+class Known(NamedTuple):
+    """What a method may know besides the records.
+
+    Attributes:
+        seed: Of its random draws; that of the data set's spec.
+        dead_zones: Half width of the dead zone of each training record's arm, rad, from the truth.
+        dead_zone: That of the arm to predict, rad.
+    """
+
+    seed: int = 0
+    dead_zones: tuple[float, ...] = ()
+    dead_zone: float = 0.0
+
+
+RECORDS_ALONE = Known()
+"""Nothing is known besides the records."""
+
+
+@dataclass(frozen=True)
+class NonlinearMethod(Structure):
+    """A method that makes a predictor of one output.
+
+    Attributes:
+        run: Make the predictor from records of one output, all orders and what is known.
+        title: What it is, in words.
+        least: Least value of each order.
+        truth: Whether it needs the dead zones of the truth.
+    """
+
+    run: Callable[[Sequence[IOData], Sequence[int], Known], Predictor]
+    title: str
+    least: Mapping[str, int]
+    truth: bool = False
+
+    def checked(self, name: str, given: Sequence[int]) -> dict[str, int]:
+        """Return all orders by name, defaults filled in.
+
+        Raises:
+            ScenarioError: Too few, too many, or below the least.
+        """
+        orders = {key: int(np.max(value)) for key, value in self.complete(name, given).items()}
+        for key, least in self.least.items():
+            if orders[key] < least:
+                text = f"{name}: {key} = {orders[key]} given, expected {least} or more; it takes {self.usage}"
+                raise ScenarioError(text)
+        return orders
+
+
+# The models are imported when they are first used: Numba and the fits would slow the command line's help.
+def _narx(parts: Sequence[IOData], orders: Sequence[int], _: Known) -> Predictor:
+    from scenarios.identification.narx import narx
+
+    na, nb, nk, degree = orders
+    return narx(parts, na, nb, nk, degree)
+
+
+def _neural_ss(parts: Sequence[IOData], orders: Sequence[int], known: Known) -> Predictor:
+    from scenarios.identification.neural_state_space import neural_ss
+
+    order, neurons = orders
+    return neural_ss(parts, order, neurons, seed=known.seed)
+
+
+def _hammerstein(parts: Sequence[IOData], orders: Sequence[int], known: Known) -> Predictor:
+    from scenarios.identification.hammerstein_loop import hammerstein_loop
+
+    nb, nf, nk = orders
+    return hammerstein_loop(parts, nb, nf, nk, widths=known.dead_zones, width=known.dead_zone)
+
+
+NONLINEAR: Mapping[str, NonlinearMethod] = MappingProxyType(
+    {
+        "narx": NonlinearMethod(
+            ("na", "nb", "nk", "degree"),
+            {},
+            _narx,
+            "polynomial NARX, terms by forward regression",
+            {"na": 1, "nb": 1, "degree": 1},
+        ),
+        "neural_ss": NonlinearMethod(
+            ("order", "neurons"), {}, _neural_ss, "neural state space", {"order": 1, "neurons": 1}
+        ),
+        "hammerstein": NonlinearMethod(
+            ("nb", "nf"),
+            {"nk": 1},
+            _hammerstein,
+            "linear loop with the known dead zone",
+            {"nb": 1, "nf": 1, "nk": 1},
+            truth=True,
+        ),
+    }
+)
+"""Methods of baselines that are no estimators of the command line's `hmtb identify`: their models are not linear."""
