@@ -35,6 +35,8 @@ def _interrupt(_: int, frame: FrameType | None) -> None:
 
 def _leave() -> None:
     line = f"hmtb: interrupted; run the command again: {shlex.join(['hmtb', *sys.argv[1:]])}\n"
+    if os.isatty(2):
+        os.write(2, b"\r\x1b[K\x1b[?25h")  # the line of progress goes, the cursor that it hides comes back
     os.write(2, line.encode())
     os._exit(130)
 

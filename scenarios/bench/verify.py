@@ -48,7 +48,7 @@ from scenarios.files.codec import from_json
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
 from scenarios.jobs.executor import Executor
-from scenarios.jobs.progress import Report, duration_text
+from scenarios.jobs.progress import Progress, Report, duration_text
 from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
 
@@ -153,6 +153,7 @@ def verify(
     folder: Path,
     executor: Executor,
     *,
+    replaces: Callable[[Path], None] = lambda path: None,
     report: Report = lambda progress: None,
     notify: Callable[[str], None] = lambda line: None,
 ) -> list[Result]:
@@ -162,6 +163,7 @@ def verify(
         plan: What to run.
         folder: For results and journals; made where it is missing.
         executor: Runs the trials.
+        replaces: Called with a result file of another run before it is replaced; it may refuse with an error.
         report: Called with the progress.
         notify: Called with lines of information, among them the cost of the run, once the first trials of each kind of
             problem are finished.
@@ -171,11 +173,14 @@ def verify(
         OSError: A file cannot be written.
     """
     estimators = plan.all_estimators()
-    for estimator in plan.estimators:
-        _check_place(folder / f"{file_name(estimator.name)}.json", estimator, plan)
+    earlier = {one.name: _check_place(folder / f"{file_name(one.name)}.json", one, plan) for one in plan.estimators}
     seed = plan.seed
     if seed is None:
         seed = _drawn_seed(folder / JOURNALS / "drawn-seeds.json", plan.estimators)
+    for estimator in plan.estimators:
+        before, made_with = earlier[estimator.name], (seed, source_hash(estimator), plan.limits)
+        if before is None or (before.seed, before.source, before.limits) != made_with:
+            replaces(folder / f"{file_name(estimator.name)}.json")
     records = (folder / RECORDS).resolve() if executor.local else None
     files = None if executor.local else tuple(map(EstimatorFiles.of, estimators))
     setup = BenchSetup(estimators, plan.limits, seed, files)
@@ -197,7 +202,7 @@ def verify(
                 if estimators[number].target != PERFECT:
                     with EstimatorProcess(estimators[number], plan.limits):
                         pass
-            _simulate(twins, seed, records, notify)
+            _simulate(twins, seed, records, report, notify)
         _run(plan, setup, jobs, executor, RunProgress(wanted, journals, report, notify), notify)
         measurements = [journal.measurements() for journal in journals]
         referee = measurements[estimators.index(plan.referee)] if plan.referee in estimators else {}
@@ -214,12 +219,12 @@ def verify(
         return results
 
 
-def _check_place(path: Path, estimator: Estimator, plan: BenchPlan) -> None:
-    """Refuse to overwrite the result of another estimator, or a more complete one."""
+def _check_place(path: Path, estimator: Estimator, plan: BenchPlan) -> Result | None:
+    """Refuse to overwrite the result of another estimator, or a more complete one; return the result that is there."""
     try:
         before = Result.read(path)
-    except ScenarioError:  # none, damaged or of another version: nothing is lost
-        return
+    except ScenarioError:  # none, damaged or of another version
+        return None
     if any(getattr(before.estimator, name) != getattr(estimator, name) for name in IDENTITY):
         raise ScenarioError(
             f"{path} has the result of another estimator of the name {estimator.name!r}, {before.estimator.target!r}; "
@@ -231,7 +236,7 @@ def _check_place(path: Path, estimator: Estimator, plan: BenchPlan) -> None:
     elif sum(before.outcomes.values()) > asked:
         lost = f"records that this run does not ask ({before.effort}; now {plan.effort_text})"
     else:
-        return
+        return before
     raise ScenarioError(
         f"{path} has the result of a more complete run, with {lost}; it is not overwritten: give another --out, or "
         "move that file away"
@@ -253,14 +258,20 @@ def _drawn_seed(path: Path, estimators: Sequence[Estimator]) -> int:
     return seeds[key]
 
 
-def _simulate(trials: Sequence[Trial], seed: int, folder: Path, notify: Callable[[str], None]) -> None:
+def _simulate(trials: Sequence[Trial], seed: int, folder: Path, report: Report, notify: Callable[[str], None]) -> None:
     """Simulate the arm's records side by side before the estimators are asked."""
     from scenarios.problems.twin_records import prepare  # it loads the physics
 
     begun = monotonic()
     simulated = 0
     for first in range(0, len(trials), TOGETHER):
-        simulated += prepare(trials[first : first + TOGETHER], seed, folder=folder)
+        batch = trials[first : first + TOGETHER]
+
+        def share(done: int, total: int, first: int = first, size: int = len(batch)) -> None:
+            report(Progress("records of the arm", first + size * done // total, len(trials)))
+
+        share(0, 1)
+        simulated += prepare(batch, seed, folder=folder, progress=share)
         if simulated and (spent := monotonic() - begun) > 10.0:  # short work is not worth a line
             ready = min(first + TOGETHER, len(trials))
             notify(f"{ready} of {len(trials)} records of the arm simulated in {duration_text(spent)}")

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from scenarios.commands.output import draw, output_folder, plain, print_json, print_table, progress, say, say_each
+from scenarios.commands.output import (
+    draw,
+    output_folder,
+    plain,
+    print_json,
+    print_table,
+    progress,
+    say,
+    say_each,
+    say_next,
+)
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -40,6 +50,7 @@ def bandwidth(
     no_bla: bool = False,
     threads: int | None = None,
     out: Path | None = None,
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Does the 1 Hz finding hold: bandwidths recovered, true, printed.
@@ -80,6 +91,7 @@ def bandwidth(
         no_bla: Leave out the best linear truth.
         threads: Threads for the physics; all processors when not given.
         out: Folder for bandwidth.csv and the figure, bandwidth.png and .svg.
+        overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
     # Before any other local variable: the options that were given.
@@ -95,7 +107,7 @@ def bandwidth(
         raise ScenarioError(f"--data takes arm and tests from the logs; leave out {', '.join(contradicting)}")
     if data is not None and not data:
         raise ScenarioError("--data given without a log, expected one or more")
-    with nullcontext() if out is None else output_folder(out, *FILES) as folder:
+    with nullcontext() if out is None else output_folder(out, *FILES, overwrite=overwrite) as folder:
         if data is not None:
             logs = _read(data)
             study = from_logs(logs, methods, best_linear=not no_bla, seed=seed or 0, threads=threads, stage=progress)
@@ -119,6 +131,8 @@ def bandwidth(
     else:
         _print(study)
         say_each("written: ", files)
+        if files:
+            say_next("thesis", "--quick", "--out", "thesis-quick")
     return 1 if study.failed else 0
 
 

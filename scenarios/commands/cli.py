@@ -5,18 +5,25 @@ import shlex
 import sys
 import traceback
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module, metadata
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from scenarios.commands.usage import listing, read_options
+import tyro
+
+from scenarios.commands.usage import completion_script, in_options, listing, read_options
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.toml_file import read_toml
+from scenarios.jobs.progress import show_activity
 
 PROGRAMS: dict[str, dict[str, Any]] = read_toml(
     Path(__file__).with_name("programs.toml").read_text(encoding="utf-8"), "programs.toml"
 )
 """Help and commands of `hmtb` and `hmtb dataset`; the function of a command is imported when it is needed."""
+
+DATA_SETS = Path(__file__).parents[1] / "data" / "datasets"
+"""Specs that come with the package, NAME.toml."""
 
 COMMANDS = tuple(PROGRAMS["hmtb"]["commands"])
 """Words after `hmtb`."""
@@ -36,11 +43,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words in (["--version"], ["version"]):
         print(f"hmtb {_version()}")
         return 0
+    call: partial[int] | str = ""
     try:
         call = parse(words)
+        code = 0
         if isinstance(call, str):
             sys.stdout.write(call)
-        code = 0 if isinstance(call, str) else call()
+        else:
+            with show_activity((call.func.__doc__ or "").partition("\n")[0]):
+                code = call()
         sys.stdout.flush()
         return code
     except KeyboardInterrupt as interruption:
@@ -57,6 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         from hmtb_twin.files.errors import abridged
 
+        if not isinstance(call, str):
+            line = in_options(line, call.func)
         print(f"hmtb: {abridged(line)}", file=sys.stderr)
         return 2
 
@@ -68,7 +81,7 @@ def _open_streams() -> None:
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - open to the end
 
 
-def parse(words: list[str]) -> Callable[[], int] | str:
+def parse(words: list[str]) -> partial[int] | str:
     """The command that the words name, with its options, ready to run; or the help that they ask for.
 
     Raises:
@@ -87,6 +100,34 @@ def parse(words: list[str]) -> Callable[[], int] | str:
     if name not in places:
         raise ScenarioError(unknown("command", name, places))
     return read_options(_command(places[name]), f"{program} {name}", options)
+
+
+def completion(shell: Annotated[Literal["bash", "zsh", "fish"], tyro.conf.Positional]) -> int:
+    """Print a script that completes commands and names in a shell.
+
+    It completes commands, options, their values, and names of scenarios and data sets. Print it again after an update.
+
+      hmtb completion bash > ~/.local/share/bash-completion/completions/hmtb
+      hmtb completion zsh > ~/.hmtb-completion      and in .zshrc, after compinit: source ~/.hmtb-completion
+      hmtb completion fish > ~/.config/fish/completions/hmtb.fish
+
+    Args:
+        shell: The shell.
+    """
+    from scenarios.commands.output import say
+    from scenarios.experiments.registry import names, tags
+
+    data_sets = tuple(entry.stem for entry in sorted(DATA_SETS.glob("*.toml")))
+    known = {"SCENARIO": tuple(dict.fromkeys((*names(), *tags()))), "DATA_SET": data_sets, "SPEC": data_sets}
+    commands = {
+        f"{program} {name}".removeprefix("hmtb "): _command(place)
+        for program, table in PROGRAMS.items()
+        for name, place in table["commands"].items()
+        if place
+    }
+    groups = {program.removeprefix("hmtb").strip(): list(table["commands"]) for program, table in PROGRAMS.items()}
+    say(completion_script(shell, groups, commands, known).rstrip())
+    return 0
 
 
 def _command(place: str) -> Callable[..., int]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import check_figure, draw, print_json, print_table, say, say_each
+from scenarios.commands.output import check_figure, draw, print_json, print_table, say, say_each, say_next
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def compare(
     steps: int = 1,
     piece: Annotated[tuple[float, float] | None, tyro.conf.arg(metavar="START LENGTH")] = None,
     out: Annotated[Path | None, tyro.conf.arg(metavar="FIGURE")] = None,
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Compare models with a record: fits and bandwidths.
@@ -80,20 +81,20 @@ def compare(
         steps: Horizon of a further prediction, samples.
         piece: Start and length of the part of the record that the figure shows, s; 5 s from the middle when not given.
         out: One figure of the outputs and errors (.svg, .png or .pdf).
+        overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
     import warnings
 
     from scenarios.files.data_file import joints_of, read_parts
     from scenarios.identification.model_comparison import compare_models, parsed
-    from sysid import SysidError
     from sysid.validation.cross_validation import same_samples
 
     names = [parsed(text) for text in dict.fromkeys(models)]
     if not names:
         raise ScenarioError("no model named; expected one or more after --models")
     if out is not None:
-        check_figure(out)
+        check_figure(out, overwrite=overwrite)
     elif piece is not None:
         raise ScenarioError("--piece given without --out: it is the part of the record that a figure shows")
     identified = ", ".join(name.text for name in names if name.kind not in ("truth", "published", "file"))
@@ -109,24 +110,17 @@ def compare(
         records = read(data, joint=joint, test=test)
         # The same joints, whichever the other record excites.
         others = read(estimation, joint=joint or joints_of(records[0]), test=estimation_test) if estimation else None
-        try:
-            parts, judged = compare_models(
-                names,
-                records,
-                data,
-                estimation=others,
-                estimation_path=estimation,
-                skip=skip,
-                keep_mean=keep_mean,
-                steps=steps,
-                test=test,
-            )
-        except SysidError as error:
-            text, by_name, _ = str(error).partition("channels are matched by name")
-            if not by_name:
-                raise
-            remedy = "read the record as that of the model, by --input and --output or by --joint"
-            raise ScenarioError(f"{text}{by_name}; {remedy}") from error
+        parts, judged = compare_models(
+            names,
+            records,
+            data,
+            estimation=others,
+            estimation_path=estimation,
+            skip=skip,
+            keep_mean=keep_mean,
+            steps=steps,
+            test=test,
+        )
     texts = [str(warning.message) for warning in caught]
     if identified and (others is None or same_samples(records, others)):
         where = f"{data.name} itself" if estimation is None else f"{estimation.name}, which holds the same record"
@@ -159,7 +153,9 @@ def compare(
         # Remarks on printed models name their equation themselves.
         say(f"note: {text}" if labels[0].startswith("published") else f"{', '.join(labels)}: {text}")
     say_each("warning: ", texts)
-    say_each("figure: ", [out] if out else [])
+    if out is not None:
+        say(f"figure: {out}")
+        say_next(*(("truth", "--data", data) if "truth" in models and data.suffix == ".nc" else ("truth",)))
     return 0
 
 

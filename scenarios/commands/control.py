@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import draw, json_text, output_folder, print_json, print_table, progress, say_each
+from scenarios.commands.output import (
+    draw,
+    json_text,
+    output_folder,
+    print_json,
+    print_table,
+    progress,
+    say_each,
+    say_next,
+)
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -42,6 +51,7 @@ def control(
     with_stress: bool = False,
     threads: int | None = None,
     out: Path | None = None,
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Make the ground arm answer like the flight arm.
@@ -77,6 +87,7 @@ def control(
         with_stress: Run the first scenario in free space also with other payloads, worn seals and wrong models.
         threads: Threads for the physics; all processors when not given.
         out: Folder for control.json, the designs, the logs (.nc) and the figures.
+        overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
     from dataclasses import replace
@@ -111,7 +122,8 @@ def control(
     if with_stress and free is None:
         raise ScenarioError("--with-stress given without a scenario in free space, expected one, as reach")
     arm = reference if reference in VARIANTS else None
-    with nullcontext() if out is None else output_folder(out, "control.json") as folder:
+    names = ("control.json", *(f"{name}.json" for name in designers))  # logs and figures come with these
+    with nullcontext() if out is None else output_folder(out, *names, overwrite=overwrite) as folder:
         with progress("identification") as bar:
             ground = record or replace(identification_experiment(seed=seed), payload=payload, plant=plant)
             pair = identify_pair(seed, ground=ground, reference=reference, threads=threads, progress=bar)
@@ -132,6 +144,8 @@ def control(
     else:
         _print(scored, broken)
         say_each("written: ", files)
+        if out is not None:
+            say_next("control", "reach", "--seeds", 5, "--method", *(out / f"{name}.json" for name in laws))
     return 0
 
 

@@ -6,7 +6,16 @@ from typing import Annotated
 
 import tyro
 
-from scenarios.commands.output import counted, output_folder, print_json, print_table, say_beside_bar, say_each
+from scenarios.commands.output import (
+    check_files,
+    counted,
+    output_folder,
+    print_json,
+    print_table,
+    say_beside_bar,
+    say_each,
+    say_next_identify,
+)
 from scenarios.files.errors import ScenarioError, unknown
 
 
@@ -16,6 +25,7 @@ def convert(
     format: str | None = None,
     test: str | None = None,
     lossy: bool = False,
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Convert records between 1553, ASCII, CSV, NetCDF and MATLAB.
@@ -34,6 +44,7 @@ def convert(
         format: Format of the files in the folder OUT: nc, csv, mat, 1553, ascii.
         test: Convert only this test of a run, by name or number.
         lossy: Convert although values are lost.
+        overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
     from hmtb_twin.bus.recorder_run import record_run
@@ -62,15 +73,17 @@ def convert(
     if len(set(names)) < len(names) and not single:
         twice_named = next(name for name in names if names.count(name) > 1)
         raise ScenarioError(f"two tests are named {twice_named!r}; their files would be one")
+    # Without characters that leave the folder.
+    safe = [name.replace("/", "_").replace("\\", "_").lstrip(".") or "test" for name in names]
+    stems = [sources[0].stem] if kind == "1553" else safe
+    places = [out] if single else [out / f"{stem}{ENDINGS[kind]}" for stem in stems]
     with output_folder(out.parent if single else out):
+        check_files(*places, overwrite=overwrite)
         if kind == "1553":
-            bus = record_run(records, out if single else out / f"{sources[0].stem}{ENDINGS[kind]}")
+            bus = record_run(records, places[0])
             written = [bus.path]
             warnings += [bus.message] if bus.message else []  # the recorder's memory may be too small
         else:
-            # Without characters that leave the folder.
-            safe = [name.replace("/", "_").replace("\\", "_").lstrip(".") or "test" for name in names]
-            places = [out] if single else [out / f"{name}{ENDINGS[kind]}" for name in safe]
             written = [write_record(record, place) for record, place in zip(records, places, strict=True)]
     notes = unnamed(records, kind, [path.stem for path in written])
     missing = [int(record.lost.sum()) for record in records]
@@ -90,6 +103,7 @@ def convert(
     say_each("warning: ", warnings)
     for text in notes:
         say_beside_bar(f"note: {text}")
+    say_next_identify(written[0], names[0], records[0].axes, tests=1 + len(records) - len(written))
     return code
 
 

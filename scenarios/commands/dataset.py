@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from scenarios.commands.output import counted, print_json, print_table, progress, say, say_each
+from scenarios.commands.output import counted, print_json, print_table, progress, say, say_each, say_next
 from scenarios.files.errors import ScenarioError
 from scenarios.files.toml_file import read_toml
 from scenarios.jobs.progress import How, show_progress
@@ -25,10 +25,12 @@ def list_(*, json: bool = False) -> int:
 
     plans = {label: DataSetPlan(spec) for label, spec in shipped().items()}
     if json:
-        entries = [
-            {"label": label, "title": plan.spec.title, "experiments": len(plan), "seconds": plan.seconds}
-            for label, plan in plans.items()
-        ]
+        entries = []
+        for label, plan in plans.items():
+            known = canonical().get(label)
+            sizes = {"megabytes": known and known.megabytes, "minutes": known and known.minutes}
+            entry = {"label": label, "title": plan.spec.title, "experiments": len(plan), "seconds": plan.seconds}
+            entries.append({**entry, **sizes})
         print_json({"data_sets": entries})
         return 0
     rows = []
@@ -41,7 +43,7 @@ def list_(*, json: bool = False) -> int:
 
 
 def get(
-    name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")],
+    name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="DATA_SET")],
     *,
     cache: Path | None = None,
     workers: int | None = None,
@@ -70,6 +72,7 @@ def get(
     else:
         say(str(data_set.folder))
         say(line)
+        say_next("dataset", "export", data_set.folder, "--format", "csv")
     return 0 if same else 1
 
 
@@ -151,7 +154,7 @@ def export(
         out: Folder in which the folders of the formats are created.
         json: Print JSON.
     """
-    from scenarios.datasets.export import export as export_data_set
+    from scenarios.exchange.export import export as export_data_set
 
     formats = [name.strip() for name in format.split(",") if name.strip()]
     with progress("exporting") as report:
@@ -160,6 +163,7 @@ def export(
         print_json({"folders": folders})
     else:
         say_each("", folders)
+        say_next("dataset", "baselines" if (folder / "truth").is_dir() else "check", folder)
     return 0
 
 
@@ -190,7 +194,8 @@ def score(
     """
     from scenarios.datasets.score import score as score_predictions
 
-    result = score_predictions(predictions, data)
+    with progress("scoring"):
+        result = score_predictions(predictions, data)
     rule = result.scoring
     if json:
         print_json(
@@ -257,7 +262,11 @@ def baselines(
     chosen = {name: value for name, value in (("twins", twins), ("records", records)) if value is not None}
     bench = BaselineData(opened, replace(planned, **chosen))  # type: ignore[arg-type]
     methods = planned.methods if method is None else (Method(method, tuple(orders)),)
-    rows = [report(bench, entry)["row"] for entry in methods]
+    rows = []
+    with progress("baselines") as show:
+        for number, entry in enumerate(methods):
+            show(number, len(methods), entry.name)
+            rows.append(report(bench, entry)["row"])
     published = {row.get("command", ""): row for row in read_table(data / BASELINES)}
     different = {
         row["command"]: differences(row, published[row["command"]]) for row in rows if row["command"] in published

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from scenarios.commands.output import cluster_executor, print_json, say, say_each
+from scenarios.commands.output import cluster_executor, print_json, say, say_each, say_next
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.progress import How, Progress, show_progress
 
@@ -76,11 +76,13 @@ def build(
         rows = usual if rows is None else rows
         make = partial(build_data_set, workers=workers, rows=rows, executor=executor, progress=update)
         record: dict[str, object]
+        following: tuple[object, ...]
         try:
             if withhold is None:
                 built = make(read, out)
                 count, failed = len(built.records()), built.incomplete
                 record = {"path": built.folder, "experiments": count, "failed": failed, "hash": built.hash}
+                following = ("check", built.folder)
                 lines = [f"{built.folder}: {count} experiments, {len(failed)} failed, hash {built.hash[:12]}"]
             else:
                 persons = () if students is None else read_roster(students)
@@ -88,6 +90,7 @@ def build(
                 record = {"paths": paths, "withheld": withhold, "failed": failed}
                 secret = f"{withhold}: keep it secret: it holds the truth and the seeds, and grades submissions"
                 lines = [*map(str, paths), secret]
+                following = ("export", paths[0], "--format", "csv")
         except KeyboardInterrupt:
             kept = _kept(latest, out / (read.label + UNFINISHED))
             raise KeyboardInterrupt(f"finished experiments kept in {withhold}" if withhold else kept) from None
@@ -96,6 +99,7 @@ def build(
     else:
         _say_failed(failed)
         say_each("", lines)
+        say_next("dataset", *following)
     return 1 if failed else 0
 
 

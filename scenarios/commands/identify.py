@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, say_each
+from scenarios.commands.compare import compare
+from scenarios.commands.output import (
+    check_files,
+    output_folder,
+    print_json,
+    print_table,
+    progress,
+    say,
+    say_each,
+)
 from scenarios.commands.usage import command_line
 from scenarios.files.errors import ScenarioError
 
@@ -16,6 +25,9 @@ if TYPE_CHECKING:
 
 SAVED = (".json", ".m", ".c", ".fmu")
 """Endings of files of models."""
+
+FIGURES = ("record", "outputs", "bode", "step", "roots", "residuals")
+"""Figures of --out, DATA-NAME.png."""
 
 
 def identify(
@@ -39,6 +51,7 @@ def identify(
     validate_test: str | None = None,
     save: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     out: Path | None = None,
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Identify a model from a record of the twin or of any robot.
@@ -91,34 +104,39 @@ def identify(
         save: Write the model: all of it as .json, which hmtb compare --models reads, a MATLAB function (.m), C source
             (.c) or an FMU for co-simulation (.fmu).
         out: Folder for figures: records, outputs, responses, poles and zeros, residuals.
+        overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
-    typed = command_line("hmtb identify", identify, locals())
+    values = locals()
+    typed = command_line("hmtb identify", identify, values)
     from scenarios.identification.file_identification import identify_files
     from scenarios.identification.identification import figures
     from scenarios.identification.result_tables import result_tables
 
     if save is not None and save.suffix not in SAVED:
         raise ScenarioError(f"--save {save} given, expected a file that ends with {', '.join(SAVED)}")
-    found = identify_files(
-        data,
-        method=method,
-        orders=orders,
-        joint=joint,
-        input=input,
-        output=output,
-        dt=dt,
-        time=time,
-        time_unit=time_unit,
-        test=test,
-        missing=missing,
-        skip=skip,
-        keep_mean=keep_mean,
-        steps=steps,
-        held_out=held_out,
-        validate=validate,
-        validate_test=validate_test,
-    )
+    earlier = [] if out is None else [out / f"{one.stem}-{name}.png" for one in data[:1] for name in FIGURES]
+    check_files(*earlier, *([save] if save else []), overwrite=overwrite)
+    with progress("estimation"):
+        found = identify_files(
+            data,
+            method=method,
+            orders=orders,
+            joint=joint,
+            input=input,
+            output=output,
+            dt=dt,
+            time=time,
+            time_unit=time_unit,
+            test=test,
+            missing=missing,
+            skip=skip,
+            keep_mean=keep_mean,
+            steps=steps,
+            held_out=held_out,
+            validate=validate,
+            validate_test=validate_test,
+        )
     result, choice = found.result, found.choice
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
@@ -130,7 +148,7 @@ def identify(
     if out is not None:
         from scenarios.report.figures import save_figure
 
-        with output_folder(out) as folder:
+        with progress("figures"), output_folder(out) as folder:
             for name, figure in figures(result).items():
                 pictures.append(folder / f"{data[0].stem}-{name}.png")
                 save_figure(figure, pictures[-1], dpi=120)
@@ -153,6 +171,14 @@ def identify(
     say_each("warning: ", texts)
     say_each("model: ", [save] if save else [])
     say_each("figure: ", pictures)
+    if save or pictures:
+        if save is None or save.suffix != ".json":
+            again = {**values, "save": Path(f"{data[0].stem}.json"), "out": None, "overwrite": False}
+            say(f"next: {command_line('hmtb identify', identify, again)}")
+        else:
+            values["overwrite"] = False
+            of_record = {"data": data[0], "models": (str(save),), "joint": (joint,) if joint else ()}
+            say(f"next: {command_line('hmtb compare', compare, {**values, **of_record, 'out': None})}")
     return 0
 
 

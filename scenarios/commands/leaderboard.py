@@ -5,13 +5,14 @@ from typing import Annotated
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, say, say_each
+from scenarios.commands.output import output_folder, print_json, print_table, progress, say, say_each, say_next
 
 
 def leaderboard(
     results: Annotated[tuple[Path, ...], tyro.conf.Positional],
     *,
     out: Path = Path("."),
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Compare results of hmtb verify on a page and in tables.
@@ -28,6 +29,7 @@ def leaderboard(
     Args:
         results: Files, or folders whose *.json are taken.
         out: Folder for both pages.
+        overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
     from scenarios.bench.leaderboard_notes import notes
@@ -37,7 +39,7 @@ def leaderboard(
     from scenarios.bench.leaderboard_verdict import count, judged_metrics, verdict
 
     rows = ranked(results)
-    with output_folder(out):
+    with output_folder(out, "leaderboard.html", "leaderboard.md", overwrite=overwrite), progress("leaderboard"):
         page, text = write_leaderboard(rows, out)
     if json:
         judged, problems = judged_metrics(row.result for row in rows), common_problems(rows)
@@ -64,4 +66,5 @@ def leaderboard(
     say_each("note: ", notes(rows))
     say(RULE)
     say(f"{page} and {text} written")
+    say_next("verify", "--list")
     return 0

@@ -2,14 +2,21 @@
 
 from pathlib import Path
 
-from scenarios.commands.output import draw, json_text, output_folder, print_json, progress, say_each
+from scenarios.commands.output import draw, json_text, output_folder, print_json, progress, say_each, say_next
 from scenarios.files.errors import ScenarioError
 
 FILES = ("motion.json", "motion.csv", "motion.png", "motion.svg")
 """Files of --out beside the journal."""
 
 
-def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | None = None, json: bool = False) -> int:
+def motion(
+    *,
+    out: Path = Path("motion"),
+    quick: bool = False,
+    workers: int | None = None,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
     """How far did the arm of the thesis move, against what friction?
 
     The thesis prints neither the unit of the hand controller's gain nor friction, servo and noise. Every setting of
@@ -23,18 +30,20 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
         out: Folder for motion.json, motion.csv (a row for every cell), the map, motion.png and .svg, and the journal.
         quick: A coarse look within a minute, no result: one servo, few levels, two seeds.
         workers: Processes; all processors when not given. The results do not depend on it.
+        overwrite: Replace the results of another campaign in the folder, without a question.
         json: Print JSON.
     """
     from hmtb_twin.files.atomic_write import write_whole
     from scenarios.datasets.tables import table_text
     from scenarios.jobs.executor import LocalProcesses
-    from scenarios.thesis.motion import MotionCampaign, run_campaign
+    from scenarios.thesis.motion import JOURNAL, MotionCampaign, run_campaign
     from scenarios.thesis.motion_answer import motion_record, motion_texts
     from scenarios.thesis.motion_score import cells
     from scenarios.thesis.motion_section import motion_map
 
     campaign = MotionCampaign.quick() if quick else MotionCampaign()
-    with output_folder(out, *FILES) as folder, progress("settings", lines=True) as bar:
+    own = (out / JOURNAL).exists()  # it takes no other campaign: the files beside it are those of this one
+    with output_folder(out, *FILES, overwrite=overwrite or own) as folder, progress("settings", lines=True) as bar:
         try:
             with LocalProcesses(workers) as executor:
                 results = run_campaign(campaign, executor, folder, bar)
@@ -56,4 +65,5 @@ def motion(*, out: Path = Path("motion"), quick: bool = False, workers: int | No
         say_each("", motion_texts(record))
         say_each("failed: ", failed)
         say_each("written: ", files)
+        say_next("thesis", "--motion", files[0])
     return 1 if failed else 0

@@ -2,7 +2,9 @@
 
 import json
 import math
+import os
 import re
+import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -11,14 +13,15 @@ from typing import TYPE_CHECKING
 
 from hmtb_twin.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError
+from scenarios.jobs.progress import end_activity, pause_activity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from scenarios.jobs.cluster import Cluster
 
-NUMBER = re.compile(r"[-+−±]?[\d∞]|[-–—]?$|not known$|none$")
-"""Beginning of a number in a table, or what stands in its place."""
+NUMBER = re.compile(r"[-+−±]?[\d∞][^,]{0,30}$")
+"""A number in a table, also with a unit, an interval or a remark in brackets; lists and sentences are text."""
 
 FIGURES = (".svg", ".png", ".pdf")
 """Endings of figures."""
@@ -45,6 +48,7 @@ def plain(value: object) -> object:
 
 def say(text: str) -> None:
     """Write a line on stdout."""
+    end_activity()
     sys.stdout.write(text + "\n")
 
 
@@ -54,6 +58,17 @@ def say_each(label: str, items: Iterable[object]) -> None:
         say(f"{label}{item}")
 
 
+def say_next(*words: object) -> None:
+    """Write the command that goes on from here, complete as it can be typed."""
+    say(f"next: {shlex.join(['hmtb', *map(str, words)])}")
+
+
+def say_next_identify(path: Path, name: str, joints: Sequence[str], *, tests: int = 1) -> None:
+    """Write the command that identifies a model of the first excited joint from a file of one or several tests."""
+    choice = ("--test", name) if tests > 1 else ()
+    say_next("identify", path, *choice, "--joint", *(joints[:1] or ("elbow_pitch",)))
+
+
 def counted(number: int, noun: str) -> str:
     """A number with its noun, in the plural except after 1."""
     return f"{number} {noun}{'s' * (number != 1)}"
@@ -61,8 +76,9 @@ def counted(number: int, noun: str) -> str:
 
 def say_beside_bar(line: str) -> None:
     """Write a line on stderr; a bar of progress stays below it."""
-    sys.stderr.write(f"{line}\n")
-    sys.stderr.flush()
+    with pause_activity():
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
 
 
 def json_text(record: Mapping[str, object]) -> str:
@@ -76,7 +92,7 @@ def print_json(record: Mapping[str, object]) -> None:
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table on stdout: numbers stand right, texts and the first column left; empty headings are left out."""
+    """Print a table on stdout, columns that are mostly numbers right-aligned; without any heading all stand left."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -84,10 +100,13 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
     table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold", pad_edge=False)
     table.show_header = any(columns)
     for number, column in enumerate(columns):
-        numbers = any(columns) and number > 0 and all(NUMBER.match(row[number]) for row in rows)
+        filled = [row[number] for row in rows if row[number].strip("-–—")]
+        # Words such as "locked" or "not claimed" may stand in place of some numbers.
+        numbers = any(columns) and 2 * sum(bool(NUMBER.match(cell)) for cell in filled) > len(filled)
         table.add_column(column, justify="right" if numbers else "left", overflow="fold")
     for row in rows:
         table.add_row(*row)
+    end_activity()
     # A pipe has no width of its own; eighty columns would break the rows that a script wants to read.
     Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False).print(table)
 
@@ -110,15 +129,39 @@ def cluster_executor(address: str, patience: float, workers: int | None) -> "Clu
     return Cluster(address, patience, say_beside_bar)
 
 
-def check_figure(path: Path) -> None:
+def check_files(*paths: Path, overwrite: bool) -> None:
+    """Ask before files are replaced, unless `overwrite` allows it; without a terminal refuse.
+
+    Raises:
+        ScenarioError: One exists and is not to be replaced, or there is a folder of that name.
+    """
+    existing = [path for path in dict.fromkeys(paths) if os.path.lexists(path)]
+    for path in existing:
+        check_place(path)
+    if overwrite or not existing:
+        return
+    first, more = existing[0], len(existing) - 1
+    what = f"{first} and {counted(more, 'other file')} exist" if more else f"{first} exists"
+    them = "them" if more else "it"
+    if not (sys.stdin and sys.stdin.isatty() and sys.stderr.isatty()):
+        raise ScenarioError(f"{what}: --overwrite replaces {them}; or name another place")
+    with pause_activity():
+        sys.stderr.write(f"{what}: replace {them}? [y/N] ")
+        sys.stderr.flush()
+        answer = sys.stdin.readline()
+    if answer.strip().lower() not in ("y", "yes"):
+        raise ScenarioError(f"nothing was written; {first} is as before")
+
+
+def check_figure(path: Path, *, overwrite: bool) -> None:
     """Refuse a path that no figure can be written to, before the work for it begins.
 
     Raises:
-        ScenarioError: Its ending is none of `FIGURES`, or there is a folder of that name.
+        ScenarioError: Its ending is none of `FIGURES`, or see `check_files`.
     """
     if path.suffix not in FIGURES:
         raise ScenarioError(f"--out {path} given, expected a figure: {', '.join(FIGURES)}")
-    check_place(path)
+    check_files(path, overwrite=overwrite)
 
 
 def draw(make: "Callable[[], Figure]", *paths: Path) -> list[Path]:
@@ -159,18 +202,19 @@ def progress(label: str, *, lines: bool = False) -> Iterator[Callable[..., None]
 
 
 @contextmanager
-def output_folder(path: Path, *files: str) -> Iterator[Path]:
+def output_folder(path: Path, *files: str, overwrite: bool = False) -> Iterator[Path]:
     """Create a folder for results and make sure that it can be written; remove it if the work fails.
 
     Args:
         path: The folder.
         files: Names of files that the work writes there.
+        overwrite: Whether to replace those that exist without a question.
 
     Yields:
         The path. If the work inside fails or is interrupted, folders made for it that are still empty are removed.
 
     Raises:
-        ScenarioError: It cannot be created or written, or there is a folder of a file's name.
+        ScenarioError: It cannot be created or written, or see `check_files`.
     """
     new = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
@@ -184,8 +228,7 @@ def output_folder(path: Path, *files: str) -> Iterator[Path]:
 
             why = f"{system_reason(error)}; expected a folder that can be created and written"
             raise ScenarioError(f"cannot write to folder {str(path)!r}: {why}") from error
-        for name in files:
-            check_place(path / name)
+        check_files(*(path / name for name in files), overwrite=overwrite)
         yield path
     except BaseException:
         with suppress(OSError):

@@ -5,30 +5,34 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, say, say_each
+from scenarios.commands.output import output_folder, print_json, print_table, progress, say, say_each
+from scenarios.commands.simulate import simulate
+from scenarios.commands.usage import command_line
 
 if TYPE_CHECKING:
     from scenarios.experiments.preview import Preview
 
 
 def preview(
-    names: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="NAME ...")],
+    names: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SCENARIO ...")],
     *,
     out: Path = Path("."),
     duration: float | None = None,
     seed: int | None = None,
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Show the commands of experiments before anything moves.
 
     The commands are those of a simulation to the bit, noise included; the arm is not simulated. Names are registered
-    scenarios (hmtb scenarios), tags of them, or TOML files. Files of the same names in the folder are replaced.
+    scenarios (hmtb scenarios), tags of them, or TOML files.
 
     Args:
         names: Scenarios, tags or TOML files.
         out: Folder for the plots, NAME-preview.png.
         duration: Length of every experiment instead of the scenario's own, s.
         seed: Seed of the noise, as for hmtb simulate; the scenario's own when not given.
+        overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
     from scenarios.experiments.preview import preview as compute_preview
@@ -37,16 +41,21 @@ def preview(
     from scenarios.report.figures import save_figure
 
     records = {}
-    with output_folder(out) as folder:
-        for scenario in dict.fromkeys(selected(names, duration=duration, seed=seed)):
-            seen = compute_preview(scenario)
-            picture = folder / f"{scenario.name}-preview.png"
-            save_figure(preview_figure(seen), picture, dpi=120)
+    chosen = {f"{one.name}-preview.png": one for one in selected(names, duration=duration, seed=seed)}
+    with output_folder(out, *chosen, overwrite=overwrite) as folder:
+        for name, scenario in chosen.items():
+            with progress(f"preview of {scenario.name}"):
+                seen = compute_preview(scenario)
+                picture = folder / name
+                save_figure(preview_figure(seen), picture, dpi=120)
             records[scenario.name] = {**_record(seen), "plot": str(picture)}
             if not json:
                 _print(seen, picture)
     if json:
         print_json({"previews": records})
+    else:
+        options = {"names": names, "out": out, "duration": duration, "seed": seed}
+        say(f"next: {command_line('hmtb simulate', simulate, options)}")
     return 0
 
 

@@ -12,7 +12,7 @@ from scenarios.files.toml_file import read_toml
 
 def scenarios(
     action: Annotated[Literal["list", "show"], tyro.conf.Positional] = "list",
-    name: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[NAME]")] = None,
+    name: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SCENARIO]")] = None,
     *,
     tag: str | None = None,
     json: bool = False,

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import counted, output_folder, print_json, print_table, progress, say, say_each
+from scenarios.commands.output import (
+    counted,
+    output_folder,
+    print_json,
+    print_table,
+    progress,
+    say,
+    say_each,
+    say_next_identify,
+)
 from scenarios.files.errors import ScenarioError, unknown
 
 if TYPE_CHECKING:
@@ -15,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    names: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="NAME ...")],
+    names: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SCENARIO ...")],
     *,
     out: Path = Path("."),
     format: str = "nc",
@@ -25,12 +34,13 @@ def simulate(
     dropped: float = 0.0,
     invalid: float = 0.0,
     silent: float = 0.0,
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Run experiments on the twin and write their 50 Hz logs.
 
     Names are registered scenarios (hmtb scenarios), tags of them, or TOML files (hmtb scenarios show NAME prints one to
-    start from). All run side by side. Files of the same names in the folder are replaced.
+    start from). All run side by side.
 
     Args:
         names: Scenarios, tags or TOML files.
@@ -43,6 +53,7 @@ def simulate(
         dropped: Probability that the recorder of the 1553 bus misses a message.
         invalid: Probability that a data word on the bus fails its parity check.
         silent: Probability that a terminal on the bus does not answer.
+        overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
     import hmtb_twin
@@ -72,7 +83,11 @@ def simulate(
         scenarios[entry.name] = entry
     remarks: list[str] = []
     files: dict[Path, list[JointLog]] = {}
-    with output_folder(out) as folder:
+    places = [f"{name}{ENDINGS[entry]}" for name in scenarios for entry in formats if entry != "1553"]
+    if "1553" in formats:
+        runs = [f"run-{number}" for number in range(1, len(scenarios) + 1)]
+        places += [f"{name}.ch10" for name in (scenarios if len(scenarios) == 1 else runs)]
+    with output_folder(out, *places, overwrite=overwrite) as folder:
         with progress("simulating") as bar:
             result = hmtb_twin.simulate(list(scenarios.values()), threads=threads, progress=bar)
         for log in result.logs:
@@ -117,6 +132,8 @@ def simulate(
         say_each(f"{name}: ", ((one.task,) if one.task else ()) + one.shutdowns)
     say_each("warning: ", warnings)
     say_each("note: ", unnamed(result.logs, "csv", list(reviews)) if "csv" in formats else ())
+    for path, (log, *others) in list(files.items())[:1]:
+        say_next_identify(path, log.name, log.axes, tests=1 + len(others))
     return 1 if result.failed else 0
 
 

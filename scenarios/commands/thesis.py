@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenarios.commands.output import json_text, output_folder, print_json, print_table, say, say_each
+from scenarios.commands.output import json_text, output_folder, print_json, print_table, say, say_each, say_next
 
 if TYPE_CHECKING:
     from scenarios.thesis.monte_carlo import Tally
@@ -24,6 +24,7 @@ def thesis(
     figures: bool = False,
     motion: Path | None = None,
     logs: bool = False,
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Run the whole study and write its report, report.html.
@@ -34,8 +35,7 @@ def thesis(
     the published models, and each of the thesis' findings gets a verdict.
 
     Args:
-        out: Folder for report.html, results.json and the folder tables with the long tables as CSV; those of an
-            earlier run are replaced.
+        out: Folder for report.html, results.json and the folder tables with the long tables as CSV.
         seed: Seed of the noise; when not given, each scenario has its own.
         seeds: Repeat the study on the nominal arm with so many seeds, counted from --seed or from 1, and report how
             often each verdict is reached and how far numbers vary. A seed takes some minutes on two processors; it is
@@ -48,6 +48,7 @@ def thesis(
         motion: A motion.json of hmtb motion for the section on how far the arm moved; when not given, that of the whole
             campaign, which comes with this version.
         logs: Keep the logs too, as NetCDF4.
+        overwrite: Replace files that exist, without a question.
         json: Print the results as JSON.
     """
     from hmtb_twin.files.atomic_write import write_whole
@@ -68,12 +69,13 @@ def thesis(
     repeated = seed_range(seeds, 1 if seed is None else seed)
     duration, arms = (QUICK, CONDITIONS[:1]) if quick else (None, CONDITIONS)
     with ExitStack() as stack:
-        names = ("report.html", "results.json", *(f"{test}.nc" for test in EVERY_TEST if logs))
-        folder = stack.enter_context(output_folder(out, *names))
+        names = ["report.html", "results.json", *(f"{test}.nc" for test in EVERY_TEST if logs)]
+        patterns = ("tables/*.csv", *(f"figures/*.{ending}" for ending in ("svg", "png", "csv") if figures))
+        names += [str(path.relative_to(out)) for pattern in patterns for path in sorted(out.glob(pattern))]
+        folder = stack.enter_context(output_folder(out, *names, overwrite=overwrite))
         pictures = folder / "figures" if figures else None
         if pictures is not None:
-            earlier = [path.name for ending in ("svg", "png", "csv") for path in pictures.glob(f"*.{ending}")]
-            stack.enter_context(output_folder(pictures, *earlier))
+            stack.enter_context(output_folder(pictures))
         if seeds > 1:
             # First, because each seed is saved as it ends: an interruption later costs none of them.
             many: Tally | None = _run(repeated, duration, threads, stack.enter_context(output_folder(folder / "seeds")))
@@ -121,8 +123,9 @@ def thesis(
     if many:
         say(source_text(many, seed))
     say_each("", (*sentences, certainty))
-    say(f"Report: {report}")
     say_each("failed: ", failures)
+    say(f"Report: {report}, a page for a browser")
+    say_next(*(("thesis", "--out", f"{out}-whole") if quick else ("motion",)))
     return 1 if failures else 0
 
 

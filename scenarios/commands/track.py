@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from scenarios.commands.output import draw, output_folder, print_json, print_table, progress, say, say_each
+from scenarios.commands.identify import identify
+from scenarios.commands.output import draw, output_folder, print_json, print_table, progress, say, say_each, say_next
+from scenarios.commands.usage import command_line
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -18,7 +20,7 @@ FILES = ("track.csv", "track.nc", "track.png", "track.svg")
 
 
 def track(
-    data: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")],
+    data: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="DATA|SCENARIO")],
     *,
     order: int = 8,
     nk: int = 1,
@@ -37,6 +39,7 @@ def track(
     no_bla: bool = False,
     threads: int | None = None,
     out: Path | None = None,
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Follow bandwidth and delay through a record, and detect changes.
@@ -74,6 +77,7 @@ def track(
         no_bla: Leave out the best linear truth.
         threads: Threads for the physics; all processors when not given.
         out: Folder for the estimates (track.csv, track.nc) and the figure (track.png, track.svg).
+        overwrite: Replace files that exist, without a question.
         json: Print JSON, with the estimates once a second.
     """
     from dataclasses import replace
@@ -83,8 +87,9 @@ def track(
     from sysid.recursive import track as follow
 
     path = Path(data)
-    with nullcontext() if out is None else output_folder(out, *FILES) as folder:
-        if path.suffix != ".toml" and path.exists():
+    with nullcontext() if out is None else output_folder(out, *FILES, overwrite=overwrite) as folder:
+        recorded = path.suffix != ".toml" and path.exists()
+        if recorded:
             if duration is not None or seed is not None:
                 raise ScenarioError("--duration and --seed are for scenarios; leave them out for a record")
             parts = read_parts(path, joint=joint, input=input, output=output, dt=dt, time=time, test=test)
@@ -96,11 +101,15 @@ def track(
         else:
             log = _simulated(data, duration, seed, threads)
             record = replace(log.iodata(joint), name=log.name)
-        found = follow(record, order, nk, calibration=calibration, gain=gain, drift=drift, false_alarms=false_alarms)
+        with progress("estimates"):
+            found = follow(
+                record, order, nk, calibration=calibration, gain=gain, drift=drift, false_alarms=false_alarms
+            )
         tracking = Tracking(record.name, found)
         # Runs under control are experiments without a truth.
         if log is not None and "scenario" in log.provenance:
-            truth = true_stretches(log, joint or log.axes[0], gain=gain, best_linear=not no_bla, threads=threads)
+            with progress("true bandwidths"):
+                truth = true_stretches(log, joint or log.axes[0], gain=gain, best_linear=not no_bla, threads=threads)
             tracking = replace(tracking, truth=truth)
         files = _write(tracking, folder) if folder else []
     if json:
@@ -108,6 +117,11 @@ def track(
     else:
         _print(tracking)
         say_each("written: ", files)
+        columns = {"input": (input,), "output": (output,), "joint": joint, "dt": dt, "time": time, "test": test}
+        if files and recorded:
+            say(f"next: {command_line('hmtb identify', identify, {'data': (path,), **columns})}")
+        elif files:
+            say_next("simulate", data)
     return 0
 
 

@@ -16,6 +16,7 @@ from scenarios.commands.output import (
     progress,
     say,
     say_each,
+    say_next,
 )
 from scenarios.files.errors import ScenarioError, unknown
 
@@ -45,6 +46,7 @@ def truth(
     seed: int = 0,
     threads: int | None = None,
     out: Path | None = None,
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Print true poles, zeros, bandwidth, gain and delay of each joint.
@@ -89,6 +91,7 @@ def truth(
         seed: Seed of the phases and noise of --bla, and of the random poses of --maps.
         threads: Threads for the physics of --bla and --maps; all processors when not given.
         out: One figure (.svg, .png or .pdf); with --maps the folder, "maps" when not given.
+        overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
     # Before any other local variable: the options that were given.
@@ -114,7 +117,7 @@ def truth(
     if maps and out is not None and out.suffix in FIGURES:
         raise ScenarioError(f"--out {out} given with --maps, expected a folder for figures, tables and a page")
     if out is not None and not maps:
-        check_figure(out)
+        check_figure(out, overwrite=overwrite)
     conditions = {name: options[name] for name in vars(NOMINAL_PLANT) if name in options}
     plant = replace(NOMINAL_PLANT, **conditions)
     point, log = _point(pose or OPERATING_POSE), None
@@ -139,7 +142,8 @@ def truth(
         from scenarios.truth.map_findings import findings
         from scenarios.truth.maps import maps as computed_maps
 
-        with output_folder(out or Path("maps")) as folder:
+        names = ("maps.html", "maps.csv", "truth.svg")
+        with output_folder(out or Path("maps"), *names, overwrite=overwrite) as folder:
             table = computed_maps(arm, summary.truth.pose, grid, seed=seed, threads=threads, stage=progress)
             files = [*write_maps(table, folder), *draw(lambda: truth_figure(summary), folder / "truth.svg")]
             sentences = findings(table)
@@ -151,6 +155,10 @@ def truth(
     _print(summary)
     say_each("- ", sentences)
     say_each("maps: " if maps else "figure: ", files[:1])
+    if maps:
+        say_next("truth", "--bla", 0.01)
+    elif files:
+        say_next("truth", "--maps", "--out", files[0].with_name("maps"))
     return 0
 
 

@@ -31,6 +31,15 @@ STRAY = {
 }
 """The option that a surplus word was probably meant for, by command."""
 
+ARGUMENTS = {
+    r"\bdt as given\b": "--dt",
+    r"\bor dt in s\b": "or --dt SECONDS",
+    r"\btime=NAME\b": "--time NAME",
+    r"; missing=True takes NaN for samples that were lost": "; --missing takes NaN or empty cells among outputs",
+    r"(?<=matched by name)\b.*": "; read the record as that of the model, by --input and --output or by --joint",
+}
+"""Arguments that messages of the analyst name, and the options of commands that they are."""
+
 Options = ParamSpec("Options")
 
 
@@ -54,7 +63,7 @@ def listing(program: str, description: str, commands: Mapping[str, str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_options(command: Callable[Options, int], program: str, words: Sequence[str]) -> Callable[[], int] | str:
+def read_options(command: Callable[Options, int], program: str, words: Sequence[str]) -> functools.partial[int] | str:
     """The command with its options, ready to run, or its help.
 
     Args:
@@ -67,7 +76,7 @@ def read_options(command: Callable[Options, int], program: str, words: Sequence[
     """
 
     @functools.wraps(command)
-    def fill(*args: Options.args, **kwargs: Options.kwargs) -> Callable[[], int]:
+    def fill(*args: Options.args, **kwargs: Options.kwargs) -> functools.partial[int]:
         return functools.partial(command, *args, **kwargs)
 
     signature = inspect.signature(command)
@@ -85,7 +94,7 @@ def read_options(command: Callable[Options, int], program: str, words: Sequence[
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), width:
             config = (tyro.conf.FlagCreatePairsOff, tyro.conf.HelptextFromCommentsOff)
-            call: Callable[[], int] = tyro.cli(fill, prog=program, args=words, config=config)
+            call: functools.partial[int] = tyro.cli(fill, prog=program, args=words, config=config)
             return call
     except SystemExit as leaving:
         if leaving.code:
@@ -104,12 +113,71 @@ def command_line(program: str, command: Callable[..., int], values: Mapping[str,
     """
     words = program.split()
     for name, parameter in inspect.signature(command).parameters.items():
-        value = values[name]
+        value = values.get(name, parameter.default)
         if value == parameter.default:
             continue
         words += [] if parameter.kind is parameter.POSITIONAL_OR_KEYWORD else [f"--{name.replace('_', '-')}"]
         words += [] if value is True else [str(one) for one in (value if isinstance(value, tuple) else (value,))]
     return shlex.join(words)
+
+
+def in_options(text: str, command: Callable[..., int]) -> str:
+    """A message of the analyst with options of a command for arguments; a hint at an option that it lacks is left out.
+
+    Args:
+        text: The message.
+        command: Its function.
+    """
+    taken = {name.replace("_", "-") for name in inspect.signature(command).parameters}
+    for argument, words in ARGUMENTS.items():
+        lacks = set(re.findall(r"--([\w-]+)", words)) - taken
+        text = re.sub(argument, "" if lacks else words, text)
+    return text
+
+
+def completion_script(
+    shell: str,
+    groups: Mapping[str, Sequence[str]],
+    commands: Mapping[str, Callable[..., int]],
+    known: Mapping[str, Sequence[str]],
+) -> str:
+    """A script that completes `hmtb` in bash, zsh or fish.
+
+    tyro's own scripts complete no words without an option, neither names of scenarios nor files.
+
+    Args:
+        shell: One of the three.
+        groups: Commands of each program: "" and "dataset".
+        commands: Functions of the commands by the words behind `hmtb`.
+        known: Names by the word for them in help texts, e.g. ``"SCENARIO"``.
+    """
+    from jinja2 import Environment, PackageLoader
+
+    tables = {}
+    for words, command in commands.items():
+        parameters = inspect.signature(command).parameters.values()
+        options = [one for one in parameters if one.kind is one.KEYWORD_ONLY]
+        flag = {one.name: f"--{one.name.replace('_', '-')}" for one in options}
+        tables[words] = {
+            "summary": (command.__doc__ or "").partition("\n")[0].rstrip("."),
+            "words": [value for one in parameters if one not in options for value in _values(one.annotation, known)],
+            "flags": [flag[one.name] for one in options if one.annotation is bool] + ["--help"],
+            "lists": [flag[one.name] for one in options if "tuple[" in str(one.annotation)],
+            "values": {flag[one.name]: _values(one.annotation, known) for one in options if one.annotation is not bool},
+        }
+    templates = Environment(loader=PackageLoader("scenarios"), trim_blocks=True, lstrip_blocks=True)
+    template = templates.get_template(f"completion.{'fish' if shell == 'fish' else 'bash'}.j2")
+    return template.render(shell=shell, groups=groups, commands=tables)
+
+
+def _values(kind: Any, known: Mapping[str, Sequence[str]]) -> list[str]:
+    """Words that an argument takes, as its type or its word in help texts names them; none where any may stand."""
+    kind, *settings = (kind.__origin__, *kind.__metadata__) if get_origin(kind) is Annotated else (kind,)
+    literals = [one for one in (kind, *get_args(kind)) if get_origin(one) is Literal]
+    metavars = [text for one in settings if (text := getattr(one, "metavar", None))]
+    names = [name for text in metavars for name in re.findall(r"[\w.]+", text) if "|" in text or name in known]
+    words = [word for name in names for word in known.get(name, [name] if re.fullmatch(r"[a-z]\w*", name) else [])]
+    return [*(value for one in literals for value in get_args(one)), *words]
 
 
 def _option(kind: Any) -> Any:

@@ -1,17 +1,21 @@
 """`hmtb verify`: any estimator on the test bench."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from scenarios.commands.output import (
+    check_files,
     cluster_executor,
     output_folder,
     print_json,
     print_table,
     say_beside_bar,
     say_each,
+    say_next,
 )
 from scenarios.files.errors import ScenarioError
 
@@ -44,6 +48,7 @@ def verify(
     patience: float = 300.0,
     list: bool = False,
     verbose: bool = False,
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Test an estimator on problems with known truth: 13 figures.
@@ -95,6 +100,7 @@ def verify(
         patience: How long to wait for a lost scheduler or for missing workers, s.
         list: List the estimators that the bench knows, and whether they can run here.
         verbose: Print all that a verdict rests on, and every part that fails; result files and pages have all parts.
+        overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
     if list:
@@ -129,15 +135,18 @@ def verify(
     else:
         executor = cluster_executor(cluster, patience, workers)
     with output_folder(out) as folder:
-        results = _run(plan, folder, executor)
+        results = _run(plan, folder, executor, partial(check_files, overwrite=overwrite))
     if json:
         print_json(record(results, out))
     else:
         show(results, out, verbose=verbose)
+        say_next("leaderboard", out, "--out", out)
     return 0 if all(result.passed for result in results) else 1
 
 
-def _run(plan: "BenchPlan", folder: Path, executor: "Executor[Any]") -> "list[Result]":
+def _run(
+    plan: "BenchPlan", folder: Path, executor: "Executor[Any]", replaces: Callable[[Path], None]
+) -> "list[Result]":
     from scenarios.bench.verify import JOURNALS, verify
     from scenarios.jobs.progress import Progress, show_progress
 
@@ -147,11 +156,12 @@ def _run(plan: "BenchPlan", folder: Path, executor: "Executor[Any]") -> "list[Re
 
         def keep_and_report(progress: Progress) -> None:
             nonlocal latest
-            latest = progress
+            if progress.items:  # requests, not simulated records
+                latest = progress
             report(progress)
 
         try:
-            return verify(plan, folder, executor, report=keep_and_report, notify=say_beside_bar)
+            return verify(plan, folder, executor, replaces=replaces, report=keep_and_report, notify=say_beside_bar)
         except KeyboardInterrupt:
             kept = f"{latest.done} of {latest.total} trials kept in {folder / JOURNALS}"
             raise KeyboardInterrupt(kept) from None

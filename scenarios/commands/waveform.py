@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, say_each
+from scenarios.commands.output import output_folder, print_json, print_table, say_each, say_next
 from scenarios.files.errors import ScenarioError, unknown
 
 if TYPE_CHECKING:
     from scenarios.experiments.excitation_computer import Excitation
 
-NOT_OPTIONS = ("kind", "path", "repeat_frequency", "out", "json")
+NOT_OPTIONS = ("kind", "path", "repeat_frequency", "out", "overwrite", "json")
 """Parameters of the command that no excitation takes."""
 
 
@@ -41,13 +41,14 @@ def waveform(
     repeat_frequency: float | None = None,
     path: Path | None = None,
     out: Path = Path("."),
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Write the 100-point file of an excitation, and plot its spectrum.
 
     Kinds: sine, two_sines, multisine, prbs, sign_recursion, chirp, chirp_as_printed, chirp_franklin,
     bipolar_ramping_pulse, white_noise; and file, a 100-point file of your own, which is only shown. Each kind has
-    options of its own, named as in scenario files; errors list them. Files of the same names are replaced.
+    options of its own, named as in scenario files; errors list them.
 
     Args:
         kind: Name of the excitation.
@@ -77,6 +78,7 @@ def waveform(
             0.25 Hz for two_sines with a lower tone that needs 4 s, when not given.
         path: The file, with kind file: 100 numbers in V.
         out: Folder for KIND.txt (one point per line, V) and KIND.png.
+        overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
     # Before any other local variable: the options that were given.
@@ -90,6 +92,7 @@ def waveform(
     )
     from scenarios.experiments.model_structures import needed_orders
     from scenarios.experiments.preview_figure import waveform_figure
+    from scenarios.experiments.registry import tags
     from scenarios.experiments.waveform import write_points
     from scenarios.report.figures import save_figure
 
@@ -98,8 +101,9 @@ def waveform(
     )
     check_excites(excitation)
     wave = excitation.waveform()
-    with output_folder(out) as folder:
-        name = kind if path is None else path.stem
+    name = kind if path is None else path.stem
+    files = (f"{name}.png",) if path else (f"{name}.txt", f"{name}.png")
+    with output_folder(out, *files, overwrite=overwrite) as folder:
         file = write_points(wave.points.tolist(), folder / f"{name}.txt") if path is None else path
         picture = folder / f"{name}.png"
         save_figure(waveform_figure(wave), picture, dpi=150)
@@ -127,6 +131,7 @@ def waveform(
     ]
     print_table(f"Waveform {kind}", ("", ""), rows)
     say_each("warning: ", warnings)
+    say_next("scenarios", "list", *(("--tag", kind) if kind in tags() else ()))
     return 0
 
 

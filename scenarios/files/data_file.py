@@ -149,14 +149,7 @@ def check_complete(log: JointLog, joints: Sequence[str], name: str) -> None:
 
 
 def _for_users(text: str, path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> str:
-    """Translate a message of the analyst into options of the command line."""
-    for analyst, user in (
-        ("dt as given", "--dt"),
-        ("or dt in s", "or --dt SECONDS"),
-        ("time=NAME", "--time NAME"),
-        ("missing=True takes NaN", "--missing takes NaN or empty cells among outputs"),
-    ):
-        text = text.replace(analyst, user)
+    """Add to a message of the analyst what the command line offers."""
     if "without a header" in text:
         count = len(inputs) + len(outputs)
         return f"{text} in this sequence, {count} in all; --input and --output name them, inputs first"

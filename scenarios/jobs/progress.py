@@ -5,7 +5,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import monotonic
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from rich.live import Live
 
 How = Literal["auto", "bar", "lines", "none"]
 """Kind of display; auto: a bar on a terminal, else lines."""
@@ -41,6 +44,47 @@ class Progress:
 
 Report = Callable[[Progress], None]
 """Called now and then with the state of the work."""
+
+_activity: "Live | None" = None
+
+
+@contextmanager
+def show_activity(label: str) -> Iterator[None]:
+    """Show on a terminal what runs while there is no bar of `show_progress`, until `end_activity` or the end."""
+    global _activity
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+    from rich.live import Live
+    from rich.spinner import Spinner
+
+    spinner, console = Spinner("dots", label), Console(stderr=True)
+    # Streams that rich redirects say that they are no terminal.
+    _activity = Live(spinner, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
+    _activity.start(refresh=True)
+    try:
+        yield
+    finally:
+        end_activity()
+
+
+@contextmanager
+def pause_activity() -> Iterator[None]:
+    """Hide the line of `show_activity`: a terminal has room for one line that moves."""
+    if _activity is not None:
+        _activity.stop()
+    yield
+    if _activity is not None:
+        _activity.start(refresh=True)
+
+
+def end_activity() -> None:
+    """Remove the line of `show_activity`: what follows is written in its place."""
+    global _activity
+    if _activity is not None:
+        _activity.stop()
+        _activity = None
 
 
 @contextmanager
@@ -87,8 +131,8 @@ def show_progress(label: str, how: How = "auto", *, clock: Callable[[], float] =
 
         text = TextColumn("{task.fields[text]}", table_column=Column(no_wrap=True), markup=False)
         columns = (TextColumn("{task.description}", markup=False), BarColumn(bar_width=20), text)
-        with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
-            bar = bars.add_task(label, total=None, text="")
+        with pause_activity(), Bars(*columns, console=Console(stderr=True), transient=True) as bars:
+            bar = bars.add_task(label, total=None, text="starting")
 
             def move_bar(progress: Progress) -> None:
                 done, total = _work(progress)

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from hashlib import sha256
@@ -46,7 +46,14 @@ def use_folder(folder: Path) -> None:
     os.environ[FOLDER] = str(folder.resolve())
 
 
-def prepare(trials: Sequence[Trial], run_seed: int, *, folder: Path | None = None, threads: int | None = None) -> int:
+def prepare(
+    trials: Sequence[Trial],
+    run_seed: int,
+    *,
+    folder: Path | None = None,
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> int:
     """Simulate the records of all trials of the arm's problems side by side, at a tenth of the cost of one by one.
 
     Call it once before a run. Without it `draw_record` simulates the same records alone, bit for bit.
@@ -58,6 +65,7 @@ def prepare(trials: Sequence[Trial], run_seed: int, *, folder: Path | None = Non
             that it was made from (arm, experiment, seed, our source, versions), so that no outdated one is ever used.
             None: in memory alone, unless `use_folder` was called.
         threads: Threads for the physics; all processors by default.
+        progress: Called with the ticks done and all ticks of the records that are simulated together.
 
     Returns:
         Number of simulated records.
@@ -68,7 +76,7 @@ def prepare(trials: Sequence[Trial], run_seed: int, *, folder: Path | None = Non
     if folder is not None:
         use_folder(folder)
     draws = [(twin_name(trial.problem), trial.seed(run_seed)) for trial in trials if trial.problem.startswith(TWIN)]
-    return _simulate(draws, threads)
+    return _simulate(draws, threads, progress)
 
 
 def draw_record(name: TwinName, seed: int) -> IOData:
@@ -97,7 +105,11 @@ arm_hash = lru_cache(maxsize=64)(model_sha256)
 """Hash of a compiled arm."""
 
 
-def _simulate(draws: Sequence[tuple[TwinName, int]], threads: int | None) -> int:
+def _simulate(
+    draws: Sequence[tuple[TwinName, int]],
+    threads: int | None,
+    progress: Callable[[int, int], None] | None = None,
+) -> int:
     """Simulate the draws that do not exist yet; the bits depend neither on the threads nor on the other draws."""
     missing = [draw for draw in dict.fromkeys(draws) if _find(*draw) is None]
     folder = records_folder()
@@ -105,7 +117,7 @@ def _simulate(draws: Sequence[tuple[TwinName, int]], threads: int | None) -> int
         folder.mkdir(parents=True, exist_ok=True)
     for begin in range(0, len(missing), BATCH):
         batch = missing[begin : begin + BATCH]
-        logs = simulate([name.experiment(seed) for name, seed in batch], threads=threads)
+        logs = simulate([name.experiment(seed) for name, seed in batch], threads=threads, progress=progress)
         if logs.failed:
             raise ScenarioError("; ".join(f"{name}: {why}" for name, why in logs.failed.items()))
         for (name, seed), log in zip(batch, logs, strict=True):

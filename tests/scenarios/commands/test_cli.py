@@ -209,7 +209,7 @@ def test_clipping_and_slewing_are_told(run, result, tmp_path):
     assert output["clipped"]["quiet"] == 0.0
     assert output["velocity_limited"]["quiet"] < output["velocity_limited"]["loud"]
     assert [text.partition(":")[0] for text in output["warnings"]] == ["loud"]
-    code, out, _ = run("simulate", loud, "--out", tmp_path)
+    code, out, _ = run("simulate", loud, "--out", tmp_path, "--overwrite")
     assert code == 0
     assert "converter clips" in out
     assert "warning: loud:" in out

@@ -197,7 +197,7 @@ def test_best_linear_columns(printed, result, monkeypatch, tmp_path):
         true = linearize(load_arm(), amplitudes=()).joint(name).bandwidth_hz
         assert 0.5 * true < entry["bandwidth_hz"] < true, "dry friction lowers it"
         assert entry["distortion_percent"] > 0.5
-    out = printed("truth", *words)
+    out = printed("truth", *words, "--overwrite")
     assert "best linear" in out
     assert "0.02 rad rms" in out
     assert "Dry friction is not in these numbers but for the best linear ones" in out

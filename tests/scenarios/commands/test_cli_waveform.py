@@ -35,7 +35,7 @@ def test_every_waveform_has_flags_for_everything_it_takes(run, result, tmp_path)
         assert flags == set(signature(KINDS[kind]).parameters)
         assert set(output["parameters"]) == flags
         assert output["parameters"]["amplitude"] == 0.5
-    out = run("waveform", "prbs", "--out", tmp_path)[1]
+    out = run("waveform", "prbs", "--out", tmp_path, "--overwrite")[1]
     assert "mean / V" in out
     assert "update rate / Hz" in out
 
@@ -72,7 +72,7 @@ def test_it_says_for_which_models_a_waveform_is_too_poor(run, result, tmp_path):
     (warning,) = result("waveform", "sine", "--frequency", "5", "--out", tmp_path)["warnings"]
     assert warning == "order of excitation 2 is too low for every model of the study: they need 4 to 11"
     assert result("waveform", "prbs", "--out", tmp_path)["warnings"] == []
-    out = run("waveform", "sine", "--frequency", "5", "--out", tmp_path)[1]
+    out = run("waveform", "sine", "--frequency", "5", "--out", tmp_path, "--overwrite")[1]
     assert "warning: order of excitation 2 is too low" in " ".join(out.split())
 
 
@@ -119,6 +119,6 @@ def test_points_beyond_the_converter_are_told(result, tmp_path):
         (("prbs", "--amplitude", "11"), 100),
         (("prbs", "--amplitude", "9.9"), 0),
     ):
-        warnings = result("waveform", *words, "--out", tmp_path / "out")["warnings"]
+        warnings = result("waveform", *words, "--out", tmp_path / "out", "--overwrite")["warnings"]
         messages = [text for text in warnings if "±10 V of the excitation computer's converter" in text]
         assert [text.split()[0] for text in messages] == [str(count)] * bool(count)

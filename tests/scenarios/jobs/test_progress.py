@@ -5,7 +5,7 @@ import re
 import sys
 from time import sleep
 
-from scenarios.jobs.progress import Progress, show_progress
+from scenarios.jobs.progress import Progress, end_activity, show_activity, show_progress
 
 
 def test_lines_come_now_and_then(capsys):
@@ -63,3 +63,24 @@ def test_a_terminal_has_a_bar(monkeypatch):
     assert re.search(r"3 of 3 experiments, \S+ x real time", printed)
     assert "baselines 0 of 2" in printed
     assert all(len(line) <= 80 for line in re.split(r"[\r\n]", printed))
+
+
+def test_a_line_on_a_terminal_shows_what_runs_until_something_is_printed(monkeypatch, capsys):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    with show_activity("quiet"):
+        pass
+    assert capsys.readouterr().err == ""
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    with show_activity("identify"):
+        assert "identify" in sys.stderr.getvalue()
+        with show_progress("bar"):  # it knows the terminal, in place of the line
+            pass
+        assert "bar" in sys.stderr.getvalue()
+        end_activity()
+        shown = sys.stderr.getvalue()
+        sleep(0.2)
+        assert sys.stderr.getvalue() == shown

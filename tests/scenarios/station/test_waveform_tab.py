@@ -87,7 +87,7 @@ def test_numbers_are_those_of_the_command_and_of_python(tab, tmp_path, capsys, m
         rows = cells(tab._numbers.content)
         assert len(rows) == 5
         assert set(rows) <= printed, kind
-        assert main([*words, "--json"]) == 0
+        assert main([*words, "--overwrite", "--json"]) == 0
         output = json.loads(capsys.readouterr().out)
         assert tab._warnings.text == "; ".join(output["warnings"])
         needed = {name: str(order) for name, order in output["needed_order"].items()}

@@ -204,9 +204,9 @@ def no_study(monkeypatch):
 def test_a_seed_that_failed_is_a_difference(quick, no_study, tmp_path, capsys):
     assert main(["thesis", "--seeds", "2", "--out", str(tmp_path)]) == 0
     assert "failed:" not in capsys.readouterr().out
-    assert main(["thesis", "--seeds", "3", "--out", str(tmp_path)]) == 1
+    assert main(["thesis", "--seeds", "3", "--out", str(tmp_path), "--overwrite"]) == 1
     assert "failed: seed 3: the physics diverged" in capsys.readouterr().out
-    assert main(["thesis", "--seeds", "3", "--out", str(tmp_path), "--json"]) == 1
+    assert main(["thesis", "--seeds", "3", "--out", str(tmp_path), "--overwrite", "--json"]) == 1
     assert quick == [1, 2, 3, 3]
 
 
