@@ -21,7 +21,7 @@ def main() -> None:
     study = run_study(conditions=(NOMINAL,), thorough=False)
     chart = answer_chart(measure_answer(study))
     (panels,) = chart.views.values()
-    draw(panels, chart.columns).savefig(FOLDER / "result.png", dpi=130, bbox_inches="tight")
+    draw(panels, chart.columns, name_marks=True).savefig(FOLDER / "result.png", dpi=130, bbox_inches="tight")
 
 
 if __name__ == "__main__":

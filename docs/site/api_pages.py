@@ -1,4 +1,4 @@
-"""Pages of the site beside those of docs: reference of every public name, parameters of the arm. mkdocs calls it."""
+"""Menu of the reference: every public name, parameters of the arm, measured tables. mkdocs calls it."""
 
 import pkgutil
 import re
@@ -51,8 +51,10 @@ def reference_page(package: str, names: list[str]) -> str:
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Add the pages of the packages to the navigation."""
+    """Add the packages and the measured tables to the menu."""
     (reference,) = (section["Reference"] for section in config["nav"] if "Reference" in section)
+    tables = sorted(path.name for path in (ROOT / "docs/measured").glob("*.md"))
+    reference.append({"Measured tables": [f"measured/{name}" for name in tables]})
     reference.append({"Python": [{name: f"api/{name}.md"} for name, _ in public_packages()]})
     return config
 

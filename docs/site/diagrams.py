@@ -1,7 +1,7 @@
 """Draw the Mermaid diagrams of the pages as pictures for the site, which loads no scripts from the network.
 
-Run by `make diagrams`, which installs Mermaid with npm. A diagram begins with a comment, ``%% what it shows``. Its picture is
-diagram-HASH.svg, named after the hash of its text, so that a test finds diagrams without picture.
+Run by `make diagrams`, which installs Mermaid with npm. A diagram begins with a comment, ``%% what it shows``. Its
+picture is diagram-HASH.svg, named after the hash of its text, so that a test finds diagrams without picture.
 """
 
 import re
@@ -43,7 +43,9 @@ def main(mermaid: Path) -> None:
         page.add_script_tag(path=mermaid)
         page.evaluate(f"mermaid.initialize({OPTIONS})")
         for number, text in enumerate(texts):
-            drawing = page.evaluate("([name, text]) => mermaid.render(name, text).then(r => r.svg)", [f"d{number}", text])
+            drawing = page.evaluate(
+                "([name, text]) => mermaid.render(name, text).then(r => r.svg)", [f"d{number}", text]
+            )
             # its own size and ground: legible on light and dark pages, and never drawn larger than it is
             size = 'width="{2}" height="{3}"'.format(*re.findall(r'viewBox="(\S+) (\S+) (\S+) (\S+)"', drawing)[0])
             drawing = drawing.replace('width="100%"', size, 1).replace('style="', 'style="background: white; ', 1)

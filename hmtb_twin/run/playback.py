@@ -1,8 +1,9 @@
 """Logs to look at: frame by frame for films, and played in MuJoCo's viewer."""
 
 from collections.abc import Iterator, Sequence
+from functools import cache
 from time import perf_counter, sleep
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import mujoco
 import numpy as np
@@ -13,6 +14,9 @@ from hmtb_twin.bus.joint_log import JointLog
 from hmtb_twin.bus.record import BusRecord
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.values import JOINTS, SAMPLE_TIME
+
+if TYPE_CHECKING:
+    from PIL.ImageFont import FreeTypeFont
 
 MOST_FRAMES = 1_000_000
 """Largest number of frames: more are a typing error."""
@@ -52,48 +56,57 @@ def _held(values: np.ndarray) -> np.ndarray:
     return np.asarray(values[np.where(last < 0, known.argmax(axis=0), last), columns])
 
 
-def frames(
-    log: JointLog,
-    cameras: Sequence[str],
-    *,
-    size: tuple[int, int],
-    rate: float,
-    speed: float,
-    span: tuple[float, float],
-) -> Iterator[np.ndarray]:
-    """Render a log frame by frame.
+def frame_times(span: tuple[float, float], *, rate: float, speed: float = 1.0) -> np.ndarray:
+    """Return the times at which a film shows an experiment.
+
+    Args:
+        span: First and last time to show, s.
+        rate: Frames per second of film.
+        speed: Seconds of the experiment per second of film.
+
+    Returns:
+        Times (N,), s.
+
+    Raises:
+        TwinError: Too many frames.
+    """
+    first, last = span
+    count = int((last - first) / speed * rate + 1e-9) + 1
+    if count > MOST_FRAMES:
+        raise TwinError(f"{count} frames requested, expected at most {MOST_FRAMES}; play it faster, or show less of it")
+    return first + np.arange(count) * speed / rate
+
+
+def frames(log: JointLog, cameras: Sequence[str], *, size: tuple[int, int], times: np.ndarray) -> Iterator[np.ndarray]:
+    """Render a log frame by frame; several views are named.
 
     Args:
         log: The log.
         cameras: Views, side by side; four of them as two rows of two.
         size: Width and height of each view, pixels.
-        rate: Frames per second of film.
-        speed: Seconds of the experiment per second of film.
-        span: First and last time to show, s.
+        times: Times to show (N,), s.
 
     Yields:
         Pictures (height, width, 3), 8-bit RGB.
-
-    Raises:
-        TwinError: Too many frames.
     """
-    arm = pictured_arm(log)
-    first, last = span
-    count = int((last - first) / speed * rate + 1e-9) + 1
-    if count > MOST_FRAMES:
-        raise TwinError(f"{count} frames requested, expected at most {MOST_FRAMES}; play it faster, or show less of it")
-    with Stage(arm, *size, draft=count > 1) as stage:
-        for number in range(count):
-            time = first + number * speed / rate
+    width, height = size
+    columns = len(cameras) if len(cameras) < 4 else -(-len(cameras) // 2)
+    rows = -(-len(cameras) // columns)
+    text = max(12, rows * height // 36)
+    names = [_label(camera.replace("_", " "), text) for camera in cameras] if len(cameras) > 1 else []
+    with Stage(pictured_arm(log), width, height, draft=len(times) > 1) as stage:
+        for time in times:
             tick = min(round(time / log.dt), len(log) - 1)
             unit = None if log.unit_pose is None else log.unit_pose[tick]
-            views = [stage.picture(camera, log.true_angles[tick], unit) for camera in cameras]
+            picture = np.zeros((rows * height, columns * width, 3), np.uint8)
+            panes = [picture[r * height :, c * width :][:height, :width] for r in range(rows) for c in range(columns)]
+            for pane, camera in zip(panes, cameras, strict=False):
+                pane[:] = stage.picture(camera, log.true_angles[tick], unit)
+            for pane, name in zip(panes, names, strict=False):
+                _put(pane[-len(name) :], name)
             force = f"wrist {np.linalg.norm(log.wrench[tick, :3]):5.1f} N"
-            if len(views) >= 4:
-                half = -(-len(views) // 2)
-                views += [np.zeros_like(views[0])] * (2 * half - len(views))
-                views = [np.vstack(pair) for pair in zip(views[:half], views[half:], strict=True)]
-            yield _labelled(np.hstack(views), f"{log.name}   {tick * log.dt:6.2f} s   {force}")
+            _put(picture, _label(f"{log.name}   {tick * log.dt:6.2f} s   {force}", text))
+            yield picture
 
 
 def play(log: JointLog, viewer: Any, *, speed: float = 1.0, loop: bool = False) -> None:
@@ -127,12 +140,24 @@ def play(log: JointLog, viewer: Any, *, speed: float = 1.0, loop: bool = False) 
             sleep(1.0 / 60.0)  # the rate of most displays
 
 
-def _labelled(picture: np.ndarray, text: str) -> np.ndarray:
-    from PIL import Image, ImageDraw, ImageFont
+def _label(text: str, size: int) -> np.ndarray:
+    """White text on black, which is legible on any picture."""
+    from PIL import Image, ImageDraw
 
-    image = Image.fromarray(picture)
-    draw, height = ImageDraw.Draw(image), max(12, picture.shape[0] // 36)
-    font = ImageFont.load_default(size=height)
-    draw.rectangle((0, 0, draw.textlength(text, font=font) + height, 1.6 * height), fill=(0, 0, 0))
-    draw.text((height / 2, height / 4), text, fill=(255, 255, 255), font=font)
+    font = _font(size)
+    image = Image.new("RGB", (round(font.getlength(text)) + size, round(1.6 * size)))
+    ImageDraw.Draw(image).text((size / 2, size / 4), text, fill=(255, 255, 255), font=font)
     return np.asarray(image)
+
+
+@cache
+def _font(size: int) -> "FreeTypeFont":
+    from PIL import ImageFont
+
+    return cast("FreeTypeFont", ImageFont.load_default(size=size))
+
+
+def _put(picture: np.ndarray, label: np.ndarray) -> None:
+    """Copy as much of a label as fits into the upper left corner."""
+    height, width = np.minimum(picture.shape[:2], label.shape[:2])
+    picture[:height, :width] = label[:height, :width]

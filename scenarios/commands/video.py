@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import counted, print_json, progress, say
+from scenarios.commands.output import check_files, counted, print_json, progress, say, say_next, say_next_identify
 from scenarios.files.errors import ScenarioError, unknown
 
 if TYPE_CHECKING:
@@ -27,7 +27,9 @@ def video(
     speed: float = 1.0,
     start: float = 0.0,
     duration: float | None = None,
+    plot: bool = True,
     seed: int | None = None,
+    overwrite: bool = False,
     json: bool = False,
 ) -> int:
     """Film an experiment: a scenario or a log.
@@ -47,20 +49,23 @@ def video(
         speed: Seconds of the experiment per second of film.
         start: First time to show, s.
         duration: How much of the experiment to show, s; to its end when not given.
+        plot: Draw command and measured angle of the excited joints under a film of 320 pixels or wider.
         seed: Seed of a scenario's noise; its own when not given.
+        overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
-    from hmtb_twin.files.atomic_write import check_place
-    from hmtb_twin.run.playback import frames
+    from hmtb_twin.run.playback import frame_times, frames
     from scenarios.experiments.film import load_or_simulate, write_film
+    from scenarios.experiments.film_plot import with_plot
 
     for label, value in (("fps", fps), ("speed", speed)):
         if not 0 < value <= 1000:
             raise ScenarioError(f"--{label} must be above 0 and at most 1000, given {value:g}")
     cameras = _cameras(camera)
-    log = load_or_simulate(name, seed=seed)
+    needed = 0.0 if out is not None and out.suffix == ".png" else duration
+    log = load_or_simulate(name, seed=seed, until=None if needed is None else start + needed)
     path = Path(f"{log.name}.mp4") if out is None else out
-    check_place(path)
+    check_files(path, overwrite=overwrite)
     end = len(log) * log.dt
     last = end - log.dt if duration is None else min(start + duration, end - log.dt)
     if not 0 <= start <= last:
@@ -68,8 +73,10 @@ def video(
         raise ScenarioError(f"nothing to show from {start:g} s{length}; {log.name} lasts from 0 to {end:g} s")
     if path.suffix == ".png":
         last = start
-    pictures = frames(log, cameras, size=(width, height), rate=fps, speed=speed, span=(start, last))
-    count = int((last - start) / speed * fps + 1e-9) + 1
+    times = frame_times((start, last), rate=fps, speed=speed)
+    pictures, count = frames(log, cameras, size=(width, height), times=times), len(times)
+    if plot:
+        pictures = with_plot(pictures, log, times)
     with progress("filming") as report:
 
         def shown() -> "Iterator[np.ndarray]":
@@ -83,6 +90,10 @@ def video(
     else:
         length = f"{counted(count, 'frame')} of {log.name}, {start:g} to {last:g} s"
         say(f"{path}: {f'picture of {log.name} at {start:g} s' if path.suffix == '.png' else length}")
+        if name.endswith(".nc"):
+            say_next_identify(Path(name), log.name, log.axes)
+        else:
+            say_next("simulate", name)
     return 0
 
 

@@ -3,6 +3,9 @@
 import os
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +20,20 @@ ENDINGS = (".mp4", ".gif", ".png")
 """Endings of the files that can be written: a film, an animated picture, one picture."""
 
 
-def load_or_simulate(name: str, *, seed: int | None = None) -> JointLog:
+HELD = 200
+"""Frames of a `.gif` that are held back to choose its colours from."""
+
+SAMPLED = 8
+"""How many of these the colours are chosen from."""
+
+
+def load_or_simulate(name: str, *, seed: int | None = None, until: float | None = None) -> JointLog:
     """Return a log by name.
 
     Args:
         name: A file that ends in `.nc`, else a registered scenario or a TOML file, which is simulated.
         seed: Draws other noise, for a scenario.
+        until: Last time that is needed of a scenario, s: it is not simulated much further.
 
     Raises:
         ScenarioError: There is no such scenario, a seed for a file, or the simulation failed.
@@ -32,7 +43,12 @@ def load_or_simulate(name: str, *, seed: int | None = None) -> JointLog:
         if seed is not None:
             raise ScenarioError(f"{name} is recorded: a seed belongs to a scenario that is yet to run")
         return JointLog.load(Path(name))
-    result = simulate([load(name, seed=seed)])
+    scenario = load(name, seed=seed)
+    if until is not None and 0.0 <= until < scenario.duration:
+        # Refused where something is to happen after it, such as a change of payload.
+        with suppress(ScenarioError):
+            scenario = replace(scenario, duration=min(until + 1.0, scenario.duration))
+    result = simulate([scenario])
     for label, reason in result.failed.items():
         raise ScenarioError(f"{label}: {reason}")
     return result.logs[0]
@@ -55,17 +71,38 @@ def write_film(pictures: Iterator[np.ndarray], path: Path, *, rate: float) -> Pa
     with replacing(path) as partial:
         if path.suffix == ".mp4":
             _write_mp4(pictures, partial, rate)
-            return path
-        from PIL import Image
-
-        images = (Image.fromarray(picture) for picture in pictures)
-        first = next(images)
-        if path.suffix == ".png":
-            first.save(partial, format="PNG")
+        elif path.suffix == ".gif":
+            _write_gif(pictures, partial, rate)
         else:
-            rest, pause = [image.quantize(128) for image in images], 1000.0 / rate
-            first.quantize(128).save(partial, "GIF", save_all=True, append_images=rest, duration=pause, loop=0)
+            from PIL import Image
+
+            Image.fromarray(next(pictures)).save(partial, format="PNG")
     return path
+
+
+def _write_gif(pictures: Iterator[np.ndarray], path: Path, rate: float) -> None:
+    """Write with one palette and without dithering: what stands still is stored once, and grey stays grey."""
+    from PIL import Image
+
+    held = list(islice(pictures, HELD))
+    chosen = np.linspace(0, len(held) - 1, min(len(held), SAMPLED)).round().astype(int)
+    sample = Image.fromarray(np.vstack([held[number] for number in chosen]))
+    palette = sample.quantize(256, method=Image.Quantize.MEDIANCUT, kmeans=1)
+    # Pillow looks up the lowest of each four neighbouring values, which would make all darker by 1 to 2 of 255.
+    colours = np.array(palette.getpalette())
+    entries = colours.reshape(-1, 3)
+    # The mean of paper and the lightest tints is not quite white.
+    entries[entries.min(axis=1) > 247] = 255
+    palette.putpalette(np.maximum(colours - 1, 0).tolist())
+
+    def reduced() -> Iterator[Image.Image]:
+        for picture in chain(held, pictures):
+            image = Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
+            image.putpalette(colours.tolist())
+            yield image
+
+    images = reduced()
+    next(images).save(path, "GIF", save_all=True, append_images=images, duration=1000.0 / rate, loop=0)
 
 
 def _write_mp4(pictures: Iterator[np.ndarray], path: Path, rate: float) -> None:
@@ -77,16 +114,24 @@ def _write_mp4(pictures: Iterator[np.ndarray], path: Path, rate: float) -> None:
         ) from error
     from fractions import Fraction
 
-    with av.open(str(path), "w", format="mp4") as container:
+    from av.video.reformatter import ColorRange, Colorspace
+
+    # With its index at the front a browser plays it while it loads.
+    with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
         stream = None
         for picture in pictures:
             if stream is None:
                 stream = container.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
                 stream.height, stream.width = picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2
-                stream.pix_fmt, stream.options = "yuv420p", {"crf": "20"}
+                stream.pix_fmt, stream.options = "yuv420p", {"crf": "17", "preset": "medium"}
+                # Named, because players guess the matrix by the size.
+                codec = stream.codec_context
+                codec.colorspace = codec.color_primaries = codec.color_trc = Colorspace.ITU709
+                codec.color_range = ColorRange.MPEG
             # The encoder takes even sizes only: the last odd row or column is cut off.
             even = np.ascontiguousarray(picture[: stream.height, : stream.width])
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
+            frame = av.VideoFrame.from_ndarray(even, format="rgb24")
+            container.mux(stream.encode(frame.reformat(format="yuv420p", dst_colorspace=Colorspace.ITU709)))
         if stream is not None:
             container.mux(stream.encode(None))
 

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenarios.report.figure_style import WIDTH, dress, short
+from scenarios.report.figure_style import WIDTH, dress, plain_marks, short
 from scenarios.thesis.comparison import Comparison, JointResult
 from sysid.plots import BOUND, Style
 
@@ -163,8 +163,8 @@ def _series(entry: Series, shared: dict[Any, int]) -> dict[str, Any]:
     }
 
 
-def draw(panels: Sequence[Panel], columns: int = 1) -> Figure:
-    """Draw the panels of one view as a figure of a fixed size, for files."""
+def draw(panels: Sequence[Panel], columns: int = 1, *, name_marks: bool = False) -> Figure:
+    """Draw the panels of one view as a figure of a fixed size, for files; `name_marks` writes texts at lines across."""
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(WIDTH * max(1.0, 0.6 * columns), 0.6 + 2.3 * rows), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
@@ -179,7 +179,18 @@ def draw(panels: Sequence[Panel], columns: int = 1) -> Figure:
         for axis, value, text in panel.marks:
             line = axes.axvline if axis == "x" else axes.axhline
             line(value, color=BOUND.colour, ls=":", lw=1.0, label=text)
-        axes.set(xlabel=panel.x, ylabel=panel.y, xlim=panel.x_limits, ylim=panel.y_limits)
+            if name_marks:
+                place = {"xy": (value, 1.0), "xycoords": axes.get_xaxis_transform(), "ha": "left", "va": "top"}
+                if axis == "y":
+                    place = {"xy": (1.0, value), "xycoords": axes.get_yaxis_transform(), "ha": "right", "va": "bottom"}
+                axes.annotate(
+                    text, xytext=(3 if axis == "x" else 0, 1), textcoords="offset points", fontsize=8, **place
+                )
+        axes.set(xlim=panel.x_limits, ylim=panel.y_limits)
+        axes.set_xlabel(panel.x, fontsize=9)
+        axes.set_ylabel(panel.y, fontsize=9)
+        if "x" in panel.log and panel.x_limits:
+            plain_marks(axes.xaxis, panel.x_limits)
         axes.set_aspect("equal") if panel.equal else None
         axes.set_title(panel.title, loc="left", fontsize=8.5)
     dress(grid[: len(panels)])

@@ -10,7 +10,7 @@ import numpy as np
 
 from hmtb_twin import JOINTS, TwinError, load_arm, render
 from hmtb_twin.arm.rendering import Stage
-from hmtb_twin.run.playback import frames, pictured_arm
+from hmtb_twin.run.playback import frame_times, frames, pictured_arm
 from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.experiments.film import write_film
 from scenarios.experiments.rpcm import rpcm_outcome
@@ -91,7 +91,7 @@ def film(study: Comparison) -> Film:
     span = (max(0.0, last - (SPAN[1] - SPAN[0])), last)
     try:
         with TemporaryDirectory() as folder:
-            pictures = frames(shown, ["overview"], size=SIZE, rate=RATE, speed=1.0, span=span)
+            pictures = frames(shown, ["overview"], size=SIZE, times=frame_times(span, rate=RATE))
             data = write_film(pictures, Path(folder) / "film.mp4", rate=RATE).read_bytes()
     except (TwinError, ScenarioError) as error:
         return Film("", f"There is no film. {_sentence(error)}.")

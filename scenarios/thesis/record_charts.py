@@ -8,6 +8,7 @@ import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.experiments.excitation import chirp, chirp_as_printed, two_sines, white_noise
+from scenarios.experiments.film_plot import COMMAND, MEASURED
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import Waveform
@@ -19,8 +20,6 @@ from scenarios.thesis.nonparametric import PRBS, PULSE, SINES
 from sysid import IOData, ResidualTest
 from sysid.plots import PALETTE, Style
 
-COMMAND = Style("#56b4e9", "-", 1.2)
-MEASURED = Style("#222222", "-", 1.2)
 ANGLE, SECONDS, MAGNIFIED, LAG = "angle / mrad", "time / s", "time, magnified / s", "lag / samples"
 
 TESTS = {"two sines": (SINES, 1.6), "PRBS": (PRBS, 4.0), "pulse": (PULSE, 3.0), "5–10 Hz chirp": (8, 2.0)}

@@ -12,10 +12,12 @@ import pytest
 from PIL import Image
 
 from hmtb_twin import JointLog, TwinError, load_arm, render, simulate
+from hmtb_twin.arm.rendering import Stage
 from hmtb_twin.parameters.resources import model_file
-from hmtb_twin.parameters.values import LARGE_MOTION
-from hmtb_twin.run.playback import play
+from hmtb_twin.parameters.values import LARGE_MOTION, OPERATING_POSE
+from hmtb_twin.run.playback import frame_times, frames, play
 from scenarios import Excitation, Scenario
+from scenarios.experiments.film import load_or_simulate, write_film
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +76,66 @@ def test_a_gif_and_a_speed(log, tmp_path, printed):
     printed("video", log, "--out", gif, *words)
     with Image.open(gif) as animation:
         assert animation.n_frames == 3
+
+
+@pytest.mark.usefixtures("opengl")
+def test_edges_of_films_are_smooth():
+    arm = load_arm()
+    with Stage(arm, 160, 120, draft=True) as stage:
+        shown = stage.picture("overview", arm.pose(OPERATING_POSE)).astype(int)
+    with Stage(arm, 640, 480, draft=True) as stage:
+        fine = np.asarray(Image.fromarray(stage.picture("overview", arm.pose(OPERATING_POSE))).reduce(4))
+    # 129 with one sample a pixel, 11 with four.
+    assert (np.abs(shown - fine).max(axis=2) > 40).sum() < 40
+
+
+@pytest.mark.usefixtures("opengl")
+def test_views_of_one_film_are_named(log):
+    record, times = JointLog.load(log), frame_times((0.0, 0.1), rate=10)
+    one = next(frames(record, ("port",), size=(160, 120), times=times))
+    two = next(frames(record, ("port", "starboard"), size=(160, 120), times=times))
+    assert two.shape == (120, 320, 3)
+    for left in (0, 160):
+        corner = two[-19:, left : left + 30]
+        assert corner.min() == 0 and corner.max() > 200
+        assert (corner[0] == 0).all(), "letters stand on black"
+    assert not np.array_equal(one[-19:, :30], two[-19:, :30])
+
+
+def test_a_film_plays_in_a_browser(tmp_path):
+    rng = np.random.default_rng(1)
+    colours = rng.integers(0, 255, (4, 3), dtype=np.uint8)
+    path = write_film((np.tile(colour, (730, 1281, 1)) for colour in colours), tmp_path / "a.mp4", rate=25)
+    data = path.read_bytes()
+    assert 0 < data.find(b"moov") < data.find(b"mdat"), "its index stands before its pictures"
+    with av.open(str(path)) as container:
+        codec = container.streams.video[0].codec_context
+        assert (codec.name, codec.pix_fmt, codec.width, codec.height) == ("h264", "yuv420p", 1280, 730)
+        shown = [frame.to_ndarray(format="rgb24")[300, 600] for frame in container.decode(video=0)]
+    assert np.abs(np.array(shown).astype(int) - colours).max() <= 4
+
+
+def test_a_gif_keeps_grey_and_few_bright_pixels(tmp_path):
+    shade = np.linspace(0, 255, 320).astype(np.uint8)
+    picture = np.repeat(np.tile(shade, (200, 1))[:, :, None], 3, axis=2)
+    picture[:4, :4], picture[:60, 200:300] = (213, 94, 0), np.clip(shade[200:300, None] * [0.9, 0.95, 1.0], 0, 255)
+    moving = [np.roll(picture, 5 * number, axis=0) for number in range(12)]
+    with Image.open(write_film(iter(moving), tmp_path / "a.gif", rate=25)) as gif:
+        for number, frame in enumerate(moving):
+            gif.seek(number)
+            shown = np.asarray(gif.convert("RGB")).astype(int)
+            grey = np.ptp(frame.astype(int), axis=2) == 0
+            assert np.ptp(shown, axis=2)[grey].mean() < 2.0
+            assert np.abs(shown - frame).mean() < 2.0
+            assert np.abs(shown[5 * number, 1] - [213, 94, 0]).max() < 12
+
+
+@pytest.mark.parametrize("name", ["siso-8-elbow_pitch", "mimo-5", "rpcm"])
+def test_a_scenario_is_simulated_no_further_than_needed(name):
+    short, longer = load_or_simulate(name, until=0.5), load_or_simulate(name, until=2.0)
+    assert len(short) == 75
+    np.testing.assert_array_equal(short.measured, longer.measured[:75])
+    np.testing.assert_array_equal(short.commanded, longer.commanded[:75])
 
 
 @pytest.mark.parametrize(

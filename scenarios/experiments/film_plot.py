@@ -1,0 +1,126 @@
+"""Command and measured angle under a film, drawn once and uncovered as it runs."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from hmtb_twin import JOINTS, JointLog
+from sysid.plots import GRID, INK, Style
+
+COMMAND = Style("#56b4e9", "-", 1.2)
+MEASURED = Style(INK, "-", 1.2)
+"""Styles of the commanded and of the measured angle of a joint."""
+
+CURSOR = (213, 94, 0)
+"""Colour of the line at the time of the frame."""
+
+MOST = 3
+"""Largest number of joints: those that are commanded to move most."""
+
+NARROWEST = 320
+"""Smallest width of a film with a plot, pixels: letters would be illegible."""
+
+LARGE = 0.1
+"""Motion that is drawn in degrees, rad; smaller ones in mrad from the first command on."""
+
+DPI = 100.0
+"""Resolution at a picture height of 480 pixels; it grows with the picture, so that letters keep their share of it."""
+
+
+def plotted_joints(log: JointLog, part: slice) -> list[str]:
+    """Excited joints, or all where the tool is moved: the `MOST` with the largest commands in a part of a log."""
+    swing = dict(zip(JOINTS, np.ptp(log.commanded[part], axis=0), strict=True))
+    excited = [joint for joint in JOINTS if joint in log.axes] or list(JOINTS)
+    largest = sorted(excited, key=swing.__getitem__, reverse=True)[:MOST]
+    return [joint for joint in JOINTS if joint in largest]
+
+
+class MotionPlot:
+    """Command and measured angle over time, one panel for each of `plotted_joints`.
+
+    Args:
+        log: The log.
+        span: First and last time of the film, s.
+        size: Width and height of the picture above the plot, pixels.
+    """
+
+    def __init__(self, log: JointLog, span: tuple[float, float], size: tuple[int, int]) -> None:
+        part = slice(max(round(span[0] / log.dt) - 1, 0), round(span[1] / log.dt) + 2)
+        joints = plotted_joints(log, part)
+        scale = max(size[1] / 480.0, 0.8)
+        height = 2 * round(scale * (48 + (100 if len(joints) == 1 else 72) * len(joints)) / 2)
+        # Half a pixel more, because the size in pixels is rounded down.
+        inches = ((size[0] + 0.5) / (scale * DPI), (height + 0.5) / (scale * DPI))
+        figure = Figure(figsize=inches, dpi=scale * DPI, layout="constrained")
+        canvas = FigureCanvasAgg(figure)
+        panels = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
+        columns = [JOINTS.index(joint) for joint in joints]
+        time = np.arange(len(log))[part] * log.dt
+        large = np.ptp(log.commanded[part][:, columns], axis=0).max() > LARGE
+        lines = []
+        for axes, joint, column in zip(panels, joints, columns, strict=True):
+            commanded, measured = log.commanded[part, column], log.measured[part, column]
+            values = [np.degrees(v) if large else 1e3 * (v - commanded[0]) for v in (commanded, measured)]
+            for label, shown, look, kind in (
+                ("measured", values[1], MEASURED, "default"),
+                ("command", values[0], COMMAND, "steps-post"),
+            ):
+                lines += axes.plot(
+                    time, shown, color=look.colour, ls=look.line, lw=look.width, drawstyle=kind, label=label
+                )
+            axes.set_title(
+                f"{joint.replace('_', ' ')} / deg" if large else f"{joint.replace('_', ' ')}, change / mrad",
+                loc="left",
+                fontsize=8.5,
+                color=INK,
+                pad=5,
+            )
+            axes.grid(visible=True, color=GRID, lw=0.6)
+            axes.tick_params(labelsize=8, colors=INK)
+            axes.locator_params(axis="y", nbins=4)
+            axes.spines[["top", "right"]].set_visible(False)
+            middle, half = (np.max(values) + np.min(values)) / 2.0, 0.56 * np.ptp(values)
+            # The noise of a joint at rest does not fill the panel.
+            axes.set_ylim(middle - max(half, 0.5), middle + max(half, 0.5))
+        panels[-1].set_xlim(*span)
+        panels[-1].set_xlabel("time / s", fontsize=8.5, color=INK, labelpad=1)
+        figure.legend(
+            handles=lines[:2][::-1], loc="upper right", ncols=2, frameon=False, fontsize=8.5, borderaxespad=0.1
+        )
+        self._full = _drawn(canvas)
+        for line in lines:
+            line.set_visible(False)
+        self._empty = _drawn(canvas)
+        self._boxes = [axes.get_window_extent() for axes in panels]
+        self._span, self._line = span, max(1, round(1.5 * scale))
+
+    def at(self, time: float) -> np.ndarray:
+        """Picture (height, width, 3), 8-bit RGB, with the curves up to a time, s."""
+        picture = self._empty.copy()
+        for box in self._boxes:
+            first, last = self._span
+            column = round(box.x0 + (time - first) / (last - first) * box.width)
+            picture[:, :column] = self._full[:, :column]
+            bottom, top = round(len(picture) - box.y0), round(len(picture) - box.y1)
+            picture[top:bottom, column : column + self._line] = CURSOR
+        return picture
+
+
+def _drawn(canvas: FigureCanvasAgg) -> np.ndarray:
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
+
+
+def with_plot(pictures: Iterator[np.ndarray], log: JointLog, times: np.ndarray) -> Iterator[np.ndarray]:
+    """Put the plot under the pictures of a film that shows a log at these times (N,), s."""
+    plot = None
+    for time, picture in zip(times, pictures, strict=True):
+        height, width = picture.shape[:2]
+        if width < NARROWEST or len(times) < 2:
+            yield picture
+            continue
+        if plot is None:
+            plot = MotionPlot(log, (float(times[0]), float(times[-1])), (width, height))
+        yield np.vstack((picture, plot.at(float(time))))
