@@ -122,7 +122,7 @@ bench: $(INSTALLED) ## run the benchmarks alone, with their figures printed
 constraints: ## renew constraints.txt from the newest versions that pyproject.toml allows
 	@echo "==> Resolving the newest versions in a new environment"
 	@rm -rf .venv-new && "$(PYTHON)" -m venv .venv-new
-	@.venv-new/bin/python -m pip install --quiet --editable '.[dev]'
+	@.venv-new/bin/python -m pip install --quiet --editable '.[dev,notebooks]'
 	@{ sed -n '/^#/p' constraints.txt; .venv-new/bin/python -m pip freeze --exclude-editable --exclude hmtb-twin; } > constraints.new
 	@mv constraints.new constraints.txt && rm -rf .venv-new
 

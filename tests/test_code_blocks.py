@@ -19,10 +19,14 @@ INSTALLATION = re.compile(r"(python3 -m venv|(uv )?pip install|git clone|cd hmtb
 
 NOT_RUN = {
     "hmtb station": "tests/scenarios/station run it in a browser",
+    "jupyter lab": "waits for a browser; tests/test_notebooks.py runs the notebooks",
     "make thesis": "ten minutes; tests/scenarios/thesis run its parts",
     "make test": "runs these tests",
 }
 """Commands that do not run here, and why."""
+
+SMALLER = {"docs/study.md": "tests/scenarios/thesis/test_study_page.py runs it on a smaller study"}
+"""Pages whose blocks run elsewhere, and where."""
 
 SHOWN = {"text", "mermaid", "toml"}
 """Languages that no program runs; TOML is read."""
@@ -44,7 +48,8 @@ def commands(body: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [name for name in PAGES if {"sh", "python"} & {language for language, _ in blocks(name)}]
+    "name",
+    [name for name in PAGES if name not in SMALLER and {"sh", "python"} & {language for language, _ in blocks(name)}],
 )
 def test_code_blocks_run(name, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")

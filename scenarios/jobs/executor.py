@@ -3,16 +3,18 @@
 import atexit
 import os
 import signal
+import sys
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from multiprocessing import connection, get_context, parent_process
-from threading import Thread
+from multiprocessing import connection, parent_process
+from multiprocessing.context import SpawnContext, SpawnProcess
+from threading import Lock, Thread
 from time import sleep
-from types import FrameType
+from types import FrameType, ModuleType
 from typing import Any, Generic, TypeVar
 
 from scenarios.files.errors import ScenarioError
@@ -214,9 +216,35 @@ def _run_task(task: Callable[..., Any], shared: Any, batch: tuple[Any, ...]) -> 
     return list(task(shared, batch))
 
 
+class WorkerProcess(SpawnProcess):
+    """A spawned process that does not run the user's script again.
+
+    Spawned processes import the script that runs, under another name. A script without ``if __name__ == "__main__":``
+    would start the same work in each of them.
+    """
+
+    def start(self) -> None:
+        """Start it."""
+        with _STARTING:
+            script, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
+            try:
+                super().start()
+            finally:
+                sys.modules["__main__"] = script
+
+
+class WorkerContext(SpawnContext):
+    """Context of such processes."""
+
+    Process = WorkerProcess
+
+
+_STARTING = Lock()
+
+
 def one_process() -> ProcessPoolExecutor:
     """Pool of one process, which ends by SIGTERM or with its parent, not by Ctrl-C, and closes what batches share."""
-    return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_prepare_worker)
+    return ProcessPoolExecutor(1, mp_context=WorkerContext(), initializer=_prepare_worker)
 
 
 def _prepare_worker() -> None:

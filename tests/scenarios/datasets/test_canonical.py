@@ -1,5 +1,7 @@
 """Data sets that are the same for all: the canonical hash on this machine, with any workers, and damaged copies."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -31,6 +33,17 @@ def cached(tiny_spec, copy, monkeypatch):
 
 def test_a_copy_in_the_cache_is_opened(cached):
     assert scenarios.load_dataset(cached.name, cache=cached.parent).folder == cached
+
+
+def test_a_script_without_a_guard_may_load_a_copy(tiny, tmp_path):
+    """Processes that read files do not run it again."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        f"from scenarios.datasets.check import examine\nfrom pathlib import Path\n"
+        f"print(examine(Path({str(tiny)!r}), regenerate=0).problems, 'once')\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120)
+    assert (done.stdout, done.returncode) == ("() once\n", 0), done.stderr
 
 
 def test_a_flipped_bit_is_told(cached):
