@@ -215,7 +215,7 @@ def own_files(estimator: Estimator) -> dict[str, bytes]:
 
 def module_file(estimator: Estimator) -> Path | None:
     """File of a function's module, found as an import would but without one; None if missing, and of a program."""
-    if estimator.program:
+    if estimator.program or estimator.is_perfect:
         return None
     place = estimator.target.rpartition(":")[0]
     home = Path(estimator.home or ".")

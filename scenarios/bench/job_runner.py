@@ -33,9 +33,6 @@ from sysid.models.frequency_response import NORMAL_95
 FAMILY = re.compile("[-@]")
 """Ends the first word of a problem's name, its family."""
 
-PERFECT = "bench:perfect"
-"""Target of the perfect estimator; it runs in the bench's own process, since no other process sees the truth."""
-
 
 @dataclass(frozen=True)
 class BenchSetup:
@@ -193,7 +190,7 @@ class Runner:
         for number, _, task in requests:
             problem.bound(task.structure)
             # An error of the first start is one of the command line, and ends the run.
-            if number not in self._opened and self._setup.estimators[number].target != PERFECT:
+            if number not in self._opened and not self._setup.estimators[number].is_perfect:
                 self._process(number)
         begun = perf_counter()
         seed = requests[0][1].seed(self._setup.seed)
@@ -213,7 +210,7 @@ class Runner:
             yield TrialResult(number, measurement, shared + wall + perf_counter() - begun)
 
     def _ask(self, number: int, problem: Problem, task: Task, record: IOData, seed: int) -> EstimatorOutcome:
-        if self._setup.estimators[number].target == PERFECT:
+        if self._setup.estimators[number].is_perfect:
             return perfect(problem, task, seed)  # its error belongs to the noise of the record
         try:
             return self._process(number).ask(record, task)

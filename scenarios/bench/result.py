@@ -93,9 +93,12 @@ class Result:
         names = {in_file: name for name, in_file in IN_FILES.items()}
         try:
             fields = {names.get(key, key): value for key, value in table.items() if key not in ("format", "passed")}
-            return structure(cls, fields)
+            result = structure(cls, fields)
         except ScenarioError as error:
             raise ScenarioError(f"{path} is no result of hmtb verify: {error}") from error
+        if result.estimator.is_perfect and result.estimator.name != "perfect":
+            raise ScenarioError(f"{path}: {result.estimator.name} answers from the truth, as only 'perfect' may")
+        return result
 
 
 def _safe(value: Any) -> Any:

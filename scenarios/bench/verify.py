@@ -19,7 +19,6 @@ from scenarios.bench.accuracy import Agreement
 from scenarios.bench.estimator_files import EstimatorFiles, source_hash
 from scenarios.bench.job_runner import (
     FAMILY,
-    PERFECT,
     BenchSetup,
     RecordJob,
     interleaved,
@@ -199,7 +198,7 @@ def verify(
         if records is not None and (twins := twin_trials(jobs)):
             # Started once before the long simulation, so that an error in the command line shows at once.
             for number in sorted({number for job in jobs for _, number in job.requests}):
-                if estimators[number].target != PERFECT:
+                if not estimators[number].is_perfect:
                     with EstimatorProcess(estimators[number], plan.limits):
                         pass
             _simulate(twins, seed, records, report, notify)

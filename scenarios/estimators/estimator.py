@@ -14,6 +14,9 @@ METHODS = {
 }
 """Kinds of methods of which theory says what to expect."""
 
+PERFECT = ":perfect"
+"""Target of the perfect estimator, which nobody can give: no module has an empty name."""
+
 
 @dataclass(frozen=True)
 class Estimator:
@@ -40,6 +43,11 @@ class Estimator:
     version: str = ""
     settings: str = ""
     home: str = ""
+
+    @property
+    def is_perfect(self) -> bool:
+        """Whether it is the bench's own, which runs in the bench's process, since no other process sees the truth."""
+        return self.target == PERFECT and not self.program
 
     def __post_init__(self) -> None:
         if self.structure is not None and self.structure not in STRUCTURES:

@@ -3,9 +3,9 @@
 from contextlib import closing
 from dataclasses import dataclass, field
 
-from scenarios.bench.job_runner import PERFECT as TARGET
 from scenarios.bench.job_runner import Runner
 from scenarios.bench.metric import Metric, MetricDefinition
+from scenarios.estimators.estimator import PERFECT as TARGET
 from scenarios.estimators.estimator import Estimator
 from scenarios.jobs.executor import Executor
 from scenarios.problems.trial import Trial

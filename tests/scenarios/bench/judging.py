@@ -13,7 +13,7 @@ from scenarios.bench.tests_and_orders import order_of
 from scenarios.estimators.estimator import Estimator
 from scenarios.problems.registry import problem
 
-ANYONE = Estimator("anyone", "bench:perfect")
+ANYONE = Estimator("anyone", ":perfect")
 ALARM = 1e-4
 LINES = np.arange(1, 26) / 5.12
 LINEAR = 1.0 / (1.0 + 1j * LINES) ** 2

@@ -17,9 +17,9 @@ from scenarios.files.errors import ScenarioError
 from tests.scenarios.bench.judging import ALARM, ANYONE, evaluated, failing, parts_of, without_model
 from tests.scenarios.bench.simulated import FAULTS, HONEST, Fault, simulated
 
-OUTPUT_ERROR = Estimator("simulated", "bench:perfect", structure="oe", method="pem")
-OBSERVER = Estimator("simulated", "bench:perfect", method="observer")
-LEAST_SQUARES = Estimator("simulated", "bench:perfect", method="least_squares", structure="arx")
+OUTPUT_ERROR = Estimator("simulated", ":perfect", structure="oe", method="pem")
+OBSERVER = Estimator("simulated", ":perfect", method="observer")
+LEAST_SQUARES = Estimator("simulated", ":perfect", method="least_squares", structure="arx")
 CLAIMS = (Coverage(), NormalisedError(), ResponseError())
 each_metric = pytest.mark.parametrize("definition", (Efficiency(), *CLAIMS), ids=lambda one: one.name)
 

@@ -38,7 +38,7 @@ def test_bias_fails(fault):
 
 
 def test_expected_failures_are_no_surprise():
-    oe = Estimator("late", "bench:perfect", structure="oe", method="pem")
+    oe = Estimator("late", ":perfect", structure="oe", method="pem")
     metric = evaluated(Bias(), measured(Fault(delay=1)), oe)
     expected = {part.label: part.theory for part in metric.parts}
     assert expected == {"feedback": False, "feedback-arx": False, "shared": True}

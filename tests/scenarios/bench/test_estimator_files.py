@@ -29,7 +29,7 @@ def test_the_hash_of_a_function_follows_its_file(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path / "installed")
     installed = replace(mine, target="elsewhere:function")
     assert own_files(installed) == {} and source_hash(installed)
-    assert source_hash(replace(mine, target="bench:perfect")) == ""
+    assert source_hash(replace(mine, target=":perfect")) == ""
 
 
 def test_it_follows_what_is_imported_from_its_own_folder(tmp_path):

@@ -17,7 +17,7 @@ from scenarios.estimators.estimator import Estimator
 from scenarios.problems.registry import problem
 from tests.scenarios.bench.judging import ANYONE, evaluated, failing, parts_of, residuals
 
-PEM_OE = Estimator("oe", "bench:perfect", structure="oe", method="pem")
+PEM_OE = Estimator("oe", ":perfect", structure="oe", method="pem")
 
 
 def metric(change=lambda m: {}, estimator=ANYONE):
@@ -67,7 +67,7 @@ def test_refusals_have_no_verdict():
 
 
 def test_a_model_without_disturbance_is_tested_by_independence_alone():
-    era = Estimator("era", "bench:perfect", structure="ss")
+    era = Estimator("era", ":perfect", structure="ss")
     parts = parts_of(metric(lambda m: {"whiteness_p": float("nan")}, era))
     assert parts["whiteness on p3"].passed is None
     assert parts["orders too low on p3"].passed is True
@@ -76,7 +76,7 @@ def test_a_model_without_disturbance_is_tested_by_independence_alone():
 
 
 @pytest.mark.parametrize(
-    "estimator", [Estimator("n4sid", "bench:perfect", structure="ss", method="subspace"), PEM_OE], ids=lambda e: e.name
+    "estimator", [Estimator("n4sid", ":perfect", structure="ss", method="subspace"), PEM_OE], ids=lambda e: e.name
 )
 def test_inefficient_estimates_need_not_leave_white_residuals(estimator):
     coloured = metric(lambda m: {"whiteness_p": 1e-9} if m.trial.problem == "p4" else {}, estimator)

@@ -1,11 +1,13 @@
 """`hmtb verify`: what is given is understood or refused in a line; results are printed, written, told as JSON."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from scenarios.bench.result import Result
+from tests.refusals import refused
 from tests.scenarios.bench.few import Few, Here
 
 MODULE = """
@@ -64,6 +66,22 @@ def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(
     verdicts = {name: entry["passed"] for name, entry in output["estimators"].items()}
     assert verdicts == {"perfect": True, "my_estimator": False}
     assert output["passed"] is False and output["estimators"]["my_estimator"]["outcomes"] == {"error": 4}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [("bench:perfect", "--name", "mine"), ("--command", ":perfect", "--name", "mine")])
+def test_nobody_else_answers_from_the_truth(words, executor, tmp_path, run):
+    (tmp_path / "bench.py").touch()
+    code, out, err = run("verify", *words, "--quick", "--seed", "3")
+    assert code in (1, 2) and "✓ passes" not in out and "4 answered" not in out, out + err
+
+
+def test_a_result_of_the_truth_under_another_name_is_refused(executor, tmp_path, run):
+    run(*QUICK)
+    written = Result.read(tmp_path / "results" / "perfect.json")
+    forged = replace(written, estimator=replace(written.estimator, name="mine"))
+    (tmp_path / "mine.json").write_text(forged.to_json())
+    refused("mine answers from the truth", Result.read, tmp_path / "mine.json")
 
 
 def test_an_interrupted_run_says_how_to_go_on(executor, run):
