@@ -2,6 +2,7 @@
 
 import errno
 import os
+import secrets
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -39,8 +40,10 @@ def replacing(path: Path, *, durable: bool = False) -> Iterator[Path]:
         OSError: The file cannot be written; the error names it.
     """
     check_place(path)
-    partial = path.with_name(path.name + PARTIAL)
+    partial = path.with_name(f"{path.name[:200]}.{secrets.token_hex(4)}{PARTIAL}")
     try:
+        # a name of its own, and no link: several programs may write this file, and anybody may have put a link here
+        os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         yield partial
         if durable:
             sync(partial)

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 from hmtb_twin.files.atomic_write import check_place
@@ -220,9 +221,8 @@ def output_folder(path: Path, *files: str, overwrite: bool = False) -> Iterator[
     try:
         try:
             path.mkdir(parents=True, exist_ok=True)
-            probe = path / ".hmtb-write-test"
-            probe.touch()
-            probe.unlink()
+            with TemporaryFile(dir=path):
+                pass
         except OSError as error:
             from hmtb_twin.files.errors import system_reason
 

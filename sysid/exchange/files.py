@@ -1,6 +1,7 @@
 """Files of models: written whole or not at all, named by identifiers, marked with the software that wrote them."""
 
 import re
+import secrets
 from pathlib import Path
 
 import numpy as np
@@ -40,9 +41,11 @@ def write_whole(path: Path, content: bytes) -> None:
         raise SysidError(f"cannot write {path}: it is a folder; expected a file or nothing there")
     if not path.parent.is_dir():
         raise SysidError(f"cannot write {path}: there is no folder {path.parent}")
-    partial = path.with_name(f"{path.name}.partial")
+    partial = path.with_name(f"{path.name[:200]}.{secrets.token_hex(4)}.partial")
     try:
-        partial.write_bytes(content)
+        # a new file, never through a link that somebody has put here
+        with partial.open("xb") as stream:
+            stream.write(content)
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)

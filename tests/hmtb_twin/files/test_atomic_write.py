@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -39,9 +40,12 @@ def test_a_folder_in_the_place_of_a_file_is_refused(tmp_path):
 def test_durable_files_are_on_the_disk_before_they_have_their_name(tmp_path, monkeypatch):
     seen = []
 
+    def plain(name):
+        return re.sub(r"\.[0-9a-f]{8}\.partial$", ".partial", name)
+
     def watched(descriptor):
         name = Path(os.readlink(f"/proc/self/fd/{descriptor}")).name
-        seen.append((name, sorted(path.name for path in tmp_path.iterdir())))
+        seen.append((plain(name), sorted(plain(path.name) for path in tmp_path.iterdir())))
 
     monkeypatch.setattr(atomic_write.os, "fsync", watched)
     write_files(tmp_path, {"a": b"1", "b": b"2"})
@@ -49,6 +53,25 @@ def test_durable_files_are_on_the_disk_before_they_have_their_name(tmp_path, mon
     seen.clear()
     write_whole(tmp_path / "c", "3", durable=True)
     assert seen == [("c.partial", ["a", "b", "c.partial"]), (tmp_path.name, ["a", "b", "c"])]
+
+
+def test_several_that_write_one_file_do_not_disturb_each_other(tmp_path):
+    path = tmp_path / "log.nc"
+    with atomic_write.replacing(path) as first, atomic_write.replacing(path) as second:
+        first.write_bytes(b"first")
+        second.write_bytes(b"second")
+    assert path.read_bytes() == b"first"  # the last rename
+    assert [one.name for one in tmp_path.iterdir()] == ["log.nc"]
+
+
+def test_a_planted_link_is_not_written_through(tmp_path, monkeypatch):
+    monkeypatch.setattr(atomic_write.secrets, "token_hex", lambda _: "00000000")
+    secret = tmp_path / "secret"
+    secret.write_bytes(b"before")
+    (tmp_path / "log.nc.00000000.partial").symlink_to(secret)
+    with pytest.raises(FileExistsError):
+        write_whole(tmp_path / "log.nc", "x")
+    assert secret.read_bytes() == b"before"
 
 
 def test_partial_files_are_removed_and_others_are_not(tmp_path):

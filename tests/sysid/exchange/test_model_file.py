@@ -141,13 +141,15 @@ def test_models_come_back(model, tmp_path):
     assert_equal(model, read_model(write_model(model, tmp_path / "model.json")))
 
 
-def test_a_failed_write_leaves_the_old_file(tmp_path):
+def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     path = write_model(Polynomials(B=[0, 1.0]), tmp_path / "model.json")
     before = path.read_bytes()
-    (tmp_path / "model.json.partial").mkdir()
-    with pytest.raises(OSError):
+    with monkeypatch.context() as patch, pytest.raises(FileExistsError):
+        patch.setattr("sysid.exchange.files.secrets.token_hex", lambda _: "0")
+        (tmp_path / "model.json.0.partial").symlink_to(path)
         write_model(Polynomials(B=[0, 2.0]), path)
     assert path.read_bytes() == before
+    assert [one.name for one in tmp_path.iterdir()] == ["model.json"]
     (tmp_path / "folder.json").mkdir()
     refused("is a folder", write_model, Polynomials(), tmp_path / "folder.json")
     refused(r"ends with \.json", write_model, Polynomials(), tmp_path / "model.txt")
