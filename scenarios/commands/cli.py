@@ -2,9 +2,11 @@
 
 import os
 import shlex
+import stat
 import sys
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from importlib import import_module, metadata
 from pathlib import Path
@@ -25,6 +27,9 @@ PROGRAMS: dict[str, dict[str, Any]] = read_toml(
 DATA_SETS = Path(__file__).parents[1] / "data" / "datasets"
 """Specs that come with the package, NAME.toml."""
 
+ORDINARY = (stat.S_IFREG, stat.S_IFDIR)
+"""Kinds of files that commands take."""
+
 COMMANDS = tuple(PROGRAMS["hmtb"]["commands"])
 """Words after `hmtb`."""
 
@@ -40,16 +45,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     _open_streams()
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
-    if words in (["--version"], ["version"]):
-        print(f"hmtb {_version()}")
-        return 0
     call: partial[int] | str = ""
     try:
-        call = parse(words)
+        call = f"hmtb {_version()}\n" if words in (["--version"], ["version"]) else parse(words)
         code = 0
         if isinstance(call, str):
             sys.stdout.write(call)
         else:
+            _check_ordinary(call)
             with show_activity((call.func.__doc__ or "").partition("\n")[0]):
                 code = call()
         sys.stdout.flush()
@@ -143,6 +146,18 @@ def _version() -> str:
         return "of a checkout that is not installed"
 
 
+def _check_ordinary(call: partial[int]) -> None:
+    """Refuse arguments that name pipes, sockets or devices: reading them may never end, and no file replaces them."""
+    given = (*call.args, *call.keywords.values())
+    for value in (one for each in given for one in (each if isinstance(each, tuple) else (each,))):
+        with suppress(OSError, ValueError):
+            if isinstance(value, str | Path) and stat.S_IFMT(os.stat(value).st_mode) not in ORDINARY:
+                break
+    else:
+        return
+    raise ScenarioError(f"{str(value)!r} is a pipe, a socket or a device; expected an ordinary file")
+
+
 def _bad_input(error: Exception) -> str | None:
     """The message for an error that the user can fix; None for a bug, which keeps its traceback."""
     ours = {kind.__module__.partition(".")[0] for kind in type(error).__mro__} & {"scenarios", "hmtb_twin", "sysid"}
@@ -151,6 +166,8 @@ def _bad_input(error: Exception) -> str | None:
     back_end = os.environ.get("MUJOCO_GL")
     if back_end and any("gl_context" in frame.filename for frame in traceback.extract_tb(error.__traceback__)):
         return f"MUJOCO_GL={back_end!r} names no OpenGL back end that loads here; unset it, or set it to egl"
+    if isinstance(error, MemoryError) or (isinstance(error, ImportError) and "failed to map" in str(error)):
+        return f"not enough memory ({str(error) or 'no size known'}); expected more, a shorter record or lower orders"
     if isinstance(error, OSError):
         from hmtb_twin.files.errors import system_reason
 

@@ -256,7 +256,7 @@ def open_data_set(folder: str | Path) -> DataSet:
     """
     folder = Path(folder)
     if not (folder / INDEX).is_file():
-        unfinished = folder.with_name(folder.name + UNFINISHED)
+        unfinished = folder.parent / f"{folder.name}{UNFINISHED}"
         if folder.name.endswith(UNFINISHED) or unfinished.is_dir():
             raise ScenarioError(f"{folder} is not built to its end; to resume: hmtb dataset build")
         what = f"no {INDEX} in it" if folder.is_dir() else "no such folder"

@@ -143,6 +143,43 @@ def test_wrong_files(complaint, tmp_path):
     assert "40" in message
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("simulate", "pipe"),
+        ("identify", "pipe", "--input", "u", "--output", "y"),
+        ("dataset", "build", "hmtb-siso-v1", "--withhold", "secret", "--students", "pipe"),
+        ("simulate", "siso-5-elbow_pitch", "--out", "/dev/null"),
+    ],
+)
+def test_pipes_and_devices_are_refused(complaint, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe")
+    assert "is a pipe, a socket or a device" in complaint(*words)
+
+
+@pytest.mark.parametrize("command", ["export", "baselines", "score"])
+def test_a_folder_without_a_data_set_is_refused(complaint, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    words = {"export": ("--format", "csv"), "score": ("--data", ".")}.get(command, ())
+    complaint("dataset", command, "." if command != "score" else "p", *words)
+
+
+def test_too_little_memory_is_one_line(complaint, monkeypatch):
+    def full(*_, **__):
+        raise MemoryError("Unable to allocate 7.45 GiB")
+
+    monkeypatch.setattr("scenarios.experiments.registry.load", full)
+    assert "not enough memory (Unable to allocate 7.45 GiB)" in complaint("preview", "siso-5-elbow_pitch")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no /dev/full")
+def test_a_full_disk_is_one_line():
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([sys.executable, "-m", "scenarios", "--version"], stdout=full, stderr=subprocess.PIPE)
+    assert (done.returncode, done.stderr) == (2, b"hmtb: cannot read or write: No space left on device\n")
+
+
 def test_a_folder_that_cannot_be_written_is_refused(complaint, tmp_path):
     blocker = tmp_path / "file"
     blocker.write_text("")
