@@ -32,9 +32,12 @@ $(CREATED):
 	@"$(PYTHON)" -c '' 2>/dev/null || { echo "error: no '$(PYTHON)' found; on Debian or Ubuntu: sudo apt-get install python3 python3-venv" >&2; exit 1; }
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "error: $$("$(PYTHON)" --version) is too old, Python 3.11 or newer is needed; name one with: make PYTHON=python3.12 ..." >&2; exit 1; }
 	@"$(PYTHON)" -c 'import venv, ensurepip' 2>/dev/null || { echo "error: '$(PYTHON)' has no venv; on Debian or Ubuntu: sudo apt-get install python3-venv" >&2; exit 1; }
-	@echo "==> Creating the environment $(VENV) with $$("$(PYTHON)" --version)"
-	@rm -rf "$(VENV)"
-	@"$(PYTHON)" -m venv "$(VENV)"
+	@if [ -x "$(BIN)/python" ] && "$(BIN)/python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
+	  echo "==> Using the environment $(VENV), which is there"; \
+	else \
+	  echo "==> Creating the environment $(VENV) with $$("$(PYTHON)" --version)"; \
+	  rm -rf "$(VENV)"; "$(PYTHON)" -m venv "$(VENV)"; \
+	fi
 	@touch $@
 
 $(INSTALLED): $(CREATED) pyproject.toml constraints.txt

@@ -69,8 +69,12 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Lead links out of docs to the pages of the site, and leave the text of those to code."""
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Lead links out of docs to the pages of the site, leave the text of those to code, and rank tables last."""
+    if page.file.src_uri.startswith("measured/"):
+        page.meta["search"] = {"boost": 0.2}
+    elif not page.file.src_uri.startswith("api/"):
+        page.meta["search"] = {"boost": 2}
     for path, page in ELSEWHERE.items():
         markdown = markdown.replace(f"](../{path})", f"]({page})")
     return re.sub(r"\[([^\]]+)\]\(\.\./[^)]+\)", r"\1", markdown)

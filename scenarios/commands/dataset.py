@@ -37,8 +37,10 @@ def list_(*, json: bool = False) -> int:
     for label, plan in plans.items():
         known = canonical().get(label)
         cost = (f"{known.megabytes} MB", f"{known.minutes:g} min") if known else ("", "")
-        rows.append((label, str(len(plan)), f"{plan.seconds / 3600:.3g} h", *cost, plan.spec.title))
-    print_table("data sets", ("name", "experiments", "length", "size", "build, two processors", "title"), rows)
+        rows.append(
+            (label, str(len(plan)), f"{plan.seconds / 3600:.3g} h", *cost, plan.spec.title.removeprefix("HMTB twin: "))
+        )
+    print_table("data sets", ("name", "experiments", "length", "size", "build (2 processors)", "title"), rows)
     return 0
 
 
@@ -62,13 +64,13 @@ def get(
         progress: How stderr shows the progress; auto is a bar on a terminal, else a line now and then.
         json: Print JSON.
     """
-    from scenarios.datasets.canonical import canonical_verdict, hash_of_records, load_dataset
+    from scenarios.datasets.canonical import canonical_verdict, load_dataset
 
     with show_progress(name, progress) as show:
         data_set = load_dataset(name, cache=cache, workers=workers, progress=show)
     same, line = canonical_verdict(data_set)
     if json:
-        print_json({"path": data_set.folder, "records": hash_of_records(data_set), "canonical": same, "verdict": line})
+        print_json({"path": data_set.folder, "records": data_set.records_hash, "canonical": same, "verdict": line})
     else:
         say(str(data_set.folder))
         say(line)

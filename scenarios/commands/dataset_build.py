@@ -81,9 +81,11 @@ def build(
             if withhold is None:
                 built = make(read, out)
                 count, failed = len(built.records()), built.incomplete
-                record = {"path": built.folder, "experiments": count, "failed": failed, "hash": built.hash}
+                record = {"path": built.folder, "experiments": count, "failed": failed}
+                record |= {"hash": built.hash, "records": built.records_hash}
                 following = ("check", built.folder)
-                lines = [f"{built.folder}: {count} experiments, {len(failed)} failed, hash {built.hash[:12]}"]
+                short = built.records_hash[:12]
+                lines = [f"{built.folder}: {count} experiments, {len(failed)} failed, records {short}"]
             else:
                 persons = () if students is None else read_roster(students)
                 paths, failed = build_withheld(read, out, withhold, persons=persons, seed=seed, build=make)

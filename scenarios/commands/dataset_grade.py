@@ -22,7 +22,8 @@ def grade(
     A submission is a folder of predictions as hmtb dataset score reads them, one for each test record, and
     optionally of models model-JOINT.json, as hmtb identify --save writes them or with matrices A, B, C, D and dt;
     without predictions the models are scored. Where each person has a data set, the folders in SUBMISSIONS are named
-    after the persons. No code of a submission is executed. Exits with 1 if a submission cannot be graded.
+    after the persons; those without one are listed. A score better than the recorder's noise allows is marked. No code
+    of a submission is executed. Exits with 1 if a submission cannot be graded.
 
       hmtb dataset grade withheld submissions
 
@@ -32,23 +33,28 @@ def grade(
         json: Print JSON.
     """
     from scenarios.datasets.grade import grade_all
+    from scenarios.datasets.withhold import read_persons
 
     with progress("grading") as report:
         grades = grade_all(withheld, submissions, progress=report)
     refused = {name: one for name, one in grades.items() if isinstance(one, str)}
     graded = {name: one for name, one in grades.items() if not isinstance(one, str)}
+    missing = sorted(set(read_persons(withheld)) - grades.keys() - {""})
     code = 1 if refused else 0
     if json:
-        print_json({"grades": {name: _record(one) for name, one in graded.items()}, "refused": refused})
+        print_json(
+            {"grades": {name: _record(one) for name, one in graded.items()}, "refused": refused, "missing": missing}
+        )
         return code
     if graded:
         rows = []
         for name, one in graded.items():
             method, best = one.best_baseline or ("-", None)
             numbers = ("-" if value is None else f"{value:.4g}" for value in (one.attainable, best))
-            rows.append((name, f"{one.scores.mean:.6g}", next(numbers), method, next(numbers)))
+            remark = "better than the noise allows: copied?" if one.too_good else ""
+            rows.append((name, f"{one.scores.mean:.4g}", next(numbers), method, next(numbers), remark))
         rule = next(iter(graded.values())).scores.scoring
-        columns = ("submission", f"{rule.metric} / {rule.unit}", "attainable", "best baseline", "its score")
+        columns = ("submission", f"{rule.metric} / {rule.unit}", "attainable", "best baseline", "its score", "remark")
         print_table("scores", columns, rows)
     models = [
         (name, m.joint, f"{m.bandwidth_hz:.4g}", f"{m.true_hz:.4g}", f"{m.error_percent:.3g}", "" if m.stable else "no")
@@ -56,7 +62,10 @@ def grade(
         for m in one.models
     ]
     if models:
-        print_table("models", ("submission", "joint", "bandwidth / Hz", "true", "error / %", "stable"), models)
+        print_table(
+            "models", ("submission", "joint", "bandwidth / Hz", "true, small-signal", "error / %", "stable"), models
+        )
+    say_each("nothing from: ", [", ".join(missing)] if missing else [])
     say_each("refused: ", (f"{name}: {why}" for name, why in refused.items()))
     return code
 
@@ -70,6 +79,7 @@ def _record(one: "Grade") -> dict[str, object]:
         "score": one.scores.mean,
         "joints": one.scores.by_joint,
         "attainable": one.attainable,
+        "too_good": one.too_good,
         "best_baseline": {"method": best[0], "score": best[1]} if best else None,
         "scores": [score._asdict() for score in one.scores.scores],
         "models": [{**model._asdict(), "error_percent": model.error_percent} for model in one.models],

@@ -93,7 +93,7 @@ def identify(
         time_unit: Unit of the times: s, ms, us, ns, min or h; by the name, or the size of times since 1970, when not
             given.
         test: Which test of a 1553 record, by name or number.
-        missing: Outputs may be missing, as NaN or empty cells; inputs must be complete.
+        missing: Outputs may be missing, as NaN or empty cells; inputs must be complete, and gaps of the times still cut.
         skip: Leave out this much of the start, s.
         keep_mean: Use the values as they are, without an operating point.
         steps: Horizon of a further prediction, samples, beside simulation and one step ahead.

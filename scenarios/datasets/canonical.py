@@ -1,6 +1,5 @@
 """Data sets of the package from a cache, and their canonical hashes, by which all users have the same records."""
 
-import os
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
@@ -9,8 +8,7 @@ from typing import NamedTuple
 
 from scenarios.datasets.build import build
 from scenarios.datasets.check import examine
-from scenarios.datasets.data_set import DataSet, open_data_set
-from scenarios.datasets.index import hash_of_all
+from scenarios.datasets.data_set import DataSet, cache_folder, open_data_set
 from scenarios.datasets.spec import shipped
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.toml_file import read_toml
@@ -24,7 +22,7 @@ class Canonical(NamedTuple):
     """Canonical hash, size and build time of a data set in this release.
 
     Attributes:
-        records: Hash of its records, see `hash_of_records`.
+        records: Hash of its records, see `DataSet.records_hash`.
         megabytes: Size.
         minutes: Time of a build on two processors.
     """
@@ -64,13 +62,6 @@ def load_dataset(
     return open_data_set(folder / name)
 
 
-def cache_folder() -> Path:
-    """Return the folder of the copies: HMTB_CACHE, else hmtb-twin in XDG_CACHE_HOME or ~/.cache."""
-    if own := os.environ.get("HMTB_CACHE"):
-        return Path(own)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmtb-twin"
-
-
 @cache
 def canonical() -> Mapping[str, Canonical]:
     """Return canonical hash, size and build time of the data sets of this release, by name."""
@@ -78,18 +69,9 @@ def canonical() -> Mapping[str, Canonical]:
     return {name: Canonical(**table) for name, table in read_toml(text, "canonical.toml").items()}
 
 
-def hash_of_records(data_set: DataSet) -> str:
-    """Return the hash of the arrays of all records, without the truth.
-
-    Records do not depend on the kernels of the linear algebra. The truth does in its last digits, and its matrices A, B
-    and C in their coordinates: the hash of all arrays is that of one kind of processor.
-    """
-    return hash_of_all({one.file: one.arrays} for one in data_set.index)
-
-
 def canonical_verdict(data_set: DataSet) -> tuple[bool, str]:
     """Return whether the records have the canonical hash of this release, and a line that says so."""
-    own, named = hash_of_records(data_set), canonical().get(data_set.label)
+    own, named = data_set.records_hash, canonical().get(data_set.label)
     if named is None:
         return True, f"{data_set.label}: records {own[:12]}; this release names no canonical hash"
     if own == named.records:

@@ -4,7 +4,7 @@ import io
 import json
 import os
 import random
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
@@ -28,6 +28,10 @@ from scenarios.jobs.progress import Progress, Report
 
 RELATIVE = 1e-9
 """With other versions, arrays may differ by this part of their largest magnitude."""
+
+
+STATE_MATRICES, RESPONSE_STEPS = ("A", "B", "C", "K"), 100
+"""Arrays of the truth in coordinates of the state, and samples of the responses that are compared instead."""
 
 
 class DataSetCheck(NamedTuple):
@@ -212,9 +216,34 @@ def _differences(
         if sorted(before) != sorted(after):
             yield f"{file}: arrays {sorted(before)}, simulated again {sorted(after)}"
         elif before != after:
-            stored, again = read_netcdf(folder / file).variables, read_netcdf(io.BytesIO(content)).variables
-            for name in (name for name in after if before[name] != after[name]):
-                yield _compare(f"{file}: {name}", name, stored[name].values, again[name].values, same=same)
+            stored, again = (
+                {name: one.values for name, one in read_netcdf(source).variables.items()}
+                for source in (folder / file, io.BytesIO(content))
+            )
+            differing = [name for name in after if before[name] != after[name]]
+            if not simulated:
+                # The kernels of the linear algebra choose the coordinates of the state, and last digits of the rest.
+                differing = [name for name in differing if name.rpartition("_")[2] not in STATE_MATRICES]
+                differing = [name for name in differing if not name.endswith("drive_noise")]
+                stored, again = _without_coordinates(stored), _without_coordinates(again)
+                differing += [name for name in again if "response" in name]
+            for name in differing:
+                yield _compare(f"{file}: {name}", name, stored[name], again[name], same=same and simulated)
+
+
+def _without_coordinates(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The truth about an arm, with responses to inputs, noise and drives in the place of its state matrices."""
+    known = dict(arrays)
+    for prefix in [name[:-1] for name in arrays if name == "A" or name.endswith("_A")]:
+        A, C = known[f"{prefix}A"], known[f"{prefix}C"]
+        for name in (f"{prefix}B", f"{prefix}K", f"{prefix}drive_noise"):
+            if name in known:
+                columns, steps = known[name], []
+                for _ in range(RESPONSE_STEPS):
+                    steps.append(C @ columns)
+                    columns = A @ columns
+                known[f"response to {name}"] = np.array(steps)
+    return known
 
 
 def _compare(what: str, name: str, before: np.ndarray, after: np.ndarray, *, same: bool) -> str:

@@ -1,5 +1,6 @@
 """A built data set on disk: its index, its parts, and its records as inputs and outputs, read on demand."""
 
+import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple, overload
 import numpy as np
 
 from hmtb_twin.files.netcdf import Contents, read_netcdf
-from scenarios.datasets.index import read_index
+from scenarios.datasets.index import hash_of_records, read_index
 from scenarios.datasets.plan import INDEX, SPEC, TRUTH, UNFINISHED, ListedExperiment
 from scenarios.datasets.spec import DataSetSpec, load_spec
 from scenarios.datasets.spec_tables import PARTS
@@ -159,6 +160,11 @@ class DataSet:
     incomplete: Mapping[str, str] = field(repr=False)
 
     @property
+    def records_hash(self) -> str:
+        """Hash of the arrays of all records, as papers cite it; see `hash_of_records`."""
+        return hash_of_records({"file": one.file, "arrays": {one.file: one.arrays}} for one in self.index)
+
+    @property
     def train(self) -> tuple[DataRecord, ...]:
         """Records to identify from."""
         return self.records("train")
@@ -251,16 +257,24 @@ class DataSet:
 def open_data_set(folder: str | Path) -> DataSet:
     """Open a data set; only its index is read, however many records there are.
 
+    Args:
+        folder: Its folder, or the name of one in the cache; see `scenarios.load_dataset`.
+
     Raises:
         ScenarioError: There is none, it is not finished, or its index is damaged.
     """
     folder = Path(folder)
+    if not os.path.lexists(folder) and len(folder.parts) == 1 and (cache_folder() / folder / INDEX).is_file():
+        folder = cache_folder() / folder
     if not (folder / INDEX).is_file():
         unfinished = folder.parent / f"{folder.name}{UNFINISHED}"
         if folder.name.endswith(UNFINISHED) or unfinished.is_dir():
             raise ScenarioError(f"{folder} is not built to its end; to resume: hmtb dataset build")
         what = f"no {INDEX} in it" if folder.is_dir() else "no such folder"
-        raise ScenarioError(f"{str(folder)!r} is no data set: {what}; expected a folder that hmtb dataset build made")
+        raise ScenarioError(
+            f"{str(folder)!r} is no data set: {what}; expected a folder that hmtb dataset build made, or the name of "
+            f"one that hmtb dataset get has put into {cache_folder()}"
+        )
     try:
         index = read_index(folder)
         entries = tuple(_data_record(folder, entry) for entry in index["experiments"])
@@ -274,6 +288,13 @@ def open_data_set(folder: str | Path) -> DataSet:
         return DataSet(folder, str(index["data_set"]), str(index["hash"]), entries, incomplete)
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise ScenarioError(f"{folder / INDEX} is damaged, or of another version: {error}") from error
+
+
+def cache_folder() -> Path:
+    """Return the folder of the copies: HMTB_CACHE, else hmtb-twin in XDG_CACHE_HOME or ~/.cache."""
+    if own := os.environ.get("HMTB_CACHE"):
+        return Path(own).expanduser()
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmtb-twin"
 
 
 def load(

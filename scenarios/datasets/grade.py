@@ -60,6 +60,7 @@ class Grade(NamedTuple):
         data_set: Label of the data set that it was scored on.
         scores: Scores of its predictions, or of its models where it has no predictions.
         attainable: Mean of the best attainable scores of the same records; None where one was not searched.
+        by_chance: Mean of what a model with a free number reaches by chance in one record of twenty; likewise.
         baselines: Scores of known methods, by name with orders.
         models: Bandwidths of its models.
     """
@@ -67,8 +68,17 @@ class Grade(NamedTuple):
     data_set: str
     scores: Scores
     attainable: float | None
+    by_chance: float | None
     baselines: Mapping[str, float]
     models: tuple[ModelGrade, ...]
+
+    @property
+    def too_good(self) -> bool:
+        """Whether the score is better than the recorder's noise allows, as that of copied outputs is."""
+        if self.by_chance is None:
+            return False
+        fit = self.scores.scoring.metric == "fit"
+        return self.scores.mean > self.by_chance if fit else self.scores.mean < self.by_chance
 
     @property
     def best_baseline(self) -> tuple[str, float] | None:
@@ -134,11 +144,12 @@ def _grade(submission: Path, data_set: DataSet) -> Grade:
 
         scores = score_model(model_of, data_set)
     # Empty where a floor was not searched: then the best attainable mean is not known.
-    floors = [row["attainable"] for row in read_table(data_set.folder / ATTAINABLE)]
+    floors = read_table(data_set.folder / ATTAINABLE)
     return Grade(
         data_set.label,
         scores,
-        float(np.mean(list(map(float, floors)))) if floors and all(floors) else None,
+        _mean([row["attainable"] for row in floors]),
+        _mean([row.get("attainable_by_chance", "") for row in floors]),
         {
             f"{row['method']} {row['orders']}".strip(): float(row["test"])
             for row in read_table(data_set.folder / BASELINES)
@@ -146,6 +157,10 @@ def _grade(submission: Path, data_set: DataSet) -> Grade:
         },
         tuple(_compare(model, joint, data_set) for joint, model in models.items()),
     )
+
+
+def _mean(cells: list[str]) -> float | None:
+    return float(np.mean(list(map(float, cells)))) if cells and all(cells) else None
 
 
 def _read_models(submission: Path, data_set: DataSet) -> dict[str, StateSpace]:

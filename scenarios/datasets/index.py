@@ -49,6 +49,15 @@ def hash_of_all(experiments: Iterable[Mapping[str, Mapping[str, str]]]) -> str:
     return digest.hexdigest()
 
 
+def hash_of_records(experiments: Iterable[Mapping[str, Any]]) -> str:
+    """Hash of the arrays of all records, without the truth, from the entries of the index.
+
+    Records do not depend on the kernels of the linear algebra. The truth does in its last digits, and its matrices A, B
+    and C in their coordinates.
+    """
+    return hash_of_all({entry["file"]: entry["arrays"].get(entry["file"], {})} for entry in experiments)
+
+
 def array_lines(arrays: Mapping[str, Mapping[str, str]]) -> bytes:
     """Lines of an experiment's arrays in the hash of all, by file and name; experiments in the order of the plan."""
     lines = (f"{arrays[file][name]}  {file}:{name}\n" for file in sorted(arrays) for name in sorted(arrays[file]))

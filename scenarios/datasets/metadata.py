@@ -18,7 +18,7 @@ from hmtb_twin.files.hashes import bytes_hash, file_hash
 from hmtb_twin.files.netcdf import read_netcdf
 from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_RATE
 from hmtb_twin.parameters.variants import variant_named
-from scenarios.datasets.index import paths_of_files
+from scenarios.datasets.index import hash_of_records, paths_of_files
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, BUILD, JOURNAL, LICENSE, SUMS, TRUTH, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import PARTS, PAYLOAD, UNITS
@@ -74,7 +74,7 @@ def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) ->
     names = [(name, *name.partition(", ")[::2]) for name in spec.creators]
     context: dict[str, Any] = {
         "spec": spec,
-        "whole": index["hash"],
+        "whole": hash_of_records(index["experiments"]),
         "recorded": [row for row in rows if row["status"] == "ok"],
         "failed": [row for row in rows if row["status"] != "ok"],
         "arms": list({entry["arm"]: entry for entry in index["experiments"]}.values()),
@@ -90,7 +90,7 @@ def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) ->
         "authors": [{"family-names": one, "given-names": own} if own else {"name": name} for name, one, own in names],
     }
 
-    context["bibtex"] = bibtex(spec, index["hash"])
+    context["bibtex"] = bibtex(spec, context["whole"])
 
     def render(template: str) -> str:
         return ENVIRONMENT.get_template(template).render(context)
@@ -114,7 +114,7 @@ def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) ->
 
 
 def bibtex(spec: DataSetSpec, whole: str) -> str:
-    """Citation of a data set with that hash of all arrays."""
+    """Citation of a data set with that hash of all records."""
     return ENVIRONMENT.get_template("citation.bib.j2").render(spec=spec, whole=whole)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.spec_tables import UNITS, Scoring
 from scenarios.datasets.tables import read_rows
 from scenarios.files.errors import ScenarioError, unknown
-from sysid import Estimate, StateSpace, SysidError
+from sysid import Estimate, Polynomials, StateSpace, SysidError
+from sysid.models.polynomials import innovations_form
 from sysid.records.mat_variables import read_variables
 from sysid.validation.predictors import Predictor, as_predictor
 
@@ -21,7 +22,7 @@ ENDINGS = (".nc", ".csv", ".mat")
 
 EXPECTED = "a folder, or files EXPERIMENT.csv, .nc or .mat, one for each record of the test part"
 
-Model = Predictor | StateSpace | Estimate
+Model = Predictor | StateSpace | Estimate | Polynomials
 """Submissions that can be scored besides predictions."""
 
 
@@ -62,7 +63,9 @@ class Scores:
         return self.scoring.unit
 
 
-def score(predictions: Path | Sequence[Path] | Mapping[str, np.ndarray], data_set: DataSet | Path | str) -> Scores:
+def score(
+    predictions: Path | str | Sequence[Path] | Mapping[str, np.ndarray], data_set: DataSet | Path | str
+) -> Scores:
     """Score predicted outputs of the test part, behind the window, in the metric of the data set.
 
     Of files there is one for each record, named after the experiment: EXPERIMENT.csv has the names of the outputs in
@@ -84,7 +87,7 @@ def score(predictions: Path | Sequence[Path] | Mapping[str, np.ndarray], data_se
     if isinstance(predictions, Mapping):
         sources |= predictions
     else:
-        for path in _files(predictions):
+        for path in _files(Path(predictions) if isinstance(predictions, str) else predictions):
             if path.stem in sources:
                 raise ScenarioError(f"{path.stem} has two files of predictions: {sources[path.stem]} and {path}")
             sources[path.stem] = path
@@ -116,7 +119,15 @@ def score_model(model: Model | Callable[[DataRecord], Model], data_set: DataSet 
     opened = data_set if isinstance(data_set, DataSet) else open_data_set(data_set)
 
     def outputs(record: DataRecord) -> np.ndarray:
-        one = model if isinstance(model, StateSpace | Estimate) or hasattr(model, "predicted") else model(record)
+        known = isinstance(model, StateSpace | Estimate | Polynomials) or hasattr(model, "predicted")
+        one: Any = model if known or not callable(model) else model(record)
+        if isinstance(one, Polynomials):
+            one = innovations_form(one, record.sampling_time)
+        if not isinstance(one, StateSpace | Estimate) and not hasattr(one, "predicted"):
+            raise ScenarioError(
+                f"a model of type {type(one).__name__} given, expected a StateSpace, Polynomials, an estimate of "
+                "sysid, or a function that returns one of these for each record; outputs are scored by score()"
+            )
         return as_predictor(one).predicted(record.iodata(), opened.spec.scoring.steps)
 
     return score_outputs(opened.spec.scoring, opened.test, outputs)
@@ -234,11 +245,21 @@ def _read(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
             raise ScenarioError(f"{path} has no variable {min(missing)}, but {', '.join(variables) or 'none'}")
         values = variables["y"].values
         names = tuple(map(str, variables["output"].values.ravel()))
+    if path.suffix == ".csv" and names and all(_is_number(name) for name in names):
+        raise ScenarioError(f"{path}: the first row holds numbers, expected names of outputs: {','.join(outputs)}")
     if names != outputs:
         raise ScenarioError(
             f"{path}: outputs {', '.join(names) or 'without names'} given, expected {', '.join(outputs)} in this order"
         )
     return values
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _read_csv(path: Path) -> tuple[tuple[str, ...], np.ndarray]:

@@ -1,12 +1,12 @@
 """Data sets of the package as the packages `nonlinear_benchmarks` [Champneys2024] and IdentiBench take them."""
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hmtb_twin.files.atomic_write import working_folder
 from scenarios.datasets.canonical import load_dataset
 from scenarios.datasets.data_set import DataRecord, DataSet, Joints
 from scenarios.datasets.spec_tables import UNITS, Scoring
@@ -68,8 +68,9 @@ def nonlinear_benchmark(
 def identibench_spec(name: str, *, joint: Joints | None = None, cache: str | Path | None = None) -> "BenchmarkSpec":
     """Return the benchmark of a data set for `identibench.run_benchmark`: simulation of its test records.
 
-    Its score `test` is the primary score of the data set, but for the single precision in which IdentiBench keeps
-    records; where the test part has several blocks, each is a test set of its own too.
+    The records are written to IdentiBench's data root, once. The score `test` is the primary score of the data set, but
+    for the single precision in which IdentiBench keeps records; where the test part has several blocks, each is a test
+    set of its own too.
 
     Args:
         name: Data set, as for `load_dataset`.
@@ -96,8 +97,12 @@ def identibench_spec(name: str, *, joint: Joints | None = None, cache: str | Pat
             f"{name} scores predictions {scoring.steps} samples ahead; expected a data set of simulations"
         )
     channels, label = len(choices[0]), "-".join((name, *choices[0]))
-    prepare = partial(_write_records, name, joint, cache)
-    data = Dataset(label, prepare=prepare, version=selected.hash)
+    # Written here, not by IdentiBench's preparation, which would run a user's script again in another process.
+    data = Dataset(f"{label}-{selected.records_hash[:8]}", prepare=None)
+    if not data.path.is_dir():
+        with working_folder(data.path.parent) as place:
+            _write_records(selected, place / "records")
+            (place / "records").rename(data.path)
     blocks = dict.fromkeys(one.block for one in selected.records("test"))
     several = {block: [(data, f"test/{block}/*.hdf5")] for block in blocks} if len(blocks) > 1 else {}
     return BenchmarkSpec(
@@ -123,12 +128,11 @@ def _input_output_data(record: DataRecord) -> "Input_output_data":
     return Input_output_data(record.u.copy(), record.y.copy(), record.sampling_time, record.name, window)
 
 
-def _write_records(name: str, joint: Joints | None, cache: str | Path | None, folder: Path, force: bool) -> None:
-    """Write the records of a data set as IdentiBench reads them; it calls this in a process of its own."""
+def _write_records(selected: DataSet, folder: Path) -> None:
+    """Write records as IdentiBench reads them."""
     from identibench.utils import iodata_to_hdf5
 
-    selected: DataSet = load_dataset(name, cache=cache)
-    for one in (selected if joint is None else selected.select(joint=joint)).records():
+    for one in selected.records():
         iodata_to_hdf5(_input_output_data(one), folder / one.part / one.block, one.name)
 
 

@@ -115,7 +115,7 @@ def export(
                 progress(done, len(records))
         for name, final in finals.items():
             writers[name].close()
-            index = {"data_set": data_set.label, "hash": data_set.hash, "format": name, "records": listed[name]}
+            index = {"data_set": data_set.label, "hash": data_set.records_hash, "format": name, "records": listed[name]}
             text = json.dumps(index, indent=1, allow_nan=False) + "\n"
             (place / name / "export.json").write_text(text, encoding="utf-8")
             for file in ("LICENSE", "CITATION.cff"):

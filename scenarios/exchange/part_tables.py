@@ -62,7 +62,8 @@ class PartTables:
             about = {"unit": column.unit, "role": column.role, "description": column.meaning}
             kind = pa.from_numpy_dtype(column.values.dtype)
             fields.append(pa.field(column.name, kind, nullable=column.role != "index", metadata=about))
-        facts = {"data_set": data_set.label, "hash": data_set.hash, "sampling_time": "1/50 s", "license": LICENSE}
+        facts = {"data_set": data_set.label, "hash": data_set.records_hash, "sampling_time": "1/50 s"}
+        facts["license"] = LICENSE
         self._schema = pa.schema(fields, facts)
         self._tables: dict[str, Any] = {}
         self._rows, self._records = Counter[str](), Counter[str]()
@@ -102,7 +103,7 @@ class PartTables:
         context: dict[str, Any] = {
             "spec": self._spec,
             "label": self._data_set.label,
-            "bibtex": bibtex(self._spec, self._data_set.hash),
+            "bibtex": bibtex(self._spec, self._data_set.records_hash),
             "license_url": LICENSE_URL,
             "labels": LABELS,
             "columns": self._columns,

@@ -23,7 +23,7 @@ NARROWEST = 320
 """Smallest width of a film with a plot, pixels: letters would be illegible."""
 
 LARGE = 0.1
-"""Motion that is drawn in degrees, rad; smaller ones in mrad from the first command on."""
+"""Motion that is drawn in degrees, rad; smaller ones in mrad from where the joint stood at the beginning."""
 
 DPI = 100.0
 """Resolution at a picture height of 480 pixels; it grows with the picture, so that letters keep their share of it."""
@@ -62,7 +62,7 @@ class MotionPlot:
         lines = []
         for axes, joint, column in zip(panels, joints, columns, strict=True):
             commanded, measured = log.commanded[part, column], log.measured[part, column]
-            values = [np.degrees(v) if large else 1e3 * (v - commanded[0]) for v in (commanded, measured)]
+            values = [np.degrees(v) if large else 1e3 * (v - log.measured[0, column]) for v in (commanded, measured)]
             for label, shown, look, kind in (
                 ("measured", values[1], MEASURED, "default"),
                 ("command", values[0], COMMAND, "steps-post"),

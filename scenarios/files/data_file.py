@@ -62,7 +62,7 @@ def read_parts(
         time: Name of the column or variable of times; `header` or `log` of a log of messages.
         time_unit: Unit of the times: s, ms, us, ns, min or h.
         test: Test of a 1553 record, by name or number, if it holds several.
-        missing: Whether outputs of a table may be missing (NaN, empty or in gaps); those of our own records always may.
+        missing: Whether outputs of a table may be missing (NaN or empty); those of our own records always may.
 
     Returns:
         One record, or as many as there are stretches of inputs; lost outputs are declared as missing. A damaged 1553

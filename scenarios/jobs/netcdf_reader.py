@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager
+from multiprocessing import current_process
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -43,9 +44,11 @@ class NetcdfReader(AbstractContextManager["NetcdfReader"]):
         Raises:
             ScenarioError: The file cannot be read, or reading it does not end.
         """
-        if self._pool is None:
-            self._pool = one_process()
         try:
+            if getattr(current_process(), "_inheriting", False):  # runs a user's script again, and may start none
+                return _apply(function, path, arguments)
+            if self._pool is None:
+                self._pool = one_process()
             return self._pool.submit(_apply, function, path, arguments).result(self._patience)
         except TwinError as error:
             raise ScenarioError(str(error)) from error

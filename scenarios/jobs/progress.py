@@ -118,7 +118,7 @@ def show_progress(label: str, how: How = "auto", *, clock: Callable[[], float] =
         if progress.note:
             return f"{count}, {progress.note}"
         rate = (at - start) / (now - begun) if now > begun else 0.0
-        if rate <= 0:
+        if rate <= 0 or not progress.done:  # settling of the first item says nothing of the rest
             return count
         pace = f"{count}, {rate:.3g} {'x real time' if progress.seconds_total else 'a second'}"
         return f"{pace}, {duration_text((whole - at) / rate)} left" if whole else pace

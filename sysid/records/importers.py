@@ -78,19 +78,19 @@ def read_csv(
         path: The file.
         inputs: Names of the input columns.
         outputs: Names of the output columns.
-        time: Name of the column of times. None: `t`, `time`, `timestamp`, `Time (ms)` ..., or without `dt` the only
-            other column that increases as steadily as a clock.
+        time: Name of the column of times. None: `t`, `time`, `timestamp`, `Time (ms)`, `Zeit [ms]` ..., or the only
+            other column that increases as steadily as a clock; with `dt`, one that does so by this interval.
         time_unit: Unit of the times: s, ms, us, ns, min or h.
         dt: Sampling interval, s. Required unless the file has times or a constant column `dt`; must agree with them
             otherwise, and samples whose stamps jitter are then taken for uniform ones, if none was lost.
-        missing: Whether outputs may be missing; those in gaps then are, and inputs are held.
+        missing: Whether outputs may be missing: empty cells or `nan`. Gaps of the times are refused all the same.
 
     Returns:
         The record, named after the file.
 
     Raises:
         SysidError: No file, no text, no such column, cells that are no numbers, no or contradicting sampling intervals,
-            times that do not increase or are too irregular, gaps without `missing`.
+            times that do not increase or are too irregular, gaps.
     """
     return _single(_from_text, path, "a text file", Choice(inputs, outputs, time, time_unit, dt, missing))
 
@@ -184,8 +184,8 @@ def read_log(
         The record, named after the file.
 
     Raises:
-        SysidError: No log, no such topic or field, stamps that do not increase, no time in common, gaps without
-            `missing`, a package that is missing.
+        SysidError: No log, no such topic or field, stamps that do not increase, no time in common, gaps, a
+            package that is missing.
     """
     kind = "an MCAP file, a rosbag2 folder or a bag"
     return _single(_from_log, path, kind, Choice(inputs, outputs, time, None, dt, missing))
@@ -211,7 +211,7 @@ def read_experiments(
         time: Name of the times.
         time_unit: Unit of the times.
         dt: Sampling interval, s.
-        missing: Whether outputs may be missing; otherwise records are cut at gaps of the stamps.
+        missing: Whether outputs may be missing: empty cells or NaN. Gaps of the stamps always cut a record.
 
     Returns:
         The records, of one interval.
@@ -296,10 +296,16 @@ def records_of(
             f"{file.name}: {', '.join(f'{n} has {len(columns[n])} samples' for n in choice.channels)}; time is first"
         )
     intervals = _intervals(columns, choice, file)
-    clock_name, remarks = time_column(columns, choice.time, choice.channels, guess=not intervals, file=file.name)
+    stated = next(iter(intervals.values()), None)
+    clock_name, concluded, remarks = time_column(columns, choice.time, choice.channels, stated=stated, file=file.name)
+    # Only a column with the name of a time keeps its texts.
+    unread = [
+        f"column {n!r} holds {str(v[0])!r}, which is not read as a time" for n, v in columns.items() if _is_text(v)
+    ]
     clock = None
     if clock_name is not None:
-        unit = choice.time_unit or units.get(clock_name, "").partition(" since ")[0].lower() or None
+        attribute = units.get(clock_name, "").partition(" since ")[0].lower()
+        unit = choice.time_unit or attribute or concluded or None
         clock = stamps(clock_name, columns[clock_name], unit, place, file.name)
         intervals[repr(clock_name)] = period(clock.seconds, f"column {clock_name!r}", file.name)
     if not intervals:
@@ -307,7 +313,10 @@ def records_of(
         raise SysidError(
             f"{file.name}: no sampling interval; expected a column of times (t, time, 'Time (s)', time=NAME), "
             f"a variable dt or Ts, or dt in s; the file has {there}"
+            + "".join(f"; {text}: write numbers, as ms, or 2026-01-31T12:00:00.5" for text in unread)
         )
+    if clock is None:
+        remarks = (*remarks, *(f"{text}, so that gaps are not noticed" for text in unread))
     (first, interval), *others = intervals.items()
     for other, value in others:
         if abs(value - interval) > SAME_INTERVAL * interval:
@@ -349,7 +358,7 @@ def _intervals(columns: Mapping[str, Column], choice: Choice, file: Path) -> dic
     intervals = {} if choice.dt is None else {"dt as given": choice.dt}
     for name, values in columns.items():
         scale = None if name in (*choice.channels, choice.time) else interval_unit(name)
-        if scale is None or (is_time(name) and np.ptp(values) > 0):
+        if scale is None or _is_text(values) or (is_time(name) and np.ptp(values) > 0):
             continue
         low, high = float(values.min()), float(values.max())
         if not 0.0 < low == high < np.inf:
@@ -357,6 +366,10 @@ def _intervals(columns: Mapping[str, Column], choice: Choice, file: Path) -> dic
             raise SysidError(f"{file.name}: {name!r} is {present}; expected one sampling interval above 0 s")
         intervals[repr(name)] = low * scale
     return intervals
+
+
+def _is_text(values: Column) -> bool:
+    return values.dtype.kind == "U"
 
 
 def _existing(path: str | Path, kind: str) -> Path:

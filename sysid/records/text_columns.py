@@ -10,10 +10,12 @@ import numpy as np
 
 from sysid.records.channels import listed
 from sysid.records.errors import SysidError
-from sysid.records.time_stamps import Column, Place
+from sysid.records.time_stamps import Column, Place, is_time
 
 CLOCK_TIME = re.compile(r"\s*(?:(\d{4}-\d\d-\d\d)|\d{1,2}:\d\d:\d\d)")
 """Times as 2026-01-31T12:00:00.5, with or without a zone, and as 12:00:00.5."""
+
+READ_TIMES = "times as 2026-01-31T12:00:00.5 or 12:00:00.5"
 
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*")
 
@@ -22,7 +24,8 @@ def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column]
     """Read the columns of a table by name, and a function from a sample to its line.
 
     The file is in UTF-8, UTF-16 with its mark, or the Windows character set. `expected` names the columns of a file
-    without a header, and those that must be numbers; other columns of texts than times are left out.
+    without a header, and those that must be numbers. Other columns of texts are left out, unless they have a time's
+    name.
 
     Raises:
         SysidError: No text, no data, lines of unequal length, cells that are no numbers.
@@ -71,7 +74,7 @@ def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column]
             columns[name] = cells.to_numpy()
             continue
         first = CLOCK_TIME.match(str(cells.iloc[0]))
-        if not first and name not in expected:
+        if not first and name not in expected and not is_time(name):
             continue
         if not first:
             values = pd.to_numeric(cells, errors="coerce")
@@ -82,7 +85,13 @@ def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column]
         bad = np.flatnonzero(values.isna() & (cells.notna() | bool(first)))
         if len(bad):
             what = f"could not convert {str(cells.iloc[bad[0]])!r} in column {name!r}"
-            raise SysidError(f"{file.name}, {place(int(bad[0]))}: {what}; expected {'times' if first else 'numbers'}")
+            kinds = READ_TIMES if first else f"numbers or {READ_TIMES}" if is_time(name) else "numbers"
+            if bad[0] == 0 and len(cells) > 1 and _is_value(str(cells.iloc[1])):
+                kinds += "; delete a row of units (the unit of times is in their name, 'Time (ms)', or in time_unit)"
+            elif not first and name not in expected:
+                columns[name] = cells.astype(str).to_numpy(str)
+                continue
+            raise SysidError(f"{file.name}, {place(int(bad[0]))}: {what}; expected {kinds}")
         columns[name] = values.to_numpy()
     return columns, place
 
@@ -138,6 +147,10 @@ def _names_without_header(file: Path, first: list[str], expected: Sequence[str],
             f"{', '.join(expected)}"
         )
     return list(expected)
+
+
+def _is_value(cell: str) -> bool:
+    return _is_number(cell) or CLOCK_TIME.match(cell) is not None
 
 
 def _is_number(cell: str) -> bool:

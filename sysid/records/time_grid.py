@@ -62,10 +62,10 @@ def experiments(
     until their next sample, have their mean over each interval: it moves an integrator as the held input does. A
     `SysidWarning` says what was done, after the remarks on how the stamps were read.
 
-    The interval dt of the grid, s, is by default that of the slowest output. With `missing`, lost outputs become NaN
-    and inputs are held; with `cut` the record is cut at gaps otherwise. The stem of `name`, a file, is that of the
-    records. The resolution of the stamps is in s. A `nominal` interval is that of samples whose stamps only jitter, if
-    none was lost.
+    The interval dt of the grid, s, is by default that of the slowest output. With `missing`, outputs may be NaN;
+    with `cut` the record is cut at gaps, which are refused otherwise: nobody knows the inputs in them. The stem of
+    `name`, a file, is that of the records. The resolution of the stamps is in s. A `nominal` interval is that of
+    samples whose stamps only jitter, if none was lost.
 
     Raises:
         SysidError: Outputs without a constant rate, signals without time in common, gaps, channels that no
@@ -88,12 +88,12 @@ def experiments(
     )
     longest, after = max(((stop - start, start) for start, stop in gaps), default=(0.0, 0.0))
     lost = f"{len(gaps)} gap(s) above {GAP:g} intervals, the longest of {longest:.6g} s after {after:.6g} s"
-    if gaps and not (missing or cut):
-        raise SysidError(f"{name}: not uniform: {lost}; expected none (read_experiments cuts there; missing=True)")
+    if gaps and not cut:
+        raise SysidError(f"{name}: not uniform: {lost}; expected none (read_experiments cuts there)")
     same = all(np.array_equal(signal.times, slowest.times) for signal in signals)
     starts, stops = [first, *(stop for _, stop in gaps)], [*(start for start, _ in gaps), last]
     parts, interpolated, uneven, dropped = [], 0, False, 0
-    for start, stop in [(first, last)] if missing else zip(np.maximum.accumulate(starts), stops, strict=True):
+    for start, stop in zip(np.maximum.accumulate(starts), stops, strict=True):
         part = slice(*np.searchsorted(slowest.times, [start, np.nextafter(stop, np.inf)]))
         own = slowest.times[part]
         as_is = same and _uniform(own, step, resolution, nominal)
@@ -105,24 +105,24 @@ def experiments(
             where = f"the longest step is {np.diff(own).max():.6g} s" if len(own) > 1 else "one sample"
             raise SysidError(
                 f"{name}: {count} samples every {step:.6g} s from {len(own)} stamps ({where}); expected at most "
-                f"{max(MOST_SAMPLES, MOST_ADDED * len(own))} (correct a false stamp, or cut by read_experiments)"
+                f"{max(MOST_SAMPLES, MOST_ADDED * len(own))} (a longer interval)"
             )
         if as_is:
             uneven |= bool(np.abs(np.diff(own) - step).max() > ON_GRID * step)
             u, y = ([signal.values[part] for signal in side] for side in (inputs, outputs))
         else:
             grid = own[0] + step * np.arange(count)
-            # Losses between samples are interpolated, or missing.
-            most = [LOST * one if missing else np.inf for one in periods]
             held, sampled = ([_between(signal, start, stop) for signal in side] for side in (inputs, outputs))
-            placed = [_interpolated(signal, one, grid) for signal, one in zip(sampled, most, strict=True)]
+            placed = [_interpolated(signal, grid) for signal in sampled]
             u, y = [_held_means(signal, grid) for signal in held], [values for values, _ in placed]
             interpolated += int(np.any([between for _, between in placed], axis=0).sum())
         parts.append(_record(inputs, u, outputs, y, step, float(own[0]), missing, name))
     texts = list(remarks)
     if gaps:
-        result = "their outputs are missing, inputs held" if missing else f"cut there into {len(parts)} experiment(s)"
-        texts.append(f"{lost}: {result}" + (f", {dropped} sample(s) between gaps left out" if dropped else ""))
+        texts.append(
+            f"{lost}: cut there into {len(parts)} experiment(s)"
+            + (f", {dropped} sample(s) between gaps left out" if dropped else "")
+        )
     if not parts:
         raise SysidError(f"{name}: {'; '.join(texts)}; expected a stretch with more samples than channels")
     if uneven:
@@ -213,17 +213,15 @@ def _snapped(times: FloatArray, grid: FloatArray) -> FloatArray:
     return np.where(inside & (np.abs(times - instants) <= ON_GRID * step), instants, times)
 
 
-def _interpolated(signal: Signal, most: float, grid: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Samples on the grid (N, k), NaN within steps above `most`, and the mask (N,) of those that are interpolated."""
+def _interpolated(signal: Signal, grid: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Samples on the grid (N, k), and the mask (N,) of those that are interpolated."""
     times = _snapped(signal.times, grid)
     left = np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(times) - 2)
     steps = times[left + 1] - times[left]
     weight = ((grid - times[left]) / steps).clip(0.0, 1.0)[:, None]
     low, high = signal.values[left], signal.values[left + 1]
     values = np.where(weight == 0.0, low, np.where(weight == 1.0, high, low + weight * (high - low)))
-    between = (weight[:, 0] > 0.0) & (weight[:, 0] < 1.0)
-    values[between & (steps > most)] = np.nan
-    return values, between & (steps <= most)
+    return values, (weight[:, 0] > 0.0) & (weight[:, 0] < 1.0)
 
 
 def _held_means(signal: Signal, grid: FloatArray) -> FloatArray:

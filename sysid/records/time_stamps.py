@@ -13,6 +13,7 @@ from sysid.records.channels import listed
 from sysid.records.errors import SysidError
 
 TIME_NAMES = ("t", "time", "ts", "timestamp", "stamp", "datetime", "date", "epoch", "unix", "utc", "elapsed", "clock")
+TIME_NAMES += ("zeit", "zeitstempel", "temps", "tiempo")
 INTERVAL_NAMES = ("ts", "dt")
 SECONDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
@@ -33,6 +34,8 @@ MOST_DIGITS = 4  # most digits of the smallest step; a finer resolution is not t
 STEADY = 0.5
 """Part of their median by which the steps of a column without a name of time may deviate and still be a clock's."""
 
+MATCHING = 1e-2  # part of a stated interval by which the median step of a clock without a name of time may differ
+
 Column = NDArray[Any]
 Place = Callable[[int], str]  # where a sample stands in its file, for messages: "line 7"
 
@@ -52,12 +55,12 @@ class Stamps(NamedTuple):
 
 
 def time_column(
-    columns: Mapping[str, Column], time: str | None, channels: Collection[str], *, guess: bool, file: str
-) -> tuple[str | None, tuple[str, ...]]:
-    """Name of the column of times, and a remark where no name says it.
+    columns: Mapping[str, Column], time: str | None, channels: Collection[str], *, stated: float | None, file: str
+) -> tuple[str | None, str, tuple[str, ...]]:
+    """Name of the column of times, its unit where the steps tell it, and a remark where no name says it.
 
-    It is `time`, if known, and none of the channels. With `guess`, the only column that increases as steadily as a
-    clock is taken where none has the name of a time.
+    It is `time`, if known, and none of the channels. Where no column has the name of a time, it is the only one that
+    increases as steadily as a clock, or, with a `stated` interval in s, the first one that does so by this interval.
 
     Raises:
         SysidError: No such column, or a choice between several clocks.
@@ -65,17 +68,25 @@ def time_column(
     if time is not None:
         if time not in columns or time in channels:
             raise SysidError(f"{file}: no column of times {time!r}; there are {listed([*columns])}")
-        return time, ()
-    others = {name: values for name, values in columns.items() if name not in channels and values.size > 1}
+        return time, "", ()
+    others = {n: v for n, v in columns.items() if n not in channels and v.size > 1 and v.dtype.kind != "U"}
     named = [name for name, values in others.items() if is_time(name) and not _constant(values)]
-    if named or not guess:
-        return (named[0] if named else None), ()
+    if named:
+        return named[0], "", ()
     clocks = [name for name, values in others.items() if _is_clock(values)]
+    if stated is not None:
+        # Of a .mat file only vectors as long as the channels tell of their samples.
+        clocks = [name for name in clocks if len(columns[name]) == max(len(columns[one]) for one in channels)]
+        for name in clocks:
+            if unit := _unit_of_steps(name, columns[name], stated):
+                return name, unit, (f"times are column {name!r}, in {unit}: it increases by the stated interval",)
+        remark = f"{listed(clocks)} increases as steadily as times and is not used (if it holds them: time=NAME)"
+        return None, "", (remark,) if clocks else ()
     if len(clocks) > 1:
         raise SysidError(f"{file}: several columns may be times: {listed(clocks)}; expected one, named by time=NAME")
     if clocks:
-        return clocks[0], (f"times are column {clocks[0]!r}, the only one that increases steadily",)
-    return None, ()
+        return clocks[0], "", (f"times are column {clocks[0]!r}, the only one that increases steadily",)
+    return None, "", ()
 
 
 def stamps(name: str, values: Column, unit: str | None, place: Place, file: str) -> Stamps:
@@ -142,6 +153,16 @@ def _resolution(numbers: FloatArray) -> float:
         if np.abs(multiples - np.rint(multiples)).max() < ROUNDED:
             return float(10.0**exponent)
     return 0.0
+
+
+def _unit_of_steps(name: str, values: Column, interval: float) -> str:
+    """Unit in which a clock goes on by an interval in s; empty if there is none."""
+    texts = values.dtype.kind == "M"
+    numbers = values.ravel().astype("datetime64[ns]").view(np.int64) if texts else values.ravel().astype(np.float64)
+    own = "ns" if texts else _name_and_unit(name)[1]
+    step = float(np.median(np.diff(numbers)))
+    units = (own,) if own in SECONDS else ("s", "ms", "us", "ns")
+    return next((unit for unit in units if abs(step * SECONDS[unit] - interval) <= MATCHING * interval), "")
 
 
 def _constant(values: Column) -> bool:

@@ -10,6 +10,7 @@ import pytest
 
 from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions
 from scenarios.commands.cli import PROGRAMS
+from scenarios.datasets import open_data_set
 from scenarios.datasets.chunk import BuiltExperiment, run_chunk
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
@@ -51,6 +52,7 @@ def test_build_says_what_was_built_and_never_builds_it_again(result, complaint, 
         "experiments": 3,
         "failed": {},
         "hash": json.loads((Path(output["path"]) / "experiments.json").read_text())["hash"],
+        "records": open_data_set(Path(output["path"])).records_hash,
     }
     assert "already there: a version is never overwritten" in complaint(*words)
 
@@ -70,7 +72,7 @@ def test_an_interrupted_build_says_how_to_go_on_and_goes_on(run, printed, least,
     assert (code, out) == (130, "")
     kept = f"1 of 3 experiments kept in {tmp_path / 'least-v1.unfinished'}"
     assert err == f"hmtb: interrupted; {kept}; run the command again to resume: hmtb {' '.join(words)}\n"
-    assert printed(*words).startswith(f"{tmp_path / 'least-v1'}: 3 experiments, 0 failed, hash ")
+    assert printed(*words).startswith(f"{tmp_path / 'least-v1'}: 3 experiments, 0 failed, records ")
 
 
 def test_failures_are_told_and_the_exit_code_is_one(result, printed, least, tmp_path):

@@ -8,7 +8,8 @@ import pytest
 
 import scenarios
 from scenarios.datasets import canonical_verdict, open_data_set
-from scenarios.datasets.canonical import Canonical, cache_folder, canonical, hash_of_records
+from scenarios.datasets.canonical import Canonical, canonical
+from scenarios.datasets.data_set import cache_folder
 from scenarios.datasets.spec import shipped
 from tests.refusals import refused
 
@@ -20,7 +21,7 @@ def test_the_records_are_canonical_with_any_number_of_workers(workers, tmp_path,
     monkeypatch.setenv("HMTB_CACHE", str(tmp_path / "new" / "cache"))
     data_set = scenarios.load_dataset("hmtb-siso-v1", workers=workers)
     assert data_set.folder == tmp_path / "new" / "cache" / "hmtb-siso-v1"
-    assert hash_of_records(data_set) == canonical()["hmtb-siso-v1"].records
+    assert data_set.records_hash == canonical()["hmtb-siso-v1"].records
     assert canonical_verdict(data_set)[0] and "the canonical ones" in canonical_verdict(data_set)[1]
 
 
@@ -33,6 +34,15 @@ def cached(tiny_spec, copy, monkeypatch):
 
 def test_a_copy_in_the_cache_is_opened(cached):
     assert scenarios.load_dataset(cached.name, cache=cached.parent).folder == cached
+
+
+def test_a_name_opens_the_copy_in_the_cache(tiny, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused("or the name of one that hmtb dataset get has put into", open_data_set, "tiny-v1")
+    monkeypatch.setenv("HMTB_CACHE", str(tiny.parent))
+    assert open_data_set("tiny-v1").folder == tiny
+    (tmp_path / "tiny-v1").mkdir()
+    refused("no experiments.json in it", open_data_set, "tiny-v1")  # a folder here comes first
 
 
 def test_a_script_without_a_guard_may_load_a_copy(tiny, tmp_path):
@@ -65,7 +75,7 @@ def test_verdicts(tiny, monkeypatch):
     # The truth does not matter to it.
     first, *others = data_set.index
     changed = replace(data_set, index=(replace(first, arrays={**first.arrays, "u": "1" * 64}), *others), hash="")
-    assert hash_of_records(changed) != hash_of_records(data_set) == hash_of_records(replace(data_set, hash=""))
+    assert changed.records_hash != data_set.records_hash == replace(data_set, hash="").records_hash
 
 
 def test_every_canonical_hash_is_of_a_data_set_of_the_package():

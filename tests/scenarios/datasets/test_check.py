@@ -138,6 +138,21 @@ def test_wrong_numbers_and_metadata_are_found_under_right_checksums(copy):
 
 
 @pytest.mark.slow
+def test_the_truth_is_compared_without_the_coordinates_of_its_state(tiny):
+    arm = next((tiny / "truth/arms").iterdir())
+    known = {name: one.values for name, one in read_netcdf(arm).variables.items()}
+    turned, T = dict(known), np.random.default_rng(5).standard_normal(known["A"].shape)
+    turned |= {"A": T @ known["A"] @ np.linalg.inv(T), "C": known["C"] @ np.linalg.inv(T)}
+    turned |= {name: T @ known[name] for name in ("B", "K", "drive_noise") if name in known}
+    before, after = check_module._without_coordinates(known), check_module._without_coordinates(turned)
+    responses = [name for name in before if name.startswith("response to ") and "_" not in name]
+    assert "response to B" in responses
+    for name in responses:
+        assert np.allclose(before[name], after[name], rtol=0.0, atol=1e-9 * np.abs(before[name]).max())
+    other = check_module._without_coordinates({**known, "B": 1.001 * known["B"]})
+    assert check_module._compare("B", "response to B", before["response to B"], other["response to B"], same=False)
+
+
 def test_an_index_that_does_not_give_its_own_hash_or_the_spec_is_found(copy):
     index = read_index(copy)
     write_index(copy, {**index, "hash": "0" * 64})

@@ -12,7 +12,7 @@ from hmtb_twin.parameters.variants import variant_named
 from scenarios.datasets.experiment_file import signal_contents, stored_log
 from scenarios.datasets.plan import DataSetPlan
 
-UDUNITS = {"1", "rad", "rad2", "N", "N m", "V", "MPa", "A", "m", "Hz", "%"}
+UDUNITS = {"1", "s", "rad", "rad2", "N", "N m", "V", "MPa", "A", "m", "Hz", "%"}
 """Units that occur, as UDUNITS writes them."""
 
 

@@ -13,7 +13,7 @@ import yaml
 from hmtb_twin import Status
 from hmtb_twin.files.hashes import file_hash
 from hmtb_twin.files.netcdf import read_netcdf
-from scenarios.datasets import metadata
+from scenarios.datasets import metadata, open_data_set
 from scenarios.datasets.index import read_index
 from scenarios.datasets.metadata import ENVIRONMENT, METADATA, metadata_files
 from scenarios.datasets.spec import shipped
@@ -57,7 +57,7 @@ def test_the_citation_file_has_what_the_format_asks_for(tiny, tiny_spec):
     assert (cited["cff-version"], cited["type"], cited["license"]) == ("1.2.0", "dataset", "CC-BY-4.0")
     # Readers of the schema want texts where YAML would see a number or a day.
     assert (cited["version"], cited["date-released"]) == ("1", "2026-01-31")
-    assert cited["identifiers"][0]["value"] == "sha256:" + read_index(tiny)["hash"]
+    assert cited["identifiers"][0]["value"] == "sha256:" + open_data_set(tiny).records_hash
     named = replace(tiny_spec, creators=("Noether, Emmy", 'A "group": #1'), title="Süß: [1, 2] # no comment")
     again = yaml.safe_load(metadata_files(tiny, named, read_index(tiny))["CITATION.cff"])
     assert again["authors"] == [{"family-names": "Noether", "given-names": "Emmy"}, {"name": 'A "group": #1'}]
@@ -76,7 +76,7 @@ def test_the_datasheet_answers_and_its_code_loads_a_record(tiny, monkeypatch):
     text = (tiny / "README.md").read_text(encoding="utf-8")
     for heading in ("Motivation", "Composition", "Channels", "Truth", "Collection", "Use", "Score", "Limitations"):
         assert f"\n## {heading}\n" in text
-    for fact in ("| train | 2 | 400 |", "first **20 samples**", read_index(tiny)["hash"]):
+    for fact in ("| train | 2 | 400 |", "first **20 samples**", open_data_set(tiny).records_hash):
         assert fact in text
     (code,) = re.findall(r"```python\n(.*?)```", text, re.S)
     monkeypatch.chdir(tiny)

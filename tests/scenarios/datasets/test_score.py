@@ -9,8 +9,8 @@ from scipy.io import savemat
 from hmtb_twin.files.netcdf import Contents, Variable
 from scenarios.datasets.score import Score, Scores, metric, score, score_model
 from scenarios.datasets.spec_tables import Scoring
-from sysid import IOData, StateSpace
-from sysid.models import block_diagonal
+from sysid import IOData, Polynomials, StateSpace
+from sysid.models import block_diagonal, innovations_form
 from sysid.validation import fit_percent
 from sysid.validation.predictors import Hold, ModelPredictor, StackedPredictor, StaticGain
 from tests.refusals import refused
@@ -107,6 +107,11 @@ def test_score_of_a_model_is_the_score_of_its_predictions(data_set, record):
     assert of_model == score_model(lambda one: ModelPredictor(model), data_set)
     assert of_model.scores[0].joint == "elbow_pitch"
     refused("the data have 1 input", score_model, block_diagonal([model, model]), data_set)
+    polynomials = Polynomials(B=[0.0, 0.1], F=[1.0, -0.9])
+    expected = score_model(innovations_form(polynomials, 0.02), data_set)
+    assert score_model(polynomials, data_set) == score_model(lambda one: polynomials, data_set) == expected
+    refused("type ndarray given, expected a StateSpace, Polynomials", score_model, lambda one: one.y, data_set)
+    refused("type str given", score_model, "oe", data_set)
 
 
 def as_csv(path, values):

@@ -161,7 +161,7 @@ def test_an_export_is_described_and_has_checksums(exported, data_set, contents, 
     for name, folder in exported.items():
         assert folder.name == f"tiny-v1-{name}" and (folder / "LICENSE").read_text() == "CC BY 4.0\n"
         index = json.loads((folder / "export.json").read_text())
-        assert index["hash"] == data_set.hash and len(index["records"]) == 3
+        assert index["hash"] == data_set.records_hash and len(index["records"]) == 3
         assert all((folder / record["file"]).is_file() for record in index["records"])
         sums = dict(reversed(line.split("  ")) for line in (folder / "SHA256SUMS").read_text().splitlines())
         files = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - {"SHA256SUMS"}

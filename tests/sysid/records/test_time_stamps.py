@@ -21,6 +21,15 @@ def write(path, name, times, *, separator=","):
         ("Timestamp", [EPOCH * 1000 + 20 * k for k in range(N)], {}, "for ms since 1970, by their size"),
         ("field.header.stamp", [EPOCH * 10**6 + 20_000 * k for k in range(N)], {"time_unit": "us"}, ""),
         ("clk", [0.02 * k for k in range(N)], {"time": "clk"}, ""),
+        ("Zeit [ms]", [20 * k for k in range(N)], {"dt": 0.02}, ""),
+        ("Uhr", [20 * k for k in range(N)], {"dt": 0.02}, "times are column 'Uhr', in ms: it increases by the stated"),
+        ("ramp", [0.3 * k for k in range(N)], {"dt": 0.02}, "ramp increases as steadily as times and is not used"),
+        (
+            "Time (ms)",
+            ["01.02.2026 12:00:00.000"] * N,
+            {"dt": 0.02},
+            "not read as a time, so that gaps are not",
+        ),
         ("clk", [0.02 * k for k in range(N)], {}, "times are column 'clk', the only one that increases steadily"),
         ("elapsed_min", [0.02 * k / 60 for k in range(N)], {}, ""),
         ("date", [f"2026-01-31T12:00:{0.02 * k:05.2f}Z" for k in range(N)], {}, ""),
@@ -44,6 +53,9 @@ def test_times_of_any_name_and_unit(tmp_path, recwarn, name, times, options, rem
         ("clk", range(0, 2 * N, 2), {"time": "clock"}, "no column of times 'clock'; there are clk, u, y"),
         ("clk", range(N), {"time": "clk", "time_unit": "weeks"}, "in 'weeks'; expected s, ms, us, ns, min or h"),
         ("clk", range(N), {}, "no sampling interval; .*; the file has clk"),
+        ("Zeit [ms]", range(0, 20 * N, 20), {"dt": 0.01}, "interval 0.01 s by dt as given, 0.02 s by 'Zeit .ms.'"),
+        ("Time (ms)", ["01.02.2026 12:00:00.000"] * N, {}, "'Time .ms.' holds '01.02.2026 12:.*: write numbers, as ms"),
+        ("Time", ["ms", *range(N - 1)], {}, "line 2: could not convert 'ms' .*; delete a row of units"),
         ("mode", ["on"] * N, {"time": "mode"}, "could not convert 'on' in column 'mode'"),
         ("date", ["2026-01-31T12:00:00", *["never"] * (N - 1)], {}, "line 3: could not convert 'never' .* times"),
     ],
@@ -56,6 +68,13 @@ def test_one_of_several_clocks_is_not_chosen(tmp_path):
     path = write(tmp_path / "log.csv", "a,b", [f"{3 * k},{4 * k}" for k in range(N)])
     refused("several columns may be times: a, b; expected one, named by time=NAME", read_csv, path)
     assert read_csv(path, time="b").dt == 4.0
+
+
+@pytest.mark.parametrize("name", ["Zeit [ms]", "Uhr"])
+def test_a_stated_interval_does_not_hide_a_gap(tmp_path, name):
+    path = write(tmp_path / "log.csv", name, 20 * np.delete(np.arange(N + 5), np.arange(20, 25)))
+    with pytest.warns(match=r"cut there into 2 experiment\(s\)"):
+        assert [len(part) for part in read_experiments(path, dt=0.02)] == [20, 20]
 
 
 def test_files_are_experiments_of_one_interval(tmp_path):
@@ -73,5 +92,9 @@ def test_a_log_with_gaps_is_cut_by_read_experiments_alone(tmp_path):
     refused("1 gap.* the longest of 0.12 s after 0.38 s; expected none", read_csv, path)
     with pytest.warns(match=r"cut there into 2 experiment\(s\)"):
         assert [len(part) for part in read_experiments(path)] == [20, 20]
-    with pytest.warns(match="their outputs are missing"):
-        assert len(read_csv(path, missing=True)) == N + 5
+    path.write_text(path.read_text().replace(f",{Y[3]}", ","))
+    with pytest.warns(match=r"cut there into 2 experiment\(s\)"):
+        parts = read_experiments(path, missing=True)
+    assert [np.flatnonzero(~part.known).tolist() for part in parts] == [[3], []]
+    np.testing.assert_array_equal(np.vstack([part.u for part in parts])[:, 0], U)
+    refused("1 gap.* expected none", read_csv, path, missing=True)
