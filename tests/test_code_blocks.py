@@ -63,9 +63,29 @@ def test_code_blocks_run(name, tmp_path, monkeypatch):
                 exec(compile(body, name, "exec"), names)
         elif language == "sh":
             run = subprocess.run(
-                ["bash", "-ec", commands(body)], cwd=folder, capture_output=True, text=True, check=False
+                ["bash", "-euo", "pipefail", "-c", commands(body)],
+                cwd=folder,
+                capture_output=True,
+                text=True,
+                check=False,
             )
             assert run.returncode == 0, f"{body}\n{run.stdout[-2000:]}\n{run.stderr[-2000:]}"
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_no_block_stays_unseen(name):
+    """A fence of another form would hide its block from these tests; so would commands behind an installation."""
+    text = (ROOT / name).read_text(encoding="utf-8")
+    fences = re.findall(r"^[ >\t]*(?:`{3,}|~{3,}).*$", text, re.M)
+    assert len(fences) == 2 * len(blocks(name))
+    assert all(re.fullmatch(r" *```\w*", fence) for fence in fences)
+    lines = [line for language, body in blocks(name) if language == "sh" for line in body.splitlines()]
+    assert not [
+        line
+        for line in lines
+        if INSTALLATION.match(line) and re.search(r"[;&|]", line.split("#")[0]) and "activate" not in line
+    ]
+    assert not [line for line in lines if re.search(r"(?<!&)&\s*(#|$)", line)]
 
 
 @pytest.mark.parametrize("name", PAGES)

@@ -75,7 +75,7 @@ def compare(
         time_unit: Unit of the times: s, ms, us, ns, min or h.
         test: Which test of a 1553 record, by name or number.
         estimation_test: Which test of the record to identify from, likewise.
-        missing: Outputs may be missing, as NaN or empty cells; inputs must be complete, and gaps of the times still cut.
+        missing: Outputs may be missing, as NaN or empty cells; inputs must be complete. Gaps of the times still cut.
         skip: Leave out this much of the start of every record, s.
         keep_mean: Use the values as they are, without an operating point.
         steps: Horizon of a further prediction, samples.
@@ -155,7 +155,8 @@ def compare(
     say_each("warning: ", texts)
     if out is not None:
         say(f"figure: {out}")
-        say_next(*(("truth", "--data", data) if "truth" in models and data.suffix == ".nc" else ("truth",)))
+        if joints_of(first):
+            say_next(*(("truth", "--data", data) if "truth" in models and data.suffix == ".nc" else ("truth",)))
     return 0
 
 

@@ -156,7 +156,7 @@ def export(
         out: Folder in which the folders of the formats are created.
         json: Print JSON.
     """
-    from scenarios.exchange.export import export as export_data_set
+    from scenarios.exchange.exporter import export as export_data_set
 
     formats = [name.strip() for name in format.split(",") if name.strip()]
     with progress("exporting") as report:
@@ -165,7 +165,7 @@ def export(
         print_json({"folders": folders})
     else:
         say_each("", folders)
-        say_next("dataset", "baselines" if (folder / "truth").is_dir() else "check", folder)
+        say_next("dataset", "check", folder)
     return 0
 
 

@@ -59,7 +59,7 @@ def identify(
     Without --method and --orders it chooses: delay, structure (arx, armax, oe, bj; state space for several outputs) and
     orders, and prints the candidates and the reason; with --method alone, the delay and the orders of arx, armax, oe or
     bj. The last quarter of the record, of several the longest, then judges the model, unless --validate names another
-    or --held-out another part.
+    or --held-out another part. The verdict calls no model sufficient whose simulated fit is below 50 %.
 
     Methods and their orders: arx na nb [nk], armax na nb nc [nk], oe nb nf [nk], bj nb nc nd nf [nk], iv4 na nb [nk],
     okid order [p], n4sid order, pem_ss order. nk = 1 (the default) means that y(t) depends on u(t-1) first; p = 5 (the
@@ -93,7 +93,7 @@ def identify(
         time_unit: Unit of the times: s, ms, us, ns, min or h; by the name, or the size of times since 1970, when not
             given.
         test: Which test of a 1553 record, by name or number.
-        missing: Outputs may be missing, as NaN or empty cells; inputs must be complete, and gaps of the times still cut.
+        missing: Outputs may be missing, as NaN or empty cells; inputs must be complete. Gaps of the times still cut.
         skip: Leave out this much of the start, s.
         keep_mean: Use the values as they are, without an operating point.
         steps: Horizon of a further prediction, samples, beside simulation and one step ahead.
@@ -171,14 +171,13 @@ def identify(
     say_each("warning: ", texts)
     say_each("model: ", [save] if save else [])
     say_each("figure: ", pictures)
-    if save or pictures:
-        if save is None or save.suffix != ".json":
-            again = {**values, "save": Path(f"{data[0].stem}.json"), "out": None, "overwrite": False}
-            say(f"next: {command_line('hmtb identify', identify, again)}")
-        else:
-            values["overwrite"] = False
-            of_record = {"data": data[0], "models": (str(save),), "joint": (joint,) if joint else ()}
-            say(f"next: {command_line('hmtb compare', compare, {**values, **of_record, 'out': None})}")
+    if save is None and pictures:
+        again = {**values, "save": Path(f"{data[0].stem}.json"), "out": None, "overwrite": False}
+        say(f"next: {command_line('hmtb identify', identify, again)}")
+    elif save is not None and save.suffix == ".json":
+        values["overwrite"] = False
+        of_record = {"data": data[0], "models": (str(save),), "joint": (joint,) if joint else ()}
+        say(f"next: {command_line('hmtb compare', compare, {**values, **of_record, 'out': None})}")
     return 0
 
 

@@ -67,7 +67,10 @@ def say_next(*words: object) -> None:
 def say_next_identify(path: Path, name: str, joints: Sequence[str], *, tests: int = 1) -> None:
     """Write the command that identifies a model of the first excited joint from a file of one or several tests."""
     choice = ("--test", name) if tests > 1 else ()
-    say_next("identify", path, *choice, "--joint", *(joints[:1] or ("elbow_pitch",)))
+    from hmtb_twin.parameters.values import JOINTS
+
+    known = [joint for joint in joints if joint in JOINTS]
+    say_next("identify", path, *choice, "--joint", *(known[:1] or ("elbow_pitch",)))
 
 
 def counted(number: int, noun: str) -> str:

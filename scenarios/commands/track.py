@@ -80,6 +80,7 @@ def track(
         overwrite: Replace files that exist, without a question.
         json: Print JSON, with the estimates once a second.
     """
+    import warnings
     from dataclasses import replace
 
     from scenarios.files.data_file import log_of, read_parts
@@ -88,13 +89,21 @@ def track(
 
     path = Path(data)
     with nullcontext() if out is None else output_folder(out, *FILES, overwrite=overwrite) as folder:
+        texts: list[str] = []
         recorded = path.suffix != ".toml" and path.exists()
         if recorded:
             if duration is not None or seed is not None:
                 raise ScenarioError("--duration and --seed are for scenarios; leave them out for a record")
-            parts = read_parts(path, joint=joint, input=input, output=output, dt=dt, time=time, test=test)
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always", UserWarning)
+                parts = read_parts(path, joint=joint, input=input, output=output, dt=dt, time=time, test=test)
             if len(parts) != 1:
-                raise ScenarioError(f"{path.name}: {len(parts)} parts between gaps, expected one record without gaps")
+                long = max(parts, key=len)
+                raise ScenarioError(
+                    f"{path.name}: {len(parts)} parts between gaps, expected one record without gaps: keep the rows of "
+                    f"one part in the file, the longest {long.start:.6g} to {long.time[-1]:.6g} s after the first row"
+                )
+            texts = [str(one.message) for one in caught]
             log, record = log_of(path), replace(parts[0], name=path.stem)
         elif path.suffix not in ("", ".toml"):
             raise ScenarioError(f"no file {data}; hmtb simulate makes logs of scenarios")
@@ -113,9 +122,10 @@ def track(
             tracking = replace(tracking, truth=truth)
         files = _write(tracking, folder) if folder else []
     if json:
-        print_json({**tracking.record(), "files": files})
+        print_json({**tracking.record(), "warnings": texts, "files": files})
     else:
         _print(tracking)
+        say_each("warning: ", texts)
         say_each("written: ", files)
         columns = {"input": (input,), "output": (output,), "joint": joint, "dt": dt, "time": time, "test": test}
         if files and recorded:

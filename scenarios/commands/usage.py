@@ -35,6 +35,7 @@ ARGUMENTS = {
     r"\bdt as given\b": "--dt",
     r"\bor dt in s\b": "or --dt SECONDS",
     r"\btime=NAME\b": "--time NAME",
+    r", or in time_unit\b": ", or in --time-unit",
     r"; missing=True takes NaN for samples that were lost": "; --missing takes NaN or empty cells among outputs",
     r"(?<=matched by name)\b.*": "; read the record as that of the model, by --input and --output or by --joint",
 }

@@ -6,7 +6,7 @@ from scenarios.files.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from scenarios.exchange.benchmark_packages import identibench_spec, nonlinear_benchmark
-    from scenarios.exchange.export import FORMATS, export
+    from scenarios.exchange.exporter import FORMATS, export
 
 __all__ = ["FORMATS", "export", "identibench_spec", "nonlinear_benchmark"]
 

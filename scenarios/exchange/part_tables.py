@@ -3,6 +3,7 @@
 import json
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from hmtb_twin.files.netcdf import Contents, read_netcdf
 from scenarios.datasets.data_set import DataRecord, DataSet
 from scenarios.datasets.metadata import ENVIRONMENT, LICENSE_URL, bibtex
 from scenarios.datasets.plan import LICENSE
+from scenarios.datasets.spec import shipped
 from scenarios.datasets.spec_tables import PARTS
 from scenarios.exchange.record_files import ExportColumn, columns
 from scenarios.files.errors import ScenarioError
@@ -95,6 +97,13 @@ class PartTables:
         self._records[record.part] += 1
         return path
 
+    def abort(self) -> None:
+        """Close the files of an export that failed."""
+        for table in self._tables.values():
+            with suppress(Exception):
+                table.close()
+            table.is_open = False  # pyarrow would try again when the object goes
+
     def close(self) -> None:
         """Finish the tables; write the card README.md, croissant.json, and the datasheet if the data set has it."""
         for table in self._tables.values():
@@ -103,6 +112,7 @@ class PartTables:
         context: dict[str, Any] = {
             "spec": self._spec,
             "label": self._data_set.label,
+            "shipped": self._data_set.label in shipped(),
             "bibtex": bibtex(self._spec, self._data_set.records_hash),
             "license_url": LICENSE_URL,
             "labels": LABELS,
@@ -132,6 +142,8 @@ class PartTables:
 def _all_columns(data_set: DataSet) -> Sequence[ExportColumn]:
     """The columns of all records; those of one block with the same joints have the same."""
     firsts = {(one.part, one.block, one.joints): one for one in reversed(data_set.records())}
+    if not firsts:
+        raise ScenarioError(f"{data_set.label}: no experiment has a record, so there is nothing to write")
     known: dict[str, ExportColumn] = {}
     for one in sorted(firsts.values(), key=lambda one: PARTS.index(one.part)):
         for column in columns(read_netcdf(data_set.folder / one.file)):

@@ -20,6 +20,9 @@ ENDINGS = (".mp4", ".gif", ".png")
 """Endings of the files that can be written: a film, an animated picture, one picture."""
 
 
+MOST_GIF = 50
+"""Frames per second of a `.gif`: browsers show shorter ones than 20 ms for 100 ms."""
+
 HELD = 200
 """Frames of a `.gif` that are held back to choose its colours from."""
 
@@ -68,6 +71,8 @@ def write_film(pictures: Iterator[np.ndarray], path: Path, *, rate: float) -> Pa
     if path.suffix not in ENDINGS:
         ending = path.suffix or "a file without ending"
         raise ScenarioError(f"cannot write a film as {ending!r}; there are: {', '.join(ENDINGS)}")
+    if path.suffix == ".gif" and rate > MOST_GIF:
+        raise ScenarioError(f"{rate:g} frames per second given, expected at most {MOST_GIF} in a .gif; .mp4 holds more")
     with replacing(path) as partial:
         if path.suffix == ".mp4":
             _write_mp4(pictures, partial, rate)
@@ -96,13 +101,15 @@ def _write_gif(pictures: Iterator[np.ndarray], path: Path, rate: float) -> None:
     palette.putpalette(np.maximum(colours - 1, 0).tolist())
 
     def reduced() -> Iterator[Image.Image]:
-        for picture in chain(held, pictures):
+        for number, picture in enumerate(chain(held, pictures)):
             image = Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
             image.putpalette(colours.tolist())
+            # a file has whole hundredths of a second: rounded so that the errors do not add up
+            image.info["duration"] = 10 * (round(100 * (number + 1) / rate) - round(100 * number / rate))
             yield image
 
     images = reduced()
-    next(images).save(path, "GIF", save_all=True, append_images=images, duration=1000.0 / rate, loop=0)
+    next(images).save(path, "GIF", save_all=True, append_images=images, loop=0)
 
 
 def _write_mp4(pictures: Iterator[np.ndarray], path: Path, rate: float) -> None:

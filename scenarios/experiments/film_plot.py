@@ -81,7 +81,9 @@ class MotionPlot:
             axes.tick_params(labelsize=8, colors=INK)
             axes.locator_params(axis="y", nbins=4)
             axes.spines[["top", "right"]].set_visible(False)
-            middle, half = (np.max(values) + np.min(values)) / 2.0, 0.56 * np.ptp(values)
+            shown = np.concatenate(values)[np.isfinite(np.concatenate(values))]
+            low, high = (shown.min(), shown.max()) if len(shown) else (0.0, 0.0)  # angles may be lost
+            middle, half = (high + low) / 2.0, 0.56 * (high - low)
             # The noise of a joint at rest does not fill the panel.
             axes.set_ylim(middle - max(half, 0.5), middle + max(half, 0.5))
         panels[-1].set_xlim(*span)

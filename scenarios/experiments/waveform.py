@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hmtb_twin.files.atomic_write import write_whole
 from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
 from scenarios.files.errors import ScenarioError
 
@@ -216,5 +217,5 @@ def points_text(values: Sequence[float]) -> str:
 
 def write_points(values: Sequence[float], path: Path) -> Path:
     """Write points in V as a file that `read_points` reads back equal to the last bit; return its path."""
-    path.write_text(points_text(values), encoding="utf-8")
+    write_whole(path, points_text(values))
     return path

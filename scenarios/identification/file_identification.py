@@ -110,8 +110,12 @@ def identify_files(
             result, choice = identify(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check), None
         else:
             result, choice = choose_and_identify(parts, method, keep_mean=keep_mean, steps=steps, check=check)
-    part = "a last quarter" if share == HELD_OUT else f"the last {100.0 * share:g} %"
-    judged = validate.name if validate is not None else f"{part}, which it was not estimated from" if check else ""
+    judged = "" if validate is None else validate.name
+    if check and validate is None:
+        (last,) = check
+        name = next((path.name for path in data if path.stem == last.name), last.name or data[0].name)
+        end = last.start + len(last) * last.dt
+        judged = f"{name} {last.start:.6g} to {end:.6g} s, held out: the model is not estimated from them"
     title = f"{result.fitted.estimate.method.upper()} from {listed([path.name for path in data])}"
     return FileIdentification(
         title + (f", fits to {judged}" if judged else ""),

@@ -142,7 +142,7 @@ def identify(
             test = sysid.resid(fitted.estimate, checked)
         except SysidError as error:
             untested = str(error)
-    return Identification(fitted, checked, fit, test, untested, _remarks(fitted))
+    return Identification(fitted, checked, fit, test, untested, _remarks(fitted, check is None))
 
 
 def usable(records: Sequence[IOData], skip: float, path: Path, test: str | None = None) -> tuple[IOData, ...]:
@@ -185,15 +185,15 @@ def usable(records: Sequence[IOData], skip: float, path: Path, test: str | None 
     return tuple(whole)
 
 
-def _remarks(fitted: FittedModel) -> tuple[str, ...]:
+def _remarks(fitted: FittedModel, own: bool) -> tuple[str, ...]:
     parts, first = fitted.parts, fitted.parts[0]
     missing = sum(int((~part.known).sum()) for part in parts)
     values, samples = sum(part.y.size for part in parts), sum(map(len, parts))
     texts = []
     if len(parts) > 1:
         texts.append(
-            f"the model and the fits are of {len(parts)} parts between lost samples or of several files, "
-            f"{samples} samples in all"
+            f"the model {'and the fits are' if own else 'is'} of {len(parts)} parts between lost samples or of several "
+            f"files, {samples} samples in all"
         )
     if missing:
         texts.append(f"{missing} of {values} output samples are missing")

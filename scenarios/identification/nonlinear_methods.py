@@ -10,6 +10,7 @@ import numpy as np
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import Structure
 from sysid import IOData
+from sysid.records.arguments import shortened
 from sysid.validation.predictors import Predictor
 
 
@@ -26,6 +27,9 @@ class Known(NamedTuple):
     dead_zones: tuple[float, ...] = ()
     dead_zone: float = 0.0
 
+
+MOST_ORDER = 100
+"""Largest order that is tried at all."""
 
 RECORDS_ALONE = Known()
 """Nothing is known besides the records."""
@@ -58,6 +62,10 @@ class NonlinearMethod(Structure):
             if orders[key] < least:
                 text = f"{name}: {key} = {orders[key]} given, expected {least} or more; it takes {self.usage}"
                 raise ScenarioError(text)
+            if orders[key] > MOST_ORDER:
+                raise ScenarioError(
+                    f"{name}: {key} = {shortened(str(orders[key]), 20)} given, expected {MOST_ORDER} or less"
+                )
         return orders
 
 

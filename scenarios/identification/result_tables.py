@@ -16,6 +16,9 @@ from sysid.records.printing import AT_ZERO, poles_table
 LISTED = 24
 """Most parameters that are listed one by one."""
 
+SUFFICIENT = 50.0
+"""Least simulated fit of a model that a verdict calls sufficient, %."""
+
 BEST = 8
 """Most candidates that are listed."""
 
@@ -70,13 +73,21 @@ def deviations(model: Estimate) -> FloatArray:
 
 
 def verdict(result: Identification) -> str:
-    """Whether the residual tests accept the model, and how much of the output it simulates."""
-    fit = ", ".join(f"{value:.1f} %" for value in result.fit.simulation)
+    """Whether residual tests and simulation accept the model, and how much of the output it simulates.
+
+    Tests alone would accept models of which the noise model does all the work: it follows any output one step ahead.
+    Simulated from the input alone, a sufficient model explains the output at least by half.
+    """
+    fit, least = ", ".join(f"{value:.1f} %" for value in result.fit.simulation), float(np.min(result.fit.simulation))
+    if not least >= 0.0:
+        return f"not sufficient: the simulation is worse than the mean of the output; simulated fit {fit}, below 0 %"
     if result.test is None:
         return f"residuals not tested; simulated fit {fit}"
     white, independent = (bool(each.all()) for each in (result.test.white, result.test.independent))
     if not independent:
         text = "not sufficient: the residuals still depend on the input, as beside nonlinearity, feedback or low orders"
+    elif not least >= SUFFICIENT:
+        text = f"undecided: the residuals do not depend on the input, but the simulated fit is below {SUFFICIENT:g} %"
     elif not white:
         text = "sufficient from input to output: only the disturbance has dynamics that the model lacks"
     else:
@@ -129,12 +140,14 @@ def model_rows(result: Identification) -> list[tuple[str, str]]:
     ]
     if test is None:
         return [*rows, ("residual test", f"not computed: {result.untested}")]
-    for name, passed, p in (
-        ("residuals white", test.white, test.whiteness_p),
-        ("residuals independent of the input", test.independent, test.independence_p),
+    # The correlations that a figure shows are those of the residuals as they are.
+    for name, passed, p, remark in (
+        ("residuals white", test.white, test.whiteness_p, ""),
+        ("residuals independent of the input", test.independent, test.independence_p, ", tested on whitened residuals"),
     ):
         pairs = zip(np.ravel(passed), np.ravel(p), strict=True)
-        rows.append((name, ", ".join(f"{'yes' if one else 'no'} (p = {value:.2g})" for one, value in pairs)))
+        texts = ", ".join(f"{'yes' if one else 'no'} (p = {value:.2g})" for one, value in pairs)
+        rows.append((name, f"{texts}{remark}"))
     return rows
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.models.estimate import Estimate
-from sysid.models.predict import as_model
+from sysid.models.predict import as_model, chosen_model
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
@@ -71,6 +71,7 @@ def named_path(path: str | Path, ending: str) -> Path:
 
 def operating_point(model: StateSpace | Estimate) -> tuple[FloatArray, FloatArray]:
     """Inputs (nu,) and outputs (ny,) that the signals of a model are relative to; zero where it knows none."""
+    model = chosen_model(model)
     if isinstance(model, Estimate) and model.operating_point is not None:
         return model.operating_point
     return np.zeros(as_model(model).nu), np.zeros(as_model(model).ny)
@@ -78,6 +79,7 @@ def operating_point(model: StateSpace | Estimate) -> tuple[FloatArray, FloatArra
 
 def heading(model: StateSpace | Estimate) -> str:
     """One line on a model and its origin, in ASCII, for comments in source code."""
+    model = chosen_model(model)
     if isinstance(model, Estimate):
         text = repr(model).removeprefix("<Estimate: ").removesuffix(">")
     else:

@@ -13,7 +13,7 @@ from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.models.delta_method import spread
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
-from sysid.models.predict import as_model
+from sysid.models.predict import as_model, chosen_model
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.polynomial_estimate import Realise
 from sysid.records.arrays import FloatArray
@@ -39,6 +39,7 @@ def to_matlab(model: StateSpace | Estimate, path: str | Path) -> Path:
         SysidError: A name that is no identifier, channels whose names or units do not fit on a line.
     """
     file = named_path(path, ".m")
+    model = chosen_model(model)
     m = as_model(model)
     labels = [
         f"'{key}', {{{', '.join(map(_text, texts or ()))}}}"

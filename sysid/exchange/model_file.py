@@ -14,6 +14,7 @@ from sysid.models.continuous import Resampled, Unsampled
 from sysid.models.continuous_estimate import ContinuousEstimate, continuous_estimate
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
+from sysid.models.predict import Choice, chosen_model
 from sysid.models.state_space import StateSpace, is_covariance
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import Realise
@@ -28,14 +29,16 @@ LARGEST = 1e150  # largest entry of a covariance: its squares are finite
 HEAD = ("format", "version", "software")
 
 
-def write_model(model: Estimate | StateSpace | Polynomials, path: str | Path, *, command: str | None = None) -> Path:
+def write_model(
+    model: Estimate | StateSpace | Polynomials | Choice, path: str | Path, *, command: str | None = None
+) -> Path:
     """Write a model file; `read_model` returns an equal model.
 
     Every number keeps all its bits. Equal models make equal files: nothing in them is a time. Diagnostics that JSON
     cannot hold are left out.
 
     Args:
-        model: An estimate, a state-space model or polynomials.
+        model: An estimate, a choice of `auto`, a state-space model or polynomials.
         path: Where to write; the name ends with .json.
         command: How the model was made, for the reader of the file.
 
@@ -49,6 +52,7 @@ def write_model(model: Estimate | StateSpace | Polynomials, path: str | Path, *,
     file = Path(path)
     if file.suffix != ENDING:
         raise SysidError(f"cannot write {file.name}: expected a name that ends with {ENDING}")
+    model = model if isinstance(model, Polynomials) else chosen_model(model)
     kind = next((name for name, record in KINDS.items() if isinstance(model, record)), None)
     if kind is None:
         raise SysidError(f"expected an Estimate, a StateSpace or Polynomials, got {type(model).__name__}")

@@ -12,7 +12,7 @@ import scipy
 from sysid.models.continuous_estimate import ContinuousEstimate, continuous_estimate, estimate_fields
 from sysid.models.continuous_model import ContinuousModel
 from sysid.models.estimate import Estimate
-from sysid.models.predict import as_model
+from sysid.models.predict import as_model, chosen_model
 from sysid.models.reduction import split_delay
 from sysid.models.state_space import StateSpace
 from sysid.models.zero_pole_gain import ZeroPoleGain, zero_pole_gain
@@ -61,6 +61,7 @@ def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "co
         SysidWarning: Data whose input is band-limited, which no hold describes: it is taken as held. The noise model of
             an estimate has such a pole, and is left out.
     """
+    model = chosen_model(model)
     if isinstance(model, ContinuousEstimate):
         return model
     own = model.data.intersample if isinstance(model, Estimate) else "zoh"

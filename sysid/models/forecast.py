@@ -9,7 +9,16 @@ from numpy.typing import ArrayLike
 
 from sysid.models.delta_method import spread, standard_directions
 from sysid.models.estimate import Estimate
-from sysid.models.predict import about_operating_point, aligned, as_inputs, as_model, fitted_state, initial_state
+from sysid.models.predict import (
+    Choice,
+    about_operating_point,
+    aligned,
+    as_inputs,
+    as_model,
+    chosen_model,
+    fitted_state,
+    initial_state,
+)
 from sysid.models.recursion import free_response, kalman_filter, state_trajectory
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import confidence_level, whole_number
@@ -55,7 +64,7 @@ class Forecast(Labelled, Locked):
         return self.y - reach, self.y + reach
 
 
-def forecast(model: StateSpace | Estimate, data: IOData, steps: int, u: ArrayLike | None = None) -> Forecast:
+def forecast(model: StateSpace | Estimate | Choice, data: IOData, steps: int, u: ArrayLike | None = None) -> Forecast:
     """Forecast the outputs of the `steps` samples that follow a record [BoxJenkins1976, ch. 5; Ljung1999, sec. 3.2].
 
     The error has three parts: the future innovations, the state at the end of the record as far as the record leaves it
@@ -75,6 +84,7 @@ def forecast(model: StateSpace | Estimate, data: IOData, steps: int, u: ArrayLik
         SysidError: Channels that do not fit the model, future inputs that are absent or of the wrong shape, a model
             without innovation covariance.
     """
+    model = chosen_model(model)
     m, steps = aligned(as_model(model), data), whole_number("steps", steps, 1)
     if m.innovation_covariance is None:
         raise SysidError(

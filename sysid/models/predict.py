@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +18,22 @@ from sysid.records.data import IOData, as_record
 from sysid.records.errors import SysidError, SysidWarning
 
 
+class Choice(Protocol):
+    """A choice between models, as `auto` returns it, which stands for its estimate."""
+
+    @property
+    def estimate(self) -> Estimate:
+        """The chosen model."""
+
+
+def chosen_model(model: StateSpace | Estimate | Choice) -> StateSpace | Estimate:
+    """The estimate of a choice; other models, and what is none, unchanged."""
+    inner = getattr(model, "estimate", None)
+    return inner if isinstance(inner, Estimate) else cast("StateSpace | Estimate", model)
+
+
 def simulate(
-    model: StateSpace | Estimate,
+    model: StateSpace | Estimate | Choice,
     u: ArrayLike | IOData,
     *,
     x0: ArrayLike | None = None,
@@ -63,8 +78,9 @@ def output(model: StateSpace, u: FloatArray, x0: FloatArray) -> FloatArray:
     return state_trajectory(model.A, u @ model.B.T, x0) @ model.C.T + u @ model.D.T
 
 
-def as_model(model: StateSpace | Estimate) -> StateSpace:
+def as_model(model: StateSpace | Estimate | Choice) -> StateSpace:
     """The state-space model of a model or an estimate."""
+    model = chosen_model(model)
     if isinstance(model, Estimate):
         return model.model
     if not isinstance(model, StateSpace):
@@ -94,7 +110,7 @@ def as_state(model: StateSpace, x0: ArrayLike | None) -> FloatArray:
 
 
 def predict(
-    model: StateSpace | Estimate, data: IOData, *, steps: int | None = 1, x0: ArrayLike | None = None
+    model: StateSpace | Estimate | Choice, data: IOData, *, steps: int | None = 1, x0: ArrayLike | None = None
 ) -> FloatArray:
     """Prediction of y(t) from outputs up to t - steps and inputs up to t [Ljung1999, sec. 3.2, 4.3].
 
@@ -256,11 +272,14 @@ def aligned(model: StateSpace, data: IOData) -> StateSpace:
     )
 
 
-def about_operating_point(model: StateSpace | Estimate, data: IOData) -> tuple[IOData, tuple[FloatArray, FloatArray]]:
+def about_operating_point(
+    model: StateSpace | Estimate | Choice, data: IOData
+) -> tuple[IOData, tuple[FloatArray, FloatArray]]:
     """The record relative to the operating point of an estimate, and what was subtracted (nu,) and (ny,).
 
     That is nothing where the record is relative to a point of its own, or the model has none.
     """
+    model = chosen_model(model)
     point = model.operating_point if isinstance(model, Estimate) else None
     if point is None or data.input_offset is not None:
         return data, (np.zeros(data.nu), np.zeros(data.ny))
@@ -268,7 +287,7 @@ def about_operating_point(model: StateSpace | Estimate, data: IOData) -> tuple[I
     return data.subtract(u=point[0][i], y=point[1][o]), (point[0][i], point[1][o])
 
 
-def residuals(model: StateSpace | Estimate, data: IOData, *, x0: ArrayLike | None = None) -> FloatArray:
+def residuals(model: StateSpace | Estimate | Choice, data: IOData, *, x0: ArrayLike | None = None) -> FloatArray:
     """y(t) minus its one-step prediction [Ljung1999, sec. 3.2].
 
     Args:
@@ -285,7 +304,7 @@ def residuals(model: StateSpace | Estimate, data: IOData, *, x0: ArrayLike | Non
     return as_record(data).y - predict(model, data, x0=x0)
 
 
-def findstates(model: StateSpace | Estimate, data: IOData, *, simulation: bool = False) -> FloatArray:
+def findstates(model: StateSpace | Estimate | Choice, data: IOData, *, simulation: bool = False) -> FloatArray:
     """State at the first sample for which the model explains the data best, by least squares [Ljung1999, sec. 10.5].
 
     Use it as `x0` of `simulate`, `predict` and `residuals`.

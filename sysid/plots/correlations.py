@@ -71,6 +71,8 @@ def correlations(
             top = 1.25 * max(float(np.abs(shown).max(initial=0.0)), float(limit.max()), 1e-6)
             axes.set_ylim(-top, top)
             axes.set_ylabel(label, fontsize=10 if width == 1 and height < 4 else 8)
+            if isinstance(test, ResidualTest) and not label.startswith("auto"):
+                axes.set_title("residuals as they are; the test whitens them", loc="left", fontsize=7)
     return finish(figure, grid, "lag / samples")
 
 

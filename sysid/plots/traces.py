@@ -10,6 +10,7 @@ from sysid.frequency.bla import BestLinearApproximation
 from sysid.models.confidence_bands import poles_band, zeros_band
 from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import FrequencyResponse
+from sysid.models.predict import chosen_model
 from sysid.models.state_space import StateSpace
 from sysid.plots.palette import DISTORTION, NOISE, PALETTE, Style
 from sysid.plots.panels import grid_of_frequencies
@@ -186,10 +187,12 @@ def named_items(items: object, kinds: tuple[type, ...]) -> Iterator[tuple[str | 
     pairs: list[tuple[str | None, Any]]
     available = ", ".join(kind.__name__ for kind in kinds)
     if isinstance(items, Mapping):
-        pairs = [(str(name), item) for name, item in items.items()]
+        pairs = [(str(name), chosen_model(item)) for name, item in items.items()]
     else:
-        several = items if isinstance(items, Sequence) and not isinstance(items, (str, *kinds)) else [items]
-        pairs = [(None, item) for item in several]
+        several: Sequence[Any] = (
+            items if isinstance(items, Sequence) and not isinstance(items, (str, *kinds)) else [items]
+        )
+        pairs = [(None, chosen_model(item)) for item in several]
     if not pairs:
         raise SysidError(f"nothing to draw; expected one or more of {available}")
     for _, item in pairs:

@@ -299,9 +299,8 @@ def records_of(
     stated = next(iter(intervals.values()), None)
     clock_name, concluded, remarks = time_column(columns, choice.time, choice.channels, stated=stated, file=file.name)
     # Only a column with the name of a time keeps its texts.
-    unread = [
-        f"column {n!r} holds {str(v[0])!r}, which is not read as a time" for n, v in columns.items() if _is_text(v)
-    ]
+    texts = {name: str(values[0]) for name, values in columns.items() if _is_text(values)}
+    unread = [f"column {name!r} holds {text!r}, which is not read as a time" for name, text in texts.items()]
     clock = None
     if clock_name is not None:
         attribute = units.get(clock_name, "").partition(" since ")[0].lower()

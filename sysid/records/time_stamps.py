@@ -13,7 +13,7 @@ from sysid.records.channels import listed
 from sysid.records.errors import SysidError
 
 TIME_NAMES = ("t", "time", "ts", "timestamp", "stamp", "datetime", "date", "epoch", "unix", "utc", "elapsed", "clock")
-TIME_NAMES += ("zeit", "zeitstempel", "temps", "tiempo")
+TRANSLATED = ("zeit", "zeitstempel", "temps", "tiempo")
 INTERVAL_NAMES = ("ts", "dt")
 SECONDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
@@ -127,7 +127,7 @@ def stamps(name: str, values: Column, unit: str | None, place: Place, file: str)
 
 def is_time(name: str) -> bool:
     """Whether a column has the name of a time."""
-    return _name_and_unit(name)[0] in TIME_NAMES
+    return _name_and_unit(name)[0] in (*TIME_NAMES, *TRANSLATED)
 
 
 def interval_unit(name: str) -> float | None:

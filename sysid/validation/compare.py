@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
-from sysid.models.predict import as_model, predict
+from sysid.models.predict import Choice, as_model, chosen_model, predict
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, Locked
@@ -15,7 +15,7 @@ from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
 from sysid.records.printing import Table
 
-Model = StateSpace | Estimate
+Model = StateSpace | Estimate | Choice
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,7 +97,7 @@ def compare(
     deviations, each from its own mean, are summed.
 
     Args:
-        models: A model or estimate, several, or several by name.
+        models: A model, an estimate or a choice of `auto`, several, or several by name.
         data: The record or records, preferably ones that no model was fitted to.
         steps: Horizon of a further prediction, from outputs up to t - steps; one-step prediction and simulation are
             always included.
@@ -112,7 +112,7 @@ def compare(
     if isinstance(models, Mapping):
         named = models
     else:
-        sequence = list(models) if isinstance(models, Sequence) else [models]
+        sequence = [chosen_model(model) for model in (models if isinstance(models, Sequence) else [models])]
         for model in sequence:
             as_model(model)
         methods = [model.method if isinstance(model, Estimate) else "model" for model in sequence]

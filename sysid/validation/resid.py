@@ -8,7 +8,7 @@ import scipy
 from numpy.typing import NDArray
 
 from sysid.models.estimate import Estimate
-from sysid.models.predict import aligned, as_model, channels_in, residuals
+from sysid.models.predict import Choice, aligned, as_model, channels_in, residuals
 from sysid.models.recursion import kalman_filter
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.correlation import autoregression, covariance_function
@@ -183,7 +183,7 @@ class ResidualTest(Locked):
 
 
 def resid(
-    estimate: Estimate | StateSpace, data: IOData | Sequence[IOData], *, lags: int = 25, level: float = 0.99
+    estimate: Estimate | StateSpace | Choice, data: IOData | Sequence[IOData], *, lags: int = 25, level: float = 0.99
 ) -> ResidualTest:
     """Test the one-step prediction errors of a model on data [Ljung1999, sec. 16.6; LjungBox1978].
 

@@ -188,3 +188,8 @@ def test_joints_of_logs_and_records_are_read_together(logs, tmp_path):
         (record,) = read_parts(path, joint=joints)
         np.testing.assert_array_equal(record.y, same.y)
         assert (record.input_names, record.output_names, record.dt) == (same.input_names, same.output_names, same.dt)
+
+
+def test_a_table_of_another_robot_is_not_followed_by_the_truth_of_the_arm(printed, csv, tmp_path):
+    shown = printed("compare", csv, "--models", "arx:1/1", "--out", tmp_path / "own.png")
+    assert "figure: " in shown and "next:" not in shown

@@ -379,9 +379,44 @@ def test_the_end_of_a_record_judges_when_asked(result, printed, complaint, csv):
     assert half["samples"] == 600
     assert half["fit"] != result("identify", *words)["fit"]
     shown = printed("identify", *words, "--held-out", 0.5)
-    assert "fits to the last 50 %, which it was not estimated from" in shown
+    assert "fits to robot.csv 12 to 24 s, held out: the model is not estimated from them" in shown
     assert "from 0 to 0.9" in complaint("identify", *words, "--held-out", 1)
     assert "expected one: what judges" in complaint("identify", *words, "--held-out", 0.5, "--validate", csv)
     short = Path(csv).with_name("short.csv")
     short.write_text("\n".join(Path(csv).read_text().splitlines()[:301]))
     assert "300 samples in one piece" in complaint("identify", short, *words[1:], "--held-out", 0.5)
+
+
+def test_a_gap_is_cut_also_where_outputs_may_be_missing(result, printed, tmp_path):
+    """Inputs in a gap are not known: held ones would be invented. The last part judges and is named."""
+    u, y = signals(samples=2000)
+    keep = np.delete(np.arange(2000), np.s_[700:741])
+    path = table(tmp_path / "joint.csv", {"t": DT * keep, "u": u[keep], "y": y[keep]})
+    words = (path, "--method", "oe", "--orders", "1", "1")
+    assert result("identify", *words, "--missing")["parameters"] == result("identify", *words)["parameters"]
+    shown = printed("identify", *words, "--missing", "--held-out", "0.25")
+    assert "OE from joint.csv, fits to joint.csv 33.7 to 40 s, held out" in shown
+    assert "the model is of 2 parts" in shown and "the fits are" not in shown
+
+
+@pytest.mark.parametrize(
+    ("scale", "noise", "expected"),
+    [
+        (1.0, 0.01, "sufficient"),
+        (1.0, 1.0, "undecided: .* below 50 %"),
+        (-1.0, 0.01, "not sufficient: the sim"),
+    ],
+)
+def test_the_verdict_needs_a_simulation_that_explains_the_output(printed, csv, tmp_path, scale, noise, expected):
+    u, y = signals(noise, seed=5)
+    other = table(tmp_path / "other.csv", {"t": DT * np.arange(len(u)), "u": u, "y": scale * y})
+    shown = printed("identify", csv, "--method", "oe", "--orders", "1", "1", "--validate", other)
+    assert re.search(rf"verdict +{expected}", shown)
+    assert "tested on whitened residuals" in shown
+
+
+@pytest.mark.parametrize("ending", ["m", "c"])
+def test_no_next_command_after_source_code(printed, csv, tmp_path, ending):
+    words = ("--method", "oe", "--orders", "1", "1", "--save", tmp_path / f"servo.{ending}")
+    shown = printed("identify", csv, *words)
+    assert "model: " in shown and "next:" not in shown

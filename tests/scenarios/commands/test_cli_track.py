@@ -55,3 +55,11 @@ def test_json_has_the_estimates_once_a_second(result, files):
 )
 def test_what_cannot_be_followed_is_refused(complaint, files, words, message):
     assert message in complaint("track", *(files[0] if word == "{log}" else word for word in words))
+
+
+def test_a_gap_is_refused_with_its_remedy(run, tmp_path, recwarn):
+    u = np.tile([1.0, -1.0, -1.0], 100)
+    path = table(tmp_path / "gap.csv", {"t": np.delete(0.02 * np.arange(400), np.s_[120:220]), "u": u, "y": u})
+    code, out, err = run("track", path)
+    assert (code, out, len(recwarn)) == (2, "", 0)
+    assert "keep the rows of one part in the file, the longest 4.4 to 7.98 s after the first row" in err

@@ -17,9 +17,10 @@ from scenarios.datasets import withhold as withhold_module
 from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.build import build
 from scenarios.datasets.check import examine
-from scenarios.datasets.grade import grade_all
+from scenarios.datasets.grade import Grade, grade_all
 from scenarios.datasets.plan import DataSetPlan
-from scenarios.datasets.score import score_model
+from scenarios.datasets.score import Score, Scores, score_model
+from scenarios.datasets.spec_tables import Scoring
 from scenarios.datasets.withhold import build_withheld, check_withholdable, read_persons, read_roster
 from scenarios.experiments.registry import names
 from sysid import write_model
@@ -192,6 +193,18 @@ def test_submissions_are_graded_as_hmtb_dataset_score_does(school, tmp_path, pri
     assert bob["score"] == pytest.approx(score_model(truth.model, school.withheld / "class-bob-v1").mean, rel=1e-9)
     assert "unknown person 'eve'" in graded["refused"]["eve"]
     assert "oe" in printed("dataset", "grade", school.withheld, tmp_path / "ann")
+    assert not ann["too_good"] and graded["missing"] == []
+    shutil.rmtree(tmp_path / "bob")
+    assert result("dataset", "grade", school.withheld, tmp_path, code=1)["missing"] == ["bob"]
+
+
+@pytest.mark.parametrize(("metric", "copied", "honest"), [("rmse", 0.0, 0.031), ("fit", 100.0, 99.0)])
+def test_a_score_that_the_noise_forbids_is_marked(metric, copied, honest):
+    by_chance = {"rmse": 0.03, "fit": 99.5}[metric]
+    for value, expected in ((copied, True), (honest, False)):
+        scores = Scores(Scoring(metric), (Score("test", "elbow_pitch", value),))
+        assert Grade("set", scores, None, by_chance, {}, ()).too_good is expected
+        assert not Grade("set", scores, None, None, {}, ()).too_good
 
 
 def test_broken_submissions_are_refused_one_by_one(school, tmp_path):

@@ -18,6 +18,7 @@ from hmtb_twin.parameters.values import LARGE_MOTION, OPERATING_POSE
 from hmtb_twin.run.playback import frame_times, frames, play
 from scenarios import Excitation, Scenario
 from scenarios.experiments.film import load_or_simulate, write_film
+from tests.refusals import refused
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +121,14 @@ def test_a_gif_keeps_grey_and_few_bright_pixels(tmp_path):
     picture = np.repeat(np.tile(shade, (200, 1))[:, :, None], 3, axis=2)
     picture[:4, :4], picture[:60, 200:300] = (213, 94, 0), np.clip(shade[200:300, None] * [0.9, 0.95, 1.0], 0, 255)
     moving = [np.roll(picture, 5 * number, axis=0) for number in range(12)]
+    for rate in (30, 50):
+        with Image.open(write_film(iter(moving), tmp_path / f"{rate}.gif", rate=rate)) as gif:
+            spans = []
+            for number in range(gif.n_frames):
+                gif.seek(number)
+                spans.append(gif.info["duration"])
+        assert abs(sum(spans) - 1000 * len(moving) / rate) <= 10
+    refused("60 frames per second given", write_film, iter(moving), tmp_path / "60.gif", rate=60)
     with Image.open(write_film(iter(moving), tmp_path / "a.gif", rate=25)) as gif:
         for number, frame in enumerate(moving):
             gif.seek(number)

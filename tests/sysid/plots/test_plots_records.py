@@ -117,6 +117,8 @@ def test_residual_tests_of_one_output_and_of_several():
     np.testing.assert_allclose(whiteness.get_lines()[0].get_ydata(), test.autocorrelation[:, 0, 0])
     np.testing.assert_allclose(independence.get_lines()[0].get_xdata(), test.cross_lags)
     assert independence.get_ylabel() == "correlation with input"
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert titles == ["", "residuals as they are; the test whitens them"]
     rng = np.random.default_rng(0)
     noise = IOData(rng.standard_normal((300, 3)), rng.standard_normal((300, 2)), 0.1)
     model = StateSpace(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((2, 0)), np.zeros((2, 3)), None, 0.1)

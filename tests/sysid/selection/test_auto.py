@@ -5,7 +5,9 @@ import pytest
 import scipy
 
 import sysid
-from sysid import IOData, SysidError, auto
+import sysid.exchange
+import sysid.plots
+from sysid import IOData, SysidError, auto, compare, residuals
 from sysid.validation.feedback import interchanged
 from tests.sysid.systems import exact_system, losing, second_order
 
@@ -90,11 +92,17 @@ def test_several_outputs_get_a_state_space_model():
 
 
 @pytest.mark.slow
-def test_validation_data_decide_where_there_are_such():
+def test_validation_data_decide_and_the_choice_stands_for_its_estimate(tmp_path):
     data, fresh = second_order(seed=1, noise=0.2, d=(1.0,)), second_order(seed=2, noise=0.2, d=(1.0,))
     choice = auto(data, methods=["oe", "arx"], validation=fresh, largest=4)
     stable = [one for one in choice.candidates if one.radius < 1.0]
     assert choice.candidates[0].validation == min(one.validation for one in stable)
+    assert compare({"auto": choice}, fresh)[0].simulation == compare(choice.estimate, fresh)[0].simulation
+    sysid.exchange.to_matlab(choice, tmp_path / "one.m")
+    sysid.exchange.to_matlab(choice.estimate, tmp_path / "two.m")
+    assert (tmp_path / "one.m").read_text().replace("one", "two") == (tmp_path / "two.m").read_text()
+    assert sysid.plots.bode(choice).axes
+    np.testing.assert_array_equal(residuals(choice, fresh), residuals(choice.estimate, fresh))
     assert "validation" in str(choice) and "the least error in simulation" in choice.reason
 
 

@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Protocol
 
@@ -24,6 +25,10 @@ class Writer(Protocol):
 
     def close(self) -> None:
         """Write what describes the records as a whole."""
+        ...
+
+    def abort(self) -> None:
+        """Close the files of an export that failed."""
         ...
 
 
@@ -57,6 +62,9 @@ class RecordFiles:
 
     def close(self) -> None:
         """Nothing describes the files as a whole."""
+
+    def abort(self) -> None:
+        """No file stays open."""
 
 
 FORMATS: Mapping[str, Callable[[Path, DataSet], Writer]] = {
@@ -101,10 +109,12 @@ def export(
             f"{', '.join(existing)} is already there, and is not overwritten; remove it, or name another --out"
         )
     records = data_set.records()
-    with working_folder(out) as place:
+    with working_folder(out) as place, ExitStack() as failing:
         for name in finals:
             (place / name).mkdir()
         writers = {name: FORMATS[name](place / name, data_set) for name in finals}
+        for writer in writers.values():
+            failing.callback(writer.abort)
         listed: dict[str, list[dict[str, object]]] = {name: [] for name in finals}
         for done, one in enumerate(records, start=1):
             contents = read_record(data_set, one)

@@ -4,6 +4,8 @@ import json
 import os
 import re
 import shutil
+import subprocess
+import sys
 from contextlib import chdir
 from hashlib import sha256
 from pathlib import Path
@@ -20,7 +22,7 @@ import sysid
 from hmtb_twin.files.netcdf import Contents, Variable, read_netcdf
 from scenarios.datasets.index import read_index
 from scenarios.datasets.withhold import public_contents
-from scenarios.exchange.export import FORMATS, export
+from scenarios.exchange.exporter import FORMATS, export
 from scenarios.exchange.part_tables import PartTables
 from scenarios.exchange.record_files import LARGEST, ascii_table, columns, csv, csv_metadata, mat
 from tests.refusals import refused
@@ -122,6 +124,13 @@ def test_channels_that_a_record_lacks_and_withheld_outputs_are_null(data_set, co
     assert stored["status"].is_null().to_numpy().nonzero()[0].tolist() == public[20:].tolist()
     assert stored["force_x"].is_null().to_numpy().nonzero()[0].tolist() == [*public[20:], *less]
     assert stored["t"].to_pylist()[400:403] == [0.0, 0.02, 0.04] and stored["sample"].null_count == 0
+
+
+def test_the_public_name_is_the_function():
+    code = (
+        "from scenarios.exchange import export; import scenarios.exchange; assert callable(scenarios.exchange.export)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_the_card_says_where_the_parts_are(exported, tiny_spec):
