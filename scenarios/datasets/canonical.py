@@ -12,7 +12,7 @@ from scenarios.datasets.data_set import DataSet, cache_folder, open_data_set
 from scenarios.datasets.spec import shipped
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.toml_file import read_toml
-from scenarios.jobs.progress import Report
+from scenarios.jobs.progress import Report, show_progress
 
 SHOWN = 3
 """Problems of a damaged copy that are named."""
@@ -43,13 +43,16 @@ def load_dataset(
         name: Name with version, as `hmtb dataset list` prints it.
         cache: Folder of the copies; by default that of the variable HMTB_CACHE, else hmtb-twin in the user's cache.
         workers: Threads for the physics; all processors by default. The bits do not depend on it.
-        progress: Called with the progress of a build.
+        progress: Called with the progress; without it stderr shows a bar on a terminal, else a line now and then.
 
     Raises:
         ScenarioError: No such data set, or a copy whose bits have changed.
     """
     if name not in shipped():
         raise ScenarioError(unknown("data set", name, shipped(), listing="hmtb dataset list"))
+    if progress is None:
+        with show_progress(name) as report:
+            return load_dataset(name, cache=cache, workers=workers, progress=report)
     folder = cache_folder() if cache is None else Path(cache)
     if not (folder / name).exists():
         return build(shipped()[name], folder, workers=workers, progress=progress)
