@@ -147,15 +147,21 @@ def _version() -> str:
 
 
 def _check_ordinary(call: partial[int]) -> None:
-    """Refuse arguments that name pipes, sockets or devices: reading them may never end, and no file replaces them."""
+    """Refuse arguments that name pipes, sockets or devices, and NetCDF files that cannot be read without harm.
+
+    Reading a pipe may never end, and no file replaces a device; damaged HDF5 may end this process or hang it.
+    """
     given = (*call.args, *call.keywords.values())
     for value in (one for each in given for one in (each if isinstance(each, tuple) else (each,))):
+        mode = stat.S_IFREG
         with suppress(OSError, ValueError):
-            if isinstance(value, str | Path) and stat.S_IFMT(os.stat(value).st_mode) not in ORDINARY:
-                break
-    else:
-        return
-    raise ScenarioError(f"{str(value)!r} is a pipe, a socket or a device; expected an ordinary file")
+            mode = stat.S_IFMT(os.stat(value).st_mode) if isinstance(value, str | Path) else mode
+        if mode not in ORDINARY:
+            raise ScenarioError(f"{str(value)!r} is a pipe, a socket or a device; expected an ordinary file")
+        if mode == stat.S_IFREG and str(value).endswith(".nc") and os.path.isfile(value):
+            from scenarios.jobs.netcdf_reader import check_readable
+
+            check_readable(Path(value))
 
 
 def _bad_input(error: Exception) -> str | None:

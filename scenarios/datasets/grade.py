@@ -108,13 +108,16 @@ def grade_all(
     if not submissions.is_dir():
         raise ScenarioError(f"no folder {submissions}: expected a submission, or a folder of them")
     single = any(path.suffix in (*ENDINGS, ".json") for path in submissions.iterdir())
-    folders = [submissions.resolve()] if single else sorted(path for path in submissions.iterdir() if path.is_dir())
+    visible = (path for path in submissions.iterdir() if path.is_dir() and not path.name.startswith("."))
+    folders = [submissions.resolve()] if single else sorted(visible)
     if not folders:
         raise ScenarioError(f"{submissions} holds no submissions: expected predictions, or a folder of them per person")
     grades: dict[str, Grade | str] = {}
     for number, folder in enumerate(folders, start=1):
         person = "" if "" in persons else folder.name
         try:
+            if folder.is_symlink():
+                raise ScenarioError(f"{folder} is a link; expected a folder with the work of {person}")
             if person not in persons:
                 raise ScenarioError(f"{folder}: {unknown('person', person, persons)}")
             grades[folder.name] = _grade(folder, open_data_set(withheld / persons[person][0]))
@@ -129,9 +132,9 @@ def grade_all(
 def _grade(submission: Path, data_set: DataSet) -> Grade:
     """Score the predictions or the models of a submission on a complete data set."""
     for path in submission.iterdir():
-        # A link could lead to the withheld answer on this machine; a larger file is a mistake.
-        if path.is_symlink() or path.stat().st_size > 2**28:
-            raise ScenarioError(f"{path} is a link or has more than {2**28} bytes; expected ordinary files")
+        # A link could lead to the withheld answer, reading a pipe never ends, a larger file is a mistake.
+        if path.is_symlink() or not (path.is_file() or path.is_dir()) or path.stat().st_size > _most_bytes(path):
+            raise ScenarioError(f"{path} is a link, a pipe or has too many bytes; expected ordinary files")
     models = _read_models(submission, data_set)
     if any(path.suffix in ENDINGS for path in submission.iterdir()) or not models:
         scores = score(submission, data_set)
@@ -157,6 +160,10 @@ def _grade(submission: Path, data_set: DataSet) -> Grade:
         },
         tuple(_compare(model, joint, data_set) for joint, model in models.items()),
     )
+
+
+def _most_bytes(path: Path) -> int:
+    return 2**22 if path.suffix == ".json" else 2**28
 
 
 def _mean(cells: list[str]) -> float | None:

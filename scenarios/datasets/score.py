@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hmtb_twin.files.netcdf import read_netcdf
+from hmtb_twin.files.netcdf import Contents, Variable
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.spec_tables import UNITS, Scoring
 from scenarios.datasets.tables import read_rows
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.jobs.netcdf_reader import NetcdfReader
 from sysid import Estimate, Polynomials, StateSpace, SysidError
 from sysid.models.polynomials import innovations_form
 from sysid.records.mat_variables import read_variables
@@ -21,6 +22,12 @@ ENDINGS = (".nc", ".csv", ".mat")
 """Endings of files of predictions; other files in their folder are ignored."""
 
 EXPECTED = "a folder, or files EXPERIMENT.csv, .nc or .mat, one for each record of the test part"
+
+FOREIGN = NetcdfReader()
+"""Reads predictions, which come from anybody; its process ends with this one."""
+
+MOST_DIGITS = 64
+"""Bytes of a number and its separator in a CSV file of predictions, at most."""
 
 Model = Predictor | StateSpace | Estimate | Polynomials
 """Submissions that can be scored besides predictions."""
@@ -192,6 +199,10 @@ def in_metric(scoring: Scoring, rmse: np.ndarray, spread: np.ndarray) -> np.ndar
 
 def _fitting(record: DataRecord, given: Path | np.ndarray) -> np.ndarray:
     """Predicted outputs as (N, ny), from a file where that is given; refused where they do not fit the record."""
+    if isinstance(given, Path) and given.suffix == ".csv":
+        most = MOST_DIGITS * (len(record) + 2) * (len(record.joints) + 1)
+        if given.stat().st_size > most:
+            raise ScenarioError(f"{given} has {given.stat().st_size} bytes, expected at most {most} for its record")
     values = np.asarray(_read(given, record.joints) if isinstance(given, Path) else given)
     source = given if isinstance(given, Path) else record.name
     if values.dtype.kind not in "iuf":
@@ -240,7 +251,7 @@ def _read(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
             raise ScenarioError(f"{path} has no matrix y")
         values = matrices["y"]
     else:
-        variables = read_netcdf(path).variables
+        variables = FOREIGN.apply(_variables, path)
         if missing := {"y", "output"} - variables.keys():
             raise ScenarioError(f"{path} has no variable {min(missing)}, but {', '.join(variables) or 'none'}")
         values = variables["y"].values
@@ -252,6 +263,10 @@ def _read(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
             f"{path}: outputs {', '.join(names) or 'without names'} given, expected {', '.join(outputs)} in this order"
         )
     return values
+
+
+def _variables(contents: Contents) -> Mapping[str, Variable]:
+    return contents.variables
 
 
 def _is_number(word: str) -> bool:

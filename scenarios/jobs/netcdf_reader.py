@@ -1,12 +1,13 @@
 """Reads NetCDF files in a separate process, so that a damaged file can crash only that process.
 
-One flipped byte can make the HDF5 library crash or loop without end.
+One flipped byte can make the HDF5 library crash, loop without end or ask for all memory.
 """
 
+import resource
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from multiprocessing import current_process
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,6 +18,9 @@ from scenarios.files.errors import ScenarioError
 from scenarios.jobs.executor import one_process
 
 Result = TypeVar("Result")
+
+MOST_MEMORY = 3 * 2**30
+"""Bytes that the reading process may take for a file; records have 2 GiB at most."""
 
 
 class NetcdfReader(AbstractContextManager["NetcdfReader"]):
@@ -34,22 +38,26 @@ class NetcdfReader(AbstractContextManager["NetcdfReader"]):
         self._end()
 
     def apply(self, function: Callable[..., Result], path: Path, *arguments: Any) -> Result:
-        """Call a function of a module with the contents of a file.
+        """Call a function of a module with the contents of a file and further arguments; see `call`."""
+        return self.call(_apply, path, function, path, arguments)
+
+    def call(self, function: Callable[..., Result], path: Path, *arguments: Any) -> Result:
+        """Call a function of a module in the reading process.
 
         Args:
-            function: Called with the contents and the further arguments, in the reading process.
-            path: The file.
-            *arguments: Further arguments of the function.
+            function: Called with the further arguments.
+            path: The file that it reads, for messages.
+            *arguments: Arguments of the function.
 
         Raises:
-            ScenarioError: The file cannot be read, or reading it does not end.
+            ScenarioError: The file cannot be read, reading it does not end, or takes more than `MOST_MEMORY`.
         """
         try:
             if getattr(current_process(), "_inheriting", False):  # runs a user's script again, and may start none
-                return _apply(function, path, arguments)
+                return function(*arguments)
             if self._pool is None:
                 self._pool = one_process()
-            return self._pool.submit(_apply, function, path, arguments).result(self._patience)
+            return self._pool.submit(_limited, function, *arguments).result(self._patience)
         except TwinError as error:
             raise ScenarioError(str(error)) from error
         except ScenarioError:
@@ -60,6 +68,8 @@ class NetcdfReader(AbstractContextManager["NetcdfReader"]):
         except TimeoutError:
             self._end()
             raise ScenarioError(f"{path}: reading it did not end within {self._patience:g} s: it is damaged") from None
+        except MemoryError:
+            raise ScenarioError(f"{path}: it takes more than {MOST_MEMORY / 2**30:g} GiB of memory") from None
         except Exception as error:  # whatever a damaged file raises inside the library
             raise ScenarioError(repr(error)[:200]) from error
 
@@ -71,5 +81,29 @@ class NetcdfReader(AbstractContextManager["NetcdfReader"]):
         self._pool = None
 
 
+def check_readable(path: Path) -> None:
+    """Read all numbers of an HDF5 file in a process of its own, before this one reads it.
+
+    Raises:
+        ScenarioError: Reading crashes, does not end, or takes too much memory.
+    """
+    with NetcdfReader() as reader:
+        reader.call(_touch, path, path)
+
+
+def _touch(path: Path) -> None:
+    import h5py
+
+    with suppress(OSError, RuntimeError, ValueError, TypeError, KeyError), h5py.File(path, "r") as file:
+        file.visititems(lambda _, entry: entry[()] is None if isinstance(entry, h5py.Dataset) else None)
+
+
 def _apply(function: Callable[..., Result], path: Path, arguments: tuple[Any, ...]) -> Result:
     return function(read_netcdf(path), *arguments)
+
+
+def _limited(function: Callable[..., Result], *arguments: Any) -> Result:
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    if soft == resource.RLIM_INFINITY:
+        resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, hard))
+    return function(*arguments)

@@ -165,6 +165,18 @@ def test_a_folder_without_a_data_set_is_refused(complaint, tmp_path, monkeypatch
     complaint("dataset", command, "." if command != "score" else "p", *words)
 
 
+def crash(path):
+    os.abort()
+
+
+@pytest.mark.parametrize("command", ["identify", "compare", "convert", "video", "truth --data"])
+def test_a_file_that_ends_the_process_which_reads_it_is_refused(complaint, tmp_path, monkeypatch, command):
+    monkeypatch.setattr("scenarios.jobs.netcdf_reader._touch", crash)
+    (tmp_path / "log.nc").write_bytes(b"\x89HDF")
+    words = {"convert": (tmp_path / "log.asc",)}.get(command, ())
+    assert "log.nc: reading it crashed: it is damaged" in complaint(*command.split(), tmp_path / "log.nc", *words)
+
+
 def test_too_little_memory_is_one_line(complaint, monkeypatch):
     def full(*_, **__):
         raise MemoryError("Unable to allocate 7.45 GiB")

@@ -273,6 +273,12 @@ def test_a_data_set_without_any_record_does_not_pass(copy):
     assert "0 of 3 experiments have a record" in result.notes
 
 
+def test_a_file_that_takes_all_memory_is_refused(tiny):
+    with NetcdfReader() as reader:
+        refused("more than 3 GiB of memory", reader.call, np.ones, tiny / RECORD, 2**29)
+        assert reader.call(np.ones, tiny / RECORD, 3).tolist() == [1.0, 1.0, 1.0]
+
+
 def test_a_reader_that_hangs_or_crashes_is_replaced(tiny):
     with NetcdfReader(patience=10.0) as reader:
         assert "y" in reader.apply(Contents.array_hashes, tiny / RECORD)

@@ -1,6 +1,7 @@
 """Data sets for classes: nothing published reveals the truth, and submissions are graded on the complete data."""
 
 import json
+import os
 import shutil
 import stat
 import struct
@@ -234,7 +235,18 @@ def test_broken_submissions_are_refused_one_by_one(school, tmp_path):
     (ann / "other.csv").unlink()
     (ann / "twin-0-noise.nc").symlink_to(school.withheld / "class-ann-v1/data/test/twin-0-noise.nc")
     assert "is a link" in str(grade_all(school.withheld, tmp_path)["ann"])
+    (ann / "twin-0-noise.nc").unlink()
+    os.mkfifo(ann / "twin-0-noise.nc")
+    assert "a pipe" in str(grade_all(school.withheld, tmp_path)["ann"])
+    (ann / "twin-0-noise.nc").unlink()
+    assert "expected at most" in refusal("elbow_pitch\n" + 100_000 * "0.5\n", "twin-0-noise.csv")
+    # The work of another person under one's own name; what a version control system keeps is no submission.
     shutil.rmtree(bob)
+    bob.symlink_to(ann)
+    (tmp_path / ".git").mkdir()
+    assert "is a link" in str(grade_all(school.withheld, tmp_path)["bob"])
+    assert ".git" not in grade_all(school.withheld, tmp_path)
+    bob.unlink()
     refused(r"cannot read .*persons\.json", grade_all, tmp_path, tmp_path)
     refused("no folder", grade_all, school.withheld, tmp_path / "absent")
 
