@@ -16,6 +16,7 @@ import tyro
 
 from scenarios.commands.usage import completion_script, in_options, listing, read_options
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.printable import one_line
 from scenarios.files.toml_file import read_toml
 from scenarios.jobs.progress import show_activity
 
@@ -73,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         if not isinstance(call, str):
             line = in_options(line, call.func)
-        print(f"hmtb: {abridged(line)}", file=sys.stderr)
+        print(f"hmtb: {one_line(abridged(line))}", file=sys.stderr)
         return 2
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from hmtb_twin.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError
+from scenarios.files.printable import visible
 from scenarios.jobs.progress import end_activity, pause_activity
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def plain(value: object) -> object:
 def say(text: str) -> None:
     """Write a line on stdout."""
     end_activity()
-    sys.stdout.write(text + "\n")
+    sys.stdout.write(visible(text) + "\n")
 
 
 def say_each(label: str, items: Iterable[object]) -> None:
@@ -109,7 +110,7 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
         numbers = any(columns) and 2 * sum(bool(NUMBER.match(cell)) for cell in filled) > len(filled)
         table.add_column(column, justify="right" if numbers else "left", overflow="fold")
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(visible, row))
     end_activity()
     # A pipe has no width of its own; eighty columns would break the rows that a script wants to read.
     Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False).print(table)

@@ -1,6 +1,7 @@
 """Data sets for classes: a public one for each person, the complete ones and their seeds in a withheld folder."""
 
 import json
+import os
 import secrets
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -63,6 +64,12 @@ def build_withheld(
         if hidden == out.resolve() or (out / one.label).resolve() in (hidden, *hidden.parents):
             raise ScenarioError(f"{withheld} given as withheld folder, expected one outside of what is published")
     withheld.mkdir(mode=0o700, parents=True, exist_ok=True)
+    status = withheld.stat()
+    if status.st_uid != os.getuid() or status.st_mode & 0o077:
+        raise ScenarioError(
+            f"{withheld} belongs to another user, or others may open it (mode {status.st_mode & 0o777:o}); expected a "
+            "folder of your own with mode 700: it holds secret seeds"
+        )
     seeds = _seeds(withheld, {person: one.label for person, one in specs.items()}, seed)
     paths: list[Path] = []
     failed: dict[str, str] = {}

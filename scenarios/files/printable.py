@@ -4,3 +4,8 @@
 def one_line(text: str) -> str:
     """The text on one line, characters that cannot be seen, or that steer a terminal, replaced."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))
+
+
+def visible(text: str) -> str:
+    """The text with its lines, characters that cannot be seen, or that steer a terminal, replaced."""
+    return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)

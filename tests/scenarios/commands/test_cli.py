@@ -13,6 +13,7 @@ from scipy.io import savemat
 
 from scenarios import names
 from scenarios.commands.cli import PROGRAMS, main
+from scenarios.commands.output import print_table, say
 from tests.scenarios.commands.conftest import signals, table
 
 OE = ("--method", "oe", "--orders", "1", "1", "1")
@@ -175,6 +176,13 @@ def test_a_file_that_ends_the_process_which_reads_it_is_refused(complaint, tmp_p
     (tmp_path / "log.nc").write_bytes(b"\x89HDF")
     words = {"convert": (tmp_path / "log.asc",)}.get(command, ())
     assert "log.nc: reading it crashed: it is damaged" in complaint(*command.split(), tmp_path / "log.nc", *words)
+
+
+def test_names_from_files_do_not_steer_the_terminal(complaint, tmp_path, capsys):
+    assert "\x1b" not in complaint("identify", tmp_path / "\x1b[2Jrow.csv", *OE)
+    print_table("scores", ("name", "score"), [("eve\x1b[1A\rann", "1.0")])
+    say("eve\x1b[2J")
+    assert "\x1b" not in capsys.readouterr().out
 
 
 def test_too_little_memory_is_one_line(complaint, monkeypatch):

@@ -199,6 +199,11 @@ def test_submissions_are_graded_as_hmtb_dataset_score_does(school, tmp_path, pri
     assert result("dataset", "grade", school.withheld, tmp_path, code=1)["missing"] == ["bob"]
 
 
+def test_a_folder_that_others_may_open_keeps_no_secret(tmp_path, school):
+    (tmp_path / "open").mkdir(mode=0o755)
+    refused("others may open it", build_withheld, school.spec, tmp_path / "out", tmp_path / "open")
+
+
 @pytest.mark.parametrize(("metric", "copied", "honest"), [("rmse", 0.0, 0.031), ("fit", 100.0, 99.0)])
 def test_a_score_that_the_noise_forbids_is_marked(metric, copied, honest):
     by_chance = {"rmse": 0.03, "fit": 99.5}[metric]
