@@ -282,5 +282,7 @@ def test_notebooks_run_and_their_statements_hold(path, cache, tmp_path, monkeypa
     held = json.loads(notebook.cells[-1].outputs[-1].text)
     assert not [sentence for sentence, holds in held.items() if not holds]
     shown = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
-    assert not [output.text for output in shown if output.output_type == "stream" and output.name == "stderr"]
+    errors = [output.text for output in shown if output.output_type == "stream" and output.name == "stderr"]
+    lines = [line for text in errors for line in text.splitlines()]
+    assert not [line for line in lines if not line.startswith("hmtb-siso-v1: ")]  # progress of its build
     assert any("image/png" in output.get("data", {}) for output in shown)

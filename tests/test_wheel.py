@@ -75,7 +75,7 @@ def test_the_packages_of_the_wheel_find_their_data_and_move_the_arm(environment,
     names = [
         path.relative_to(study).as_posix()
         for path in study.rglob("*")
-        if path.is_file() and path.suffix not in {".py", ".pyc"}
+        if "__pycache__" not in path.parts and path.is_file() and path.suffix not in {".py", ".pyc"}
     ]
     assert any(name.endswith((".j2", ".html")) for name in names), "the report needs a template"
     script = (

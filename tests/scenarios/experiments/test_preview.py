@@ -155,7 +155,7 @@ def test_the_command_prints_what_is_seen(printed, result, tmp_path):
     assert record["inputs"]["full_model"] is False
     assert record["warnings"] == list(seen.warnings())
     assert Path(record["plot"]).read_bytes().startswith(b"\x89PNG")
-    out = printed(*words)
+    out = printed(*words, "--overwrite")
     for word in ("mimo-9: 8 s, cartesian mode, axes x, y, z", "warning:", "25.0 deg/s", "order of excitation: 25"):
         assert word in out
 
