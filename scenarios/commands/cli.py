@@ -153,16 +153,19 @@ def _check_ordinary(call: partial[int]) -> None:
     Reading a pipe may never end, and no file replaces a device; damaged HDF5 may end this process or hang it.
     """
     given = (*call.args, *call.keywords.values())
+    records = []
     for value in (one for each in given for one in (each if isinstance(each, tuple) else (each,))):
-        mode = stat.S_IFREG
+        mode = 0
         with suppress(OSError, ValueError):
-            mode = stat.S_IFMT(os.stat(value).st_mode) if isinstance(value, str | Path) else mode
-        if mode not in ORDINARY:
+            mode = stat.S_IFMT(os.stat(value).st_mode) if isinstance(value, str | Path) else 0
+        if mode not in (0, *ORDINARY):
             raise ScenarioError(f"{str(value)!r} is a pipe, a socket or a device; expected an ordinary file")
-        if mode == stat.S_IFREG and str(value).endswith(".nc") and os.path.isfile(value):
-            from scenarios.jobs.netcdf_reader import check_readable
+        if mode == stat.S_IFREG and str(value).endswith(".nc"):
+            records.append(Path(value))
+    if records:
+        from scenarios.jobs.netcdf_reader import check_readable
 
-            check_readable(Path(value))
+        check_readable(records)
 
 
 def _bad_input(error: Exception) -> str | None:

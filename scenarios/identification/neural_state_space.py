@@ -173,12 +173,12 @@ def neural_ss(
     if order < 1 or neurons < 1:
         raise ScenarioError(f"neural_ss orders {order} {neurons} given, expected an order and neurons of 1 or more")
     nu = parts[0].nu
-    least = order * (order + nu) + order + 1 + neurons * (2 * order + nu + 1)
-    samples = sum(len(part) for part in parts)
-    if least > min(MOST_PARAMETERS, samples):
+    n = order * nu  # states of `oe`: a block for each input
+    count, samples = n * (n + nu) + n + 1 + neurons * (2 * n + nu + 1), sum(len(part) for part in parts)
+    if count > min(MOST_PARAMETERS, samples):
         raise ScenarioError(
-            f"neural_ss orders {order} {neurons} given: {least} parameters or more, expected {MOST_PARAMETERS} or "
-            f"less, and not more than the {samples} samples"
+            f"neural_ss orders {order} {neurons} given: {count} parameters, expected {MOST_PARAMETERS} or less, and "
+            f"not more than the {samples} samples"
         )
     signals = np.concatenate([np.hstack([part.u, part.y]) for part in parts])
     levels, spreads = signals.mean(axis=0), signals.std(axis=0)
@@ -188,13 +188,6 @@ def neural_ss(
     # Each about its own means: else a pole at 1 would explain the levels of the records instead of their dynamics.
     centred = [part.subtract(u=part.u.mean(axis=0), y=part.y.mean(axis=0)) for part in scaled]
     linear = sysid.oe(centred, order, order).model
-    n = linear.order
-    count = n * (n + nu) + n + 1 + neurons * (2 * n + nu + 1)
-    if count > min(MOST_PARAMETERS, samples):
-        raise ScenarioError(
-            f"neural_ss orders {order} {neurons} given: {count} parameters, expected {MOST_PARAMETERS} or less, and "
-            f"not more than the {samples} samples"
-        )
     starts = [initial_state(linear, part) for part in scaled]
     tracks = [state_trajectory(linear.A, p.u @ linear.B.T, x0) for p, x0 in zip(scaled, starts, strict=True)]
     size = np.concatenate(tracks).std(axis=0)

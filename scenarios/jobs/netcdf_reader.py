@@ -4,7 +4,7 @@ One flipped byte can make the HDF5 library crash, loop without end or ask for al
 """
 
 import resource
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, suppress
@@ -81,21 +81,26 @@ class NetcdfReader(AbstractContextManager["NetcdfReader"]):
         self._pool = None
 
 
-def check_readable(path: Path) -> None:
-    """Read all numbers of an HDF5 file in a process of its own, before this one reads it.
+def check_readable(paths: Iterable[Path]) -> None:
+    """Read all numbers of HDF5 files in a process of its own, before this one reads them.
 
     Raises:
         ScenarioError: Reading crashes, does not end, or takes too much memory.
     """
     with NetcdfReader() as reader:
-        reader.call(_touch, path, path)
+        for path in paths:
+            reader.call(_touch, path, path)
 
 
 def _touch(path: Path) -> None:
     import h5py
 
     with suppress(OSError, RuntimeError, ValueError, TypeError, KeyError), h5py.File(path, "r") as file:
-        file.visititems(lambda _, entry: entry[()] is None if isinstance(entry, h5py.Dataset) else None)
+        found: list[h5py.Dataset] = []
+        # a function that returns anything but None would end the visit
+        file.visititems(lambda _, entry: found.append(entry) if isinstance(entry, h5py.Dataset) else None)
+        for entry in found:
+            entry[()]
 
 
 def _apply(function: Callable[..., Result], path: Path, arguments: tuple[Any, ...]) -> Result:

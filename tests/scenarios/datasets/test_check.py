@@ -20,6 +20,7 @@ from scenarios.datasets.experiment_file import record_attributes
 from scenarios.datasets.folder_check import list_files
 from scenarios.datasets.index import hash_of_all, read_index, seal
 from scenarios.datasets.record_check import record_problems
+from scenarios.jobs import netcdf_reader
 from scenarios.jobs.netcdf_reader import NetcdfReader
 from tests.refusals import refused
 
@@ -271,6 +272,13 @@ def test_a_data_set_without_any_record_does_not_pass(copy):
     result = examine(copy)
     assert "no experiment has a record" in result.problems
     assert "0 of 3 experiments have a record" in result.notes
+
+
+def test_every_array_of_a_foreign_file_is_read_first(tiny, monkeypatch):
+    read = []
+    monkeypatch.setattr(h5py.Dataset, "__getitem__", lambda self, _: read.append(self.name))
+    netcdf_reader._touch(tiny / RECORD)
+    assert {"/u", "/y", "/t", "/status", "/force"} <= set(read)
 
 
 def test_a_file_that_takes_all_memory_is_refused(tiny):

@@ -191,7 +191,7 @@ def test_records_and_orders_that_do_not_fit_are_refused():
     refused("takes one joint; records of 2 inputs", hammerstein_loop, [two], 1, 2, 1, widths=(0.0,), width=0.0)
     refused("1 <= nb <= nf", hammerstein_loop, [one], 3, 2, 1, widths=(0.0,), width=0.0)
     refused("2 widths of the dead zone given for 1", hammerstein_loop, [one], 1, 2, 1, widths=(0.0, 0.0), width=0.0)
-    refused("parameters or more, expected 400 or less", neural_ss, [one], 3, 200, seed=1)
+    refused("parameters, expected 400 or less", neural_ss, [one], 3, 200, seed=1)
     still = record(one.u, np.zeros(len(one)))
     refused("does not move", narx, [still], 1, 1, 1, 1)
     for name, orders, match in (
