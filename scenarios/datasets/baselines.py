@@ -15,7 +15,7 @@ import numpy as np
 
 from hmtb_twin import TwinError, load_arm
 from hmtb_twin.files.hashes import file_hash
-from scenarios.datasets.arm_truth import read_arm
+from scenarios.datasets.arm_truth import StoredArm, read_arm
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.plan import BASELINES, INDEX, DataSetPlan, arm_file
 from scenarios.datasets.score import Scores, score_outputs
@@ -159,10 +159,7 @@ def identified(method: Method, parts: Sequence[IOData], known: Known = RECORDS_A
 
 def _true_predictor(data_set: DataSet, arm: str, joints: Sequence[str]) -> ModelPredictor:
     """The small-signal truth of joints of an arm, with its noise model and its operating point."""
-    path = data_set.folder / arm_file(arm)
-    if not path.is_file():
-        raise ScenarioError(f"{data_set.label}: no {arm_file(arm)}; a baseline of the truth needs the truth")
-    stored = read_arm(path)
+    stored = _stored_arm(data_set, arm, "a baseline of the truth needs the truth")
     single = stored.joints.get(joints[0]) if len(joints) == 1 else None
     # The model of a joint alone has fewer states and the same behaviour.
     model = single.model if single else stored.truth.subset(joints, joints)
@@ -178,15 +175,20 @@ def dead_zone(data_set: DataSet, arm: str, joint: str) -> float:
     Raises:
         ScenarioError: The truth of the arm is missing, or of an arm that this version does not know.
     """
-    path = data_set.folder / arm_file(arm)
-    if not path.is_file():
-        raise ScenarioError(f"{data_set.label}: no {arm_file(arm)}; the known dead zone is taken from the truth")
-    truth = read_arm(path).truth
+    truth = _stored_arm(data_set, arm, "the known dead zone is taken from the truth").truth
     try:
         twin = load_arm(truth.variant, truth.payload, plant=truth.plant, specimen=truth.specimen)
     except TwinError as error:
-        raise ScenarioError(f"{path}: {error}") from error
+        raise ScenarioError(f"{data_set.folder / arm_file(arm)}: {error}") from error
     return twin.drives[joint].coulomb_torque / twin.gains[joint].kp
+
+
+def _stored_arm(data_set: DataSet, arm: str, why: str) -> StoredArm:
+    """The truth of an arm; an error says why it is needed where it is missing."""
+    path = data_set.folder / arm_file(arm)
+    if not path.is_file():
+        raise ScenarioError(f"{data_set.label}: no {arm_file(arm)}; {why}")
+    return read_arm(path)
 
 
 def baseline_pieces(plan: DataSetPlan) -> tuple[str, ...]:
