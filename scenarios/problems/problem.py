@@ -1,6 +1,5 @@
 """Problem of the test bench: its records, the truth behind them, and the best accuracy that one record allows."""
 
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,18 +9,17 @@ from sysid import IOData, StateSpace
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.validation import CramerRaoBound
 
-COUNT = 16
-"""Frequencies at which estimates are compared with the truth."""
-
-LOWEST = 0.05
-"""Of the lowest bandwidth. Below it the response is the static gain again, its imaginary part all but zero and known
-all but exactly: ratios to its deviation would be ratios of rounding errors."""
-
-HIGHEST = 0.6
-"""Of the Nyquist frequency. Above it hardly a system here responds any more."""
+NYQUIST_SHARES = np.geomspace(0.002, 0.6, 16)
+"""Where estimates are compared with the truth, over the Nyquist frequency: the same for all, so that the frequencies of
+a task do not tell the problem. The slowest system here begins to fall off at 0.005; above 0.6 hardly one responds."""
 
 MORE_ORDERS = 3
 """Most orders beyond the true one for an estimator that chooses."""
+
+
+def common_frequencies(dt: float) -> FloatArray:
+    """Frequencies at which an estimator claims the covariance of its response (nf,), Hz: by the sampling alone."""
+    return np.asarray(NYQUIST_SHARES * (0.5 / dt))
 
 
 class Problem(Locked):
@@ -38,23 +36,10 @@ class Problem(Locked):
         def truth(self) -> StateSpace:
             """True model, with its noise model where there is one."""
 
-    @cached_property
+    @property
     def frequencies(self) -> FloatArray:
-        """Frequencies at which estimates are compared with the truth (nf,), Hz.
-
-        A logarithmic grid over all that matters of the system. Where there is no bandwidth it begins below the slowest
-        pole.
-        """
-        nyquist = 0.5 / self.truth.dt
-        bandwidths = self.truth.bandwidth()
-        known = bandwidths[np.isfinite(bandwidths)]
-        if len(known):
-            corner = float(known.min())
-        else:
-            poles = self.truth.input_path().poles()
-            speeds = np.abs(np.log(poles[np.abs(poles) > 1e-6])) / (2.0 * np.pi * self.truth.dt)
-            corner = float(speeds.min(initial=HIGHEST * nyquist))
-        return np.geomspace(LOWEST * min(corner, nyquist), HIGHEST * nyquist, COUNT)
+        """Frequencies at which estimates are compared with the truth (nf,), Hz."""
+        return common_frequencies(self.truth.dt)
 
     def draw(self, seed: int) -> IOData:
         """One record; the same for the same seed, in any process."""

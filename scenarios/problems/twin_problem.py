@@ -9,7 +9,7 @@ from hmtb_twin import JointTruth, load_arm
 from hmtb_twin.parameters.values import OPERATING_POSE
 from scenarios.datasets.arm_truth import arm_truth
 from scenarios.estimators.task import Task
-from scenarios.problems.problem import Problem
+from scenarios.problems.problem import Problem, common_frequencies
 from scenarios.problems.twin_best_linear import BestLinear, scattered_model, twin_best_linear
 from scenarios.problems.twin_name import TwinName
 from scenarios.problems.twin_records import draw_record
@@ -90,7 +90,7 @@ class TwinProblem(Problem):
         values = {"na": order, "nb": order, "nf": order, "nk": delay, "order": order + delay - 1}
         values |= {"nc": order if structure == "armax" else NOISE_ORDER, "nd": NOISE_ORDER}
         orders = {name: values[name] for name in STRUCTURES[structure]} if order else {}
-        return Task(structure, orders, MOST_ORDER, self.frequencies)
+        return Task(structure, orders, MOST_ORDER, common_frequencies(self.truth.dt))
 
     def nonparametric(self, record: IOData) -> ComplexArray:
         """Response that a record shows without any model: output over input, line by line (nf, 1, 1).

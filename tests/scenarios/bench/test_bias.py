@@ -66,7 +66,7 @@ def test_bias_of_one_input_alone_is_shown_beside_the_predicted_one():
     part = evaluated(Bias(), data).parts[-1]
     assert (part.label, part.passed, part.draws) == (ALONE, None, 20)
     assert part.value == pytest.approx(part.expected, rel=0.02)
-    assert "83 % off; output error without noise is 83.1 % off" in part.why
+    assert "83.1 % off; output error without noise is 83.1 % off" in part.why
     constant = [replace(m, response=bound.response) for m in data]
     assert "no scatter" in evaluated(Bias(), constant, ANYONE).parts[-1].why
 

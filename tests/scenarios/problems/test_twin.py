@@ -11,6 +11,7 @@ from scenarios.bench.amplitude_split import AMPLITUDES, JOINTS, multisine_class
 from scenarios.bench.bandwidth import sequence_class
 from scenarios.problems import twin_best_linear as module
 from scenarios.problems import twin_records
+from scenarios.problems.problem import common_frequencies
 from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
 from scenarios.problems.twin_best_linear import (
@@ -69,6 +70,7 @@ def test_tasks_of_every_structure_have_the_delay_of_the_joint():
     assert asked.task(None).structure == "armax"
     for structure, names in STRUCTURES.items():
         task = asked.task(structure)
+        assert np.array_equal(task.frequencies, common_frequencies(0.02))
         assert set(task.orders) == set(names)
         assert task.orders.get("nk", 2) == asked.joint_truth.delay_samples == 2
         assert asked.task(structure, "select").chooses
