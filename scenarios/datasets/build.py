@@ -19,6 +19,7 @@ from scenarios.datasets.baselines import baseline_files, baseline_pieces
 from scenarios.datasets.best_linear_truth import best_linear_files, best_linear_pieces
 from scenarios.datasets.chunk import MOST_ROWS, BuiltExperiment, chunks, run_chunk, run_chunk_elsewhere, steady_memory
 from scenarios.datasets.data_set import DataSet, open_data_set
+from scenarios.datasets.folder_check import list_files
 from scenarios.datasets.index import paths_of_files, read_index, write_checksums, write_index
 from scenarios.datasets.metadata import metadata_files
 from scenarios.datasets.plan import BUILD, INDEX, JOURNAL, SPEC, SUMS, UNFINISHED, DataSetPlan
@@ -71,7 +72,7 @@ def build(
     executor: Executor[Any] | None = None,
     progress: Report | None = None,
 ) -> DataSet:
-    """Build a data set; an interrupted build resumes.
+    """Build a data set; an interrupted build resumes, and one that is complete is only checked.
 
     Args:
         spec: The spec.
@@ -83,8 +84,8 @@ def build(
         progress: Called with the progress.
 
     Raises:
-        ScenarioError: The data set is already there; another build is at work on it; it was begun with another spec or
-            by other software; no experiment has a record; or a file cannot be written: then the next build resumes.
+        ScenarioError: Another data set is already there; another build is at work on it; it was begun with another spec
+            or by other software; no experiment has a record; or a file cannot be written: then the next build resumes.
         TwinError: What the spec needs is not installed.
     """
     if rows < 1:
@@ -100,13 +101,13 @@ def build(
         if not final.exists() and not final.is_symlink():
             _build_folder(folder, plan, executor, workers, rows, report)
             folder.rename(final)
-        elif not (final / JOURNAL).is_file():
+        elif not (final / JOURNAL).is_file() and not _is_built(final, plan):
             raise ScenarioError(
-                f"{final} is already there: a version is never overwritten; give the spec another version, or "
-                "build in another folder"
+                f"{final} is already there, and is not what this build would make: a version is never overwritten; "
+                "give the spec another version, or build in another folder"
             )
         # If it is still there, the build was killed between renaming the folder and removing the journal.
-        (final / JOURNAL).unlink()
+        (final / JOURNAL).unlink(missing_ok=True)
         report(Progress("finish", 1, 1))
     except OSError as error:
         why = os.strerror(error.errno) if error.errno else str(error)
@@ -116,6 +117,21 @@ def build(
             why += f"; progress is saved in {folder}: run the command again to resume"
         raise ScenarioError(f"cannot write or read {error.filename or folder}: {why}") from error
     return open_data_set(final)
+
+
+def _is_built(folder: Path, plan: DataSetPlan) -> bool:
+    """Whether a folder is this data set of this software, byte for byte: a build may be killed after its last step."""
+    first = _first_files(plan)
+    if not all((folder / name).is_file() and (folder / name).read_bytes() == first[name] for name in first):
+        return False
+    checked = list_files(folder)
+    return not checked.problems and all(file_hash(folder / path) == h for path, h in checked.sums.items())
+
+
+def _first_files(plan: DataSetPlan) -> dict[str, bytes]:
+    """Spec and software of a data set, the first files in its folder."""
+    record = {"data_set": plan.spec.label, "source": fingerprint(), "versions": versions()}
+    return {SPEC: plan.spec.to_toml().encode(), BUILD: f"{json.dumps(record, indent=1, sort_keys=True)}\n".encode()}
 
 
 def _build_folder(
@@ -128,14 +144,12 @@ def _build_folder(
         raise ScenarioError(
             f"{folder} holds no build but {', '.join(foreign[:SHOWN])}: expected an empty folder or none"
         )
-    label, text = plan.spec.label, plan.spec.to_toml()
+    label = plan.spec.label
     # Everything that the bits of a data set depend on, by name.
-    table = {key: json.dumps(value, sort_keys=True) for key, value in read_toml(text, label).items()}
+    table = {key: json.dumps(value, sort_keys=True) for key, value in read_toml(plan.spec.to_toml(), label).items()}
     with Journal(folder / JOURNAL, {**table, **versions(), "source": fingerprint()}) as journal:
         remove_partial(folder)
-        record = {"data_set": label, "source": fingerprint(), "versions": versions()}
-        record_text = json.dumps(record, indent=1, sort_keys=True) + "\n"
-        write_files(folder, {SPEC: text.encode(), BUILD: record_text.encode()})
+        write_files(folder, _first_files(plan))
         _check_entries(folder, plan, journal, report)
         _simulate_rest(folder, plan, journal, executor, workers, rows, report)
         _check_records(folder, journal)

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.datasets.index import hash_of_all
-from scenarios.datasets.plan import INDEX, SPEC, SUMS, DataSetPlan
+from scenarios.datasets.plan import INDEX, PRIVATE, SPEC, SUMS, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.withhold import PRIVATE
 from scenarios.files.errors import ScenarioError
 
 LINE = re.compile(rb"([0-9a-f]{64})  ([^\x00-\x1f\x7f\\]{1,4096})\n")

@@ -31,6 +31,9 @@ ATTAINABLE = "truth/attainable.csv"  # best attainable scores, a row for each sc
 UNFINISHED = ".unfinished"  # ending of the folder while the data set is being built
 JOURNAL = "journal.sqlite"  # finished work of a build, from which it resumes; gone from a data set that is done
 
+PRIVATE = ("seed", "process_noise")
+"""Drawn values of an experiment, in the withheld index and not in the public one."""
+
 LICENSE = "CC-BY-4.0"
 """SPDX identifier of the licence of the data."""
 

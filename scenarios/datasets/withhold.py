@@ -17,7 +17,7 @@ from scenarios.datasets.build import build as build_data_set
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.index import hash_of_all, read_index, seal
 from scenarios.datasets.metadata import metadata_files
-from scenarios.datasets.plan import BASELINES, BUILD, INDEX, SPEC, SUMS, DataSetPlan
+from scenarios.datasets.plan import BASELINES, BUILD, INDEX, PRIVATE, SPEC, SUMS, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.tables import read_table, read_text, table_text
 from scenarios.datasets.variables import GIVEN, WINDOW
@@ -26,9 +26,6 @@ from scenarios.files.errors import ScenarioError
 
 PERSONS = "persons.json"
 """In the withheld folder: label and seed of the data set of each person."""
-
-PRIVATE = ("seed", "process_noise")
-"""Drawn values of an experiment, in the withheld index and not in the public one."""
 
 
 def build_withheld(

@@ -44,7 +44,7 @@ def least(tmp_path, tiny_spec, monkeypatch):
     return path
 
 
-def test_build_says_what_was_built_and_never_builds_it_again(result, complaint, least, tmp_path):
+def test_build_says_what_was_built_and_the_same_build_again_says_it_too(result, complaint, least, tmp_path):
     words = ("dataset", "build", least, "--out", tmp_path / "deep" / "out", "--workers", "1")
     output = result(*words)
     assert output == {
@@ -54,7 +54,11 @@ def test_build_says_what_was_built_and_never_builds_it_again(result, complaint, 
         "hash": json.loads((Path(output["path"]) / "experiments.json").read_text())["hash"],
         "records": open_data_set(Path(output["path"])).records_hash,
     }
-    assert "already there: a version is never overwritten" in complaint(*words)
+    before = (Path(output["path"]) / "SHA256SUMS").stat()
+    assert result(*words) == output, "a build that is killed after its last step would never be done"
+    assert (Path(output["path"]) / "SHA256SUMS").stat() == before
+    (Path(output["path"]) / "experiments.json").open("a").write(" ")
+    assert "already there, and is not what this build would make: a version is never over" in complaint(*words)
 
 
 def test_an_interrupted_build_says_how_to_go_on_and_goes_on(run, printed, least, tmp_path, monkeypatch):

@@ -286,7 +286,7 @@ def test_a_build_begun_with_other_spec_or_software_is_refused(case, tmp_path, mo
     ("place", "out", "says"),
     [
         ("tiny-v1", "", "already there"),
-        ("tiny-v1/SHA256SUMS", "", "already there: a version is never overwritten"),
+        ("tiny-v1/SHA256SUMS", "", "not what this build would make: a version is never overwritten"),
         ("tiny-v1.unfinished", "", r"tiny-v1\.unfinished: a file of that name is there"),
         ("tiny-v1.unfinished/letter.txt", "", r"holds no build but letter\.txt"),
         ("tiny-v1", "tiny-v1", "tiny-v1: a file of that name is there"),
