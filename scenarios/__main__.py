@@ -9,9 +9,9 @@ from types import FrameType
 
 def run() -> int:
     """Run the command line with the words of the process; see `scenarios.commands.cli.main`."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else the caller ignores interrupts, as nohup
-        signal.signal(signal.SIGINT, _interrupt)
-    signal.signal(signal.SIGTERM, _interrupt)  # batch systems send it before they kill
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # Ctrl-C, a batch system, a terminal that is closed
+        if signal.getsignal(number) is not signal.SIG_IGN:  # else the caller ignores it, as nohup
+            signal.signal(number, _interrupt)
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         # the matrices are small: threads that wait for each other cost up to fifty times what they give
         os.environ.setdefault(name, "1")

@@ -226,15 +226,16 @@ def test_interrupt_is_130_and_leaves_nothing(run, monkeypatch, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.4, 0.8])
-def test_an_interrupt_during_start_up_is_one_line(run, delay):
+def test_an_interrupt_during_start_up_is_one_line(run, delay, number):
     """Whichever module is being imported: compiled ones lose a KeyboardInterrupt or turn it into another error."""
     script = "from scenarios.__main__ import run; print('started', flush=True); raise SystemExit(run())"
     command = [sys.executable, "-c", script, "truth"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdout.readline()
         time.sleep(delay + 0.01)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         _, err = process.communicate(timeout=60)
     # The library of windows starts a process of its own to learn its version, which may complain behind the line.
     assert process.returncode == 130
