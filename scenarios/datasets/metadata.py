@@ -4,6 +4,8 @@ import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from html import escape
 from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
@@ -50,6 +52,7 @@ ENVIRONMENT.filters["digits"] = lambda text: f"{float(text):.4g}" if text else "
 ENVIRONMENT.filters["short"] = lambda value: f"{value:.6g}"
 ENVIRONMENT.filters["json"] = lambda value: json.dumps(value, ensure_ascii=False)
 ENVIRONMENT.filters["fields"] = vars
+ENVIRONMENT.filters["text"] = partial(escape, quote=False)  # pages of Markdown take HTML
 ENVIRONMENT.globals |= {"pose": OPERATING_POSE, "payload": PAYLOAD, "points": POINTS, "changed": replace}
 ENVIRONMENT.globals |= {"rate": SAMPLE_RATE, "recorder": RECORDER, "parts": PARTS, "units": UNITS, "status": Status}
 

@@ -90,7 +90,7 @@ class DataSetSpec:
             whole = False
         if not whole:
             yield f"date = {self.date!r} given, expected a day as YYYY-MM-DD"
-        if self.url and not re.fullmatch(r"https?://\S+", self.url):
+        if self.url and not re.fullmatch(r"https?://[^\s<>\"]+", self.url):
             yield f"url = {self.url!r} given, expected one of http:// or https://"
         if not self.creators or not all(name.strip() for name in self.creators):
             yield f"creators = {self.creators} given, expected names to cite"

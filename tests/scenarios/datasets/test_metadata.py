@@ -21,6 +21,7 @@ from scenarios.datasets.spec_tables import RecordBlock, Twins
 from scenarios.datasets.tables import read_table, table_text
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import Multisines
+from scenarios.files.errors import ScenarioError
 
 
 def read_croissant(path):
@@ -62,6 +63,15 @@ def test_the_citation_file_has_what_the_format_asks_for(tiny, tiny_spec):
     again = yaml.safe_load(metadata_files(tiny, named, read_index(tiny))["CITATION.cff"])
     assert again["authors"] == [{"family-names": "Noether", "given-names": "Emmy"}, {"name": 'A "group": #1'}]
     assert again["title"] == named.title
+
+
+def test_no_text_of_a_spec_becomes_html(tiny, tiny_spec):
+    evil = "<script src=//x.example></script> & <b>R</b>"
+    made = metadata_files(tiny, replace(tiny_spec, title=evil, description=evil, creators=(evil,)), read_index(tiny))
+    page = made["README.md"].decode().partition("```bibtex")[0]
+    assert "<script" not in page and "&lt;script src=//x.example&gt;&lt;/script&gt; &amp; " in page
+    with pytest.raises(ScenarioError, match="expected one of http"):
+        replace(tiny_spec, url="https://x.example><script>")
 
 
 def test_the_same_folder_gives_the_bytes_of_the_build_with_the_whole_licence(tiny, tiny_spec):
