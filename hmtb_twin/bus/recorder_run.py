@@ -134,6 +134,8 @@ def read_run(path: str | Path) -> BusRun:
         TwinError: No such file, no message of the arm in it, or pychapter10 is missing.
     """
     path = Path(path)
+    if path.exists() and not path.is_file():  # reading a pipe may never end
+        raise TwinError(f"cannot read {path}: it is no ordinary file")
     try:
         data = path.read_bytes()
     except OSError as error:

@@ -148,7 +148,7 @@ def _version() -> str:
 
 
 def _check_ordinary(call: partial[int]) -> None:
-    """Refuse arguments that name pipes, sockets or devices, and NetCDF files that cannot be read without harm.
+    """Refuse arguments that name pipes, sockets or devices, and HDF5 files that cannot be read without harm.
 
     Reading a pipe may never end, and no file replaces a device; damaged HDF5 may end this process or hang it.
     """
@@ -160,12 +160,19 @@ def _check_ordinary(call: partial[int]) -> None:
             mode = stat.S_IFMT(os.stat(value).st_mode) if isinstance(value, str | Path) else 0
         if mode not in (0, *ORDINARY):
             raise ScenarioError(f"{str(value)!r} is a pipe, a socket or a device; expected an ordinary file")
-        if mode == stat.S_IFREG and str(value).endswith(".nc"):
+        if mode == stat.S_IFREG and (str(value).endswith(".nc") or _begins_as_hdf5(value)):
             records.append(Path(value))
     if records:
         from scenarios.jobs.netcdf_reader import check_readable
 
         check_readable(records)
+
+
+def _begins_as_hdf5(path: str | Path) -> bool:
+    """Whether a file has the signature of HDF5 where NetCDF4 or MATLAB put it."""
+    with suppress(OSError), open(path, "rb") as file:
+        return b"\x89HDF\r\n\x1a\n" in file.read(520)
+    return False
 
 
 def _bad_input(error: Exception) -> str | None:

@@ -241,6 +241,8 @@ class Scenario:
     @classmethod
     def read(cls, path: str | Path) -> "Scenario":
         """Read a scenario from a TOML file; see `from_toml`."""
+        if Path(path).exists() and not Path(path).is_file():  # reading a pipe may never end
+            raise ScenarioError(f"cannot read scenario file {str(path)!r}: it is no ordinary file")
         try:
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:

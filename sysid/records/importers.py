@@ -375,7 +375,7 @@ def _existing(path: str | Path, kind: str) -> Path:
     if not isinstance(path, str | Path):
         raise SysidError(f"expected the path of {kind}, got {shown(path)}")
     file = Path(path)
-    if not file.exists() or (file.is_dir() and "folder" not in kind):
+    if not (file.is_file() or (file.is_dir() and "folder" in kind)):  # reading a pipe may never end
         raise SysidError(f"no data file {str(path)!r}; expected {kind}")
     return file
 

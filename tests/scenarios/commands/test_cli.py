@@ -6,14 +6,19 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy.io import savemat
 
+from hmtb_twin.bus.recorder_run import read_run
 from scenarios import names
 from scenarios.commands.cli import PROGRAMS, main
 from scenarios.commands.output import print_table, say
+from scenarios.experiments.scenario import Scenario
+from sysid import read_csv, read_model
 from tests.scenarios.commands.conftest import signals, table
 
 OE = ("--method", "oe", "--orders", "1", "1", "1")
@@ -159,6 +164,19 @@ def test_pipes_and_devices_are_refused(complaint, tmp_path, monkeypatch, words):
     assert "is a pipe, a socket or a device" in complaint(*words)
 
 
+@pytest.mark.parametrize("reader", [read_run, read_model, Scenario.read, partial(read_csv, inputs="u", outputs="y")])
+def test_readers_refuse_pipes_too(tmp_path, reader):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with ThreadPoolExecutor() as pool, pytest.raises(ValueError, match="pipe"):
+        answer = pool.submit(reader, pipe)
+        try:
+            answer.result(20.0)  # s
+        finally:
+            if not answer.done():
+                pipe.write_text("")  # lets go a reader that waits
+
+
 @pytest.mark.parametrize("command", ["export", "baselines", "score"])
 def test_a_folder_without_a_data_set_is_refused(complaint, tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
@@ -173,9 +191,11 @@ def crash(path):
 @pytest.mark.parametrize("command", ["identify", "compare", "convert", "video", "truth --data"])
 def test_a_file_that_ends_the_process_which_reads_it_is_refused(complaint, tmp_path, monkeypatch, command):
     monkeypatch.setattr("scenarios.jobs.netcdf_reader._touch", crash)
-    (tmp_path / "log.nc").write_bytes(b"\x89HDF")
     words = {"convert": (tmp_path / "log.asc",)}.get(command, ())
-    assert "log.nc: reading it crashed: it is damaged" in complaint(*command.split(), tmp_path / "log.nc", *words)
+    # a file of MATLAB 7.3 is HDF5 too, behind a head of its own
+    for name, content in (("log.nc", b"\x89HDF"), ("log.mat", bytes(512) + b"\x89HDF\r\n\x1a\n")):
+        (tmp_path / name).write_bytes(content)
+        assert f"{name}: reading it crashed: it is damaged" in complaint(*command.split(), tmp_path / name, *words)
 
 
 def test_names_from_files_do_not_steer_the_terminal(complaint, tmp_path, capsys):

@@ -1,0 +1,417 @@
+"""Hostile files and words for every reader and command: none may end in a traceback, a signal or a hang.
+
+    python tests/benchmarks/hostile_input.py [--cases 5000] [--seed 0] [--workers 2] [--only WORD] [--case N] [--keep]
+
+A case is a call that works, with one of its files damaged or exchanged, or one of its words changed. It runs in a fork
+of this process, which has loaded everything, with 60 s of processor time and 4 GiB of memory. It passes if it ends with
+exit code 0, 1 or 2, if 2 comes with one line `hmtb: ...` of at most 2000 printable characters, if no traceback and no
+partial file is left, and if a reader of `sysid` or `hmtb_twin` raises the errors of its docstring alone. A case depends
+on its seed and number only: `--case N` repeats one and prints what it did; `--keep` leaves its files.
+"""
+
+import importlib
+import inspect
+import json
+import os
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from pathlib import Path
+
+import h5py
+import numpy as np
+from scipy.io import savemat
+
+import sysid
+from hmtb_twin import TwinError
+from hmtb_twin.bus.recorder_run import read_run
+from scenarios.commands.cli import PROGRAMS, main
+from scenarios.experiments.scenario import Scenario
+from scenarios.files.errors import ScenarioError
+from sysid.exchange.model_file import read_model
+from tests.benchmarks.tables import heading, options, row
+
+SECONDS, MEMORY, LONGEST = 60, 4 * 2**30, 2000
+
+NUMBERS = ["nan", "inf", "-inf", "-1", "0", "1e308", "-1e308", "1e400", "1e-308", "9" * 30, "0x10", "1_0", "٣", "1,5"]
+TEXTS = ["", " ", "../../etc/passwd", "/dev/null", ".", "/", "~", "--json", "-", "--", "%s%n", "{0}", "$(id)", "NaN"]
+TEXTS += ["<script>", "None", "\x00", "\x1b[2J", "\u202e", "\udcff", "a\nb", "é" * 300, "x" * 10**5, "[" * 5000]
+
+CALLS = """
+identify {run.nc} --method arx --orders 2 2 1 --out {out}
+identify {run.csv} --joint elbow_pitch --method arx --orders 2 2 1
+identify {run.mat} --method arx --orders 2 2 1
+identify {run.asc} --method arx --orders 2 2 1
+identify {run.ch10} --method arx --orders 2 2 1
+identify {table.csv} --method oe --orders 2 2 1 --save {out}/model.json
+identify {table.txt} --method iv4 --orders 2 2 1 --time t
+identify {table.mat} --method n4sid --orders 2
+identify {table73.mat} --method arx --orders 2 2 1
+identify {table.nc} --method arx --orders 2 2 1 --missing
+identify {log.mcap} --input /cmd.u --output /cmd.y --method arx --orders 2 2 1 --time log
+compare {run.nc} --models truth oe:2/2 --out {out}/figure.svg
+compare {table.csv} --models {model.json} arx:2/2 --estimation {table.mat}
+convert {run.nc} {out}/other.mat --lossy
+convert {run.ch10} {out}/other.csv
+convert {run.mat} {out}/other.nc
+convert {run.asc} {out}/other.ch10 --lossy
+bandwidth --data {run.nc} --methods arx --no-bla
+track {table.csv} --calibration 5 --order 2
+simulate {scenario.toml} --out {out} --duration 0.2
+simulate siso-5-elbow_pitch --out {out} --duration 0.2 --format nc,csv
+scenarios show {scenario.toml}
+preview {scenario.toml} --out {out}
+waveform file --path {points.txt} --out {out}
+waveform prbs --amplitude 1 --clock 2 --out {out}
+waveform sine --amplitude 1 --frequency 2 --out {out}
+waveform white_noise --amplitude 1 --seed 1 --out {out}
+truth --variant nominal
+dataset show {spec.toml}
+dataset build {spec.toml} --out {out} --workers 1
+dataset check {data}
+dataset export {data} --format csv,mat --out {out}
+dataset score {predictions} --data {data}
+dataset baselines {data} --method arx --orders 2 2
+dataset grade {withheld} {submissions}
+leaderboard {result.json} --out {out}
+completion bash
+"""
+
+READERS = {
+    "read_csv {table.csv}": lambda path: sysid.read_csv(path, inputs=["u"], outputs=["y"]),
+    "read_mat {table.mat}": lambda path: sysid.read_mat(path, inputs=["u"], outputs=["y"]),
+    "read_log {log.mcap}": lambda path: sysid.read_log(path, inputs=["/cmd.u"], outputs=["/cmd.y"]),
+    "read_model {model.json}": read_model,
+    "read_run {run.ch10}": read_run,
+    "Scenario.read {scenario.toml}": Scenario.read,
+}
+"""Readers of files that need no process of their own; those of HDF5 go through commands."""
+
+KINDS = (*CALLS.strip().splitlines(), *READERS)
+
+
+def material(place):
+    """Files that the calls work on."""
+    place.mkdir(parents=True)
+    os.chdir(place)
+    rng = np.random.default_rng(0)
+    n = 400
+    t, u = np.arange(n) * 0.02, np.repeat(rng.choice([-1.0, 1.0], n // 4), 4)
+    y = np.convolve(u, 0.1 * 0.9 ** np.arange(50))[:n] + 0.01 * rng.standard_normal(n)
+    table = np.column_stack((t, u, y))
+    np.savetxt("table.csv", table, delimiter=",", header="t,u,y", comments="")
+    np.savetxt("table.txt", table, header="t u y", comments="")
+    savemat("table.mat", {"u": u[:, None], "y": y[:, None], "Ts": 0.02}, do_compression=True)
+    for name in ("table73.mat", "table.nc"):
+        with h5py.File(name, "w", userblock_size=512 if name.endswith("mat") else 0) as file:
+            for key, values in (("t", t), ("u", u), ("y", y)):
+                shape = (1, n) if name.endswith("mat") else n
+                file.create_dataset(key, shape, data=values, chunks=True, compression="gzip")
+                file[key].attrs["MATLAB_class"] = np.bytes_("double")
+    np.savetxt("points.txt", rng.uniform(-1, 1, 100))
+    with open("log.mcap", "wb") as stream:
+        from mcap.writer import Writer
+
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(name="cmd", encoding="jsonschema", data=b"{}")
+        channel = writer.register_channel(topic="/cmd", message_encoding="json", schema_id=schema)
+        for at, one, two in table:
+            text = json.dumps({"u": one, "y": two}).encode()
+            writer.add_message(channel, log_time=int(1e9 * at), publish_time=0, data=text)
+        writer.finish()
+    test, train = (
+        f'[[records]]\nname = "{part}"\npart = "{part}"\naxes = ["elbow_pitch"]\nduration = 4.0\n'
+        f'draw_waveforms = true\n[[records.excitation]]\nkind = "white_noise"\namplitude = 0.5\n'
+        for part in ("test", "train")
+    )
+    head = 'name = "tiny"\nversion = 1\ntitle = "Tiny"\nseed = 7\n[baselines]\nmodels = ["hold", "arx:2/2"]\n'
+    Path("spec.toml").write_text(head + train + test)
+    drawn = '[truth]\nfloors = 0\n[twins]\ncount = 1\nkp = {kind = "lognormal", spread = 0.1}\n'
+    Path("class.toml").write_text(head.replace("tiny", "class") + drawn + train + test)
+    Path("scenario.toml").write_text(said("scenarios", "show", "siso-5-elbow_pitch"))
+    said("simulate", "siso-5-elbow_pitch", "--duration", "12", "--format", "nc,csv,mat,ascii,1553")
+    for file in Path().glob("siso-5-elbow_pitch.*"):
+        file.rename(f"run{file.suffix}")
+    said("identify", "table.csv", "--method", "oe", "--orders", "2", "2", "1", "--save", "model.json")
+    said("dataset", "build", "spec.toml")
+    Path("tiny-v1").rename("data")
+    Path("predictions").mkdir()
+    said("dataset", "build", "class.toml", "--withhold", "withheld", "--out", "public")
+    Path("submissions").mkdir()
+    for data, answers in ((Path("data"), Path("predictions")), (Path("public/class-v1"), Path("submissions"))):
+        for entry in json.loads((data / "experiments.json").read_text())["experiments"]:
+            if entry["part"] == "test":
+                values = np.zeros((200, 1))
+                np.savetxt(answers / f"{entry['name']}.csv", values, header="elbow_pitch", comments="")
+    said("verify", "our-arx", "--quick", "--records", "2", "--figures", "efficiency", "--seed", "1", "--out", ".")
+    Path("our-arx.json").rename("result.json")
+
+
+def said(*words):
+    """What a command prints that must succeed."""
+    with tempfile.TemporaryFile("w+") as stream:
+        stdout, sys.stdout = sys.stdout, stream
+        try:
+            code = main(words)
+        finally:
+            sys.stdout = stdout
+        stream.seek(0)
+        text = stream.read()
+    assert code in (0, 1), f"{words}: {code}"
+    return text
+
+
+def damaged(content, rng):
+    """The bytes of a file after one to three accidents, or what somebody wrote by hand."""
+    for _ in range(rng.integers(1, 4)):
+        kind, size = rng.integers(9), max(len(content), 1)
+        start = int(rng.integers(size))
+        end = min(start + int(rng.integers(1, 1 + min(size, 400))), size)
+        noise = rng.bytes(end - start)
+        if kind == 0 and content:  # one bit
+            content = content[:start] + bytes([content[start] ^ 1 << rng.integers(8)]) + content[start + 1 :]
+        elif kind == 1:
+            content = content[:start] + noise + content[end:]
+        elif kind == 2:
+            content = content[:start] + bytes([rng.choice([0, 255])]) * len(noise) + content[end:]
+        elif kind == 3:
+            content = content[:start]
+        elif kind == 4:
+            content = content[:start] + content[end:]
+        elif kind == 5:
+            content = content[:end] + content[start:]
+        else:
+            content = rewritten(content, rng)
+    return content
+
+
+def rewritten(content, rng):
+    """The file as text with a number, a word or a line exchanged; other bytes as they are."""
+    try:
+        lines = content.decode().splitlines() or [""]
+    except UnicodeDecodeError:
+        return content
+    at = int(rng.integers(len(lines)))
+    words = lines[at].replace(",", " , ").replace("=", " = ").split() or [""]
+    word = int(rng.integers(len(words)))
+    kind = rng.integers(6)
+    if kind < 2:
+        words[word] = str(rng.choice(NUMBERS))
+        lines[at] = " ".join(words)
+    elif kind == 2:
+        words[word] = repr(str(rng.choice(TEXTS))) if rng.random() < 0.5 else str(rng.choice(TEXTS))
+        lines[at] = " ".join(words)
+    elif kind == 3:
+        lines.insert(at, lines[int(rng.integers(len(lines)))])
+    elif kind == 4:
+        del lines[at]
+    else:
+        lines[at] = str(
+            rng.choice(["[" * 20_000, "{'a':" * 999, "\ufeff", ",,,,", ";" * 70_000, "a." * 5000 + "b = 1"])
+        )
+    return "\n".join(lines).encode(errors="replace")
+
+
+def foreign(path, rng):
+    """Replace a file by a good one that nobody expects."""
+    odd = [
+        np.zeros((0, 1)),
+        np.zeros((400, 0)),
+        np.zeros((20, 20, 2)),
+        np.full(400, np.nan),
+        np.full(400, 1j),
+        np.ones(1),
+    ]
+    odd += [np.array(["a", "b"], object), np.array([[np.zeros((3, 3)), "x"]], object), np.ones((400, 1), np.int8)]
+    odd += [np.ones(1), np.full((400, 1), 1e308), np.array("text"), np.zeros(400, bool), np.zeros((3000, 900))]
+    if path.suffix == ".mat" and rng.random() < 0.7:
+        cell = np.zeros((1, 1), object)
+        for _ in range(int(rng.choice([0, 900]))):
+            cell[0, 0], cell = cell, np.zeros((1, 1), object)
+        values = {name: odd[int(rng.integers(len(odd)))] for name in ("u", "y")}
+        savemat(path, {**values, "cell": cell, "dt": rng.choice([0.02, -1.0, np.nan])}, do_compression=True)
+    elif path.suffix in (".nc", ".mat"):
+        path.unlink()
+        with h5py.File(path, "w") as file:
+            length = int(rng.choice([1000, 10**6, 10**12]))  # of ones that take no room in the file
+            file.create_dataset("u", (length, 1), chunks=(1000, 1), dtype=float, fillvalue=1.0)
+            file["y"] = h5py.SoftLink("/y") if rng.random() < 0.5 else h5py.ExternalLink("/dev/zero", "/u")
+            file["t"] = np.array([b"a", b"bc"], h5py.string_dtype())
+            file.create_group("group")["self"] = h5py.SoftLink("/group")
+    else:
+        unit = str(rng.choice(["0,0,0\n", "1 2\n", "\0", "[", '{"a":', "\n", "1e5,", "'", "é,", "a = 1\n"]))
+        path.write_bytes(unit.encode() * int(rng.choice([1, 1000, 2_000_000])))
+
+
+def prepared(number, seed, place):
+    """The call of a case, what was done to it, and its own copies of the files."""
+    rng = np.random.default_rng((seed, abs(number)))
+    call = KINDS[number if number < 0 else int(rng.integers(len(KINDS)))]
+    words, files = [], []
+    for word in call.split():
+        name = word.strip("{").partition("}")[0]
+        if word.startswith("{") and name != "out":
+            copy = place / name
+            if not copy.exists():
+                source = place.parent / "material" / name
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                (shutil.copytree if source.is_dir() else shutil.copy)(source, copy)
+            files.append(copy)
+            word = word.replace(f"{{{name}}}", str(copy))
+        words.append(word.replace("{out}", str(place / "out")))
+    if number < 0:
+        return call, words, "nothing"
+    every = (leaf for file in files for leaf in (file.rglob("*") if file.is_dir() else [file]))
+    leaves = sorted({leaf for leaf in every if leaf.is_file()})
+    if leaves and (call in READERS or rng.random() < 0.75):
+        leaf, kind = leaves[int(rng.integers(len(leaves)))], rng.random()
+        if kind < 0.75:
+            leaf.write_bytes(damaged(leaf.read_bytes(), rng))
+        elif kind < 0.95:
+            foreign(leaf, rng)
+        else:
+            leaf.unlink()
+            others = (leaf.mkdir, lambda: os.mkfifo(leaf), lambda: leaf.symlink_to("/dev/zero"), lambda: None)
+            others[int(rng.integers(4))]()
+        done = f"{leaf.relative_to(place)}"
+    else:
+        at, new, kind = int(rng.integers(1, len(words) + 1)), str(rng.choice(NUMBERS + TEXTS)), rng.integers(4)
+        if kind == 0:
+            option = f"--{rng.choice(parameters(words)).replace('_', '-')}"
+            words[at:at] = [option, new] if rng.random() < 0.7 else [option]
+        elif kind == 1:
+            del words[at - 1 : at + 1]
+        else:
+            words[at : at + kind - 1] = [new]
+        done = "words"
+    return call, words, done
+
+
+def parameters(words):
+    """Names of the options of a command."""
+    program, name = ("hmtb dataset", words[1]) if words[0] == "dataset" else ("hmtb", words[0])
+    module, _, function = PROGRAMS[program]["commands"].get(name, "cli:completion").partition(":")
+    command = getattr(importlib.import_module(f"scenarios.commands.{module}"), function)
+    return list(inspect.signature(command).parameters)
+
+
+def execute(call, words, place):
+    """Run a case in this process, a fork that ends with its exit code: 70 where a reader raises another error."""
+    os.setsid()
+    for number, name in ((0, os.devnull), (1, place / "stdout"), (2, place / "stderr")):
+        os.dup2(os.open(name, os.O_RDWR | os.O_CREAT), number)
+    sys.stdin, sys.stdout, sys.stderr = open(0), open(1, "w"), open(2, "w")  # noqa: SIM115 - to the end of the process
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+    os.chdir(place)
+    code = 70
+    try:
+        if call in READERS:
+            try:
+                READERS[call](words[-1])
+                code = 0
+            except (sysid.SysidError, ScenarioError, TwinError, OSError) as error:
+                print(f"hmtb: {str(error)[:LONGEST]!a}", file=sys.stderr)
+                code = 2
+        else:
+            code = main(words)
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 71
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def fault(code, place):
+    """What is wrong with the end of a case; empty if nothing is."""
+    err = (place / "stderr").read_text(errors="backslashreplace")
+    last = (err.strip("\n").splitlines() or [""])[-1]
+    if os.WIFSIGNALED(code):
+        return f"ended by {signal.Signals(os.WTERMSIG(code)).name}"
+    code = os.WEXITSTATUS(code)
+    if "Traceback" in err or code not in (0, 1, 2):
+        return f"exit {code}: {last[:200]}"
+    if code == 2 and not (last.startswith("hmtb: ") and len(last) <= LONGEST and last.isprintable()):
+        return f"exit 2 without one line: {last[:200]!r}"
+    partial = [path.name for path in place.rglob("*.partial")]
+    return f"left {partial[0]}" if partial else ""
+
+
+def run(numbers, seed, work, workers, keep):
+    """Run cases; yields number, call, what was done, fault, exit status and most memory in bytes."""
+    numbers, running = iter(numbers), {}
+    while True:
+        while len(running) < workers and (number := next(numbers, None)) is not None:
+            place = work / f"case-{number}"
+            shutil.rmtree(place, ignore_errors=True)
+            (place / "out").mkdir(parents=True)
+            call, words, done = prepared(number, seed, place)
+            pid = os.fork()
+            if not pid:
+                execute(call, words, place)
+            running[pid] = number, call, words, done, place, time.monotonic()
+        if not running:
+            return
+        pid, code, usage = os.wait4(-1, os.WNOHANG)
+        for slow, entry in list(running.items()):
+            if time.monotonic() - entry[-1] > 3 * SECONDS:
+                os.killpg(slow, signal.SIGKILL)
+        if pid not in running:
+            time.sleep(0.005)
+            continue
+        number, call, words, done, place, _ = running.pop(pid)
+        wrong = fault(code, place) or ("fails unchanged" if number < 0 and os.WEXITSTATUS(code) > 1 else "")
+        yield number, call, words, done, wrong, code, usage.ru_maxrss * 1024
+        if not keep and not wrong:
+            shutil.rmtree(place, ignore_errors=True)
+
+
+def bench():
+    """Run the cases, print a table by command and what failed."""
+    parser = options(__doc__)
+    parser.add_argument("--cases", type=int, default=5000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--case", type=int)
+    parser.add_argument("--keep", action="store_true")
+    parser.add_argument("--work", type=Path, default=Path(tempfile.gettempdir()) / "hostile-input")
+    chosen = parser.parse_args()
+    if not (chosen.work / "material" / "result.json").is_file():
+        shutil.rmtree(chosen.work / "material", ignore_errors=True)
+        material(chosen.work / "material")
+    for program in PROGRAMS.values():
+        for place in program["commands"].values():
+            if place:
+                importlib.import_module(f"scenarios.commands.{place.partition(':')[0]}")
+    ends, faults, memory = Counter(), 0, Counter()
+    # each call unchanged first: what does not work by itself would pass every case
+    numbers = range(-len(KINDS), chosen.cases) if chosen.case is None else [chosen.case]
+    for number, call, words, done, wrong, code, most in run(
+        numbers, chosen.seed, chosen.work, chosen.workers, chosen.keep
+    ):
+        name = " ".join(word for word in call.split()[:2] if not word.startswith("{")) if call else ""
+        ends[name, 0 if wrong else 1 + os.WEXITSTATUS(code)] += 1
+        memory[name] = max(memory[name], most)
+        faults += bool(wrong)
+        if wrong or chosen.case is not None:
+            print(f"case {number}: {call}: {done}: {wrong or os.WEXITSTATUS(code)}: {ascii(words)[:400]}")
+    heading("call", "cases", "done", "exit 1", "refused", "faults", "most memory, GiB")
+    for name in sorted(memory):
+        counts = [ends[name, kind] for kind in (1, 2, 3, 0)]
+        row(f"`{name}`", sum(counts), *counts, f"{memory[name] / 2**30:.1f}")
+    row("all", sum(ends.values()), *(sum(n for (_, k), n in ends.items() if k == kind) for kind in (1, 2, 3, 0)), "")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(bench())
