@@ -163,7 +163,7 @@ def _check_ordinary(call: partial[int]) -> None:
         if mode == stat.S_IFREG and (str(value).endswith(".nc") or _begins_as_hdf5(value)):
             records.append(Path(value))
     if records:
-        from scenarios.jobs.netcdf_reader import check_readable
+        from scenarios.jobs.foreign_reader import check_readable
 
         check_readable(records)
 

@@ -23,7 +23,7 @@ from scenarios.datasets.plan import BUILD, DATA, SUMS, TRUTH, UNFINISHED
 from scenarios.datasets.record_check import file_problems
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import fingerprint, versions
-from scenarios.jobs.netcdf_reader import NetcdfReader
+from scenarios.jobs.foreign_reader import ForeignReader
 from scenarios.jobs.progress import Progress, Report
 
 RELATIVE = 1e-9
@@ -114,7 +114,7 @@ def _file_problems(folder: Path, checked: CheckedFolder, report: Report, workers
     paths = [path for path in checked.sums if path in checked.sizes]
     # Another process that reads pays from about fifty files on, and up to eight.
     readers = max(1, min(workers or os.cpu_count() or 1, 8, len(paths) // 50))
-    idle: SimpleQueue[NetcdfReader] = SimpleQueue()
+    idle: SimpleQueue[ForeignReader] = SimpleQueue()
 
     def check_file(path: str) -> list[str]:
         changed = file_hash(folder / path) != checked.sums[path]
@@ -143,7 +143,7 @@ def _file_problems(folder: Path, checked: CheckedFolder, report: Report, workers
     problems: dict[str, list[str]] = {}
     with ExitStack() as stack:
         for _ in range(readers):
-            idle.put(stack.enter_context(NetcdfReader()))
+            idle.put(stack.enter_context(ForeignReader()))
         threads = stack.enter_context(ThreadPoolExecutor(readers))
         # An interrupted check does not wait for the files that are left.
         stack.callback(threads.shutdown, cancel_futures=True)

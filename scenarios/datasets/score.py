@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hmtb_twin.files.netcdf import Contents, Variable
+from hmtb_twin.files.netcdf import read_netcdf
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.spec_tables import UNITS, Scoring
 from scenarios.datasets.tables import read_rows
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.jobs.netcdf_reader import NetcdfReader
+from scenarios.jobs.foreign_reader import ForeignReader
 from sysid import Estimate, Polynomials, StateSpace, SysidError
 from sysid.models.polynomials import innovations_form
 from sysid.records.mat_variables import read_variables
@@ -23,7 +23,7 @@ ENDINGS = (".nc", ".csv", ".mat")
 
 EXPECTED = "a folder, or files EXPERIMENT.csv, .nc or .mat, one for each record of the test part"
 
-FOREIGN = NetcdfReader()
+FOREIGN = ForeignReader()
 """Reads predictions, which come from anybody; its process ends with this one."""
 
 MOST_DIGITS = 64
@@ -199,28 +199,35 @@ def in_metric(scoring: Scoring, rmse: np.ndarray, spread: np.ndarray) -> np.ndar
 
 def _fitting(record: DataRecord, given: Path | np.ndarray) -> np.ndarray:
     """Predicted outputs as (N, ny), from a file where that is given; refused where they do not fit the record."""
-    if isinstance(given, Path) and given.suffix == ".csv":
-        most = MOST_DIGITS * (len(record) + 2) * (len(record.joints) + 1)
-        if given.stat().st_size > most:
-            raise ScenarioError(f"{given} has {given.stat().st_size} bytes, expected at most {most} for its record")
-    values = np.asarray(_read(given, record.joints) if isinstance(given, Path) else given)
     source = given if isinstance(given, Path) else record.name
-    if values.dtype.kind not in "iuf":
-        raise ScenarioError(f"{source}: values of type {values.dtype} given, expected real numbers")
-    table = values[:, None] if values.ndim == 1 else values
     shape = (len(record), len(record.joints))
-    if table.shape != shape:
-        hint = "; time runs along the first axis" if table.shape == shape[::-1] else ""
-        raise ScenarioError(
-            f"{source}: predictions of shape {values.shape} given, expected {shape}: {shape[0]} samples of "
-            f"{', '.join(record.joints)}{hint}"
-        )
+    if isinstance(given, Path):
+        most = MOST_DIGITS * (len(record) + 2) * (len(record.joints) + 1)
+        if given.suffix == ".csv" and given.stat().st_size > most:
+            raise ScenarioError(f"{given} has {given.stat().st_size} bytes, expected at most {most} for its record")
+        table = FOREIGN.call(_read, given, given, record.joints, shape)
+    else:
+        table = _shaped(np.asarray(given), record.joints, shape, source)
     window = record.state_initialization_window_length or 0
     wrong = np.argwhere(~np.isfinite(table[window:]))
     if len(wrong):
         raise ScenarioError(
             f"{source}: {len(wrong)} numbers behind the window are not finite, the first at sample "
             f"{window + wrong[0][0]} of {record.joints[wrong[0][1]]}"
+        )
+    return table
+
+
+def _shaped(values: np.ndarray, outputs: tuple[str, ...], shape: tuple[int, int], source: object) -> np.ndarray:
+    """Predicted outputs as an array of real numbers of that shape."""
+    if values.dtype.kind not in "iuf":
+        raise ScenarioError(f"{source}: values of type {values.dtype} given, expected real numbers")
+    table = values[:, None] if values.ndim == 1 else values
+    if table.shape != shape:
+        hint = "; time runs along the first axis" if table.shape == shape[::-1] else ""
+        raise ScenarioError(
+            f"{source}: predictions of shape {values.shape} given, expected {shape}: {shape[0]} samples of "
+            f"{', '.join(outputs)}{hint}"
         )
     return table.astype(float)
 
@@ -237,8 +244,8 @@ def _files(paths: Path | Sequence[Path]) -> Iterator[Path]:
             yield path
 
 
-def _read(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
-    """Predicted outputs in a file."""
+def _read(path: Path, outputs: tuple[str, ...], shape: tuple[int, int]) -> np.ndarray:
+    """Predicted outputs in a file, read in a process of its own; see `FOREIGN`."""
     names = outputs
     if path.suffix == ".csv":
         names, values = _read_csv(path)
@@ -251,7 +258,7 @@ def _read(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
             raise ScenarioError(f"{path} has no matrix y")
         values = matrices["y"]
     else:
-        variables = FOREIGN.apply(_variables, path)
+        variables = read_netcdf(path).variables
         if missing := {"y", "output"} - variables.keys():
             raise ScenarioError(f"{path} has no variable {min(missing)}, but {', '.join(variables) or 'none'}")
         values = variables["y"].values
@@ -262,11 +269,7 @@ def _read(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
         raise ScenarioError(
             f"{path}: outputs {', '.join(names) or 'without names'} given, expected {', '.join(outputs)} in this order"
         )
-    return values
-
-
-def _variables(contents: Contents) -> Mapping[str, Variable]:
-    return contents.variables
+    return _shaped(values, outputs, shape, path)
 
 
 def _is_number(word: str) -> bool:

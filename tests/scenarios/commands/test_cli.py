@@ -190,7 +190,7 @@ def crash(path):
 
 @pytest.mark.parametrize("command", ["identify", "compare", "convert", "video", "truth --data"])
 def test_a_file_that_ends_the_process_which_reads_it_is_refused(complaint, tmp_path, monkeypatch, command):
-    monkeypatch.setattr("scenarios.jobs.netcdf_reader._touch", crash)
+    monkeypatch.setattr("scenarios.jobs.foreign_reader._touch", crash)
     words = {"convert": (tmp_path / "log.asc",)}.get(command, ())
     # a file of MATLAB 7.3 is HDF5 too, behind a head of its own
     for name, content in (("log.nc", b"\x89HDF"), ("log.mat", bytes(512) + b"\x89HDF\r\n\x1a\n")):

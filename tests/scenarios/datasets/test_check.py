@@ -20,8 +20,8 @@ from scenarios.datasets.experiment_file import record_attributes
 from scenarios.datasets.folder_check import list_files
 from scenarios.datasets.index import hash_of_all, read_index, seal
 from scenarios.datasets.record_check import record_problems
-from scenarios.jobs import netcdf_reader
-from scenarios.jobs.netcdf_reader import NetcdfReader
+from scenarios.jobs import foreign_reader
+from scenarios.jobs.foreign_reader import ForeignReader
 from tests.refusals import refused
 
 RECORD = "data/test/noise.nc"
@@ -277,18 +277,18 @@ def test_a_data_set_without_any_record_does_not_pass(copy):
 def test_every_array_of_a_foreign_file_is_read_first(tiny, monkeypatch):
     read = []
     monkeypatch.setattr(h5py.Dataset, "__getitem__", lambda self, _: read.append(self.name))
-    netcdf_reader._touch(tiny / RECORD)
+    foreign_reader._touch(tiny / RECORD)
     assert {"/u", "/y", "/t", "/status", "/force"} <= set(read)
 
 
 def test_a_file_that_takes_all_memory_is_refused(tiny):
-    with NetcdfReader() as reader:
+    with ForeignReader() as reader:
         refused("more than 3 GiB of memory", reader.call, np.ones, tiny / RECORD, 2**29)
         assert reader.call(np.ones, tiny / RECORD, 3).tolist() == [1.0, 1.0, 1.0]
 
 
 def test_a_reader_that_hangs_or_crashes_is_replaced(tiny):
-    with NetcdfReader(patience=10.0) as reader:
+    with ForeignReader(patience=10.0) as reader:
         assert "y" in reader.apply(Contents.array_hashes, tiny / RECORD)
         for number, says in ((signal.SIGSTOP, "did not end within 0.2 s"), (signal.SIGKILL, "crashed")):
             (pid,) = reader._pool._processes

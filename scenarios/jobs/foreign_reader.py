@@ -1,4 +1,4 @@
-"""Reads NetCDF files in a separate process, so that a damaged file can crash only that process.
+"""Reads files from anywhere in a separate process, so that a damaged file can crash only that process.
 
 One flipped byte can make the HDF5 library crash, loop without end or ask for all memory.
 """
@@ -23,7 +23,7 @@ MOST_MEMORY = 3 * 2**30
 """Bytes that the reading process may take for a file; records have 2 GiB at most."""
 
 
-class NetcdfReader(AbstractContextManager["NetcdfReader"]):
+class ForeignReader(AbstractContextManager["ForeignReader"]):
     """Reads what is in files; a reading process that hangs or crashes is replaced.
 
     Args:
@@ -87,7 +87,7 @@ def check_readable(paths: Iterable[Path]) -> None:
     Raises:
         ScenarioError: Reading crashes, does not end, or takes too much memory.
     """
-    with NetcdfReader() as reader:
+    with ForeignReader() as reader:
         for path in paths:
             reader.call(_touch, path, path)
 
