@@ -46,7 +46,7 @@ class Cluster(Executor["Future"]):
         report: Called with a line on what is waited for.
 
     Raises:
-        ScenarioError: No address, Dask is not installed, or a negative time.
+        ScenarioError: No address, Dask is not installed, no certificates for TLS, or a negative time.
     """
 
     local = False
@@ -59,9 +59,18 @@ class Cluster(Executor["Future"]):
                 "prints it, such as tcp://127.0.0.1:8786"
             )
         try:
-            import distributed  # noqa: F401
+            from distributed.security import Security
         except ImportError as error:
             raise ScenarioError("--cluster needs Dask distributed: pip install 'hmtb-twin[cluster]'") from error
+        try:
+            secured = Security().get_connection_args("client")["ssl_context"] is not None
+        except OSError as error:
+            raise ScenarioError(f"the certificates in Dask's configuration cannot be read: {error}") from error
+        if address.startswith("tls:") and not secured:
+            raise ScenarioError(
+                f"{address} without certificates; expected distributed.comm.tls.ca-file, .client.cert and .client.key "
+                "in Dask's configuration, or in DASK_DISTRIBUTED__COMM__TLS__CA_FILE and so on"
+            )
         if not patience >= 0.0:
             raise ScenarioError(f"patience = {patience} given, expected 0 s or more")
         super().__init__(report)

@@ -7,6 +7,7 @@ from contextlib import ExitStack, suppress
 from threading import Thread
 from time import monotonic, sleep
 
+import dask
 import pytest
 
 from scenarios.jobs import bitwise_compatibility, cluster
@@ -82,6 +83,13 @@ def test_no_address_is_refused_at_once(address):
 def doubled(address, **options):
     with Cluster(address, **options) as executor:
         return list(executor.run(tasks.double, 1, [(1,)]))
+
+
+def test_tls_needs_certificates_that_can_be_read():
+    refused("without certificates; expected distributed.comm.tls.ca-file", Cluster, "tls://127.0.0.1:8786")
+    files = dict.fromkeys(("ca-file", "client.cert", "client.key"), "missing.pem")
+    with dask.config.set({f"distributed.comm.tls.{name}": file for name, file in files.items()}):
+        refused("certificates in Dask's configuration cannot be read", Cluster, "tls://127.0.0.1:8786")
 
 
 @pytest.mark.parametrize("greeting", [b"", b"HTTP/1.0 400\r\n\r\n", None, "nobody"])

@@ -121,6 +121,7 @@ def test_packed_netcdf_and_dates(tmp_path):
         ("u,angle\n1,2\n2,2", {"dt": 0.2, "outputs": ("angel",)}, "did you mean 'angle'"),
         ("u,y\n1,2\n2,2", {"dt": 0.2, "outputs": ("u",)}, "different columns"),
         ("u,y\n1,2\n2,2", {"dt": -1.0}, "dt must be above 0"),
+        ("u,y\n1,2\n2,2", {"dt": 1.0, "outputs": ()}, "no output named"),
         ("1,2,3\n2,2,3", {"dt": 0.1}, "3 columns without a header"),
     ],
 )
