@@ -200,3 +200,15 @@ def test_names_of_truth_exist():
     assert {"rms", "f_min", "f_max", "odd"} <= set(Multisines.__dataclass_fields__)
     assert {"right_order", "distortion"} <= set(Attainable.__dataclass_fields__)
     assert names | {"rms", "f_min", "f_max"} | {field.name for field in fields(Horizon)} <= named("docs/truth.md")
+
+
+# --- docs/reliability.md ---
+
+
+def test_each_word_of_the_page_on_reliability_selects_a_test():
+    sources = [path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py")]
+    tests = re.findall(r"^def (test_\w+)", "\n".join(sources), re.M)
+    words = re.findall(r"\| `([\w ]+)` \|$", page("docs/reliability.md"), re.M)
+    assert len(words) >= 10
+    for word in " or ".join(words).split(" or "):
+        assert any(word in name for name in tests), word

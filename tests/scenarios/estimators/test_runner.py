@@ -162,7 +162,7 @@ def test_a_full_disk_ends_the_bench(number, data, task, monkeypatch):
             assert process.ask(data, task).kind == "error"
 
 
-def test_seeds():
+def test_seeds_of_a_run_and_of_its_tasks():
     """The seed of a run is drawn anew each time; that of a task depends on both, fits other languages."""
     seeds = {draw_run_seed(["hash"]) for _ in range(5)}
     assert len(seeds) == 5 and all(0 <= seed < 2**53 for seed in seeds)
