@@ -147,6 +147,8 @@ def _name_and_unit(name: str) -> tuple[str, str]:
 
 def _resolution(numbers: FloatArray) -> float:
     """Largest power of ten that increasing numbers, of which the first is 0, are multiples of; 0 if there is none."""
+    if len(numbers) < 2:
+        return 0.0
     largest = np.floor(np.log10(np.diff(numbers).min(initial=numbers[-1])))
     for exponent in np.arange(largest, largest - MOST_DIGITS, -1.0):
         multiples = numbers / 10.0**exponent
