@@ -104,6 +104,8 @@ def stamps(name: str, values: Column, unit: str | None, place: Place, file: str)
         raise SysidError(f"{file}: column {name!r} holds no times; expected numbers or times as 2026-01-31T12:00:00.5")
     if values.dtype.kind == "f" and not np.isfinite(values).all():
         raise SysidError(f"{file}, {place(int(np.argmin(np.isfinite(values))))}: no time in column {name!r}")
+    if len(values) < 2:
+        raise SysidError(f"{file}: {len(values)} time(s) in column {name!r}, expected at least 2")
     unit = unit or _name_and_unit(name)[1]
     if unit and unit not in SECONDS:
         raise SysidError(f"{file}: times of column {name!r} are in {shown(unit)}; expected s, ms, us, ns, min or h")
@@ -147,8 +149,6 @@ def _name_and_unit(name: str) -> tuple[str, str]:
 
 def _resolution(numbers: FloatArray) -> float:
     """Largest power of ten that increasing numbers, of which the first is 0, are multiples of; 0 if there is none."""
-    if len(numbers) < 2:
-        return 0.0
     largest = np.floor(np.log10(np.diff(numbers).min(initial=numbers[-1])))
     for exponent in np.arange(largest, largest - MOST_DIGITS, -1.0):
         multiples = numbers / 10.0**exponent

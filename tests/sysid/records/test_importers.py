@@ -111,7 +111,7 @@ def test_packed_netcdf_and_dates(tmp_path):
     [
         ("", {}, "the file is empty; expected columns u, y"),
         ("t,u,y\n", {}, "a header and no data"),
-        ("t,u,y\n0,1,2\n", {"time": "t"}, "1 sample"),
+        ("t,u,y\n0,1,2\n", {"time": "t"}, "1 time"),
         ("t,u,y\n0,1\n", {}, r"line 2: 2 values, expected 3 \(t, u, y\)"),
         ("t,u,y\n0,1,x\n", {}, "line 2: could not convert"),
         ("t,u,y\n0,1,2\n1,1,2\n5,3,4\n6,1,1", {}, "not uniform: 1 gap"),
