@@ -1,6 +1,7 @@
 """The command line `hmtb`: it finds the command, reads its options, runs it, and turns errors into exit codes."""
 
 import os
+import resource
 import shlex
 import stat
 import sys
@@ -31,6 +32,9 @@ DATA_SETS = Path(__file__).parents[1] / "data" / "datasets"
 ORDINARY = (stat.S_IFREG, stat.S_IFDIR)
 """Kinds of files that commands take."""
 
+LEAST_ADDRESSES = 2**30
+"""Bytes. With fewer, libraries end the process or fail in ways of their own while they are loaded."""
+
 COMMANDS = tuple(PROGRAMS["hmtb"]["commands"])
 """Words after `hmtb`."""
 
@@ -48,7 +52,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     call: partial[int] | str = ""
     try:
-        call = f"hmtb {_version()}\n" if words in (["--version"], ["version"]) else parse(words)
+        if words in (["--version"], ["version"]):
+            call = f"hmtb {_version()}\n"
+        else:
+            _check_memory()
+            call = parse(words)
         code = 0
         if isinstance(call, str):
             sys.stdout.write(call)
@@ -147,6 +155,12 @@ def _version() -> str:
         return "of a checkout that is not installed"
 
 
+def _check_memory() -> None:
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY and limit < LEAST_ADDRESSES:
+        raise MemoryError(f"ulimit -v allows {limit // 1024} kB, a command needs {LEAST_ADDRESSES // 1024}")
+
+
 def _check_ordinary(call: partial[int]) -> None:
     """Refuse arguments that name pipes, sockets or devices, and HDF5 files that cannot be read without harm.
 
@@ -183,7 +197,8 @@ def _bad_input(error: Exception) -> str | None:
     back_end = os.environ.get("MUJOCO_GL")
     if back_end and any("gl_context" in frame.filename for frame in traceback.extract_tb(error.__traceback__)):
         return f"MUJOCO_GL={back_end!r} names no OpenGL back end that loads here; unset it, or set it to egl"
-    if isinstance(error, MemoryError) or (isinstance(error, ImportError) and "failed to map" in str(error)):
+    words = {"ImportError": "failed to map", "FatalError": "allocate memory"}.get(type(error).__name__)
+    if isinstance(error, MemoryError) or (words and words in str(error)):  # FatalError is MuJoCo's
         return f"not enough memory ({str(error) or 'no size known'}); expected more, a shorter record or lower orders"
     if isinstance(error, OSError):
         from hmtb_twin.files.errors import system_reason

@@ -211,6 +211,10 @@ def test_too_little_memory_is_one_line(complaint, monkeypatch):
 
     monkeypatch.setattr("scenarios.experiments.registry.load", full)
     assert "not enough memory (Unable to allocate 7.45 GiB)" in complaint("preview", "siso-5-elbow_pitch")
+    script = f"ulimit -v 650000; exec {sys.executable} -m scenarios simulate siso-5-elbow_pitch"
+    done = subprocess.run(["bash", "-c", script], stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "ulimit -v allows 650000 kB, a command needs 1048576" in done.stderr
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no /dev/full")
