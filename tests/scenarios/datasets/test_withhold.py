@@ -199,6 +199,12 @@ def test_submissions_are_graded_as_hmtb_dataset_score_does(school, tmp_path, pri
     assert result("dataset", "grade", school.withheld, tmp_path, code=1)["missing"] == ["bob"]
 
 
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"ann": 1}', "[]", "{"])
+def test_a_damaged_list_of_persons_is_refused(tmp_path, text):
+    (tmp_path / "persons.json").write_text(text)
+    refused("cannot read .*persons.json", read_persons, tmp_path)
+
+
 def test_a_folder_that_others_may_open_keeps_no_secret(tmp_path, school):
     (tmp_path / "open").mkdir(mode=0o755)
     refused("others may open it", build_withheld, school.spec, tmp_path / "out", tmp_path / "open")
