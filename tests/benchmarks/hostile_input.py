@@ -162,24 +162,13 @@ def said(words):
 def damaged(content, rng):
     """The bytes of a file after one to three accidents, or what somebody wrote by hand."""
     for _ in range(rng.integers(1, 4)):
-        kind, size = rng.integers(9), max(len(content), 1)
-        start = int(rng.integers(size))
-        end = min(start + int(rng.integers(1, 1 + min(size, 400))), size)
-        noise = rng.bytes(end - start)
-        if kind == 0 and content:  # one bit
-            content = content[:start] + bytes([content[start] ^ 1 << rng.integers(8)]) + content[start + 1 :]
-        elif kind == 1:
-            content = content[:start] + noise + content[end:]
-        elif kind == 2:
-            content = content[:start] + bytes([rng.choice([0, 255])]) * len(noise) + content[end:]
-        elif kind == 3:
-            content = content[:start]
-        elif kind == 4:
-            content = content[:start] + content[end:]
-        elif kind == 5:
-            content = content[:end] + content[start:]
-        else:
-            content = rewritten(content, rng)
+        start, length = (int(rng.integers(most)) for most in (len(content) + 1, 400))
+        before, part, after = content[:start], content[start : start + length], content[start + length :]
+        flipped = bytes([part[0] ^ 1 << rng.integers(8), *part[1:]]) if part else b"\0"
+        zeros, noise = bytes(len(part)), rng.bytes(len(part))
+        parts = (flipped, noise, zeros, zeros.replace(b"\0", b"\xff"), b"", part + part)
+        others = [*(before + one + after for one in parts), before, *[rewritten(content, rng)] * 3]
+        content = others[int(rng.integers(len(others)))]
     return content
 
 
@@ -194,22 +183,11 @@ def rewritten(content, rng):
     lines = text.splitlines() or [""]
     at = int(rng.integers(len(lines)))
     words = lines[at].replace(",", " , ").replace("=", " = ").split() or [""]
-    word = int(rng.integers(len(words)))
-    kind = rng.integers(6)
-    if kind < 2:
-        words[word] = str(rng.choice(NUMBERS))
-        lines[at] = " ".join(words)
-    elif kind == 2:
-        words[word] = repr(str(rng.choice(TEXTS))) if rng.random() < 0.5 else str(rng.choice(TEXTS))
-        lines[at] = " ".join(words)
-    elif kind == 3:
-        lines.insert(at, lines[int(rng.integers(len(lines)))])
-    elif kind == 4:
-        del lines[at]
-    else:
-        lines[at] = str(
-            rng.choice(["[" * 20_000, "{'a':" * 999, "\ufeff", ",,,,", ";" * 70_000, "a." * 5000 + "b = 1"])
-        )
+    new = str(rng.choice(NUMBERS if rng.random() < 0.5 else TEXTS))
+    words[int(rng.integers(len(words)))] = repr(new) if rng.random() < 0.2 else new
+    long = str(rng.choice(["[" * 20_000, "{'a':" * 999, "\ufeff", ",,,,", ";" * 70_000, "a." * 5000 + "b=1"]))
+    others = [*[[" ".join(words)]] * 3, [lines[at]] * 2, [], [long]]
+    lines[at : at + 1] = others[int(rng.integers(len(others)))]
     return "\n".join(lines).encode(errors="replace")
 
 
