@@ -6,10 +6,13 @@ import signal
 import sys
 from types import FrameType
 
+ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, a batch system, a terminal that is closed."""
+
 
 def run() -> int:
     """Run the command line with the words of the process; see `scenarios.commands.cli.main`."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # Ctrl-C, a batch system, a terminal that is closed
+    for number in ENDS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # else the caller ignores it, as nohup
             signal.signal(number, _interrupt)
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -22,6 +25,9 @@ def run() -> int:
     except KeyboardInterrupt:
         _leave()
         raise
+    finally:
+        for number in ENDS:  # a second one would end the process before it has closed what is open
+            signal.signal(number, signal.SIG_IGN)
 
 
 def _interrupt(_: int, frame: FrameType | None) -> None:
@@ -37,7 +43,7 @@ def _leave() -> None:
     line = f"hmtb: interrupted; run the command again: {shlex.join(['hmtb', *sys.argv[1:]])}\n"
     if os.isatty(2):
         os.write(2, b"\r\x1b[K\x1b[?25h")  # the line of progress goes, the cursor that it hides comes back
-    os.write(2, line.encode())
+    os.write(2, line.encode(errors="backslashreplace"))
     os._exit(130)
 
 

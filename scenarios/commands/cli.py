@@ -32,6 +32,9 @@ DATA_SETS = Path(__file__).parents[1] / "data" / "datasets"
 ORDINARY = (stat.S_IFREG, stat.S_IFDIR)
 """Kinds of files that commands take."""
 
+USER_BLOCKS = (0, *(2**k for k in range(9, 24)))
+"""Bytes in front of the contents of an HDF5 file [HDF5, sec. II.A]."""
+
 LEAST_ADDRESSES = 2**30
 """Bytes. With fewer, libraries end the process or fail in ways of their own while they are loaded."""
 
@@ -91,6 +94,8 @@ def _open_streams() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - open to the end
+        with suppress(AttributeError):
+            getattr(sys, name).reconfigure(errors="backslashreplace")  # a terminal may lack the signs of a name
 
 
 def parse(words: list[str]) -> partial[int] | str:
@@ -174,7 +179,7 @@ def _check_ordinary(call: partial[int]) -> None:
             mode = stat.S_IFMT(os.stat(value).st_mode) if isinstance(value, str | Path) else 0
         if mode not in (0, *ORDINARY):
             raise ScenarioError(f"{str(value)!r} is a pipe, a socket or a device; expected an ordinary file")
-        if mode == stat.S_IFREG and (str(value).endswith(".nc") or _begins_as_hdf5(value)):
+        if mode == stat.S_IFREG and (str(value).endswith((".nc", ".mcap")) or _begins_as_hdf5(value)):
             records.append(Path(value))
     if records:
         from scenarios.jobs.foreign_reader import check_readable
@@ -183,9 +188,9 @@ def _check_ordinary(call: partial[int]) -> None:
 
 
 def _begins_as_hdf5(path: str | Path) -> bool:
-    """Whether a file has the signature of HDF5 where NetCDF4 or MATLAB put it."""
+    """Whether a file has the signature of HDF5, at its beginning or behind a user block."""
     with suppress(OSError), open(path, "rb") as file:
-        return b"\x89HDF\r\n\x1a\n" in file.read(520)
+        return any(file.seek(at) == at and file.read(8) == b"\x89HDF\r\n\x1a\n" for at in USER_BLOCKS)
     return False
 
 

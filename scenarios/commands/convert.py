@@ -1,5 +1,6 @@
 """`hmtb convert`: records of the bus from one file format to another."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -70,11 +71,11 @@ def convert(
         raise ScenarioError(
             f"{len(records)} tests ({', '.join(names)}) need a folder; choose one by --test, or give one"
         )
-    if len(set(names)) < len(names) and not single:
-        twice_named = next(name for name in names if names.count(name) > 1)
-        raise ScenarioError(f"two tests are named {twice_named!r}; their files would be one")
     # Without characters that leave the folder.
-    safe = [name.replace("/", "_").replace("\\", "_").lstrip(".") or "test" for name in names]
+    safe = [re.sub(r"[/\\\0]", "_", name).lstrip(".") or "test" for name in names]
+    if len(set(safe)) < len(safe) and not single:
+        twice_named = next(name for name in safe if safe.count(name) > 1)
+        raise ScenarioError(f"two tests are named {twice_named!r}; their files would be one")
     stems = [sources[0].stem] if kind == "1553" else safe
     places = [out] if single else [out / f"{stem}{ENDINGS[kind]}" for stem in stems]
     with output_folder(out.parent if single else out):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from hmtb_twin.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError
-from scenarios.files.printable import visible
+from scenarios.files.printable import one_line, visible
 from scenarios.jobs.progress import end_activity, pause_activity
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def counted(number: int, noun: str) -> str:
 def say_beside_bar(line: str) -> None:
     """Write a line on stderr; a bar of progress stays below it."""
     with pause_activity():
-        sys.stderr.write(f"{line}\n")
+        sys.stderr.write(f"{one_line(line)}\n")
         sys.stderr.flush()
 
 
@@ -110,7 +110,7 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
         numbers = any(columns) and 2 * sum(bool(NUMBER.match(cell)) for cell in filled) > len(filled)
         table.add_column(column, justify="right" if numbers else "left", overflow="fold")
     for row in rows:
-        table.add_row(*map(visible, row))
+        table.add_row(*map(one_line, row))
     end_activity()
     # A pipe has no width of its own; eighty columns would break the rows that a script wants to read.
     Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False).print(table)

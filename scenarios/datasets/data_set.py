@@ -16,6 +16,7 @@ from scenarios.datasets.index import hash_of_records, read_index
 from scenarios.datasets.plan import INDEX, SPEC, TRUTH, UNFINISHED, ListedExperiment
 from scenarios.datasets.spec import DataSetSpec, load_spec
 from scenarios.datasets.spec_tables import PARTS
+from scenarios.experiments.scenario import NAME
 from scenarios.files.errors import ScenarioError, unknown
 from sysid import IOData
 
@@ -278,6 +279,8 @@ def open_data_set(folder: str | Path) -> DataSet:
     try:
         index = read_index(folder)
         entries = tuple(_data_record(folder, entry) for entry in index["experiments"])
+        if not NAME.fullmatch(index["data_set"]):
+            raise ValueError(f"data set {index['data_set']!r} names no folder")
         incomplete: dict[str, str] = {}
         for entry in index["experiments"]:
             incomplete |= {entry["name"]: entry["failed"]} if entry["failed"] else {}
@@ -337,6 +340,8 @@ def _data_record(folder: Path, entry: Mapping[str, Any]) -> DataRecord:
     for key in ("name", "part", "block", "arm"):
         if not isinstance(entry[key], str):
             raise TypeError(f"{key} {entry[key]!r} is no text")
+    if not NAME.fullmatch(entry["name"]) or entry["part"] not in PARTS:
+        raise ValueError(f"name {entry['name']!r} or part {entry['part']!r} names no file")
     arrays = dict(entry.get("arrays", {}).get(entry["file"], {}))
     return DataRecord(
         **{key: entry[key] for key in ("name", "part", "block", "arm", "twin", "file", "failed")},

@@ -16,7 +16,12 @@ from scenarios.datasets.tables import read_table
 from scenarios.datasets.withhold import read_persons
 from scenarios.files.codec import from_json
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.printable import one_line
+from scenarios.jobs.foreign_reader import ForeignReader
 from sysid import Estimate, Polynomials, StateSpace, SysidError, read_model
+
+GRADER = ForeignReader(patience=600.0)
+"""Reads and scores a submission, which comes from anybody; its process ends with this one."""
 
 Matrix = tuple[tuple[float, ...], ...]
 
@@ -120,17 +125,18 @@ def grade_all(
                 raise ScenarioError(f"{folder} is a link; expected a folder with the work of {person}")
             if person not in persons:
                 raise ScenarioError(f"{folder}: {unknown('person', person, persons)}")
-            grades[folder.name] = _grade(folder, open_data_set(withheld / persons[person][0]))
-        except (ScenarioError, ValueError, OSError) as error:
+            grades[folder.name] = GRADER.call(_grade, folder, folder, withheld / persons[person][0])
+        except ScenarioError as error:
             # One broken submission does not keep the others from their grades.
-            grades[folder.name] = abridged(str(error))
+            grades[folder.name] = one_line(abridged(str(error)))
         if progress is not None:
             progress(number, len(folders))
     return grades
 
 
-def _grade(submission: Path, data_set: DataSet) -> Grade:
-    """Score the predictions or the models of a submission on a complete data set."""
+def _grade(submission: Path, complete: Path) -> Grade:
+    """Score the predictions or the models of a submission on a complete data set, in a process of its own."""
+    data_set = open_data_set(complete)
     for path in submission.iterdir():
         # A link could lead to the withheld answer, reading a pipe never ends, a larger file is a mistake.
         if path.is_symlink() or not (path.is_file() or path.is_dir()) or path.stat().st_size > _most_bytes(path):
@@ -185,7 +191,7 @@ def _read_models(submission: Path, data_set: DataSet) -> dict[str, StateSpace]:
             if isinstance(file, Polynomials):
                 raise ScenarioError(f"{path}: polynomials without a sampling interval given, expected a model")
             model = StateSpace(np.array(file.A), np.array(file.B), np.array(file.C), np.array(file.D), None, file.dt)
-        except SysidError as error:
+        except (SysidError, ValueError, MemoryError) as error:
             raise ScenarioError(f"{path}: {error}") from error
         if (model.nu, model.ny) != (1, 1):
             raise ScenarioError(f"{path}: {model.nu} inputs and {model.ny} outputs given, expected one of each")

@@ -22,6 +22,7 @@ from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.tables import read_table, read_text, table_text
 from scenarios.datasets.variables import GIVEN, WINDOW
 from scenarios.experiments.scenario import NAME
+from scenarios.experiments.waveform import check_seed
 from scenarios.files.errors import ScenarioError
 
 PERSONS = "persons.json"
@@ -184,6 +185,7 @@ def _seeds(withheld: Path, labels: Mapping[str, str], seed: int | None) -> dict[
         if {person: label for person, (label, _) in persons.items()} != labels:
             raise ScenarioError(f"{withheld} is of other persons or of another spec; expected a new folder")
         return {person: one for person, (_, one) in persons.items()}
+    check_seed(seed or 0)
     # TOML and NetCDF hold no more than 63 bits, and nobody tries so many.
     seeds = {person: secrets.randbits(63) for person in labels}
     if seed is not None:
@@ -205,7 +207,9 @@ def _publish(complete: Path, public: DataSetSpec, out: Path) -> Path:
             if entry["failed"]:
                 # The reason of a failure may name drawn values.
                 facts["failed"] = "it could not be run; the reason is withheld"
-            else:
+            if "missing" in entry:
+                facts["missing"] = dict.fromkeys(entry["missing"], "the reason is withheld")
+            if not entry["failed"]:
                 contents = public_contents(read_netcdf(complete / entry["file"]), entry["part"], public.window)
                 path = folder / entry["file"]
                 path.parent.mkdir(parents=True, exist_ok=True)

@@ -54,7 +54,7 @@ class RecordFile:
             return self.records[0]
         if test in names:
             return self.records[names.index(test)]
-        if test.isdecimal() and 1 <= int(test) <= len(names):
+        if test.isdecimal() and len(test) < 9 and 1 <= int(test) <= len(names):
             return self.records[int(test) - 1]
         raise ScenarioError(unknown("test", test, names))
 

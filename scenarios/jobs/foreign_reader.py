@@ -3,11 +3,14 @@
 One flipped byte can make the HDF5 library crash, loop without end or ask for all memory.
 """
 
+import math
 import resource
+from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, suppress
+from importlib import import_module
 from multiprocessing import current_process
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,6 +19,7 @@ from hmtb_twin import TwinError
 from hmtb_twin.files.netcdf import read_netcdf
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.executor import one_process
+from sysid import SysidError
 
 Result = TypeVar("Result")
 
@@ -58,7 +62,7 @@ class ForeignReader(AbstractContextManager["ForeignReader"]):
             if self._pool is None:
                 self._pool = one_process()
             return self._pool.submit(_limited, function, *arguments).result(self._patience)
-        except TwinError as error:
+        except (TwinError, SysidError) as error:
             raise ScenarioError(str(error)) from error
         except ScenarioError:
             raise
@@ -82,7 +86,7 @@ class ForeignReader(AbstractContextManager["ForeignReader"]):
 
 
 def check_readable(paths: Iterable[Path]) -> None:
-    """Read all numbers of HDF5 files in a process of its own, before this one reads them.
+    """Read all numbers and attributes of HDF5 files, all messages of MCAP files, before this process reads them.
 
     Raises:
         ScenarioError: Reading crashes, does not end, or takes too much memory.
@@ -95,12 +99,21 @@ def check_readable(paths: Iterable[Path]) -> None:
 def _touch(path: Path) -> None:
     import h5py
 
+    if path.suffix == ".mcap":
+        with suppress(ModuleNotFoundError, ValueError, OSError), path.open("rb") as stream:
+            reader = import_module("mcap.reader").make_reader(stream)
+            deque(reader.iter_messages(), maxlen=0)
+        return
     with suppress(OSError, RuntimeError, ValueError, TypeError, KeyError), h5py.File(path, "r") as file:
-        found: list[h5py.Dataset] = []
+        found: list[h5py.HLObject] = [file]
         # a function that returns anything but None would end the visit
-        file.visititems(lambda _, entry: found.append(entry) if isinstance(entry, h5py.Dataset) else None)
+        file.visititems(lambda _, entry: found.append(entry))
         for entry in found:
-            entry[()]
+            dict(entry.attrs)
+            if isinstance(entry, h5py.Dataset):
+                if math.prod(entry.chunks or ()) * entry.dtype.itemsize > MOST_MEMORY // 4:
+                    raise MemoryError  # HDF5 does not tell a lack of memory for a packed chunk from damage
+                entry[()]
 
 
 def _apply(function: Callable[..., Result], path: Path, arguments: tuple[Any, ...]) -> Result:
@@ -109,6 +122,6 @@ def _apply(function: Callable[..., Result], path: Path, arguments: tuple[Any, ..
 
 def _limited(function: Callable[..., Result], *arguments: Any) -> Result:
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    if soft == resource.RLIM_INFINITY:
-        resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, hard))
+    limit = MOST_MEMORY if soft == resource.RLIM_INFINITY else min(soft, MOST_MEMORY)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
     return function(*arguments)

@@ -12,6 +12,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from hmtb_twin.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
@@ -41,7 +42,12 @@ def save_figure(figure: Figure, path: Path, dpi: int = 100) -> None:
     dated = {"svg": "Date", "pdf": "CreationDate"}
     metadata = {dated[kind]: None} if kind in dated else None
     with replacing(path) as partial:
-        figure.savefig(partial, format=kind, dpi=dpi, metadata=metadata)
+        try:
+            figure.savefig(partial, format=kind, dpi=dpi, metadata=metadata)
+        except ValueError:  # a name such as `u$\\q$` is no formula
+            for text in figure.findobj(Text):
+                text.set_parse_math(False)
+            figure.savefig(partial, format=kind, dpi=dpi, metadata=metadata)
 
 
 def svg(figure: Figure, description: str, mark: str) -> str:

@@ -41,6 +41,8 @@ class Choice:
             if not isinstance(names, Iterable):
                 raise SysidError(f"expected {side} by name, got {shown(names)}")
             object.__setattr__(self, side, (names,) if isinstance(names, str) else tuple(names))
+        if not self.outputs:
+            raise SysidError("no output named, expected one or more")
         for name in self.channels:
             if not isinstance(name, str):
                 raise SysidError(f"expected inputs and outputs by name, got {shown(name)}")
@@ -377,6 +379,8 @@ def _existing(path: str | Path, kind: str) -> Path:
     file = Path(path)
     if not (file.is_file() or (file.is_dir() and "folder" in kind)):  # reading a pipe may never end
         raise SysidError(f"no data file {str(path)!r}; expected {kind}")
+    if any(not (one.is_file() or one.is_dir()) for one in (file.rglob("*") if file.is_dir() else ())):
+        raise SysidError(f"{str(path)!r} holds a pipe, a device or a broken link; expected files")
     return file
 
 

@@ -47,7 +47,9 @@ def _values(array: Any) -> Column:
     for marker in {"_FillValue", "missing_value"} & set(attributes):
         lost = values == attributes[marker]
         values = np.where(lost, np.nan, values) if lost.any() else values
-    if {"scale_factor", "add_offset"} & set(attributes):
+    if scales := {"scale_factor", "add_offset"} & set(attributes):
+        if any(np.size(attributes[name]) != 1 for name in scales):
+            raise ValueError(f"{' or '.join(sorted(scales))} is no number")
         values = values * attributes.get("scale_factor", 1.0) + attributes.get("add_offset", 0.0)
     return np.asarray(values)
 

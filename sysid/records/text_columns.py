@@ -17,6 +17,9 @@ CLOCK_TIME = re.compile(r"\s*(?:(\d{4}-\d\d-\d\d)|\d{1,2}:\d\d:\d\d)")
 
 READ_TIMES = "times as 2026-01-31T12:00:00.5 or 12:00:00.5"
 
+SPREADSHEET_ERRORS = ("#N/A", "#DIV/0!", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
+"""Cells that begin a line like a comment."""
+
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*")
 
 
@@ -42,7 +45,7 @@ def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column]
             continue
     else:
         raise SysidError(f"{file.name}: not a text file; expected columns {', '.join(expected)}")
-    if repeated := [name for name in expected if names.count(name) > 1]:
+    if repeated := [name for name in (*expected, *filter(is_time, names)) if names.count(name) > 1]:
         raise SysidError(f"{file.name}: {names.count(repeated[0])} columns are named {repeated[0]!r}; expected one")
 
     def place(sample: int) -> str:
@@ -104,7 +107,7 @@ def _layout(file: Path, encoding: str, expected: Sequence[str]) -> tuple[list[st
     with file.open(encoding=encoding) as lines:
         for number, line in enumerate(lines, start=1):
             text = line.strip(" \r\n\f")
-            if not text or text[0] in "#%":
+            if not text or (text[0] in "#%" and not text.startswith(SPREADSHEET_ERRORS)):
                 skipped.append(number)
                 comment = comment if names else text.strip("#% ")
                 continue
@@ -133,7 +136,10 @@ def _layout(file: Path, encoding: str, expected: Sequence[str]) -> tuple[list[st
 def _cells(line: str, separator: str | None) -> list[str]:
     if separator is None:
         return [cell.strip('"') for cell in line.split()]
-    cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+    try:
+        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+    except csv.Error as error:
+        raise SysidError(f"a line of {len(line)} characters cannot be read ({error})") from error
     return cells[:-1] if cells[1:] and not cells[-1] else cells
 
 

@@ -68,11 +68,9 @@ def experiments(
     samples whose stamps only jitter, if none was lost.
 
     Raises:
-        SysidError: No outputs or some without a constant rate, signals without time in common, gaps, channels that no
+        SysidError: Outputs without a constant rate, signals without time in common, gaps, channels that no
             `IOData` takes.
     """
-    if not outputs:
-        raise SysidError(f"{name}: no output named, expected one or more")
     signals = (*inputs, *outputs)
     if short := [signal for signal in signals if len(signal.times) < 2]:
         raise SysidError(f"{name}: {listed(short[0].names)} has {len(short[0].times)} sample(s), expected at least 2")
