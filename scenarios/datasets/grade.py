@@ -1,6 +1,6 @@
 """Grades of a class: submitted predictions and models, scored against the complete data sets in a withheld folder."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -11,17 +11,16 @@ from hmtb_twin.files.errors import abridged
 from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, arm_file
-from scenarios.datasets.score import ENDINGS, Scores, score, score_model
+from scenarios.datasets.score import ENDINGS, FOREIGN, Scores, score, score_model
 from scenarios.datasets.tables import read_table
 from scenarios.datasets.withhold import read_persons
 from scenarios.files.codec import from_json
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.printable import one_line
-from scenarios.jobs.foreign_reader import ForeignReader
 from sysid import Estimate, Polynomials, StateSpace, SysidError, read_model
 
-GRADER = ForeignReader(patience=600.0)
-"""Reads and scores a submission, which comes from anybody; its process ends with this one."""
+MOST_STATES = 1000
+"""Of a submitted model: what more would need in memory and time keeps others from their grades."""
 
 Matrix = tuple[tuple[float, ...], ...]
 
@@ -125,8 +124,8 @@ def grade_all(
                 raise ScenarioError(f"{folder} is a link; expected a folder with the work of {person}")
             if person not in persons:
                 raise ScenarioError(f"{folder}: {unknown('person', person, persons)}")
-            grades[folder.name] = GRADER.call(_grade, folder, folder, withheld / persons[person][0])
-        except ScenarioError as error:
+            grades[folder.name] = _grade(folder, open_data_set(withheld / persons[person][0]))
+        except (ScenarioError, ValueError, OSError, MemoryError) as error:
             # One broken submission does not keep the others from their grades.
             grades[folder.name] = one_line(abridged(str(error)))
         if progress is not None:
@@ -134,14 +133,14 @@ def grade_all(
     return grades
 
 
-def _grade(submission: Path, complete: Path) -> Grade:
-    """Score the predictions or the models of a submission on a complete data set, in a process of its own."""
-    data_set = open_data_set(complete)
+def _grade(submission: Path, data_set: DataSet) -> Grade:
+    """Score the predictions or the models of a submission on a complete data set."""
     for path in submission.iterdir():
         # A link could lead to the withheld answer, reading a pipe never ends, a larger file is a mistake.
         if path.is_symlink() or not (path.is_file() or path.is_dir()) or path.stat().st_size > _most_bytes(path):
             raise ScenarioError(f"{path} is a link, a pipe or has too many bytes; expected ordinary files")
-    models = _read_models(submission, data_set)
+    joints = {joint for line in data_set.index for joint in line.joints}
+    models = FOREIGN.call(_read_models, submission, submission, joints)
     if any(path.suffix in ENDINGS for path in submission.iterdir()) or not models:
         scores = score(submission, data_set)
     else:
@@ -176,9 +175,8 @@ def _mean(cells: list[str]) -> float | None:
     return float(np.mean(list(map(float, cells)))) if cells and all(cells) else None
 
 
-def _read_models(submission: Path, data_set: DataSet) -> dict[str, StateSpace]:
-    """The models of a submission, by joint."""
-    joints = {joint for line in data_set.index for joint in line.joints}
+def _read_models(submission: Path, joints: Collection[str]) -> dict[str, StateSpace]:
+    """The models of a submission, by joint, read in a process of its own; see `FOREIGN`."""
     models: dict[str, StateSpace] = {}
     for path in sorted(submission.glob("model-*.json")):
         joint = path.stem.removeprefix("model-")
@@ -191,10 +189,14 @@ def _read_models(submission: Path, data_set: DataSet) -> dict[str, StateSpace]:
             if isinstance(file, Polynomials):
                 raise ScenarioError(f"{path}: polynomials without a sampling interval given, expected a model")
             model = StateSpace(np.array(file.A), np.array(file.B), np.array(file.C), np.array(file.D), None, file.dt)
+        except ScenarioError:
+            raise
         except (SysidError, ValueError, MemoryError) as error:
             raise ScenarioError(f"{path}: {error}") from error
         if (model.nu, model.ny) != (1, 1):
             raise ScenarioError(f"{path}: {model.nu} inputs and {model.ny} outputs given, expected one of each")
+        if model.order > MOST_STATES:
+            raise ScenarioError(f"{path}: {model.order} states given, expected at most {MOST_STATES}")
         models[joint] = model
     return models
 

@@ -23,7 +23,7 @@ def opened(file: Path, damaged: str) -> Iterator[Any]:
     import h5py
 
     try:
-        _check_heaps(file)
+        check_heaps(file)
         with h5py.File(file) as whole:
             yield whole
     except SysidError:
@@ -38,8 +38,12 @@ def check_size(file: Path, arrays: Iterable[Any]) -> None:
         raise SysidError(f"{file.name}: arrays of {numbers} numbers, expected at most {MOST_NUMBERS}")
 
 
-def _check_heaps(file: Path) -> None:
-    """Check that the objects of each global heap, which hold texts, follow each other to its end."""
+def check_heaps(file: Path) -> None:
+    """Check that the objects of each global heap, which hold texts, follow each other to its end.
+
+    Raises:
+        ValueError: They do not: the HDF5 library would read on for ever.
+    """
     with file.open("rb") as stream:
         if not stream.read(1):
             return

@@ -16,7 +16,7 @@ from scipy.io import savemat
 from hmtb_twin.bus.recorder_run import read_run
 from scenarios import names
 from scenarios.commands.cli import PROGRAMS, main
-from scenarios.commands.output import print_table, say
+from scenarios.commands.output import print_table, say, say_beside_bar
 from scenarios.experiments.scenario import Scenario
 from sysid import read_csv, read_model
 from tests.scenarios.commands.conftest import signals, table
@@ -202,7 +202,10 @@ def test_names_from_files_do_not_steer_the_terminal(complaint, tmp_path, capsys)
     assert "\x1b" not in complaint("identify", tmp_path / "\x1b[2Jrow.csv", *OE)
     print_table("scores", ("name", "score"), [("eve\x1b[1A\rann", "1.0")])
     say("eve\x1b[2J")
-    assert "\x1b" not in capsys.readouterr().out
+    print_table("scores", ("name", "score"), [("eve\n bob  0.1", "1.0")])
+    say_beside_bar("eve\x1b[2J")
+    out, err = capsys.readouterr()
+    assert "\x1b" not in out + err and "\n bob" not in out
 
 
 def test_too_little_memory_is_one_line(complaint, monkeypatch):

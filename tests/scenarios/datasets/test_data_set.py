@@ -130,9 +130,22 @@ def test_a_swapped_or_damaged_file_and_a_pipe_are_refused(copy):
     with h5py.File(second, "r+") as file:
         file.attrs["sampling_time_denominator"] = 0
     refused("differs|is damaged", lambda: open_data_set(copy).train[1].y)
+    content = bytearray(second.read_bytes())
+    heap = content.index(b"GCOL")
+    content[heap + 16 : heap + 32] = bytes(16)  # on which the HDF5 library would loop
+    second.write_bytes(content)
+    refused("free space of 0 bytes", lambda: open_data_set(copy).train[1].y)
     first.unlink()
     os.mkfifo(first)
     refused(r"binary-shoulder_yaw\.nc is no ordinary file", lambda: open_data_set(copy).train[0].u)
+
+
+@pytest.mark.parametrize("words", [{"name": "../x"}, {"part": "../.."}, {"data_set": "../../escaped"}])
+def test_no_name_of_an_index_leads_out_of_a_folder(tiny, tmp_path, words):
+    index = read_index(tiny)
+    (index if "data_set" in words else index["experiments"][0]).update(words)
+    (tmp_path / "experiments.json").write_text(json.dumps(index))
+    refused("names no", open_data_set, tmp_path)
 
 
 def test_a_failed_experiment_is_listed_and_left_out(tiny, tmp_path):

@@ -24,7 +24,7 @@ from scenarios.datasets.score import Score, Scores, score_model
 from scenarios.datasets.spec_tables import Scoring
 from scenarios.datasets.withhold import build_withheld, check_withholdable, read_persons, read_roster
 from scenarios.experiments.registry import names
-from sysid import write_model
+from sysid import oe, write_model
 from sysid.validation.predictors import ModelPredictor
 from tests.mat_bytes import HEAD, nested, part, variable
 from tests.refusals import refused
@@ -242,6 +242,13 @@ def test_broken_submissions_are_refused_one_by_one(school, tmp_path):
     )
     assert "A" in refusal('{"A": [["a"]], "B": [[1]], "C": [[1]], "D": [[0]], "dt": 0.02}')
     assert "no test record" in refusal("elbow_pitch\n0\n", "other.csv")
+    # a delay of 200 hours in a file of 200 kB: the state would take 7 TiB
+    file = write_model(oe(open_data_set(school.ann).train[0].iodata(), 1, 1, 1), tmp_path / "model.json")
+    table = json.loads(file.read_text())
+    file.unlink()
+    table["estimate"]["polynomials"]["B"][:1] = [0] * 10**6
+    table["estimate"]["layout"]["nk"] = [10**6]
+    assert "model-elbow_pitch.json: Unable to allocate" in refusal(json.dumps(table))
     # A link could lead to the withheld answer.
     (ann / "other.csv").unlink()
     (ann / "twin-0-noise.nc").symlink_to(school.withheld / "class-ann-v1/data/test/twin-0-noise.nc")

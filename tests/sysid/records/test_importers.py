@@ -111,6 +111,9 @@ def test_packed_netcdf_and_dates(tmp_path):
     [
         ("", {}, "the file is empty; expected columns u, y"),
         ("t,u,y\n", {}, "a header and no data"),
+        ("time,u,y,time\n0,1,2,0\n1,1,2,2\n", {}, "2 columns are named 'time'"),
+        ("u,y\n1,2\n#N/A,2\n", {"dt": 1.0}, "NaN"),
+        ("u" * 200_000 + ",y\n1,2\n", {"dt": 1.0}, "characters cannot be read"),
         ("t,u,y\n0,1,2\n", {"time": "t"}, "1 time"),
         ("t,u,y\n0,1\n", {}, r"line 2: 2 values, expected 3 \(t, u, y\)"),
         ("t,u,y\n0,1,x\n", {}, "line 2: could not convert"),
