@@ -5,8 +5,8 @@
 A case is a call that works, with one of its files damaged or exchanged, or one of its words changed. It runs in a fork
 of this process, which has loaded everything, with 60 s of processor time, 180 s in all, and 4 GiB of memory. It passes
 if it ends with exit code 0, 1 or 2, if 2 comes with one line `hmtb: ...` of at most 2000 printable characters, if no
-traceback and no partial file is left, and if a reader of `sysid` or `hmtb_twin` raises the errors of its docstring
-alone. A case depends on its seed and number only: `--case N` repeats one; FOLDER keeps the files of those that fail.
+traceback and no partial file is left. A case depends on its seed and number only: `--case N` repeats one; FOLDER keeps
+the files of those that fail. The readers are those that the commands use.
 """
 
 import importlib
@@ -28,13 +28,7 @@ import h5py
 import numpy as np
 from scipy.io import savemat
 
-import sysid
-from hmtb_twin import TwinError
-from hmtb_twin.bus.recorder_run import read_run
 from scenarios.commands.cli import PROGRAMS, main
-from scenarios.experiments.scenario import Scenario
-from scenarios.files.errors import ScenarioError
-from sysid.exchange.model_file import read_model
 from tests.benchmarks.tables import heading, options, row
 
 SECONDS, MEMORY, LONGEST = 60, 4 * 2**30, 2000
@@ -83,17 +77,7 @@ leaderboard {result.json} --out {out}
 completion bash
 """
 
-READERS = {
-    "read_csv {table.csv}": lambda path: sysid.read_csv(path, inputs=["u"], outputs=["y"]),
-    "read_mat {table.mat}": lambda path: sysid.read_mat(path, inputs=["u"], outputs=["y"]),
-    "read_log {log.mcap}": lambda path: sysid.read_log(path, inputs=["/cmd.u"], outputs=["/cmd.y"]),
-    "read_model {model.json}": read_model,
-    "read_run {run.ch10}": read_run,
-    "Scenario.read {scenario.toml}": Scenario.read,
-}
-"""Readers of files that need no process of their own; those of HDF5 go through commands."""
-
-KINDS = (*CALLS.strip().splitlines(), *READERS)
+KINDS = CALLS.strip().splitlines()
 
 
 def material(place):
@@ -126,15 +110,15 @@ def material(place):
             text = json.dumps({"u": one, "y": two}).encode()
             writer.add_message(channel, log_time=int(1e9 * at), publish_time=0, data=text)
         writer.finish()
-    test, train = (
+    records = "".join(
         f'[[records]]\nname = "{part}"\npart = "{part}"\naxes = ["elbow_pitch"]\nduration = 4.0\n'
-        f'draw_waveforms = true\n[[records.excitation]]\nkind = "white_noise"\namplitude = 0.5\n'
+        'draw_waveforms = true\n[[records.excitation]]\nkind = "white_noise"\namplitude = 0.5\n'
         for part in ("test", "train")
     )
     head = 'name = "tiny"\nversion = 1\ntitle = "Tiny"\nseed = 7\n[baselines]\nmodels = ["hold", "arx:2/2"]\n'
-    Path("spec.toml").write_text(head + train + test)
+    Path("spec.toml").write_text(head + records)
     drawn = '[truth]\nfloors = 0\n[twins]\ncount = 1\nkp = {kind = "lognormal", spread = 0.1}\n'
-    Path("class.toml").write_text(head.replace("tiny", "class") + drawn + train + test)
+    Path("class.toml").write_text(head.replace("tiny", "class") + drawn + records)
     Path("scenario.toml").write_text(said("scenarios show siso-5-elbow_pitch"))
     said("simulate siso-5-elbow_pitch --duration 12 --format nc,csv,mat,ascii,1553")
     for file in Path().glob("siso-5-elbow_pitch.*"):
@@ -272,7 +256,7 @@ def prepared(number, seed, place):
     if number < 0:
         return call, words
     kind = rng.random()
-    if leaves and (call in READERS or kind < 0.75):
+    if leaves and kind < 0.75:
         leaf, kind = leaves[int(rng.integers(len(leaves)))], rng.random()
         if kind < 0.75:
             leaf.write_bytes(damaged(leaf.read_bytes(), rng))
@@ -298,8 +282,8 @@ def parameters(words):
     return [name for name in inspect.signature(command).parameters if name != "maps"]  # they take minutes
 
 
-def execute(call, words, place):
-    """Run a case in this process, a fork that ends with its exit code: 70 where a reader raises another error."""
+def execute(words, place):
+    """Run a case in this process, a fork that ends with its exit code."""
     for number, name in ((0, os.devnull), (1, place / "stdout"), (2, place / "stderr")):
         os.dup2(os.open(name, os.O_RDWR | os.O_CREAT), number)
     sys.stdout, sys.stderr = open(1, "w"), open(2, "w")  # noqa: SIM115 - to the end of the process
@@ -309,15 +293,7 @@ def execute(call, words, place):
     os.chdir(place)
     code = 70
     try:
-        if call in READERS:
-            READERS[call](words[-1])
-            code = 0
-        else:
-            code = main(words)
-    except (sysid.SysidError, ScenarioError, TwinError, OSError) as error:
-        if call in READERS:
-            print(f"hmtb: {str(error)[: LONGEST // 6]!a}", file=sys.stderr)
-            code = 2
+        code = main(words)
     except BaseException:
         traceback.print_exc()
     finally:
@@ -362,7 +338,7 @@ def bench():
         (place / "out").mkdir(parents=True)
         call, words = prepared(number, chosen.seed, place)
         if not (pid := os.fork()):
-            execute(call, words, place)
+            execute(words, place)
         _, code, usage = os.wait4(pid, 0)
         wrong = fault(code, place) or ("fails unchanged" if number < 0 and os.WEXITSTATUS(code) > 1 else "")
         name = " ".join(word for word in call.split()[:2] if not word.startswith("{"))

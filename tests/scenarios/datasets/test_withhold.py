@@ -241,7 +241,6 @@ def test_broken_submissions_are_refused_one_by_one(school, tmp_path):
         '"polynomials": {"A": [1], "B": [1], "C": [1], "D": [1], "F": [1]}}'
     )
     assert "A" in refusal('{"A": [["a"]], "B": [[1]], "C": [[1]], "D": [[0]], "dt": 0.02}')
-    assert "no test record" in refusal("elbow_pitch\n0\n", "other.csv")
     # a delay of 200 hours in a file of 200 kB: the state would take 7 TiB
     file = write_model(oe(open_data_set(school.ann).train[0].iodata(), 1, 1, 1), tmp_path / "model.json")
     table = json.loads(file.read_text())
@@ -249,6 +248,7 @@ def test_broken_submissions_are_refused_one_by_one(school, tmp_path):
     table["estimate"]["polynomials"]["B"][:1] = [0] * 10**6
     table["estimate"]["layout"]["nk"] = [10**6]
     assert "model-elbow_pitch.json: Unable to allocate" in refusal(json.dumps(table))
+    assert "no test record" in refusal("elbow_pitch\n0\n", "other.csv")
     # A link could lead to the withheld answer.
     (ann / "other.csv").unlink()
     (ann / "twin-0-noise.nc").symlink_to(school.withheld / "class-ann-v1/data/test/twin-0-noise.nc")
