@@ -128,6 +128,8 @@ def grade_all(
         except (ScenarioError, ValueError, OSError, MemoryError) as error:
             # One broken submission does not keep the others from their grades.
             grades[folder.name] = one_line(abridged(str(error)))
+        except LookupError as error:
+            grades[folder.name] = f"a table in {withheld} is damaged: it lacks {error}"
         if progress is not None:
             progress(number, len(folders))
     return grades
