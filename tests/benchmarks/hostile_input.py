@@ -13,6 +13,7 @@ import importlib
 import inspect
 import json
 import os
+import re
 import resource
 import shutil
 import signal
@@ -36,6 +37,9 @@ SECONDS, MEMORY, LONGEST = 60, 4 * 2**30, 2000
 NUMBERS = ["nan", "inf", "-inf", "-1", "0", "1e308", "-1e308", "1e400", "1e-308", "9" * 30, "0x10", "1_0", "٣", "1,5"]
 TEXTS = ["", " ", "../../etc/passwd", "/dev/null", ".", "/", "~", "--json", "-", "--", "%s%n", "{0}", "$(id)", "NaN"]
 TEXTS += ["<script>", "None", "\x00", "\x1b[2J", "\u202e", "\udcff", "a\nb", "é" * 300, "x" * 10**5, "[" * 5000]
+
+VALUE = re.compile(r'"[^"]*"|-?[0-9][0-9.eE+-]*|null|true|false')
+VALUES = ["null", "true", "-1", "0.5", "9" * 400, "1e999", "NaN", '""', '"../x"', "[]", "[[]]", "{}", '{"a": 1}']
 
 CALLS = """
 identify {run.nc} --method arx --orders 2 2 1 --out {out}
@@ -162,8 +166,9 @@ def rewritten(content, rng):
         text = content.decode()
     except UnicodeDecodeError:
         return content
-    if text.startswith("{") and rng.random() < 0.7:
-        return exchanged(text, rng).encode(errors="replace")
+    if text.startswith("{") and rng.random() < 0.7:  # JSON with one value exchanged
+        one = rng.choice([match.span() for match in VALUE.finditer(text)] or [(0, 0)])
+        return (text[: one[0]] + str(rng.choice(VALUES)) + text[one[1] :]).encode(errors="replace")
     lines = text.splitlines() or [""]
     at = int(rng.integers(len(lines)))
     words = lines[at].replace(",", " , ").replace("=", " = ").split() or [""]
@@ -173,41 +178,6 @@ def rewritten(content, rng):
     others = [*[[" ".join(words)]] * 3, [lines[at]] * 2, [], [long]]
     lines[at : at + 1] = others[int(rng.integers(len(others)))]
     return "\n".join(lines).encode(errors="replace")
-
-
-def exchanged(text, rng):
-    """JSON with one value exchanged, or the text as it is where it is damaged already."""
-    try:
-        node = table = json.loads(text)
-    except (ValueError, RecursionError):
-        return text
-    while isinstance(node, dict | list) and node:
-        parent, keys = node, list(node) if isinstance(node, dict) else range(len(node))
-        key = keys[int(rng.integers(len(keys)))]
-        node = parent[key]
-        if rng.random() < 0.3:
-            break
-    others = [
-        None,
-        True,
-        -1,
-        0.5,
-        10**400,
-        1e308,
-        float("nan"),
-        "",
-        "x",
-        "../x",
-        [],
-        [[]],
-        {},
-        {"a": 1},
-        [1, "a", None],
-    ]
-    parent[key] = others[int(rng.integers(len(others)))]
-    if rng.random() < 0.2:
-        del parent[key]
-    return json.dumps(table)
 
 
 def foreign(path, rng):
@@ -253,10 +223,10 @@ def prepared(number, seed, place):
             (shutil.copytree if source.is_dir() else shutil.copy)(source, copy)
             leaves += [leaf for leaf in sorted(copy.rglob("*")) if leaf.is_file()] if copy.is_dir() else [copy]
         words.append(word.replace(f"{{{name}}}", str(place / name)))
-    if number < 0:
-        return call, words
     kind = rng.random()
-    if leaves and kind < 0.75:
+    if number < 0:
+        pass
+    elif leaves and kind < 0.75:
         leaf, kind = leaves[int(rng.integers(len(leaves)))], rng.random()
         if kind < 0.75:
             leaf.write_bytes(damaged(leaf.read_bytes(), rng))
@@ -266,20 +236,16 @@ def prepared(number, seed, place):
             leaf.unlink()
             others = (leaf.mkdir, lambda: os.mkfifo(leaf), lambda: leaf.symlink_to("/dev/zero"), lambda: None)
             others[int(rng.integers(4))]()
-        return call, words
-    at, new = int(rng.integers(1, len(words) + 1)), str(rng.choice(NUMBERS + TEXTS))
-    option = f"--{rng.choice(parameters(words)).replace('_', '-')}"
-    length, change = ((0, [option, new]), (0, [option]), (1, [new]), (0, [new]), (2, []))[int(rng.integers(5))]
-    words[at : at + length] = change
+    else:
+        at, new = int(rng.integers(1, len(words) + 1)), str(rng.choice(NUMBERS + TEXTS))
+        program, name = ("hmtb dataset", words[1]) if words[0] == "dataset" else ("hmtb", words[0])
+        module, _, function = PROGRAMS[program]["commands"][name].partition(":")
+        command = getattr(importlib.import_module(f"scenarios.commands.{module}"), function)
+        known = [option for option in inspect.signature(command).parameters if option != "maps"]  # they take minutes
+        option = f"--{rng.choice(known).replace('_', '-')}"
+        length, change = ((0, [option, new]), (0, [option]), (1, [new]), (0, [new]), (2, []))[int(rng.integers(5))]
+        words[at : at + length] = change
     return call, words
-
-
-def parameters(words):
-    """Names of the options of a command."""
-    program, name = ("hmtb dataset", words[1]) if words[0] == "dataset" else ("hmtb", words[0])
-    module, _, function = PROGRAMS[program]["commands"].get(name, "cli:completion").partition(":")
-    command = getattr(importlib.import_module(f"scenarios.commands.{module}"), function)
-    return [name for name in inspect.signature(command).parameters if name != "maps"]  # they take minutes
 
 
 def execute(words, place):
