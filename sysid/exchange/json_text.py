@@ -26,11 +26,10 @@ def parsed(path: Path) -> Any:
     Raises:
         SysidError: No file, no JSON in UTF-8, NaN, or a key twice.
     """
+    if path.exists() and not path.is_file():  # reading a pipe may never end
+        raise SysidError(f"cannot read {path}: no ordinary file")
     try:
-        size = path.stat().st_size
-        if not path.is_file():  # reading a pipe may never end
-            raise SysidError("no ordinary file")
-        if size > LARGEST_FILE:
+        if (size := path.stat().st_size) > LARGEST_FILE:
             raise SysidError(f"{size} bytes, expected at most {LARGEST_FILE}")
         text = path.read_bytes().decode("utf-8")
         return json.loads(text, parse_constant=_refused, parse_int=_whole, object_pairs_hook=_without_duplicates)
