@@ -72,7 +72,7 @@ def build(
     executor: Executor[Any] | None = None,
     progress: Report | None = None,
 ) -> DataSet:
-    """Build a data set; an interrupted build resumes, and one that is complete is only checked.
+    """Build a data set, or resume an interrupted build; a complete data set is only checked.
 
     Args:
         spec: The spec.

@@ -17,7 +17,7 @@ from scenarios.datasets.withhold import read_persons
 from scenarios.files.codec import from_json
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.printable import one_line
-from sysid import Estimate, Polynomials, StateSpace, SysidError, read_model
+from sysid import Estimate, Polynomials, StateSpace, read_model
 
 MOST_STATES = 1000
 """Of a submitted model: what more would need in memory and time keeps others from their grades."""
@@ -125,7 +125,7 @@ def grade_all(
             if person not in persons:
                 raise ScenarioError(f"{folder}: {unknown('person', person, persons)}")
             grades[folder.name] = _grade(folder, open_data_set(withheld / persons[person][0]))
-        except (ScenarioError, ValueError, OSError, MemoryError) as error:
+        except (ValueError, OSError, MemoryError) as error:
             # One broken submission does not keep the others from their grades.
             grades[folder.name] = one_line(abridged(str(error)))
         except LookupError as error:
@@ -178,7 +178,7 @@ def _mean(cells: list[str]) -> float | None:
 
 
 def _read_models(submission: Path, joints: Collection[str]) -> dict[str, StateSpace]:
-    """The models of a submission, by joint, read in a process of its own; see `FOREIGN`."""
+    """Read the models of a submission, by joint; `FOREIGN` calls it in another process."""
     models: dict[str, StateSpace] = {}
     for path in sorted(submission.glob("model-*.json")):
         joint = path.stem.removeprefix("model-")
@@ -193,7 +193,7 @@ def _read_models(submission: Path, joints: Collection[str]) -> dict[str, StateSp
             model = StateSpace(np.array(file.A), np.array(file.B), np.array(file.C), np.array(file.D), None, file.dt)
         except ScenarioError:
             raise
-        except (SysidError, ValueError, MemoryError) as error:
+        except (ValueError, MemoryError) as error:
             raise ScenarioError(f"{path}: {error}") from error
         if (model.nu, model.ny) != (1, 1):
             raise ScenarioError(f"{path}: {model.nu} inputs and {model.ny} outputs given, expected one of each")

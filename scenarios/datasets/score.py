@@ -219,7 +219,7 @@ def _fitting(record: DataRecord, given: Path | np.ndarray) -> np.ndarray:
 
 
 def _shaped(values: np.ndarray, outputs: tuple[str, ...], shape: tuple[int, int], source: object) -> np.ndarray:
-    """Predicted outputs as an array of real numbers of that shape."""
+    """Check that predicted outputs are real numbers of a shape, and return them as floats."""
     if values.dtype.kind not in "iuf":
         raise ScenarioError(f"{source}: values of type {values.dtype} given, expected real numbers")
     table = values[:, None] if values.ndim == 1 else values

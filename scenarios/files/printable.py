@@ -3,7 +3,7 @@
 
 def one_line(text: str) -> str:
     """The text on one line, characters that cannot be seen, or that steer a terminal, replaced."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))
+    return visible(" ".join(text.split()))
 
 
 def visible(text: str) -> str:

@@ -63,10 +63,10 @@ class Cluster(Executor["Future"]):
         except ImportError as error:
             raise ScenarioError("--cluster needs Dask distributed: pip install 'hmtb-twin[cluster]'") from error
         try:
-            secured = Security().get_connection_args("client")["ssl_context"] is not None
+            secured = not address.startswith("tls:") or Security().get_connection_args("client")["ssl_context"]
         except OSError as error:
             raise ScenarioError(f"the certificates in Dask's configuration cannot be read: {error}") from error
-        if address.startswith("tls:") and not secured:
+        if not secured:
             raise ScenarioError(
                 f"{address} without certificates; expected distributed.comm.tls.ca-file, .client.cert and .client.key "
                 "in Dask's configuration, or in DASK_DISTRIBUTED__COMM__TLS__CA_FILE and so on"

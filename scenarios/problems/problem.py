@@ -10,8 +10,11 @@ from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.validation import CramerRaoBound
 
 NYQUIST_SHARES = np.geomspace(0.002, 0.6, 16)
-"""Where estimates are compared with the truth, over the Nyquist frequency: the same for all, so that the frequencies of
-a task do not tell the problem. The slowest system here begins to fall off at 0.005; above 0.6 hardly one responds."""
+"""Frequencies at which estimates are compared with the truth, as shares of the Nyquist frequency.
+
+They are the same for all problems, so that the frequencies of a task do not tell the problem. The slowest
+system here begins to fall off at 0.005; above 0.6 hardly one responds.
+"""
 
 MORE_ORDERS = 3
 """Most orders beyond the true one for an estimator that chooses."""

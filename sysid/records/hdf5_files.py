@@ -39,7 +39,7 @@ def check_size(file: Path, arrays: Iterable[Any]) -> None:
 
 
 def check_heaps(file: Path) -> None:
-    """Check that the objects of each global heap, which hold texts, follow each other to its end.
+    """Check the global heaps of an HDF5 file, which hold its texts: objects must fill each heap to its end.
 
     Raises:
         ValueError: They do not: the HDF5 library would read on for ever.

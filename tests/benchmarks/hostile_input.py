@@ -212,7 +212,7 @@ def foreign(path, rng):
 
 
 def prepared(number, seed, place):
-    """The call of a case and its words, with its own copies of the files, one of them or of the words made hostile."""
+    """Return call and words of a case, with copies of its files; one of the files or words is hostile."""
     rng = np.random.default_rng((seed, abs(number)))
     call = KINDS[number if number < 0 else int(rng.integers(len(KINDS)))]
     words, leaves = [], []
@@ -249,7 +249,7 @@ def prepared(number, seed, place):
 
 
 def execute(words, place):
-    """Run a case in this process, a fork that ends with its exit code."""
+    """Run a command in this forked process, and end the process with the exit code."""
     for number, name in ((0, os.devnull), (1, place / "stdout"), (2, place / "stderr")):
         os.dup2(os.open(name, os.O_RDWR | os.O_CREAT), number)
     sys.stdout, sys.stderr = open(1, "w"), open(2, "w")  # noqa: SIM115 - to the end of the process
@@ -269,7 +269,7 @@ def execute(words, place):
 
 
 def fault(code, place):
-    """What is wrong with the end of a case; empty if nothing is."""
+    """Return why a case fails: a signal, a traceback, a wrong message or a partial file; empty if it passes."""
     err = (place / "stderr").read_text(errors="backslashreplace")
     last = (err.strip("\n").splitlines() or [""])[-1]
     if os.WIFSIGNALED(code):
@@ -284,7 +284,7 @@ def fault(code, place):
 
 
 def bench():
-    """Run the cases, print a table by command and what failed."""
+    """Run the cases; print those that fail, then a table by command."""
     parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=0)

@@ -241,7 +241,7 @@ def test_broken_submissions_are_refused_one_by_one(school, tmp_path):
         '"polynomials": {"A": [1], "B": [1], "C": [1], "D": [1], "F": [1]}}'
     )
     assert "A" in refusal('{"A": [["a"]], "B": [[1]], "C": [[1]], "D": [[0]], "dt": 0.02}')
-    # a delay of 200 hours in a file of 200 kB: the state would take 7 TiB
+    # a delay of five hours in a file of 3 MB: the state would take 7 TiB
     file = write_model(oe(open_data_set(school.ann).train[0].iodata(), 1, 1, 1), tmp_path / "model.json")
     table = json.loads(file.read_text())
     file.unlink()
