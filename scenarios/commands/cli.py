@@ -3,7 +3,6 @@
 import os
 import resource
 import shlex
-import stat
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -28,12 +27,6 @@ PROGRAMS: dict[str, dict[str, Any]] = read_toml(
 
 DATA_SETS = Path(__file__).parents[1] / "data" / "datasets"
 """Specs that come with the package, NAME.toml."""
-
-ORDINARY = (stat.S_IFREG, stat.S_IFDIR)
-"""Kinds of files that commands take."""
-
-USER_BLOCKS = (0, *(2**k for k in range(9, 24)))
-"""Bytes in front of the contents of an HDF5 file [HDF5, sec. II.A]."""
 
 LEAST_ADDRESSES = 2**30
 """Bytes. With fewer, libraries end the process or fail in ways of their own while they are loaded."""
@@ -172,26 +165,15 @@ def _check_ordinary(call: partial[int]) -> None:
     Reading a pipe may never end, and no file replaces a device; damaged HDF5 may end this process or hang it.
     """
     given = (*call.args, *call.keywords.values())
-    records = []
-    for value in (one for each in given for one in (each if isinstance(each, tuple) else (each,))):
-        mode = 0
-        with suppress(OSError, ValueError):
-            mode = stat.S_IFMT(os.stat(value).st_mode) if isinstance(value, str | Path) else 0
-        if mode not in (0, *ORDINARY):
-            raise ScenarioError(f"{str(value)!r} is a pipe, a socket or a device; expected an ordinary file")
-        if mode == stat.S_IFREG and (str(value).endswith((".nc", ".mcap")) or _begins_as_hdf5(value)):
-            records.append(Path(value))
-    if records:
+    values = [one for each in given for one in (each if isinstance(each, tuple) else (each,))]
+    files = [one for one in values if isinstance(one, str | Path) and os.path.exists(one) and not os.path.isdir(one)]
+    for file in files:
+        if not os.path.isfile(file):
+            raise ScenarioError(f"{str(file)!r} is a pipe, a socket or a device; expected an ordinary file")
+    if files:
         from scenarios.jobs.foreign_reader import check_readable
 
-        check_readable(records)
-
-
-def _begins_as_hdf5(path: str | Path) -> bool:
-    """Whether a file has the signature of HDF5, at its beginning or behind a user block."""
-    with suppress(OSError), open(path, "rb") as file:
-        return any(file.seek(at) == at and file.read(8) == b"\x89HDF\r\n\x1a\n" for at in USER_BLOCKS)
-    return False
+        check_readable(map(Path, files))
 
 
 def _bad_input(error: Exception) -> str | None:

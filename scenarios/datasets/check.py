@@ -122,7 +122,8 @@ def _file_problems(folder: Path, checked: CheckedFolder, report: Report, workers
         if path in checked.arrays:
             reader = idle.get()
             try:
-                wrong += reader.apply(file_problems, folder / path, checked.arrays[path], changed, expected(path))
+                file = folder / path
+                wrong += reader.call(file_problems, file, file, checked.arrays[path], changed, expected(path))
             except ScenarioError as error:
                 wrong.append(f"cannot be read: {str(error).removeprefix(str(folder / path)).lstrip(': ')}")
             finally:

@@ -1,27 +1,26 @@
 """Check the file of a record; reading processes import this module, so it imports next to nothing."""
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hmtb_twin.files.netcdf import Attribute, Contents
+from hmtb_twin.files.netcdf import Attribute, Contents, read_netcdf
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.datasets.variables import GIVEN, WINDOW
 
 
-def file_problems(
-    contents: Contents, hashes: Mapping[str, str], changed: bool, record: tuple[Any, ...] | None
-) -> list[str]:
+def file_problems(path: Path, hashes: Mapping[str, str], changed: bool, record: tuple[Any, ...] | None) -> list[str]:
     """Compare the arrays of a file with the index, and check the metadata of a record.
 
     Args:
-        contents: The file.
+        path: The file.
         hashes: Hashes of its arrays in the index.
         changed: Whether the hash of the whole file differs.
         record: Further arguments of `record_problems`; None for other files.
     """
-    problems: list[str] = []
+    contents, problems = read_netcdf(path), list[str]()
     if differ := contents.differing(hashes):
         several = len(differ) > 1
         problems.append(f"array{'s' * several} {', '.join(differ)} differ{'' if several else 's'} from the index")

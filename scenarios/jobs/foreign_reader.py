@@ -15,8 +15,9 @@ from multiprocessing import current_process
 from pathlib import Path
 from typing import Any, TypeVar
 
+import h5py
+
 from hmtb_twin import TwinError
-from hmtb_twin.files.netcdf import read_netcdf
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.executor import one_process
 from sysid import SysidError
@@ -40,10 +41,6 @@ class ForeignReader(AbstractContextManager["ForeignReader"]):
 
     def __exit__(self, *_: object) -> None:
         self._end()
-
-    def apply(self, function: Callable[..., Result], path: Path, *arguments: Any) -> Result:
-        """Call a function of a module with the contents of a file and further arguments; see `call`."""
-        return self.call(_apply, path, function, path, arguments)
 
     def call(self, function: Callable[..., Result], path: Path, *arguments: Any) -> Result:
         """Call a function of a module in the reading process.
@@ -93,12 +90,11 @@ def check_readable(paths: Iterable[Path]) -> None:
     """
     with ForeignReader() as reader:
         for path in paths:
-            reader.call(_touch, path, path)
+            if path.suffix == ".mcap" or h5py.is_hdf5(path):
+                reader.call(_touch, path, path)
 
 
 def _touch(path: Path) -> None:
-    import h5py
-
     if path.suffix == ".mcap":
         with suppress(ModuleNotFoundError, ValueError, OSError), path.open("rb") as stream:
             reader = import_module("mcap.reader").make_reader(stream)
@@ -114,10 +110,6 @@ def _touch(path: Path) -> None:
                 if math.prod(entry.chunks or ()) * entry.dtype.itemsize > MOST_MEMORY // 4:
                     raise MemoryError  # HDF5 does not tell a lack of memory for a packed chunk from damage
                 entry[()]
-
-
-def _apply(function: Callable[..., Result], path: Path, arguments: tuple[Any, ...]) -> Result:
-    return function(read_netcdf(path), *arguments)
 
 
 def _limited(function: Callable[..., Result], *arguments: Any) -> Result:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from hmtb_twin.files.netcdf import Contents, read_netcdf
+from hmtb_twin.files.netcdf import read_netcdf
 from scenarios.datasets import check as check_module
 from scenarios.datasets.check import examine, same_software
 from scenarios.datasets.experiment_file import record_attributes
@@ -289,14 +289,14 @@ def test_a_file_that_takes_all_memory_is_refused(tiny):
 
 def test_a_reader_that_hangs_or_crashes_is_replaced(tiny):
     with ForeignReader(patience=10.0) as reader:
-        assert "y" in reader.apply(Contents.array_hashes, tiny / RECORD)
+        assert "y" in reader.call(read_netcdf, tiny / RECORD, tiny / RECORD).variables
         for number, says in ((signal.SIGSTOP, "did not end within 0.2 s"), (signal.SIGKILL, "crashed")):
             (pid,) = reader._pool._processes
             os.kill(pid, number)
             reader._patience = 0.2
-            refused(says, reader.apply, Contents.array_hashes, tiny / RECORD)
+            refused(says, reader.call, read_netcdf, tiny / RECORD, tiny / RECORD)
             reader._patience = 10.0
-            assert "y" in reader.apply(Contents.array_hashes, tiny / RECORD)
+            assert "y" in reader.call(read_netcdf, tiny / RECORD, tiny / RECORD).variables
 
 
 def test_the_command_prints_the_problems(copy, printed, result, complaint):
