@@ -221,20 +221,14 @@ def prepared(number, seed, place):
 
 
 def execute(words, place, patience):
-    """Run a command in this forked process, interrupt it after its time, and end the process with the exit code."""
-
-    def interrupt(*_):
-        signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.alarm(3 * SECONDS)
-        raise KeyboardInterrupt
-
+    """Run a command in this forked process, interrupt it after `patience`, s, and end the process with its code."""
     for number, name in ((0, os.devnull), (1, place / "stdout"), (2, place / "stderr")):
         os.dup2(os.open(name, os.O_RDWR | os.O_CREAT), number)
     sys.stdout, sys.stderr = open(1, "w"), open(2, "w")  # noqa: SIM115 - to the end of the process
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
-    signal.signal(signal.SIGALRM, interrupt)
-    signal.alarm(patience)
+    signal.signal(signal.SIGALRM, signal.default_int_handler)
+    signal.setitimer(signal.ITIMER_REAL, patience, SECONDS)
     os.chdir(place)
     code = 70
     try:

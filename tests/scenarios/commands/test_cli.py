@@ -1,5 +1,6 @@
 """The command line: what it prints, and one clear line for everything that a user can get wrong."""
 
+import io
 import os
 import resource
 import signal
@@ -15,6 +16,7 @@ from scipy.io import savemat
 
 from hmtb_twin.bus.recorder_run import read_run
 from scenarios import names
+from scenarios.__main__ import _leave
 from scenarios.commands.cli import PROGRAMS, main
 from scenarios.commands.output import print_table, say, say_beside_bar
 from scenarios.experiments.scenario import Scenario
@@ -188,13 +190,16 @@ def crash(path):
     os.abort()
 
 
-@pytest.mark.parametrize("command", ["identify", "compare", "convert", "video", "truth --data"])
-def test_a_file_that_ends_the_process_which_reads_it_is_refused(complaint, tmp_path, monkeypatch, command):
+# MATLAB 7.3 is HDF5 behind a head of its own
+@pytest.mark.parametrize(
+    "words", ["identify log.nc", "compare log.mat", "convert log.mcap a.asc", "video log.nc", "truth --data log.nc"]
+)
+def test_a_file_that_ends_the_process_which_reads_it_is_refused(complaint, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("scenarios.jobs.foreign_reader._touch", crash)
-    words = {"convert": (tmp_path / "log.asc",)}.get(command, ())
-    for name in ("log.nc", "log.mat"):  # a file of MATLAB 7.3 is HDF5 too, behind a head of its own
+    for name in ("log.nc", "log.mat", "log.mcap"):
         (tmp_path / name).write_bytes(bytes(512) + b"\x89HDF\r\n\x1a\n")
-        assert f"{name}: reading it crashed: it is damaged" in complaint(*command.split(), tmp_path / name, *words)
+    assert "reading it crashed: it is damaged" in complaint(*words.split())
 
 
 def test_names_from_files_do_not_steer_the_terminal(complaint, tmp_path, capsys):
@@ -205,6 +210,19 @@ def test_names_from_files_do_not_steer_the_terminal(complaint, tmp_path, capsys)
     say_beside_bar("eve\x1b[2J")
     out, err = capsys.readouterr()
     assert "\x1b" not in out + err and "\n bob" not in out
+
+
+def test_words_that_a_terminal_cannot_show_are_escaped(monkeypatch, capfd):
+    stream = io.TextIOWrapper(io.BytesIO(), "ascii")
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stderr", stream)
+        assert main(["é"]) == 2
+    stream.flush()
+    assert rb"unknown command '\xe9'" in stream.buffer.getvalue()
+    monkeypatch.setattr(os, "_exit", lambda _: None)
+    monkeypatch.setattr(sys, "argv", ["hmtb", "\udcff"])
+    _leave()
+    assert r"run the command again: hmtb '\udcff'" in capfd.readouterr().err
 
 
 def test_too_little_memory_is_one_line(complaint, monkeypatch):

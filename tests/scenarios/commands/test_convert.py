@@ -80,7 +80,8 @@ def test_one_test_of_a_run(result, complaint, made, tmp_path):
     )
     done = result("convert", made / "run-1.ch10", tmp_path / "a.asc", "--test", "2", code=1)
     assert [entry["name"] for entry in done["tests"]] == ["siso-5-shoulder_yaw"]
-    assert "unknown test '3'" in complaint("convert", made / "run-1.ch10", tmp_path / "b.asc", "--test", "3")
+    for test in ("3", "9" * 5000):
+        assert "unknown test '" in complaint("convert", made / "run-1.ch10", tmp_path / "b.asc", "--test", test)
     assert not (tmp_path / "b.asc").exists()
 
 
@@ -154,13 +155,14 @@ def test_cut_off_file(result, complaint, made, tmp_path):
         ("a.asc b.csv --format mat", "b.csv ends like csv, --format says mat"),
         ("a.asc a.asc", "would be written over itself"),
         ("a.asc copy.asc both --format csv", "two tests are named 'a'"),
+        ("b.asc c.asc both --format csv", "two tests are named 'b_c'"),
         ("a.xyz b.csv", "unknown kind of file '.xyz'"),
     ],
 )
 def test_mistakes_are_one_line(complaint, tmp_path, monkeypatch, bus_record, words, says):
     monkeypatch.chdir(tmp_path)
-    for name in ("a.asc", "copy.asc"):
-        write_record(bus_record("a", 5), Path(name))
+    for file, test in (("a", "a"), ("copy", "a"), ("b", "b/c"), ("c", "b\0c")):
+        write_record(bus_record(test, 5), Path(f"{file}.asc"))
     Path("a.xyz").write_text("x")
     before = sorted(path.name for path in tmp_path.iterdir())
     assert says in complaint("convert", *words.split())

@@ -281,7 +281,10 @@ def test_every_array_of_a_foreign_file_is_read_first(tiny, monkeypatch):
     assert {"/u", "/y", "/t", "/status", "/force"} <= set(read)
 
 
-def test_a_file_that_takes_all_memory_is_refused(tiny):
+def test_a_file_that_takes_all_memory_is_refused(tiny, tmp_path):
+    with h5py.File(tmp_path / "packed.nc", "w") as file:
+        file.create_dataset("u", 2**27, float, chunks=(2**27,), compression="gzip")
+    refused("more than 3 GiB of memory", foreign_reader.check_readable, [tmp_path / "packed.nc"])
     with ForeignReader() as reader:
         refused("more than 3 GiB of memory", reader.call, np.ones, tiny / RECORD, 2**29)
         assert reader.call(np.ones, tiny / RECORD, 3).tolist() == [1.0, 1.0, 1.0]

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from scenarios.files.errors import ScenarioError
-from scenarios.report.figures import Gallery, photograph, svg
+from scenarios.report.figures import Gallery, photograph, save_figure, svg
 
 
 def _figure():
@@ -37,6 +37,9 @@ def test_a_name_is_refused_that_is_no_file_or_taken(name):
 
 
 def test_figures_are_kept_as_files_on_request(tmp_path):
+    figure = _figure()
+    figure.suptitle(r"u$\q$")  # the name of a column, no formula
+    save_figure(figure, tmp_path / "gain.png")
     Gallery(tmp_path).add(_figure(), "Gain.", name="gain")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["gain.png", "gain.svg"]
     assert (tmp_path / "gain.png").read_bytes().startswith(b"\x89PNG")

@@ -104,6 +104,9 @@ def test_packed_netcdf_and_dates(tmp_path):
     data = read_netcdf(path, time="when", missing=True)
     np.testing.assert_allclose(data.y[:, 0], y, atol=1e-12)
     assert data.dt == 0.02
+    with h5py.File(path, "a") as file:
+        file["y"].attrs["scale_factor"] = [0.01, 0.02]
+    refused("scale_factor is no number", read_netcdf, path, time="when")
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Logs that the packages of the formats wrote: MCAP by mcap, rosbag2 and bags by rosbags."""
 
 import json
+import os
 import sys
 
 import numpy as np
@@ -141,6 +142,8 @@ def test_damaged_and_foreign_logs_are_refused(tmp_path):
     refused("messages of .* are encoded by protobuf jsonschema; expected json, or ROS", read_log, foreign, **FIELDS)
     (tmp_path / "folder").mkdir()
     refused("folder: not an MCAP file, rosbag2 folder or bag", read_log, tmp_path / "folder", **FIELDS)
+    os.mkfifo(tmp_path / "folder" / "pipe")
+    refused("holds a pipe", read_log, tmp_path / "folder", **FIELDS)
     refused("no data file", read_log, tmp_path / "none.mcap", **FIELDS)
 
 
