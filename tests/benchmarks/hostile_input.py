@@ -29,7 +29,7 @@ import numpy as np
 from scipy.io import savemat
 
 from scenarios.commands.cli import PROGRAMS, _command, main
-from tests.benchmarks.tables import heading, options, row
+from tests.benchmarks.tables import ROOT, heading, options, row
 from tests.sysid.records.test_message_logs import mcap_json, rosbag1, rosbag2
 
 SECONDS, MEMORY, LONGEST = 60, 4 * 2**30, 2000
@@ -111,7 +111,7 @@ def material():
         file.rename(f"run{file.suffix}")
     printed("identify table.csv --method oe --orders 2 2 1 --save model.json")
     printed("control reach --duration 2 --out .")
-    shutil.copy(Path(sys.modules["scenarios"].__path__[0]) / "data/motion.json", ".")
+    shutil.copy(ROOT / "scenarios/data/motion.json", ".")
     printed("dataset build spec.toml")
     Path("tiny-v1").rename("data")
     printed("dataset build class.toml --withhold withheld --out public")
