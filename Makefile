@@ -41,7 +41,7 @@ $(CREATED):
 	@touch $@
 
 $(INSTALLED): $(CREATED) pyproject.toml constraints.txt
-	@echo "==> Installing hmtb-twin and what it needs into $(VENV) (the first time: some minutes, 1.5 GB on disk)"
+	@echo "==> Installing hmtb-twin and what it needs into $(VENV) (the first time: some minutes, 2.7 GB on disk)"
 	@"$(BIN)/python" -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 

@@ -18,6 +18,8 @@ def run() -> int:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         # the matrices are small: threads that wait for each other cost up to fifty times what they give
         os.environ.setdefault(name, "1")
+    for name in ("MPLBACKEND", "SOURCE_DATE_EPOCH"):  # figures are files without a date, whatever these hold
+        os.environ.pop(name, None)
     try:
         from scenarios.commands.cli import main
 
@@ -40,10 +42,10 @@ def _interrupt(_: int, frame: FrameType | None) -> None:
 
 
 def _leave() -> None:
-    line = f"hmtb: interrupted; run the command again: {shlex.join(['hmtb', *sys.argv[1:]])}\n"
+    line = f"hmtb: interrupted; run the command again: {shlex.join(['hmtb', *sys.argv[1:]])}"
     if os.isatty(2):
         os.write(2, b"\r\x1b[K\x1b[?25h")  # the line of progress goes, the cursor that it hides comes back
-    os.write(2, line.encode(errors="backslashreplace"))
+    os.write(2, f"{''.join(c if c.isprintable() else '?' for c in line)}\n".encode())
     os._exit(130)
 
 

@@ -117,19 +117,21 @@ def sync(path: Path) -> None:
 
 
 @contextmanager
-def working_folder(out: Path) -> Iterator[Path]:
-    """Make a temporary folder on the disk of the result; it is removed in the end, and on errors `out` with it if new.
-
-    Args:
-        out: Folder of the results, made if missing.
-    """
-    new = [path for path in (out, *out.parents) if not path.exists()]
-    out.mkdir(parents=True, exist_ok=True)
+def result_folder(path: Path) -> Iterator[None]:
+    """Make a folder for results; on errors it goes again, and so do the parents made for it, if they are empty."""
+    new = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
-        with TemporaryDirectory(prefix=".export-", dir=out) as place:
-            yield Path(place)
+        path.mkdir(parents=True, exist_ok=True)
+        yield
     except BaseException:
         with suppress(OSError):  # another program may have written there meanwhile
-            for path in new:  # innermost first
-                path.rmdir()
+            for folder in new:  # innermost first
+                folder.rmdir()
         raise
+
+
+@contextmanager
+def working_folder(out: Path) -> Iterator[Path]:
+    """Make a temporary folder, which goes in the end, in a `result_folder`."""
+    with result_folder(out), TemporaryDirectory(prefix=".export-", dir=out) as place:
+        yield Path(place)

@@ -65,7 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as interruption:
         # A command that saves its progress says in the exception what is saved.
         saved = f"{interruption}; run the command again to resume" if str(interruption) else "run the command again"
-        print(f"hmtb: interrupted; {saved}: {shlex.join(['hmtb', *words])}", file=sys.stderr)
+        again = "".join(c if c.isprintable() else "?" for c in shlex.join(["hmtb", *words]))
+        print(f"hmtb: interrupted; {saved}: {again}", file=sys.stderr)
         return 130
     except BrokenPipeError:  # `hmtb ... | head`: the reader has left, which is no error
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -78,7 +79,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         if not isinstance(call, str):
             line = in_options(line, call.func)
-        print(f"hmtb: {one_line(abridged(line))}", file=sys.stderr)
+        with suppress(OSError):  # nobody may be able to read it
+            print(f"hmtb: {one_line(abridged(line))}", file=sys.stderr, flush=True)
         return 2
 
 

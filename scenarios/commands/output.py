@@ -7,12 +7,12 @@ import re
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
-from hmtb_twin.files.atomic_write import check_place
+from hmtb_twin.files.atomic_write import check_place, result_folder
 from scenarios.files.errors import ScenarioError
 from scenarios.files.printable import one_line, visible
 from scenarios.jobs.progress import end_activity, pause_activity
@@ -57,7 +57,7 @@ def say(text: str) -> None:
 def say_each(label: str, items: Iterable[object]) -> None:
     """Write a line on stdout for each item, the label before it."""
     for item in items:
-        say(f"{label}{item}")
+        say(one_line(f"{label}{item}"))
 
 
 def say_next(*words: object) -> None:
@@ -113,7 +113,10 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
         table.add_row(*map(one_line, row))
     end_activity()
     # A pipe has no width of its own; eighty columns would break the rows that a script wants to read.
-    Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False).print(table)
+    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False)
+    with console.capture() as text:  # by itself it would end the process where the reader of a pipe has left
+        console.print(table)
+    sys.stdout.write(text.get())
 
 
 def cluster_executor(address: str, patience: float, workers: int | None) -> "Cluster":
@@ -221,21 +224,14 @@ def output_folder(path: Path, *files: str, overwrite: bool = False) -> Iterator[
     Raises:
         ScenarioError: It cannot be created or written, or see `check_files`.
     """
-    new = [folder for folder in (path, *path.parents) if not folder.exists()]
-    try:
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-            with TemporaryFile(dir=path):
-                pass
-        except OSError as error:
-            from hmtb_twin.files.errors import system_reason
+    from hmtb_twin.files.errors import system_reason
 
+    with ExitStack() as made:
+        try:
+            made.enter_context(result_folder(path))
+            TemporaryFile(dir=path).close()
+        except OSError as error:
             why = f"{system_reason(error)}; expected a folder that can be created and written"
             raise ScenarioError(f"cannot write to folder {str(path)!r}: {why}") from error
         check_files(*(path / name for name in files), overwrite=overwrite)
         yield path
-    except BaseException:
-        with suppress(OSError):
-            for folder in new:  # innermost first
-                folder.rmdir()
-        raise

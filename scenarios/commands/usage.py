@@ -90,8 +90,8 @@ def read_options(command: Callable[Options, int], program: str, words: Sequence[
     asks_help = not {"-h", "--help"}.isdisjoint(words)
     # The parser draws its boxes as far as the encoding of the output allows.
     out, err = io.TextIOWrapper(io.BytesIO(), encoding=sys.stdout.encoding or "utf-8"), io.StringIO()
-    # So many columns that no message is wrapped, which is then read line by line.
-    width = contextlib.nullcontext() if asks_help else _columns("100000")
+    # So many columns that no message is wrapped, which is then read line by line; no help fits into fewer than 40.
+    width = _columns(str(max(shutil.get_terminal_size().columns, 40)) if asks_help else "100000")
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), width:
             config = (tyro.conf.FlagCreatePairsOff, tyro.conf.HelptextFromCommentsOff)

@@ -111,7 +111,7 @@ def grade_all(
     persons = read_persons(withheld)
     if not submissions.is_dir():
         raise ScenarioError(f"no folder {submissions}: expected a submission, or a folder of them")
-    single = any(path.suffix in (*ENDINGS, ".json") for path in submissions.iterdir())
+    single = any(path.is_file() and path.suffix in (*ENDINGS, ".json") for path in submissions.iterdir())
     visible = (path for path in submissions.iterdir() if path.is_dir() and not path.name.startswith("."))
     folders = [submissions.resolve()] if single else sorted(visible)
     if not folders:
@@ -124,7 +124,8 @@ def grade_all(
                 raise ScenarioError(f"{folder} is a link; expected a folder with the work of {person}")
             if person not in persons:
                 raise ScenarioError(f"{folder}: {unknown('person', person, persons)}")
-            grades[folder.name] = _grade(folder, open_data_set(withheld / persons[person][0]))
+            with np.errstate(all="ignore"):  # a model may hold any numbers
+                grades[folder.name] = _grade(folder, open_data_set(withheld / persons[person][0]))
         except (ValueError, OSError, MemoryError) as error:
             # One broken submission does not keep the others from their grades.
             grades[folder.name] = one_line(abridged(str(error)))

@@ -18,7 +18,7 @@ from hmtb_twin.bus.recorder_run import read_run
 from scenarios import names
 from scenarios.__main__ import _leave
 from scenarios.commands.cli import PROGRAMS, main
-from scenarios.commands.output import print_table, say, say_beside_bar
+from scenarios.commands.output import print_table, say, say_beside_bar, say_each
 from scenarios.experiments.scenario import Scenario
 from sysid import read_csv, read_model
 from tests.scenarios.commands.conftest import signals, table
@@ -46,6 +46,14 @@ def test_help_of_every_command_shows_neither_empty_defaults_nor_wrapped_examples
     assert out.startswith(f"usage: {words} ")
     assert not any(text in out for text in ("{None", "default: None", "default: )", "default: '')"))
     assert not any(line.startswith("hmtb ") for line in out.splitlines())
+
+
+def test_narrow_terminals_stale_variables_and_readers_that_leave(printed, monkeypatch, tmp_path):
+    monkeypatch.setenv("COLUMNS", "1")
+    assert printed("truth", "--help")
+    script = f"{sys.executable} -m scenarios waveform prbs --out . | head -1; exit ${{PIPESTATUS[0]}}"
+    stale = {**os.environ, "MPLBACKEND": "x", "SOURCE_DATE_EPOCH": "x"}
+    assert subprocess.run(["bash", "-c", script], env=stale, cwd=tmp_path).returncode == 0
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
@@ -208,6 +216,7 @@ def test_names_from_files_do_not_steer_the_terminal(complaint, tmp_path, capsys)
     say("eve\x1b[2J")
     print_table("scores", ("name", "score"), [("eve\n bob  0.1", "1.0")])
     say_beside_bar("eve\x1b[2J")
+    say_each("refused: ", ["eve\n bob: late"])
     out, err = capsys.readouterr()
     assert "\x1b" not in out + err and "\n bob" not in out
 
@@ -220,9 +229,9 @@ def test_words_that_a_terminal_cannot_show_are_escaped(monkeypatch, capfd):
     stream.flush()
     assert rb"unknown command '\xe9'" in stream.buffer.getvalue()
     monkeypatch.setattr(os, "_exit", lambda _: None)
-    monkeypatch.setattr(sys, "argv", ["hmtb", "\udcff"])
+    monkeypatch.setattr(sys, "argv", ["hmtb", "\udcff\x1b\n"])
     _leave()
-    assert r"run the command again: hmtb '\udcff'" in capfd.readouterr().err
+    assert "run the command again: hmtb '???'\n" in capfd.readouterr().err
 
 
 def test_too_little_memory_is_one_line(complaint, monkeypatch):
@@ -239,8 +248,10 @@ def test_too_little_memory_is_one_line(complaint, monkeypatch):
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no /dev/full")
 def test_a_full_disk_is_one_line():
+    command = [sys.executable, "-m", "scenarios"]
     with open("/dev/full", "w") as full:
-        done = subprocess.run([sys.executable, "-m", "scenarios", "--version"], stdout=full, stderr=subprocess.PIPE)
+        done = subprocess.run([*command, "--version"], stdout=full, stderr=subprocess.PIPE)
+        assert subprocess.run([*command, "nonsense"], stderr=full).returncode == 2
     assert (done.returncode, done.stderr) == (2, b"hmtb: cannot read or write: No space left on device\n")
 
 
@@ -267,6 +278,7 @@ def test_interrupt_is_130_and_leaves_nothing(run, monkeypatch, tmp_path):
         code, out, err = run(*words)
         assert (code, out) == (130, "")
         assert err == f"hmtb: interrupted; run the command again: hmtb {' '.join(words)}\n"
+    assert "\x1b" not in run("thesis", "--quick", "--out", inside / "\x1b")[2]
     assert list(tmp_path.iterdir()) == []
 
 

@@ -51,3 +51,13 @@ def wait_until(condition, seconds=60.0):
     while not condition():
         assert time.monotonic() < end, "still not so"
         time.sleep(0.02)
+
+
+def at_once(label, function, *arguments, done, failed):
+    """Instead of a child process."""
+    try:
+        result = function(*arguments)
+    except ValueError as error:
+        failed(f"{label}: {error}")
+    else:
+        done(result)

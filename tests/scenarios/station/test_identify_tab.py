@@ -13,7 +13,7 @@ from scenarios.identification.identified_models import IdentifiedModels
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.side_by_side import FIGURES
 from scenarios.station.identify_tab import CHOICE, COLUMNS, FILE, MENU, IdentifyTab
-from tests.scenarios.station.conftest import press, wait_until
+from tests.scenarios.station.conftest import at_once, press, wait_until
 
 WORDS = {name: words for words, name in MENU.items()}
 
@@ -26,16 +26,6 @@ def log():
 def drawn(models, kinds):
     """Instead of figures, which take seconds: what they would show."""
     return dict.fromkeys(FIGURES, " ".join([*(one.name for one in models), *kinds]))
-
-
-def at_once(label, function, *arguments, done, failed):
-    """Instead of a child process."""
-    try:
-        result = function(*arguments)
-    except ValueError as error:
-        failed(f"{label}: {error}")
-    else:
-        done(result)
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ from scenarios.station.opening import open_place
 from scenarios.station.study_tab import CHOOSE, StudyTab
 from scenarios.thesis.finding import CLAIMS
 from tests.refusals import refused
-from tests.scenarios.station.conftest import press, wait_until
+from tests.scenarios.station.conftest import at_once, press, wait_until
 
 
 @pytest.fixture(scope="module")
@@ -45,23 +45,9 @@ def log(made):
 
 
 @pytest.fixture
-def at_once(served, monkeypatch):
-    """Long work is done at once, in this process."""
-
-    def start(label, function, *arguments, done, failed):
-        try:
-            result = function(*arguments)
-        except ValueError as error:
-            failed(f"{label}: {error}")
-        else:
-            done(result)
-
-    monkeypatch.setattr(served.work, "start", start)
-
-
-@pytest.fixture
-def tab(page, at_once):
+def tab(page, monkeypatch):
     station, client = page
+    monkeypatch.setattr(station.work, "start", at_once)
     yield StudyTab(station, client)
     station.motion.stop()
     station.session.memory.pop("Study", None)
