@@ -13,6 +13,7 @@ from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 from hmtb_twin.files.atomic_write import check_place, result_folder
+from hmtb_twin.files.errors import system_reason
 from scenarios.files.errors import ScenarioError
 from scenarios.files.printable import one_line, visible
 from scenarios.jobs.progress import end_activity, pause_activity
@@ -224,8 +225,6 @@ def output_folder(path: Path, *files: str, overwrite: bool = False) -> Iterator[
     Raises:
         ScenarioError: It cannot be created or written, or see `check_files`.
     """
-    from hmtb_twin.files.errors import system_reason
-
     with ExitStack() as made:
         try:
             made.enter_context(result_folder(path))

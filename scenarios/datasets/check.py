@@ -161,7 +161,7 @@ def same_software(folder: Path) -> bool:
         built, now = record["versions"], versions()
         matter = ("hmtb-twin", "machine", "mujoco", "numpy", "pin", "scipy")  # what the numbers depend on
         return record["source"] == fingerprint() and all(built.get(name) == now[name] for name in matter)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+    except (OSError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, RecursionError):
         return False
 
 

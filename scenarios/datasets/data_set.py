@@ -290,7 +290,7 @@ def open_data_set(folder: str | Path) -> DataSet:
             f"{one['stage']}: {one['piece']}": one["failed"] for one in index.get("stages", ()) if one["failed"]
         }
         return DataSet(folder, str(index["data_set"]), str(index["hash"]), entries, incomplete)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+    except (OSError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, RecursionError) as error:
         raise ScenarioError(f"{folder / INDEX} is damaged, or of another version: {error}") from error
 
 

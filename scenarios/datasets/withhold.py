@@ -144,7 +144,7 @@ def read_persons(withheld: Path) -> dict[str, tuple[str, int]]:
     try:
         table = json.loads((withheld / PERSONS).read_text(encoding="utf-8"))
         return {person: (str(one["data_set"]), int(one["seed"])) for person, one in table.items()}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+    except (OSError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, RecursionError) as error:
         raise ScenarioError(
             f"cannot read {withheld / PERSONS} ({error}); expected a folder that hmtb dataset build --withhold made"
         ) from error

@@ -25,6 +25,9 @@ MOST = 10_000_000
 BANDWIDTHS = (0.1, 6.0)
 """Ends of the axis of the map, Hz."""
 
+DAMAGE = (OSError, ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError, TemplateError)
+"""Errors that a damaged record raises."""
+
 
 def read_motion(path: Path | None = None) -> Mapping[str, Any]:
     """Read a `motion.json` of `hmtb motion`, and try that words, table and map can be made of it.
@@ -45,7 +48,7 @@ def read_motion(path: Path | None = None) -> Mapping[str, Any]:
             if not (drawn_models(cell["joint"]) and min(cell[name] for name in ("gain", "friction", "volts")) > 0.0):
                 raise ValueError(f"a cell of the map has no studied joint, motion or friction: {str(cell)[:60]}")
         motion_chart(record["map"])
-    except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError, TemplateError) as error:
+    except DAMAGE as error:
         why = f"{type(error).__name__}: {error}"[:200]
         raise ScenarioError(f"cannot read {str(path)!r}, expected a motion.json of hmtb motion: {why}") from error
     return dict(record)

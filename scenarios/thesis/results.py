@@ -118,7 +118,7 @@ def read_results(folder: Path) -> Mapping[str, Any]:
             raise TypeError("the answer is no text")
         campaign_scenario(single_joint_test(1, STUDIED_JOINTS[0]), seed=seed, duration=duration)
         return dict(record)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+    except (OSError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, RecursionError) as error:
         raise ScenarioError(f"{path} is no result of hmtb thesis, or a damaged one: {error!r}") from error
 
 

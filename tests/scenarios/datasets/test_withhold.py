@@ -199,7 +199,7 @@ def test_submissions_are_graded_as_hmtb_dataset_score_does(school, tmp_path, pri
     assert result("dataset", "grade", school.withheld, tmp_path, code=1)["missing"] == ["bob"]
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, '{"ann": 1}', "[]", "{"])
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"": {"data_set": "x", "seed": 1e400}}', '{"ann": 1}', "[]", "{"])
 def test_a_damaged_list_of_persons_is_refused(tmp_path, text):
     (tmp_path / "persons.json").write_text(text)
     refused("cannot read .*persons.json", read_persons, tmp_path)

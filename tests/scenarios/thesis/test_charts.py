@@ -187,6 +187,7 @@ RECORD = dict(read_motion())
 CELL = RECORD["map"][0]
 WRONG = ({"friction": float("nan")}, {"gain": -1.0}, {"joint": "tail"}, {"oe_bandwidth_hz": "fast"})
 CHANGES = [{"map": [{}]}, {"joints": 5}, {"printed": [{}]}, {"arms": {}}, *({"map": [CELL | one]} for one in WRONG)]
+CHANGES += [{"nominal": RECORD["nominal"] | {"score": 10**400}}]
 
 
 @pytest.mark.parametrize("content", [{}, ["answers", "map"], *(RECORD | change for change in CHANGES)])
