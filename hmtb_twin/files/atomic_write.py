@@ -118,7 +118,7 @@ def sync(path: Path) -> None:
 
 @contextmanager
 def result_folder(path: Path) -> Iterator[None]:
-    """Make a folder for results; on errors it goes again, and so do the parents made for it, if they are empty."""
+    """Make a folder for results; on errors remove it, and parents that were made for it, where they are empty."""
     new = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -132,6 +132,6 @@ def result_folder(path: Path) -> Iterator[None]:
 
 @contextmanager
 def working_folder(out: Path) -> Iterator[Path]:
-    """Make a temporary folder, which goes in the end, in a `result_folder`."""
+    """Make a temporary folder inside a `result_folder`, on the disk of the results, and remove it at the end."""
     with result_folder(out), TemporaryDirectory(prefix=".export-", dir=out) as place:
         yield Path(place)

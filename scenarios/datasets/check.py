@@ -21,7 +21,7 @@ from scenarios.datasets.experiment_file import record_attributes
 from scenarios.datasets.folder_check import CheckedFolder, check_folder
 from scenarios.datasets.plan import BUILD, DATA, SUMS, TRUTH, UNFINISHED
 from scenarios.datasets.record_check import file_problems
-from scenarios.files.errors import ScenarioError
+from scenarios.files.errors import DAMAGE, ScenarioError
 from scenarios.files.provenance import fingerprint, versions
 from scenarios.jobs.foreign_reader import ForeignReader
 from scenarios.jobs.progress import Progress, Report
@@ -161,7 +161,7 @@ def same_software(folder: Path) -> bool:
         built, now = record["versions"], versions()
         matter = ("hmtb-twin", "machine", "mujoco", "numpy", "pin", "scipy")  # what the numbers depend on
         return record["source"] == fingerprint() and all(built.get(name) == now[name] for name in matter)
-    except (OSError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, RecursionError):
+    except DAMAGE:
         return False
 
 

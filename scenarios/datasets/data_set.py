@@ -17,7 +17,7 @@ from scenarios.datasets.plan import INDEX, SPEC, TRUTH, UNFINISHED, ListedExperi
 from scenarios.datasets.spec import DataSetSpec, load_spec
 from scenarios.datasets.spec_tables import PARTS
 from scenarios.experiments.scenario import NAME
-from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.errors import DAMAGE, ScenarioError, unknown
 from sysid import IOData
 from sysid.records.hdf5_files import check_heaps
 
@@ -290,7 +290,7 @@ def open_data_set(folder: str | Path) -> DataSet:
             f"{one['stage']}: {one['piece']}": one["failed"] for one in index.get("stages", ()) if one["failed"]
         }
         return DataSet(folder, str(index["data_set"]), str(index["hash"]), entries, incomplete)
-    except (OSError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, RecursionError) as error:
+    except DAMAGE as error:
         raise ScenarioError(f"{folder / INDEX} is damaged, or of another version: {error}") from error
 
 

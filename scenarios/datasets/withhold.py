@@ -23,7 +23,7 @@ from scenarios.datasets.tables import read_table, read_text, table_text
 from scenarios.datasets.variables import GIVEN, WINDOW
 from scenarios.experiments.scenario import NAME
 from scenarios.experiments.waveform import check_seed
-from scenarios.files.errors import ScenarioError
+from scenarios.files.errors import DAMAGE, ScenarioError
 
 PERSONS = "persons.json"
 """In the withheld folder: label and seed of the data set of each person."""
@@ -144,7 +144,7 @@ def read_persons(withheld: Path) -> dict[str, tuple[str, int]]:
     try:
         table = json.loads((withheld / PERSONS).read_text(encoding="utf-8"))
         return {person: (str(one["data_set"]), int(one["seed"])) for person, one in table.items()}
-    except (OSError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, RecursionError) as error:
+    except DAMAGE as error:
         raise ScenarioError(
             f"cannot read {withheld / PERSONS} ({error}); expected a folder that hmtb dataset build --withhold made"
         ) from error

@@ -5,6 +5,9 @@ from collections.abc import Iterable
 
 from hmtb_twin.files.errors import abridged, shown
 
+DAMAGE = (OSError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, RecursionError)
+"""Errors that reading a damaged file raises."""
+
 
 class ScenarioError(ValueError):
     """Wrong input to the study; the message says on half a screen what was given, expected and available."""

@@ -10,7 +10,7 @@ from typing import Any
 from jinja2 import TemplateError
 from matplotlib.figure import Figure
 
-from scenarios.files.errors import ScenarioError
+from scenarios.files.errors import DAMAGE, ScenarioError
 from scenarios.report.figure_style import MRAD, short
 from scenarios.report.page import Page
 from scenarios.thesis.answer import drawn_models
@@ -24,9 +24,6 @@ MOST = 10_000_000
 
 BANDWIDTHS = (0.1, 6.0)
 """Ends of the axis of the map, Hz."""
-
-DAMAGE = (OSError, ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError, TemplateError)
-"""Errors that a damaged record raises."""
 
 
 def read_motion(path: Path | None = None) -> Mapping[str, Any]:
@@ -48,7 +45,7 @@ def read_motion(path: Path | None = None) -> Mapping[str, Any]:
             if not (drawn_models(cell["joint"]) and min(cell[name] for name in ("gain", "friction", "volts")) > 0.0):
                 raise ValueError(f"a cell of the map has no studied joint, motion or friction: {str(cell)[:60]}")
         motion_chart(record["map"])
-    except DAMAGE as error:
+    except (*DAMAGE, TemplateError) as error:
         why = f"{type(error).__name__}: {error}"[:200]
         raise ScenarioError(f"cannot read {str(path)!r}, expected a motion.json of hmtb motion: {why}") from error
     return dict(record)

@@ -10,7 +10,7 @@ import numpy as np
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import campaign_scenario, single_joint_test
 from scenarios.experiments.model_structures import STRUCTURES
-from scenarios.files.errors import ScenarioError
+from scenarios.files.errors import DAMAGE, ScenarioError
 from scenarios.thesis.attribution import AS_IT_IS, SMOOTH
 from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison
@@ -118,7 +118,7 @@ def read_results(folder: Path) -> Mapping[str, Any]:
             raise TypeError("the answer is no text")
         campaign_scenario(single_joint_test(1, STUDIED_JOINTS[0]), seed=seed, duration=duration)
         return dict(record)
-    except (OSError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError, RecursionError) as error:
+    except DAMAGE as error:
         raise ScenarioError(f"{path} is no result of hmtb thesis, or a damaged one: {error!r}") from error
 
 

@@ -60,7 +60,7 @@ video @run.nc --duration 0.1 --out @out/film.gif; station --no-browser --out @ou
 identify @run.csv --joint elbow_pitch --method oe --orders 2 2 1
 """
 LONG = ("dataset get", "verify", "control", "thesis", "motion", "video", "station")
-"""Calls that are interrupted after 3 s."""
+"""Beginnings of the calls that take minutes or do not end by themselves; they are interrupted after 3 s."""
 
 TABLES = ("run.nc", "run.mat", "run.asc", "run.ch10", "table.csv", "table.txt", "table73.mat", "table.nc")
 LOGGED = "--input /cmd.data --output /joint_states.position[elbow]"
@@ -85,7 +85,7 @@ excitation = [{kind = "white_noise", amplitude = 0.5}]
 
 
 def material():
-    """Make files for the calls, in the working folder."""
+    """Write the files that the calls read into the working folder."""
     rng = np.random.default_rng(0)
     t, u = np.arange(400) * 0.02, np.repeat(rng.choice([-1.0, 1.0], 100), 4)
     y = np.convolve(u, 0.1 * 0.9 ** np.arange(50))[:400] + 0.01 * rng.standard_normal(400)
@@ -221,7 +221,7 @@ def prepared(number, seed, place):
 
 
 def execute(words, place, patience):
-    """Run a command in this forked process, interrupt it after `patience`, s, and end the process with its code."""
+    """Run a command in this forked process, interrupt it after `patience` seconds, and exit with its code."""
     for number, name in ((0, os.devnull), (1, place / "stdout"), (2, place / "stderr")):
         os.dup2(os.open(name, os.O_RDWR | os.O_CREAT), number)
     sys.stdout, sys.stderr = open(1, "w"), open(2, "w")  # noqa: SIM115 - to the end of the process
@@ -266,8 +266,9 @@ def bench():
         (work / "material").mkdir(parents=True)
         os.chdir(work / "material")
         material()
-    for commands in (program["commands"] for program in PROGRAMS.values()):
-        all(_command(place) for place in commands.values() if place)  # imports it once for all cases
+    for program in PROGRAMS.values():
+        for place in filter(None, program["commands"].values()):
+            _command(place)  # imports it once for all cases
     ends, memory = Counter(), Counter()
     # each call unchanged first: what does not work by itself would pass every case
     for number in range(-len(KINDS), chosen.cases) if chosen.case is None else [chosen.case]:

@@ -263,7 +263,7 @@ def test_broken_submissions_are_refused_one_by_one(school, tmp_path):
     shutil.rmtree(bob)
     bob.symlink_to(ann)
     (tmp_path / ".git").mkdir()
-    (tmp_path / "a.mat").mkdir()  # a folder of predictions is no file of them
+    (tmp_path / "a.mat").mkdir()  # a folder that is named like a file of predictions
     assert "is a link" in str(grade_all(school.withheld, tmp_path)["bob"])
     assert sorted(grade_all(school.withheld, tmp_path)) == ["a.mat", "ann", "bob"]
     bob.unlink()

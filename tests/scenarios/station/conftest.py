@@ -54,7 +54,7 @@ def wait_until(condition, seconds=60.0):
 
 
 def at_once(label, function, *arguments, done, failed):
-    """Instead of a child process."""
+    """Call the function here, as a stand-in for `Work.start`, which calls it in a child process."""
     try:
         result = function(*arguments)
     except ValueError as error:
