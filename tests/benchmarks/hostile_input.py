@@ -198,9 +198,7 @@ def prepared(number, seed, place):
             leaves += sorted(leaf for leaf in (copy, *copy.rglob("*")) if leaf.is_file())
         words.append(str(place / name) if word.startswith("@") else word)
     kind = rng.random()
-    if number < 0:
-        pass
-    elif leaves and kind < 0.75:
+    if number >= 0 and leaves and kind < 0.75:
         leaf, kind = leaves[int(rng.integers(len(leaves)))], rng.random()
         if kind < 0.75:
             leaf.write_bytes(damaged(leaf.read_bytes(), rng))
@@ -210,7 +208,7 @@ def prepared(number, seed, place):
             leaf.unlink()
             others = (leaf.mkdir, lambda: os.mkfifo(leaf), lambda: leaf.symlink_to("/dev/zero"), lambda: None)
             others[int(rng.integers(4))]()
-    else:
+    elif number >= 0:
         at, new = int(rng.integers(1, len(words) + 1)), str(rng.choice(NUMBERS + TEXTS))
         program, name = ("hmtb dataset", words[1]) if words[0] == "dataset" else ("hmtb", words[0])
         known = [*inspect.signature(_command(PROGRAMS[program]["commands"][name])).parameters]
@@ -230,10 +228,10 @@ def execute(words, place, patience):
     signal.signal(signal.SIGALRM, signal.default_int_handler)
     signal.setitimer(signal.ITIMER_REAL, patience, SECONDS)
     os.chdir(place)
-    code = 70
     try:
         code = main(words)
     except BaseException:
+        code = 70
         traceback.print_exc()
     finally:
         sys.stdout.flush()
