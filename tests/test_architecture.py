@@ -1,4 +1,4 @@
-"""The house holds: arrows point one way, rooms are shallow, files are small, names are explicit, references resolve."""
+"""The house holds: arrows point one way, rooms are shallow, names are explicit, references resolve."""
 
 import ast
 import importlib
@@ -33,7 +33,6 @@ ROOMS = {
 # Modules of a package outside its rooms.
 FLAT = {"__init__", "__main__"}
 FORBIDDEN_NAMES = {"utils", "util", "base", "common", "misc", "helpers", "helper", "core"}
-LONGEST_FILE = 400
 # Of `scenarios`: files of a room, `__init__` included, and its public names. The chapters of the thesis are many.
 MOST_FILES, EXEMPT = 25, {"thesis"}
 PUBLIC_NAMES = range(3, 9)
@@ -191,13 +190,11 @@ def test_the_bare_name_sysid_is_ours():
     assert not wrong, f"write 'import mujoco.sysid as mj_sysid': {wrong}"
 
 
-def test_files_are_small_shallow_named_and_documented():
+def test_files_are_shallow_named_and_documented():
     for module in MODULES:
         parts = module.path.relative_to(ROOT).parts
-        lines = module.text.count("\n")
         assert len(parts) <= 3, f"packages are at most two deep, {module.name} is deeper"
         assert not FORBIDDEN_NAMES & {part.removesuffix(".py").strip("_") for part in parts}, module.name
-        assert lines <= LONGEST_FILE, f"{module.name} has {lines} lines, at most {LONGEST_FILE}"
         assert ast.get_docstring(module.tree), f"{module.name} does not say in its first line what it holds"
 
 
