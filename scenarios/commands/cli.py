@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from hmtb_twin.files.errors import abridged
 
         if not isinstance(call, str):
-            line = in_options(line, call.func)
+            line = in_options(line, error, call.func)
         with suppress(OSError):  # nobody may be able to read it
             print(f"hmtb: {one_line(abridged(line))}", file=sys.stderr, flush=True)
         return 2

@@ -31,15 +31,16 @@ STRAY = {
 }
 """The option that a surplus word was probably meant for, by command."""
 
-ARGUMENTS = {
-    r"\bdt as given\b": "--dt",
-    r"\bor dt in s\b": "or --dt SECONDS",
-    r"\btime=NAME\b": "--time NAME",
-    r", or in time_unit\b": ", or in --time-unit",
-    r"; missing=True takes NaN for samples that were lost": "; --missing takes NaN or empty cells among outputs",
-    r"(?<=matched by name)\b.*": "; read the record as that of the model, by --input and --output or by --joint",
+ADVICE = {
+    ("several-intervals", "dt"): "--dt",
+    ("no-interval", "dt"): "or --dt SECONDS",
+    ("no-interval", "time"): "--time NAME",
+    ("several-times", "time"): "--time NAME",
+    ("not-a-number", "time_unit"): ", or in --time-unit",
+    ("lost-samples", "missing"): "; --missing takes NaN or empty cells among outputs",
+    ("other-channels", "names"): "; read the record as that of the model, by --input and --output or by --joint",
 }
-"""Arguments that messages of the analyst name, and the options of commands that they are."""
+"""Advice on options of commands, by the code of the analyst's message and the argument that it advises."""
 
 Options = ParamSpec("Options")
 
@@ -122,17 +123,27 @@ def command_line(program: str, command: Callable[..., int], values: Mapping[str,
     return shlex.join(words)
 
 
-def in_options(text: str, command: Callable[..., int]) -> str:
-    """A message of the analyst with options of a command for arguments; a hint at an option that it lacks is left out.
+def in_options(text: str, error: BaseException, command: Callable[..., int]) -> str:
+    """The text of an error with advice on options of a command in place of the analyst's advice on arguments.
+
+    Advice on an option that the command lacks is left out.
 
     Args:
-        text: The message.
-        command: Its function.
+        text: The text.
+        error: The error: its own advice counts, and that of the errors behind it, which it may quote.
+        command: Function of the command.
     """
-    taken = {name.replace("_", "-") for name in inspect.signature(command).parameters}
-    for argument, words in ARGUMENTS.items():
-        lacks = set(re.findall(r"--([\w-]+)", words)) - taken
-        text = re.sub(argument, "" if lacks else words, text)
+    options = {f"--{name.replace('_', '-')}" for name in inspect.signature(command).parameters}
+    cause: BaseException | None = error
+    while cause is not None:
+        advice: Mapping[str, str] = getattr(cause, "advice", {})
+        if advice:
+            from sysid.records.errors import reworded  # loaded already: the error is one of the package's own
+
+            words = {argument: ADVICE.get((cause.code, argument), "") for argument in advice}  # type: ignore[attr-defined]
+            taken = {name: text for name, text in words.items() if options.issuperset(re.findall(r"--[\w-]+", text))}
+            text = reworded(text, advice, taken)
+        cause = cause.__cause__
     return text
 
 

@@ -1,6 +1,5 @@
 """Identification of a model from records: estimate, operating point, bandwidth claims, fits and residual test."""
 
-import re
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from scenarios.identification.methods import ESTIMATORS, estimate
 from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offset
+from sysid.records.errors import Message, reworded
 from sysid.validation.input_independence import LIMIT, input_independence
 from sysid.validation.structure_scan import Order
 
@@ -216,7 +216,7 @@ def _remarks(fitted: FittedModel, own: bool) -> tuple[str, ...]:
 
 def without_python_advice(text: str) -> str:
     """Leave out of a warning of `sysid` the advice on Python arguments, which the command line does not have."""
-    return "; ".join(part for part in text.split("; ") if not re.search(r"\b\w+=(True|False)\b", part)) or text
+    return reworded(text, text.advice, {}) if isinstance(text, Message) else text
 
 
 def long_lag(data: IOData | Sequence[IOData]) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from sysid.records.errors import SysidError
+from sysid.records.errors import Message, SysidError
 
 LONGEST_LIST = 160  # characters of a list of names in a message
 
@@ -73,10 +73,11 @@ def matching_channels(
         unnamed = one == default_names(letter, len(another))
         if unnamed and not any(re.fullmatch(rf"{letter}\d+", name) for name in another):
             return list(range(len(names)))
-    raise SysidError(
-        f"the {kind}(s) of {owner} are {listed(names)}, those of {other} {listed(others)}: channels are matched by "
-        f"name; dataclasses.replace(record, {kind}_names=...) renames them, record.select({kind}s=...) picks them"
+    advice = f"; dataclasses.replace(record, {kind}_names=...) renames them, record.select({kind}s=...) picks them"
+    text = (
+        f"the {kind}(s) of {owner} are {listed(names)}, those of {other} {listed(others)}: channels are matched by name"
     )
+    raise SysidError(Message(text + advice, "other-channels", names=advice))
 
 
 def listed(names: Sequence[str] | None) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from sysid.records.arguments import real_number, sampling_interval, shortened, truth_value, whole_number
 from sysid.records.arrays import LINE, FloatArray, Locked, lock, real_array, rectangular
 from sysid.records.channels import channel_indices, channel_labels, default_names, matching_channels
-from sysid.records.errors import SysidError
+from sysid.records.errors import Message, SysidError
 from sysid.records.labelled import Labelled
 from sysid.records.printing import counted
 from sysid.records.trends import difference, trend
@@ -366,10 +366,11 @@ def _channels(name: str, value: FloatArray, *, missing: bool = False) -> FloatAr
         table = raw[:, None] if raw.ndim == 1 else raw
         index, channel = np.argwhere(~np.isfinite(table))[0]
         count = int((~np.isfinite(table)).sum())
-        raise SysidError(
-            f"{name}: {count} sample(s) NaN or infinite, the first in channel {channel} at index {index}"
-            + ("; missing=True takes NaN for samples that were lost" if name == "y" else "")
-        )
+        text = f"{name}: {count} sample(s) NaN or infinite, the first in channel {channel} at index {index}"
+        if name != "y":
+            raise SysidError(text)
+        advice = "; missing=True takes NaN for samples that were lost"
+        raise SysidError(Message(text + advice, "lost-samples", missing=advice))
     out = real_array(name, value)
     if out.ndim == 1:
         out = out[:, None]

@@ -11,7 +11,7 @@ from sysid.records.arguments import real_number, shown
 from sysid.records.arrays import FloatArray
 from sysid.records.channels import listed
 from sysid.records.data import IOData
-from sysid.records.errors import SysidError
+from sysid.records.errors import Message, SysidError
 from sysid.records.mat_hdf5 import read_hdf5_variables
 from sysid.records.mat_variables import read_variables
 from sysid.records.message_logs import message_signals
@@ -20,6 +20,7 @@ from sysid.records.text_columns import text_columns
 from sysid.records.time_grid import Signal, experiments, period
 from sysid.records.time_stamps import Column, Place, interval_unit, is_time, stamps, time_column
 
+STATED = "dt as given"  # origin of an interval in messages: the argument
 SAME_INTERVAL = 1e-3  # two intervals closer than this part are one, written with few digits
 
 
@@ -311,20 +312,22 @@ def records_of(
         intervals[repr(clock_name)] = period(clock.seconds, f"column {clock_name!r}", file.name)
     if not intervals:
         there = listed([n for n in columns if n not in choice.channels]) or "no other column"
-        raise SysidError(
+        text = (
             f"{file.name}: no sampling interval; expected a column of times (t, time, 'Time (s)', time=NAME), "
             f"a variable dt or Ts, or dt in s; the file has {there}"
-            + "".join(f"; {text}: write numbers, as ms, or 2026-01-31T12:00:00.5" for text in unread)
         )
+        text += "".join(f"; {remark}: write numbers, as ms, or 2026-01-31T12:00:00.5" for remark in unread)
+        raise SysidError(Message(text, "no-interval", time="time=NAME", dt="or dt in s"))
     if clock is None:
         remarks = (*remarks, *(f"{text}, so that gaps are not noticed" for text in unread))
     (first, interval), *others = intervals.items()
     for other, value in others:
         if abs(value - interval) > SAME_INTERVAL * interval:
-            raise SysidError(
+            text = (
                 f"{file.name}: sampling interval {interval:.6g} s by {first}, {value:.6g} s by {other}; "
                 "expected one value (omit the wrong one)"
             )
+            raise SysidError(Message(text, "several-intervals", dt=STATED))
     count = len(columns[choice.channels[0]])
     if clock is not None and len(clock.seconds) != count:
         raise SysidError(f"{file.name}: {clock_name} has {len(clock.seconds)} samples, the channels have {count}")
@@ -356,7 +359,7 @@ def _signal(name: str, times: FloatArray, values: Column, unit: str) -> Signal:
 
 def _intervals(columns: Mapping[str, Column], choice: Choice, file: Path) -> dict[str, float]:
     """Sampling intervals in s that are stated: by the user, and by constant columns `dt` or `Ts`."""
-    intervals = {} if choice.dt is None else {"dt as given": choice.dt}
+    intervals = {} if choice.dt is None else {STATED: choice.dt}
     for name, values in columns.items():
         scale = None if name in (*choice.channels, choice.time) else interval_unit(name)
         if scale is None or _is_text(values) or (is_time(name) and np.ptp(values) > 0):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.records.channels import listed
-from sysid.records.errors import SysidError
+from sysid.records.errors import Message, SysidError
 from sysid.records.time_stamps import Column, Place, is_time
 
 CLOCK_TIME = re.compile(r"\s*(?:(\d{4}-\d\d-\d\d)|\d{1,2}:\d\d:\d\d)")
@@ -94,7 +94,8 @@ def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column]
             elif not first and name not in expected:
                 columns[name] = cells.astype(str).to_numpy(str)
                 continue
-            raise SysidError(f"{file.name}, {place(int(bad[0]))}: {what}; expected {kinds}")
+            text = f"{file.name}, {place(int(bad[0]))}: {what}; expected {kinds}"
+            raise SysidError(Message(text, "not-a-number", time_unit=", or in time_unit"))
         columns[name] = values.to_numpy()
     return columns, place
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.channels import listed
-from sysid.records.errors import SysidError
+from sysid.records.errors import Message, SysidError
 
 TIME_NAMES = ("t", "time", "ts", "timestamp", "stamp", "datetime", "date", "epoch", "unix", "utc", "elapsed", "clock")
 TRANSLATED = ("zeit", "zeitstempel", "temps", "tiempo")
@@ -83,7 +83,8 @@ def time_column(
         remark = f"{listed(clocks)} increases as steadily as times and is not used (if it holds them: time=NAME)"
         return None, "", (remark,) if clocks else ()
     if len(clocks) > 1:
-        raise SysidError(f"{file}: several columns may be times: {listed(clocks)}; expected one, named by time=NAME")
+        text = f"{file}: several columns may be times: {listed(clocks)}; expected one, named by time=NAME"
+        raise SysidError(Message(text, "several-times", time="time=NAME"))
     if clocks:
         return clocks[0], "", (f"times are column {clocks[0]!r}, the only one that increases steadily",)
     return None, "", ()

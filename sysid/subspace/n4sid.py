@@ -15,7 +15,7 @@ from sysid.polynomial.stability_limit import STABILITY_MARGIN
 from sysid.records.arguments import shown, truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, warn_each
+from sysid.records.errors import Message, SysidError, warn_each
 from sysid.subspace.gaps import estimate_with_gaps
 from sysid.subspace.predictor import Predictor, Record, Scales, input_coordinates, local_coordinates
 from sysid.subspace.predictor_errors import Point
@@ -277,7 +277,11 @@ def n4sid(
     start, radius = step.simulator(), float(np.abs(np.linalg.eigvals(step.A)).max())
     observer = not (start.is_stable() or stable)
     if observer:
-        messages.append(f"the model is unstable: largest pole modulus {radius:.6g}; stable=True enforces a stable one")
+        text, advice = (
+            f"the model is unstable: largest pole modulus {radius:.6g}",
+            "; stable=True enforces a stable one",
+        )
+        messages.append(Message(text + advice, "unstable-model", stable=advice))
         A, K = step.A - step.gain() @ step.C, step.gain()
         start = Predictor(A, np.hstack((step.B - K @ start.D, K)), step.C, start.D)
         if not start.is_stable():

@@ -16,7 +16,7 @@ from sysid.polynomial.data_checks import check_excitation
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning, warn_each
+from sysid.records.errors import Message, SysidError, SysidWarning, warn_each
 from sysid.records.trends import ROUNDING
 from sysid.subspace.era import Realisation, era
 from sysid.subspace.observer_gain import deadbeat_gain, spectral_radius, stable_gain
@@ -28,6 +28,7 @@ from sysid.validation.compare import fit_percent
 CHECKED = 800  # samples of each experiment whose fit is checked: as informative as all, and cheap
 WORTHLESS = -5.0  # fit in simulation, percent; below 0, since strong noise may make a good fit slightly negative
 LARGEST_HANKEL = 2.5e7  # entries of the Hankel matrix, 200 MB
+OTHER_METHOD = " or n4sid(data, order, stable=True)"  # the advice that names a call in Python
 AMPLE = 8  # samples per coefficient above which a larger p can help an unstable model
 LARGEST_COVARIANCE = 4000  # observer parameters with a covariance, 128 MB: intervals of more would take many minutes
 
@@ -236,7 +237,8 @@ def okid(
     gain = model.gain if deadbeat else realise.observer_gain(realised, gain_markov)
     if (radius := spectral_radius(model.A)) >= 1.0:
         remedy = _remedy(regression, realise)
-        messages.append(f"the model is unstable: largest pole modulus {radius:.6g}; {remedy}")
+        text = f"the model is unstable: largest pole modulus {radius:.6g}; {remedy}"
+        messages.append(Message(text, "unstable-model", stable=OTHER_METHOD))
     messages += _predictor_stability(model, spectral_radius(model.A - gain @ model.C)) + _poor_fits(model, experiments)
     to_model: Realise | RealiseLocally = realise
     parameters, names = theta, regression.names(summary)
@@ -322,7 +324,7 @@ def _remedy(regression: ObserverRegression, realise: Realise) -> str:
         if model.is_stable():
             return f"p = {p} gives a stable one (p = {regression.p} leaves {rows / width:.1f} samples per coefficient)"
     what = "a larger p, another order" if rows > AMPLE * width else "more samples, another order"
-    return f"try {what} or n4sid(data, order, stable=True)"
+    return f"try {what}{OTHER_METHOD}"
 
 
 def _predictor_stability(model: StateSpace, observer: float) -> list[str]:

@@ -15,6 +15,7 @@ from scenarios.identification.order_choice import choose_and_identify
 from scenarios.identification.result_tables import roots_text
 from sysid import IOData, SysidError, arx, compare, n4sid, oe, read_model
 from sysid.polynomial.fit_with_offset import fit_with_offset, unexplained_offset
+from sysid.records.errors import Message
 from tests.scenarios.commands.conftest import DT, signals, table
 
 ORDERS = {
@@ -341,7 +342,8 @@ def test_what_holds_for_every_path_is_said_once_and_without_python(result, tmp_p
 def test_advice_in_words_of_python_is_left_out():
     from scenarios.identification.identification import without_python_advice
 
-    assert without_python_advice("the model is unstable: 1.1; stable=True forbids it") == "the model is unstable: 1.1"
+    text, advice = "the model is unstable: 1.1", "; stable=True forbids it"
+    assert without_python_advice(Message(text + advice, "unstable-model", stable=advice)) == text
 
 
 def test_a_saved_model_is_compared_and_holds_its_operating_point(result, csv, tmp_path):
