@@ -23,13 +23,28 @@ def run() -> int:
     try:
         from scenarios.commands.cli import main
 
-        return main()
+        code = main()
+        _discard_unwritable()
+        return code
     except KeyboardInterrupt:
         _leave()
         raise
     finally:
         for number in ENDS:  # a second one would end the process before it has closed what is open
             signal.signal(number, signal.SIG_IGN)
+
+
+def _discard_unwritable() -> None:
+    """Discard what stdout and stderr cannot write, of which `main` has spoken.
+
+    Python flushes them once more at its end, and would replace the exit code by 120 and print lines of its own.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            null = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null, stream.fileno())
 
 
 def _interrupt(_: int, frame: FrameType | None) -> None:

@@ -10,6 +10,8 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 # No test may open a window.
 os.environ["MPLBACKEND"] = "Agg"
+# Children buffer what they print, as they do for most users: a full disk shows when they end.
+os.environ.pop("PYTHONUNBUFFERED", None)
 
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402

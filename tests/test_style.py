@@ -1,6 +1,7 @@
 """What a linter cannot see: no traces of a machine in the text, no dead links, no untyped pass-through of arguments."""
 
 import ast
+import os
 import re
 from importlib import import_module
 from pathlib import Path
@@ -19,16 +20,26 @@ REGISTRY_HOST = re.compile(r"\b(?:pypi|pythonhosted|npmjs|deb\.debian|archive\.u
 LOCAL_LINK = re.compile(r"\[[^\]]*\]\((?!\w+:|#)([^)\s#]+)")
 
 
+def is_made(folder: str) -> bool:
+    """Whether tools or commands create a folder of this name."""
+    return folder in MADE or folder.startswith((".venv", "venv"))
+
+
+def is_hidden(name: str) -> bool:
+    """Whether a file or folder in the root of the repository is none of the project's."""
+    return name.startswith(".") and name not in {".ci", ".gitignore"}
+
+
 def product_files() -> list[Path]:
     """Return every text file that belongs to the project; files that tools and commands create are left out."""
     files = []
-    for path in sorted(ROOT.rglob("*")):
-        parts = path.relative_to(ROOT).parts
-        made = MADE.intersection(parts) or any(part.startswith((".venv", "venv")) for part in parts)
-        hidden = parts[0].startswith(".") and parts[0] not in {".ci", ".gitignore"}
-        if path.is_file() and not made and not hidden and path.suffix in TEXT:
-            files.append(path)
-    return files
+    for folder, folders, names in os.walk(ROOT):
+        top = Path(folder) == ROOT
+        # Pruned here, not filtered below: an environment beside the sources holds a hundred thousand files.
+        folders[:] = [name for name in folders if not is_made(name) and (not is_hidden(name) or not top)]
+        paths = [Path(folder, name) for name in names if not is_hidden(name) or not top]
+        files += [path for path in paths if path.suffix in TEXT and path.is_file()]
+    return sorted(files)
 
 
 FILES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in product_files()}

@@ -22,6 +22,7 @@ from scenarios.commands.output import print_table, say, say_beside_bar, say_each
 from scenarios.experiments.scenario import Scenario
 from sysid import read_csv, read_model
 from tests.scenarios.commands.conftest import signals, table
+from tests.signals import default_signals, end
 
 OE = ("--method", "oe", "--orders", "1", "1", "1")
 
@@ -248,11 +249,14 @@ def test_too_little_memory_is_one_line(complaint, monkeypatch):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no /dev/full")
-def test_a_full_disk_is_one_line():
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_disk_is_one_line(unbuffered, monkeypatch):
+    monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)  # Python writes at once, or flushes once more when it ends
     command = [sys.executable, "-m", "scenarios"]
     with open("/dev/full", "w") as full:
         done = subprocess.run([*command, "--version"], stdout=full, stderr=subprocess.PIPE)
         assert subprocess.run([*command, "nonsense"], stderr=full).returncode == 2
+        assert subprocess.run([*command, "nonsense"], stdout=full, stderr=full).returncode == 2
     assert (done.returncode, done.stderr) == (2, b"hmtb: cannot read or write: No space left on device\n")
 
 
@@ -289,11 +293,11 @@ def test_an_interrupt_during_start_up_is_one_line(run, delay, number):
     """Whichever module is being imported: compiled ones lose a KeyboardInterrupt or turn it into another error."""
     script = "from scenarios.__main__ import run; print('started', flush=True); raise SystemExit(run())"
     command = [sys.executable, "-c", script, "truth"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, preexec_fn=default_signals, **pipes) as process:
         process.stdout.readline()
         time.sleep(delay + 0.01)
-        process.send_signal(number)
-        _, err = process.communicate(timeout=60)
+        _, err = end(process, number)
     # The library of windows starts a process of its own to learn its version, which may complain behind the line.
     assert process.returncode == 130
     assert err.startswith("hmtb: interrupted; run the command again: hmtb truth\n")

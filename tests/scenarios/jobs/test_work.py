@@ -9,6 +9,7 @@ import pytest
 from scenarios.jobs.work import Work
 from tests.refusals import refused
 from tests.scenarios.station.conftest import wait_until
+from tests.signals import default_signals
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +70,7 @@ def test_a_keyboard_interrupt_of_the_whole_terminal_ends_it_without_a_word():
         cwd=os.getcwd(),
         check=False,
         start_new_session=True,
+        preexec_fn=default_signals,
         timeout=60,
     )
     assert (run.returncode, run.stdout, run.stderr) == (0, "a nap\na nap\n", "")

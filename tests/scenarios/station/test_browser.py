@@ -11,6 +11,7 @@ import pytest
 
 from hmtb_twin import linearize, load_arm
 from tests.scenarios.station.walk import CHROMIUM, FLAGS, PATIENCE, button, field, open_page, tab, walk
+from tests.signals import default_signals, end
 
 playwright = pytest.importorskip("playwright.sync_api")
 
@@ -24,15 +25,13 @@ def address(tmp_path_factory):
     folder = tmp_path_factory.mktemp("station")
     command = [sys.executable, "-m", "scenarios", "station", "--no-browser", "--out", str(folder)]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
-    ) as process:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, env=environment, preexec_fn=default_signals, **pipes) as process:
         try:
             (found,) = re.findall(r"http://127\.0\.0\.1:\d+", process.stdout.readline())
             yield found
         finally:
-            process.send_signal(signal.SIGINT)
-            out, err = process.communicate(timeout=60)
+            out, err = end(process, signal.SIGINT)
     assert process.returncode == 0
     assert out == "station: ended\n"
     assert err == ""
