@@ -1,9 +1,8 @@
 """`hmtb identify`: any estimator on any record, also of your own robot."""
 
 import warnings
-from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -22,6 +21,7 @@ from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
     from scenarios.identification.identification import Identification
+    from sysid import Estimate
 
 SAVED = (".json", ".m", ".c", ".fmu")
 """Endings of files of models."""
@@ -107,16 +107,17 @@ def identify(
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
-    values = locals()
-    typed = command_line("hmtb identify", identify, values)
+    options = locals()  # before any other local variable: all options, for the commands that repeat and go on
+    typed = command_line("hmtb identify", identify, options)
     from scenarios.identification.file_identification import identify_files
-    from scenarios.identification.identification import figures
     from scenarios.identification.result_tables import result_tables
 
     if save is not None and save.suffix not in SAVED:
         raise ScenarioError(f"--save {save} given, expected a file that ends with {', '.join(SAVED)}")
-    earlier = [] if out is None else [out / f"{one.stem}-{name}.png" for one in data[:1] for name in FIGURES]
-    check_files(*earlier, *([save] if save else []), overwrite=overwrite)
+    replaced = [save] if save else []
+    if out is not None and data:
+        replaced = [*(out / f"{data[0].stem}-{name}.png" for name in FIGURES), *replaced]
+    check_files(*replaced, overwrite=overwrite)
     with progress("estimation"):
         found = identify_files(
             data,
@@ -137,94 +138,50 @@ def identify(
             validate=validate,
             validate_test=validate_test,
         )
-    result, choice = found.result, found.choice
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        if save is not None:
-            with output_folder(save.parent):
-                _save(result, save, typed)
-    texts = (*found.warnings, *(str(one.message) for one in caught))
-    pictures: list[Path] = []
-    if out is not None:
-        from scenarios.report.figures import save_figure
-
-        with progress("figures"), output_folder(out) as folder:
-            for name, figure in figures(result).items():
-                pictures.append(folder / f"{data[0].stem}-{name}.png")
-                save_figure(figure, pictures[-1], dpi=120)
-    model = result.fitted.estimate
-    record = {"method": model.method, **_record(result), "warnings": texts, "model_file": save, "figures": pictures}
-    if choice is not None:
-        best = choice.candidates[0]
-        record["choice"] = {
-            "reason": choice.reason,
-            "candidates": [
-                {"method": one.method, "orders": one.orders, "ebic": one.ebic - best.ebic, "loss": one.loss}
-                for one in choice.candidates
-            ],
-        }
+    remarks = [*found.warnings]
+    if save is not None:
+        with warnings.catch_warnings(record=True) as caught, output_folder(save.parent):
+            warnings.simplefilter("always", UserWarning)
+            _save(found.result.fitted.estimate, save, typed)
+        remarks += [str(warning.message) for warning in caught]
+    pictures = [] if out is None else _draw(found.result, out, data[0].stem)
     if json:
-        print_json(record)
+        print_json({**found.record(), "warnings": remarks, "model_file": save, "figures": pictures})
         return 0
     for table in result_tables(found):
         print_table(table.title, table.columns, table.rows)
-    say_each("warning: ", texts)
+    say_each("warning: ", remarks)
     say_each("model: ", [save] if save else [])
     say_each("figure: ", pictures)
     if save is None and pictures:
-        again = {**values, "save": Path(f"{data[0].stem}.json"), "out": None, "overwrite": False}
+        again = {**options, "save": Path(f"{data[0].stem}.json"), "out": None, "overwrite": False}
         say(f"next: {command_line('hmtb identify', identify, again)}")
     elif save is not None and save.suffix == ".json":
-        values["overwrite"] = False
         of_record = {"data": data[0], "models": (str(save),), "joint": (joint,) if joint else ()}
-        say(f"next: {command_line('hmtb compare', compare, {**values, **of_record, 'out': None})}")
+        judging = {**options, **of_record, "out": None, "overwrite": False}
+        say(f"next: {command_line('hmtb compare', compare, judging)}")
     return 0
 
 
-def _save(result: "Identification", path: Path, typed: str) -> None:
+def _save(model: "Estimate", path: Path, typed: str) -> None:
     """Write the model with its operating point, in the format that the ending names."""
     from sysid import exchange
 
-    model = result.fitted.estimate
     if path.suffix == ".json":
         exchange.write_model(model, path, command=typed)
     else:
         {".m": exchange.to_matlab, ".c": exchange.to_c, ".fmu": exchange.to_fmu}[path.suffix](model, path)
 
 
-def _record(result: "Identification") -> dict[str, Any]:
-    """The model as JSON; of a single path bandwidth and gain are numbers, else rows of outputs."""
-    from scenarios.identification.result_tables import deviations
+def _draw(result: "Identification", out: Path, stem: str) -> list[Path]:
+    """Draw the figures of a model into a folder."""
+    from scenarios.identification.identification import figures
+    from scenarios.report.figures import save_figure
 
-    fitted, test = result.fitted, result.test
-    model, first = fitted.estimate, fitted.parts[0]
-    point = model.operating_point
-    single = len(fitted.claims) == len(fitted.claims[0]) == 1
-
-    def of_paths(value: "Callable[[Any], object]", paths: Iterable[Iterable[object]]) -> Any:
-        rows = [[value(one) for one in row] for row in paths]
-        return rows[0][0] if single else rows
-
-    return {
-        "orders": fitted.orders,
-        "inputs": first.input_names,
-        "outputs": first.output_names,
-        "fit": {key: getattr(result.fit, key) for key in ("simulation", "one_step", "steps", "ahead")},
-        "bandwidth_hz": of_paths(lambda claim: claim.hz, fitted.claims),
-        "ci95": of_paths(lambda claim: [claim.low, claim.high], fitted.claims),
-        "poles": model.poles(),
-        "zeros": model.zeros(),
-        "dc_gain": of_paths(float, model.dc_gain()),
-        "parameters": dict(zip(model.parameter_names, model.parameters, strict=True)),
-        "deviations": dict(zip(model.parameter_names, deviations(model), strict=True)),
-        "noise_covariance": model.noise_variance,
-        "fpe": model.fpe,
-        "aic": model.aic,
-        "bic": model.bic,
-        "residuals": None
-        if test is None
-        else {key: getattr(test, key) for key in ("passed", "whiteness_p", "independence_p")},
-        "operating_point": point and dict(zip(("input", "output"), point, strict=True)),
-        "samples": sum(map(len, fitted.parts)),
-        "dt": first.dt,
-    }
+    pictures = []
+    with progress("figures"), output_folder(out) as folder:
+        for name, figure in figures(result).items():
+            picture = folder / f"{stem}-{name}.png"
+            save_figure(figure, picture, dpi=120)
+            pictures.append(picture)
+    return pictures

@@ -10,7 +10,7 @@ from scenarios.files.data_file import Names, joints_of, read_parts
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.identification import Identification, identify, usable
 from scenarios.identification.order_choice import HELD_OUT, SHORTEST, choose_and_identify, hold_out
-from sysid import StructureChoice
+from sysid import IOData, StructureChoice
 from sysid.records.channels import listed
 from sysid.records.importers import one_interval
 
@@ -30,6 +30,18 @@ class FileIdentification:
     result: Identification
     choice: StructureChoice | None
     warnings: tuple[str, ...]
+
+    def record(self) -> dict[str, object]:
+        """Return what `hmtb identify --json` prints of the model and of the choice."""
+        record: dict[str, object] = {"method": self.result.fitted.estimate.method, **self.result.record()}
+        if self.choice is not None:
+            best = self.choice.candidates[0]
+            candidates = []
+            for candidate in self.choice.candidates:
+                criteria = {"ebic": candidate.ebic - best.ebic, "loss": candidate.loss}
+                candidates.append({"method": candidate.method, "orders": candidate.orders, **criteria})
+            record["choice"] = {"reason": self.choice.reason, "candidates": candidates}
+        return record
 
 
 def identify_files(
@@ -85,20 +97,19 @@ def identify_files(
         raise ScenarioError(f"--orders {' '.join(map(str, orders))} given without --method")
     if held_out is not None and validate is not None:
         raise ScenarioError("--held-out and --validate given; expected one: what judges the model")
-    share = held_out if held_out is not None else 0.0 if orders or validate is not None else HELD_OUT
-    if not 0.0 <= share <= 0.9:
-        raise ScenarioError(f"--held-out {share:g} given, expected a part of the record from 0 to 0.9")
+    share = _held_out_share(orders, held_out, validate)
     with python_warnings.catch_warnings(record=True) as caught:
         python_warnings.simplefilter("always", UserWarning)
         read = partial(read_parts, input=input, output=output, dt=dt, time=time, time_unit=time_unit, missing=missing)
-        parts = one_interval(
-            [part for path in data for part in usable(read(path, joint=joint, test=test), skip, path, test)]
-        )
-        check = None
+        pieces: list[IOData] = []
+        for path in data:
+            pieces += usable(read(path, joint=joint, test=test), skip, path, test)
+        parts = one_interval(pieces)
+        check: tuple[IOData, ...] | None = None
         if validate is not None:
             # A log is validated on the joint that the model is of, whichever it excites.
-            others = read(validate, joint=joints_of(parts[0]) or joint, test=validate_test)
-            check = usable(others, skip, validate, validate_test)
+            validation = read(validate, joint=joints_of(parts[0]) or joint, test=validate_test)
+            check = usable(validation, skip, validate, validate_test)
         elif share > 0.0:
             parts, check = hold_out(parts, share)
             if held_out is not None and check is None:
@@ -106,20 +117,35 @@ def identify_files(
                 raise ScenarioError(
                     f"--held-out {share:g} given for {samples} samples in one piece, expected {SHORTEST} or more"
                 )
+        choice: StructureChoice | None = None
         if orders and method is not None:
-            result, choice = identify(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check), None
+            result = identify(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check)
         else:
             result, choice = choose_and_identify(parts, method, keep_mean=keep_mean, steps=steps, check=check)
-    judged = "" if validate is None else validate.name
-    if check and validate is None:
-        (last,) = check
-        name = next((path.name for path in data if path.stem == last.name), last.name or data[0].name)
-        end = last.start + len(last) * last.dt
-        judged = f"{name} {last.start:.6g} to {end:.6g} s, held out: the model is not estimated from them"
     title = f"{result.fitted.estimate.method.upper()} from {listed([path.name for path in data])}"
-    return FileIdentification(
-        title + (f", fits to {judged}" if judged else ""),
-        result,
-        choice,
-        (*(str(one.message) for one in caught), *result.warnings),
-    )
+    if validate is not None:
+        title += f", fits to {validate.name}"
+    elif check:
+        title += f", fits to {_held_out_in_words(check[0], data)}"
+    messages = (str(warning.message) for warning in caught)
+    return FileIdentification(title, result, choice, (*messages, *result.warnings))
+
+
+def _held_out_share(orders: Sequence[int], held_out: float | None, validate: Path | None) -> float:
+    """Part of the longest record that judges the model: by default one only where orders are chosen."""
+    if held_out is not None:
+        share = held_out
+    elif orders or validate is not None:
+        share = 0.0
+    else:
+        share = HELD_OUT
+    if not 0.0 <= share <= 0.9:
+        raise ScenarioError(f"--held-out {share:g} given, expected a part of the record from 0 to 0.9")
+    return share
+
+
+def _held_out_in_words(held_out: IOData, data: Sequence[Path]) -> str:
+    names = [path.name for path in data if path.stem == held_out.name]
+    name = names[0] if names else held_out.name or data[0].name
+    end = held_out.start + len(held_out) * held_out.dt
+    return f"{name} {held_out.start:.6g} to {end:.6g} s, held out: the model is not estimated from them"

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,6 +18,7 @@ from scenarios.identification.methods import ESTIMATORS, estimate
 from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offset
+from sysid.records.arrays import FloatArray
 from sysid.records.errors import Message, reworded
 from sysid.validation.input_independence import LIMIT, input_independence
 from sysid.validation.structure_scan import Order
@@ -70,6 +72,39 @@ class Identification:
     untested: str
     warnings: tuple[str, ...]
 
+    def record(self) -> dict[str, object]:
+        """Return what `hmtb identify --json` prints of it; of a single path numbers, else rows of outputs."""
+        fitted, fit, model, first = self.fitted, self.fit, self.fitted.estimate, self.fitted.parts[0]
+        bandwidths = [[claim.hz for claim in row] for row in fitted.claims]
+        intervals = [[[claim.low, claim.high] for claim in row] for row in fitted.claims]
+        gains = model.dc_gain().tolist()
+        is_single_path = first.nu == first.ny == 1
+        residuals = None
+        if self.test is not None:
+            residuals = {name: getattr(self.test, name) for name in ("passed", "whiteness_p", "independence_p")}
+        point = model.operating_point
+        return {
+            "orders": fitted.orders,
+            "inputs": first.input_names,
+            "outputs": first.output_names,
+            "fit": {name: getattr(fit, name) for name in ("simulation", "one_step", "steps", "ahead")},
+            "bandwidth_hz": bandwidths[0][0] if is_single_path else bandwidths,
+            "ci95": intervals[0][0] if is_single_path else intervals,
+            "poles": model.poles(),
+            "zeros": model.zeros(),
+            "dc_gain": gains[0][0] if is_single_path else gains,
+            "parameters": dict(zip(model.parameter_names, model.parameters, strict=True)),
+            "deviations": dict(zip(model.parameter_names, deviations(model), strict=True)),
+            "noise_covariance": model.noise_variance,
+            "fpe": model.fpe,
+            "aic": model.aic,
+            "bic": model.bic,
+            "residuals": residuals,
+            "operating_point": point and dict(zip(("input", "output"), point, strict=True)),
+            "samples": sum(map(len, fitted.parts)),
+            "dt": first.dt,
+        }
+
 
 def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[Order], *, keep_mean: bool = False) -> FittedModel:
     """Estimate a model with its operating point, and weigh its bandwidths against the records.
@@ -86,22 +121,23 @@ def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[Order], *, 
     """
     first = parts[0]
     if method in ESTIMATORS and first.ny > 1 and not ESTIMATORS[method].outputs:
-        several = ", ".join(name for name, entry in ESTIMATORS.items() if entry.outputs)
+        several = ", ".join(name for name, estimator in ESTIMATORS.items() if estimator.outputs)
         raise ScenarioError(f"{method} takes one output, given {first.ny}; for several there are: {several}")
     run = partial(estimate, method=method, orders=orders)
     with warnings.catch_warnings():
+        # The remarks of `Identification` repeat them in the words of the command line.
         warnings.simplefilter("ignore", sysid.SysidWarning)
         if keep_mean:
             model, used = run(tuple(parts)), tuple(parts)
         else:
-            about = fit_with_offset(run, parts)
-            model, used = about.estimate, about.parts
+            about_point = fit_with_offset(run, parts)
+            model, used = about_point.estimate, about_point.parts
         band, longest = model.bandwidth(), max(used, key=len)
-        claims = tuple(
-            tuple(bandwidth_claim(model, longest, output=i, input=j, band=band) for j in range(first.nu))
-            for i in range(first.ny)
-        )
-    return FittedModel(model, ESTIMATORS[method].complete(method, orders), used, band, claims)
+        claims = []
+        for i in range(first.ny):
+            row = [bandwidth_claim(model, longest, output=i, input=j, band=band) for j in range(first.nu)]
+            claims.append(tuple(row))
+    return FittedModel(model, ESTIMATORS[method].complete(method, orders), used, band, tuple(claims))
 
 
 def identify(
@@ -142,7 +178,7 @@ def identify(
             test = sysid.resid(fitted.estimate, checked)
         except SysidError as error:
             untested = str(error)
-    return Identification(fitted, checked, fit, test, untested, _remarks(fitted, check is None))
+    return Identification(fitted, checked, fit, test, untested, _remarks(fitted, judged_on_own_records=check is None))
 
 
 def usable(records: Sequence[IOData], skip: float, path: Path, test: str | None = None) -> tuple[IOData, ...]:
@@ -162,61 +198,84 @@ def usable(records: Sequence[IOData], skip: float, path: Path, test: str | None 
         raise ScenarioError(
             f"{path.name}: skip must be 0 to less than the record's {samples * dt:g} s, given {skip:g} s"
         )
-    left, kept = round(skip / dt), []
+    to_skip, kept = round(skip / dt), []
     for part in records:
-        kept += [part[left:]] if len(part) > left else []
-        left = max(left - len(part), 0)
-    # Before the mean is removed, which would leave rounding where there was a constant.
-    for what, names in (("input", records[0].input_names), ("output", records[0].output_names)):
-        values = np.concatenate([getattr(part, "u" if what == "input" else "y") for part in kept])
-        for column, name in zip(values.T, names or (), strict=True):
-            if np.nanmin(column) == np.nanmax(column):
-                axes = excited(path, test)
-                hint = f"; {path.name} excites {', '.join(axes)}, expected a log of the same joint" if axes else ""
-                raise ScenarioError(
-                    f"{path.name}: the {what} {name!r} is constant at {np.nanmin(column):g}; expected one "
-                    f"that moves in {len(values)} samples{hint}"
-                )
+        if len(part) > to_skip:
+            kept.append(part[to_skip:])
+        to_skip = max(to_skip - len(part), 0)
+    _check_channels_move(kept, path, test)
     if len(kept) == 1 and kept[0].complete:
         return (kept[0],)
-    whole = [part for part in kept if part.known.all(axis=1).sum() >= SHORTEST]
-    if not whole:
+    long_enough = [part for part in kept if part.known.all(axis=1).sum() >= SHORTEST]
+    if not long_enough:
         raise ScenarioError(f"{path.name}: between the gaps no part has {SHORTEST} samples; nothing to identify from")
-    return tuple(whole)
+    return tuple(long_enough)
 
 
-def _remarks(fitted: FittedModel, own: bool) -> tuple[str, ...]:
+def _check_channels_move(parts: Sequence[IOData], path: Path, test: str | None) -> None:
+    """Refuse constant channels, before the mean is removed, which would leave rounding where there was a constant."""
+    first = parts[0]
+    inputs, outputs = np.concatenate([part.u for part in parts]), np.concatenate([part.y for part in parts])
+    for side, values, names in (("input", inputs, first.input_names), ("output", outputs, first.output_names)):
+        for column, name in zip(values.T, names or (), strict=True):
+            if np.nanmin(column) != np.nanmax(column):
+                continue
+            axes = excited(path, test)
+            hint = f"; {path.name} excites {', '.join(axes)}, expected a log of the same joint" if axes else ""
+            raise ScenarioError(
+                f"{path.name}: the {side} {name!r} is constant at {np.nanmin(column):g}; expected one "
+                f"that moves in {len(values)} samples{hint}"
+            )
+
+
+def _remarks(fitted: FittedModel, *, judged_on_own_records: bool) -> tuple[str, ...]:
+    """Remarks on gaps, missing samples, dependent inputs and bandwidths, and the estimator's own warnings."""
     parts, first = fitted.parts, fitted.parts[0]
-    missing = sum(int((~part.known).sum()) for part in parts)
-    values, samples = sum(part.y.size for part in parts), sum(map(len, parts))
-    texts = []
+    remarks = []
     if len(parts) > 1:
-        texts.append(
-            f"the model {'and the fits are' if own else 'is'} of {len(parts)} parts between lost samples or of several "
-            f"files, {samples} samples in all"
+        subject = "the model and the fits are" if judged_on_own_records else "the model is"
+        remarks.append(
+            f"{subject} of {len(parts)} parts between lost samples or of several files, "
+            f"{sum(map(len, parts))} samples in all"
         )
+    missing, samples = sum(int((~part.known).sum()) for part in parts), sum(part.y.size for part in parts)
     if missing:
-        texts.append(f"{missing} of {values} output samples are missing")
+        remarks.append(f"{missing} of {samples} output samples are missing")
     inputs = input_independence(max(parts, key=len).scored.u, first.input_names or (), lags=LAGS)
     if inputs is not None and inputs.condition > LIMIT:
-        texts.append(
+        remarks.append(
             f"the inputs {', '.join(inputs.names)} move together (condition {inputs.condition:.3g} between them, limit "
             f"{LIMIT:g}): their effects on the outputs cannot be separated"
         )
-    paths: dict[str, list[str]] = {}
+    remarks += _bandwidth_remarks(fitted)
+    return (*remarks, *map(without_python_advice, fitted.estimate.diagnostics.get("warnings", ())))
+
+
+def _bandwidth_remarks(fitted: FittedModel) -> list[str]:
+    """Reasons against bandwidths with their paths; one that holds for all paths is given once."""
+    first = fitted.parts[0]
+    paths_of_reason: dict[str, list[str]] = {}
     for i, row in enumerate(fitted.claims):
         for j, claim in enumerate(row):
-            for text in claim.warnings:
-                paths.setdefault(text, []).append(f"{(first.input_names or ())[j]} → {(first.output_names or ())[i]}")
-    # A remark that holds for all paths is made once.
-    every = first.nu * first.ny
-    texts += [text if len(of) == every else f"{', '.join(of)}: {text}" for text, of in paths.items()]
-    return (*texts, *map(without_python_advice, fitted.estimate.diagnostics.get("warnings", ())))
+            path = f"{(first.input_names or ())[j]} → {(first.output_names or ())[i]}"
+            for reason in claim.warnings:
+                paths_of_reason.setdefault(reason, []).append(path)
+    remarks = []
+    for reason, paths in paths_of_reason.items():
+        holds_for_all = len(paths) == first.nu * first.ny
+        remarks.append(reason if holds_for_all else f"{', '.join(paths)}: {reason}")
+    return remarks
 
 
 def without_python_advice(text: str) -> str:
     """Leave out of a warning of `sysid` the advice on Python arguments, which the command line does not have."""
     return reworded(text, text.advice, {}) if isinstance(text, Message) else text
+
+
+def deviations(model: Estimate) -> FloatArray:
+    """Standard deviations of the parameters (p,); NaN where they are not known."""
+    # Rounding may leave a variance of nearly zero below it.
+    return np.sqrt(np.maximum(np.diag(model.covariance), 0.0))
 
 
 def long_lag(data: IOData | Sequence[IOData]) -> int:
@@ -225,7 +284,8 @@ def long_lag(data: IOData | Sequence[IOData]) -> int:
     Args:
         data: One experiment, or several, the shortest of which has more lags.
     """
-    lengths = [len(one.scored) for one in ((data,) if isinstance(data, IOData) else data)]
+    records = (data,) if isinstance(data, IOData) else data
+    lengths = [len(record.scored) for record in records]
     return min(sum(lengths) // 10, min(lengths) - 1)
 
 
@@ -240,14 +300,14 @@ def figures(result: Identification) -> Mapping[str, "Figure"]:
     model, checked = result.fitted.estimate, result.checked
     longest = max(range(len(checked)), key=lambda k: len(checked[k]))
     fit = result.fit.by_experiment[longest] if result.fit.by_experiment else result.fit
-    try:
+    nonparametric = []
+    with suppress(SysidError):  # too few samples for a spectrum, or a command without power
         response = sysid.spa(result.fitted.parts, lag=long_lag(result.fitted.parts))
-        nonparametric = [response] if np.isfinite(response.response).any() else []
-    except SysidError:
-        nonparametric = []
+        if np.isfinite(response.response).any():
+            nonparametric.append(response)
     outputs, times = plots.output_comparison(checked[longest], fit), checked[longest].time
     if len(times) > DRAWN:
-        # a whole long record would be a band in which nothing is seen
+        # A whole long record would be a band in which nothing is seen.
         outputs.axes[0].set_xlim(times[0], times[DRAWN])
     drawings = {
         "record": plots.record(result.fitted.parts),

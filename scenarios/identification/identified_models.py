@@ -1,14 +1,13 @@
-"""Models side by side: identified and drawn in a process of their own, and kept whoever looks at them."""
+"""List of identified models of a page: identified and drawn in a process of their own, kept whichever browser looks."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.model_display import IdentifiedModel, draw_figures, identify_request
 from scenarios.identification.request import IdentificationRequest
 from scenarios.jobs.work import Work
-from sysid.plots import PALETTE
+from sysid.plots import PALETTE, Style
 
 IDENTIFICATION, FIGURES = "the identification", "the drawing"
 """Names of the work."""
@@ -22,7 +21,7 @@ class IdentifiedModels:
 
     Args:
         work: Computes them.
-        tell: Called whenever something of this changes.
+        tell: Called after every change of these attributes.
 
     Attributes:
         listed: The models by number.
@@ -45,7 +44,7 @@ class IdentifiedModels:
 
     @property
     def busy(self) -> str:
-        """What of this is computed now; empty if nothing is."""
+        """The work of this list that is under way; empty if none is."""
         return self._work.label if self._work.label in (IDENTIFICATION, FIGURES) else ""
 
     def identify(self, request: IdentificationRequest) -> None:
@@ -76,20 +75,26 @@ class IdentifiedModels:
         self.show(hidden=self.hidden - {number}, beside=self.beside)
 
     def _identified(self, model: IdentifiedModel) -> None:
-        used = [one.style for one in self.listed.values()]
-        free = [style for style in (model.style, *map(PALETTE.__getitem__, COLOURS)) if style not in used]
         self.selected = self._last = self._last + 1
-        self.listed[self._last] = replace(model, name=f"{self._last}: {model.name}", style=[*free, model.style][0])
+        self.listed[self._last] = model.renamed(f"{self._last}: {model.name}", self._unused_style(model.style))
         self._changed()
         self._work.when_free(FIGURES, self._draw)
 
+    def _unused_style(self, preferred: Style) -> Style:
+        """The preferred style, or the first of `COLOURS` that no listed model has; once all are used, the former."""
+        used = [model.style for model in self.listed.values()]
+        for style in (preferred, *(PALETTE[name] for name in COLOURS)):
+            if style not in used:
+                return style
+        return preferred
+
     def _draw(self) -> None:
-        shown = [one for number, one in self.listed.items() if number not in self.hidden]
-        if not shown:
+        visible = [model for number, model in self.listed.items() if number not in self.hidden]
+        if not visible:
             self._drawn({})
             return
         try:
-            self._work.start(FIGURES, draw_figures, shown, self.beside, done=self._drawn, failed=self._failed)
+            self._work.start(FIGURES, draw_figures, visible, self.beside, done=self._drawn, failed=self._failed)
         except ScenarioError:  # something else was quicker
             self._work.when_free(FIGURES, self._draw)
         self._changed()

@@ -1,45 +1,21 @@
-"""Comparison of models of any origin on one record: printed ones, the truth, and estimates."""
+"""Comparison of models of any origin on one record: the truth, printed models, estimates, and model files."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 import sysid
-from hmtb_twin.parameters.values import SAMPLE_TIME
-from scenarios.files.data_file import joints_of, log_of
-from scenarios.files.errors import ScenarioError, unknown
-from scenarios.identification.identification import identify, usable
-from scenarios.identification.methods import ESTIMATORS
-from scenarios.truth.published import BY_NAME, EQUATIONS, PublishedModel, published, published_model
-from sysid import Estimate, IOData, ModelFit, StateSpace
+from scenarios.identification.identification import Identification, identify, usable
+from scenarios.identification.known_models import KnownModel, known_models
+from scenarios.identification.model_names import ModelName
+from scenarios.identification.result_tables import INTEGRATES, ResultTable
+from sysid import Estimate, FrequencyResponse, IOData, ModelFit, StateSpace
+from sysid.models.bandwidth import HALF_POWER, gain_crossing
 from sysid.models.predict import aligned, as_model, channels_in
 from sysid.polynomial.fit_with_offset import subtract_means, unexplained_offset
-
-FORMS = "truth, published, published:NAME (4.7 ... 5.10, sysid, okid, hybrid), METHOD:ORDERS (oe:2/2/1), FILE.json"
-"""Forms of a model's name, for messages."""
-
-DIGITS = 4  # of an order at most: more are a slip of the keyboard
-
-
-class ModelName(NamedTuple):
-    """A model by name.
-
-    Attributes:
-        text: The name as typed.
-        kind: `truth`, `published`, `file` or the method of an estimator.
-        name: Name of a printed model; empty for all of the joint, and for others.
-        orders: Orders of an estimator.
-    """
-
-    text: str
-    kind: str
-    name: str = ""
-    orders: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +31,7 @@ class JudgedModel:
         bandwidth_hz: Bandwidth of every path (ny, nu), Hz; NaN where there is none, or none that can be claimed.
         ci95: Ends of their 95 % intervals (ny, nu, 2), Hz; NaN where they are not known.
         remarks: Remarks on the model.
+        identification: How it was identified; None for a model that was known beforehand.
     """
 
     label: str
@@ -65,39 +42,50 @@ class JudgedModel:
     bandwidth_hz: NDArray[np.float64]
     ci95: NDArray[np.float64]
     remarks: tuple[str, ...]
+    identification: Identification | None = None
 
+    @property
+    def item(self) -> Estimate | StateSpace:
+        """What figures of responses and poles draw: an estimate with its intervals, or a model alone."""
+        return self.model.input_path() if self.identification is None else self.identification.fitted.estimate
 
-def parsed(text: str) -> ModelName:
-    """Parse the name of a model.
+    def bandwidth_cells(self, output: int, input: int) -> tuple[str, str]:
+        """Return bandwidth and 95 % interval of a path as texts; a dash or nothing where there is none."""
+        hz, (low, high) = self.bandwidth_hz[output, input], self.ci95[output, input]
+        bandwidth = f"{hz:.3f}" if np.isfinite(hz) else "—"
+        interval = f"{low:.3f} to {high:.3f}" if np.isfinite(low) else ""
+        return bandwidth, interval
 
-    Args:
-        text: `truth`, `published`, `published:4.7`, a method with its orders, `oe:2/2/1`, or a model file, `my.json`.
+    def record(self) -> dict[str, object]:
+        """Return what `hmtb compare --json` prints of it; of a single path numbers, else rows of outputs."""
+        is_single_path = self.model.nu == self.model.ny == 1
+        paths = {"bandwidth_hz": self.bandwidth_hz, "ci95": self.ci95, "dc_gain": self.model.dc_gain()}
+        if is_single_path:
+            paths = {name: values[0, 0] for name, values in paths.items()}
+        half_power_hz = self._half_power_hz()
+        return {
+            "model": self.label,
+            "kind": self.kind,
+            "fit": {name: getattr(self.fit, name) for name in ("simulation", "one_step", "steps", "ahead")},
+            **paths,
+            "half_power_hz": half_power_hz[0] if is_single_path else half_power_hz,
+            "poles": self.model.input_path().poles(),
+            "stable": self.model.is_stable(),
+            "operating_point": self.level,
+            "remarks": self.remarks,
+        }
 
-    Raises:
-        ScenarioError: It names no model.
-    """
-    kind, colon, rest = text.partition(":")
-    if text.endswith(".json"):
-        return ModelName(text, "file")
-    if text in ("truth", "published"):
-        return ModelName(text, kind)
-    if kind == "published":
-        published_model(rest)
-        return ModelName(text, kind, name=rest)
-    if kind == "truth":
-        raise ScenarioError(f"model {text!r}: the truth has no name or orders; expected truth alone")
-    if kind not in ESTIMATORS:
-        if text in BY_NAME:
-            raise ScenarioError(f"unknown model {text!r}: did you mean 'published:{text}'? There are: {FORMS}")
-        raise ScenarioError(unknown("model", kind, ("truth", "published", *ESTIMATORS)) + f"; written {FORMS}")
-    words = rest.replace(",", "/").split("/") if colon else []
-    if not all(re.fullmatch(rf"[0-9]{{1,{DIGITS}}}", word.strip()) for word in words):
-        raise ScenarioError(
-            f"model {text!r}: expected whole orders apart by slashes, of {DIGITS} digits at most, as in oe:2/2/1"
-        )
-    orders = tuple(int(word) for word in words)
-    ESTIMATORS[kind].complete(kind, orders)
-    return ModelName(text, kind, orders=orders)
+    def _half_power_hz(self) -> list[float]:
+        """Frequency of the gain 0.707 from each input to its own output, Hz; NaN where the gain starts below it."""
+        model = self.model
+        # Half a cycle per sample is the highest frequency there is.
+        frequencies = np.geomspace(1e-4, 0.5, 4000) / model.dt
+        response = model.frequency_response(frequencies)
+        crossings = []
+        for k in range(min(model.ny, model.nu)):
+            path = FrequencyResponse(frequencies, response[:, k : k + 1, k : k + 1], model.dt, "model")
+            crossings.append(gain_crossing(path, HALF_POWER))
+        return crossings
 
 
 def compare_models(
@@ -133,101 +121,97 @@ def compare_models(
         SysidError: An estimator refuses the records.
     """
     parts = usable(records, skip, path, test)
-    shown = tuple(parts) if keep_mean else subtract_means(parts)
+    about_means = tuple(parts) if keep_mean else subtract_means(parts)
     models: list[JudgedModel] = []
     for name in names:
-        if name.kind in ESTIMATORS:
-            own = usable(estimation or records, skip, estimation_path or path, test)
-            result = identify(own, name.kind, name.orders, keep_mean=keep_mean, steps=steps, check=parts)
-            label = f"{name.kind.upper()} {'/'.join(map(str, result.fitted.orders.values()))}"
-            # The same samples twice, about their means and about the model's own operating point.
-            moved = [part.y - about.y for part, about in zip(shown, result.checked, strict=True)]
-            claims = [[(claim.hz, claim.low, claim.high) for claim in row] for row in result.fitted.claims]
-            models.append(
-                JudgedModel(
-                    label,
-                    name.kind,
-                    result.fitted.estimate.model,
-                    replace(result.fit, name=label),
-                    np.nanmean(np.concatenate(moved), axis=0),
-                    np.array(claims)[..., 0],
-                    np.array(claims)[..., 1:],
-                    result.warnings,
-                )
-            )
-            continue
-        for label, known, remarks in _known_models(name, parts[0], path):
-            model = as_model(known)
-            level = np.zeros(model.ny) if keep_mean else unexplained_offset(model, shown)[0]
-            about = shown if keep_mean else [part.subtract(y=level) for part in shown]
-            (fit,) = sysid.compare({label: model}, about, steps=steps)
-            band = known.bandwidth() if isinstance(known, Estimate) else None
-            hz, ci95 = (model.bandwidth(), None) if band is None else (band.hz, np.stack(band.ci95, axis=-1))
-            # channels in the sequence of the record's
-            inputs, outputs = channels_in(model, parts[0])
-            paths = np.ix_(outputs, inputs)
-            ends = np.full((*hz.shape, 2), np.nan) if ci95 is None else ci95[paths]
-            shaped = aligned(model, parts[0])
-            models.append(JudgedModel(label, name.kind, shaped, fit, level, hz[paths], ends, remarks))
-    return shown, tuple(models)
+        if name.is_estimated:
+            source = usable(estimation or records, skip, estimation_path or path, test)
+            result = identify(source, name.kind, name.orders, keep_mean=keep_mean, steps=steps, check=parts)
+            models.append(judged_identification(result, about_means))
+        else:
+            for known in known_models(name, parts[0], path):
+                models.append(_judged_known(known, name.kind, about_means, keep_mean=keep_mean, steps=steps))
+    return about_means, tuple(models)
 
 
-def _known_models(
-    name: ModelName, record: IOData, path: Path
-) -> list[tuple[str, StateSpace | Estimate, tuple[str, ...]]]:
-    """Label, model and remarks of models that need no estimation."""
-    joints = joints_of(record)
-    if name.kind == "file":
-        model = sysid.read_model(name.text)
-        if isinstance(model, sysid.Polynomials):
-            model = sysid.models.innovations_form(model, record.dt)
-        return [(Path(name.text).stem, model, ())]
-    if name.kind == "truth":
-        from hmtb_twin import linearize
-        from hmtb_twin.truth.logged_arm import logged_arm
+def judged_identification(result: Identification, about_means: Sequence[IOData]) -> JudgedModel:
+    """Return an identified model for a comparison on the records that judge it.
 
-        log = log_of(path)
-        if log is None or not joints:
-            raise ScenarioError(
-                f"{path.name} tells of no arm; the truth is known of logs of hmtb simulate only (.nc); name models: "
-                "--models arx:2/2/1 n4sid:2"
-            )
-        truth = linearize(logged_arm(log), log.provenance["pose"], amplitudes=())
-        if len(joints) == 1:
-            return [("truth", truth.joint(joints[0]).model, ())]
-        return [("truth", replace(truth.subset(joints, joints), K=None, innovation_covariance=None), ())]
-    if not name.name and len(joints) != 1:
-        what = f"{len(joints)} joints" if joints else "no joint that is known"
-        raise ScenarioError(
-            f"{path.name} holds {what}; 'published' takes all printed models of one: name one, as published:4.7"
-            + (" or published:sysid" if joints else "")
-        )
-    entries = [published_model(name.name)] if name.name else list(published(joints[0]))
-    if not entries:
-        have = ", ".join(dict.fromkeys(entry.joint for entry in EQUATIONS.values()))
-        raise ScenarioError(f"the thesis prints no model of {joints[0]}; it does of {have}")
-    if abs(record.dt - SAMPLE_TIME) > 1e-6:
-        raise ScenarioError(
-            f"{path.name} is sampled every {record.dt:g} s; the printed models hold at {SAMPLE_TIME:g} s only: "
-            "resample the record"
-        )
-    models: list[tuple[str, StateSpace | Estimate, tuple[str, ...]]] = []
-    for entry in entries:
-        parts = (entry,) if isinstance(entry, PublishedModel) else entry.parts
-        # Of a model of three joints only the part of the record's joint counts.
-        chosen = [part for part in parts if part.joint in joints] if joints and len(parts) > 1 else list(parts)
-        if joints and [part.joint for part in chosen] != list(joints):
-            raise ScenarioError(
-                f"published:{entry.name} is of {', '.join(entry.joints)}; {path.name} was read for {', '.join(joints)}"
-            )
-        if len(chosen) != record.nu:
-            raise ScenarioError(
-                f"published:{entry.name} takes {len(chosen)} input(s), {path.name} was read with {record.nu}"
-            )
-        label = entry.label if len(chosen) == len(parts) else f"{entry.label}, {chosen[0].label}"
-        blocks = sysid.models.block_diagonal([part.model for part in chosen])
-        if not joints and blocks.ny == record.ny:
-            # the user says of which joint the record is: its channels may have any names
-            blocks = replace(blocks, input_names=record.input_names, output_names=record.output_names)
-        models.append((f"published {label}", blocks, tuple(f"{part.label}: {part.doubts}" for part in chosen)))
-    return models
+    Args:
+        result: The model and how it was judged.
+        about_means: The judging records about their means; as they are where the model has no operating point.
+    """
+    fitted = result.fitted
+    method = fitted.estimate.method
+    label = f"{method.upper()} {'/'.join(map(str, fitted.orders.values()))}"
+    # The same samples twice, about their means and about the model's own operating point.
+    differences = [part.y - checked.y for part, checked in zip(about_means, result.checked, strict=True)]
+    claims = np.array([[(claim.hz, claim.low, claim.high) for claim in row] for row in fitted.claims])
+    return JudgedModel(
+        label=label,
+        kind=method,
+        model=fitted.estimate.model,
+        fit=replace(result.fit, name=label),
+        level=np.nanmean(np.concatenate(differences), axis=0),
+        bandwidth_hz=claims[..., 0],
+        ci95=claims[..., 1:],
+        remarks=result.warnings,
+        identification=result,
+    )
+
+
+def records_about_means(result: Identification) -> Sequence[IOData]:
+    """Return the records that judge a model about their means; as they are where it has no operating point."""
+    if result.fitted.estimate.operating_point is None:
+        return result.checked
+    return subtract_means([part.retrend() for part in result.checked])
+
+
+def _judged_known(
+    known: KnownModel, kind: str, about_means: Sequence[IOData], *, keep_mean: bool, steps: int
+) -> JudgedModel:
+    """Judge a model that needs no estimation about the operating point that the record and its dynamics tell."""
+    record, model = about_means[0], as_model(known.model)
+    if keep_mean:
+        level, checked = np.zeros(model.ny), about_means
+    else:
+        level = unexplained_offset(model, about_means)[0]
+        checked = tuple(part.subtract(y=level) for part in about_means)
+    (fit,) = sysid.compare({known.label: model}, checked, steps=steps)
+    hz = model.bandwidth()
+    ci95 = np.full((*hz.shape, 2), np.nan)
+    band = known.model.bandwidth() if isinstance(known.model, Estimate) else None
+    if band is not None:
+        hz, ci95 = band.hz, np.stack(band.ci95, axis=-1)
+    # Channels in the sequence of the record's, which may be another one.
+    inputs, outputs = channels_in(model, record)
+    paths = np.ix_(outputs, inputs)
+    return JudgedModel(known.label, kind, aligned(model, record), fit, level, hz[paths], ci95[paths], known.remarks)
+
+
+def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], title: str) -> ResultTable:
+    """Table of fits, bandwidths, gains and stability, a row for every model and output."""
+    steps, has_several_outputs = models[0].fit.steps, len(outputs) > 1
+    columns = ["model", "simulation %", "one step %"]
+    if has_several_outputs:
+        columns.insert(1, "output")
+    if steps > 1:
+        columns.append(f"{steps} steps %")
+    columns += ["bandwidth Hz", "95 % interval", "gain at 0 Hz", "stable"]
+    rows = []
+    for judged in models:
+        gain, fit = judged.model.dc_gain(), judged.fit
+        stable = "yes" if judged.model.is_stable() else "NO"
+        for i, output in enumerate(outputs):
+            row = [judged.label if i == 0 else ""]
+            if has_several_outputs:
+                row.append(output)
+            row += [f"{fit.simulation[i]:.2f}", f"{fit.one_step[i]:.2f}"]
+            if steps > 1:
+                row.append(f"{fit.ahead[i]:.2f}")
+            # Each output with its own input: of joints, the coupling is not shown.
+            k = min(i, judged.model.nu - 1)
+            row += judged.bandwidth_cells(i, k)
+            row.append(f"{gain[i, k]:.3f}" if abs(gain[i, k]) < INTEGRATES else "—")
+            rows.append((*row, stable))
+    return ResultTable(title, tuple(columns), tuple(rows))

@@ -1,6 +1,6 @@
-"""What `hmtb identify` prints of a model, as tables."""
+"""Tables of an identified model, as `hmtb identify` and the station's page show them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
@@ -8,9 +8,10 @@ import numpy as np
 
 from scenarios.files.data_file import joints_of
 from scenarios.identification.file_identification import FileIdentification
-from scenarios.identification.identification import Identification
-from sysid import Estimate
-from sysid.records.arrays import ComplexArray, FloatArray
+from scenarios.identification.identification import FittedModel, Identification, deviations
+from sysid import Estimate, ModelFit, ResidualTest, StructureChoice
+from sysid.models.bandwidth import BandwidthClaim
+from sysid.records.arrays import ComplexArray
 from sysid.records.printing import AT_ZERO, poles_table
 
 LISTED = 24
@@ -21,6 +22,12 @@ SUFFICIENT = 50.0
 
 BEST = 8
 """Most candidates that are listed."""
+
+ROUNDING = 1e-12
+"""Means below it are what the subtraction of a mean leaves of zero."""
+
+INTEGRATES = 1e9
+"""Gain at 0 Hz from which on a path counts as an integrator, which rounding gives a finite one."""
 
 
 @dataclass(frozen=True)
@@ -40,36 +47,41 @@ class ResultTable:
 
 def result_tables(found: FileIdentification) -> tuple[ResultTable, ...]:
     """The model in words, its poles, candidates of a choice, and its parameters."""
-    result, choice = found.result, found.choice
-    model = result.fitted.estimate
-    reason = [("choice", choice.reason)] if choice is not None else []
-    tables = [ResultTable(found.title, ("", ""), (("verdict", verdict(result)), *reason, *model_rows(result)))]
+    model, choice = found.result.fitted.estimate, found.choice
+    rows = [("verdict", verdict(found.result))]
+    if choice is not None:
+        rows.append(("choice", choice.reason))
+    tables = [ResultTable(found.title, ("", ""), (*rows, *model_rows(found.result)))]
     poles = poles_table(model.poles(), model.model.dt).columns
     if poles[0][1]:
-        rows = tuple(zip(*(cells for _, cells in poles), strict=True))
-        tables.append(ResultTable("Poles from input to output", tuple(head for head, _ in poles), rows))
+        columns = tuple(heading for heading, _ in poles)
+        cells = tuple(zip(*(cells for _, cells in poles), strict=True))
+        tables.append(ResultTable("Poles from input to output", columns, cells))
     if choice is not None:
-        best = choice.candidates[0]
-        shown = tuple(
-            (str(one), f"{one.parameters}", f"{one.loss:.4g}", f"{one.ebic - best.ebic:.1f}", one.remark)
-            for one in choice.candidates[:BEST]
-        )
-        title = f"Candidates, the best {len(shown)} of {len(choice.candidates)}"
-        tables.append(ResultTable(title, ("", "parameters", "loss", "EBIC above the best", ""), shown))
+        tables.append(_candidate_table(choice))
     # The parameters of a state-space model are coordinates, which mean nothing one by one.
     if model.polynomials is not None and len(model.parameters) <= LISTED:
-        spreads = zip(model.parameter_names, model.parameters, deviations(model), strict=True)
-        parameters = tuple(
-            (name, f"{value:.6g}", f"{spread:.2g}" if isfinite(spread) else "not known")
-            for name, value, spread in spreads
-        )
-        tables.append(ResultTable("Parameters", ("", "value", "standard deviation"), parameters))
+        tables.append(_parameter_table(model))
     return tuple(tables)
 
 
-def deviations(model: Estimate) -> FloatArray:
-    """Standard deviations of the parameters (p,); NaN where they are not known."""
-    return np.sqrt(np.maximum(np.diag(model.covariance), 0.0))
+def _candidate_table(choice: StructureChoice) -> ResultTable:
+    best = choice.candidates[0]
+    rows = []
+    for candidate in choice.candidates[:BEST]:
+        above_best = candidate.ebic - best.ebic
+        cells = (f"{candidate.parameters}", f"{candidate.loss:.4g}", f"{above_best:.1f}", candidate.remark)
+        rows.append((str(candidate), *cells))
+    title = f"Candidates, the best {len(rows)} of {len(choice.candidates)}"
+    return ResultTable(title, ("", "parameters", "loss", "EBIC above the best", ""), tuple(rows))
+
+
+def _parameter_table(model: Estimate) -> ResultTable:
+    rows = []
+    for name, value, deviation in zip(model.parameter_names, model.parameters, deviations(model), strict=True):
+        spread = f"{deviation:.2g}" if isfinite(deviation) else "not known"
+        rows.append((name, f"{value:.6g}", spread))
+    return ResultTable("Parameters", ("", "value", "standard deviation"), tuple(rows))
 
 
 def verdict(result: Identification) -> str:
@@ -78,84 +90,129 @@ def verdict(result: Identification) -> str:
     Tests alone would accept models of which the noise model does all the work: it follows any output one step ahead.
     Simulated from the input alone, a sufficient model explains the output at least by half.
     """
-    fit, least = ", ".join(f"{value:.1f} %" for value in result.fit.simulation), float(np.min(result.fit.simulation))
-    if not least >= 0.0:
-        return f"not sufficient: the simulation is worse than the mean of the output; simulated fit {fit}, below 0 %"
+    fits = ", ".join(f"{value:.1f} %" for value in result.fit.simulation)
+    lowest = float(np.min(result.fit.simulation))
+    # "not >=" also catches the fit of a simulation that overflows, which may be NaN.
+    if not lowest >= 0.0:
+        return f"not sufficient: the simulation is worse than the mean of the output; simulated fit {fits}, below 0 %"
     if result.test is None:
-        return f"residuals not tested; simulated fit {fit}"
-    white, independent = (bool(each.all()) for each in (result.test.white, result.test.independent))
-    if not independent:
-        text = "not sufficient: the residuals still depend on the input, as beside nonlinearity, feedback or low orders"
-    elif not least >= SUFFICIENT:
-        text = f"undecided: the residuals do not depend on the input, but the simulated fit is below {SUFFICIENT:g} %"
-    elif not white:
-        text = "sufficient from input to output: only the disturbance has dynamics that the model lacks"
+        return f"residuals not tested; simulated fit {fits}"
+    if not result.test.independent.all():
+        words = (
+            "not sufficient: the residuals still depend on the input, as beside nonlinearity, feedback or low orders"
+        )
+    elif not lowest >= SUFFICIENT:
+        words = f"undecided: the residuals do not depend on the input, but the simulated fit is below {SUFFICIENT:g} %"
+    elif not result.test.white.all():
+        words = "sufficient from input to output: only the disturbance has dynamics that the model lacks"
     else:
-        text = "sufficient: the residuals are white and independent of the input"
-    return f"{text}; simulated fit {fit}"
+        words = "sufficient: the residuals are white and independent of the input"
+    return f"{words}; simulated fit {fits}"
 
 
 def model_rows(result: Identification) -> list[tuple[str, str]]:
     """Rows of orders, operating point, fits, bandwidths, zeros, criteria and residual tests."""
-    fitted, fit, test = result.fitted, result.fit, result.test
-    model, first = fitted.estimate, fitted.parts[0]
-    ins, outs = first.input_names or (), first.output_names or ()
-
-    def percents(fits: Iterable[float]) -> str:
-        return ", ".join(
-            f"{name} {value:.2f} %".strip() for name, value in zip(outs if outs[1:] else ("",), fits, strict=True)
-        )
-
-    rows = [
-        ("orders", ", ".join(f"{name} {value}" for name, value in fitted.orders.items())),
-        ("record", f"{sum(map(len, fitted.parts))} samples every {first.dt:g} s"),
-    ]
+    fitted, first = result.fitted, result.fitted.parts[0]
     # Records of joints are in rad; what other tables hold, only their owner knows.
     unit = " rad" if joints_of(first) else ""
-    if model.operating_point is not None:
-        levels = np.where(np.abs(level := np.concatenate(model.operating_point)) < 1e-12, 0.0, level)
-        named = (f"{name} {value:.4g}{unit}" for name, value in zip((*ins, *outs), levels, strict=True))
-        rows.append(("operating point", ", ".join(named)))
-    rows += [("fit in simulation", percents(fit.simulation)), ("fit one step ahead", percents(fit.one_step))]
-    rows += [(f"fit {fit.steps} steps ahead", percents(fit.ahead))] if fit.steps > 1 else []
-    gain = model.dc_gain()
-    for i, row in enumerate(fitted.claims):
-        for j, band in enumerate(row):
-            path = f", {ins[j]} → {outs[i]}" if gain.size > 1 else ""
-            if np.isfinite(band.hz):
-                known = np.isfinite(band.low)
-                interval = f"{band.low:.4g} to {band.high:.4g} Hz" if known else "not known to this method"
-                text = f"{band.hz:.4g} Hz, 95 % interval {interval}"
-            else:
-                text = "—" if band.refused else "none below Nyquist"
-            rows.append((f"bandwidth (-3 dB){path}", text))
-            integrates = not abs(gain[i, j]) < 1e9
-            rows.append((f"gain at 0 Hz{path}", "none, it integrates" if integrates else f"{gain[i, j]:.4f}"))
-    noise = np.sqrt(np.diag(model.noise_variance))
-    rows += [
-        ("zeros (z plane)", roots_text(model.zeros())),
-        ("standard deviation of the noise", ", ".join(f"{deviation:.4g}{unit}" for deviation in noise)),
-        ("final prediction error", f"{model.fpe:.4g}{unit and f'{unit}²'}"),
-        ("AIC, BIC (normalised, per sample)", f"{model.aic:.5g}, {model.bic:.5g}"),
+    return [
+        ("orders", ", ".join(f"{name} {value}" for name, value in fitted.orders.items())),
+        ("record", f"{sum(map(len, fitted.parts))} samples every {first.dt:g} s"),
+        *_operating_point_rows(fitted, unit),
+        *_fit_rows(result.fit, first.output_names or ()),
+        *_bandwidth_rows(fitted),
+        *_noise_rows(fitted.estimate, unit),
+        *_residual_rows(result.test, result.untested),
     ]
-    if test is None:
-        return [*rows, ("residual test", f"not computed: {result.untested}")]
-    # The correlations that a figure shows are those of the residuals as they are.
-    for name, passed, p, remark in (
-        ("residuals white", test.white, test.whiteness_p, ""),
-        ("residuals independent of the input", test.independent, test.independence_p, ", tested on whitened residuals"),
-    ):
-        pairs = zip(np.ravel(passed), np.ravel(p), strict=True)
-        texts = ", ".join(f"{'yes' if one else 'no'} (p = {value:.2g})" for one, value in pairs)
-        rows.append((name, f"{texts}{remark}"))
+
+
+def _operating_point_rows(fitted: FittedModel, unit: str) -> list[tuple[str, str]]:
+    point, first = fitted.estimate.operating_point, fitted.parts[0]
+    if point is None:
+        return []
+    channels = (*(first.input_names or ()), *(first.output_names or ()))
+    levels = np.concatenate(point)
+    levels = np.where(np.abs(levels) < ROUNDING, 0.0, levels)
+    named = (f"{name} {level:.4g}{unit}" for name, level in zip(channels, levels, strict=True))
+    return [("operating point", ", ".join(named))]
+
+
+def _fit_rows(fit: ModelFit, outputs: Sequence[str]) -> list[tuple[str, str]]:
+    # A single output needs no name.
+    labels = outputs if len(outputs) > 1 else ("",)
+
+    def percents(fits: Iterable[float]) -> str:
+        return ", ".join(f"{label} {value:.2f} %".strip() for label, value in zip(labels, fits, strict=True))
+
+    rows = [("fit in simulation", percents(fit.simulation)), ("fit one step ahead", percents(fit.one_step))]
+    if fit.steps > 1:
+        rows.append((f"fit {fit.steps} steps ahead", percents(fit.ahead)))
     return rows
 
 
+def _bandwidth_rows(fitted: FittedModel) -> list[tuple[str, str]]:
+    first, gain = fitted.parts[0], fitted.estimate.dc_gain()
+    inputs, outputs = first.input_names or (), first.output_names or ()
+    rows = []
+    for i, claims in enumerate(fitted.claims):
+        for j, claim in enumerate(claims):
+            path = f", {inputs[j]} → {outputs[i]}" if gain.size > 1 else ""
+            rows.append((f"bandwidth (-3 dB){path}", _bandwidth_in_words(claim)))
+            # "not <" also catches a gain that is NaN.
+            integrates = not abs(gain[i, j]) < INTEGRATES
+            rows.append((f"gain at 0 Hz{path}", "none, it integrates" if integrates else f"{gain[i, j]:.4f}"))
+    return rows
+
+
+def _bandwidth_in_words(claim: BandwidthClaim) -> str:
+    if not np.isfinite(claim.hz):
+        return "—" if claim.refused else "none below Nyquist"
+    interval = f"{claim.low:.4g} to {claim.high:.4g} Hz" if np.isfinite(claim.low) else "not known to this method"
+    return f"{claim.hz:.4g} Hz, 95 % interval {interval}"
+
+
+def _noise_rows(model: Estimate, unit: str) -> list[tuple[str, str]]:
+    noise = np.sqrt(np.diag(model.noise_variance))
+    square = f"{unit}²" if unit else ""
+    return [
+        ("zeros (z plane)", roots_text(model.zeros())),
+        ("standard deviation of the noise", ", ".join(f"{deviation:.4g}{unit}" for deviation in noise)),
+        ("final prediction error", f"{model.fpe:.4g}{square}"),
+        ("AIC, BIC (normalised, per sample)", f"{model.aic:.5g}, {model.bic:.5g}"),
+    ]
+
+
+def _residual_rows(test: ResidualTest | None, untested: str) -> list[tuple[str, str]]:
+    if test is None:
+        return [("residual test", f"not computed: {untested}")]
+    # The correlations that a figure shows are those of the residuals as they are.
+    return [
+        ("residuals white", _test_outcomes(test.white, test.whiteness_p)),
+        (
+            "residuals independent of the input",
+            _test_outcomes(test.independent, test.independence_p) + ", tested on whitened residuals",
+        ),
+    ]
+
+
+def _test_outcomes(passed: np.ndarray, p_values: np.ndarray) -> str:
+    outcomes = []
+    for is_passed, p in zip(np.ravel(passed), np.ravel(p_values), strict=True):
+        word = "yes" if is_passed else "no"
+        outcomes.append(f"{word} (p = {p:.2g})")
+    return ", ".join(outcomes)
+
+
 def roots_text(roots: ComplexArray) -> str:
-    """Roots in the z plane, of each pair one, those at zero counted."""
-    delays = sum(abs(root) <= AT_ZERO for root in roots)
-    # of each pair one
-    upper = [root for root in roots if abs(root) > AT_ZERO and root.imag > -AT_ZERO]
-    shown = [f"{root.real:.4f}" + (f" ± {root.imag:.4f}j" if root.imag > AT_ZERO else "") for root in upper]
-    shown += [f"0 ({delays} times)" if delays > 1 else "0"] if delays else []
-    return ", ".join(shown) or "none"
+    """Roots in the z plane, of each conjugate pair one, those at zero counted."""
+    texts, delays = [], 0
+    for root in roots:
+        if abs(root) <= AT_ZERO:
+            delays += 1
+        elif root.imag > AT_ZERO:
+            texts.append(f"{root.real:.4f} ± {root.imag:.4f}j")
+        elif root.imag > -AT_ZERO:
+            texts.append(f"{root.real:.4f}")
+    if delays:
+        texts.append(f"0 ({delays} times)" if delays > 1 else "0")
+    return ", ".join(texts) or "none"

@@ -9,7 +9,7 @@ from hmtb_twin import JointLog, linearize, load_arm, simulate
 from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios.experiments.registry import load
 from scenarios.files.data_file import read_parts, write_log
-from scenarios.identification.model_comparison import parsed
+from scenarios.identification.model_names import parse_model_name
 from scenarios.truth.published import published_model
 from tests.scenarios.commands.conftest import table
 
@@ -176,9 +176,9 @@ def test_what_a_foreign_table_cannot_be_laid_beside(complaint, csv, logs):
 
 
 def test_names_are_understood():
-    assert parsed("armax:5,3,5/2").orders == (5, 3, 5, 2)
-    assert parsed("published:4.7+4.9").name == "4.7+4.9"
-    assert parsed("truth").kind == "truth"
+    assert parse_model_name("armax:5,3,5/2").orders == (5, 3, 5, 2)
+    assert parse_model_name("published:4.7+4.9").name == "4.7+4.9"
+    assert parse_model_name("truth").kind == "truth"
 
 
 def test_joints_of_logs_and_records_are_read_together(logs, tmp_path):

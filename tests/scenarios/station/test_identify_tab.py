@@ -9,9 +9,9 @@ from hmtb_twin import simulate
 from scenarios.commands.cli import main
 from scenarios.experiments.registry import load
 from scenarios.identification import identified_models
+from scenarios.identification.comparison_figures import FIGURES
 from scenarios.identification.identified_models import IdentifiedModels
 from scenarios.identification.methods import ESTIMATORS
-from scenarios.identification.side_by_side import FIGURES
 from scenarios.station.identify_tab import CHOICE, COLUMNS, FILE, MENU, IdentifyTab
 from tests.scenarios.station.conftest import at_once, press, wait_until
 

@@ -1,0 +1,120 @@
+"""Models that need no estimation: the truth of the logged arm, models that the thesis prints, and model files."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import sysid
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from scenarios.files.data_file import joints_of, log_of
+from scenarios.files.errors import ScenarioError
+from scenarios.identification.model_names import ModelName
+from scenarios.truth.published import EQUATIONS, PublishedModel, PublishedSystem, published, published_model
+from sysid import Estimate, IOData, StateSpace
+
+
+class KnownModel(NamedTuple):
+    """A model that is known beforehand.
+
+    Attributes:
+        label: Text for tables and legends.
+        model: The model.
+        remarks: Doubts about it.
+    """
+
+    label: str
+    model: StateSpace | Estimate
+    remarks: tuple[str, ...] = ()
+
+
+def known_models(name: ModelName, record: IOData, path: Path) -> list[KnownModel]:
+    """Return the models of a name that is no estimator's, of the joints of a record.
+
+    Args:
+        name: The name; `published` alone may have several models.
+        record: The record.
+        path: Its file: the truth is that of the log's arm.
+
+    Raises:
+        ScenarioError: The model does not go with the record: other joints, another sampling interval, no truth known.
+        SysidError: A model file cannot be read.
+    """
+    if name.kind == "file":
+        return [_model_of_file(name.text, record)]
+    if name.kind == "truth":
+        return [_truth(record, path)]
+    return _published_models(name, record, path)
+
+
+def _model_of_file(file: str, record: IOData) -> KnownModel:
+    model = sysid.read_model(file)
+    if isinstance(model, sysid.Polynomials):
+        model = sysid.models.innovations_form(model, record.dt)
+    return KnownModel(Path(file).stem, model)
+
+
+def _truth(record: IOData, path: Path) -> KnownModel:
+    """Small-signal truth of the arm of a log, between the joints of the record."""
+    from hmtb_twin import linearize
+    from hmtb_twin.truth.logged_arm import logged_arm
+
+    joints, log = joints_of(record), log_of(path)
+    if log is None or not joints:
+        raise ScenarioError(
+            f"{path.name} tells of no arm; the truth is known of logs of hmtb simulate only (.nc); name models: "
+            "--models arx:2/2/1 n4sid:2"
+        )
+    truth = linearize(logged_arm(log), log.provenance["pose"], amplitudes=())
+    if len(joints) == 1:
+        return KnownModel("truth", truth.joint(joints[0]).model)
+    # Without a noise model: of several joints the truth predicts one step ahead as it simulates.
+    return KnownModel("truth", replace(truth.subset(joints, joints), K=None, innovation_covariance=None))
+
+
+def _published_models(name: ModelName, record: IOData, path: Path) -> list[KnownModel]:
+    joints = joints_of(record)
+    if not name.name and len(joints) != 1:
+        held = f"{len(joints)} joints" if joints else "no joint that is known"
+        system = " or published:sysid" if joints else ""
+        raise ScenarioError(
+            f"{path.name} holds {held}; 'published' takes all printed models of one: name one, as published:4.7{system}"
+        )
+    printed = [published_model(name.name)] if name.name else list(published(joints[0]))
+    if not printed:
+        have = ", ".join(dict.fromkeys(model.joint for model in EQUATIONS.values()))
+        raise ScenarioError(f"the thesis prints no model of {joints[0]}; it does of {have}")
+    if abs(record.dt - SAMPLE_TIME) > 1e-6:
+        raise ScenarioError(
+            f"{path.name} is sampled every {record.dt:g} s; the printed models hold at {SAMPLE_TIME:g} s only: "
+            "resample the record"
+        )
+    return [_published_on(model, record, joints, path) for model in printed]
+
+
+def _published_on(
+    printed: PublishedModel | PublishedSystem, record: IOData, joints: Sequence[str], path: Path
+) -> KnownModel:
+    """A printed model, or the part of a printed system, for the joints of a record."""
+    of_joints = (printed,) if isinstance(printed, PublishedModel) else printed.parts
+    chosen = list(of_joints)
+    if joints and len(of_joints) > 1:
+        # Of a model of three joints only the part of the record's joint counts.
+        chosen = [model for model in of_joints if model.joint in joints]
+    if joints and [model.joint for model in chosen] != list(joints):
+        raise ScenarioError(
+            f"published:{printed.name} is of {', '.join(printed.joints)}; {path.name} was read for {', '.join(joints)}"
+        )
+    if len(chosen) != record.nu:
+        raise ScenarioError(
+            f"published:{printed.name} takes {len(chosen)} input(s), {path.name} was read with {record.nu}"
+        )
+    label = printed.label
+    if len(chosen) < len(of_joints):
+        label += f", {chosen[0].label}"
+    blocks = sysid.models.block_diagonal([model.model for model in chosen])
+    if not joints and blocks.ny == record.ny:
+        # The user says of which joint the record is: its channels may have any names.
+        blocks = replace(blocks, input_names=record.input_names, output_names=record.output_names)
+    doubts = tuple(f"{model.label}: {model.doubts}" for model in chosen)
+    return KnownModel(f"published {label}", blocks, doubts)
