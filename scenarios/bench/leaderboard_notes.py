@@ -10,24 +10,25 @@ from scenarios.estimators.outcome import MODEL, REFUSED
 
 def notes(rows: Sequence[LeaderboardRow]) -> list[str]:
     """Sentences for a reader who compares rows; none where all rows are alike, complete and of one run."""
+    answering = [row for row in rows if row.result.outcomes.get(MODEL)]
+    return [
+        *_different_settings(rows),
+        *_different_runs(rows),
+        *_missing_metrics(rows),
+        *_rows_without_verdict(rows),
+        *_refusals(answering),
+        *_unanswered_problems(answering, common_problems(rows)),
+    ]
+
+
+def _different_settings(rows: Sequence[LeaderboardRow]) -> list[str]:
     sentences = []
     for condition, consequence in WORDS["conditions"].items():
         groups = _grouped((_conditions(row.result)[condition], row) for row in rows)
         if len(groups) > 1:
             values = "; ".join(f"{value}: {_names(group)}" for value, group in groups.items())
             sentences.append(f"Rows differ in {condition}, so {consequence}. {values}.")
-    # Rows run side by side share the mark of their run; one whose file names no run stands alone.
-    runs = _grouped((row.result.run or f"\n{row.number}", row) for row in rows).values()
-    if len(runs) > 1:
-        parts = [f"run side by side: {_names(group)}" for group in runs if len(group) > 1]
-        alone = [group[0] for group in runs if len(group) == 1]
-        parts += [f"each run on its own: {_names(alone)}"] if alone else []
-        text = "; ".join(parts)
-        sentences.append(
-            "Rows are not all of one run, so compare their speeds as multiples of the reference time only. "
-            f"{text[:1].upper()}{text[1:]}."
-        )
-    return sentences + _incomplete(rows)
+    return sentences
 
 
 def _conditions(result: Result) -> dict[str, str]:
@@ -42,50 +43,79 @@ def _conditions(result: Result) -> dict[str, str]:
     }
 
 
-def _incomplete(rows: Sequence[LeaderboardRow]) -> list[str]:
-    """Gaps of the table: metrics that were not computed, problems that were not answered or not judged."""
+def _different_runs(rows: Sequence[LeaderboardRow]) -> list[str]:
+    # Rows run side by side share the mark of their run; one whose file names no run stands alone.
+    runs = list(_grouped((row.result.run or f"\n{row.number}", row) for row in rows).values())
+    if len(runs) < 2:
+        return []
+    descriptions = [f"run side by side: {_names(group)}" for group in runs if len(group) > 1]
+    alone = [group[0] for group in runs if len(group) == 1]
+    if alone:
+        descriptions.append(f"each run on its own: {_names(alone)}")
+    runs_text = "; ".join(descriptions)
+    advice = "Rows are not all of one run, so compare their speeds as multiples of the reference time only."
+    return [f"{advice} {runs_text[:1].upper()}{runs_text[1:]}."]
+
+
+def _missing_metrics(rows: Sequence[LeaderboardRow]) -> list[str]:
+    all_computed = f"{len(GUIDE)} of {len(GUIDE)}"
+    groups = _grouped((f"{len(GUIDE.keys() & row.result.metrics)} of {len(GUIDE)}", row) for row in rows)
+    groups.pop(all_computed, None)
+    if not groups:
+        return []
+    computed = []
+    for share, group in groups.items():
+        names = "all rows" if len(group) == len(rows) > 1 else _names(group)
+        computed.append(f"{share} computed: {names}")
+    judging = len(GUIDE) - len(INFORMATIVE)
+    return [
+        f"Rows without all {len(GUIDE)} figures, of which {judging} give verdicts: fewer could pass or fail. "
+        f"{'; '.join(computed)}."
+    ]
+
+
+def _rows_without_verdict(rows: Sequence[LeaderboardRow]) -> list[str]:
+    """An estimator that nothing could fail has not passed anything either."""
     sentences = []
-    computed = _grouped((f"{len(GUIDE.keys() & row.result.metrics)} of {len(GUIDE)}", row) for row in rows)
-    computed.pop(f"{len(GUIDE)} of {len(GUIDE)}", None)
-    if computed:
-        parts = [
-            f"{number} computed: {'all rows' if len(group) == len(rows) > 1 else _names(group)}"
-            for number, group in computed.items()
-        ]
-        judging = len(GUIDE) - len(INFORMATIVE)
-        whole = f"all {len(GUIDE)} figures, of which {judging} give verdicts"
-        sentences.append(f"Rows without {whole}: fewer could pass or fail. {'; '.join(parts)}.")
-    answering = [row for row in rows if row.result.outcomes.get(MODEL)]
     for row in rows:
-        if row not in answering:
-            ends = ", ".join(f"{n} × {kind.replace('_', ' ')}" for kind, n in row.result.outcomes.items() if n)
+        outcomes = row.result.outcomes
+        if not outcomes.get(MODEL):
+            ends = ", ".join(f"{times} × {outcome.replace('_', ' ')}" for outcome, times in outcomes.items() if times)
             sentences.append(f"{row.name} gave no model at all ({ends or 'no request'}): it has not passed anything.")
         elif all(verdict(metric) is Verdict.NONE for metric in row.result.metrics.values()):
             sentences.append(f"Nothing of {row.name} could be judged: it has not passed anything.")
-    refused = _grouped((_refusals(row), row) for row in answering if row.result.outcomes.get(REFUSED))
-    for text, group in refused.items():
+    return sentences
+
+
+def _refusals(answering: Sequence[LeaderboardRow]) -> list[str]:
+    sentences = []
+    groups = _grouped((_refused_requests(row.result), row) for row in answering if row.result.outcomes.get(REFUSED))
+    for requests, group in groups.items():
         verb = "is" if len(group) == 1 else "are"
-        sentences.append(f"{_names(group)} refused {text}, and {verb} judged by the others only.")
-    problems = common_problems(rows)
-    lacking = _grouped((", ".join(row.unanswered(problems)), row) for row in answering)
-    for text, group in lacking.items():
-        if text:
+        sentences.append(f"{_names(group)} refused {requests}, and {verb} judged by the others only.")
+    return sentences
+
+
+def _refused_requests(result: Result) -> str:
+    requests = f"{result.outcomes[REFUSED]} of {sum(result.outcomes.values())} requests"
+    families = ", ".join(f"{times} × {family}" for family, times in result.refused.items() if times)
+    return f"{requests} ({families})" if families else requests
+
+
+def _unanswered_problems(answering: Sequence[LeaderboardRow], problems: Sequence[str]) -> list[str]:
+    sentences = []
+    for unanswered, group in _grouped((", ".join(row.unanswered(problems)), row) for row in answering).items():
+        if unanswered:
             sentences.append(
-                f"{_names(group)} answered too few records of {text} for a verdict: no response error, and all other "
-                "numbers are of what was answered."
+                f"{_names(group)} answered too few records of {unanswered} for a verdict: no response error, and all "
+                "other numbers are of what was answered."
             )
     return sentences
 
 
-def _refusals(row: LeaderboardRow) -> str:
-    outcomes = row.result.outcomes
-    kinds = ", ".join(f"{times} × {kind}" for kind, times in row.result.refused.items() if times)
-    return f"{outcomes[REFUSED]} of {sum(outcomes.values())} requests{f' ({kinds})' if kinds else ''}"
-
-
-def _grouped(pairs: Iterable[tuple[str, LeaderboardRow]]) -> dict[str, list[LeaderboardRow]]:
+def _grouped(keyed_rows: Iterable[tuple[str, LeaderboardRow]]) -> dict[str, list[LeaderboardRow]]:
     groups: dict[str, list[LeaderboardRow]] = {}
-    for key, row in pairs:
+    for key, row in keyed_rows:
         groups.setdefault(key, []).append(row)
     return groups
 

@@ -3,16 +3,13 @@
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import inf, isinf, isnan
+from math import inf, isnan
 
 from scenarios.bench.leaderboard_rows import LeaderboardRow, common_problems, listed
-from scenarios.bench.leaderboard_verdict import GUIDE, Verdict, count, judged_metrics, part_verdict, verdict
-from scenarios.bench.metric import UNLIMITED, Metric, Part, worst_part
-from scenarios.bench.result import Result
+from scenarios.bench.leaderboard_verdict import GUIDE, WORDS, Verdict, count, judged_metrics, part_verdict, verdict
+from scenarios.bench.metric import Metric, Part
+from scenarios.bench.result_table import UNKNOWN, limits, number
 from scenarios.estimators.outcome import KINDS
-from scenarios.files.printable import one_line
-
-UNKNOWN = "–"
 
 MOST_ROWS = 40
 """Problems in the rows of a table."""
@@ -22,6 +19,9 @@ AT_WORST = re.compile(r" at [\d.e+-]+ Hz$")
 
 HEADLINE = ("efficiency", "noise_free_recovery", "coverage", "bias", "reliability", "speed")
 """Metrics whose numbers stand in the first table."""
+
+SEVERITY = list(Verdict)
+"""Verdicts from good to bad, by which a column of them is sorted."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,10 @@ class Cell:
     link: str = ""
 
 
+EMPTY = Cell("", inf)
+"""A cell without a number, which sorts last."""
+
+
 @dataclass(frozen=True)
 class Table:
     """A table.
@@ -60,215 +64,172 @@ class Table:
     sortable: bool = True
 
 
-def number(value: float) -> str:
-    """A number as the page shows it: three digits, powers of ten where there are many zeros."""
-    if isnan(value):
-        return UNKNOWN
-    if isinf(value):
-        return "∞" if value > 0 else "-∞"
-    if 1e3 <= abs(value) < 1e6:
-        return f"{float(f'{value:.3g}'):.0f}"
-    return f"{value:.3g}" if value == 0 or 1e-3 <= abs(value) < 1e3 else f"{value:.1e}"
-
-
-def limits(ends: tuple[float, float]) -> str:
-    """An interval, or limits of which one may be open."""
-    low, high = ends
-    if isnan(low) or isnan(high):
-        return UNKNOWN
-    if isinf(low) and isinf(high):
-        return "any"
-    if low == high:
-        return number(low)
-    if isinf(low):
-        return f"at most {number(high)}"
-    return f"at least {number(low)}" if isinf(high) else f"{number(low)} to {number(high)}"
-
-
-def metric_table(result: Result) -> tuple[str, Sequence[str], Sequence[Sequence[str]]]:
-    """Title, headings and rows of the metrics of one result."""
-    own = result.estimator
-    kind = one_line(", ".join(part for part in (own.structure, own.method, own.version) if part))
-    effort, *fewer = result.effort.split(", ", 1)
-    rows = [
-        (
-            f"{metric.title}, {metric.unit}" if metric.unit else metric.title,
-            number(metric.value),
-            _passes_if(metric),
-            UNKNOWN if metric.interval[0] == metric.interval[1] else limits(metric.interval),
-            f"{verdict(metric).sign} {verdict(metric).word}",
-        )
-        for metric in result.metrics.values()
-    ]
-    bench = ", ".join((f"{effort} bench", *fewer, f"seed {result.seed}"))
-    columns = ("", "value", "passes if", "95 % interval", "verdict")
-    return f"{own.name}{f' ({kind})' if kind else ''}: {bench}", columns, rows
-
-
-def _passes_if(metric: Metric) -> str:
-    """Limits of the part whose value is shown."""
-    judged = [part for part in metric.parts if part.passed is not None]
-    ends = worst_part(judged).limits if judged else UNLIMITED
-    return UNKNOWN if ends == UNLIMITED else limits(ends)
-
-
 def metric_names(rows: Sequence[LeaderboardRow]) -> list[str]:
     """All metrics that any row has, those of this version in their order, others behind."""
-    present = {name for row in rows for name in row.result.metrics}
-    return [name for name in GUIDE if name in present] + sorted(present - set(GUIDE))
+    present: set[str] = set()
+    for row in rows:
+        present |= row.result.metrics.keys()
+    return [name for name in GUIDE if name in present] + sorted(present - GUIDE.keys())
 
 
 def title(rows: Sequence[LeaderboardRow], name: str) -> str:
     """Title of a metric, from the first row that has it."""
-    return next(metric.title for row in rows if (metric := row.metric(name))) or name
+    return _first_metric(rows, name).title or name
 
 
 def unit(rows: Sequence[LeaderboardRow], name: str) -> str:
     """Unit of a metric behind a stroke, from the first row that has it; empty without a unit."""
-    text = next(metric.unit for row in rows if (metric := row.metric(name)))
-    return f" / {text}" if text else ""
+    of_first = _first_metric(rows, name).unit
+    return f" / {of_first}" if of_first else ""
 
 
 def standing(rows: Sequence[LeaderboardRow]) -> Table:
     """The first table: verdicts counted, and the numbers that most look for."""
-    columns = [name for name in HEADLINE if any(row.metric(name) for row in rows)]
+    headline = [name for name in HEADLINE if any(row.metric(name) for row in rows)]
     judged, problems = judged_metrics(row.result for row in rows), common_problems(rows)
-    others = (Verdict.FAILS, Verdict.FAILS_AS_THEORY_SAYS, Verdict.NONE)
-    lines = []
+    table_rows = []
     for row in rows:
         counts = count(map(row.metric, judged))
-        cells = [Cell(f"{counts[Verdict.PASSES]} of {len(judged)}", float(counts[Verdict.PASSES]))]
-        cells += [_count(counts[word]) for word in others]
-        cells += [_median(row, problems), *(_metric(row.metric(name)) for name in columns)]
-        lines.append((row, cells))
-    caption = (
-        "Figures passed of all that give verdicts, and each figure’s number where it is furthest beyond its limits, or "
-        "nearest to them. Response error: "
-    )
-    if problems:
-        caption += (
-            f"median over the problems that were asked of all rows ({listed(problems)}); “–” where an estimator gave "
-            "models of fewer than half of the records of one of them, or of one record, beside how many of the "
-            "problems it answered"
-        )
-    else:
-        caption += "none, for no problem was asked of all rows"
-    counted = ("Passed", "Fails", "Fails as theory says", "No verdict", "Response error / %")
-    return _by_row(caption, (*counted, *(f"{_short(name)}{unit(rows, name)}" for name in columns)), lines)
+        passes = counts[Verdict.PASSES]
+        cells = [Cell(f"{passes} of {len(judged)}", float(passes))]
+        for judgement in (Verdict.FAILS, Verdict.FAILS_AS_THEORY_SAYS, Verdict.NONE):
+            cells.append(_count_cell(counts[judgement]))
+        cells.append(_response_error_cell(row, problems))
+        cells += [_metric_cell(row.metric(name)) for name in headline]
+        table_rows.append([_name_cell(row), *cells])
+    error = WORDS["captions"]["response_error"] % listed(problems) if problems else WORDS["captions"]["no_error"]
+    columns = ["Estimator", "Passed", "Fails", "Fails as theory says", "No verdict", "Response error / %"]
+    columns += [f"{_heading(name)}{unit(rows, name)}" for name in headline]
+    return Table(f"{WORDS['captions']['standing']} {error}", columns, table_rows)
 
 
 def verdicts(rows: Sequence[LeaderboardRow]) -> Table:
     """A verdict of each metric that is ever judged."""
-    judged = [name for name in metric_names(rows) if any(verdict(row.metric(name)) is not Verdict.NONE for row in rows)]
-    lines = [(row, [_verdict(verdict(m := row.metric(name)), m.why if m else "") for name in judged]) for row in rows]
-    return _by_row("The reasons stand in the sections of the estimators", map(_short, judged), lines)
+    judged = []
+    for name in metric_names(rows):
+        if any(verdict(row.metric(name)) is not Verdict.NONE for row in rows):
+            judged.append(name)
+    table_rows = []
+    for row in rows:
+        metrics = [row.metric(name) for name in judged]
+        table_rows.append([_name_cell(row), *(_verdict_cell(verdict(m), m.why if m else "") for m in metrics)])
+    columns = ("Estimator", *map(_heading, judged))
+    return Table("The reasons stand in the sections of the estimators", columns, table_rows)
 
 
 def by_problem(rows: Sequence[LeaderboardRow], name: str) -> Table | None:
     """A metric with a line for each problem and a column for each estimator; None where it has no parts."""
-    parts = [{_line(p): p for p in metric.parts} if (metric := row.metric(name)) else {} for row in rows]
-    labels = list(dict.fromkeys(label for of_row in parts for label in of_row))
-    known = {label for of_row in parts for label, p in of_row.items() if p.passed is not None or not isnan(p.value)}
-    labels = [label for label in labels if label in known] or labels
-    if not labels:
+    cells: dict[str, dict[int, Cell]] = {}
+    has_number: dict[str, bool] = {}
+    judged = any(part.passed is not None for row in rows for part in row.parts(name))
+    for row in rows:
+        for part in row.parts(name):
+            problem = AT_WORST.sub(" at its worst frequency", part.label)
+            cells.setdefault(problem, {})[row.number] = _part_cell(part, problem, judged)
+            has_number[problem] = has_number.get(problem, False) or part.passed is not None or not isnan(part.value)
+    if not cells:
         return None
-    judged = any(p.passed is not None for of_row in parts for p in of_row.values())
+    # Problems of which no row has a number are left out, unless there is no number at all.
+    problems = [problem for problem in cells if has_number[problem]] or list(cells)
     caption = f"{title(rows, name)}{unit(rows, name)}"
-    if len(labels) > MOST_ROWS:
-        caption += f"; the first {MOST_ROWS} of {len(labels)} problems, the results have all"
-    lines = [
-        (Cell(label), *(_part(of_row[label], judged) if label in of_row else Cell("", inf) for of_row in parts))
-        for label in labels[:MOST_ROWS]
-    ]
-    return Table(caption, ("Problem", *(row.title for row in rows)), lines)
+    if len(problems) > MOST_ROWS:
+        caption += f"; the first {MOST_ROWS} of {len(problems)} problems, the results have all"
+    table_rows = []
+    for problem in problems[:MOST_ROWS]:
+        table_rows.append([Cell(problem), *(cells[problem].get(row.number, EMPTY) for row in rows)])
+    return Table(caption, ("Problem", *(row.title for row in rows)), table_rows)
 
 
 def failures(rows: Sequence[LeaderboardRow]) -> Table:
     """How requests ended, by kind."""
-    present = {kind for row in rows for kind, times in row.result.outcomes.items() if times}
-    kinds = [kind for kind in KINDS if kind in present] + sorted(present - set(KINDS))
-    lines = [(row, [_count(row.result.outcomes.get(kind, 0)) for kind in kinds]) for row in rows]
-    return _by_row("How many requests ended how", [kind.replace("_", " ") for kind in kinds], lines)
+    present: set[str] = set()
+    for row in rows:
+        present |= {outcome for outcome, times in row.result.outcomes.items() if times}
+    outcomes = [outcome for outcome in KINDS if outcome in present] + sorted(present - KINDS.keys())
+    table_rows = []
+    for row in rows:
+        table_rows.append([_name_cell(row), *(_count_cell(row.result.outcomes.get(name, 0)) for name in outcomes)])
+    columns = ("Estimator", *(outcome.replace("_", " ") for outcome in outcomes))
+    return Table("How many requests ended how", columns, table_rows)
 
 
 def metrics_of(row: LeaderboardRow) -> Table:
     """All metrics of an estimator, with their reasons."""
-    lines = [
-        (
-            *(Cell(metric.title or name), _verdict(verdict(metric)), _number(metric.value), _number(metric.expected)),
-            *(_limits(metric.interval), Cell(metric.unit), Cell(metric.why)),
-        )
-        for name in metric_names([row])
-        for metric in (row.result.metrics[name],)
-    ]
+    table_rows = []
+    for name in metric_names([row]):
+        metric = row.result.metrics[name]
+        cells = [Cell(metric.title or name), _verdict_cell(verdict(metric))]
+        cells += [_number_cell(metric.value), _number_cell(metric.expected), _limits_cell(metric.interval)]
+        table_rows.append([*cells, Cell(metric.unit), Cell(metric.why)])
     caption = "Its figures: each by the part furthest beyond its limits, or nearest to them"
     columns = ("Figure", "Verdict", "Value", "Expected", "95 % interval", "Unit", "Why")
-    return Table(caption, columns, lines, sortable=False)
+    return Table(caption, columns, table_rows, sortable=False)
 
 
 def failing_of(row: LeaderboardRow) -> Table | None:
     """Parts of an estimator's metrics that do not pass, or pass although theory says that they fail; None without."""
-    lines = []
+    table_rows = []
     for name in metric_names([row]):
-        for part in row.result.metrics[name].parts:
-            judged = part_verdict(part)
-            unexpected = judged is Verdict.PASSES and not part.theory
-            if judged in (Verdict.FAILS, Verdict.FAILS_AS_THEORY_SAYS) or unexpected:
-                why = f"theory says that it fails: {part.why}" if unexpected else part.why
-                cells = (Cell(_short(name)), Cell(part.label), _verdict(judged), _number(part.value))
-                lines.append((*cells, _limits(part.interval), _limits(part.limits), _count(part.draws), Cell(why)))
+        for part in row.parts(name):
+            passes_unexpectedly = bool(part.passed) and not part.theory
+            if part.passed is not False and not passes_unexpectedly:
+                continue
+            why = f"theory says that it fails: {part.why}" if passes_unexpectedly else part.why
+            cells = [Cell(_heading(name)), Cell(part.label), _verdict_cell(part_verdict(part))]
+            cells += [_number_cell(part.value), _limits_cell(part.interval), _limits_cell(part.limits)]
+            table_rows.append([*cells, _count_cell(part.draws), Cell(why)])
     caption = "Where it does not pass, and where it does though theory says that it fails"
     columns = ("Figure", "Problem", "Verdict", "Value", "95 % interval", "Passes", "Records", "Why")
-    return Table(caption, columns, lines, sortable=False) if lines else None
+    return Table(caption, columns, table_rows, sortable=False) if table_rows else None
 
 
-def _by_row(caption: str, columns: Iterable[str], lines: Iterable[tuple[LeaderboardRow, Iterable[Cell]]]) -> Table:
-    """A table with a line for each estimator, in the order of the page."""
-    cells = [(Cell(row.title, float(row.number), link=row.mark), *of_row) for row, of_row in lines]
-    return Table(caption, ("Estimator", *columns), cells)
+def _first_metric(rows: Iterable[LeaderboardRow], name: str) -> Metric:
+    return next(row.result.metrics[name] for row in rows if name in row.result.metrics)
 
 
-def _count(value: int) -> Cell:
-    return Cell(str(value), float(value))
+def _heading(name: str) -> str:
+    return GUIDE[name].short if name in GUIDE else name.replace("_", " ")
 
 
-def _number(value: float, judged: Verdict | None = None, text: str = "") -> Cell:
-    """A number; an unknown one sorts last."""
-    shown = "" if isnan(value) and judged is Verdict.NONE else number(value)
-    return Cell(shown, inf if isnan(value) else value, judged, text)
+def _name_cell(row: LeaderboardRow) -> Cell:
+    return Cell(row.title, float(row.number), link=row.mark)
 
 
-def _limits(ends: tuple[float, float]) -> Cell:
+def _count_cell(times: int) -> Cell:
+    return Cell(str(times), float(times))
+
+
+def _number_cell(value: float, judgement: Verdict | None = None, reason: str = "") -> Cell:
+    """A number; an unknown one sorts last, and is not shown beside the sign of no verdict, which looks the same."""
+    shown = "" if isnan(value) and judgement is Verdict.NONE else number(value)
+    return Cell(shown, inf if isnan(value) else value, judgement, reason)
+
+
+def _limits_cell(ends: tuple[float, float]) -> Cell:
     return Cell(limits(ends), inf if isnan(ends[0]) else ends[0])
 
 
-def _verdict(judged: Verdict, text: str = "") -> Cell:
-    return Cell("", float(list(Verdict).index(judged)), judged, text)
+def _verdict_cell(judgement: Verdict, reason: str = "") -> Cell:
+    return Cell("", float(SEVERITY.index(judgement)), judgement, reason)
 
 
-def _metric(metric: Metric | None) -> Cell:
-    return Cell("", inf) if metric is None else _number(metric.value, verdict(metric), metric.why)
+def _metric_cell(metric: Metric | None) -> Cell:
+    return EMPTY if metric is None else _number_cell(metric.value, verdict(metric), metric.why)
 
 
-def _median(row: LeaderboardRow, problems: Sequence[str]) -> Cell:
+def _part_cell(part: Part, problem: str, judged: bool) -> Cell:
+    reason = f"95 % interval {limits(part.interval)}; passes: {limits(part.limits)}; {part.why}".rstrip("; ")
+    if part.label != problem:
+        reason = f"{part.label}: {reason}"
+    return _number_cell(part.value, part_verdict(part) if judged else None, reason)
+
+
+def _response_error_cell(row: LeaderboardRow, problems: Sequence[str]) -> Cell:
     """Median response error; how many of the problems it answered, where it did not answer all."""
+    if row.metric("frequency_response") is None:
+        return EMPTY
     absent = row.unanswered(problems)
     if 0 < len(absent) < len(problems):
-        text = f"{UNKNOWN} ({len(problems) - len(absent)} of {len(problems)})"
-        return Cell(text, inf, title=f"too few models on {', '.join(absent)}")
-    return _number(row.median_error(problems)) if row.metric("frequency_response") else Cell("", inf)
-
-
-def _part(part: Part, judged: bool) -> Cell:
-    where = "" if _line(part) == part.label else f"{part.label}: "
-    text = f"{where}95 % interval {limits(part.interval)}; passes: {limits(part.limits)}; {part.why}"
-    return _number(part.value, part_verdict(part) if judged else None, text.rstrip("; "))
-
-
-def _line(part: Part) -> str:
-    """The line of a part in a table by problem."""
-    return AT_WORST.sub(" at its worst frequency", part.label)
-
-
-def _short(name: str) -> str:
-    return GUIDE[name].short if name in GUIDE else name.replace("_", " ")
+        answered = f"{UNKNOWN} ({len(problems) - len(absent)} of {len(problems)})"
+        return Cell(answered, inf, title=f"too few models on {', '.join(absent)}")
+    return _number_cell(row.median_error(problems))

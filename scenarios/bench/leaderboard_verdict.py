@@ -71,14 +71,14 @@ class MetricGuide:
     blind: str
 
 
-def _read(name: str) -> dict[str, Any]:
-    return read_toml(Path(__file__).with_name(name).read_text(encoding="utf-8"), name)
+def _read_words(file_name: str) -> dict[str, Any]:
+    return read_toml(Path(__file__).with_name(file_name).read_text(encoding="utf-8"), file_name)
 
 
-GUIDE: Mapping[str, MetricGuide] = structure(dict[str, MetricGuide], _read("metric_guide.toml"))
+GUIDE: Mapping[str, MetricGuide] = structure(dict[str, MetricGuide], _read_words("metric_guide.toml"))
 """Guides by name of the metric, in the order of the page."""
 
-WORDS: Mapping[str, Mapping[str, str]] = _read("leaderboard.toml")
+WORDS: Mapping[str, Mapping[str, str]] = _read_words("leaderboard.toml")
 """Rules, captions and conditions of the leaderboard."""
 
 INFORMATIVE = ("bandwidth",)
@@ -91,5 +91,10 @@ def judged_metrics(results: Iterable[Result]) -> tuple[str, ...]:
     Args:
         results: Of all rows; metrics that they judge and this version does not know count too.
     """
-    others = {name for result in results for name, m in result.metrics.items() if verdict(m) is not Verdict.NONE}
-    return (*(name for name in GUIDE if name not in INFORMATIVE), *sorted(others - set(GUIDE)))
+    # Results of another version of the bench may have metrics of other names.
+    unknown: set[str] = set()
+    for result in results:
+        for name in result.metrics.keys() - GUIDE.keys():
+            if verdict(result.metrics[name]) is not Verdict.NONE:
+                unknown.add(name)
+    return (*(name for name in GUIDE if name not in INFORMATIVE), *sorted(unknown))

@@ -9,10 +9,10 @@ from typing import Any
 
 from scenarios.bench.consistency import WHERE_IT_FAILS
 from scenarios.bench.leaderboard_rows import ORDERS_GIVEN
-from scenarios.bench.leaderboard_tables import limits, metric_table, number
 from scenarios.bench.leaderboard_verdict import INFORMATIVE, Verdict, part_verdict, verdict
 from scenarios.bench.metric import Metric, excess
 from scenarios.bench.result import Result
+from scenarios.bench.result_table import limits, metric_table, number
 from scenarios.bench.run_progress import file_name
 from scenarios.commands.output import counted, print_table, say
 from scenarios.estimators.outcome import KINDS, MODEL, REFUSED

@@ -5,7 +5,7 @@ All of it runs in the child process of the page: foreign files may hang or crash
 
 from pathlib import Path
 
-from scenarios.bench.opened import open_result
+from scenarios.bench.result_table import open_result
 from scenarios.datasets.opened import opened_data_set
 from scenarios.datasets.plan import INDEX, UNFINISHED
 from scenarios.experiments.opened import Opened, open_bus_record, open_log, open_scenario

@@ -1,0 +1,86 @@
+"""A result as people see it: numbers and intervals as text, the table of its metrics, and how it is opened."""
+
+from collections.abc import Sequence
+from math import isinf, isnan
+from pathlib import Path
+
+from scenarios.bench.leaderboard_verdict import verdict
+from scenarios.bench.metric import UNLIMITED, Metric, worst_part
+from scenarios.bench.result import Result
+from scenarios.experiments.opened import Opened
+from scenarios.experiments.recipe import Recipe
+from scenarios.files.printable import one_line
+
+UNKNOWN = "–"
+
+
+def number(value: float) -> str:
+    """A number with three digits, as a power of ten where there are many zeros."""
+    if isnan(value):
+        return UNKNOWN
+    if isinf(value):
+        return "∞" if value > 0 else "-∞"
+    if 1e3 <= abs(value) < 1e6:
+        return f"{float(f'{value:.3g}'):.0f}"
+    if value == 0 or 1e-3 <= abs(value) < 1e3:
+        return f"{value:.3g}"
+    return f"{value:.1e}"
+
+
+def limits(ends: tuple[float, float]) -> str:
+    """An interval, or limits of which one may be open."""
+    low, high = ends
+    if isnan(low) or isnan(high):
+        return UNKNOWN
+    if isinf(low) and isinf(high):
+        return "any"
+    if low == high:
+        return number(low)
+    if isinf(low):
+        return f"at most {number(high)}"
+    return f"at least {number(low)}" if isinf(high) else f"{number(low)} to {number(high)}"
+
+
+def metric_table(result: Result) -> tuple[str, Sequence[str], Sequence[Sequence[str]]]:
+    """Title, headings and rows of the metrics of one result."""
+    estimator = result.estimator
+    declared = (estimator.structure, estimator.method, estimator.version)
+    description = one_line(", ".join(word for word in declared if word))
+    heading = f"{estimator.name} ({description})" if description else estimator.name
+    # The effort may say how many records of a problem there are at most: `quick, at most 2 records of a problem`.
+    effort, *fewer_records = result.effort.split(", ", 1)
+    run = ", ".join((f"{effort} bench", *fewer_records, f"seed {result.seed}"))
+    columns = ("", "value", "passes if", "95 % interval", "verdict")
+    return f"{heading}: {run}", columns, [_metric_row(metric) for metric in result.metrics.values()]
+
+
+def _metric_row(metric: Metric) -> tuple[str, ...]:
+    title = f"{metric.title}, {metric.unit}" if metric.unit else metric.title
+    # An interval without width is that of a value which chance does not touch.
+    interval = UNKNOWN if metric.interval[0] == metric.interval[1] else limits(metric.interval)
+    judged = verdict(metric)
+    return title, number(metric.value), _passes_if(metric), interval, f"{judged.sign} {judged.word}"
+
+
+def _passes_if(metric: Metric) -> str:
+    """Limits of the part whose value is shown."""
+    judged = [part for part in metric.parts if part.passed is not None]
+    ends = worst_part(judged).limits if judged else UNLIMITED
+    return UNKNOWN if ends == UNLIMITED else limits(ends)
+
+
+def open_result(path: Path) -> Opened:
+    """Open a file of results."""
+    result = Result.read(path)
+    code = (
+        "from pathlib import Path\n\nfrom scenarios.bench.result import Result\n\n"
+        f"result = Result.read(Path({str(path)!r}))"
+    )
+    answers = ", ".join(f"{times} {outcome}" for outcome, times in result.outcomes.items())
+    return Opened(
+        "result of the test bench",
+        str(path),
+        Recipe([("hmtb", "leaderboard", str(path))], code),
+        [metric_table(result)],
+        [f"answers: {answers}", f"again: {result.command}"],
+    )
