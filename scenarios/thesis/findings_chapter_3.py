@@ -38,8 +38,12 @@ PLAIN, WHITENED = "as recorded", "made white, as the toolbox of the thesis does 
 """Readings of claims on the command."""
 
 SHORT = {
-    **{TONES: "two sines", LINES: "PRBS lines", WHOLE: "all frequencies", POWERED: "input's power"},
-    **{PLAIN: "as recorded", WHITENED: "made white"},
+    TONES: "two sines",
+    LINES: "PRBS lines",
+    WHOLE: "all frequencies",
+    POWERED: "input's power",
+    PLAIN: "as recorded",
+    WHITENED: "made white",
 }
 """Short names of the readings, used in keys of numbers."""
 
@@ -49,18 +53,21 @@ def gain_and_cutoff(study: Comparison) -> Finding:
     values: dict[str, float] = {}
     readings: dict[str, dict[str, bool]] = {TONES: {}, LINES: {}}
     for joint in study.joints:
-        for way, response in _estimates(study, joint).items():
-            top, at = float(response.magnitude.max()), 2 * np.pi * gain_crossing(response, HALF_POWER)
-            near = abs(at / BREAK_FREQUENCY[joint] - 1) <= CLAIMS["F1"].limits["near"]
-            readings[way] |= {f"gain on {joint}": top < 1.0, f"cutoff on {joint}": near}
-            values |= {f"{joint}, {SHORT[way]}": at, f"{joint}, {SHORT[way]}, largest gain": top}
-    same, other = printed_breaks()
+        for reading, response in _estimates(study, joint).items():
+            largest_gain = float(response.magnitude.max())
+            cutoff = 2 * np.pi * gain_crossing(response, HALF_POWER)
+            near = abs(cutoff / BREAK_FREQUENCY[joint] - 1) <= CLAIMS["F1"].limits["near"]
+            readings[reading] |= {f"gain on {joint}": largest_gain < 1.0, f"cutoff on {joint}": near}
+            name = f"{joint}, {SHORT[reading]}"
+            values |= {name: cutoff, f"{name}, largest gain": largest_gain}
+    best_linear = [2 * np.pi * result.best_linear.half_power_hz for result in study.joints.values()]
+    at_breaks, elsewhere = printed_breaks()
     facts = {
-        "best": [2 * np.pi * entry.best_linear.half_power_hz for entry in study.joints.values()],
-        "count": len(same),
+        "best": best_linear,
+        "count": len(at_breaks),
         "breaks": list(BREAK_FREQUENCY.values()),
-        "same": [f"{at:.2f} rad/s ({label})" for label, at in same.items()],
-        "other": [f"{at:.2f} ({label})" for label, at in other.items()],
+        "same": [f"{cutoff:.2f} rad/s ({label})" for label, cutoff in at_breaks.items()],
+        "other": [f"{cutoff:.2f} ({label})" for label, cutoff in elsewhere.items()],
         "powered": _powered(study, SINES),
     }
     return finding_by_reading("F1", readings, values, facts)
@@ -68,11 +75,16 @@ def gain_and_cutoff(study: Comparison) -> Finding:
 
 def printed_breaks() -> tuple[dict[str, float], dict[str, float]]:
     """Frequencies, rad/s, where printed models fall below 0.707, by label: at the spectra's breaks, and elsewhere."""
-    same, other = dict[str, float](), dict[str, float]()
+    at_breaks: dict[str, float] = {}
+    elsewhere: dict[str, float] = {}
     for model in PUBLISHED:
-        at = 2 * np.pi * model.half_power_hz
-        (same if np.round(at) == BREAK_FREQUENCY[model.joint] else other)[model.label] = at
-    return same, other
+        cutoff = 2 * np.pi * model.half_power_hz
+        # The thesis reads its spectra in whole rad/s.
+        if np.round(cutoff) == BREAK_FREQUENCY[model.joint]:
+            at_breaks[model.label] = cutoff
+        else:
+            elsewhere[model.label] = cutoff
+    return at_breaks, elsewhere
 
 
 def slope(study: Comparison) -> Finding:
@@ -80,23 +92,30 @@ def slope(study: Comparison) -> Finding:
     values: dict[str, float] = {}
     readings: dict[str, dict[str, bool]] = {TONES: {}, LINES: {}}
     for joint in study.joints:
-        for way, response in _estimates(study, joint).items():
-            steep, peaks = gain_slope(response), _resonances(response)
+        for reading, response in _estimates(study, joint).items():
+            measured_slope = gain_slope(response)
+            peaks = _resonances(response)
+            # A true second-order slope of -40 dB per decade is reached only far above the break: at 10 rad/s a response
+            # counts as steeper than first order if it falls faster than a first-order system with the same cutoff.
             first_order = first_order_slope(gain_crossing(response, HALF_POWER))
-            readings[way] |= {f"slope on {joint}": steep < first_order, f"resonance on {joint}": len(peaks) > 0}
-            name = f"{joint}, {SHORT[way]}"
+            readings[reading] |= {
+                f"slope on {joint}": measured_slope < first_order,
+                f"resonance on {joint}": len(peaks) > 0,
+            }
+            name = f"{joint}, {SHORT[reading]}"
             values |= {
-                name: steep,
+                name: measured_slope,
                 f"{name}, first order": first_order,
                 f"{name}, peaks where the input is weak": (~excited_lines(response)[peaks]).sum(),
                 f"of {name}": len(peaks),
             }
-    true = [
-        FrequencyResponse(GRID, entry.truth.model.frequency_response(GRID), entry.truth.model.dt, "model")
-        for entry in study.joints.values()
-    ]
-    count = sum(len(_resonances(_up_to(entry, FASTEST))) for entry in true)
-    return finding_by_reading("F2", readings, values, {"slopes": [gain_slope(entry) for entry in true], "count": count})
+    true_responses = []
+    for result in study.joints.values():
+        model = result.truth.model
+        true_responses.append(FrequencyResponse(GRID, model.frequency_response(GRID), model.dt, "model"))
+    true_slopes = [gain_slope(response) for response in true_responses]
+    true_peaks = sum(len(_resonances(_up_to(response, FASTEST))) for response in true_responses)
+    return finding_by_reading("F2", readings, values, {"slopes": true_slopes, "count": true_peaks})
 
 
 def gain_slope(response: FrequencyResponse) -> float:
@@ -110,7 +129,10 @@ def gain_slope(response: FrequencyResponse) -> float:
 
 
 def first_order_slope(cutoff_hz: float) -> float:
-    """Return the same of a first-order system with this cutoff."""
+    """Decibel per decade of a first-order system from its cutoff to 10 rad/s; NaN where the cutoff is not below that.
+
+    |G(f)|^2 = 1 / (1 + (f / f_c)^2); at the cutoff f_c it is 1/2.
+    """
     end = CLAIMS["F2"].limits["end"] / (2 * np.pi)
     if not cutoff_hz < end:
         return float("nan")
@@ -129,13 +151,13 @@ def delay(study: Comparison) -> Finding:
     """F3: two to five samples of delay on the pitches, where the correlation has its peak."""
     limits = CLAIMS["F3"].limits
     delays = {joint: result.delay for joint, result in study.nonparametric.items()}
-    peaks = {joint: float(np.argmax(entry.correlations[:, 0, 0])) for joint, entry in delays.items()}
+    peaks = {joint: float(np.argmax(estimate.correlations[:, 0, 0])) for joint, estimate in delays.items()}
     facts = {
-        "first": [int(entry.correlation[0, 0]) for entry in delays.values()],
-        "own": [entry.truth.delay_samples for entry in study.joints.values()],
+        "first": [int(estimate.correlation[0, 0]) for estimate in delays.values()],
+        "own": [result.truth.delay_samples for result in study.joints.values()],
     }
-    parts = {joint: limits["shortest"] <= peaks[joint] <= limits["longest"] for joint in CLAIMED_DELAY}
-    return decided_finding("F3", parts, peaks, facts)
+    verdict_parts = {joint: limits["shortest"] <= peaks[joint] <= limits["longest"] for joint in CLAIMED_DELAY}
+    return decided_finding("F3", verdict_parts, peaks, facts)
 
 
 def prbs_looks_white(study: Comparison) -> Finding:
@@ -147,21 +169,34 @@ def prbs_looks_white(study: Comparison) -> Finding:
         record = study.joints[joint].data[study.estimation_test]
         repeats = load(record.name).period
         ((white, _),) = prewhitened([record], 0, WHITENING)
-        for way, command in ((PLAIN, record.u), (WHITENED, white[WHITENING:])):
-            half = correlation(command[:, 0], range(POINTS // 2 + 1))
-            spread = np.sqrt(np.mean(half[1:] ** 2))
-            (period,) = correlation(command[:, 0], [repeats])
-            beyond = half[int(np.argmax(half <= 0.0)) :] if (half <= 0.0).any() else half[-1:]
-            peak = np.abs(beyond).max()
-            name = f"{joint}, {SHORT[way]}"
-            values |= {name: spread, f"{name}, one period later": period, f"{name}, largest peak": peak}
-            readings[way] |= {
-                f"white on {joint}": spread <= limits["white"],
-                f"periodic on {joint}": period >= limits["white"],
-                f"small peaks on {joint}": peak <= limits["small"],
+        # The filter that makes it white starts from rest: its first outputs are left out.
+        for reading, command in ((PLAIN, record.u), (WHITENED, white[WHITENING:])):
+            # Peaks count within half a file: one period later an exactly repeating file correlates fully.
+            half_period = correlation(command[:, 0], range(POINTS // 2 + 1))
+            spread = np.sqrt(np.mean(half_period[1:] ** 2))
+            (one_period_later,) = correlation(command[:, 0], [repeats])
+            side_peak = largest_side_peak(half_period)
+            name = f"{joint}, {SHORT[reading]}"
+            values |= {
+                name: spread,
+                f"{name}, one period later": one_period_later,
+                f"{name}, largest peak": side_peak,
             }
-    limited = 100 * max(entry.slewing[study.estimation_test] for entry in study.joints.values())
+            readings[reading] |= {
+                f"white on {joint}": spread <= limits["white"],
+                f"periodic on {joint}": one_period_later >= limits["white"],
+                f"small peaks on {joint}": side_peak <= limits["small"],
+            }
+    limited = 100 * max(result.slewing[study.estimation_test] for result in study.joints.values())
     return finding_by_reading("F4", readings, values, {"limited": limited, "repeats": repeats})
+
+
+def largest_side_peak(coefficients: np.ndarray) -> float:
+    """Largest modulus of a correlation from its first zero on; of its last value where it stays positive."""
+    not_positive = coefficients <= 0.0
+    # Up to the first zero it is the main lobe, as wide as the bits of the sequence.
+    side = coefficients[int(np.argmax(not_positive)) :] if not_positive.any() else coefficients[-1:]
+    return float(np.abs(side).max())
 
 
 def correlation(signal: np.ndarray, lags: Sequence[int]) -> np.ndarray:
@@ -174,22 +209,26 @@ def pulse_spectra(study: Comparison) -> Finding:
     limits = CLAIMS["F5"].limits
     values: dict[str, float] = {}
     readings: dict[str, dict[str, bool]] = {WHOLE: {}, POWERED: {}}
-    repeated = []
-    for joint, result in study.nonparametric.items():
-        spectrum, reach = spectrum_of(study, PULSE, joint), result.resolution_hz[PULSE]
-        f, again = spectrum.frequencies, result.repeated[PULSE]
+    shares_between_periods = []
+    for joint, estimates in study.nonparametric.items():
+        spectrum = spectrum_of(study, PULSE, joint)
+        resolution = estimates.resolution_hz[PULSE]
+        f = spectrum.frequencies
         # The window widens a line by its resolution; those at 1 and at 5 Hz count whole.
-        inside = (f >= 1.0 - reach) & (f <= 5.0 + reach)
-        for way, mask in frequency_masks(spectrum).items():
-            for what, band, density in (
+        claimed_band = (f >= 1.0 - resolution) & (f <= 5.0 + resolution)
+        for reading, mask in frequency_masks(spectrum).items():
+            for signal, band, density in (
                 ("disturbance", f <= limits["around"], spectrum.noise_spectrum),
-                ("input", inside, spectrum.input_spectrum),
-                ("output", inside, spectrum.output_spectrum),
+                ("input", claimed_band, spectrum.input_spectrum),
+                ("output", claimed_band, spectrum.output_spectrum),
             ):
-                share = values[f"{joint} {what}, {SHORT[way]}"] = _share(band, mask * _power(density))
-                readings[way][f"{what} on {joint}"] = share > limits["most"]
-        repeated.append(_share(again.frequencies <= limits["around"], again.disturbance))
-    return finding_by_reading("F5", readings, values, {"repeated": repeated, "powered": _powered(study, PULSE)})
+                share = _share(band, mask * _power(density))
+                values[f"{joint} {signal}, {SHORT[reading]}"] = share
+                readings[reading][f"{signal} on {joint}"] = share > limits["most"]
+        averages = estimates.repeated[PULSE]
+        shares_between_periods.append(_share(averages.frequencies <= limits["around"], averages.disturbance))
+    facts = {"repeated": shares_between_periods, "powered": _powered(study, PULSE)}
+    return finding_by_reading("F5", readings, values, facts)
 
 
 def sinusoid_disturbance(study: Comparison) -> Finding:
@@ -197,50 +236,58 @@ def sinusoid_disturbance(study: Comparison) -> Finding:
     limits = CLAIMS["F6"].limits
     values: dict[str, float] = {}
     readings: dict[str, dict[str, bool]] = {WHOLE: {}, POWERED: {}}
-    for joint, result in study.nonparametric.items():
+    for joint, estimates in study.nonparametric.items():
         spectrum = spectrum_of(study, SINES, joint)
-        # The line at 10 Hz counts whole.
-        near = spectrum.frequencies <= FASTEST + result.resolution_hz[SINES]
-        for way, mask in frequency_masks(spectrum).items():
-            orders = values[f"{joint}, {SHORT[way]}"] = orders_below(spectrum, near & mask)
-            readings[way][joint] = orders >= limits["pitch" if joint in CLAIMED_DELAY else "yaw"]
-    repeated = [-np.log10(entry.repeated[SINES].disturbance_share) for entry in study.nonparametric.values()]
-    return finding_by_reading("F6", readings, values, {"repeated": repeated, "powered": _powered(study, SINES)})
+        # The line at 10 Hz counts whole, as wide as the window makes it.
+        in_band = spectrum.frequencies <= FASTEST + estimates.resolution_hz[SINES]
+        # Two orders on yaw, one on the pitches [Morris1996, sec. III.2C and III.3].
+        claimed_orders = limits["pitch"] if joint in CLAIMED_DELAY else limits["yaw"]
+        for reading, mask in frequency_masks(spectrum).items():
+            orders = orders_below(spectrum, in_band & mask)
+            values[f"{joint}, {SHORT[reading]}"] = orders
+            readings[reading][joint] = orders >= claimed_orders
+    shares = [estimates.repeated[SINES].disturbance_share for estimates in study.nonparametric.values()]
+    facts = {"repeated": [-np.log10(share) for share in shares], "powered": _powered(study, SINES)}
+    return finding_by_reading("F6", readings, values, facts)
 
 
 def measurement_against_process(study: Comparison) -> Finding:
     """F7: measurement disturbances exceed process disturbances; here both are known."""
-    least = CLAIMS["F7"].limits["ratio"]
-    known = {joint: disturbances(study, entry) for joint, entry in study.joints.items()}
+    smallest_ratio = CLAIMS["F7"].limits["ratio"]
+    by_joint = {joint: disturbances(study, result) for joint, result in study.joints.items()}
     values: dict[str, float] = {}
     readings: dict[str, dict[str, bool]] = {}
-    for joint, (measurement, departure, random) in known.items():
-        for way, process in (("all that is not linear", departure), ("what does not repeat", random)):
-            ratio = values[f"{joint}, {way}"] = measurement / process
-            readings.setdefault(f"if process disturbance is {way}", {})[joint] = ratio > least
-    sizes = 1000 * np.array(list(known.values()))
-    facts = dict(zip(("measurement", "departure", "random"), sizes.T.tolist(), strict=True))
+    # The thesis does not say whether what repeats with the input counts as a process disturbance.
+    for joint, (measurement, departure, random) in by_joint.items():
+        for meaning, process in (("all that is not linear", departure), ("what does not repeat", random)):
+            ratio = measurement / process
+            values[f"{joint}, {meaning}"] = ratio
+            readings.setdefault(f"if process disturbance is {meaning}", {})[joint] = ratio > smallest_ratio
+    milliradians = 1000 * np.array(list(by_joint.values()))
+    facts = dict(zip(("measurement", "departure", "random"), milliradians.T.tolist(), strict=True))
     return finding_by_reading("F7", readings, values, facts)
 
 
-def disturbances(study: Comparison, entry: JointResult) -> tuple[float, float, float]:
+def disturbances(study: Comparison, result: JointResult) -> tuple[float, float, float]:
     """Root mean squares, rad, of the known disturbances of one joint in the PRBS test.
 
-    Of measurement noise and rounding; of the true angle's deviation from the linear truth; of the part of that which is
-    another in every period.
+    Of measurement noise and rounding; of the true angle's deviation from the linear truth; of the part of that
+    deviation that does not repeat from period to period.
     """
-    log = study.logs[entry.data[study.estimation_test].name]
-    column = JOINTS.index(entry.joint)
+    log = study.logs[result.data[study.estimation_test].name]
+    column = JOINTS.index(result.joint)
     # The resolver reading reaches the bus a few ticks late; that delay belongs to the dynamics, not to the noise.
     angle = delayed(log.true_angles, study.campaign.condition.arm().delays)[:, column]
-    expected = sysid.simulate(entry.truth.model, log.commanded[:, column] - log.commanded[0, column])[:, 0]
-    start = len(log.commanded) - len(entry.data[study.estimation_test])
+    expected = sysid.simulate(result.truth.model, log.commanded[:, column] - log.commanded[0, column])[:, 0]
+    # The linear truth starts at rest with the log; the record starts later, once the joint has settled.
+    start = len(log.commanded) - len(result.data[study.estimation_test])
+    measurement_noise = (log.measured[:, column] - angle)[start:]
     departure = (angle - expected)[start:]
     periods = departure[: len(departure) // POINTS * POINTS].reshape(-1, POINTS)
-    other = periods - periods.mean(axis=0)
+    not_repeated = periods - periods.mean(axis=0)
     # One mean was taken off for every sample of the period.
-    random = np.sqrt(np.sum(other**2) / ((len(periods) - 1) * POINTS))
-    return float(np.std((log.measured[:, column] - angle)[start:])), float(np.std(departure)), float(random)
+    random = np.sqrt(np.sum(not_repeated**2) / ((len(periods) - 1) * POINTS))
+    return float(np.std(measurement_noise)), float(np.std(departure)), float(random)
 
 
 def spectrum_of(study: Comparison, test: int, joint: str) -> FrequencyResponse:
@@ -256,8 +303,9 @@ def frequency_masks(spectrum: FrequencyResponse) -> dict[str, np.ndarray]:
 
 def orders_below(spectrum: FrequencyResponse, mask: np.ndarray) -> float:
     """Orders of magnitude between the powers of output and disturbance at some frequencies."""
-    output, noise = (_power(density)[mask].sum() for density in (spectrum.output_spectrum, spectrum.noise_spectrum))
-    return float(np.log10(output / noise))
+    output = _power(spectrum.output_spectrum)[mask].sum()
+    disturbance = _power(spectrum.noise_spectrum)[mask].sum()
+    return float(np.log10(output / disturbance))
 
 
 def _estimates(study: Comparison, joint: str) -> dict[str, FrequencyResponse]:
@@ -267,12 +315,14 @@ def _estimates(study: Comparison, joint: str) -> dict[str, FrequencyResponse]:
 
 
 def _up_to(response: FrequencyResponse, hz: float) -> FrequencyResponse:
+    """The finite values of a response up to a frequency, which rounding shall not exclude."""
     return response.select(np.isfinite(response.response[:, 0, 0]) & (response.frequencies <= hz + 1e-9))
 
 
 def _powered(study: Comparison, test: int) -> list[float]:
     """Percent of the frequencies at which the input of a test stands above the window's side lobes, by joint."""
-    return [100 * float(excited_lines(spectrum_of(study, test, joint)).mean()) for joint in study.nonparametric]
+    spectra = [spectrum_of(study, test, joint) for joint in study.nonparametric]
+    return [100 * float(excited_lines(spectrum).mean()) for spectrum in spectra]
 
 
 def _share(inside: np.ndarray, density: np.ndarray) -> float:

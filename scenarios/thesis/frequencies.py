@@ -20,14 +20,22 @@ def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = 
     """
     if tally is None:
         return {}
-    pairs = [(entry, tally.frequency(entry.key)) for entry in findings]
+    depends, against = [], []
+    for finding in findings:
+        frequency = tally.frequency(finding.key)
+        if not frequency.counts:
+            continue
+        if frequency.depends_on_seed(finding.verdict):
+            depends.append(finding.key)
+        if frequency.against(finding.verdict):
+            against.append(finding.key)
     return {
         "source": source_text(tally, seed),
         "answer": answer_text(tally),
-        "verdicts": {entry.key: frequency_text(entry, tally) for entry in findings},
-        "depends": [one.key for one, seeds in pairs if seeds.counts and seeds.depends_on_seed(one.verdict)],
-        "against": [one.key for one, seeds in pairs if seeds.counts and seeds.against(one.verdict)],
-        "ranges": {entry.key: tally.spread(entry.key) for entry in findings},
+        "verdicts": {finding.key: frequency_text(finding, tally) for finding in findings},
+        "depends": depends,
+        "against": against,
+        "ranges": {finding.key: tally.spread(finding.key) for finding in findings},
         "rows": tally.coverage(),
     }
 
@@ -44,16 +52,18 @@ def frequency_in_words(counts: Mapping[Verdict, int], *, depends: bool) -> str:
     if not seeds:
         return ""
     if depends:
-        parts = ", ".join(f"{counts[entry]} {entry}" for entry in ORDER if entry in counts)
-        return f"depends on the seed: of {seeds} seeds {parts}"
+        listed = ", ".join(f"{counts[verdict]} {verdict}" for verdict in ORDER if verdict in counts)
+        return f"depends on the seed: of {seeds} seeds {listed}"
     return f"same on {seeds} of {seeds} seeds"
 
 
 def answer_text(tally: Tally) -> str:
     """Count the bandwidths near 1 Hz, and those that agree with the best linear truth, over all seeds."""
-    models = [one for methods in tally.coverage().values() for one in methods.values()]
+    models = []
+    for methods in tally.coverage().values():
+        models += methods.values()
     seeds = len(tally.outcomes)
-    near, agree = sum(one.near_1_hz for one in models), sum(one.covers for one in models)
+    near, agree = sum(model.near_1_hz for model in models), sum(model.covers for model in models)
     return (
         f"Over {seeds} seeds {near} of {seeds * len(models)} bandwidths of {len(models)} models are near 1 Hz, and "
         f"{agree} agree with the best linear truth."
@@ -62,7 +72,7 @@ def answer_text(tally: Tally) -> str:
 
 def source_text(tally: Tally, seed: int | None = None) -> str:
     """Describe which seeds the frequencies count, beside that of this run, on which arm and with which software."""
-    seeds = sorted(entry.seed for entry in tally.outcomes if entry.seed is not None)
+    seeds = sorted(outcome.seed for outcome in tally.outcomes if outcome.seed is not None)
     values = {"tally": tally, "seed": seed, "seeds": seeds, "versions": tally.outcomes[0].versions}
     return " ".join(Page().render("seeds_text.j2", values).split())
 
@@ -71,28 +81,29 @@ def finding_record(finding: Finding, tally: Tally | None) -> dict[str, object]:
     """Return the entries of results.json on a finding: frequency of the verdicts, and `range` of each number."""
     if tally is None or not (frequency := tally.frequency(finding.key)).counts:
         return {}
-    return {
-        "frequency": {
-            "seeds": frequency.seeds,
-            "verdicts": dict(frequency.counts),
-            "depends_on_seed": frequency.depends_on_seed(finding.verdict),
-        },
-        "range": {name: asdict(entry) for name, entry in tally.spread(finding.key).items()},
+    verdicts = {
+        "seeds": frequency.seeds,
+        "verdicts": dict(frequency.counts),
+        "depends_on_seed": frequency.depends_on_seed(finding.verdict),
     }
+    ranges = {name: asdict(spread) for name, spread in tally.spread(finding.key).items()}
+    return {"frequency": verdicts, "range": ranges}
 
 
 def seeds_record(tally: Tally) -> dict[str, object]:
     """Return the entry of results.json for all seeds: numbers, bandwidths, cost, and whether they were run now."""
+    bandwidths = {}
+    for joint, methods in tally.coverage().items():
+        bandwidths[joint] = {method: asdict(coverage) for method, coverage in methods.items()}
     cost = tally.cost
+    costs = {"physics_s": cost.physics_s, "total_s": cost.total_s, "ratio": cost.times_physics}
     return {
         "of_this_run": not tally.recorded,
-        "seeds": [entry.seed for entry in tally.outcomes],
+        "seeds": [outcome.seed for outcome in tally.outcomes],
         "failed": {str(seed): why for seed, why in tally.failed.items()},
         "duration": tally.duration,
-        "bandwidth": {
-            joint: {method: asdict(entry) for method, entry in methods.items()}
-            for joint, methods in tally.coverage().items()
-        },
-        "cost": {"physics_s": cost.physics_s, "total_s": cost.total_s, "ratio": cost.times_physics},
+        "bandwidth": bandwidths,
+        "cost": costs,
+        # Outcomes of other versions are never joined into one tally.
         "versions": dict(tally.outcomes[0].versions),
     }

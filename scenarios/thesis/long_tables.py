@@ -34,17 +34,22 @@ class LongTables:
         if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name) or name in self.texts:
             raise ScenarioError(f"table name {name!r}: expected words of a-z and 0-9 apart by hyphens, each name once")
         # Programs read ASCII minus signs.
-        text = Markup(markup).unescape().replace("−", "-")
-        caption, head, *lines = (" ".join(line.split()) for line in text.splitlines() if line.strip())
-        names = _cells(head.rstrip("¦ "))
-        rows, group = [["", *names]], ""
+        plain = Markup(markup).unescape().replace("−", "-")
+        caption, head, *lines = (" ".join(line.split()) for line in plain.splitlines() if line.strip())
+        column_names = _cells(head.rstrip("¦ "))
+        rows = [["", *column_names]]
+        group = ""
         for line in lines:
             if line.startswith(GROUP):
                 group = line.removeprefix(GROUP)
-            else:
-                rows.append([group, *(_cells(line) + [""] * len(names))[: len(names)]])
+                continue
+            # Rows of the templates may end early or with a bar too many: each becomes as long as the first.
+            cells = _cells(line) + [""] * len(column_names)
+            rows.append([group, *cells[: len(column_names)]])
+        if not group:
+            rows = [row[1:] for row in rows]
         file = io.StringIO()
-        csv.writer(file, lineterminator="\n").writerows(rows if group else (row[1:] for row in rows))
+        csv.writer(file, lineterminator="\n").writerows(rows)
         self.texts[name] = file.getvalue()
         return Markup('<p class="file">Table <a href="{0}">{0}</a>, {1} rows: {2}</p>').format(
             f"tables/{name}.csv", len(rows) - 1, caption
@@ -53,8 +58,8 @@ class LongTables:
     def write(self, folder: Path) -> None:
         """Write every table as a CSV file into a folder, which is made where there is none."""
         folder.mkdir(exist_ok=True)
-        for name, text in self.texts.items():
-            write_whole(folder / f"{name}.csv", text)
+        for name, contents in self.texts.items():
+            write_whole(folder / f"{name}.csv", contents)
 
 
 def _cells(line: str) -> list[str]:

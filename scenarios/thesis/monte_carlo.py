@@ -82,19 +82,22 @@ class SeedOutcome:
 
 def outcome(study: Comparison, findings: Sequence[Finding]) -> SeedOutcome:
     """Return the conclusions of a study and of its decided findings."""
+    finding_numbers = {}
+    for finding in findings:
+        finding_numbers[finding.key] = {name: float(value) for name, value in finding.value.items()}
+    recovered: dict[str, dict[str, MethodBandwidth]] = {}
+    for joint, result in study.joints.items():
+        recovered[joint] = {}
+        for model in result.models.values():
+            bandwidth = MethodBandwidth(model.bandwidth_hz, model.ci95, model.covers, model.half_power_hz)
+            recovered[joint][model.method] = bandwidth
     return SeedOutcome(
         seed=study.seed,
         duration=study.duration,
-        verdicts={entry.key: entry.verdict for entry in findings},
-        numbers={entry.key: {name: float(x) for name, x in entry.value.items()} for entry in findings},
-        true_hz={name: float(entry.truth.bandwidth_hz) for name, entry in study.joints.items()},
-        recovered={
-            name: {
-                model.method: MethodBandwidth(model.bandwidth_hz, model.ci95, model.covers, model.half_power_hz)
-                for model in entry.models.values()
-            }
-            for name, entry in study.joints.items()
-        },
+        verdicts={finding.key: finding.verdict for finding in findings},
+        numbers=finding_numbers,
+        true_hz={joint: float(result.truth.bandwidth_hz) for joint, result in study.joints.items()},
+        recovered=recovered,
         failed=dict(study.failed),
         cost=study.cost,
         versions=dict(study.provenance),
@@ -112,7 +115,8 @@ class Spread:
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Distribution of a number, one value for each seed; where one is not a number, nothing is."""
+    """Distribution of a number, one value for each seed; NaN throughout where one value is NaN."""
+    # A seed whose gain never falls to the limit has no bandwidth: leaving it out would show too narrow a range.
     with np.errstate(invalid="ignore"):
         return Spread(float(np.median(values)), float(np.min(values)), float(np.max(values)), len(values))
 
@@ -183,52 +187,58 @@ class Tally:
     @property
     def cost(self) -> Cost:
         """Time spent on all seeds."""
-        costs = [entry.cost for entry in self.outcomes]
-        return Cost(*(sum(getattr(one, name) for one in costs) for name in ("physics_s", "simulation_s", "total_s")))
+        costs = [outcome.cost for outcome in self.outcomes]
+        return Cost(
+            physics_s=sum(cost.physics_s for cost in costs),
+            simulation_s=sum(cost.simulation_s for cost in costs),
+            total_s=sum(cost.total_s for cost in costs),
+        )
 
     def frequency(self, key: str) -> Frequency:
         """Return the frequency of each verdict of a finding (F1 to F26)."""
-        counts = Counter(entry.verdicts[key] for entry in self.outcomes if key in entry.verdicts)
+        counts = Counter(outcome.verdicts[key] for outcome in self.outcomes if key in outcome.verdicts)
         return Frequency(dict(counts.most_common()))
 
     def spread(self, key: str) -> dict[str, Spread]:
         """Return the distributions of the numbers of a finding (F1 to F26), by name."""
-        values: dict[str, list[float]] = {}
-        for entry in self.outcomes:
-            for name, value in entry.numbers.get(key, {}).items():
-                values.setdefault(name, []).append(value)
-        return {name: spread(entries) for name, entries in values.items()}
+        by_name: dict[str, list[float]] = {}
+        for outcome in self.outcomes:
+            for name, value in outcome.numbers.get(key, {}).items():
+                by_name.setdefault(name, []).append(value)
+        return {name: spread(values) for name, values in by_name.items()}
 
     def coverage(self) -> dict[str, dict[str, BandwidthCoverage]]:
         """Return the distributions of every method's bandwidth, by joint and method."""
         table: dict[str, dict[str, BandwidthCoverage]] = {}
         for joint, methods in self.outcomes[0].recovered.items():
-            rows = {method: [entry.recovered[joint][method] for entry in self.outcomes] for method in methods}
-            table[joint] = {
-                method: BandwidthCoverage(
-                    spread([entry.hz for entry in entries]),
-                    spread([entry.half_power_hz for entry in entries]),
-                    spread([entry.ci95[1] - entry.ci95[0] for entry in entries]),
-                    sum(entry.covers for entry in entries),
-                    sum(near_1_hz(entry.hz) for entry in entries),
+            table[joint] = {}
+            for method in methods:
+                bandwidths = [outcome.recovered[joint][method] for outcome in self.outcomes]
+                table[joint][method] = BandwidthCoverage(
+                    hz=spread([bandwidth.hz for bandwidth in bandwidths]),
+                    half_power_hz=spread([bandwidth.half_power_hz for bandwidth in bandwidths]),
+                    ci95_width=spread([bandwidth.ci95[1] - bandwidth.ci95[0] for bandwidth in bandwidths]),
+                    covers=sum(bandwidth.covers for bandwidth in bandwidths),
+                    near_1_hz=sum(near_1_hz(bandwidth.hz) for bandwidth in bandwidths),
                 )
-                for method, entries in rows.items()
-            }
         return table
 
 
 def write_tally(tally: Tally, path: Path) -> None:
     """Write a tally as JSON, a line for each seed."""
-    lines = ",\n".join(json.dumps(plain_numbers(unstructure(entry)), allow_nan=False) for entry in tally.outcomes)
+    # One line a seed keeps differences between two versions of the file readable.
+    lines = [json.dumps(plain_numbers(unstructure(outcome)), allow_nan=False) for outcome in tally.outcomes]
+    seeds = ",\n".join(lines)
     failed = json.dumps({str(seed): why for seed, why in tally.failed.items()})
-    write_whole(path, f'{{"failed": {failed},\n"seeds": [\n{lines}\n]}}\n')
+    write_whole(path, f'{{"failed": {failed},\n"seeds": [\n{seeds}\n]}}\n')
 
 
 def read_tally(text: str, *, recorded: bool = False) -> Tally:
     """Read the JSON that `write_tally` wrote, and mark whether it came with the package."""
     record = json.loads(text)
-    outcomes = tuple(structure(SeedOutcome, entry) for entry in record["seeds"])
-    return Tally(outcomes, {int(seed): why for seed, why in record["failed"].items()}, recorded)
+    outcomes = tuple(structure(SeedOutcome, fields) for fields in record["seeds"])
+    failed = {int(seed): why for seed, why in record["failed"].items()}
+    return Tally(outcomes, failed, recorded)
 
 
 def tally(
@@ -255,20 +265,21 @@ def tally(
         ScenarioError: Every seed failed, or the journal cannot be used.
     """
     setting = {"duration": duration, "versions": versions(), "sources": fingerprint()}
-    made_with = sha256(json.dumps(setting, sort_keys=True).encode()).hexdigest()
+    setting_hash = sha256(json.dumps(setting, sort_keys=True).encode()).hexdigest()
     outcomes: list[SeedOutcome] = []
     failed: dict[int, str] = {}
     # Settings are part of the key, not of the journal's fingerprint: one folder serves studies of several lengths.
     with Journal(folder / JOURNAL, {"format": "thesis seeds"}) as journal:
-        for number, seed in enumerate(seeds):
-            key = f"{made_with} {seed}"
+        for finished, seed in enumerate(seeds):
+            key = f"{setting_hash} {seed}"
             if key not in journal:
                 try:
-                    conclusions = _run_seed(seed, duration, threads, partial(progress, seed, number))
+                    conclusions = _run_seed(seed, duration, threads, partial(progress, seed, finished))
                 except (ScenarioError, TwinError, SysidError) as error:
                     failed[seed] = str(error)
                     continue
                 journal.add(key, unstructure(conclusions))
+            # New conclusions are read back too: a resumed run gives the same numbers as one in one go.
             outcomes.append(structure(SeedOutcome, journal.get(key)))
     if not outcomes:
         raise ScenarioError(f"none of {len(seeds)} seeds came to a conclusion: {failed}")
@@ -284,6 +295,7 @@ def _run_seed(
     study = run_study(seed=seed, duration=duration, conditions=arms, thorough=False, threads=threads, steps=steps)
     begin = perf_counter()
     decided = findings(study)
+    # The cost has the findings too: what a user waits for.
     return outcome(replace(study, cost=study.cost.later(perf_counter() - begin)), decided)
 
 

@@ -86,9 +86,12 @@ class Search:
     @property
     def own(self) -> Iteration | None:
         """The iteration with the thesis' poles, zeros and delay; None where the search ended before it."""
-        # An iteration has as many coefficients of C as of A.
-        own = (*self.thesis[:2], self.thesis[-1])
-        return next((one for one in self.iterations if (*one.orders[:2], one.delay) == own), None)
+        # The order of C does not count: an iteration has as many coefficients of C as of A.
+        thesis_orders = (*self.thesis[:2], self.thesis[-1])
+        for iteration in self.iterations:
+            if (*iteration.orders[:2], iteration.delay) == thesis_orders:
+                return iteration
+        return None
 
 
 @dataclass(frozen=True)
@@ -108,60 +111,75 @@ class Searches:
 
 def search_orders(joint: str, data: Mapping[int, IOData], part: Part = NO_REPORT) -> Searches:
     """Search for the orders of a joint on its records by test; `SysidError` without others to judge on or any model."""
-    others = [data[number][: round(MINUTE / data[number].dt)] for number in OTHER_WAVEFORMS if number in data]
-    if not others:
+    held_out = [data[test][: round(MINUTE / data[test].dt)] for test in OTHER_WAVEFORMS if test in data]
+    if not held_out:
         raise SysidError("a search for orders needs other data sets to judge on, got none")
-    table = sysid.selstruc(data[ESTIMATION_TEST], *ARX_GRID, validation=others)
-    armax, oe = (
-        search(entry.method, data[ESTIMATION_TEST], others, entry.orders, share)
-        for entry, share in part.split([one for one in STRUCTURES[joint] if one.method in ("armax", "oe")])
-    )
+    table = sysid.selstruc(data[ESTIMATION_TEST], *ARX_GRID, validation=held_out)
+    structures = [structure for structure in STRUCTURES[joint] if structure.method in ("armax", "oe")]
+    searches = []
+    for structure, share in part.split(structures):
+        searches.append(search(structure.method, data[ESTIMATION_TEST], held_out, structure.orders, share))
+    armax, oe = searches
     return Searches(armax, oe, table)
 
 
 def search(
-    method: str, data: IOData, others: Sequence[IOData], thesis: tuple[int, ...], part: Part = NO_REPORT
+    method: str, data: IOData, held_out: Sequence[IOData], thesis: tuple[int, ...], part: Part = NO_REPORT
 ) -> Search:
     """Try structures of ARMAX or OE until other data sets gain nothing more, and choose one; `SysidError` if none."""
     iterations: list[Iteration] = []
-    best: list[Iteration] = []
+    best_of_steps: list[Iteration] = []
     delays: tuple[int, ...] = DELAYS
     for poles, share in part.split(POLES):
         structures = list(product(range(max(poles - 1 - FEWER_ZEROS, 0), poles), delays))
-        step = [_iteration(method, poles, zeros, delay, data, others) for (zeros, delay), _ in share.split(structures)]
+        step = []
+        for (zeros, delay), _ in share.split(structures):
+            step.append(_iteration(method, poles, zeros, delay, data, held_out))
         iterations += step
-        best.append(max(step, key=lambda entry: (entry.passes, entry.held_out)))
+        best_of_steps.append(max(step, key=lambda iteration: (iteration.passes, iteration.held_out)))
         if poles >= DELAYS_UP_TO:
-            delays = (max(iterations, key=lambda entry: entry.held_out).delay,)
-        if len(best) > 1 and best[-2].passes and best[-1].held_out < best[-2].held_out + IMPROVES:
-            return Search(method, tuple(iterations), best[-2], thesis)
-    if best[-1].passes:
-        return Search(method, tuple(iterations), best[-1], thesis)
-    top = max(entry.held_out for entry in iterations)
-    if not np.isfinite(top):
+            # The delay belongs to the arm, not to the model's size: once found it need not be varied again.
+            delays = (max(iterations, key=lambda iteration: iteration.held_out).delay,)
+        if len(best_of_steps) > 1:
+            before, latest = best_of_steps[-2:]
+            if before.passes and latest.held_out < before.held_out + IMPROVES:
+                return Search(method, tuple(iterations), before, thesis)
+    chosen = best_of_steps[-1] if best_of_steps[-1].passes else _simplest_of_the_best(method, iterations)
+    return Search(method, tuple(iterations), chosen, thesis)
+
+
+def _simplest_of_the_best(method: str, iterations: Sequence[Iteration]) -> Iteration:
+    """The structure with the fewest poles and zeros whose fit to other data sets is within `IMPROVES` of the best."""
+    best_fit = max(iteration.held_out for iteration in iterations)
+    if not np.isfinite(best_fit):
         raise SysidError(f"no {method} structure could be identified: {iterations[0].reason}")
-    near = [entry for entry in iterations if entry.held_out >= top - IMPROVES]
-    return Search(method, tuple(iterations), min(near, key=lambda entry: entry.poles + entry.zeros), thesis)
+    near = [iteration for iteration in iterations if iteration.held_out >= best_fit - IMPROVES]
+    return min(near, key=lambda iteration: iteration.poles + iteration.zeros)
 
 
-def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, others: Sequence[IOData]) -> Iteration:
+def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, held_out: Sequence[IOData]) -> Iteration:
+    """Identify one structure, test its residuals and compare it with the other data sets."""
     orders = (poles, zeros + 1, poles, delay) if method == "armax" else (zeros + 1, poles, delay)
-    entry = Iteration(orders, poles, zeros, delay)
+    iteration = Iteration(orders, poles, zeros, delay)
     try:
         model = estimate(data, method, orders)
         test = sysid.resid(model, data)
     except SysidError as error:
-        return replace(entry, reason=str(error))
+        return replace(iteration, reason=str(error))
     radius = float(np.abs(model.poles()).max())
+    stable = radius < 1.0
     white, independent = bool(test.white[0]), bool(test.independent[0, 0])
+    # The simulation of an unstable model diverges: its fit says nothing.
+    fit = simulation_fit(model, held_out) if stable else -np.inf
     return replace(
-        entry,
+        iteration,
         radius=radius,
         whiteness_p=float(test.whiteness_p[0]),
         independence_p=float(test.independence_p[0, 0]),
         outside=int(test.outside_whiteness[0]),
-        held_out=simulation_fit(model, others) if radius < 1.0 else -np.inf,
-        passes=radius < 1.0 and independent and (white or method == "oe"),
+        held_out=fit,
+        # An output-error model has no model of the disturbance to whiten it with.
+        passes=stable and independent and (white or method == "oe"),
     )
 
 
@@ -219,17 +237,22 @@ def more_poles(data: IOData, nk: int) -> tuple[MorePoles, ...]:
 
 
 def _repeated_least_squares(data: IOData, nb: int, nf: int, nk: int) -> tuple[float, int, bool]:
-    """Largest modulus of a pole, rounds and whether they settled; F filters the next round as it comes."""
+    """Largest modulus of a pole, rounds and whether they settled.
+
+    Each round fits F y/F' = B u/F' by least squares, with F' the F of the round before, not projected onto stable
+    polynomials [SteiglitzMcBride1965].
+    """
     f = np.ones(1)
     radius = 0.0
-    for number in range(1, ROUNDS + 1):
+    for iteration in range(1, ROUNDS + 1):
         u, y = (lfilter([1.0], f, channel[:, 0]) for channel in (data.u, data.y))
         polynomials = sysid.arx(IOData(u, y, data.dt), nf, nb, nk).polynomials
         assert polynomials is not None  # noqa: S101 - ARX has them
         before, f = f, polynomials.A
         radius = float(np.abs(np.roots(f)).max())
+        # An unstable F cannot filter the next round: its outputs grow without bound.
         if radius >= 1.0:
-            return radius, number, False
+            return radius, iteration, False
         if len(before) == len(f) and np.abs(f - before).max() <= SETTLED * np.abs(f).max():
-            return radius, number, True
+            return radius, iteration, True
     return radius, ROUNDS, False

@@ -130,36 +130,43 @@ class Robustness:
         self, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]
     ) -> dict[float, tuple[RobustnessOutcome, ...]]:
         """Draws by degree, of one disturbance, joint, method and treatment."""
-        asked = (disturbance, joint, method, treatment)
+        selection = (disturbance, joint, method, treatment)
         draws: dict[float, tuple[RobustnessOutcome, ...]] = {}
-        for entry in self.outcomes:
-            if (entry.disturbance, entry.joint, entry.method, entry.treatment) == asked:
-                draws[entry.degree] = (*draws.get(entry.degree, ()), entry)
+        for outcome in self.outcomes:
+            if (outcome.disturbance, outcome.joint, outcome.method, outcome.treatment) == selection:
+                draws[outcome.degree] = (*draws.get(outcome.degree, ()), outcome)
         return draws
 
     def curve(
         self, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]
     ) -> dict[float, tuple[Range, Range]]:
-        """By degree the errors of the bandwidths that there are, and the fits in simulation, percent; see `of`."""
-        draws = self.of(disturbance, joint, method, treatment)
-        return {
-            degree: (_spread(entry.error for entry in entries), _spread(entry.fit for entry in entries))
-            for degree, entries in draws.items()
-        }
+        """By degree the ranges over draws of the bandwidth's error and of the fit in simulation, percent; see `of`."""
+        ranges = {}
+        for degree, draws in self.of(disturbance, joint, method, treatment).items():
+            errors, fits = [draw.error for draw in draws], [draw.fit for draw in draws]
+            ranges[degree] = (_range_of(errors), _range_of(fits))
+        return ranges
 
 
-def _spread(values: Iterable[float]) -> Range:
-    known = [value for value in values if not np.isnan(value)]
-    return (median(known), min(known), max(known)) if known else (float("nan"),) * 3
+def _range_of(values: Iterable[float]) -> Range:
+    not_nan = [value for value in values if not np.isnan(value)]
+    if not not_nan:
+        return (float("nan"),) * 3
+    return median(not_nan), min(not_nan), max(not_nan)
 
 
 def comparable(entries: tuple[RobustnessOutcome, ...], reference: RobustnessOutcome) -> bool:
     """Whether the median draw stays comparable; a failed estimate is not comparable."""
     percent, points = COMPARABLE
-    if any(np.isnan(entry.fit) for entry in entries):
+    if any(np.isnan(draw.fit) for draw in entries):
         return False
-    shifts = [np.nan_to_num(abs(100 * (one.bandwidth_hz / reference.bandwidth_hz - 1)), nan=np.inf) for one in entries]
-    return bool(median(shifts) <= percent and median(reference.fit - entry.fit for entry in entries) <= points)
+    shifts = []
+    for draw in entries:
+        shift = abs(100 * (draw.bandwidth_hz / reference.bandwidth_hz - 1))
+        # A model without a bandwidth is as far off as can be; NaN would make the median depend on the order of draws.
+        shifts.append(np.nan_to_num(shift, nan=np.inf))
+    losses = [reference.fit - draw.fit for draw in entries]
+    return bool(median(shifts) <= percent and median(losses) <= points)
 
 
 def tolerance(robustness: Robustness, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]) -> str:
@@ -169,26 +176,29 @@ def tolerance(robustness: Robustness, disturbance: str, joint: str, method: str,
     """
     kind = DISTURBANCES[disturbance]
     draws = robustness.of(disturbance, joint, method, treatment)
-    levels = sorted((d for d in draws if d or kind.decibel), reverse=kind.falling)
+    # Degree 0 is the undisturbed record, except in decibels, where 0 is a ratio of one.
+    levels = sorted((degree for degree in draws if degree or kind.decibel), reverse=kind.falling)
     if not levels:
         return "–"
-    reference = robustness.of("bias", joint, method)[0.0][0]  # not disturbed
-    tolerated = list(takewhile(lambda degree: comparable(draws[degree], reference), levels))
+    undisturbed = robustness.of("bias", joint, method)[0.0][0]
+    tolerated = list(takewhile(lambda degree: comparable(draws[degree], undisturbed), levels))
     if not tolerated:
         return "none"
-    largest = f"{'down' if kind.falling else 'up'} to {tolerated[-1]:g}"
+    direction = "down" if kind.falling else "up"
+    largest = f"{direction} to {tolerated[-1]:g}"
     return f"all, {largest}" if tolerated == levels else largest
 
 
 def sysid_method(joint: str) -> str:
     """The prediction-error method that the thesis chose for a joint."""
-    return next(entry.method for entry in STRUCTURES[joint] if entry.chosen and entry.method != "okid")
+    return next(structure.method for structure in STRUCTURES[joint] if structure.chosen and structure.method != "okid")
 
 
 def other_structures(joint: str) -> tuple[Structure, ...]:
     """Return the structures that the thesis tried and did not choose: the other prediction-error structure, and ARX."""
+    tried = ("armax", "oe", "arx")
     return tuple(
-        entry for entry in every_structure(joint) if entry.method in ("armax", "oe", "arx") and not entry.chosen
+        structure for structure in every_structure(joint) if structure.method in tried and not structure.chosen
     )
 
 
@@ -201,19 +211,20 @@ def robustness(campaign: Campaign, *, thorough: bool = True, part: Part = NO_REP
     outcomes: list[RobustnessOutcome] = []
     orders: list[OrderNeeded] = []
     judged_by: dict[str, tuple[int, ...]] = {}
+    disturbances = tuple(DISTURBANCES.values()) if thorough else ()
     for joint, of_joint in part.split(STUDIED_JOINTS):
         data = campaign.singles(joint)
-        numbers = tuple(number for number in JUDGES if number in data)
-        if not numbers or ESTIMATION_TEST not in data:
+        tests = tuple(test for test in JUDGES if test in data)
+        if not tests or ESTIMATION_TEST not in data:
             continue
-        judged_by[joint] = numbers
-        judges = tuple(data[number][:JUDGED] for number in numbers)
+        judged_by[joint] = tests
+        judges = tuple(data[test][:JUDGED] for test in tests)
         truth = best_linear_of(campaign.condition, joint)
         trial = _Trial(data[ESTIMATION_TEST], judges, truth, campaign.seed or 0)
         with warnings.catch_warnings():
             # Warnings are what this experiment provokes; failures are counted.
             warnings.simplefilter("ignore", SysidWarning)
-            for disturbance, share in of_joint.split(tuple(DISTURBANCES.values()) if thorough else ()):
+            for disturbance, share in of_joint.split(disturbances):
                 outcomes += trial.outcomes(disturbance, share)
             orders += trial.orders(settled(campaign.log(data[ESTIMATION_TEST].name), joint))
     return Robustness(tuple(outcomes), tuple(orders), judged_by)
@@ -228,49 +239,61 @@ class _Trial:
     truth: BestLinearOfTest
     seed: int
 
-    def outcomes(self, disturbance: Disturbance, part: Part) -> list[RobustnessOutcome]:
+    def outcomes(self, disturbance: Disturbance, progress: Part) -> list[RobustnessOutcome]:
+        """Models from the record under one disturbance, of every treatment, degree and draw."""
         outcomes = []
         clean = self.data if disturbance.whole else self.data[:PART].detrend()
-        chosen = tuple(entry for entry in STRUCTURES[self.truth.joint] if entry.chosen)
-        for (treatment, degree), _ in part.split(list(product(disturbance.treatments, disturbance.degrees))):
+        chosen = tuple(structure for structure in STRUCTURES[self.truth.joint] if structure.chosen)
+        for (treatment, degree), _ in progress.split(list(product(disturbance.treatments, disturbance.degrees))):
             for draw in range(self._draws(disturbance, degree)):
-                spoilt = disturbance.spoil(clean, degree, self._chance(disturbance, degree, draw))
+                spoilt = disturbance.spoil(clean, degree, self._generator(disturbance, degree, draw))
                 record = TREATMENTS[treatment](spoilt)
-                # The others stand beside the chosen ones, untreated and of the first draw.
-                also = disturbance.other_structures and not draw and treatment == AS_IT_IS[0]
+                structures = chosen
+                # Structures that the thesis did not choose stand beside the chosen ones, untreated and of the first
+                # draw.
+                if disturbance.other_structures and draw == 0 and treatment == AS_IT_IS[0]:
+                    structures += other_structures(self.truth.joint)
                 outcomes += [
-                    self._outcome(structure, record, disturbance.key, treatment, degree)
-                    for structure in (*chosen, *(other_structures(self.truth.joint) if also else ()))
+                    self._outcome(structure, record, disturbance.key, treatment, degree) for structure in structures
                 ]
         return outcomes
 
     def _draws(self, disturbance: Disturbance, degree: float) -> int:
-        """No draw of parts longer than the record, and one of the record as a whole."""
+        """Number of draws of a degree: none of parts longer than the record, and one of the record as a whole."""
         if disturbance.key != "length":
             return disturbance.draws
-        length, whole = round(degree / self.data.dt), len(self.data)
-        return disturbance.draws if length < whole else int(length == whole)
+        samples = round(degree / self.data.dt)
+        if samples > len(self.data):
+            return 0
+        return 1 if samples == len(self.data) else disturbance.draws
 
-    def _chance(self, disturbance: Disturbance, degree: float, draw: int) -> np.random.Generator:
-        """Seed of a draw: the same for every structure and treatment."""
+    def _generator(self, disturbance: Disturbance, degree: float, draw: int) -> np.random.Generator:
+        """Random numbers of a draw, the same for every structure and treatment."""
         # Held and marked drop-outs lose the same samples.
-        kind = list(DISTURBANCES).index(disturbance.key.replace("marked", "held"))
-        joint = STUDIED_JOINTS.index(self.truth.joint)
-        step = disturbance.degrees.index(degree)
-        return np.random.default_rng(np.random.SeedSequence((SEED, self.seed, joint, kind, step, draw)))
+        disturbance_index = list(DISTURBANCES).index(disturbance.key.replace("marked", "held"))
+        joint_index = STUDIED_JOINTS.index(self.truth.joint)
+        degree_index = disturbance.degrees.index(degree)
+        # A seed of its own for every cell: further draws of one disturbance leave the others as they were.
+        entropy = (SEED, self.seed, joint_index, disturbance_index, degree_index, draw)
+        return np.random.default_rng(np.random.SeedSequence(entropy))
 
     def _outcome(
         self, structure: Structure, disturbed: IOData, key: str, treatment: str, degree: float
     ) -> RobustnessOutcome:
-        place = (self.truth.joint, structure.method, structure.chosen, key, treatment, degree)
+        keys = (self.truth.joint, structure.method, structure.chosen, key, treatment, degree)
         try:
             model = estimate(disturbed, structure.estimator, structure.orders)
         except SysidError:
-            return RobustnessOutcome(*place, np.nan, np.nan, False, np.nan)
-        band = model.bandwidth().path() if model.model.is_stable() else (np.nan,) * 3
-        agrees = intervals_agree(band, (self.truth.hz, *self.truth.ci95))
-        error = 100 * (band[0] / self.truth.hz - 1)
-        return RobustnessOutcome(*place, band[0], error, agrees, simulation_fit(model, self.judges))
+            return RobustnessOutcome(*keys, bandwidth_hz=np.nan, error=np.nan, covers=False, fit=np.nan)
+        # Value and ends of its interval.
+        bandwidth = model.bandwidth().path() if model.model.is_stable() else (np.nan,) * 3
+        return RobustnessOutcome(
+            *keys,
+            bandwidth_hz=bandwidth[0],
+            error=100 * (bandwidth[0] / self.truth.hz - 1),
+            covers=intervals_agree(bandwidth, (self.truth.hz, *self.truth.ci95)),
+            fit=simulation_fit(model, self.judges),
+        )
 
     def orders(self, with_means: IOData) -> list[OrderNeeded]:
         """Order that suffices on the detrended record and on three that are disturbed, for both methods."""
@@ -279,17 +302,22 @@ class _Trial:
         records = {DETRENDED: part, WITH_MEANS: with_means[:SHORT_PART]}
         for name, key in ((CONSTANT, "bias"), (OUTLIERS, "outliers")):
             records[name] = DISTURBANCES[key].spoil(part, limits[key], np.random.default_rng(0))
-        return [
-            OrderNeeded(joint, method, name, {n: self._fit(record, estimator, n) for n in tried})
-            for method, (estimator, tried) in ORDERS.items()
-            for name, record in records.items()
-        ]
+        results = []
+        for method, (estimator, orders) in ORDERS.items():
+            for name, record in records.items():
+                fits = {order: self._fit(record, estimator, order) for order in orders}
+                results.append(OrderNeeded(joint, method, name, fits))
+        return results
 
-    def _fit(self, record: IOData, estimator: str, n: int) -> float:
+    def _fit(self, record: IOData, estimator: str, states: int) -> float:
+        """Median fit of a model of so many states, percent; minus infinity where there is no stable one."""
+        if estimator == "okid":
+            # p = 5 observer Markov parameters, as in the thesis [Morris1996, sec. V.2A].
+            orders: tuple[int, ...] = (states, 5)
+        else:
+            orders = (states, states, SUFFICIENT[self.truth.joint][2])
         try:
-            model = estimate(
-                record, estimator, (n, 5) if estimator == "okid" else (n, n, SUFFICIENT[self.truth.joint][2])
-            )
+            model = estimate(record, estimator, orders)
         except SysidError:
             return float("-inf")
         return simulation_fit(model, self.judges) if model.model.is_stable() else float("-inf")

@@ -28,10 +28,10 @@ def tied(difference: float) -> bool:
 
 def without_noise_model(model: ThreeJointModel) -> str:
     """Name the joints of a model that cannot predict."""
-    mute = [joint.replace("_", " ") for joint in model.blocks if not model.predicts(joint)]
-    if not mute:
+    without = [joint.replace("_", " ") for joint in model.blocks if not model.predicts(joint)]
+    if not without:
         return f"every joint of the {model.name} has a noise model"
-    return f"the {model.name} has K = 0 on {' and '.join(mute)}, where one step ahead is simulation again"
+    return f"the {model.name} has K = 0 on {' and '.join(without)}, where one step ahead is simulation again"
 
 
 def outside_share(test: ResidualTest) -> dict[str, float]:
@@ -43,6 +43,7 @@ def outside_share(test: ResidualTest) -> dict[str, float]:
 def dependence(test: ResidualTest) -> tuple[float, float]:
     """Share of lags 1 to 14, and from 15 on, at which yaw's residual and its input correlate beyond the bounds."""
     outside = np.abs(test.cross_correlation[:, 0, 0]) > test.independence_bound[0, 0]
+    # The thesis finds the correlation "at lags below 15" [Morris1996, sec. VI.4].
     early, late = (test.cross_lags >= 1) & (test.cross_lags < 15), test.cross_lags >= 15
     return float(outside[early].mean()), float(outside[late].mean())
 
@@ -54,8 +55,9 @@ def beyond_yaw(u: np.ndarray, inputs: list[int]) -> tuple[np.ndarray, float]:
     """
     lagged = np.lib.stride_tricks.sliding_window_view(u[:, 0], 2 * LAGS + 1)
     middle = u[LAGS : len(u) - LAGS, inputs]
-    rest = middle - lagged @ np.linalg.lstsq(lagged, middle, rcond=None)[0]
-    return rest, float((rest.var(axis=0) / middle.var(axis=0)).min())
+    # The best filter by least squares: shared waveforms differ between the axes by dynamics and noise only.
+    remainder = middle - lagged @ np.linalg.lstsq(lagged, middle, rcond=None)[0]
+    return remainder, float((remainder.var(axis=0) / middle.var(axis=0)).min())
 
 
 def largest_correlation(errors: np.ndarray, u: np.ndarray, dt: float) -> tuple[float, float]:
@@ -64,8 +66,9 @@ def largest_correlation(errors: np.ndarray, u: np.ndarray, dt: float) -> tuple[f
     The inputs are those of the middle of the N samples, dt seconds apart.
     """
     cut, inputs = (len(errors) - len(u)) // 2, u.shape[1]
-    none = StateSpace(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((1, 0)), np.zeros((1, inputs)), None, dt)
-    test = sysid.resid(none, IOData(u, errors[cut : cut + len(u), None], dt), lags=LAGS, level=LEVEL)
+    # A model that predicts zero: the "output" is itself the residual that is tested against these inputs.
+    zero = StateSpace(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((1, 0)), np.zeros((1, inputs)), None, dt)
+    test = sysid.resid(zero, IOData(u, errors[cut : cut + len(u), None], dt), lags=LAGS, level=LEVEL)
     peaks = np.abs(test.cross_correlation[test.cross_lags >= 0, 0]).max(axis=0)
     largest = int(np.argmax(peaks / test.independence_bound[0]))
     return float(peaks[largest]), float(test.independence_bound[0, largest])
