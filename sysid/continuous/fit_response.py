@@ -1,28 +1,46 @@
 """Transfer functions from frequency responses, by maximum likelihood."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from sysid.continuous.fit_response_ss import states_by_vector_fitting
 from sysid.continuous.rational_grid import Fraction, Fractions
-from sysid.continuous.response_estimate import likelihood_of, response_estimate
-from sysid.continuous.response_likelihood import Likelihood, greatest
+from sysid.continuous.response_estimate import FittedParameters, likelihood_of, response_estimate
+from sysid.continuous.response_likelihood import Likelihood, Maximum, greatest
 from sysid.continuous.structures import PerPath, RationalPath, RealisePaths, per_path
 from sysid.models.continuous import Resampled
+from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import FrequencyResponse
-from sysid.models.state_space import StateSpace
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import Realise
 from sysid.records.arguments import real_number, shown, truth_value, whole_number
-from sysid.records.arrays import FloatArray
+from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.errors import SysidError
 
 REFITS = 5  # steps of linear least squares
-KNOWN = 5.0  # standard deviations that a response differs from zero where its phase is used
-LONGEST = 1000  # delay in samples, each of them a state of the model
-SCREENED, DELAYS = 60, 4  # delays tried, and those that are searched from
+CLEAR_PHASE = 5.0  # standard deviations that a response differs from zero where its phase is used
+LONGEST_DELAY = 1000  # in samples, each of them a state of the model
+SCREENED_DELAYS = 60  # delays tried in continuous time, evenly spread
+SCREENED_SAMPLES = 240  # delays tried in discrete time at most, one for each whole number of samples
+SEARCHED_DELAYS = 4  # the most likely of the tried delays, from which the search starts
+
+
+@dataclass(frozen=True)
+class PathOrders:
+    """Orders of the transfer function of one path.
+
+    Attributes:
+        nb: Number of coefficients of the numerator.
+        nf: Degree of the denominator.
+        delay: In s, or in samples of a model in discrete time; None if it is estimated.
+    """
+
+    nb: int
+    nf: int
+    delay: float | None
 
 
 def fit_response(
@@ -71,7 +89,8 @@ def fit_response(
         SysidWarning: No convergence, poorly determined parameters, a sum of squares far above the expected one.
     """
     data, continuous, summary = likelihood_of(response, continuous, known_variance)
-    stable, max_iterations = truth_value("stable", stable), whole_number("max_iterations", max_iterations, 1)
+    stable = truth_value("stable", stable)
+    max_iterations = whole_number("max_iterations", max_iterations, 1)
     _, ny, nu = data.response.response.shape
     if ny > 1 and not continuous:
         raise SysidError(
@@ -79,128 +98,198 @@ def fit_response(
         )
     if not continuous and not (np.isscalar(delay) and delay == 0.0):
         raise SysidError(f"delay is of continuous time: expected nk, in samples, in discrete time, got {shown(delay)}")
-    paths = _orders(nb, nf, delay if continuous else nk, ny, nu, continuous)
-    unknown = sum(b + f + (continuous and late is None) for b, f, late in paths)
+    paths = _orders_of_paths(nb, nf, delay if continuous else nk, ny, nu, continuous)
+    unknown = sum(path.nb + path.nf for path in paths)
+    if continuous:
+        # a delay in samples is chosen among whole numbers: it takes no derivative, and no value of the response
+        unknown += sum(path.delay is None for path in paths)
     if data.rows <= unknown:
         raise SysidError(
             f"{unknown} parameters from {data.rows:.4g} independent values of the response: lower the orders"
         )
-    best = greatest(data, _starts(data, paths, stable, continuous), max_iterations)
-    theta, change = best.model.parameters(data.scale)
-    sequence, polynomials, continuous_model = np.arange(len(theta)), None, None
-    realise: Callable[[FloatArray], StateSpace]
-    if continuous:
-        structures = [RationalPath(f, b - 1, late) for b, f, late in paths]
-        rows = tuple(tuple(structures[i * nu : (i + 1) * nu]) for i in range(ny))
-        continuous_model = RealisePaths(rows, summary, "zoh", None)
-        names, realise = continuous_model.names, Resampled(continuous_model)
-        counts = {"nb": [b for b, _, _ in paths], "nf": [f for _, f, _ in paths]}
-        reported = {name: np.squeeze(np.reshape(values, (ny, nu))).tolist() for name, values in counts.items()}
-    else:
-        delays = tuple(int(path.delay) for path in best.model.paths)
-        orders = Orders(0, tuple(b for b, _, _ in paths), 0, 0, tuple(f for _, f, _ in paths), delays)
-        # polynomial models have all B before all F
-        parts = np.split(sequence, np.cumsum([count for b, f, _ in paths for count in (b, f)])[:-1])
-        sequence = np.concatenate(parts[::2] + parts[1::2])
-        names, reported, realise = orders.names, orders.select("nb", "nf", "nk"), Realise(orders, summary, None)
-        polynomials = orders.polynomials(theta[sequence])
-    return response_estimate(
-        "fit_response",
-        data,
-        summary,
-        best,
-        reported,
-        theta=theta[sequence],
-        directions=(change @ best.directions)[sequence],
-        names=names,
-        realise=realise,
-        realise_continuous=continuous_model,
-        polynomials=polynomials,
-    )
+    starts = _initial_models(data, paths, stable, continuous)
+    best = greatest(data, starts, max_iterations)
+    parameters_of = _continuous_parameters if continuous else _discrete_parameters
+    return response_estimate("fit_response", data, summary, best, parameters_of(data, summary, paths, best))
 
 
-Path = tuple[int, int, float | None]
-
-
-def _orders(nb: object, nf: object, delay: object, ny: int, nu: int, continuous: bool) -> list[Path]:
-    """Coefficients of the numerator, degree of the denominator and delay, None if unknown, of every path."""
-    name = "delay" if continuous else "nk"
-    tables = [per_path(key, value, ny, nu) for key, value in (("nb", nb), ("nf", nf), (name, delay))]
-    paths: list[Path] = []
-    for b, f, late in zip(*([one for row in table for one in row] for table in tables), strict=True):
-        n = whole_number("nf", f, 0)
-        m = whole_number("nb", b, 1, n + 1 if continuous else None)
-        if late is not None and continuous:
-            late = real_number("delay", late, "be a time >= 0 in s, or None", lambda d: 0.0 <= d < np.inf)
-        paths.append((m, n, late if late is None or continuous else whole_number("nk", late, 0, LONGEST)))
+def _orders_of_paths(nb: object, nf: object, delay: object, ny: int, nu: int, continuous: bool) -> list[PathOrders]:
+    """Orders of every path, output by output, from those that the caller gives for all paths, inputs or channels."""
+    counts = per_path("nb", nb, ny, nu)
+    degrees = per_path("nf", nf, ny, nu)
+    delays = per_path("delay" if continuous else "nk", delay, ny, nu)
+    paths = []
+    for i, j in np.ndindex(ny, nu):
+        degree = whole_number("nf", degrees[i][j], 0)
+        # in continuous time a numerator of higher degree than the denominator has no state-space model
+        most_coefficients = degree + 1 if continuous else None
+        count = whole_number("nb", counts[i][j], 1, most_coefficients)
+        paths.append(PathOrders(count, degree, _checked_delay(delays[i][j], continuous)))
     return paths
 
 
-def _starts(data: Likelihood, paths: list[Path], stable: bool, continuous: bool) -> list[Fractions]:
-    """Vector fits and fits by linear least squares, at the most likely of several delays where one is unknown."""
+def _checked_delay(delay: object, continuous: bool) -> float | None:
+    """Delay in s, or in samples of a model in discrete time; None is kept."""
+    if delay is None:
+        return None
+    if continuous:
+        return real_number("delay", delay, "be a time >= 0 in s, or None", lambda d: 0.0 <= d < np.inf)
+    return whole_number("nk", delay, 0, LONGEST_DELAY)
+
+
+def _continuous_parameters(
+    data: Likelihood, summary: DataSummary, paths: list[PathOrders], best: Maximum[Fractions]
+) -> FittedParameters:
+    """Coefficients of powers of s and delays, path by path, with their model."""
+    theta, change = best.model.parameters(data.scale)
     _, ny, nu = data.response.response.shape
-    free = [late is None for _, _, late in paths]
-    longest = [_longest_delay(data, k // nu, k % nu) if one else 0.0 for k, one in enumerate(free)]
-    tried = [np.zeros(len(paths))]
-    if any(free) and continuous:
-        tried = [share * np.array(longest) for share in np.linspace(0.0, 1.0, SCREENED)]
-    elif any(free):
-        tried = [np.full(len(paths), k) for k in range(min(round(max(longest) / data.response.dt) + 2, 4 * SCREENED))]
+    structures = [RationalPath(path.nf, path.nb - 1, path.delay) for path in paths]
+    rows = tuple(tuple(structures[i * nu : (i + 1) * nu]) for i in range(ny))
+    # a response tells nothing of the noise at the samples: no innovation covariance
+    realise = RealisePaths(rows, summary, "zoh", None)
+    counts = np.reshape([path.nb for path in paths], (ny, nu))
+    degrees = np.reshape([path.nf for path in paths], (ny, nu))
+    return FittedParameters(
+        values=theta,
+        directions=change @ best.directions,
+        names=realise.names,
+        # a single path or output as a number or a list, as the caller would write it
+        orders={"nb": np.squeeze(counts).tolist(), "nf": np.squeeze(degrees).tolist()},
+        realise=Resampled(realise),
+        realise_continuous=realise,
+    )
 
-    ones, unit = np.ones(len(data.x), dtype=complex), data.scale if continuous else 1.0
 
-    def fits(late: FloatArray, *, screening: bool) -> list[Fractions]:
-        parts = []
-        for k, (b, f, fixed) in enumerate(paths):
-            channel = divmod(k, nu)
-            delay = unit * (float(late[k]) if fixed is None else fixed)
-            path = Fraction(ones, ones, b, f, data.weights()[:, *channel], delay, fixed is None and continuous)
-            parts.append(_path_fits(data, channel, path, stable, continuous, screening=screening))
-        return [Fractions(data.x, one, (ny, nu), stable, not continuous) for one in zip(*parts, strict=False)]
+def _discrete_parameters(
+    data: Likelihood, summary: DataSummary, paths: list[PathOrders], best: Maximum[Fractions]
+) -> FittedParameters:
+    """Coefficients of B and F of the inputs, with their model."""
+    theta, change = best.model.parameters(data.scale)
+    nb, nf = tuple(path.nb for path in paths), tuple(path.nf for path in paths)
+    delays = tuple(int(path.delay) for path in best.model.paths)
+    orders = Orders(0, nb, 0, 0, nf, delays)
+    # the search has B and F path by path, polynomial models have all B before all F
+    ends = np.cumsum(np.column_stack((nb, nf)).ravel())
+    blocks = np.split(np.arange(len(theta)), ends[:-1])
+    sequence = np.concatenate(blocks[::2] + blocks[1::2])
+    return FittedParameters(
+        values=theta[sequence],
+        directions=(change @ best.directions)[sequence],
+        names=orders.names,
+        orders=orders.select("nb", "nf", "nk"),
+        realise=Realise(orders, summary, None),
+        polynomials=orders.polynomials(theta[sequence]),
+    )
 
-    if len(tried) == 1:
-        return fits(tried[0], screening=False)
-    best = np.argsort([data.cost(fits(late, screening=True)[0]) for late in tried])[:DELAYS]
-    return [fits(tried[k], screening=False)[0] for k in best]
+
+def _initial_models(data: Likelihood, paths: list[PathOrders], stable: bool, continuous: bool) -> list[Fractions]:
+    """Models that the search starts from, at the most likely of several delays where one is unknown."""
+    candidates = _candidate_delays(data, paths, continuous)
+    if len(candidates) == 1:
+        return _models_at(data, paths, candidates[0], stable, continuous, screening=False)
+    costs = []
+    for delays in candidates:
+        screened = _models_at(data, paths, delays, stable, continuous, screening=True)
+        costs.append(data.cost(screened[0]))
+    best = np.argsort(costs)[:SEARCHED_DELAYS]
+    return [_models_at(data, paths, candidates[k], stable, continuous, screening=False)[0] for k in best]
+
+
+def _candidate_delays(data: Likelihood, paths: list[PathOrders], continuous: bool) -> list[FloatArray]:
+    """Sets of delays to try, one value per path: in s, or in samples of a model in discrete time."""
+    _, _, nu = data.response.response.shape
+    longest = np.zeros(len(paths))
+    for k, path in enumerate(paths):
+        if path.delay is None:
+            longest[k] = _longest_delay(data, *divmod(k, nu))
+    if all(path.delay is not None for path in paths):
+        return [longest]
+    if continuous:
+        return [share * longest for share in np.linspace(0.0, 1.0, SCREENED_DELAYS)]
+    # all unknown delays together: a grid over several would take a power of the time
+    count = min(round(float(longest.max()) / data.response.dt) + 2, SCREENED_SAMPLES)
+    return [np.full(len(paths), float(samples)) for samples in range(count)]
 
 
 def _longest_delay(data: Likelihood, i: int, j: int) -> float:
-    """Delay longer than the phase shows, s: half as much again as its slope where it is known."""
+    """Limit above the delay of a path, s: half as much again as the steeper of two slopes of its phase."""
     f, g = data.response.frequencies, data.response.response[:, i, j]
-    known = np.abs(g) * data.weights()[:, i, j] > KNOWN
-    f, g = (f[known], g[known]) if data.known and known.sum() > 2 else (f, g)
-    turned = -np.angle(g[1:] * g[:-1].conj()) / (2 * np.pi)
-    return 1.5 * max(float(np.median(turned / np.diff(f))), float(turned.sum() / np.ptp(f)), 0.0)
+    clear = np.abs(g) * data.weights()[:, i, j] > CLEAR_PHASE
+    if data.known and clear.sum() > 2:
+        f, g = f[clear], g[clear]
+    turns = -np.angle(g[1:] * g[:-1].conj()) / (2 * np.pi)
+    median_slope, mean_slope = float(np.median(turns / np.diff(f))), float(turns.sum() / np.ptp(f))
+    return 1.5 * max(median_slope, mean_slope, 0.0)
+
+
+def _models_at(
+    data: Likelihood, paths: list[PathOrders], delays: FloatArray, stable: bool, continuous: bool, *, screening: bool
+) -> list[Fractions]:
+    """Models at some delays, each path fitted by itself: of the best fits of all paths, of the second best, and so on.
+
+    `delays` holds where the orders leave a delay unknown.
+    """
+    _, ny, nu = data.response.response.shape
+    ones = np.ones(len(data.x), dtype=complex)
+    unit = data.scale if continuous else 1.0  # x is s / scale
+    fits = []
+    for k, orders in enumerate(paths):
+        channel = divmod(k, nu)
+        delay = float(delays[k]) if orders.delay is None else orders.delay
+        searched = orders.delay is None and continuous
+        weights = data.weights()[:, *channel]
+        path = Fraction(ones, ones, orders.nb, orders.nf, weights, unit * delay, searched)
+        fits.append(_path_fits(data, channel, path, stable, continuous, screening=screening))
+    # paths without poles have one fit alone: as many models as the path with the fewest has fits
+    combinations = zip(*fits, strict=False)
+    return [Fractions(data.x, combination, (ny, nu), stable, not continuous) for combination in combinations]
 
 
 def _path_fits(
     data: Likelihood, channel: tuple[int, int], path: Fraction, stable: bool, continuous: bool, *, screening: bool
 ) -> list[Fraction]:
     """Fits of one path at its delay, best first: linear least squares from the fastest poles and from vector fits."""
-    x, w, n = data.x, path.weights, path.nf
+    x = data.x
     g = data.response.response[:, *channel] / path.factor(x, not continuous)
-    if not n:
+    if not path.nf:
         return [path.with_numerator(x, g)]
-    poles = [np.full(n, -1.0 if continuous else 0.0, dtype=complex)]
+    # the highest frequency in continuous time, immediate in discrete time
+    fastest_pole = -1.0 if continuous else 0.0
+    poles = [np.full(path.nf, fastest_pole, dtype=complex)]
     if not screening:
-        # B/F without its delay is proper in z
-        proper = g if continuous else g * x ** (n - path.nb + 1.0)
-        states = states_by_vector_fitting(
-            x,
-            data.response.frequencies,
-            proper[:, None, None],
-            w[:, None, None],
-            (n, n + 2, 2 * n),
-            path.nb > n or not continuous,
-            stable,
-            0.0 if continuous else data.response.dt,
-        )
-        poles += [np.linalg.eigvals(one.matrices.A).astype(complex) for one in states]
-    out = []
+        poles += _poles_by_vector_fitting(data, g, path, stable, continuous)
+    fits: list[tuple[float, Fraction]] = []
     for start in poles:
-        chain = [path.with_poles(x, start).with_numerator(x, g)]
+        iterates = [path.with_poles(x, start).with_numerator(x, g)]
         for _ in range(REFITS):
-            chain.append(chain[-1].refitted(x, g, stable, not continuous))
-        costs = [float(np.sum(np.abs(w * (g - one.numerator / one.denominator)) ** 2)) for one in chain]
-        out.append((min(costs), chain[int(np.argmin(costs))]))
-    return [fit for _, fit in sorted(out, key=lambda one: one[0])]
+            iterates.append(iterates[-1].refitted(x, g, stable, not continuous))
+        # the iteration minimises no criterion, so the last step need not be the best
+        costs = [_sum_of_squares(fit, g) for fit in iterates]
+        best = int(np.argmin(costs))
+        fits.append((costs[best], iterates[best]))
+    return [fit for _, fit in sorted(fits, key=lambda cost_and_fit: cost_and_fit[0])]
+
+
+def _poles_by_vector_fitting(
+    data: Likelihood, g: ComplexArray, path: Fraction, stable: bool, continuous: bool
+) -> list[ComplexArray]:
+    """Sets of poles of vector fits to the response of one path without its delay."""
+    n = path.nf
+    # B/F without its delay is proper in z
+    proper = g if continuous else g * data.x ** (n - path.nb + 1.0)
+    states = states_by_vector_fitting(
+        data.x,
+        data.response.frequencies,
+        proper[:, None, None],
+        path.weights[:, None, None],
+        (n, n + 2, 2 * n),
+        path.nb > n or not continuous,
+        stable,
+        0.0 if continuous else data.response.dt,
+    )
+    return [np.linalg.eigvals(state.matrices.A).astype(complex) for state in states]
+
+
+def _sum_of_squares(fit: Fraction, g: ComplexArray) -> float:
+    """Weighted squared errors of a path, delay left out."""
+    return float(np.sum(np.abs(fit.weights * (g - fit.numerator / fit.denominator)) ** 2))

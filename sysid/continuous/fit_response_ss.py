@@ -7,11 +7,12 @@ from typing import Self
 import numpy as np
 
 from sysid.continuous.rational_grid import mirrored_poles, unstable
-from sysid.continuous.response_estimate import likelihood_of, response_estimate
-from sysid.continuous.response_likelihood import greatest
+from sysid.continuous.response_estimate import FittedParameters, likelihood_of, response_estimate
+from sysid.continuous.response_likelihood import Maximum, greatest
 from sysid.frequency.vector_fit import fitted, starting_poles
 from sysid.models.continuous import Resampled
 from sysid.models.continuous_model import ContinuousModel
+from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.records.arguments import truth_value, whole_number
@@ -21,7 +22,7 @@ from sysid.subspace.predictor import Predictor, Scales
 from sysid.subspace.predictor_estimate import RealiseLocally
 
 RELOCATIONS = 10  # of the poles by vector fitting
-FLOOR = 1e-12  # of the Gramians, relative to their trace
+GRAMIAN_FLOOR = 1e-12  # eigenvalues of Gramians, relative to the largest, that a singular one is lifted to
 
 
 def fit_response_ss(
@@ -59,37 +60,48 @@ def fit_response_ss(
     Warns:
         SysidWarning: As `fit_response`.
     """
-    order, max_iterations = whole_number("order", order, 1), whole_number("max_iterations", max_iterations, 1)
+    order = whole_number("order", order, 1)
+    max_iterations = whole_number("max_iterations", max_iterations, 1)
     direct, stable = truth_value("direct", direct), truth_value("stable", stable)
     data, continuous, summary = likelihood_of(response, continuous, known_variance)
     dt = 0.0 if continuous else response.dt
     hz, g = data.response.frequencies, data.response.response
     _, ny, nu = g.shape
+    # n^2 of the entries only choose the basis of the state
     unknown = order * (ny + nu) + direct * ny * nu
     if data.rows <= unknown:
         raise SysidError(
             f"{unknown} parameters from {data.rows:.4g} independent values of the response: lower the order"
         )
-    starts = states_by_vector_fitting(data.x, hz, g, data.weights(), (order, order + 2, 2 * order), direct, stable, dt)
+    pole_counts = (order, order + 2, 2 * order)
+    starts = states_by_vector_fitting(data.x, hz, g, data.weights(), pole_counts, direct, stable, dt)
     best = greatest(data, starts, max_iterations)
-    at, root = best.model.matrices, np.sqrt(data.scale)
-    origin = Predictor(data.scale * at.A, root * at.M, root * at.C, at.D)
-    units = np.repeat([data.scale, root, root, 1.0], [at.A.size, at.M.size, at.C.size, at.D.size])
-    local = RealiseLocally(
-        origin, units[:, None] * best.directions, np.zeros(best.rank), Scales(np.ones(nu), np.ones(ny)), summary, None
-    )
-    return response_estimate(
-        "fit_response_ss",
-        data,
-        summary,
-        best,
-        {"order": order},
-        theta=local.parameters,
+    local = _local_coordinates(best, data.scale, summary)
+    in_time = InContinuousTime(local) if continuous else None
+    parameters = FittedParameters(
+        values=local.parameters,
+        # a local coordinate is a standard deviation, and each is independent of the others
         directions=np.eye(best.rank),
         names=tuple(f"local{i + 1}" for i in range(best.rank)),
-        realise=Resampled(InContinuousTime(local)) if continuous else local,
-        realise_continuous=InContinuousTime(local) if continuous else None,
+        orders={"order": order},
+        realise=local if in_time is None else Resampled(in_time),
+        realise_continuous=in_time,
     )
+    return response_estimate("fit_response_ss", data, summary, best, parameters)
+
+
+def _local_coordinates(best: Maximum["GridStates"], scale: float, summary: DataSummary) -> RealiseLocally:
+    """Coordinates along the directions that the response determines, in standard deviations from the best model.
+
+    The search runs in s / scale; the state is scaled too, so that A, B and C take factors scale, its root and its root.
+    """
+    matrices, root = best.model.matrices, np.sqrt(scale)
+    origin = Predictor(scale * matrices.A, root * matrices.M, root * matrices.C, matrices.D)
+    sizes = [matrices.A.size, matrices.M.size, matrices.C.size, matrices.D.size]
+    units = np.repeat([scale, root, root, 1.0], sizes)
+    ny, nu = matrices.D.shape
+    at_origin, unscaled = np.zeros(best.rank), Scales(np.ones(nu), np.ones(ny))
+    return RealiseLocally(origin, units[:, None] * best.directions, at_origin, unscaled, summary, None)
 
 
 @dataclass(frozen=True)
@@ -133,61 +145,72 @@ class GridStates:
         return len(self.matrices.A) * (ny + nu) + self.direct * ny * nu
 
     def _transfers(self) -> tuple[ComplexArray, ComplexArray]:
-        """(xI - A)^-1 B (nf, n, nu) and C (xI - A)^-1 (nf, ny, n)."""
-        at = self.matrices
-        inverse = np.linalg.inv(self.x[:, None, None] * np.eye(len(at.A)) - at.A)
-        return inverse @ at.M, at.C @ inverse
+        """From inputs to states, (xI - A)^-1 B (nf, n, nu), and from states to outputs, C (xI - A)^-1 (nf, ny, n)."""
+        A, B, C = self.matrices.A, self.matrices.M, self.matrices.C
+        inverse = np.linalg.inv(self.x[:, None, None] * np.eye(len(A)) - A)
+        return inverse @ B, C @ inverse
 
     def response(self) -> ComplexArray:
         """Response (nf, ny, nu)."""
-        return np.asarray(self.matrices.C @ self._transfers()[0] + self.matrices.D)
+        from_inputs, _ = self._transfers()
+        return np.asarray(self.matrices.C @ from_inputs + self.matrices.D)
 
     def columns(self) -> ComplexArray:
         """Derivatives in the entries of A, B, C, D, row by row (nf, ny, nu, p)."""
-        states, left = self._transfers()
+        from_inputs, to_outputs = self._transfers()
         ny, nu = self.matrices.D.shape
-        by_A = np.einsum("fyi,fju->fyuij", left, states)
-        by_B = np.einsum("fyi,uv->fyuiv", left, np.eye(nu))
-        by_C = np.einsum("yz,fju->fyuzj", np.eye(ny), states)
-        by_D = np.einsum("f,yz,uv->fyuzv", np.full(len(left), float(self.direct)), np.eye(ny), np.eye(nu))
-        return np.concatenate([one.reshape(*one.shape[:3], -1) for one in (by_A, by_B, by_C, by_D)], axis=-1)
+        has_direct = np.full(len(to_outputs), float(self.direct))
+        by_A = np.einsum("fyi,fju->fyuij", to_outputs, from_inputs)
+        by_B = np.einsum("fyi,uv->fyuiv", to_outputs, np.eye(nu))
+        by_C = np.einsum("yz,fju->fyuzj", np.eye(ny), from_inputs)
+        by_D = np.einsum("f,yz,uv->fyuzv", has_direct, np.eye(ny), np.eye(nu))
+        derivatives = (by_A, by_B, by_C, by_D)
+        return np.concatenate([table.reshape(*table.shape[:3], -1) for table in derivatives], axis=-1)
 
     def moved(self, step: FloatArray) -> Self | None:
         """After a step in these entries, unstable poles mirrored; None if a value is infinite."""
-        out = replace(self, matrices=self.matrices.moved(step))
-        if not np.isfinite(out.matrices.vector()).all():
+        moved = replace(self, matrices=self.matrices.moved(step))
+        if not np.isfinite(moved.matrices.vector()).all():
             return None
-        return out.stabilised() if self.stable else out
+        return moved.stabilised() if self.stable else moved
 
     def stabilised(self) -> Self | None:
         """With unstable poles mirrored into the stable region; None if that fails."""
-        poles, basis = (part.astype(complex) for part in np.linalg.eig(self.matrices.A))
+        poles, vectors = (part.astype(complex) for part in np.linalg.eig(self.matrices.A))
         if not unstable(poles, self.discrete).any():
             return self
         try:
-            A = np.linalg.solve(basis.T, (basis * mirrored_poles(poles, self.discrete)).T).T.real
+            A = np.linalg.solve(vectors.T, (vectors * mirrored_poles(poles, self.discrete)).T).T.real
         except np.linalg.LinAlgError:
             return None
+        # eigenvectors that are nearly dependent, as of multiple poles, move the poles by rounding
         if not np.isfinite(A).all() or unstable(np.linalg.eigvals(A).astype(complex), self.discrete).any():
             return None
         return replace(self, matrices=replace(self.matrices, A=A))
 
     def reduced(self, order: int, weights: FloatArray) -> "GridStates":
-        """Fewer states: those with the largest Gramians, summed over the grid with weights of the outputs (nf, ny)."""
-        states, left = self._transfers()
-        left = left * weights[:, :, None]
-        at = self.matrices
-        controllability = _root(np.einsum("fiu,fju->ij", states, states.conj()).real)
-        observability = _root(np.einsum("fyi,fyj->ij", left.conj(), left).real)
-        u, values, vt = np.linalg.svd(observability.T @ controllability)
+        """Fewer states: those with the largest Gramians, summed over the grid with weights of the outputs (nf, ny).
+
+        Balanced truncation [Moore1981] on the grid: sums over its frequencies instead of integrals, so that the states
+        that count are those which show there, and unstable poles do no harm.
+        """
+        from_inputs, to_outputs = self._transfers()
+        weighted = to_outputs * weights[:, :, None]
+        controllability = _root(np.einsum("fiu,fju->ij", from_inputs, from_inputs.conj()).real)
+        observability = _root(np.einsum("fyi,fyj->ij", weighted.conj(), weighted).real)
+        left, values, right = np.linalg.svd(observability.T @ controllability)
         size = np.sqrt(values[:order])
-        into, back = (u[:, :order] / size).T @ observability.T, controllability @ (vt[:order].T / size)
-        return replace(self, matrices=Predictor(into @ at.A @ back, into @ at.M, at.C @ back, at.D))
+        to_reduced = (left[:, :order] / size).T @ observability.T
+        from_reduced = controllability @ (right[:order].T / size)
+        full = self.matrices
+        A, B, C = to_reduced @ full.A @ from_reduced, to_reduced @ full.M, full.C @ from_reduced
+        return replace(self, matrices=Predictor(A, B, C, full.D))
 
 
 def _root(gramian: FloatArray) -> FloatArray:
+    """A matrix R with R R' the Gramian, whose eigenvalues rounding may have made negative."""
     values, vectors = np.linalg.eigh(gramian)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, FLOOR * values[-1])))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, GRAMIAN_FLOOR * values[-1])))
 
 
 def states_by_vector_fitting(
@@ -203,20 +226,36 @@ def states_by_vector_fitting(
     """Vector fits with residues of rank one, and with residues of full rank and more poles, reduced to the order.
 
     More poles show resonances that rest on a few frequencies.
+
+    Args:
+        x: Points of the grid (nf,), s or z.
+        hz: Their frequencies (nf,), Hz.
+        g: Response (nf, ny, nu).
+        weights: Inverse standard deviations of its entries (nf, ny, nu).
+        counts: Numbers of common poles to fit; the first is the order of the models.
+        direct: Whether D is fitted.
+        stable: Whether poles must be stable.
+        dt: Sampling interval, s; 0 in continuous time.
     """
     if not g.any():
         raise SysidError("a response that is zero at all frequencies has no poles: leave the path out by select")
-    out = []
+    models = []
     order = counts[0]
     for count in counts:
         try:
             fractions = fitted(x, g, weights, starting_poles(hz, count, dt), direct, stable, dt, RELOCATIONS)
         except SysidError:
+            # the data may be too few for more poles than the order has
             if count == order:
                 raise
             continue
         if count == order:
-            out.append(GridStates(x, Predictor(*fractions.matrices(1)), direct, stable, bool(dt)))
-        whole = GridStates(x, Predictor(*fractions.matrices()), direct, stable, bool(dt))
-        out.append(whole.reduced(order, np.sqrt(np.mean(weights**2, axis=2))))
-    return [one for one in (start.stabilised() for start in out) if one is not None] if stable else out
+            rank_one = Predictor(*fractions.matrices(1))
+            models.append(GridStates(x, rank_one, direct, stable, bool(dt)))
+        full_rank = GridStates(x, Predictor(*fractions.matrices()), direct, stable, bool(dt))
+        output_weights = np.sqrt(np.mean(weights**2, axis=2))
+        models.append(full_rank.reduced(order, output_weights))
+    if not stable:
+        return models
+    stabilised = (model.stabilised() for model in models)
+    return [model for model in stabilised if model is not None]

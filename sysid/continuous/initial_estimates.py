@@ -17,13 +17,16 @@ from sysid.polynomial.initial_estimates import interpolated
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
-SCALES = 5  # bandwidths of the first state-variable filter
-COARSE = 5  # delays at which each is tried, where the delay is unknown
+BANDWIDTHS = 5  # of the first state-variable filter, from ten over the length of the record to one over its interval
+COARSE_DELAYS = 5  # at which each bandwidth is tried, where the delay is unknown
 REFINEMENTS = 4  # steps of SRIVC from each
 SETTLED = 1e-3  # relative change of the errors at which SRIVC stops: the search goes on from there
-KEPT = 3  # of these, the best that go on
+KEPT = 3  # estimates that go on, the best ones
 CONSTANT = np.array([0.0, 1.0])  # denominator s, whose free response is a constant
 LONGEST = 10_000  # samples of each experiment that initial estimates use
+NEGLIGIBLE = (
+    1e-13  # singular values of the instrumental-variable equations, relative to the largest, that count as zero
+)
 
 
 PathEstimate = tuple[TransferFunction, float]
@@ -56,54 +59,66 @@ class PathData:
 
     def stacked(self, a: FloatArray, blocks: Sequence[FloatArray]) -> FloatArray:
         """Columns of all experiments (rows, k), from `first` on and without the free responses of 1/A."""
-        parts = [block[first:] for block, first in zip(blocks, self.first, strict=True)]
-        table = free_responses([*([] if self.rest else [a]), *self.free], self.dt, max(len(part) for part in parts))
-        for part in parts:
-            if table.any():
-                basis, _ = orthonormal(table[: len(part)], part[:, 0])
-                part[: len(basis)] -= basis @ (basis.T @ part[: len(basis)])
-        return np.vstack(parts)
+        counted = [block[first:] for block, first in zip(blocks, self.first, strict=True)]
+        denominators = [*self.free] if self.rest else [a, *self.free]
+        free = free_responses(denominators, self.dt, max(len(block) for block in counted))
+        for block in counted:
+            if free.any():
+                basis, _ = orthonormal(free[: len(block)], block[:, 0])
+                # free responses die out: only the rows where they last are changed
+                block[: len(basis)] -= basis @ (basis.T @ block[: len(basis)])
+        return np.vstack(counted)
 
     def numerator(self, a: FloatArray, delay: float) -> PathEstimate:
         """Transfer function with the least-squares numerator, and its sum of squared errors."""
         m = self.structure.zeros
-        blocks = [
-            np.column_stack((derivatives_of(u, a, self.dt, self.intersample, delay)[:, : m + 1], y))
-            for u, y in zip(self.inputs, self.outputs, strict=True)
-        ]
-        columns = self.stacked(a, blocks)
-        b, cost = _least_squares(columns)
+        blocks = []
+        for u, y in zip(self.inputs, self.outputs, strict=True):
+            filtered = derivatives_of(u, a, self.dt, self.intersample, delay)
+            blocks.append(np.column_stack((filtered[:, : m + 1], y)))
+        b, cost = _least_squares(self.stacked(a, blocks))
         return TransferFunction(b, a, delay), cost
 
     def refined(self, path: TransferFunction, *, instruments: bool) -> FloatArray:
-        """Next denominator of rising powers, monic and stable, by one step of SRIVC, or of least squares."""
+        """Next denominator of rising powers, monic and stable, by one step of SRIVC, or of least squares.
+
+        s^n/A y = sum_i b_i s^i/A u - sum_i a_i s^i/A y is linear in the next coefficients, with 1/A of the last model
+        as filter. Instruments for s^i/A y are the same of the noise-free output of that model.
+        """
         a, n, m, r = path.a, self.structure.poles, self.structure.zeros, self.structure.integrators
         blocks = []
         for u, y in zip(self.inputs, self.outputs, strict=True):
+            # a measured output is taken as linear between samples, whatever the input is
             measured = derivatives_of(y, a, self.dt, "foh")
             by_input = derivatives_of(u, a, self.dt, self.intersample, path.delay)[:, : m + 1]
-            by_output = respond(path, u, self.dt, self.intersample).by_a[:, r:n] if instruments else -measured[:, r:n]
-            blocks.append(np.column_stack((by_input, by_output, -measured[:, r:n], measured[:, n])))
+            regressors = -measured[:, r:n]
+            instrumental = regressors
+            if instruments:
+                instrumental = respond(path, u, self.dt, self.intersample).by_a[:, r:n]
+            blocks.append(np.column_stack((by_input, instrumental, regressors, measured[:, n])))
         columns = self.stacked(a, blocks)
+        # derivatives of rising order differ by decades: columns of unit length
         lengths = np.sqrt(np.sum(columns**2, axis=0)) + np.finfo(float).tiny
         columns = columns / lengths
         k = m + 1 + n - r
-        z, phi = columns[:, :k], np.column_stack((columns[:, : m + 1], columns[:, k:-1]))
-        solution = np.linalg.lstsq(z.T @ phi, z.T @ columns[:, -1], rcond=1e-13)[0]
-        tail = solution[m + 1 :] * lengths[-1] / lengths[k:-1]
-        return _stabilised(np.concatenate((np.zeros(r), tail, [1.0])), r)
+        z = columns[:, :k]
+        phi = np.column_stack((columns[:, : m + 1], columns[:, k:-1]))
+        solution = np.linalg.lstsq(z.T @ phi, z.T @ columns[:, -1], rcond=NEGLIGIBLE)[0]
+        coefficients = solution[m + 1 :] * lengths[-1] / lengths[k:-1]
+        return _stabilised(np.concatenate((np.zeros(r), coefficients, [1.0])), r)
 
     def by_delay(self, a: FloatArray, longest: float) -> tuple[FloatArray, FloatArray]:
         """Whole numbers of samples as delays, in s, and the sum of squared errors with the best numerator of each."""
         m, count = self.structure.zeros, int(longest / self.dt)
-        low = [derivatives_of(u, a, self.dt, self.intersample)[:, : m + 1] for u in self.inputs]
+        undelayed = [derivatives_of(u, a, self.dt, self.intersample)[:, : m + 1] for u in self.inputs]
         costs = []
         for lag in range(count + 1):
-            blocks = [
-                np.column_stack((np.vstack((np.zeros((lag, m + 1)), x[: len(x) - lag])), y))
-                for x, y in zip(low, self.outputs, strict=True)
-            ]
-            costs.append(_least_squares(self.stacked(a, blocks))[1])
+            blocks = []
+            for filtered, y in zip(undelayed, self.outputs, strict=True):
+                delayed = np.vstack((np.zeros((lag, m + 1)), filtered[: len(filtered) - lag]))
+                blocks.append(np.column_stack((delayed, y)))
+            _, cost = _least_squares(self.stacked(a, blocks))
+            costs.append(cost)
         return np.linspace(0.0, count * self.dt, count + 1), np.array(costs)
 
 
@@ -111,48 +126,124 @@ def free_responses(denominators: Sequence[FloatArray], dt: float, rows: int) -> 
     """Free responses of all 1/A until the last has died out (at most `rows`, sum of degrees)."""
     blocks = [transients(a, dt, rows) for a in denominators]
     length = max((len(block) for block in blocks if block.size), default=0)
-    padded = (np.pad(block[:length], ((0, max(length - len(block), 0)), (0, 0))) for block in blocks)
-    return np.hstack([np.zeros((length, 0)), *padded])
+    table = np.zeros((length, sum(block.shape[1] for block in blocks)))
+    column = 0
+    for block in blocks:
+        shown = block[:length]
+        table[: len(shown), column : column + block.shape[1]] = shown
+        column += block.shape[1]
+    return table
 
 
 def path_estimates(data: PathData, longest: float) -> list[PathEstimate]:
     """Transfer functions of one path, best first; several where the delay is unknown, each near a local minimum."""
-    unknown = data.structure.delay is None
-    n = data.structure.poles
-    delays = np.linspace(0.0, longest, COARSE) if unknown else [data.structure.delay or 0.0]
-    candidates = []
-    for delay in delays:
-        for rate in np.geomspace(10.0 / (len(data.inputs[0]) * data.dt), 1.0 / data.dt, SCALES) if n else [1.0]:
-            wide = TransferFunction(np.ones(1), np.atleast_1d(np.poly([-rate] * n))[::-1], float(delay))
-            candidates.append(_iterated(data, data.refined(wide, instruments=False) if n else wide.a, float(delay)))
-    best = _best(candidates)[:KEPT]
-    if not unknown:
-        return best
-    near: list[PathEstimate] = []
-    for path, _ in best:
-        grid, costs = data.by_delay(path.a, longest)
-        inner = np.concatenate(([np.inf], costs, [np.inf]))
-        minima = np.flatnonzero((inner[1:-1] <= inner[:-2]) & (inner[1:-1] <= inner[2:]))
-        for k in minima[np.argsort(costs[minima])][:2]:
-            near.append(_iterated(data, path.a, float(grid[k])))
+    if data.structure.delay is not None:
+        return _estimates_at(data, [data.structure.delay])
+    coarse = _estimates_at(data, np.linspace(0.0, longest, COARSE_DELAYS))
+    near_minima: list[PathEstimate] = []
+    for path, _ in coarse:
+        delays, costs = data.by_delay(path.a, longest)
+        for k in _lowest_minima(costs):
+            near_minima.append(_iterated(data, path.a, float(delays[k])))
     chosen: list[PathEstimate] = []
-    for path, cost in _best(near + best):
-        if all(abs(path.delay - other.delay) > 0.5 * data.dt for other, _ in chosen):
+    for path, cost in _best(near_minima + coarse):
+        # two delays within half a sample lead to one minimum
+        if all(abs(path.delay - earlier.delay) > 0.5 * data.dt for earlier, _ in chosen):
             chosen.append((path, cost))
     return chosen[: KEPT + 1]
+
+
+def _estimates_at(data: PathData, delays: Sequence[float] | FloatArray) -> list[PathEstimate]:
+    """The best estimates at some delays, from state-variable filters of several bandwidths."""
+    n = data.structure.poles
+    length = len(data.inputs[0]) * data.dt
+    bandwidths = np.geomspace(10.0 / length, 1.0 / data.dt, BANDWIDTHS) if n else np.ones(1)
+    candidates = []
+    for delay in delays:
+        for bandwidth in bandwidths:
+            # all poles at one real rate; without poles the filter is 1
+            a = np.atleast_1d(np.poly([-bandwidth] * n))[::-1]
+            if n:
+                state_variables = TransferFunction(np.ones(1), a, float(delay))
+                a = data.refined(state_variables, instruments=False)
+            candidates.append(_iterated(data, a, float(delay)))
+    return _best(candidates)[:KEPT]
+
+
+def _lowest_minima(costs: FloatArray) -> FloatArray:
+    """Indices of the two lowest local minima of a sequence, its ends included, the lowest first."""
+    padded = np.concatenate(([np.inf], costs, [np.inf]))
+    minima = np.flatnonzero((padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:]))
+    return minima[np.argsort(costs[minima])][:2]
 
 
 def _iterated(data: PathData, a: FloatArray, delay: float) -> PathEstimate:
     """The best of a few steps of SRIVC at one delay, and its sum of squared errors."""
     best = data.numerator(a, delay)
-    last = best
-    for _ in range(REFINEMENTS if data.structure.poles else 0):
-        before, last = last[1], data.numerator(data.refined(last[0], instruments=True), delay)
-        if last[1] < best[1]:
-            best = last
-        if abs(before - last[1]) <= SETTLED * before:
+    if not data.structure.poles:
+        return best
+    latest = best
+    for _ in range(REFINEMENTS):
+        previous_cost = latest[1]
+        latest = data.numerator(data.refined(latest[0], instruments=True), delay)
+        # SRIVC minimises no criterion: a step may make the errors larger
+        if latest[1] < best[1]:
+            best = latest
+        if abs(previous_cost - latest[1]) <= SETTLED * previous_cost:
             break
     return best
+
+
+@dataclass(frozen=True, eq=False)
+class OutputRecords:
+    """Records of one output and all inputs, whose paths are estimated in turn.
+
+    Attributes:
+        experiments: Records with one output.
+        outputs: Output of each experiment (N,), gaps filled.
+        structures: Structure of the path from each input.
+        first: First sample of each experiment whose error counts.
+        longest: Limit on delays, s.
+        free: Whether initial states are free.
+        offset: Whether each experiment has a free constant in its output.
+    """
+
+    experiments: Sequence[IOData]
+    outputs: Sequence[FloatArray]
+    structures: Sequence[PathStructure]
+    first: Sequence[int]
+    longest: float
+    free: bool
+    offset: bool
+
+    def estimate_path(self, j: int, estimates: dict[int, list[PathEstimate]]) -> list[PathEstimate]:
+        """Estimates of the path of input j, to the output without the responses of the paths estimated so far."""
+        dt, intersample = self.experiments[0].dt, self.experiments[0].intersample
+        other_paths = {i: candidates[0][0] for i, candidates in estimates.items() if i != j}
+        inputs, outputs = [], []
+        for experiment, output in zip(self.experiments, self.outputs, strict=True):
+            explained: FloatArray | float = 0.0
+            for i, path in other_paths.items():
+                response = respond(path, experiment.u[:, i], dt, intersample).y
+                explained = response + explained
+            inputs.append(experiment.u[:, j])
+            outputs.append(output - explained)
+        denominators = [path.a / path.a[-1] for path in other_paths.values()] if self.free else []
+        # a free integrator has a constant too
+        integrates = any(structure.integrators for structure in self.structures)
+        if self.offset or (self.free and integrates):
+            denominators.append(CONSTANT)
+        data = PathData(
+            inputs=inputs,
+            outputs=outputs,
+            dt=dt,
+            intersample=intersample,
+            first=self.first,
+            rest=not self.free,
+            free=denominators,
+            structure=self.structures[j],
+        )
+        return path_estimates(data, self.longest)
 
 
 def initial_estimates(
@@ -165,46 +256,37 @@ def initial_estimates(
     offset: bool,
 ) -> list[FloatArray]:
     """Parameters to start from, best first: path by path, each to the output without the others' responses."""
-    experiments = [e[:LONGEST] for e in experiments]
-    outputs = [interpolated(e)[:, 0] for e in experiments]
-    dt, intersample = experiments[0].dt, experiments[0].intersample
+    shortened = [experiment[:LONGEST] for experiment in experiments]
+    outputs = [interpolated(experiment)[:, 0] for experiment in shortened]
+    records = OutputRecords(shortened, outputs, structures, first, longest, free, offset)
+    count = len(structures)
     estimates: dict[int, list[PathEstimate]] = {}
-
-    def fit(j: int) -> list[PathEstimate]:
-        others = {i: known[0][0] for i, known in estimates.items() if i != j}
-        responses = [
-            sum((respond(path, e.u[:, i], dt, intersample).y for i, path in others.items()), 0.0) for e in experiments
-        ]
-        data = PathData(
-            inputs=[e.u[:, j] for e in experiments],
-            outputs=[y - other for y, other in zip(outputs, responses, strict=True)],
-            dt=dt,
-            intersample=intersample,
-            first=first,
-            rest=not free,
-            free=[path.a / path.a[-1] for path in others.values()] * free + constants,
-            structure=structures[j],
-        )
-        return path_estimates(data, longest)
-
     # those of other inputs are part of the noise as yet: the path that explains most comes first
-    constants = [CONSTANT] * (offset or (free and any(structure.integrators for structure in structures)))
-    while len(estimates) < len(structures):
-        fits = {j: fit(j) for j in range(len(structures)) if j not in estimates}
-        most = min(fits, key=lambda j: fits[j][0][1])
-        estimates[most] = fits[most]
-    if len(structures) > 1:
+    while len(estimates) < count:
+        fits = {j: records.estimate_path(j, estimates) for j in range(count) if j not in estimates}
+        strongest = min(fits, key=lambda j: fits[j][0][1])
+        estimates[strongest] = fits[strongest]
+    if count > 1:
+        # once more, now that all other responses are known
         for j in estimates:
-            estimates[j] = fit(j)
-    estimated = [[path for path, _ in estimates[j]] for j in range(len(structures))]
-    best = [paths[0] for paths in estimated]
-    sets = [best]
-    for j, paths in enumerate(estimated):
-        sets += [[*best[:j], path, *best[j + 1 :]] for path in paths[1:]]
-    return [
-        np.concatenate([structure.parameters(path) for structure, path in zip(structures, paths, strict=True)])
-        for paths in sets
-    ]
+            estimates[j] = records.estimate_path(j, estimates)
+    return [_parameters(structures, paths) for paths in _combinations([estimates[j] for j in range(count)])]
+
+
+def _combinations(estimates: Sequence[list[PathEstimate]]) -> list[list[TransferFunction]]:
+    """The best estimates of all paths, then with the others of one path in its place, not all combinations."""
+    best = [candidates[0][0] for candidates in estimates]
+    combinations = [best]
+    for j, candidates in enumerate(estimates):
+        for path, _ in candidates[1:]:
+            combinations.append([*best[:j], path, *best[j + 1 :]])
+    return combinations
+
+
+def _parameters(structures: Sequence[PathStructure], paths: Sequence[TransferFunction]) -> FloatArray:
+    """Parameters of all paths, one after the other."""
+    blocks = [structure.parameters(path) for structure, path in zip(structures, paths, strict=True)]
+    return np.concatenate(blocks)
 
 
 def _least_squares(columns: FloatArray) -> tuple[FloatArray, float]:
@@ -217,10 +299,11 @@ def _least_squares(columns: FloatArray) -> tuple[FloatArray, float]:
 
 def _best(candidates: Sequence[PathEstimate]) -> list[PathEstimate]:
     """Candidates of rising cost, one of those that have hardly another cost."""
+    finite = [candidate for candidate in candidates if np.isfinite(candidate[1])]
     chosen: list[PathEstimate] = []
-    for one in sorted((one for one in candidates if np.isfinite(one[1])), key=lambda one: one[1]):
-        if not chosen or one[1] > chosen[-1][1] * (1.0 + SETTLED):
-            chosen.append(one)
+    for path, cost in sorted(finite, key=lambda candidate: candidate[1]):
+        if not chosen or cost > chosen[-1][1] * (1.0 + SETTLED):
+            chosen.append((path, cost))
     return chosen
 
 
@@ -229,5 +312,6 @@ def _stabilised(a: FloatArray, integrators: int) -> FloatArray:
     roots = np.roots(a[integrators:][::-1])
     size = np.abs(roots).max(initial=0.0)
     roots = np.where(roots.real < 0.0, roots, -roots.conj())
+    # roots on the axis stay there when reflected: moved by a thousandth of the largest, their responses die out
     roots = np.where(roots.real > -1e-6 * size, roots - 1e-3 * size, roots)
     return np.concatenate((np.zeros(integrators), np.atleast_1d(np.poly(roots).real)[::-1]))

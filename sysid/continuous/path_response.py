@@ -42,6 +42,7 @@ def companion(a: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _strictly_proper(b: FloatArray, a: FloatArray) -> tuple[FloatArray, float]:
+    """Divide B/A, A monic, into a numerator of lower degree than A (n,) and the direct term."""
     n = len(a) - 1
     padded = np.concatenate((b, np.zeros(n + 1 - len(b))))
     return padded[:n] - padded[n] * a[:n], float(padded[n])
@@ -51,31 +52,36 @@ def derivatives_of(signal: FloatArray, a: FloatArray, dt: float, intersample: st
     """s^i/A of a signal (N,), i = 0 ... n, from rest (N, n + 1); A of rising powers, monic."""
     scale, A, B = companion(a)
     sampled = sample(A, B, dt, delay, intersample)
-    low = state_trajectory(sampled.phi, *sampled.drive(signal[:, None])) * scale
-    now = sum(weight * lagged_input(signal, lag) for lag, weight in sampled.weights.items())
-    return np.column_stack((low, now - low @ a[:-1]))
+    states = state_trajectory(sampled.phi, *sampled.drive(signal[:, None])) * scale
+    delayed = sum(weight * lagged_input(signal, lag) for lag, weight in sampled.weights.items())
+    # s^n/A is no state: A/A = 1 gives it from the lower powers
+    return np.column_stack((states, delayed - states @ a[:-1]))
 
 
 def transients(a: FloatArray, dt: float, rows: int) -> FloatArray:
     """Free responses of 1/A until they have died out (rows, n)."""
     _, A, _ = companion(a)
     n = len(A)
-    return free_response(scipy.linalg.expm(A * dt), np.eye(1, n), rows)[:, 0] if n else np.zeros((rows, 0))
+    if not n:
+        return np.zeros((rows, 0))
+    return free_response(scipy.linalg.expm(A * dt), np.eye(1, n), rows)[:, 0]
 
 
 def transient_slopes(a: FloatArray, state: FloatArray, dt: float, rows: int) -> FloatArray:
     """Derivatives of `transients` @ state by A (at most `rows`, n + 1), up to free responses: -s^i/A of it, at rest."""
     scale, A, B = companion(a)
     n = len(A)
+    # the free response of 1/A drives a second 1/A, which begins at rest
     cascade = np.block([[A, np.zeros((n, n))], [B @ np.eye(1, n), A]])
-    shown = np.vstack((np.eye(1, 2 * n), np.eye(n, 2 * n, n)))
-    both = free_response(scipy.linalg.expm(cascade * dt), shown, rows)[:, :, :n] @ state
-    return _by_denominator(both[:, 0], both[:, 1:] * scale, a)
+    outputs = np.vstack((np.eye(1, 2 * n), np.eye(n, 2 * n, n)))
+    responses = free_response(scipy.linalg.expm(cascade * dt), outputs, rows)[:, :, :n] @ state
+    return _by_denominator(responses[:, 0], responses[:, 1:] * scale, a)
 
 
 def _by_denominator(y: FloatArray, filtered: FloatArray, a: FloatArray) -> FloatArray:
     """Derivatives (N, n + 1) of y = x/A by A: -s^i/A y, `filtered` (N, n) with A made monic up to i = n - 1."""
-    return -np.column_stack((filtered, y - filtered @ (a[:-1] / a[-1]))) / a[-1]
+    highest = y - filtered @ (a[:-1] / a[-1])
+    return -np.column_stack((filtered, highest)) / a[-1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,24 +105,27 @@ def respond(path: TransferFunction, u: FloatArray, dt: float, intersample: str) 
     """Exact response to one input (N,), zero before the record.
 
     The cascade of B/A and 1/A has all derivatives as combinations of its states: those of y by the coefficients are
-    s^i/A u and -s^i/A y.
+    s^i/A u and -s^i/A y, that by the delay is -s B/A u.
     """
     leading = path.a[-1]
     a, b = path.a / leading, path.b / leading
     n = len(a) - 1
     scale, A, B = companion(a)
     c, direct = _strictly_proper(b, a)
-    whole = sample(
-        np.block([[A, np.zeros((n, n))], [B * (c * scale), A]]), np.vstack((B, direct * B)), dt, path.delay, intersample
-    )
-    drive, x0 = whole.drive(u[:, None])
-    one = whole.phi[:n, :n]
-    first = state_trajectory(one, drive[:, :n], x0[:n])
-    second = state_trajectory(one, drive[:, n:] + first @ whole.phi[n:, :n].T, x0[n:])
-    x = first * scale
-    now = sum(weight * lagged_input(u, lag) for lag, weight in whole.weights.items())
-    x = np.column_stack((x, now - x @ a[:n]))
-    y = x[:, : len(b)] @ b
-    slope = sum((weight * lagged_input(u, lag) for lag, weight in whole.slopes.items()), np.zeros(len(u)))
-    by_delay = -(x[:, 1:] @ c + direct * slope)
-    return PathResponse(y, x[:, : len(b)] / leading, _by_denominator(y, second * scale, path.a), by_delay)
+    state_matrix = np.block([[A, np.zeros((n, n))], [B * (c * scale), A]])
+    input_matrix = np.vstack((B, direct * B))
+    sampled = sample(state_matrix, input_matrix, dt, path.delay, intersample)
+    drive, x0 = sampled.drive(u[:, None])
+    # one 1/A after the other: the cascade is block triangular, and each recursion half as large
+    phi, coupling = sampled.phi[:n, :n], sampled.phi[n:, :n]
+    first = state_trajectory(phi, drive[:, :n], x0[:n])
+    second = state_trajectory(phi, drive[:, n:] + first @ coupling.T, x0[n:])
+    powers = first * scale
+    delayed = sum(weight * lagged_input(u, lag) for lag, weight in sampled.weights.items())
+    # s^i/A u, i = 0 ... n, the last one from A/A = 1
+    powers = np.column_stack((powers, delayed - powers @ a[:n]))
+    by_b = powers[:, : len(b)]
+    y = by_b @ b
+    input_slope = sum((weight * lagged_input(u, lag) for lag, weight in sampled.slopes.items()), np.zeros(len(u)))
+    by_delay = -(powers[:, 1:] @ c + direct * input_slope)
+    return PathResponse(y, by_b / leading, _by_denominator(y, second * scale, path.a), by_delay)

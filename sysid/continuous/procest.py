@@ -49,7 +49,8 @@ def procest(
     """
 
     def structures(ny: int, nu: int) -> tuple[tuple[PathStructure, ...], ...]:
-        return tuple(tuple(ProcessPath(one) for one in row) for row in per_path("kind", kind, ny, nu))
+        rows = per_path("kind", kind, ny, nu)
+        return tuple(tuple(map(ProcessPath, row)) for row in rows)
 
     return output_error_estimate(
         "procest",

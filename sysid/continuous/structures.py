@@ -14,10 +14,11 @@ from sysid.models.data_summary import DataSummary
 from sysid.models.frequency_response import NORMAL_95
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import shown
-from sysid.records.arrays import FloatArray
+from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.errors import SysidError
 
 COINCIDING = 0.99  # ratio of time constants from which they count as one
+SPREAD = 1.2  # ratio to their geometric mean of two real time constants in place of a complex pair
 
 
 @dataclass(frozen=True)
@@ -43,23 +44,30 @@ class RationalPath:
     def names(self) -> tuple[str, ...]:
         """Letters b and a with the power of s, and Td."""
         numerator = [f"b{i}" for i in range(self.zeros, -1, -1)]
-        return (*numerator, *(f"a{i}" for i in range(self.poles - 1, -1, -1)), *(["Td"] * (self.delay is None)))
+        denominator = [f"a{i}" for i in range(self.poles - 1, -1, -1)]
+        delay = ["Td"] if self.delay is None else []
+        return (*numerator, *denominator, *delay)
 
     def transfer(self, theta: FloatArray) -> TransferFunction:
         """Transfer function for parameters (p,)."""
-        b, a = theta[self.zeros :: -1], theta[self.zeros + self.poles : self.zeros : -1]
-        return TransferFunction(b, np.append(a, 1.0), theta[-1] if self.delay is None else self.delay)
+        m, n = self.zeros, self.poles
+        b, a = theta[m::-1], theta[m + n : m : -1]
+        delay = theta[-1] if self.delay is None else self.delay
+        return TransferFunction(b, np.append(a, 1.0), delay)
 
     def jacobian(self, theta: FloatArray) -> FloatArray:
-        """Derivatives of b, a and the delay by the parameters: ones."""
+        """Derivatives of b, a and the delay by the parameters (m + n + 3, p): a one in each column."""
         m, n = self.zeros, self.poles
-        rows = [*range(m, -1, -1), *range(m + n, m, -1), *([m + n + 2] * (self.delay is None))]
-        out = np.zeros((m + n + 3, len(rows)))
-        out[rows, np.arange(len(rows))] = 1.0
-        return out
+        # parameters have falling powers, b and a rising ones; the leading coefficient of a is fixed at 1
+        rows = [*range(m, -1, -1), *range(m + n, m, -1)]
+        if self.delay is None:
+            rows.append(m + n + 2)
+        derivatives = np.zeros((m + n + 3, len(rows)))
+        derivatives[rows, np.arange(len(rows))] = 1.0
+        return derivatives
 
     def arranged(self, theta: FloatArray) -> FloatArray:
-        """The parameters (p,)."""
+        """The parameters (p,): no others have the same transfer function."""
         return theta
 
     def warnings(self, theta: FloatArray, deviations: FloatArray) -> list[str]:
@@ -69,8 +77,8 @@ class RationalPath:
     def parameters(self, path: TransferFunction) -> FloatArray:
         """Parameters (p,) of a transfer function."""
         leading = path.a[-1]
-        late = [path.delay] if self.delay is None else []
-        return np.concatenate((path.b[::-1] / leading, path.a[-2::-1] / leading, late))
+        delay = [path.delay] if self.delay is None else []
+        return np.concatenate((path.b[::-1] / leading, path.a[-2::-1] / leading, delay))
 
 
 @dataclass(frozen=True)
@@ -86,15 +94,17 @@ class ProcessPath:
 
     def __post_init__(self) -> None:
         """Check the kind, and put its letters into one sequence."""
-        text = self.kind.upper() if isinstance(self.kind, str) else ""
-        if not re.fullmatch(r"P[0-3][DZIU]*", text) or len(set(text)) != len(text) or ("U" in text and text[1] in "01"):
+        kind = self.kind.upper() if isinstance(self.kind, str) else ""
+        well_formed = re.fullmatch(r"P[0-3][DZIU]*", kind) and len(set(kind)) == len(kind)
+        if not well_formed or ("U" in kind and kind[1] in "01"):
             raise SysidError(
                 f"a process model is P0, P1, P2 or P3 with any of D (delay), Z (zero), I (integrator) and, from P2 "
                 f"on, U (underdamped), such as 'P2DZ'; got {shown(self.kind)}"
             )
-        if text[1] == "0" and "Z" in text:
-            raise SysidError(f"a zero needs a pole besides the integrator: expected P1{text[2:]}, got {text}")
-        object.__setattr__(self, "kind", text[:2] + "".join(sorted(text[2:], key="DZIU".index)))
+        if kind[1] == "0" and "Z" in kind:
+            raise SysidError(f"a zero needs a pole besides the integrator: expected P1{kind[2:]}, got {kind}")
+        letters = sorted(kind[2:], key="DZIU".index)
+        object.__setattr__(self, "kind", kind[:2] + "".join(letters))
 
     @property
     def integrators(self) -> int:
@@ -102,9 +112,19 @@ class ProcessPath:
         return int("I" in self.kind)
 
     @property
+    def lags(self) -> int:
+        """Number of poles but for that of the integrator; a complex pair counts as two."""
+        return int(self.kind[1])
+
+    @property
+    def _first_real(self) -> int:
+        """Index of the parameter that is the first time constant of a real pole, behind Kp, or Kp, Tw and Zeta."""
+        return 3 if "U" in self.kind else 1
+
+    @property
     def poles(self) -> int:
         """Number of poles, that of the integrator too."""
-        return int(self.kind[1]) + self.integrators
+        return self.lags + self.integrators
 
     @property
     def zeros(self) -> int:
@@ -119,89 +139,114 @@ class ProcessPath:
     @property
     def names(self) -> tuple[str, ...]:
         """Kp, Tp1 ... or Tw, Zeta, Tp3; then Tz, Td."""
-        count = int(self.kind[1])
-        lags = ["Tw", "Zeta", *(["Tp3"] * (count - 2))] if "U" in self.kind else [f"Tp{i + 1}" for i in range(count)]
-        return ("Kp", *lags, *(["Tz"] * self.zeros), *(["Td"] * (self.delay is None)))
+        lags = [f"Tp{i + 1}" for i in range(self.lags)]
+        if "U" in self.kind:
+            lags[:2] = ["Tw", "Zeta"]
+        zero = ["Tz"] if self.zeros else []
+        delay = ["Td"] if self.delay is None else []
+        return ("Kp", *lags, *zero, *delay)
 
     def arranged(self, theta: FloatArray) -> FloatArray:
         """The same transfer function with Tw > 0, and real time constants that fall (p,)."""
-        first, end = 3 if "U" in self.kind else 1, int(self.kind[1]) + 1
-        middle = theta[1:first] * np.sign(theta[1]) if first > 1 else theta[1:first]
-        return np.concatenate((theta[:1], middle, np.sort(theta[first:end])[::-1], theta[end:]))
+        first, end = self._first_real, self.lags + 1
+        pair = theta[1:first]
+        if len(pair):
+            # 1 + 2 Zeta Tw s + (Tw s)^2 stays the same where Tw and Zeta both change their signs
+            pair = pair * np.sign(theta[1])
+        return np.concatenate((theta[:1], pair, np.sort(theta[first:end])[::-1], theta[end:]))
 
     def warnings(self, theta: FloatArray, deviations: FloatArray) -> list[str]:
         """Texts on real poles that coincide, otherwise on time constants that are zero within their intervals."""
-        first, end = 3 if "U" in self.kind else 1, int(self.kind[1])
-        return [
-            f"Tp{i} and Tp{i + 1} coincide, and their intervals are wrong: the poles may be complex, as U allows"
-            for i in range(first, end)
-            if theta[i + 1] > COINCIDING * theta[i]
-        ] or [
-            f"the interval of {name} reaches zero and is not reliable: try fewer poles, or more data"
-            for name, value, deviation in zip(self.names, theta, deviations, strict=True)
-            if name.startswith(("Tp", "Tw")) and value <= NORMAL_95 * deviation
-        ]
+        messages = []
+        for i in range(self._first_real, self.lags):
+            if theta[i + 1] > COINCIDING * theta[i]:
+                pair = f"Tp{i} and Tp{i + 1}"
+                messages.append(
+                    f"{pair} coincide, and their intervals are wrong: the poles may be complex, as U allows"
+                )
+        if messages:
+            return messages
+        for name, value, deviation in zip(self.names, theta, deviations, strict=True):
+            if name.startswith(("Tp", "Tw")) and value <= NORMAL_95 * deviation:
+                messages.append(
+                    f"the interval of {name} reaches zero and is not reliable: try fewer poles, or more data"
+                )
+        return messages
 
     def _factors(self, theta: FloatArray) -> tuple[list[FloatArray], dict[int, tuple[int, FloatArray]]]:
-        """Factors of the denominator, and by parameter the factor that it is in and the derivative of that."""
-        count = int(self.kind[1])
+        """Factors of the denominator, coefficients of rising powers, with their derivatives.
+
+        The derivatives are by index of the parameter: the index of the factor that it is in, and the derivative of that
+        factor. Each parameter is in one factor alone.
+        """
         factors = [np.array([0.0, 1.0])] * self.integrators
         slopes: dict[int, tuple[int, FloatArray]] = {}
-        first = 1
         if "U" in self.kind:
             tw, zeta = theta[1:3]
             slopes[1] = len(factors), np.array([0.0, 2.0 * zeta, 2.0 * tw])
             slopes[2] = len(factors), np.array([0.0, 2.0 * tw, 0.0])
             factors.append(np.array([1.0, 2.0 * zeta * tw, tw**2]))
-            first = 3
-        for i in range(first, count + 1):
+        for i in range(self._first_real, self.lags + 1):
             slopes[i] = len(factors), np.array([0.0, 1.0])
             factors.append(np.array([1.0, theta[i]]))
         return factors, slopes
 
     def transfer(self, theta: FloatArray) -> TransferFunction:
         """Transfer function for parameters (p,)."""
-        b = theta[0] * np.array([1.0, *theta[self.names.index("Tz") :][: self.zeros]]) if self.zeros else theta[:1]
-        return TransferFunction(b, _product(self._factors(theta)[0]), theta[-1] if self.delay is None else 0.0)
+        b = theta[:1]
+        if self.zeros:
+            b = theta[0] * np.array([1.0, theta[self.names.index("Tz")]])
+        factors, _ = self._factors(theta)
+        delay = theta[-1] if self.delay is None else 0.0
+        return TransferFunction(b, _product(factors), delay)
 
     def jacobian(self, theta: FloatArray) -> FloatArray:
         """Derivatives of b, a and the delay by the parameters (m + n + 3, p)."""
-        m, names = self.zeros, self.names
-        out = np.zeros((m + self.poles + 3, len(theta)))
-        out[0, 0] = 1.0
+        m, n = self.zeros, self.poles
+        derivatives = np.zeros((m + n + 3, len(theta)))
+        derivatives[0, 0] = 1.0
         if m:
-            at = names.index("Tz")
-            out[1, 0], out[1, at] = theta[at], theta[0]
+            tz = self.names.index("Tz")
+            derivatives[1, 0], derivatives[1, tz] = theta[tz], theta[0]
         factors, slopes = self._factors(theta)
         for i, (k, slope) in slopes.items():
-            out[m + 1 : m + 2 + self.poles, i] = _product([*factors[:k], slope, *factors[k + 1 :]])
+            derivatives[m + 1 : m + 2 + n, i] = _product([*factors[:k], slope, *factors[k + 1 :]])
         if self.delay is None:
-            out[-1, -1] = 1.0
-        return out
+            derivatives[-1, -1] = 1.0
+        return derivatives
 
     def parameters(self, path: TransferFunction) -> FloatArray:
         """Parameters of the transfer function; complex poles of a kind without U become two near real ones."""
-        rest = path.a[self.integrators :]
-        roots = np.roots(rest[::-1])
-        gain = path.b[0] / rest[0]
-        pairs = roots[roots.imag > 0.0]
-        if "U" in self.kind and len(pairs):
-            size = abs(pairs[0])
-            lags = [1.0 / size, -pairs[0].real / size, *(-1.0 / roots[roots.imag == 0.0].real)]
-        else:
-            spread = np.where(roots.imag == 0.0, 1.0, np.where(roots.imag > 0.0, 1.2, 1.0 / 1.2))
-            lags = sorted(np.sign(-roots.real) * spread / np.abs(roots), reverse=True)
-            if "U" in self.kind:
-                lags[:2] = [np.sqrt(lags[0] * lags[1]), 0.5 * (lags[0] + lags[1]) / np.sqrt(lags[0] * lags[1])]
+        without_integrator = path.a[self.integrators :]
+        gain = path.b[0] / without_integrator[0]
+        lags = self._time_constants(np.roots(without_integrator[::-1]))
         zero = [path.b[1] / path.b[0]] if self.zeros else []
-        return np.array([gain, *lags, *zero, *([path.delay] if self.delay is None else [])])
+        delay = [path.delay] if self.delay is None else []
+        return np.array([gain, *lags, *zero, *delay])
+
+    def _time_constants(self, poles: ComplexArray) -> list[float]:
+        """Tp1 ..., or Tw, Zeta, Tp3, of poles in rad/s."""
+        upper = poles[poles.imag > 0.0]
+        if "U" in self.kind and len(upper):
+            size = abs(upper[0])
+            real = -1.0 / poles[poles.imag == 0.0].real
+            return [1.0 / size, -upper[0].real / size, *real]
+        # of two equal time constants the derivatives would be the same, so a search could not part them
+        spread = np.where(poles.imag == 0.0, 1.0, np.where(poles.imag > 0.0, SPREAD, 1.0 / SPREAD))
+        time_constants = sorted(np.sign(-poles.real) * spread / np.abs(poles), reverse=True)
+        if "U" in self.kind:
+            slow, fast = time_constants[:2]
+            tw = np.sqrt(slow * fast)
+            time_constants[:2] = [tw, 0.5 * (slow + fast) / tw]
+        return time_constants
 
 
 def _product(factors: list[FloatArray]) -> FloatArray:
-    out = np.ones(1)
+    """Coefficients of a product of polynomials, of powers in one direction."""
+    product = np.ones(1)
     for factor in factors:
-        out = np.convolve(out, factor)
-    return out
+        product = np.convolve(product, factor)
+    return product
 
 
 PathStructure = RationalPath | ProcessPath
@@ -228,38 +273,46 @@ class RealisePaths:
     def names(self) -> tuple[str, ...]:
         """Names of all parameters; with several paths each names its output and input."""
         ny, nu = len(self.structures), len(self.structures[0])
-        return tuple(
-            name + (f"[{i + 1},{j + 1}]" if ny > 1 else f"[{j + 1}]" if nu > 1 else "")
-            for i, row in enumerate(self.structures)
-            for j, structure in enumerate(row)
-            for name in structure.names
-        )
+        names = []
+        for i, row in enumerate(self.structures):
+            for j, structure in enumerate(row):
+                channel = f"{i + 1},{j + 1}" if ny > 1 else f"{j + 1}"
+                suffix = f"[{channel}]" if ny * nu > 1 else ""
+                names += [name + suffix for name in structure.names]
+        return tuple(names)
 
     def transfers(self, theta: FloatArray) -> list[TransferFunction]:
         """Transfer functions row by row for parameters (p,)."""
-        parts = [s for row in self.structures for s in row]
-        ends = np.cumsum([len(s.names) for s in parts])
-        return [s.transfer(own) for s, own in zip(parts, np.split(theta, ends[:-1]), strict=True)]
+        structures = [structure for row in self.structures for structure in row]
+        ends = np.cumsum([len(structure.names) for structure in structures])
+        values_by_path = np.split(theta, ends[:-1])
+        return [structure.transfer(values) for structure, values in zip(structures, values_by_path, strict=True)]
 
     def __call__(self, theta: FloatArray) -> ContinuousModel:
         """Model for parameters (p,)."""
         ny, nu = len(self.structures), len(self.structures[0])
         paths = self.transfers(theta)
-        blocks = [path.realisation() for path in paths]
-        A = scipy.linalg.block_diag(*(a for a, *_ in blocks))
-        B = np.vstack([b @ np.eye(nu)[[k % nu]] for k, (_, b, _, _) in enumerate(blocks)])
-        C = np.hstack([np.eye(ny)[:, [k // nu]] @ c for k, (_, _, c, _) in enumerate(blocks)])
-        D = np.reshape([d for *_, d in blocks], (ny, nu))
+        state_matrices, inputs, outputs, direct = [], [], [], []
+        for k, path in enumerate(paths):
+            i, j = divmod(k, nu)
+            a, b, c, d = path.realisation()
+            state_matrices.append(a)
+            inputs.append(b @ np.eye(nu)[[j]])
+            outputs.append(np.eye(ny)[:, [i]] @ c)
+            direct.append(d)
+        A, B, C = scipy.linalg.block_diag(*state_matrices), np.vstack(inputs), np.hstack(outputs)
+        D = np.reshape(direct, (ny, nu))
+        # the interval of a delay estimated as 0 asks for models with negative ones
         delays = np.reshape([max(path.delay, 0.0) for path in paths], (ny, nu))
-        return ContinuousModel(
-            StateSpace(A, B, C, D, None, self.data.dt, self.covariance, **self.data.labels), delays, self.intersample
-        )
+        states = StateSpace(A, B, C, D, None, self.data.dt, self.covariance, **self.data.labels)
+        return ContinuousModel(states, delays, self.intersample)
 
 
 def per_path(name: str, value: object, ny: int, nu: int) -> list[list[Any]]:
     """One value for each path (ny, nu), from one for all, one per input, or a row per output."""
-    entries = np.array(value, dtype=object)
-    if entries.ndim and entries.shape != (ny, nu) and (ny > 1 or entries.shape != (nu,)):
+    table = np.array(value, dtype=object)
+    per_input = ny == 1 and table.shape == (nu,)
+    if table.ndim and table.shape != (ny, nu) and not per_input:
         expected = f"one per input ({nu})" if ny == 1 else f"{ny} rows, one per output, of {nu}, one per input"
         raise SysidError(f"{name}: expected one value or {expected}, got {shown(value)}")
-    return [list(row) for row in np.broadcast_to(entries, (ny, nu))]
+    return [list(row) for row in np.broadcast_to(table, (ny, nu))]

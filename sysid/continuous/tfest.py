@@ -1,11 +1,11 @@
 """Continuous-time transfer functions from records."""
 
 from collections.abc import Sequence
-from typing import cast
+from typing import Any, cast
 
 from sysid.continuous.fit_response import fit_response
 from sysid.continuous.output_error import output_error_estimate
-from sysid.continuous.structures import PathStructure, PerPath, RationalPath, per_path
+from sysid.continuous.structures import PerPath, RationalPath, per_path
 from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.initial_conditions import InitialConditions
@@ -66,33 +66,17 @@ def tfest(
         SysidWarning: Poor excitation, no convergence, bad conditioning, a delay at its limit.
     """
 
-    def structures(ny: int, nu: int) -> tuple[tuple[PathStructure, ...], ...]:
-        tables = [per_path(name, value, ny, nu) for name, value in values.items()]
-        return tuple(tuple(_structure(*(table[i][j] for table in tables)) for j in range(nu)) for i in range(ny))
+    def structures(ny: int, nu: int) -> tuple[tuple[RationalPath, ...], ...]:
+        tables = [per_path("poles", poles, ny, nu), per_path("zeros", zeros, ny, nu), per_path("delay", delay, ny, nu)]
+        return _structures(*tables)
 
-    values = {"poles": poles, "zeros": zeros, "delay": delay}
     if isinstance(data, FrequencyResponse):
-        if (max_delay, coloured, offset) != (None, True, False) or (
-            InitialConditions.of(initial_conditions) is not InitialConditions.ESTIMATED
-        ):
-            raise SysidError(
-                "a frequency response has no options max_delay, coloured, initial_conditions and offset, which are of "
-                "records; see fit_response"
-            )
+        _refuse_options_of_records(max_delay, coloured, initial_conditions, offset)
         rows = structures(*data.response.shape[1:])
-        return cast(
-            ContinuousEstimate,
-            fit_response(
-                data,
-                [[path.zeros + 1 for path in row] for row in rows],
-                [[path.poles for path in row] for row in rows],
-                delay=[[path.delay for path in row] for row in rows],
-                continuous=True,
-                max_iterations=max_iterations,
-            ),
-        )
-    fewer = max(poles - 1, 0) if isinstance(poles, int) else "poles - 1"
-    orders = {"poles": poles, "zeros": fewer if zeros is None else zeros}
+        return _fit_to_response(data, rows, max_iterations)
+    orders: dict[str, object] = {"poles": poles, "zeros": zeros}
+    if zeros is None:
+        orders["zeros"] = max(poles - 1, 0) if isinstance(poles, int) else "poles - 1"
     return output_error_estimate(
         "tfest",
         data,
@@ -106,8 +90,45 @@ def tfest(
     )
 
 
+def _structures(
+    poles: list[list[Any]], zeros: list[list[Any]], delays: list[list[Any]]
+) -> tuple[tuple[RationalPath, ...], ...]:
+    """Structure of every path, a row per output, from tables of what the caller gives."""
+    rows = []
+    for row in zip(poles, zeros, delays, strict=True):
+        rows.append(tuple(_structure(*orders) for orders in zip(*row, strict=True)))
+    return tuple(rows)
+
+
 def _structure(poles: object, zeros: object, delay: object) -> RationalPath:
+    """Check the orders of one path."""
     n = whole_number("poles", poles, 0, MOST_POLES)
     m = max(n - 1, 0) if zeros is None else whole_number("zeros", zeros, 0, n)
-    late = None if delay is None else real_number("delay", delay, "be a time >= 0 in s, or None", lambda d: d >= 0.0)
-    return RationalPath(n, m, late)
+    if delay is None:
+        return RationalPath(n, m, None)
+    return RationalPath(n, m, real_number("delay", delay, "be a time >= 0 in s, or None", lambda d: d >= 0.0))
+
+
+def _refuse_options_of_records(
+    max_delay: float | None, coloured: bool, initial_conditions: InitialConditions | str, offset: bool
+) -> None:
+    """Refuse options that a frequency response has not, where they differ from the defaults."""
+    at_default = (max_delay, coloured, offset) == (None, True, False)
+    if not at_default or InitialConditions.of(initial_conditions) is not InitialConditions.ESTIMATED:
+        raise SysidError(
+            "a frequency response has no options max_delay, coloured, initial_conditions and offset, which are of "
+            "records; see fit_response"
+        )
+
+
+def _fit_to_response(
+    response: FrequencyResponse, rows: tuple[tuple[RationalPath, ...], ...], max_iterations: int
+) -> ContinuousEstimate:
+    """Fit the same structures to a frequency response."""
+    nb, nf, delays = [], [], []
+    for row in rows:
+        nb.append([path.zeros + 1 for path in row])
+        nf.append([path.poles for path in row])
+        delays.append([path.delay for path in row])
+    estimate = fit_response(response, nb, nf, delay=delays, continuous=True, max_iterations=max_iterations)
+    return cast(ContinuousEstimate, estimate)
