@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from sysid.continuous.initial_estimates import CONSTANT, free_responses, initial_estimates
-from sysid.continuous.path_response import respond, transient_slopes
+from sysid.continuous.path_response import PathResponse, TransferFunction, respond, transient_slopes
 from sysid.continuous.structures import PathStructure, RealisePaths
 from sysid.models.continuous import Resampled
 from sysid.models.continuous_estimate import ContinuousEstimate
@@ -39,6 +39,7 @@ MARGIN = 1e-9  # least distance of poles from the imaginary axis, times dt
 FASTEST = 1e4  # greatest modulus of a pole, times dt: samples do not show a faster one
 REACH = 3  # samples by which a delay may grow from its initial estimate before the search starts again
 TIGHT = 1e-6  # part of a sample within which a delay is at its limit
+POLISHED = 2  # of the screened initial estimates, the best, from which the search runs to the end
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,32 +71,38 @@ class OutputError:
 
     def first(self, experiment: IOData) -> int:
         """First sample whose error counts: with free initial states, no input from before the record acts on it."""
-        delays = [self.longest if s.delay is None else s.delay for s in self.structures]
-        return max(experiment.window, math.ceil(max(delays) / experiment.dt - TIGHT) if self.free else 0)
+        if not self.free:
+            return experiment.window
+        delays = [self.longest if structure.delay is None else structure.delay for structure in self.structures]
+        return max(experiment.window, math.ceil(max(delays) / experiment.dt - TIGHT))
 
     def delays(self) -> list[int]:
-        """Indices of the parameters that are delays."""
-        return [end - 1 for s, end in zip(self.structures, self.sizes, strict=True) if s.delay is None]
+        """Indices of the parameters that are delays: the last one of a path whose delay is estimated."""
+        ends = zip(self.structures, self.sizes, strict=True)
+        return [end - 1 for structure, end in ends if structure.delay is None]
+
+    def usable(self) -> list[int]:
+        """Number of errors that count, of each experiment."""
+        return [int(e.known[self.first(e) :].sum()) for e in self.experiments]
+
+    def _transfers(self, theta: FloatArray) -> list[TransferFunction]:
+        """Transfer function of each path."""
+        paths = zip(self.structures, self.split(theta), strict=True)
+        return [structure.transfer(values) for structure, values in paths]
 
     def __call__(self, theta: FloatArray, _: FloatArray | None = None) -> Linearisation | None:
         """Criterion and first derivatives at parameters, delays moved to their limits; None where poles are unstable.
 
         A delay at its limit with a gradient that points beyond is fixed there: its derivatives are zero.
         """
-        theta = np.concatenate([s.arranged(own) for s, own in zip(self.structures, self.split(theta), strict=True)])
-        limited = self.delays()
-        slack = TIGHT * self.experiments[0].dt
-        theta[limited] = np.clip(np.where(theta[limited] <= slack, 0.0, theta[limited]), 0.0, self.longest)
+        theta = self._allowed(theta)
         if not (np.isfinite(theta).all() and self._stable(theta)):
             return None
-        parts = [self.columns(e, theta) for e in self.experiments]
-        columns = np.vstack([part for part, _, _ in parts])
+        tables = [self.columns(e, theta) for e in self.experiments]
+        columns = np.vstack([derivatives for derivatives, _, _ in tables])
         if not np.isfinite(columns).all():
             return None
-        for k in limited:
-            slope = float(columns[:, k] @ columns[:, -1])
-            if (theta[k] == 0.0 and slope > 0.0) or (theta[k] >= self.longest - slack and slope < 0.0):
-                columns[:, k] = 0.0
+        self._fix_delays_at_limits(theta, columns)
         p = len(theta)
         triangle, lengths = scaled_triangle(columns, guarded=p)
         return Linearisation(
@@ -104,77 +111,121 @@ class OutputError:
             triangle=triangle[:p, :p],
             target=lengths[p] * triangle[:p, p],
             scale=lengths[:p],
-            errors=sum(int(e.known[self.first(e) :].sum()) for e in self.experiments),
-            transients=sum(count for _, count, _ in parts),
+            errors=sum(self.usable()),
+            transients=sum(count for _, count, _ in tables),
         )
+
+    def _allowed(self, theta: FloatArray) -> FloatArray:
+        """Parameters of the same model in their usual sequence and signs, delays moved to the nearest limit."""
+        paths = zip(self.structures, self.split(theta), strict=True)
+        allowed = np.concatenate([structure.arranged(values) for structure, values in paths])
+        limited = self.delays()
+        delays = np.where(allowed[limited] <= self._slack, 0.0, allowed[limited])
+        allowed[limited] = np.clip(delays, 0.0, self.longest)
+        return allowed
+
+    @property
+    def _slack(self) -> float:
+        """Time within which a delay is at its limit, s."""
+        return TIGHT * self.experiments[0].dt
+
+    def _fix_delays_at_limits(self, theta: FloatArray, columns: FloatArray) -> None:
+        """Set the derivatives (rows, p + 1) of delays to zero whose descent leads beyond their limit."""
+        for k in self.delays():
+            slope = float(columns[:, k] @ columns[:, -1])
+            falls_below = theta[k] == 0.0 and slope > 0.0
+            rises_beyond = theta[k] >= self.longest - self._slack and slope < 0.0
+            if falls_below or rises_beyond:
+                columns[:, k] = 0.0
 
     def columns(self, experiment: IOData, theta: FloatArray) -> tuple[FloatArray, int, float]:
         """Derivatives of the errors and the errors (rows, p + 1), with initial states and offset projected out.
 
-        Then the number of these, and the offset in units of the output.
+        Then the number of these, and the offset in units of the output. Rows are the samples whose output is known.
         """
         first = self.first(experiment)
         known = experiment.known[first:, 0]
-        paths = [structure.transfer(own) for structure, own in zip(self.structures, self.split(theta), strict=True)]
-        responses = [
-            respond(path, experiment.u[:, j], experiment.dt, experiment.intersample) for j, path in enumerate(paths)
-        ]
+        paths = self._transfers(theta)
+        dt, intersample = experiment.dt, experiment.intersample
+        responses = [respond(path, experiment.u[:, j], dt, intersample) for j, path in enumerate(paths)]
         errors = (experiment.y[:, 0] - sum(response.y for response in responses))[first:]
-        denominators = [path.a for path in paths] * self.free + [CONSTANT] * self.offset
-        table = free_responses(denominators, experiment.dt, len(errors))
-        table = table[known[: len(table)]]
-        basis, states = orthonormal(table, errors[known]) if table.any() else (table, np.zeros(0))
+        denominators = [path.a for path in paths] if self.free else []
+        if self.offset:
+            denominators.append(CONSTANT)
+        free = free_responses(denominators, dt, len(errors))
+        free = free[known[: len(free)]]
+        basis, states = orthonormal(free, errors[known]) if free.any() else (free, np.zeros(0))
+        blocks = self._derivatives(theta, paths, responses, states, dt, first)
+        columns = np.column_stack((*blocks, errors))[known]
+        # variable projection [GolubPereyra2003]: what free responses explain counts for nothing
+        columns[: len(basis)] -= basis @ (basis.T @ columns[: len(basis)])
+        offset = float(states[-1]) if self.offset else 0.0
+        return columns, basis.shape[1], offset
+
+    def _derivatives(
+        self,
+        theta: FloatArray,
+        paths: Sequence[TransferFunction],
+        responses: Sequence[PathResponse],
+        states: FloatArray,
+        dt: float,
+        first: int,
+    ) -> list[FloatArray]:
+        """Derivatives of the errors by the parameters of each path (rows, p), initial states being `states`."""
         blocks, begin = [], 0
-        for structure, own, path, response in zip(self.structures, self.split(theta), paths, responses, strict=True):
+        values = self.split(theta)
+        for structure, own_values, path, response in zip(self.structures, values, paths, responses, strict=True):
             by_coefficient = np.column_stack((response.by_b, response.by_a, response.by_delay))[first:]
             if self.free and len(states) and structure.poles:
                 # the free response from the best initial state depends on the denominator too
                 state = states[begin : begin + structure.poles]
-                slopes = transient_slopes(path.a, state, experiment.dt, len(errors))
+                slopes = transient_slopes(path.a, state, dt, len(by_coefficient))
                 by_coefficient[: len(slopes), structure.zeros + 1 : -1] += slopes
                 begin += structure.poles
-            blocks.append(-by_coefficient @ structure.jacobian(own))
-        columns = np.column_stack((*blocks, errors))[known]
-        columns[: len(basis)] -= basis @ (basis.T @ columns[: len(basis)])
-        return columns, basis.shape[1], float(states[-1]) if self.offset else 0.0
+            blocks.append(-by_coefficient @ structure.jacobian(own_values))
+        return blocks
 
     def _stable(self, theta: FloatArray) -> bool:
+        """Whether all poles but integrators are left of the imaginary axis, and none too fast for samples to show."""
         dt = self.experiments[0].dt
-        for structure, own in zip(self.structures, self.split(theta), strict=True):
-            a = structure.transfer(own).a
-            poles = np.roots(a[structure.integrators :][::-1])
-            lost = len(poles) < structure.poles - structure.integrators or (np.abs(poles) * dt > FASTEST).any()
-            if lost or (poles.real * dt > -MARGIN).any():
+        for structure, path in zip(self.structures, self._transfers(theta), strict=True):
+            poles = np.roots(path.a[structure.integrators :][::-1])
+            # a leading coefficient of zero: a pole at infinity
+            vanished = len(poles) < structure.poles - structure.integrators
+            if vanished or (np.abs(poles) * dt > FASTEST).any() or (poles.real * dt > -MARGIN).any():
                 return False
         return True
 
-    def minimum(self, max_iterations: int) -> tuple["OutputError", Minimum, int]:
-        """The lowest minimum from several initial estimates, the criterion it is of, and the number of estimates."""
+    def minimum(self, max_iterations: int) -> "OutputFit":
+        """The lowest minimum from several initial estimates."""
         # matrix exponentials of stiff systems round more than the filters of discrete-time models
         energy = 1e4 * sum(float(np.nansum(e.y**2)) for e in self.experiments)
         first = [self.first(e) for e in self.experiments]
         starts = initial_estimates(
             self.experiments, self.structures, first, self.longest, free=self.free, offset=self.offset
         )
-        screened = [
-            levenberg_marquardt(self, at, energy, max_iterations=2 * SCREENING_STEPS)
-            for at in map(self, starts)
-            if at is not None
-        ]
+        screened = []
+        for start in starts:
+            at = self(start)
+            if at is not None:
+                screened.append(levenberg_marquardt(self, at, energy, max_iterations=2 * SCREENING_STEPS))
         if not screened:
             raise SysidError("no initial estimate is stable: try fewer poles, or other delays")
-        screened.sort(key=lambda one: one.at.cost)
-        finished = [levenberg_marquardt(self, one.at, energy, max_iterations=max_iterations) for one in screened[:2]]
-        best = self._hopped(min(finished, key=lambda one: one.at.cost), energy, max_iterations)
-        criterion = self
-        if self.delays() and self.free:
-            # fewer samples are lost before a shorter delay
-            longest = min(float(best.at.theta[self.delays()].max()) + REACH * self.experiments[0].dt, self.longest)
-            criterion = replace(self, longest=longest)
-            at = criterion(best.at.theta)
-            if at is not None:
-                best = levenberg_marquardt(criterion, at, energy, max_iterations=max_iterations)
-        return criterion, best, len(starts)
+        screened.sort(key=_cost)
+        finished = [
+            levenberg_marquardt(self, minimum.at, energy, max_iterations=max_iterations)
+            for minimum in screened[:POLISHED]
+        ]
+        best = self._hopped(min(finished, key=_cost), energy, max_iterations)
+        if not (self.delays() and self.free):
+            return OutputFit(self, best, len(starts))
+        # fewer samples are lost before a shorter delay
+        reach = float(best.at.theta[self.delays()].max()) + REACH * self.experiments[0].dt
+        criterion = replace(self, longest=min(reach, self.longest))
+        at = criterion(best.at.theta)
+        if at is not None:
+            best = levenberg_marquardt(criterion, at, energy, max_iterations=max_iterations)
+        return OutputFit(criterion, best, len(starts))
 
     def _hopped(self, best: Minimum, energy: float, max_iterations: int) -> Minimum:
         """The lowest minimum reached from the middles of sampling intervals around each delay.
@@ -188,17 +239,41 @@ class OutputError:
                 cell = math.ceil(best.at.theta[k] / dt - TIGHT)
                 middles = {(cell + hop - 0.5) * dt for hop in (-2, -1, 0, 1, 2)} - tried
                 tried |= middles
-                before = best.at.cost
+                cost_before = best.at.cost
                 for middle in sorted(middles):
                     theta = best.at.theta.copy()
                     theta[k] = middle
                     at = self(theta) if 0.0 < middle < self.longest else None
                     if at is not None:
-                        other = levenberg_marquardt(self, at, energy, max_iterations=max_iterations)
-                        best = min(best, other, key=lambda one: one.at.cost)
-                if best.at.cost >= before:
+                        candidate = levenberg_marquardt(self, at, energy, max_iterations=max_iterations)
+                        best = min(best, candidate, key=_cost)
+                if best.at.cost >= cost_before:
                     break
         return best
+
+
+@dataclass(frozen=True, eq=False)
+class OutputFit:
+    """Fit of the transfer functions from all inputs to one output.
+
+    Attributes:
+        criterion: Sum of squares that was minimised last.
+        minimum: Its lowest minimum.
+        starts: Number of initial estimates.
+    """
+
+    criterion: OutputError
+    minimum: Minimum
+    starts: int
+
+    def offsets(self) -> list[float]:
+        """Constant in the output of each experiment."""
+        theta = self.minimum.at.theta
+        return [self.criterion.columns(e, theta)[2] for e in self.criterion.experiments]
+
+
+def _cost(minimum: Minimum) -> float:
+    return minimum.at.cost
 
 
 def output_error_estimate(
@@ -225,66 +300,42 @@ def output_error_estimate(
     initial_conditions = InitialConditions.of(initial_conditions)
     if initial_conditions is InitialConditions.BACKCAST:
         raise SysidError(f"{method} has no noise model to backcast: initial_conditions must be 'estimated' or 'zero'")
-    intersample = experiments[0].intersample
-    if any(e.intersample != intersample for e in experiments):
-        raise SysidError(f"experiments must share one intersample, got {[e.intersample for e in experiments]}")
-    dt, shortest = experiments[0].dt, min(len(e) - e.window for e in experiments)
-    if max_delay is None:
-        max_delay = dt * min(LONGEST_DELAY, shortest // 10)
-    limit = 0.5 * shortest * dt
-    message = f"lie between 0 and half the shortest record, {limit:g} s"
-    max_delay = real_number("max_delay", max_delay, message, lambda value: 0.0 <= value <= limit)
-    structures = structures_of(experiments[0].ny, experiments[0].nu)
     free = initial_conditions is InitialConditions.ESTIMATED
-    if offset and free and any(s.integrators for row in structures for s in row):
+    intersample = _common_intersample(experiments)
+    shortest = min(len(e) - e.window for e in experiments)
+    limit = 0.5 * shortest * experiments[0].dt
+    if max_delay is None:
+        max_delay = experiments[0].dt * min(LONGEST_DELAY, shortest // 10)
+    within_record = f"lie between 0 and half the shortest record, {limit:g} s"
+    max_delay = real_number("max_delay", max_delay, within_record, lambda value: 0.0 <= value <= limit)
+    rows = structures_of(experiments[0].ny, experiments[0].nu)
+    all_structures = [structure for row in rows for structure in row]
+    if offset and free and any(structure.integrators for structure in all_structures):
         raise SysidError(
             "offset: the free initial state of an integrator is a constant already; offset=True goes with "
             "initial_conditions='zero'"
         )
-    known = [s.delay for row in structures for s in row if s.delay is not None]
-    real_number("delay", max((0.0, *known)), message, lambda value: value <= limit)
-    for row in structures:
-        if any(s.poles == s.zeros and s.delay is None and intersample == "zoh" for s in row):
-            raise SysidError(
-                "a held input shows the delay of a transfer function with as many zeros as poles only to whole "
-                "samples: try fewer zeros, or a known delay"
-            )
-    needed = [max(row[j].poles + row[j].zeros + 1 for row in structures) for j in range(experiments[0].nu)]
-    messages = check_excitation(experiments, needed)
-    messages += [] if offset else check_means(experiments, max(s.poles for row in structures for s in row))
+    known_delays = [structure.delay for structure in all_structures if structure.delay is not None]
+    real_number("delay", max((0.0, *known_delays)), within_record, lambda value: value <= limit)
+    if intersample == "zoh":
+        _refuse_hidden_delays(all_structures)
+    messages = _excitation_messages(experiments, rows, offset)
     fits = []
-    for i, row in enumerate(structures):
+    for i, row in enumerate(rows):
         single = [e.select(outputs=[i]) for e in experiments]
         criterion = OutputError(single, row, max_delay, free, offset)
         _check_enough(criterion)
         fits.append(criterion.minimum(max_iterations))
-    theta = np.concatenate([minimum.at.theta for _, minimum, _ in fits])
+    theta = np.concatenate([fit.minimum.at.theta for fit in fits])
     covariance, noise, condition = _covariances(fits, coloured)
-    levels: list[list[float]] = []
+    levels = [fit.offsets() for fit in fits] if offset else []
     if offset:
-        levels = [[c.columns(e, best.at.theta)[2] for e in c.experiments] for c, best, _ in fits]
         experiments = tuple(e.subtract(y=level) for e, *level in zip(experiments, *levels, strict=True))
     summary = DataSummary.of(experiments)
-    realise = RealisePaths(structures, summary, intersample, noise)
-    sampled, begin = Resampled(realise), 0
-    for (criterion, minimum, _), output in zip(fits, summary.output_names, strict=True):
-        if not minimum.converged:
-            messages.append(f"{method} did not converge for output {output}: {minimum.reason}")
-        own = slice(begin, begin + criterion.sizes[-1])
-        values = map(criterion.split, (theta[own], np.sqrt(np.diag(covariance)[own])))
-        for structure, *path in zip(criterion.structures, *values, strict=True):
-            messages += structure.warnings(*path)
-        limits = len(messages)
-        for k in criterion.delays():
-            delay = f"the delay {realise.names[begin + k]}"
-            if minimum.at.theta[k] == 0.0:
-                messages.append(f"{delay} is at its lower limit 0: intervals are approximate")
-            elif minimum.at.theta[k] >= criterion.longest - TIGHT * dt:
-                messages.append(f"{delay} is at its limit {criterion.longest:g} s: a larger max_delay may fit better")
-        begin += criterion.sizes[-1]
-        if len(messages) == limits and condition > ILL_CONDITIONED and minimum.at.cost > 0.0:
-            messages.append(f"the parameters are poorly determined: condition number {condition:.2g} of the Jacobian")
+    realise = RealisePaths(rows, summary, intersample, noise)
+    messages += _fit_messages(method, fits, realise, theta, np.sqrt(np.diag(covariance)), condition)
     warn_each(messages, stacklevel=2)
+    sampled = Resampled(realise)
     model = sampled(theta)
     return ContinuousEstimate(
         model=model,
@@ -296,26 +347,106 @@ def output_error_estimate(
         residuals=np.concatenate([residuals(model, e) for e in experiments]),
         method=method,
         orders=orders,
-        diagnostics={
-            "condition": condition,
-            "iterations": sum(minimum.iterations for _, minimum, _ in fits),
-            "converged": all(minimum.converged for _, minimum, _ in fits),
-            "reason": "; ".join(minimum.reason for _, minimum, _ in fits),
-            "offsets": tuple(map(tuple, levels)),
-            "initial_estimates": sum(count for _, _, count in fits),
-            "sum_of_squares": tuple(minimum.at.cost for _, minimum, _ in fits),
-            "warnings": tuple(messages),
-        },
+        diagnostics=_diagnostics(fits, levels, condition, messages),
         data=summary,
         realise=sampled,
         realise_continuous=realise,
     )
 
 
+def _common_intersample(experiments: Sequence[IOData]) -> str:
+    """Input between samples, held or linear, that all experiments share."""
+    intersample = experiments[0].intersample
+    if any(e.intersample != intersample for e in experiments):
+        raise SysidError(f"experiments must share one intersample, got {[e.intersample for e in experiments]}")
+    return intersample
+
+
+def _refuse_hidden_delays(structures: Sequence[PathStructure]) -> None:
+    """Refuse delays that a held input does not show: those of paths with a direct term, between whole samples."""
+    if any(structure.poles == structure.zeros and structure.delay is None for structure in structures):
+        raise SysidError(
+            "a held input shows the delay of a transfer function with as many zeros as poles only to whole "
+            "samples: try fewer zeros, or a known delay"
+        )
+
+
+def _excitation_messages(
+    experiments: Sequence[IOData], rows: tuple[tuple[PathStructure, ...], ...], offset: bool
+) -> list[str]:
+    """Warnings of inputs that excite too few frequencies for the orders, and of means that are not removed."""
+    needed = []
+    for of_input in zip(*rows, strict=True):
+        needed.append(max(structure.poles + structure.zeros + 1 for structure in of_input))
+    messages = check_excitation(experiments, needed)
+    if not offset:
+        messages += check_means(experiments, max(structure.poles for row in rows for structure in row))
+    return messages
+
+
+def _fit_messages(
+    method: str,
+    fits: Sequence[OutputFit],
+    realise: RealisePaths,
+    theta: FloatArray,
+    deviations: FloatArray,
+    condition: float,
+) -> list[str]:
+    """Warnings of searches that did not converge, of delays at their limits, and of parameters in doubt."""
+    messages, begin = [], 0
+    for fit, output in zip(fits, realise.data.output_names, strict=True):
+        criterion, minimum = fit.criterion, fit.minimum
+        if not minimum.converged:
+            messages.append(f"{method} did not converge for output {output}: {minimum.reason}")
+        end = begin + criterion.sizes[-1]
+        values, spread = criterion.split(theta[begin:end]), criterion.split(deviations[begin:end])
+        for structure, path_values, path_deviations in zip(criterion.structures, values, spread, strict=True):
+            messages += structure.warnings(path_values, path_deviations)
+        at_limits = _delay_messages(fit, realise.names[begin:end])
+        messages += at_limits
+        # a delay at its limit has no derivative, which makes the condition large by itself
+        if not at_limits and condition > ILL_CONDITIONED and minimum.at.cost > 0.0:
+            messages.append(f"the parameters are poorly determined: condition number {condition:.2g} of the Jacobian")
+        begin = end
+    return messages
+
+
+def _delay_messages(fit: OutputFit, names: Sequence[str]) -> list[str]:
+    """Warnings of delays at their limits; `names` are those of the parameters of the output."""
+    criterion, theta = fit.criterion, fit.minimum.at.theta
+    messages = []
+    for k in criterion.delays():
+        delay = f"the delay {names[k]}"
+        if theta[k] == 0.0:
+            messages.append(f"{delay} is at its lower limit 0: intervals are approximate")
+        elif theta[k] >= criterion.longest - TIGHT * criterion.experiments[0].dt:
+            messages.append(f"{delay} is at its limit {criterion.longest:g} s: a larger max_delay may fit better")
+    return messages
+
+
+def _diagnostics(
+    fits: Sequence[OutputFit], levels: list[list[float]], condition: float, messages: list[str]
+) -> dict[str, Any]:
+    """What the estimate reports of the searches."""
+    minima = [fit.minimum for fit in fits]
+    return {
+        "condition": condition,
+        "iterations": sum(minimum.iterations for minimum in minima),
+        "converged": all(minimum.converged for minimum in minima),
+        "reason": "; ".join(minimum.reason for minimum in minima),
+        "offsets": tuple(map(tuple, levels)),
+        "initial_estimates": sum(fit.starts for fit in fits),
+        "sum_of_squares": tuple(minimum.at.cost for minimum in minima),
+        "warnings": tuple(messages),
+    }
+
+
 def _check_enough(criterion: OutputError) -> None:
     """Refuse data with fewer errors than unknowns."""
-    states = criterion.offset + (sum(s.poles for s in criterion.structures) if criterion.free else 0)
-    usable = [int(e.known[criterion.first(e) :].sum()) for e in criterion.experiments]
+    states = int(criterion.offset)
+    if criterion.free:
+        states += sum(structure.poles for structure in criterion.structures)
+    usable = criterion.usable()
     count = criterion.sizes[-1]
     if sum(usable) <= count + states * len(usable) or min(usable) <= states:
         raise SysidError(
@@ -324,39 +455,74 @@ def _check_enough(criterion: OutputError) -> None:
         )
 
 
-def _covariances(
-    fits: Sequence[tuple[OutputError, Minimum, int]], coloured: bool
-) -> tuple[FloatArray, FloatArray, float]:
+@dataclass(frozen=True, eq=False)
+class OutputCovariance:
+    """Covariance of the parameters of one output, and what those of two outputs follow from.
+
+    Attributes:
+        variance: Of the errors.
+        covariance: Of the parameters (p, p).
+        influence: J (J' J)^-1, of the projected derivatives J of all samples (N, p).
+        errors: Of all samples, zero where none counts (N,).
+        condition: Condition number of the derivatives.
+    """
+
+    variance: float
+    covariance: FloatArray
+    influence: FloatArray
+    errors: FloatArray
+    condition: float
+
+
+def _covariances(fits: Sequence[OutputFit], coloured: bool) -> tuple[FloatArray, FloatArray, float]:
     """Covariance of all parameters, that of the errors (ny, ny), and the largest condition number."""
-    variances, influences, errors, blocks, conditions = [], [], [], [], []
-    for criterion, minimum, _ in fits:
-        at, theta, parts = minimum.at, minimum.at.theta.copy(), []
-        # a delay fixed at 0 has the interval of a free one, by the derivative from the right
-        theta[criterion.delays()] = np.maximum(theta[criterion.delays()], 2.0 * TIGHT * criterion.experiments[0].dt)
-        for e in criterion.experiments:
-            # every sample has its row, zeros where no error counts, NaN for the error of a missing output
-            first, part = criterion.first(e), np.zeros((len(e), len(at.theta) + 1))
-            part[first:, -1] = np.nan
-            part[first:][e.known[first:, 0]] = criterion.columns(e, theta)[0]
-            parts.append(part)
-        rows = np.nan_to_num(np.vstack(parts))
-        triangle, lengths = scaled_triangle(rows, guarded=len(theta))
-        half, condition = directions(replace(at, triangle=triangle[:-1, :-1], scale=lengths[:-1]))
-        variances.append(at.cost / (at.errors - len(at.theta) - at.transients))
-        middle = np.eye(half.shape[1])
-        if coloured and at.cost > 0.0:
-            counted = [part[criterion.first(e) :] for e, part in zip(criterion.experiments, parts, strict=True)]
-            middle = coloured_information(counted, min(COLOUR, at.errors // 20), half)
-        blocks.append(variances[-1] * half @ middle @ half.T)
-        conditions.append(condition)
-        influences.append(rows[:, :-1] @ half @ half.T)
-        errors.append(rows[:, -1])
-    noise, covariance = np.diag(variances), scipy.linalg.block_diag(*blocks)
-    begin = np.cumsum([0, *(len(block) for block in blocks)])
+    outputs = [_covariance_of_output(fit, coloured) for fit in fits]
+    noise = np.diag([output.variance for output in outputs])
+    covariance = scipy.linalg.block_diag(*(output.covariance for output in outputs))
+    begin = np.cumsum([0, *(len(output.covariance) for output in outputs)])
     for i, j in itertools.permutations(range(len(fits)), 2):
-        both = (errors[i] != 0.0) & (errors[j] != 0.0)
-        sizes = np.linalg.norm(errors[i][both]) * np.linalg.norm(errors[j][both])
-        noise[i, j] = np.sqrt(variances[i] * variances[j]) * (errors[i] @ errors[j] / sizes if sizes else 0.0)
-        cross = noise[i, j] * influences[i].T @ influences[j]
+        first, second = outputs[i], outputs[j]
+        noise[i, j] = _covariance_of_errors(first, second)
+        cross = noise[i, j] * first.influence.T @ second.influence
         covariance[begin[i] : begin[i + 1], begin[j] : begin[j + 1]] = cross
-    return covariance, noise, max(conditions)
+    return covariance, noise, max(output.condition for output in outputs)
+
+
+def _covariance_of_errors(first: OutputCovariance, second: OutputCovariance) -> float:
+    """Covariance of the errors of two outputs: their correlation where both are known, times the deviations."""
+    common = (first.errors != 0.0) & (second.errors != 0.0)
+    sizes = np.linalg.norm(first.errors[common]) * np.linalg.norm(second.errors[common])
+    correlation = first.errors @ second.errors / sizes if sizes else 0.0
+    return float(np.sqrt(first.variance * second.variance) * correlation)
+
+
+def _covariance_of_output(fit: OutputFit, coloured: bool) -> OutputCovariance:
+    """Covariance of the parameters of one output, with the colour of the errors taken into account if asked for."""
+    criterion, at = fit.criterion, fit.minimum.at
+    theta, delays = at.theta.copy(), criterion.delays()
+    # a delay fixed at 0 has the interval of a free one, by the derivative from the right
+    theta[delays] = np.maximum(theta[delays], 2.0 * TIGHT * criterion.experiments[0].dt)
+    tables = [_all_samples(criterion, experiment, theta) for experiment in criterion.experiments]
+    columns = np.nan_to_num(np.vstack(tables))
+    triangle, lengths = scaled_triangle(columns, guarded=len(theta))
+    half, condition = directions(replace(at, triangle=triangle[:-1, :-1], scale=lengths[:-1]))
+    variance = at.cost / (at.errors - len(at.theta) - at.transients)
+    middle = np.eye(half.shape[1])
+    if coloured and at.cost > 0.0:
+        counted = [table[criterion.first(e) :] for e, table in zip(criterion.experiments, tables, strict=True)]
+        middle = coloured_information(counted, min(COLOUR, at.errors // 20), half)
+    covariance = variance * half @ middle @ half.T
+    influence = columns[:, :-1] @ half @ half.T
+    return OutputCovariance(variance, covariance, influence, columns[:, -1], condition)
+
+
+def _all_samples(criterion: OutputError, experiment: IOData, theta: FloatArray) -> FloatArray:
+    """Derivatives and errors with a row for every sample, so that those of several outputs go together (N, p + 1).
+
+    Zeros where no error counts, NaN for the error of a missing output.
+    """
+    first = criterion.first(experiment)
+    table = np.zeros((len(experiment), len(theta) + 1))
+    table[first:, -1] = np.nan
+    table[first:][experiment.known[first:, 0]] = criterion.columns(experiment, theta)[0]
+    return table

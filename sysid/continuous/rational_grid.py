@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from sysid.records.arrays import ComplexArray, FloatArray
 
+GAIN_FLOOR = 1e-6  # of the response, relative to its peak, in the weights of the denominator's polynomials
+
 
 @dataclass(frozen=True, eq=False)
 class OrthogonalPolynomials:
@@ -36,16 +38,17 @@ class OrthogonalPolynomials:
         for k in range(degree):
             v = x * vectors[:, k]
             for _ in range(2):  # a second pass makes up for the rounding of the first
-                part = (vectors[:, : k + 1].conj().T @ v).real
-                recurrence[: k + 1, k] += part
-                v = v - vectors[:, : k + 1] @ part
+                along_lower = (vectors[:, : k + 1].conj().T @ v).real
+                recurrence[: k + 1, k] += along_lower
+                v = v - vectors[:, : k + 1] @ along_lower
             recurrence[k + 1, k] = np.linalg.norm(v)
             vectors[:, k + 1] = v / recurrence[k + 1, k]
         return OrthogonalPolynomials(np.asarray(vectors / weights[:, None]), recurrence, weights)
 
     def coefficients(self, values: ComplexArray) -> FloatArray:
         """Coefficients (n + 1,) of the polynomial with some values on the grid."""
-        return np.asarray(((self.values * self.weights[:, None]).conj().T @ (values * self.weights)).real)
+        weighted = self.values * self.weights[:, None]
+        return np.asarray((weighted.conj().T @ (values * self.weights)).real)
 
     def roots(self, coefficients: FloatArray) -> ComplexArray:
         """Zeros of a sum of the polynomials, from a comrade matrix."""
@@ -58,12 +61,13 @@ class OrthogonalPolynomials:
     def powers(self) -> FloatArray:
         """Coefficients of falling powers of x, a column per polynomial (n + 1, n + 1)."""
         n = self.recurrence.shape[1]
-        out = np.zeros((n + 1, n + 1))
-        out[0, 0] = self.values[0, 0].real
+        rising = np.zeros((n + 1, n + 1))
+        rising[0, 0] = self.values[0, 0].real
         for k in range(n):
-            shifted = np.roll(out[:, k], 1) - out[:, : k + 1] @ self.recurrence[: k + 1, k]
-            out[:, k + 1] = shifted / self.recurrence[k + 1, k]
-        return out[::-1]
+            # multiplication with x shifts the coefficients by one power
+            shifted = np.roll(rising[:, k], 1) - rising[:, : k + 1] @ self.recurrence[: k + 1, k]
+            rising[:, k + 1] = shifted / self.recurrence[k + 1, k]
+        return rising[::-1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,26 +98,33 @@ class Fraction:
         return self.nb + self.nf + self.late
 
     def factor(self, x: ComplexArray, discrete: bool) -> ComplexArray:
-        """What the delay multiplies N / D with (nf,)."""
-        return np.asarray(x ** (self.nf - self.nb + 1 - self.delay) if discrete else np.exp(-x * self.delay))
+        """Response of the delay, which N / D is multiplied with (nf,).
+
+        In discrete time it has the powers of z by which B(q)/F(q), of rising powers of 1/z, differs from N / D too.
+        """
+        if discrete:
+            return np.asarray(x ** (self.nf - self.nb + 1 - self.delay))
+        return np.asarray(np.exp(-x * self.delay))
 
     def bases(self, x: ComplexArray) -> tuple[OrthogonalPolynomials, OrthogonalPolynomials]:
         """Polynomial bases of numerator and denominator, orthogonal over the frequencies with the fit's weights."""
         size = np.abs(self.denominator)
-        above = OrthogonalPolynomials.on(x, self.weights / size, self.nb - 1)
-        # a floor, for the response may vanish
+        numerators = OrthogonalPolynomials.on(x, self.weights / size, self.nb - 1)
+        # a change dD moves the response by G dD / D; a floor of the gain, for the response may vanish
         gain = np.abs(self.numerator) / size
-        below = OrthogonalPolynomials.on(x, self.weights * np.maximum(gain, 1e-6 * gain.max()) / size, self.nf)
-        return above, below
+        weights = self.weights * np.maximum(gain, GAIN_FLOOR * gain.max()) / size
+        denominators = OrthogonalPolynomials.on(x, weights, self.nf)
+        return numerators, denominators
 
     def with_numerator(self, x: ComplexArray, g: ComplexArray) -> "Fraction":
         """The path with the numerator that fits values of N / D best, the denominator kept."""
-        above = OrthogonalPolynomials.on(x, self.weights / np.abs(self.denominator), self.nb - 1)
-        table = above.values * (self.weights / self.denominator)[:, None]
+        numerators = OrthogonalPolynomials.on(x, self.weights / np.abs(self.denominator), self.nb - 1)
+        table = numerators.values * (self.weights / self.denominator)[:, None]
         target = g * self.weights
+        # real coefficients: real and imaginary part are one equation each
         rows = np.vstack((table.real, table.imag))
-        fitted = np.linalg.lstsq(rows, np.concatenate((target.real, target.imag)), rcond=None)[0]
-        return replace(self, numerator=above.values @ fitted)
+        coefficients = np.linalg.lstsq(rows, np.concatenate((target.real, target.imag)), rcond=None)[0]
+        return replace(self, numerator=numerators.values @ coefficients)
 
     def with_poles(self, x: ComplexArray, poles: ComplexArray) -> "Fraction":
         """The path with other poles, all of them."""
@@ -124,27 +135,31 @@ class Fraction:
 
     def refitted(self, x: ComplexArray, g: ComplexArray, stable: bool, discrete: bool) -> "Fraction":
         """The path after a step of linear least squares on N - D g, weighted by the last D [SanathananKoerner1963]."""
-        above, below = self.bases(x)
+        numerators, denominators = self.bases(x)
+        # D stays monic: only the polynomials below its degree are added to it
+        lower = denominators.values[:, : self.nf]
         scaled = (self.weights / np.abs(self.denominator))[:, None]
-        table = (
-            np.hstack((above.values, -below.values[:, : self.nf] * g[:, None], (self.denominator * g)[:, None]))
-            * scaled
-        )
+        table = np.hstack((numerators.values, -lower * g[:, None], (self.denominator * g)[:, None])) * scaled
         rows = np.vstack((table.real, table.imag))
-        size = np.linalg.norm(rows, axis=0)
-        change = np.linalg.lstsq(rows[:, :-1] / size[:-1], rows[:, -1], rcond=None)[0] / size[:-1]
-        out = replace(self, denominator=self.denominator + below.values[:, : self.nf] @ change[self.nb :])
-        return (out.stabilised(x, discrete) if stable else out).with_numerator(x, g)
+        lengths = np.linalg.norm(rows, axis=0)
+        scaled_change = np.linalg.lstsq(rows[:, :-1] / lengths[:-1], rows[:, -1], rcond=None)[0]
+        change = scaled_change / lengths[:-1]
+        refitted = replace(self, denominator=self.denominator + lower @ change[self.nb :])
+        if stable:
+            refitted = refitted.stabilised(x, discrete)
+        return refitted.with_numerator(x, g)
 
     def stabilised(self, x: ComplexArray, discrete: bool) -> "Fraction":
         """The path with unstable poles mirrored into the stable region."""
         poles = self.poles(x)
-        return self.with_poles(x, mirrored_poles(poles, discrete)) if unstable(poles, discrete).any() else self
+        if not unstable(poles, discrete).any():
+            return self
+        return self.with_poles(x, mirrored_poles(poles, discrete))
 
     def poles(self, x: ComplexArray) -> ComplexArray:
         """Poles in units of x."""
-        below = self.bases(x)[1]
-        return below.roots(below.coefficients(self.denominator))
+        _, denominators = self.bases(x)
+        return denominators.roots(denominators.coefficients(self.denominator))
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,39 +187,46 @@ class Fractions:
 
     def response(self) -> ComplexArray:
         """Response (nf, ny, nu)."""
-        flat = [path.factor(self.x, self.discrete) * path.numerator / path.denominator for path in self.paths]
+        flat = []
+        for path in self.paths:
+            flat.append(path.factor(self.x, self.discrete) * path.numerator / path.denominator)
         return np.stack(flat, axis=-1).reshape(-1, *self.shape)
 
     def columns(self) -> ComplexArray:
         """Derivatives in numerator, denominator and delay, path by path (nf, ny, nu, p)."""
         nf, response = len(self.x), self.response().reshape(len(self.x), -1)
-        out, at = np.zeros((nf, len(self.paths), self.free), dtype=complex), 0
+        derivatives = np.zeros((nf, len(self.paths), self.free), dtype=complex)
+        begin = 0
         for k, path in enumerate(self.paths):
-            above, below = path.bases(self.x)
+            numerators, denominators = path.bases(self.x)
             g = response[:, [k]]
-            by_numerator = above.values * (path.factor(self.x, self.discrete) / path.denominator)[:, None]
-            by_denominator = -below.values[:, : path.nf] * g / path.denominator[:, None]
+            by_numerator = numerators.values * (path.factor(self.x, self.discrete) / path.denominator)[:, None]
+            by_denominator = -denominators.values[:, : path.nf] * g / path.denominator[:, None]
+            # no column where the delay is known
             by_delay = (-self.x[:, None] * g)[:, : path.late]
-            out[:, k, at : at + path.count] = np.hstack((by_numerator, by_denominator, by_delay))
-            at += path.count
-        return out.reshape(nf, *self.shape, self.free)
+            derivatives[:, k, begin : begin + path.count] = np.hstack((by_numerator, by_denominator, by_delay))
+            begin += path.count
+        return derivatives.reshape(nf, *self.shape, self.free)
 
     def moved(self, step: FloatArray) -> Self | None:
         """After a step, unstable poles mirrored and delays at least zero; None if a value is infinite."""
         paths = []
-        parts = np.split(step, np.cumsum([path.count for path in self.paths])[:-1])
-        for path, own in zip(self.paths, parts, strict=True):
-            above, below = path.bases(self.x)
-            by_numerator, by_denominator, by_delay = np.split(own, [path.nb, path.nb + path.nf])
+        steps = np.split(step, np.cumsum([path.count for path in self.paths])[:-1])
+        for path, step_of_path in zip(self.paths, steps, strict=True):
+            numerators, denominators = path.bases(self.x)
+            numerator_step, denominator_step, delay_step = np.split(step_of_path, [path.nb, path.nb + path.nf])
             moved = replace(
                 path,
-                numerator=path.numerator + above.values @ by_numerator,
-                denominator=path.denominator + below.values[:, : path.nf] @ by_denominator,
-                delay=max(path.delay + float(by_delay.sum()), 0.0),
+                numerator=path.numerator + numerators.values @ numerator_step,
+                denominator=path.denominator + denominators.values[:, : path.nf] @ denominator_step,
+                delay=max(path.delay + float(delay_step.sum()), 0.0),
             )
+            # a pole on a frequency of the grid; the comparison refuses NaN too
             if not np.isfinite(moved.numerator).all() or not np.abs(moved.denominator).min() > 0.0:
                 return None
-            paths.append(moved.stabilised(self.x, self.discrete) if self.stable else moved)
+            if self.stable:
+                moved = moved.stabilised(self.x, self.discrete)
+            paths.append(moved)
         return replace(self, paths=tuple(paths))
 
     def parameters(self, scale: float) -> tuple[FloatArray, FloatArray]:
@@ -214,26 +236,30 @@ class Fractions:
         """
         theta, change = [], []
         for path in self.paths:
-            above, below = path.bases(self.x)
+            numerators, denominators = path.bases(self.x)
             # G does not change if s is scaled; D stays monic
-            up, down = scale ** np.arange(path.nf - path.nb + 1, path.nf + 1.0), scale ** np.arange(1.0, path.nf + 1.0)
-            theta += [
-                up * (above.powers() @ above.coefficients(path.numerator)),
-                down * np.atleast_1d(np.poly(path.poles(self.x)).real)[1:],
-            ]
-            change += [up[:, None] * above.powers(), down[:, None] * below.powers()[1:, : path.nf]]
+            b_scale = scale ** np.arange(path.nf - path.nb + 1, path.nf + 1.0)
+            f_scale = scale ** np.arange(1.0, path.nf + 1.0)
+            b = numerators.powers() @ numerators.coefficients(path.numerator)
+            # from the poles, which keep their digits where powers over decades lose them
+            f = np.atleast_1d(np.poly(path.poles(self.x)).real)[1:]
+            theta += [b_scale * b, f_scale * f]
+            change += [b_scale[:, None] * numerators.powers(), f_scale[:, None] * denominators.powers()[1:, : path.nf]]
             if path.late:
-                theta, change = [*theta, np.array([path.delay / scale])], [*change, np.array([[1.0 / scale]])]
+                theta.append(np.array([path.delay / scale]))
+                change.append(np.array([[1.0 / scale]]))
         return np.concatenate(theta), scipy.linalg.block_diag(*change)
 
 
 def unstable(poles: ComplexArray, discrete: bool) -> NDArray[np.bool_]:
     """Which poles are not strictly stable."""
-    return np.asarray(np.abs(poles) >= 1.0 if discrete else poles.real >= 0.0)
+    if discrete:
+        return np.asarray(np.abs(poles) >= 1.0)
+    return np.asarray(poles.real >= 0.0)
 
 
 def mirrored_poles(poles: ComplexArray, discrete: bool) -> ComplexArray:
     """Poles with unstable ones mirrored into the stable region."""
-    poles, outside = poles.astype(complex), unstable(poles, discrete)
-    poles[outside] = 1.0 / poles[outside].conj() if discrete else -poles[outside].conj()
-    return poles
+    mirrored, outside = poles.astype(complex), unstable(poles, discrete)
+    mirrored[outside] = 1.0 / mirrored[outside].conj() if discrete else -mirrored[outside].conj()
+    return mirrored
