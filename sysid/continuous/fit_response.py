@@ -144,9 +144,11 @@ def _continuous_parameters(
     theta, change = best.model.parameters(data.scale)
     _, ny, nu = data.response.response.shape
     structures = [RationalPath(path.nf, path.nb - 1, path.delay) for path in paths]
-    rows = tuple(tuple(structures[i * nu : (i + 1) * nu]) for i in range(ny))
+    rows = []
+    for i in range(ny):
+        rows.append(tuple(structures[i * nu : (i + 1) * nu]))
     # a response tells nothing of the noise at the samples: no innovation covariance
-    realise = RealisePaths(rows, summary, "zoh", None)
+    realise = RealisePaths(tuple(rows), summary, "zoh", None)
     counts = np.reshape([path.nb for path in paths], (ny, nu))
     degrees = np.reshape([path.nf for path in paths], (ny, nu))
     return FittedParameters(

@@ -110,7 +110,9 @@ class PathData:
     def by_delay(self, a: FloatArray, longest: float) -> tuple[FloatArray, FloatArray]:
         """Whole numbers of samples as delays, in s, and the sum of squared errors with the best numerator of each."""
         m, count = self.structure.zeros, int(longest / self.dt)
-        undelayed = [derivatives_of(u, a, self.dt, self.intersample)[:, : m + 1] for u in self.inputs]
+        undelayed = []
+        for u in self.inputs:
+            undelayed.append(derivatives_of(u, a, self.dt, self.intersample)[:, : m + 1])
         costs = []
         for lag in range(count + 1):
             blocks = []

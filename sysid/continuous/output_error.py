@@ -73,8 +73,11 @@ class OutputError:
         """First sample whose error counts: with free initial states, no input from before the record acts on it."""
         if not self.free:
             return experiment.window
-        delays = [self.longest if structure.delay is None else structure.delay for structure in self.structures]
-        return max(experiment.window, math.ceil(max(delays) / experiment.dt - TIGHT))
+        longest = 0.0
+        for structure in self.structures:
+            delay = self.longest if structure.delay is None else structure.delay
+            longest = max(longest, delay)
+        return max(experiment.window, math.ceil(longest / experiment.dt - TIGHT))
 
     def delays(self) -> list[int]:
         """Indices of the parameters that are delays: the last one of a path whose delay is estimated."""
@@ -302,23 +305,11 @@ def output_error_estimate(
         raise SysidError(f"{method} has no noise model to backcast: initial_conditions must be 'estimated' or 'zero'")
     free = initial_conditions is InitialConditions.ESTIMATED
     intersample = _common_intersample(experiments)
-    shortest = min(len(e) - e.window for e in experiments)
-    limit = 0.5 * shortest * experiments[0].dt
     if max_delay is None:
-        max_delay = experiments[0].dt * min(LONGEST_DELAY, shortest // 10)
-    within_record = f"lie between 0 and half the shortest record, {limit:g} s"
-    max_delay = real_number("max_delay", max_delay, within_record, lambda value: 0.0 <= value <= limit)
+        max_delay = experiments[0].dt * min(LONGEST_DELAY, _shortest(experiments) // 10)
+    max_delay = _checked_delay("max_delay", max_delay, experiments)
     rows = structures_of(experiments[0].ny, experiments[0].nu)
-    all_structures = [structure for row in rows for structure in row]
-    if offset and free and any(structure.integrators for structure in all_structures):
-        raise SysidError(
-            "offset: the free initial state of an integrator is a constant already; offset=True goes with "
-            "initial_conditions='zero'"
-        )
-    known_delays = [structure.delay for structure in all_structures if structure.delay is not None]
-    real_number("delay", max((0.0, *known_delays)), within_record, lambda value: value <= limit)
-    if intersample == "zoh":
-        _refuse_hidden_delays(all_structures)
+    _check_structures([structure for row in rows for structure in row], experiments, free, offset)
     messages = _excitation_messages(experiments, rows, offset)
     fits = []
     for i, row in enumerate(rows):
@@ -362,9 +353,31 @@ def _common_intersample(experiments: Sequence[IOData]) -> str:
     return intersample
 
 
-def _refuse_hidden_delays(structures: Sequence[PathStructure]) -> None:
-    """Refuse delays that a held input does not show: those of paths with a direct term, between whole samples."""
-    if any(structure.poles == structure.zeros and structure.delay is None for structure in structures):
+def _shortest(experiments: Sequence[IOData]) -> int:
+    """Samples of the shortest record behind its window."""
+    return min(len(e) - e.window for e in experiments)
+
+
+def _checked_delay(name: str, delay: object, experiments: Sequence[IOData]) -> float:
+    """A delay within half the shortest record, s: behind it too few samples would show the response."""
+    limit = 0.5 * _shortest(experiments) * experiments[0].dt
+    expected = f"lie between 0 and half the shortest record, {limit:g} s"
+    return real_number(name, delay, expected, lambda value: 0.0 <= value <= limit)
+
+
+def _check_structures(
+    structures: Sequence[PathStructure], experiments: Sequence[IOData], free: bool, offset: bool
+) -> None:
+    """Refuse offsets and delays that the data cannot show."""
+    if offset and free and any(structure.integrators for structure in structures):
+        raise SysidError(
+            "offset: the free initial state of an integrator is a constant already; offset=True goes with "
+            "initial_conditions='zero'"
+        )
+    known_delays = [structure.delay for structure in structures if structure.delay is not None]
+    _checked_delay("delay", max((0.0, *known_delays)), experiments)
+    hidden = any(structure.poles == structure.zeros and structure.delay is None for structure in structures)
+    if hidden and experiments[0].intersample == "zoh":
         raise SysidError(
             "a held input shows the delay of a transfer function with as many zeros as poles only to whole "
             "samples: try fewer zeros, or a known delay"
@@ -400,8 +413,8 @@ def _fit_messages(
             messages.append(f"{method} did not converge for output {output}: {minimum.reason}")
         end = begin + criterion.sizes[-1]
         values, spread = criterion.split(theta[begin:end]), criterion.split(deviations[begin:end])
-        for structure, path_values, path_deviations in zip(criterion.structures, values, spread, strict=True):
-            messages += structure.warnings(path_values, path_deviations)
+        for j, structure in enumerate(criterion.structures):
+            messages += structure.warnings(values[j], spread[j])
         at_limits = _delay_messages(fit, realise.names[begin:end])
         messages += at_limits
         # a delay at its limit has no derivative, which makes the condition large by itself
@@ -446,8 +459,7 @@ def _check_enough(criterion: OutputError) -> None:
     states = int(criterion.offset)
     if criterion.free:
         states += sum(structure.poles for structure in criterion.structures)
-    usable = criterion.usable()
-    count = criterion.sizes[-1]
+    usable, count = criterion.usable(), criterion.sizes[-1]
     if sum(usable) <= count + states * len(usable) or min(usable) <= states:
         raise SysidError(
             f"too many orders for the data: {count} parameters and {states} initial states and offsets per experiment "

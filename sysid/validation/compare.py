@@ -48,18 +48,23 @@ class ModelFit(Locked):
 
     def __str__(self) -> str:
         """One line with all fits, per output if there are several, and a line for each of several experiments."""
-        parts = []
-        for i, name in enumerate(self._labels):
-            text = f"{self.simulation[i]:.2f} % in simulation, {self.one_step[i]:.2f} % one step ahead"
-            text += f", {self.ahead[i]:.2f} % {self.steps} steps ahead" if self.steps > 1 else ""
-            parts.append((f"{name}: " if name else "") + text)
-        return "\n".join((f"{self.name}: {'; '.join(parts)}", *(f"  {one}" for one in self.by_experiment)))
+        fits_by_output = []
+        for i, output in enumerate(self._labels):
+            fits = f"{self.simulation[i]:.2f} % in simulation, {self.one_step[i]:.2f} % one step ahead"
+            if self.steps > 1:
+                fits += f", {self.ahead[i]:.2f} % {self.steps} steps ahead"
+            fits_by_output.append(f"{output}: {fits}" if output else fits)
+        lines = [f"{self.name}: {'; '.join(fits_by_output)}"]
+        lines += [f"  {fit}" for fit in self.by_experiment]
+        return "\n".join(lines)
 
     @property
     def _labels(self) -> tuple[str, ...]:
         """Names of several outputs; an empty one of a single output."""
         count = len(self.simulation)
-        return self.output_names if len(self.output_names) == count > 1 else ("",) * count
+        if count > 1 and len(self.output_names) == count:
+            return self.output_names
+        return ("",) * count
 
 
 class Fits(tuple[ModelFit, ...]):
@@ -77,14 +82,25 @@ class Fits(tuple[ModelFit, ...]):
     def _table(self) -> Table:
         rows: list[list[str]] = []
         for fit in self:
-            for one in (fit, *fit.by_experiment):
-                for i, name in enumerate(one._labels):
-                    values = (one.simulation[i], one.one_step[i], one.ahead[i])
-                    label = ("  " * (one is not fit)) + one.name + (f", {name}" if name else "")
-                    rows.append([label, *(f"{value:.2f}" for value in values)])
+            rows += _rows(fit, fit.name)
+            for of_experiment in fit.by_experiment:
+                rows += _rows(of_experiment, f"  {of_experiment.name}")
         heads = ["fit / %", "simulation", "one step ahead", f"{self[0].steps} steps ahead"]
         columns = list(zip(heads, zip(*rows, strict=True), strict=True))
-        return Table(columns if self[0].steps > 1 else columns[:-1])
+        if self[0].steps == 1:
+            # the last column would repeat the one before
+            columns.pop()
+        return Table(columns)
+
+
+def _rows(fit: ModelFit, label: str) -> list[list[str]]:
+    """A row of the table for each output: its label, and the fits."""
+    rows = []
+    for i, output in enumerate(fit._labels):
+        values = (fit.simulation[i], fit.one_step[i], fit.ahead[i])
+        name = f"{label}, {output}" if output else label
+        rows.append([name, *(f"{value:.2f}" for value in values)])
+    return rows
 
 
 def compare(
@@ -108,15 +124,7 @@ def compare(
     Raises:
         SysidError: No model, channels that do not fit, an output that is constant, steps < 1.
     """
-    named: Mapping[str, Model]
-    if isinstance(models, Mapping):
-        named = models
-    else:
-        sequence = [chosen_model(model) for model in (models if isinstance(models, Sequence) else [models])]
-        for model in sequence:
-            as_model(model)
-        methods = [model.method if isinstance(model, Estimate) else "model" for model in sequence]
-        named = {f"{k}: {method}": model for k, (method, model) in enumerate(zip(methods, sequence, strict=True), 1)}
+    named = models if isinstance(models, Mapping) else _named(models)
     if not named:
         raise SysidError("expected at least one model, got none")
     steps = whole_number("steps (the simulation is always included)", steps, 1)
@@ -124,51 +132,83 @@ def compare(
     return Fits(_fit(name, model, experiments, steps) for name, model in named.items())
 
 
+def _named(models: Model | Sequence[Model]) -> dict[str, Model]:
+    """Models by number and method."""
+    sequence = models if isinstance(models, Sequence) else [models]
+    chosen = [chosen_model(model) for model in sequence]
+    for model in chosen:
+        as_model(model)  # refuses what is no model
+    named: dict[str, Model] = {}
+    for k, model in enumerate(chosen, 1):
+        method = model.method if isinstance(model, Estimate) else "model"
+        named[f"{k}: {method}"] = model
+    return named
+
+
+@dataclass(frozen=True, eq=False)
+class _Outputs:
+    """Outputs of a model for one experiment: simulated, predicted one step ahead, and over the horizon (N, ny)."""
+
+    simulated: FloatArray
+    predicted: FloatArray
+    ahead: FloatArray
+
+
 def _fit(name: str, model: Model, experiments: Sequence[IOData], steps: int) -> ModelFit:
+    """Fit of a model to all experiments, with that to each of several."""
     outputs = []
-    for data in experiments:
-        of_horizon = {horizon: predict(model, data, steps=horizon) for horizon in {None, 1, steps}}
-        outputs.append((of_horizon[None], of_horizon[1], of_horizon[steps]))
-    single = tuple(
-        _of(name if len(experiments) == 1 else e.name or f"experiment {k + 1}", [e], [own], steps)
-        for k, (e, own) in enumerate(zip(experiments, outputs, strict=True))
-    )
-    return single[0] if len(single) == 1 else _of(name, experiments, outputs, steps, single)
+    for experiment in experiments:
+        # with steps = 1 one prediction serves twice
+        by_horizon = {horizon: predict(model, experiment, steps=horizon) for horizon in {None, 1, steps}}
+        outputs.append(_Outputs(by_horizon[None], by_horizon[1], by_horizon[steps]))
+    if len(experiments) == 1:
+        return _fit_of_outputs(name, experiments, outputs, steps)
+    fits = []
+    for k, (experiment, of_experiment) in enumerate(zip(experiments, outputs, strict=True), 1):
+        label = experiment.name or f"experiment {k}"
+        fits.append(_fit_of_outputs(label, [experiment], [of_experiment], steps))
+    return _fit_of_outputs(name, experiments, outputs, steps, tuple(fits))
 
 
-def _of(
+def _fit_of_outputs(
     name: str,
     experiments: Sequence[IOData],
-    outputs: Sequence[tuple[FloatArray, FloatArray, FloatArray]],
+    outputs: Sequence[_Outputs],
     steps: int,
     by_experiment: tuple[ModelFit, ...] = (),
 ) -> ModelFit:
-    measured = [e.scored.y for e in experiments]
-    # a common mean would count differences of level between experiments as explained
-    y = np.concatenate([part - np.nanmean(part, axis=0) if len(measured) > 1 else part for part in measured])
-    fits = []
-    for kind in zip(*outputs, strict=True):
-        # an unstable model may overflow: infinity minus infinity counts as infinite
-        hats = [
-            np.nan_to_num(hat[e.window :], nan=np.inf, posinf=np.inf, neginf=-np.inf)
-            for hat, e in zip(kind, experiments, strict=True)
-        ]
-        if len(measured) > 1:
-            hats = [hat - np.nanmean(part, axis=0) for hat, part in zip(hats, measured, strict=True)]
-        fits.append(fit_percent(y, np.concatenate(hats)))
-    simulated, predicted, ahead = (np.concatenate(kind) for kind in zip(*outputs, strict=True))
+    """Compare the outputs of a model with those of experiments, taken together."""
+    simulated = [output.simulated for output in outputs]
+    predicted = [output.predicted for output in outputs]
+    ahead = [output.ahead for output in outputs]
     return ModelFit(
         name=name,
-        simulation=fits[0],
-        one_step=fits[1],
-        simulated=simulated,
-        predicted=predicted,
+        simulation=_fit_together(experiments, simulated),
+        one_step=_fit_together(experiments, predicted),
+        simulated=np.concatenate(simulated),
+        predicted=np.concatenate(predicted),
         steps=steps,
-        ahead=fits[2],
-        predicted_ahead=ahead,
+        ahead=_fit_together(experiments, ahead),
+        predicted_ahead=np.concatenate(ahead),
         by_experiment=by_experiment,
         output_names=experiments[0].output_names or (),
     )
+
+
+def _fit_together(experiments: Sequence[IOData], predictions: Sequence[FloatArray]) -> FloatArray:
+    """Fit in percent per output (ny,), squares of errors and of deviations summed over the experiments."""
+    measured, predicted = [], []
+    for experiment, prediction in zip(experiments, predictions, strict=True):
+        y = experiment.scored.y
+        # an unstable model may overflow: infinity minus infinity counts as infinite
+        yhat = np.nan_to_num(prediction[experiment.window :], nan=np.inf, posinf=np.inf, neginf=-np.inf)
+        if len(experiments) > 1:
+            # a common mean would count differences of level between experiments as explained
+            level = np.nanmean(y, axis=0)
+            y, yhat = y - level, yhat - level
+        measured.append(y)
+        predicted.append(yhat)
+    return fit_percent(np.concatenate(measured), np.concatenate(predicted))
 
 
 def fit_percent(y: ArrayLike, yhat: ArrayLike) -> FloatArray:
@@ -186,7 +226,7 @@ def fit_percent(y: ArrayLike, yhat: ArrayLike) -> FloatArray:
     Raises:
         SysidError: Shapes differ, NaN in yhat, or an output is constant.
     """
-    y, yhat = (_table(name, value) for name, value in (("y", y), ("yhat", yhat)))
+    y, yhat = _output_table("y", y), _output_table("yhat", yhat)
     if y.shape != yhat.shape:
         raise SysidError(f"y and yhat must have one shape, got {y.shape} and {yhat.shape}")
     unknown = np.isnan(yhat) & np.isfinite(y)
@@ -197,21 +237,23 @@ def fit_percent(y: ArrayLike, yhat: ArrayLike) -> FloatArray:
     rounding = 1e-14 * np.sqrt(len(y)) * np.nanmax(np.abs(y), axis=0)
     if (spread <= rounding).any():
         raise SysidError(f"output {int(np.argmin(spread - rounding))} is constant: its fit is not defined")
-    known = np.isfinite(y)
-    error = np.where(known, np.abs(np.where(known, y, 0.0) - yhat), 0.0)
+    measured = np.isfinite(y)
+    error = np.where(measured, np.abs(np.where(measured, y, 0.0) - yhat), 0.0)
     largest = error.max(axis=0)
     finite = np.isfinite(largest)
     # scaled first: errors of an unstable predictor may overflow when squared
     scale = np.where(finite & (largest > 0.0), largest, 1.0)
-    size = np.where(finite, scale * np.linalg.norm(np.where(finite, error, 0.0) / scale, axis=0), np.inf)
+    scaled = np.where(finite, error, 0.0) / scale
+    size = np.where(finite, scale * np.linalg.norm(scaled, axis=0), np.inf)
     return np.asarray(100.0 * (1.0 - size / spread))
 
 
-def _table(name: str, value: ArrayLike) -> FloatArray:
+def _output_table(name: str, value: ArrayLike) -> FloatArray:
+    """Outputs (N, ny) as numbers; of a single output (N,) too."""
     try:
-        out = np.asarray(value, dtype=float)
+        table = np.asarray(value, dtype=float)
     except (TypeError, ValueError) as error:
         raise SysidError(f"{name}: expected numbers (N, ny), got a value of type {type(value).__name__}") from error
-    if out.ndim not in (1, 2) or not out.size:
-        raise SysidError(f"{name}: expected shape (N, ny), got {out.shape}")
-    return out[:, None] if out.ndim == 1 else out
+    if table.ndim not in (1, 2) or not table.size:
+        raise SysidError(f"{name}: expected shape (N, ny), got {table.shape}")
+    return table[:, None] if table.ndim == 1 else table

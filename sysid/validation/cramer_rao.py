@@ -45,8 +45,8 @@ class CramerRaoBound(Locked):
     @property
     def response_covariance(self) -> FloatArray:
         """Covariance of real and imaginary part of the response (nf, ny, nu, 2, 2)."""
-        moves = self.response_directions
-        return np.asarray(np.einsum("k...i,k...j->...ij", moves, moves))
+        changes = self.response_directions
+        return np.asarray(np.einsum("k...i,k...j->...ij", changes, changes))
 
     def response_errors(self, count: int, rng: np.random.Generator) -> ComplexArray:
         """Draw errors of the response of efficient estimates.
@@ -59,9 +59,9 @@ class CramerRaoBound(Locked):
             (count, nf, ny, nu).
         """
         p = len(self.response_directions)
-        parts = rng.standard_normal((count, p)) @ self.response_directions.reshape(p, -1)
-        parts = parts.reshape(count, *self.response_directions.shape[1:])
-        return np.asarray(parts[..., 0] + 1j * parts[..., 1])
+        flat = rng.standard_normal((count, p)) @ self.response_directions.reshape(p, -1)
+        errors = flat.reshape(count, *self.response_directions.shape[1:])
+        return np.asarray(errors[..., 0] + 1j * errors[..., 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +89,16 @@ def signals_from_rest(
     p = polynomials
     noise = scipy.signal.lfilter(p.C, np.convolve(p.A, p.D), innovation)
     if not feedback:
-        paths = [p.channel(j) for j in range(p.nu)]
-        parts = [scipy.signal.lfilter(b, np.convolve(p.A, f), reference[:, j]) for j, (b, f) in enumerate(paths)]
-        return Signals(reference, np.sum(parts, axis=0) + noise, innovation)
+        responses = []
+        for j in range(p.nu):
+            b, f = p.channel(j)
+            responses.append(scipy.signal.lfilter(b, np.convolve(p.A, f), reference[:, j]))
+        return Signals(reference, np.sum(responses, axis=0) + noise, innovation)
     b, f = p.channel(0)
-    driven = scipy.signal.lfilter(b, [1.0], reference[:, 0]) + scipy.signal.lfilter(np.convolve(p.A, f), [1.0], noise)
-    y = scipy.signal.lfilter([1.0], _closed_loop(p, feedback), driven)
+    # A F y = B u + A F noise with u = r - feedback y, solved for y
+    by_reference = scipy.signal.lfilter(b, [1.0], reference[:, 0])
+    by_noise = scipy.signal.lfilter(np.convolve(p.A, f), [1.0], noise)
+    y = scipy.signal.lfilter([1.0], _closed_loop(p, feedback), by_reference + by_noise)
     u = reference[:, 0] - feedback * y
     return Signals(u[:, None], y, innovation)
 
@@ -107,7 +111,9 @@ def prediction_gradient(polynomials: Polynomials, orders: Orders, signals: Signa
     """
     c, d = polynomials.C, polynomials.D
     channels = [polynomials.channel(j) for j in range(polynomials.nu)]
-    inputs = [scipy.signal.lfilter(d, np.convolve(c, f), signals.u[:, j]) for j, (_, f) in enumerate(channels)]
+    inputs = []
+    for j, (_, f) in enumerate(channels):
+        inputs.append(scipy.signal.lfilter(d, np.convolve(c, f), signals.u[:, j]))
     rows = _delayed(-scipy.signal.lfilter(d, c, signals.y), range(1, orders.na + 1))
     for x, n, delay in zip(inputs, orders.nb, orders.nk, strict=True):
         rows += _delayed(x, range(delay, delay + n))
@@ -182,45 +188,59 @@ def cramer_rao_bound(
     truth = innovations_form(system, dt, variance)
     filters = [polynomials.A, polynomials.C, polynomials.D]
     filters += [polynomials.channel(j)[1] for j in range(polynomials.nu)]
-    filters += [_closed_loop(system, feedback)] if feedback else []
+    if feedback:
+        filters.append(_closed_loop(system, feedback))
     slowest = max(float(np.abs(np.roots(row)).max(initial=0.0)) for row in filters)
     if slowest >= 1.0:
         raise SysidError(f"a root of modulus {slowest:.6g} given, expected roots inside the unit circle")
     pulse = np.eye(1, pulse_length(slowest, DIED_OUT))[0]
     driven = signals_from_rest(system, reference, np.zeros(len(reference)), feedback)
     noise = signals_from_rest(system, np.zeros((len(pulse), system.nu)), pulse, feedback)
-    known = prediction_gradient(polynomials, orders, driven)[burn_in:] / np.sqrt(variance)
-    random = prediction_gradient(polynomials, orders, noise) * np.sqrt(len(known))
-    directions = _directions(np.vstack((known, random)))
+    by_reference = prediction_gradient(polynomials, orders, driven)[burn_in:] / np.sqrt(variance)
+    # the variance cancels: the pulse response is that of a unit innovation, and the information is over the variance
+    by_noise = prediction_gradient(polynomials, orders, noise) * np.sqrt(len(by_reference))
+    directions = _directions(np.vstack((by_reference, by_noise)))
     response, derivatives = response_gradient(polynomials, orders, dt, frequencies)
-    moves = np.tensordot(directions.T, derivatives, 1)
+    changes = np.tensordot(directions.T, derivatives, 1)
     bandwidth_hz = truth.bandwidth()
     deviation = np.full(bandwidth_hz.shape, np.nan)
     for _, j in np.argwhere(np.isfinite(bandwidth_hz)):
-        # To first order the crossing moves by the change of the level relative to that at 0 Hz, over the slope there.
-        f = float(bandwidth_hz[0, j])
-        ends = np.array([0.0, f, f * (1.0 - LOG_STEP), f * (1.0 + LOG_STEP)])
-        levels, slopes = response_gradient(polynomials, orders, dt, ends)
-        relative = (slopes[:, :2, 0, j] / levels[:2, 0, j]).real
-        slope = np.diff(np.log(np.abs(levels[2:, 0, j])))[0] / (2.0 * LOG_STEP)
-        deviation[0, j] = np.linalg.norm(directions.T @ (relative[:, 1] - relative[:, 0])) / abs(slope)
+        deviation[0, j] = _bandwidth_deviation(polynomials, orders, dt, float(bandwidth_hz[0, j]), directions, j)
     return CramerRaoBound(
         polynomials=polynomials,
         parameters=orders.parameters(polynomials),
         covariance=directions @ directions.T,
         frequencies=frequencies,
         response=response,
-        response_directions=np.stack((moves.real, moves.imag), axis=-1),
+        response_directions=np.stack((changes.real, changes.imag), axis=-1),
         bandwidth_hz=bandwidth_hz,
         bandwidth_deviation=deviation,
     )
 
 
+def _bandwidth_deviation(
+    polynomials: Polynomials, orders: Orders, dt: float, f: float, directions: FloatArray, j: int
+) -> float:
+    """Standard deviation of the logarithm of the half-power frequency f, Hz, of input j.
+
+    To first order the crossing moves by the change of the level relative to that at 0 Hz, over the slope there.
+    """
+    ends = np.array([0.0, f, f * (1.0 - LOG_STEP), f * (1.0 + LOG_STEP)])
+    levels, derivatives = response_gradient(polynomials, orders, dt, ends)
+    # of the logarithms of the levels at 0 Hz and at f
+    by_parameter = (derivatives[:, :2, 0, j] / levels[:2, 0, j]).real
+    slope = np.diff(np.log(np.abs(levels[2:, 0, j])))[0] / (2.0 * LOG_STEP)
+    return float(np.linalg.norm(directions.T @ (by_parameter[:, 1] - by_parameter[:, 0])) / abs(slope))
+
+
 def pulse_length(slowest: float, remainder: float) -> int:
     """Samples until the response to a pulse has fallen to a remainder, for the modulus of the slowest pole."""
+    # room for numerators, whose part of the response ends by itself
+    margin = 100
     if slowest < 1e-3:
-        return 100
-    return min(100 + int(np.log(remainder) / np.log(min(slowest, 1.0 - 1e-9))), LONGEST_PULSE)
+        return margin
+    modulus = min(slowest, 1.0 - 1e-9)
+    return min(margin + int(np.log(remainder) / np.log(modulus)), LONGEST_PULSE)
 
 
 def _closed_loop(polynomials: Polynomials, feedback: float) -> FloatArray:
@@ -230,6 +250,7 @@ def _closed_loop(polynomials: Polynomials, feedback: float) -> FloatArray:
 
 
 def _delayed(x: FloatArray, lags: range) -> list[FloatArray]:
+    """x(t - lag) for each lag, zero before the record."""
     return [np.concatenate((np.zeros(lag), x[: len(x) - lag])) for lag in lags]
 
 
