@@ -172,7 +172,7 @@ def _estimates_at(data: PathData, delays: Sequence[float] | FloatArray) -> list[
     return _best(candidates)[:KEPT]
 
 
-def _lowest_minima(costs: FloatArray) -> FloatArray:
+def _lowest_minima(costs: FloatArray) -> np.ndarray:
     """Indices of the two lowest local minima of a sequence, its ends included, the lowest first."""
     padded = np.concatenate(([np.inf], costs, [np.inf]))
     minima = np.flatnonzero((padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:]))

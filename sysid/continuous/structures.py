@@ -14,7 +14,7 @@ from sysid.models.data_summary import DataSummary
 from sysid.models.frequency_response import NORMAL_95
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import shown
-from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
 COINCIDING = 0.99  # ratio of time constants from which they count as one
@@ -224,7 +224,7 @@ class ProcessPath:
         delay = [path.delay] if self.delay is None else []
         return np.array([gain, *lags, *zero, *delay])
 
-    def _time_constants(self, poles: ComplexArray) -> list[float]:
+    def _time_constants(self, poles: np.ndarray) -> list[float]:
         """Tp1 ..., or Tw, Zeta, Tp3, of poles in rad/s."""
         upper = poles[poles.imag > 0.0]
         if "U" in self.kind and len(upper):

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -42,11 +42,19 @@ class CrossValidation(Locked):
         names = self.fits[0].output_names if len(self.simulation) > 1 else ("",)
         columns: list[tuple[str, list[str]]] = [("left out", [*(fit.name for fit in self.fits), "mean ± deviation"])]
         for k, name in enumerate(names):
-            for kind, head in (("simulation", "in simulation"), ("one_step", "one step ahead")):
-                mean, deviation = getattr(self, kind)[[k]], getattr(self, f"{kind}_deviation")[[k]]
-                cells = [f"{getattr(fit, kind)[k]:.2f} %" for fit in self.fits]
-                columns.append((f"{name} {head}".strip(), [*cells, f"{mean[0]:.2f} ± {deviation[0]:.2f} %"]))
+            simulation = [fit.simulation[k] for fit in self.fits]
+            one_step = [fit.one_step[k] for fit in self.fits]
+            columns += [
+                _column(f"{name} in simulation", simulation, self.simulation[k], self.simulation_deviation[k]),
+                _column(f"{name} one step ahead", one_step, self.one_step[k], self.one_step_deviation[k]),
+            ]
         return [f"Fits to {len(self.fits)} parts that were left out", Table(columns)]
+
+
+def _column(head: str, fits: list[float], mean: float, deviation: float) -> tuple[str, list[str]]:
+    """Column of the table: the fits, then their mean and deviation."""
+    cells = [f"{fit:.2f} %" for fit in fits]
+    return head.strip(), [*cells, f"{mean:.2f} ± {deviation:.2f} %"]
 
 
 def cross_validate(
@@ -73,11 +81,11 @@ def cross_validate(
     experiments = as_experiments(data, series=True)
     if len(experiments) == 1:
         folds = whole_number("folds", folds, 2, len(experiments[0]))
-        (whole,) = experiments
-        edges = np.linspace(whole.window, len(whole), folds + 1).astype(int)
+        (record,) = experiments
+        edges = np.linspace(record.window, len(record), folds + 1).astype(int)
         # the window stays with the part that it initialises
         edges[0] = 0
-        experiments = tuple(whole[int(a) : int(b)] for a, b in pairwise(edges))
+        experiments = tuple(record[int(begin) : int(end)] for begin, end in pairwise(edges))
     fits: list[ModelFit] = []
     estimates: list[Estimate] = []
     for k, left_out in enumerate(experiments):
@@ -87,7 +95,8 @@ def cross_validate(
             estimate = estimator(experiments[:k] + experiments[k + 1 :])
             fits += compare({f"part {k + 1}": estimate}, left_out)
         estimates.append(estimate)
-    simulation, one_step = (np.array([getattr(f, kind) for f in fits]) for kind in ("simulation", "one_step"))
+    simulation = np.array([fit.simulation for fit in fits])
+    one_step = np.array([fit.one_step for fit in fits])
     return CrossValidation(
         fits=tuple(fits),
         estimates=tuple(estimates),
@@ -103,17 +112,21 @@ def same_samples(records: Sequence[IOData], others: Sequence[IOData]) -> bool:
 
     A fit to data that the model was estimated from is no validation.
     """
+    return any(_same_beginning(first, second) for first, second in product(records, others))
 
-    def close(a: FloatArray, b: FloatArray) -> bool:
-        known = ~np.isnan(a)
-        if not np.array_equal(known, ~np.isnan(b)):
-            return False
-        ranges = np.nanmax(a, axis=0, initial=-np.inf) - np.nanmin(a, axis=0, initial=np.inf)
-        return bool((np.abs(a - b) <= SAME * ranges)[known].all())
 
-    def same(one: IOData, other: IOData) -> bool:
-        common = min(len(one), len(other))
-        channels = ((one.u, other.u), (one.y, other.y))
-        return all(a.shape[1] == b.shape[1] and close(a[:common], b[:common]) for a, b in channels)
+def _same_beginning(first: IOData, second: IOData) -> bool:
+    """Whether two records agree as far as the shorter one goes."""
+    if (first.nu, first.ny) != (second.nu, second.ny):
+        return False
+    common = min(len(first), len(second))
+    return _close(first.u[:common], second.u[:common]) and _close(first.y[:common], second.y[:common])
 
-    return any(same(one, other) for one in records for other in others)
+
+def _close(a: FloatArray, b: FloatArray) -> bool:
+    """Whether signals (N, n) agree within `SAME` of their ranges, missing samples at the same places."""
+    present = ~np.isnan(a)
+    if not np.array_equal(present, ~np.isnan(b)):
+        return False
+    ranges = np.nanmax(a, axis=0, initial=-np.inf) - np.nanmin(a, axis=0, initial=np.inf)
+    return bool((np.abs(a - b) <= SAME * ranges)[present].all())

@@ -1,6 +1,6 @@
 """Test for feedback: does the output depend on inputs of the future?"""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +42,8 @@ class FeedbackTest(Locked):
 
     def __str__(self) -> str:
         """A line per pair."""
-        lines = [f"Feedback at {100 * self.level:g} %: {'yes' if self.feedback.any() else 'none seen'}"]
+        overall = "yes" if self.feedback.any() else "none seen"
+        lines = [f"Feedback at {100 * self.level:g} %: {overall}"]
         for (i, j), p in np.ndenumerate(self.p_values):
             seen = "feedback" if self.feedback[i, j] else "none seen"
             lines.append(f"  from {self.output_names[i]} to {self.input_names[j]}: {seen} (p = {p:.3g})")
@@ -75,8 +76,10 @@ def feedback(
     first, lags, level = experiments[0], whole_number("lags", lags, 1), confidence_level(level)
     lowest = 0 if truth_value("direct", direct) else 1
     check_excitation(experiments, [0] * first.nu)
-    usable = [(e, max(lags, e.window)) for e in experiments if len(e) > 2 * lags + e.window]
-    rows, width = sum(len(e) - t - lags for e, t in usable), lags * (1 + 2 * first.nu) + first.nu
+    usable = [e for e in experiments if len(e) > 2 * lags + e.window]
+    rows = sum(len(e) - max(lags, e.window) - lags for e in usable)
+    width = lags * (1 + 2 * first.nu) + first.nu
+    # as many degrees of freedom as coefficients at least
     if rows < 2 * width:
         raise SysidError(
             f"too little data: {width} coefficients of lags = {lags} need {2 * width} rows, {len(experiments)} "
@@ -84,14 +87,27 @@ def feedback(
         )
     p_values = np.empty((first.ny, first.nu))
     for i, j in np.ndindex(p_values.shape):
-        future = [lagged(e.u[:, j], range(-lags, lowest), t, lags) for e, t in usable]
-        past = []
-        for e, t in usable:
-            inputs = [lagged(u, range(lowest if k == j else 0, lags + 1), t, lags) for k, u in enumerate(e.u.T)]
-            past.append(np.hstack((lagged(e.y[:, i], output_lags(lags), t, lags), *inputs)))
-        target = np.concatenate([e.y[t : len(e) - lags, i] for e, t in usable])
-        p_values[i, j] = addition_p(np.hstack((np.vstack(future), np.vstack(past))), future[0].shape[1], target)
+        p_values[i, j] = _feedback_p(usable, i, j, lags, lowest)
     return FeedbackTest(p_values, level, first.output_names or (), first.input_names or ())
+
+
+def _feedback_p(experiments: Sequence[IOData], i: int, j: int, lags: int, lowest: int) -> float:
+    """p-value of the future inputs j in a regression of output i on its past and on all inputs.
+
+    `lowest` is the first lag of input j at which the output may depend on it: from there on it is no future one.
+    """
+    future, past, target = [], [], []
+    for experiment in experiments:
+        start = max(lags, experiment.window)
+        future.append(lagged(experiment.u[:, j], range(-lags, lowest), start, lags))
+        blocks = [lagged(experiment.y[:, i], output_lags(lags), start, lags)]
+        for k, u in enumerate(experiment.u.T):
+            first_lag = lowest if k == j else 0
+            blocks.append(lagged(u, range(first_lag, lags + 1), start, lags))
+        past.append(np.hstack(blocks))
+        target.append(experiment.y[start : len(experiment) - lags, i])
+    columns = np.hstack((np.vstack(future), np.vstack(past)))
+    return addition_p(columns, lags + lowest, np.concatenate(target))
 
 
 def feedback_p(experiments: Sequence[IOData], lags: int = 20) -> FloatArray:
@@ -114,18 +130,23 @@ def addition_p(columns: FloatArray, added: int, target: FloatArray) -> float:
     """
     y = (target - target.mean())[:, None]
     columns -= columns.mean(axis=0)
+    total = float(y[:, 0] @ y[:, 0])
     full = _solution(columns, y)
-    rest = float(y[:, 0] @ y[:, 0])
-    freedom, count = len(y) - full.rank - 1, full.rank
+    # the constant takes a degree of freedom too
+    freedom = len(y) - full.rank - 1
+    without, count = total, full.rank
     if columns.shape[1] > added:
         nested = _solution(columns[:, added:], y)
-        rest, count = min(float(nested.residual_gram[0, 0]), rest), full.rank - nested.rank
+        # rounding can make it larger than with no columns at all
+        without, count = min(float(nested.residual_gram[0, 0]), total), full.rank - nested.rank
     if count < 1 or freedom < 1:
         return float("nan")
     residual = float(full.residual_gram[0, 0])
-    if columns.shape[1] > added and rest <= ROUNDING * float(y[:, 0] @ y[:, 0]):
+    if columns.shape[1] > added and without <= ROUNDING * total:
+        # the others explain everything: what is left is rounding, and no test of it means anything
         return 1.0
-    ratio = max(rest - residual, 0.0) / count * freedom / max(residual, np.finfo(float).tiny)
+    explained = max(without - residual, 0.0)
+    ratio = explained / count * freedom / max(residual, np.finfo(float).tiny)
     return float(scipy.stats.f.sf(ratio, count, freedom))
 
 
@@ -133,7 +154,9 @@ def _solution(columns: FloatArray, y: FloatArray) -> LeastSquares:
     """Least squares; of long records without a further copy of all regressors."""
     if len(y) <= BLOCK:
         return solve(columns, y)
-    starts = range(0, len(y), BLOCK)
-    return solve_blocks(
-        lambda: (np.hstack((columns[k : k + BLOCK], y[k : k + BLOCK])) for k in starts), columns.shape[1]
-    )
+
+    def blocks() -> Iterator[FloatArray]:
+        for k in range(0, len(y), BLOCK):
+            yield np.hstack((columns[k : k + BLOCK], y[k : k + BLOCK]))
+
+    return solve_blocks(blocks, columns.shape[1])

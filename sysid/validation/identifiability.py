@@ -1,5 +1,6 @@
 """Identifiability: poorly determined parameters, and cancellations that suggest a smaller model."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,8 +57,8 @@ class Identifiability(Locked):
     texts: tuple[str, ...]
 
     def _parts(self) -> list[Part]:
-        columns = [("deviation / value", self.relative_deviation), ("weakest direction", self.weakest)]
-        table = Table([("parameter", self.names), *((head, numbers(values)) for head, values in columns)])
+        deviations, direction = numbers(self.relative_deviation), numbers(self.weakest)
+        table = Table([("parameter", self.names), ("deviation / value", deviations), ("weakest direction", direction)])
         return [f"Condition of the parameters {self.condition:.4g}", table, *(self.texts or ("nothing to report",))]
 
 
@@ -84,63 +85,93 @@ def identifiability(estimate: Estimate) -> Identifiability:
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.where(deviation > 0.0, deviation, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    # rounding may make the smallest eigenvalue negative
     smallest = max(float(values[0]), 0.0)
     condition = float(np.sqrt(values[-1] / smallest)) if smallest > 0.0 else np.inf
     relative = deviation / np.maximum(np.abs(theta), np.finfo(float).tiny)
     cancellations = _cancellations(estimate)
-    texts = []
-    if condition > POORLY_KNOWN:
-        main = np.argsort(-np.abs(vectors[:, -1]))[:4]
-        who = ", ".join(estimate.parameter_names[k] for k in main)
-        texts.append(f"the parameters are determined only jointly: condition {condition:.3g}, mainly of {who}")
-    vague = int((relative > 1.0).sum())
-    if vague:
-        k = int(np.argmax(relative))
-        texts.append(
-            f"{vague} of {len(theta)} parameters are smaller than their standard deviation, "
-            f"{estimate.parameter_names[k]} = {theta[k]:.3g} +- {deviation[k]:.3g} the most"
-        )
-    for c in cancellations:
-        texts.append(
-            f"the pole {number(c.pole)} and the zero {number(c.zero)} of input {c.input + 1} cannot be distinguished: "
-            f"distance {c.distance:.3g}, standard deviation {c.deviation:.3g}; try orders smaller by one"
-        )
+    findings = [
+        *_joint_findings(estimate, condition, vectors[:, -1]),
+        *_deviation_findings(estimate, deviation, relative),
+        *_cancellation_findings(cancellations),
+    ]
     return Identifiability(
         names=estimate.parameter_names,
         relative_deviation=relative,
         condition=condition,
         weakest=vectors[:, -1],
         cancellations=cancellations,
-        texts=tuple(texts),
+        texts=tuple(findings),
     )
 
 
+def _joint_findings(estimate: Estimate, condition: float, weakest: FloatArray) -> list[str]:
+    """A text on parameters that are determined only jointly, naming the four that are most in the weakest direction."""
+    if condition <= POORLY_KNOWN:
+        return []
+    main = np.argsort(-np.abs(weakest))[:4]
+    names = ", ".join(estimate.parameter_names[k] for k in main)
+    return [f"the parameters are determined only jointly: condition {condition:.3g}, mainly of {names}"]
+
+
+def _deviation_findings(estimate: Estimate, deviation: FloatArray, relative: FloatArray) -> list[str]:
+    """A text on parameters that may be zero as far as the data tell."""
+    vague = int((relative > 1.0).sum())
+    if not vague:
+        return []
+    theta, k = estimate.parameters, int(np.argmax(relative))
+    return [
+        f"{vague} of {len(theta)} parameters are smaller than their standard deviation, "
+        f"{estimate.parameter_names[k]} = {theta[k]:.3g} +- {deviation[k]:.3g} the most"
+    ]
+
+
+def _cancellation_findings(cancellations: Sequence[Cancellation]) -> list[str]:
+    """A text on each pole and zero that cannot be distinguished."""
+    findings = []
+    for c in cancellations:
+        findings.append(
+            f"the pole {number(c.pole)} and the zero {number(c.zero)} of input {c.input + 1} cannot be distinguished: "
+            f"distance {c.distance:.3g}, standard deviation {c.deviation:.3g}; try orders smaller by one"
+        )
+    return findings
+
+
 def _cancellations(estimate: Estimate) -> tuple[Cancellation, ...]:
+    """Poles, each with its nearest zero, whose distance is within the uncertainty."""
     if estimate.polynomials is None:
         return ()
     orders = make_orders(estimate.polynomials.nu, **dict(estimate.orders))
     cancellations = []
     for j in range(len(orders.nb)):
         poles, zeros = _roots(orders, estimate.parameters, j)
+        if not len(zeros):
+            continue
+        # of a complex pair the other one has the same distances
         for pole in poles[poles.imag >= 0.0]:
-            if not len(zeros):
-                break
             zero = zeros[np.argmin(np.abs(zeros - pole))]
-
-            def gap(theta: FloatArray, pole: complex = pole, zero: complex = zero, j: int = j) -> FloatArray:
-                p, z = _roots(orders, theta, j)
-                step = p[np.argmin(np.abs(p - pole))] - z[np.argmin(np.abs(z - zero))]
-                return np.array([step.real, step.imag])
-
-            moves = spread(gap, estimate.parameters, estimate.covariance)
-            direction = np.array([(pole - zero).real, (pole - zero).imag])
-            distance = float(np.linalg.norm(direction))
-            whole = moves.T @ moves
-            along = direction / distance if distance > 0.0 else np.array([1.0, 0.0])
-            deviation = float(np.sqrt(along @ whole @ along))
-            if distance < TOGETHER * deviation:
-                cancellations.append(Cancellation(complex(pole), complex(zero), distance, deviation, j))
+            cancellation = _cancellation(estimate, orders, j, complex(pole), complex(zero))
+            if cancellation.distance < TOGETHER * cancellation.deviation:
+                cancellations.append(cancellation)
     return tuple(cancellations)
+
+
+def _cancellation(estimate: Estimate, orders: Orders, j: int, pole: complex, zero: complex) -> Cancellation:
+    """Distance of a pole and a zero of input j, with its standard deviation by the delta method."""
+
+    def gap(theta: FloatArray) -> FloatArray:
+        poles, zeros = _roots(orders, theta, j)
+        moved_pole = poles[np.argmin(np.abs(poles - pole))]
+        moved_zero = zeros[np.argmin(np.abs(zeros - zero))]
+        return np.array([(moved_pole - moved_zero).real, (moved_pole - moved_zero).imag])
+
+    changes = spread(gap, estimate.parameters, estimate.covariance)
+    difference = np.array([(pole - zero).real, (pole - zero).imag])
+    distance = float(np.linalg.norm(difference))
+    # a distance of zero has no direction: any will do
+    along = difference / distance if distance > 0.0 else np.array([1.0, 0.0])
+    deviation = float(np.sqrt(along @ (changes.T @ changes) @ along))
+    return Cancellation(pole, zero, distance, deviation, j)
 
 
 def _roots(orders: Orders, theta: FloatArray, j: int) -> tuple[ComplexArray, ComplexArray]:
