@@ -15,17 +15,18 @@ from hmtb_twin.parameters.values import HAND_CONTROLLER
 from scenarios.experiments.campaign import campaign_scenario
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import STRUCTURES
+from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import estimate
 from scenarios.identification.one_hertz import between, joined
 from scenarios.report.figure_style import MRAD, short
 from scenarios.report.page import Page
 from scenarios.thesis.chart import Chart, Panel, Series
-from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.motion import METHODS
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import BREAK_FREQUENCY, PublishedModel, published
-from sysid import StateSpace, SysidError, SysidWarning
+from sysid import IOData, StateSpace, SysidError, SysidWarning
 from sysid.models.bandwidth import HALF_POWER, gain_crossing, half_power_hz
 from sysid.plots import PALETTE, Style
 
@@ -39,6 +40,7 @@ CLOSE = 0.1
 """Largest difference of two frequencies of gain 0.707 that agree, as a fraction; more where they are known less."""
 
 FREQUENCIES = np.geomspace(0.1, 10.0, 70)
+"""Frequencies of the chart, Hz: a decade on either side of the thesis' 1 Hz."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,26 +62,32 @@ class JointAnswer:
 
     @property
     def small_signal_hz(self) -> float:
-        """Where the gain of the small-signal truth is 0.707, Hz."""
+        """Frequency at which the gain of the small-signal truth is 0.707, Hz."""
         return half_power_hz(self.small_signal)
 
     def recovered_hz(self, method: str) -> float:
         """Median of a method's levels over the seeds, Hz; NaN where fewer than half of the models have one."""
-        known = [level for level in self.levels[method] if np.isfinite(level)]
-        return median(known) if known and 2 * len(known) >= len(self.levels[method]) else float("nan")
+        levels = self.levels[method]
+        crossings = [level for level in levels if np.isfinite(level)]
+        if not crossings or 2 * len(crossings) < len(levels):
+            return float("nan")
+        return median(crossings)
 
     @property
     def best_linear_range(self) -> tuple[float, float]:
-        """Where the ends of the best linear response's 95 % band are 0.707, Hz; NaN where one never is."""
-        truth = self.best_linear.response
-        low, high = (
-            gain_crossing(replace(truth, response=end.astype(complex)), HALF_POWER) for end in truth.magnitude_ci95()
-        )
-        return low, high
+        """Where, in Hz, the ends of the best linear response's 95 % band are 0.707; NaN where they never are."""
+        lower_gain, upper_gain = self.best_linear.response.magnitude_ci95()
+        return self._crossing(lower_gain), self._crossing(upper_gain)
+
+    def _crossing(self, gain: np.ndarray) -> float:
+        """Frequency at which a gain over the frequencies of the best linear response is 0.707, Hz."""
+        # `gain_crossing` takes a response and uses its magnitude alone: a gain is a response of phase zero.
+        return gain_crossing(replace(self.best_linear.response, response=gain.astype(complex)), HALF_POWER)
 
     def near(self, level: float) -> bool:
-        """Whether a level (Hz) agrees with the best linear one, whose own uncertainty is allowed for."""
+        """Whether a frequency of gain 0.707, Hz, agrees with the best linear truth's, whose band is allowed for."""
         low, high = self.best_linear_range
+        # Where the gain is flat near 0.707, a small error of the gain moves the crossing further than `CLOSE`.
         return low <= level <= high or abs(level / self.best_linear.half_power_hz - 1.0) <= CLOSE
 
     def agrees(self, method: str) -> bool:
@@ -97,18 +105,14 @@ class Answer:
 
     def record(self) -> dict[str, object]:
         """Frequencies at which the gain is 0.707, Hz, for results.json."""
-        return {
-            "seeds": list(self.seeds),
-            "record_s": self.length,
-            "half_power_hz": {
-                one.joint: {
-                    "best_linear": one.best_linear.half_power_hz,
-                    "small_signal": one.small_signal_hz,
-                    **{method: list(levels) for method, levels in one.levels.items()},
-                }
-                for one in self.joints
-            },
-        }
+        half_power_hz: dict[str, dict[str, object]] = {}
+        for joint_answer in self.joints:
+            half_power_hz[joint_answer.joint] = {
+                "best_linear": joint_answer.best_linear.half_power_hz,
+                "small_signal": joint_answer.small_signal_hz,
+                **{method: list(levels) for method, levels in joint_answer.levels.items()},
+            }
+        return {"seeds": list(self.seeds), "record_s": self.length, "half_power_hz": half_power_hz}
 
 
 def measure_answer(
@@ -125,67 +129,129 @@ def measure_answer(
     Raises:
         ScenarioError: A record could not be simulated.
     """
+    # A study whose records are shortened has no longer ones here.
     length = min(LENGTH, study.duration or LENGTH)
+    records_in_all = len(study.joints) * len(seeds)
+    records_done = 0
     answers = []
-    for number, (joint, entry) in enumerate(study.joints.items()):
-        name, structures = entry.data[study.estimation_test].name, STRUCTURES[joint]
+    for joint, result in study.joints.items():
+        test = result.data[study.estimation_test].name
         models: dict[str, list[StateSpace]] = {method: [] for method in METHODS}
-        for count, seed in enumerate(seeds, start=1):
-            test = study.campaign.condition.applied(campaign_scenario(name, seed=seed, duration=length))
-            result = simulate([test], threads=threads)
-            for key, why in result.failed.items():
-                raise ScenarioError(f"{key}: {why}")
-            record = prepared(result.logs[0], joint)
-            for one in (one for one in structures if one.method in METHODS):
-                with warnings.catch_warnings(), suppress(SysidError):
-                    warnings.simplefilter("ignore", SysidWarning)
-                    models[one.method].append(estimate(record, one.estimator, one.orders).model)
+        for seed in seeds:
+            scenario = study.campaign.condition.applied(campaign_scenario(test, seed=seed, duration=length))
+            for method, model in _identified_models(_simulated_record(scenario, joint, threads), joint).items():
+                models[method].append(model)
+            records_done += 1
             if progress is not None:
-                progress(number * len(seeds) + count, len(study.joints) * len(seeds))
-        gains = {method: np.array([_gain(model) for model in found]) for method, found in models.items()}
-        levels = {method: tuple(half_power_hz(model) for model in found) for method, found in models.items()}
-        answers.append(JointAnswer(joint, entry.best_linear, entry.truth.model, gains, levels))
+                progress(records_done, records_in_all)
+        answers.append(_joint_answer(result, models))
     return Answer(tuple(answers), tuple(seeds), length)
 
 
+def _simulated_record(scenario: Scenario, joint: str, threads: int | None) -> IOData:
+    """Simulate a test and prepare the record of its excited joint."""
+    result = simulate([scenario], threads=threads)
+    for name, reason in result.failed.items():
+        raise ScenarioError(f"{name}: {reason}")
+    return prepared(result.logs[0], joint)
+
+
+def _identified_models(record: IOData, joint: str) -> dict[str, StateSpace]:
+    """Models of a joint by method from one record; a method that the record gives no model of is left out."""
+    models: dict[str, StateSpace] = {}
+    for structure in STRUCTURES[joint]:
+        # The structure of sufficient order that the study adds is none of the thesis' methods.
+        if structure.method not in METHODS:
+            continue
+        with warnings.catch_warnings(), suppress(SysidError):
+            warnings.simplefilter("ignore", SysidWarning)
+            models[structure.method] = estimate(record, structure.estimator, structure.orders).model
+    return models
+
+
+def _joint_answer(result: JointResult, models: Mapping[str, Sequence[StateSpace]]) -> JointAnswer:
+    """Responses of a joint from its truths and the models by method, one for each seed that gave one."""
+    gains: dict[str, np.ndarray] = {}
+    levels: dict[str, tuple[float, ...]] = {}
+    for method, method_models in models.items():
+        gains[method] = np.array([_gain(model) for model in method_models])
+        levels[method] = tuple(half_power_hz(model) for model in method_models)
+    return JointAnswer(result.joint, result.best_linear, result.truth.model, gains, levels)
+
+
 def _gain(model: StateSpace) -> np.ndarray:
+    """Gain of a model over `FREQUENCIES` (F,)."""
     return np.abs(model.frequency_response(FREQUENCIES)[:, 0, 0])
 
 
 def drawn_models(joint: str) -> dict[str, PublishedModel]:
     """The printed models of a joint by method, the first print where there are two."""
     models: dict[str, PublishedModel] = {}
-    for one in published(joint):
-        models.setdefault(one.method, one)
+    for printed in published(joint):
+        # Yaw's ARMAX is printed twice, the same to within rounding.
+        models.setdefault(printed.method, printed)
     return models
 
 
 def answer_chart(answer: Answer) -> Chart:
     """Gain of every joint over frequency: best linear truth, recovered over the seeds, printed in 1996."""
-    panels = []
-    for one in answer.joints:
-        truth = one.best_linear.response
-        low, high = (end[:, 0, 0] for end in truth.magnitude_ci95())
-        gain = truth.magnitude[:, 0, 0]
-        series = [Series("best linear truth (95 %)", truth.frequencies, gain, PALETTE["truth"], low, high)]
-        dashed = Style(PALETTE["truth"].colour, "--", 1.2)
-        series.append(Series("put in: without friction", FREQUENCIES, _gain(one.small_signal), dashed))
-        for method, rows in one.gains.items():
-            look, name = PALETTE[method], method.upper()
-            if len(rows):
-                ends = rows.min(axis=0), rows.max(axis=0)
-                label = f"{name}, median and range over {len(answer.seeds)} records"
-                series.append(Series(label, FREQUENCIES, np.median(rows, axis=0), Style(look.colour, "-", 2.0), *ends))
-            model = drawn_models(one.joint).get(method)
-            if model is not None:
-                look = Style(look.colour, ":", 1.8)
-                series.append(Series(f"{name} printed in 1996", FREQUENCIES, _gain(model.model), look))
-        radians = BREAK_FREQUENCY[one.joint]
-        marks = (("y", HALF_POWER, "0.707"), ("x", radians / (2 * np.pi), f"thesis: {radians:g} rad/s"))
-        panels.append(
-            Panel("frequency / Hz", "gain", tuple(series), short(one.joint), "x", (0.1, 10.0), (0.0, 1.8), marks)
-        )
-    return Chart({("",): tuple(panels)}, ("",), columns=3, height=330)
+    panels = tuple(_joint_panel(joint_answer, len(answer.seeds)) for joint_answer in answer.joints)
+    return Chart({("",): panels}, ("",), columns=3, height=330)
+
+
+def _joint_panel(joint_answer: JointAnswer, seed_count: int) -> Panel:
+    """Gain of one joint over frequency, with lines across at 0.707 and at the thesis' break frequency."""
+    series = _truth_series(joint_answer)
+    for method in joint_answer.gains:
+        series += _method_series(joint_answer, method, seed_count)
+    break_radians = BREAK_FREQUENCY[joint_answer.joint]
+    marks = (
+        ("y", HALF_POWER, "0.707"),
+        ("x", break_radians / (2 * np.pi), f"thesis: {break_radians:g} rad/s"),
+    )
+    return Panel(
+        "frequency / Hz",
+        "gain",
+        tuple(series),
+        short(joint_answer.joint),
+        log="x",
+        x_limits=(0.1, 10.0),
+        y_limits=(0.0, 1.8),
+        marks=marks,
+    )
+
+
+def _truth_series(joint_answer: JointAnswer) -> list[Series]:
+    """Curves of a joint's two truths: the best linear one with its 95 % band, the small-signal one dashed."""
+    response = joint_answer.best_linear.response
+    lower_gain, upper_gain = (end[:, 0, 0] for end in response.magnitude_ci95())
+    best_linear = Series(
+        "best linear truth (95 %)",
+        response.frequencies,
+        response.magnitude[:, 0, 0],
+        PALETTE["truth"],
+        lower_gain,
+        upper_gain,
+    )
+    dashed = Style(PALETTE["truth"].colour, "--", 1.2)
+    small_signal = Series("put in: without friction", FREQUENCIES, _gain(joint_answer.small_signal), dashed)
+    return [best_linear, small_signal]
+
+
+def _method_series(joint_answer: JointAnswer, method: str, seed_count: int) -> list[Series]:
+    """Curves of one method: median and range over the seeds, and the printed model, where there are any."""
+    colour = PALETTE[method].colour
+    gains = joint_answer.gains[method]
+    series = []
+    if len(gains):
+        label = f"{method.upper()}, median and range over {seed_count} records"
+        solid = Style(colour, "-", 2.0)
+        series.append(Series(label, FREQUENCIES, np.median(gains, axis=0), solid, gains.min(axis=0), gains.max(axis=0)))
+    printed = drawn_models(joint_answer.joint).get(method)
+    if printed is not None:
+        dotted = Style(colour, ":", 1.8)
+        series.append(Series(f"{method.upper()} printed in 1996", FREQUENCIES, _gain(printed.model), dotted))
+    return series
 
 
 def answer_texts(answer: Answer, motion: Mapping[str, Any]) -> tuple[str, ...]:
@@ -193,38 +259,87 @@ def answer_texts(answer: Answer, motion: Mapping[str, Any]) -> tuple[str, ...]:
 
     A fourth says what so few records can show, by exact binomial limits; `motion` is the record of `hmtb motion`.
     """
-    cases = [(one, method) for one in answer.joints for method in one.levels]
-    recovered = [one.recovered_hz(method) for one, method in cases]
-    ratios = [hz / one.best_linear.half_power_hz for hz, (one, _) in zip(recovered, cases, strict=True)]
-    printed = [(one.joint, model) for one in answer.joints for model in drawn_models(one.joint).values()]
-    truths, seeds = [one.best_linear for one in answer.joints], len(answer.seeds)
-    agreeing = [sum(map(one.near, one.levels[method])) for one, method in cases]
-    values = {
+    page = Page({"short": short, "joined": joined, "between": between, "finite": np.isfinite})
+    variables = {
         "answer": answer,
+        **_simulated_facts(answer),
+        **_recovered_facts(answer),
+        **_printed_facts(answer, motion),
+        **_certainty_facts(answer),
+    }
+    # The template breaks its lines for its own sake; a blank line ends a sentence.
+    paragraphs = page.render("answer_text.j2", variables).split("\n\n")
+    return tuple(" ".join(paragraph.split()) for paragraph in paragraphs)
+
+
+def _cases(answer: Answer) -> list[tuple[JointAnswer, str]]:
+    """Every joint with every method."""
+    return [(joint_answer, method) for joint_answer in answer.joints for method in joint_answer.levels]
+
+
+def _simulated_facts(answer: Answer) -> dict[str, object]:
+    """Variables of the first sentence: the truths, and the rms command that they belong to, mrad."""
+    truths = [joint_answer.best_linear for joint_answer in answer.joints]
+    return {
         "truths": truths,
         "moved": f"{MRAD * np.mean([truth.command_rms for truth in truths]):.2g}",
         "test": f"{MRAD * np.mean([truth.wanted_rms for truth in truths]):.2g}",
-        "cases": len(cases),
-        "agree": sum(one.agrees(method) for one, method in cases),
-        "by": [f"{sum(map(one.agrees, METHODS))} of 3 on the {short(one.joint)}" for one in answer.joints],
-        "close": CLOSE,
         "gain": MRAD * HAND_CONTROLLER.gain,
-        "departures": sorted(
-            100 * (ratio - 1.0)
-            for ratio, (one, method) in zip(ratios, cases, strict=True)
-            if np.isfinite(ratio) and not one.agrees(method)
-        ),
-        "none_there": sum(not np.isfinite(hz) for hz in recovered),
-        "printed": len(printed),
-        "same": [
-            f"{short(joint)} {model.label}"
-            for joint, model in printed
-            if abs(model.half_power_hz / (BREAK_FREQUENCY[joint] / (2 * np.pi)) - 1.0) <= CLOSE
-        ],
-        "motion": motion,
-        "explained": [f"the {short(joint)}" for joint, one in motion["joints"].items() if one["explained"]],
-        "unanimous": sum(count in (0, seeds) for count in agreeing),
-        "least": 100 * binomtest(seeds, seeds, alternative="greater").proportion_ci(0.95, "exact").low,
     }
-    page = Page({"short": short, "joined": joined, "between": between, "finite": np.isfinite})
-    return tuple(" ".join(part.split()) for part in page.render("answer_text.j2", values).split("\n\n"))
+
+
+def _recovered_facts(answer: Answer) -> dict[str, object]:
+    """Variables of the second sentence: the cases that agree with the best linear truth, and how the others miss it."""
+    agreeing = 0
+    without_crossing = 0
+    departures = []
+    for joint_answer, method in _cases(answer):
+        hz = joint_answer.recovered_hz(method)
+        ratio = hz / joint_answer.best_linear.half_power_hz
+        if joint_answer.agrees(method):
+            agreeing += 1
+        elif np.isfinite(ratio):
+            # Without a crossing, of the models or of the truth, there is no number by which a case misses.
+            departures.append(100 * (ratio - 1.0))
+        if not np.isfinite(hz):
+            without_crossing += 1
+    agreeing_by_joint = []
+    for joint_answer in answer.joints:
+        agreeing_methods = sum(map(joint_answer.agrees, METHODS))
+        agreeing_by_joint.append(f"{agreeing_methods} of 3 on the {short(joint_answer.joint)}")
+    return {
+        "cases": len(_cases(answer)),
+        "agree": agreeing,
+        "by": agreeing_by_joint,
+        "close": CLOSE,
+        "departures": sorted(departures),
+        "none_there": without_crossing,
+    }
+
+
+def _printed_facts(answer: Answer, motion: Mapping[str, Any]) -> dict[str, object]:
+    """Variables of the third sentence: printed models that fall to 0.707 where the thesis says, and arms like it."""
+    printed_count = 0
+    at_the_break = []
+    for joint_answer in answer.joints:
+        break_hz = BREAK_FREQUENCY[joint_answer.joint] / (2 * np.pi)
+        for printed in drawn_models(joint_answer.joint).values():
+            printed_count += 1
+            if abs(printed.half_power_hz / break_hz - 1.0) <= CLOSE:
+                at_the_break.append(f"{short(joint_answer.joint)} {printed.label}")
+    explained_joints = [joint for joint, outcome in motion["joints"].items() if outcome["explained"]]
+    explained = [f"the {short(joint)}" for joint in explained_joints]
+    return {"printed": printed_count, "same": at_the_break, "motion": motion, "explained": explained}
+
+
+def _certainty_facts(answer: Answer) -> dict[str, object]:
+    """Variables of the fourth sentence: cases in which all records agree or none, and what so many records show."""
+    seed_count = len(answer.seeds)
+    unanimous = 0
+    for joint_answer, method in _cases(answer):
+        agreeing_records = sum(map(joint_answer.near, joint_answer.levels[method]))
+        if agreeing_records in (0, seed_count):
+            unanimous += 1
+    # Clopper and Pearson's lower limit: the share of which as many successes in a row still have a chance of 5 %.
+    interval = binomtest(seed_count, seed_count, alternative="greater").proportion_ci(0.95, "exact")
+    return {"unanimous": unanimous, "least": 100 * interval.low}

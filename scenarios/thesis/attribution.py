@@ -29,7 +29,7 @@ CONDITIONS = (AS_IT_IS, SMOOTH, GENTLE)
 inertia and gravity load; their share falls with the square of the amplitude. Noise and rounding stay on."""
 
 SMALL = 0.3
-"""The smaller amplitude, as a part of the test's own."""
+"""The smaller amplitude, as a fraction of the test's own."""
 
 
 @cache
@@ -40,6 +40,7 @@ def best_linear_of(condition: Condition, joint: str) -> BestLinearOfTest:
     once in a process, for it depends on the arm and the test, not on the seed of a record.
     """
     scenario = condition.applied(campaign_scenario(single_joint_test(ESTIMATION_TEST, joint)))
+    # The strength of the multisine is taken from the command as a study's records have it: settled, without its mean.
     command = joint_command(scenario)[round(SETTLING * SAMPLE_RATE) :]
     record = IOData(command - command.mean(), command, SAMPLE_TIME)
     return best_linear_of_test(scenario, [record], test=scenario.name)
@@ -57,6 +58,7 @@ def order_effects(data: IOData, nk: int) -> tuple[IdentifiedModel, ...]:
         try:
             effects.append(_output_error(data, (nb, nf, nk), AS_IT_IS))
         except SysidError as error:
+            # Large orders may have no model of a poor record; the others still show the effect of the order.
             refused.append(f"{nb}, {nf}, {nk}: {error}")
     if not effects:
         raise ScenarioError(f"{data.name} gives no output-error model of any order: {'; '.join(refused)}")
@@ -65,6 +67,7 @@ def order_effects(data: IOData, nk: int) -> tuple[IdentifiedModel, ...]:
 
 def _output_error(data: IOData, orders: tuple[int, int, int], condition: str) -> IdentifiedModel:
     """The output-error model of these nb, nf, nk, labelled with its condition."""
+    # No record judges it: its bandwidth alone is compared.
     return identified(data, Structure("oe", "oe", orders, chosen=False, label=condition), {})
 
 
@@ -75,7 +78,7 @@ class Attributions:
     Attributes:
         parts: Output-error models whose order suffices without friction, labelled with and in the order of
             `CONDITIONS`.
-        missing: Conditions of which nothing is known, with the reason.
+        missing: Conditions without a model, with the reason.
     """
 
     parts: tuple[IdentifiedModel, ...]
@@ -83,16 +86,17 @@ class Attributions:
 
     def find(self, condition: str) -> IdentifiedModel | None:
         """Return the model under a condition; None where it is missing."""
-        return next((part for part in self.parts if part.label == condition), None)
+        return next((model for model in self.parts if model.label == condition), None)
 
 
 def scaled(scenario: Scenario) -> Scenario:
     """The experiment at three tenths of its amplitude, with its noise."""
-    excitation = tuple(
-        replace(one, parameters={**one.parameters, "amplitude": SMALL * cast(float, one.parameters["amplitude"])})
-        for one in scenario.excitation
-    )
-    return replace(scenario, name=f"{scenario.name}-small", excitation=excitation)
+    # The waveform alone: noise and rounding stay as large as they are.
+    excitation = []
+    for waveform in scenario.excitation:
+        amplitude = SMALL * cast(float, waveform.parameters["amplitude"])
+        excitation.append(replace(waveform, parameters={**waveform.parameters, "amplitude": amplitude}))
+    return replace(scenario, name=f"{scenario.name}-small", excitation=tuple(excitation))
 
 
 def attribute(joint: str, main: Campaign, smooth: Campaign, orders: tuple[int, int, int]) -> Attributions:
@@ -103,11 +107,12 @@ def attribute(joint: str, main: Campaign, smooth: Campaign, orders: tuple[int, i
     """
     name = single_joint_test(ESTIMATION_TEST, joint)
     sources = {AS_IT_IS: (main, name), SMOOTH: (smooth, name), GENTLE: (smooth, f"{name}-small")}
-    parts: list[IdentifiedModel] = []
+    models: list[IdentifiedModel] = []
     missing: dict[str, str] = {}
-    for condition, (source, record) in sources.items():
+    for condition, (campaign, scenario_name) in sources.items():
         try:
-            parts.append(_output_error(source.record(record, joint), orders, condition))
+            models.append(_output_error(campaign.record(scenario_name, joint), orders, condition))
         except (MissingRecordError, SysidError) as error:
+            # One condition less does not hide what the others show.
             missing[condition] = str(error)
-    return Attributions(tuple(parts), MappingProxyType(missing))
+    return Attributions(tuple(models), MappingProxyType(missing))

@@ -24,7 +24,7 @@ SAME_SEQUENCE = (5, 6)
 The velocity limit turns the larger amplitude into nearly the same command: neither can validate a model of the other.
 """
 
-OTHER_WAVEFORMS = tuple(number for number in SINGLE_JOINT if number not in SAME_SEQUENCE)
+OTHER_WAVEFORMS = tuple(test for test in SINGLE_JOINT if test not in SAME_SEQUENCE)
 """Numbers of the single-joint tests of other waveforms, which validate models of a binary sequence."""
 
 CONDITIONS = (NOMINAL, Condition(friction=False), Condition("published"), Condition("published", friction=False))
@@ -76,7 +76,8 @@ class Campaign:
 
     def singles(self, joint: str) -> dict[int, IOData]:
         """Return the `prepared` records of all single-joint tests of a joint that did not fail, by number."""
-        return {n: self.single(n, joint) for n in SINGLE_JOINT if single_joint_test(n, joint) in self.logs}
+        available = [number for number in SINGLE_JOINT if single_joint_test(number, joint) in self.logs]
+        return {number: self.single(number, joint) for number in available}
 
     def own(self, joint: str) -> IOData:
         """Return the record that models of a joint are identified from; see `single`."""
@@ -100,7 +101,7 @@ def plays_identified_sequence(name: str) -> bool:
     Such a record does not validate those models, whatever its amplitude and number of axes: single-joint tests 5 and 6
     and tests 7 and 8 of several joints, independent axes included.
     """
-    return any(entry.kind == "prbs" for entry in load(name).excitation)
+    return any(waveform.kind == "prbs" for waveform in load(name).excitation)
 
 
 def run_campaign(
@@ -121,17 +122,20 @@ def run_campaign(
     """
     if not scenarios:
         raise ScenarioError("no tests given: a campaign plays at least one")
-    twice = [name for name, count in Counter(entry.name for entry in scenarios).items() if count > 1]
-    if twice:
-        raise ScenarioError(f"given more than once: {', '.join(twice)}; a campaign has one record of each name")
+    uses = Counter(scenario.name for scenario in scenarios)
+    repeated = [name for name, count in uses.items() if count > 1]
+    if repeated:
+        raise ScenarioError(f"given more than once: {', '.join(repeated)}; a campaign has one record of each name")
+    on_this_arm = [condition.applied(scenario) for scenario in scenarios]
     # One call for all tests: Python then runs once per tick for the whole campaign.
     started = perf_counter()
-    result = simulate([condition.applied(entry) for entry in scenarios], threads=threads, progress=progress)
+    result = simulate(on_this_arm, threads=threads, progress=progress)
     simulation_s = perf_counter() - started
+    logs = {log.name: log for log in result.logs}
     return Campaign(
         condition=condition,
         truth=linearize(condition.arm()),
-        logs=MappingProxyType({log.name: log for log in result.logs}),
+        logs=MappingProxyType(logs),
         failed=result.failed,
         seed=seed,
         duration=duration,

@@ -1,6 +1,6 @@
 """The seven categories in which the thesis compares its two models, each with numbers [Morris1996, sec. VI.6]."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 
@@ -12,11 +12,15 @@ from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import AS_IT_IS
 from scenarios.thesis.findings_chapter_6 import FAST, FOLLOWS
 from scenarios.thesis.multivariable import WAYS, ThreeJointModel, Way
+from scenarios.thesis.robustness import RobustnessOutcome
 from scenarios.thesis.verdicts import MARGIN, WORDS, ahead
 from sysid import Estimate, IOData, residuals
 
 SAME = 0.1
 """A disturbed record gives a comparable model if the bandwidth changes by no more than this fraction."""
+
+SYSID, OKID = "SysID model", "OKID model"
+"""Names of the two models of three joints that were identified from the twin; those as printed begin with "printed"."""
 
 DRAW = "neither"
 """The better of two methods where both meet a requirement, or both do the same."""
@@ -44,13 +48,19 @@ class Measure:
     @property
     def printed_ahead(self) -> str:
         """The same of the two as printed; empty without numbers for them."""
-        return self._leader("printed ") if "printed SysID model" in self.values else ""
+        prefix = "printed "
+        return self._leader(prefix) if prefix + SYSID in self.values else ""
 
-    def _leader(self, kind: str) -> str:
-        own, okid = (self.compared(self.values[f"{kind}{name} model"]) for name in ("SysID", "OKID"))
-        if own == okid or np.isnan(own) or np.isnan(okid) or abs(own - okid) < self.margin:
+    def _leader(self, prefix: str) -> str:
+        """Who is ahead of the two models whose names begin with a prefix."""
+        sysid = self.compared(self.values[prefix + SYSID])
+        okid = self.compared(self.values[prefix + OKID])
+        # Without a margin, equal values are a tie too; a value that is missing puts nobody ahead.
+        if sysid == okid or np.isnan(sysid) or np.isnan(okid) or abs(sysid - okid) < self.margin:
             return DRAW
-        return "SysID" if (own > okid) == self.more else "OKID"
+        if self.more:
+            return "SysID" if sysid > okid else "OKID"
+        return "SysID" if sysid < okid else "OKID"
 
     def text(self, name: str) -> str:
         """The number of a model as text; a dash where it has none."""
@@ -69,7 +79,7 @@ class Category:
     @property
     def ahead(self) -> str:
         """Method that is ahead on the twin by all measures, or a note that it depends on the measure."""
-        leaders = {entry.ahead for entry in self.measures}
+        leaders = {measure.ahead for measure in self.measures}
         if len(leaders) == 1:
             return leaders.pop()
         return "depends on the measure" if leaders else "not tried"
@@ -88,40 +98,63 @@ def categories(study: Comparison) -> tuple[Category, ...]:
     )
 
 
-def _of_models(study: Comparison, number: Callable[[ThreeJointModel], float]) -> dict[str, float]:
-    return {entry.name: number(entry) for entry in study.multivariable.models}
+def _of_models(study: Comparison, quantity: Callable[[ThreeJointModel], float]) -> dict[str, float]:
+    """A quantity of every model of three joints, by name."""
+    return {model.name: quantity(model) for model in study.multivariable.models}
 
 
 def _both_ways(
-    study: Comparison, what: str, number: Callable[[ThreeJointModel, Way], float], *, digits: int = 1, margin: float = 0
+    study: Comparison,
+    label: str,
+    quantity: Callable[[ThreeJointModel, Way], float],
+    *,
+    digits: int = 1,
+    margin: float = 0,
 ) -> tuple[Measure, ...]:
-    """Measures of the fit in simulation and one step ahead, whose words stand for `{way}`."""
-    values = {way: {entry.name: number(entry, way) for entry in study.multivariable.models} for way in WAYS}
-    return tuple(
-        Measure(what.format(way=WORDS[way]), values[way], more=True, digits=digits, margin=margin) for way in WAYS
-    )
+    """Measures of the fit in simulation and one step ahead, whose words stand for `{way}` in the label."""
+    measures = []
+    for way in WAYS:
+        values = {model.name: quantity(model, way) for model in study.multivariable.models}
+        measures.append(Measure(label.format(way=WORDS[way]), values, more=True, digits=digits, margin=margin))
+    return tuple(measures)
 
 
 def _bandwidth(study: Comparison) -> tuple[Measure, ...]:
-    def error(entry: ThreeJointModel) -> float:
-        true = {joint: study.joints[joint].best_linear.hz for joint in entry.blocks}
-        off = [abs(100 * (block.bandwidth()[0, 0] / true[joint] - 1)) for joint, block in entry.blocks.items()]
-        return float(np.mean(off))
+    """Error of the bandwidth, and the fit to records above 5 Hz, where the study has any."""
 
-    off = Measure("bandwidth off the best linear truth, mean over the joints, %", _of_models(study, error), more=False)
-    fast = [name for name in FAST[1] if name in study.multivariable.records]
-    if not fast:
-        return (off,)
-    what = f"fit above 5 Hz {{way}}, median of {len(fast)} records, mean over the joints, %"
-    return off, *_both_ways(study, what, lambda e, way: median(e.fit(name).mean(way) for name in fast), margin=MARGIN)
+    def bandwidth_error(model: ThreeJointModel) -> float:
+        errors = []
+        for joint, block in model.blocks.items():
+            # With friction in it, as the records have: no linear model of them can find the small-signal truth.
+            true_hz = study.joints[joint].best_linear.hz
+            errors.append(abs(100 * (block.bandwidth()[0, 0] / true_hz - 1)))
+        return float(np.mean(errors))
+
+    def fast_fit(model: ThreeJointModel, way: Way) -> float:
+        return median(model.fit(name).mean(way) for name in fast_records)
+
+    label = "bandwidth off the best linear truth, mean over the joints, %"
+    error = Measure(label, _of_models(study, bandwidth_error), more=False)
+    _, fast_tests = FAST
+    fast_records = [name for name in fast_tests if name in study.multivariable.records]
+    if not fast_records:
+        return (error,)
+    label = f"fit above 5 Hz {{way}}, median of {len(fast_records)} records, mean over the joints, %"
+    return error, *_both_ways(study, label, fast_fit, margin=MARGIN)
 
 
 def _stability(study: Comparison) -> tuple[Measure, ...]:
     """Largest modulus of a pole: a stable model is ahead of an unstable one, two stable ones are level."""
-    slowest = max(float(np.abs(entry.truth.model.poles()).max()) for entry in study.joints.values())
-    what = f"largest modulus of a pole (truth {slowest:.3f})"
-    values = _of_models(study, lambda entry: entry.largest_pole)
-    return (Measure(what, values, more=False, digits=3, compared=lambda modulus: float(modulus >= 1.0)),)
+    slowest = max(float(np.abs(joint.truth.model.poles()).max()) for joint in study.joints.values())
+    label = f"largest modulus of a pole (truth {slowest:.3f})"
+    values = _of_models(study, lambda model: model.largest_pole)
+    # Only the side of the unit circle is compared: a stable model with a slower pole is no worse.
+    return (Measure(label, values, more=False, digits=3, compared=lambda modulus: float(modulus >= 1.0)),)
+
+
+def _model_name(method: str) -> str:
+    """Name of the model of three joints that a method of single joints belongs to; all but OKID are SysID's."""
+    return OKID if method == "okid" else SYSID
 
 
 def _flexibility(study: Comparison) -> tuple[Measure, ...]:
@@ -129,84 +162,115 @@ def _flexibility(study: Comparison) -> tuple[Measure, ...]:
 
     Accepted is a model that is stable and follows its own record better than `FOLLOWS` in simulation.
     """
-    accepted: dict[str, list[str]] = {"SysID model": [], "OKID model": []}
-    for entry in study.data_sets.values():
-        for model in entry.singles():
+    accepted_records: dict[str, list[str]] = {SYSID: [], OKID: []}
+    single_joint_records = 0
+    for data_sets in study.data_sets.values():
+        single_joint_records += len(data_sets.single)
+        for model in data_sets.singles():
             if model.stable and model.own.simulation > FOLLOWS:
-                accepted["OKID model" if model.method == "okid" else "SysID model"].append(model.record)
-    prbs, single = f"siso-{study.estimation_test}-", sum(len(entry.single) for entry in study.data_sets.values())
-    structures = {name: float(sum(one.startswith(prbs) for one in records)) for name, records in accepted.items()}
-    whole = {name: float(len(set(records))) for name, records in accepted.items()}
+                accepted_records[_model_name(model.method)].append(model.record)
+
+    prbs_record = f"siso-{study.estimation_test}-"
+    structures: dict[str, float] = {}
+    data_set_count: dict[str, float] = {}
+    for name, records in accepted_records.items():
+        structures[name] = float(sum(record.startswith(prbs_record) for record in records))
+        # Several structures may have an accepted model from the same record.
+        data_set_count[name] = float(len(set(records)))
+    label = f"single-joint data sets with an accepted model, of {single_joint_records}"
     return (
         Measure("accepted structures from the PRBS test, three joints", structures, more=True, digits=0),
-        Measure(f"single-joint data sets with an accepted model, of {single}", whole, more=True, digits=0),
+        Measure(label, data_set_count, more=True, digits=0),
     )
 
 
 def _parsimony(study: Comparison) -> tuple[Measure, ...]:
-    information = {"SysID model": 0.0, "OKID model": 0.0}
-    for entry in study.joints.values():
-        for name, model in (("SysID model", entry.chosen), ("OKID model", entry.models["okid"])):
-            information[name] += _aic(model.estimate, entry.data[study.estimation_test])
-    above = {name: value - min(information.values()) for name, value in information.items()}
-    what = "fit {way} per state, mean over joints and records of other waveforms, %"
+    """Number of states, Akaike's criterion, and the fit per state."""
+    criterion = {SYSID: 0.0, OKID: 0.0}
+    for joint in study.joints.values():
+        record = joint.data[study.estimation_test]
+        criterion[SYSID] += _aic(joint.chosen.estimate, record)
+        criterion[OKID] += _aic(joint.models["okid"].estimate, record)
+    # Differences alone have a meaning: the criterion itself depends on the units of the output.
+    smaller = min(criterion.values())
+    above_smaller = {name: value - smaller for name, value in criterion.items()}
+
+    # The thesis counts states alone [Morris1996, sec. VI.6]; the other measures weigh them against the fit.
+    states = _of_models(study, lambda model: float(model.model.order))
+    aic_label = "Akaike's criterion on the data of estimation above the smaller, three joints"
+    fit_label = "fit {way} per state, mean over joints and records of other waveforms, %"
     return (
-        Measure("states", _of_models(study, lambda entry: float(entry.model.order)), more=False, digits=0),
-        Measure(
-            "Akaike's criterion on the data of estimation above the smaller, three joints", above, more=False, digits=0
-        ),
-        *_both_ways(study, what, lambda entry, way: _mean_fit(entry, way) / entry.model.order),
+        Measure("states", states, more=False, digits=0),
+        Measure(aic_label, above_smaller, more=False, digits=0),
+        *_both_ways(study, fit_label, lambda model, way: _mean_fit(model, way) / model.model.order),
     )
 
 
 def _aic(model: Estimate, data: IOData) -> float:
     """N log V + 2 d of the one-step errors [Ljung1999, sec. 16.4]; d = 3 n + 1 for OKID's A, B, D and K in n states."""
+    # In coordinates that fix C, n states have n parameters of A, n of B, n of K and one of D.
     count = 3 * model.model.order + 1 if model.method == "okid" else len(model.parameters)
     errors = residuals(model, data)
     return float(len(errors) * np.log(np.mean(errors**2)) + 2 * count)
 
 
-def _mean_fit(entry: ThreeJointModel, way: Way) -> float:
-    means = [fits.mean(way) for name, fits in entry.fits.items() if not plays_identified_sequence(name)]
+def _mean_fit(model: ThreeJointModel, way: Way) -> float:
+    """Mean fit over the joints and the records of other waveforms, percent; NaN without such records."""
+    means = [fits.mean(way) for name, fits in model.fits.items() if not plays_identified_sequence(name)]
     return float(np.mean(means)) if means else float("nan")
 
 
 def _robustness(study: Comparison) -> tuple[Measure, ...]:
     """Share of disturbed records whose model keeps the bandwidth of the model from the undisturbed record."""
-    chosen = [entry for entry in study.robustness.outcomes if entry.chosen and entry.treatment == AS_IT_IS[0]]
+    outcomes: dict[str, list[RobustnessOutcome]] = {SYSID: [], OKID: []}
+    for outcome in study.robustness.outcomes:
+        if outcome.chosen and outcome.treatment == AS_IT_IS[0]:
+            outcomes[_model_name(outcome.method)].append(outcome)
     measures = []
     for disturbance in ("bias", "outliers"):
-        shares = {}
-        for name in ("SysID model", "OKID model"):
-            mine = [entry for entry in chosen if (entry.method == "okid") == (name == "OKID model")]
-            plain = {e.joint: e.bandwidth_hz for e in mine if e.disturbance == "bias" and e.degree == 0.0}
-            disturbed = [e for e in mine if e.disturbance == disturbance and e.degree > 0.0 and e.joint in plain]
-            same = [abs(e.bandwidth_hz / plain[e.joint] - 1) <= SAME for e in disturbed]
-            shares[name] = 100 * float(np.mean(same)) if same else float("nan")
-        what = f"records spoilt by {disturbance} that move the bandwidth by up to {100 * SAME:.0f} %, %"
-        measures.append(Measure(what, shares, more=True, digits=0))
+        shares = {name: _share_kept(model_outcomes, disturbance) for name, model_outcomes in outcomes.items()}
+        label = f"records spoilt by {disturbance} that move the bandwidth by up to {100 * SAME:.0f} %, %"
+        measures.append(Measure(label, shares, more=True, digits=0))
     return tuple(measures)
 
 
+def _share_kept(outcomes: Sequence[RobustnessOutcome], disturbance: str) -> float:
+    """Share of the records with a disturbance whose bandwidth is the undisturbed one's within `SAME`, percent."""
+    # A bias of degree zero leaves the record as it is.
+    undisturbed = [outcome for outcome in outcomes if outcome.disturbance == "bias" and outcome.degree == 0.0]
+    undisturbed_hz = {outcome.joint: outcome.bandwidth_hz for outcome in undisturbed}
+    kept = []
+    for outcome in outcomes:
+        if outcome.disturbance == disturbance and outcome.degree > 0.0 and outcome.joint in undisturbed_hz:
+            # False for a model without a bandwidth, whose NaN compares with nothing.
+            kept.append(abs(outcome.bandwidth_hz / undisturbed_hz[outcome.joint] - 1) <= SAME)
+    return 100 * float(np.mean(kept)) if kept else float("nan")
+
+
 def _exchange(study: Comparison) -> tuple[Measure, ...]:
+    """Fit to the record of the exchange, where the study has it."""
     if RPCM not in study.multivariable.records:
         return ()
-    what = "fit {way}, mean over the joints, %"
-    return _both_ways(study, what, lambda entry, way: entry.fit(RPCM).mean(way), digits=2, margin=MARGIN)
+    label = "fit {way}, mean over the joints, %"
+    return _both_ways(study, label, lambda model, way: model.fit(RPCM).mean(way), digits=2, margin=MARGIN)
 
 
 def _several(study: Comparison) -> tuple[Measure, ...]:
     """Number of held-out records on which each of two models fits better; ties and the hybrid model do not count."""
-    records = [name for name in study.multivariable.records if name != RPCM and not plays_identified_sequence(name)]
+    # The exchange is a category of its own; a record of the identified sequence validates nothing.
+    held_out = [name for name in study.multivariable.records if name != RPCM and not plays_identified_sequence(name)]
     measures = []
     for way in WAYS:
         values: dict[str, float] = {}
-        for own, okid in (study.multivariable.pair(printed=printed) for printed in (False, True)):
-            lead = [own.fit(name).mean(way) - okid.fit(name).mean(way) for name in records]
-            values[own.name], values[okid.name] = (float(sum(ahead(sign * v) for v in lead)) for sign in (1, -1))
-        what = (
-            f"records of {len(records)} of other waveforms that it follows better by {MARGIN:g} points {WORDS[way]}, "
+        for printed in (False, True):
+            sysid, okid = study.multivariable.pair(printed=printed)
+            leads = [sysid.fit(name).mean(way) - okid.fit(name).mean(way) for name in held_out]
+            values[sysid.name] = float(sum(ahead(lead) for lead in leads))
+            # Not the rest of the records: ties count for neither.
+            values[okid.name] = float(sum(ahead(-lead) for lead in leads))
+        label = (
+            f"records of {len(held_out)} of other waveforms that it follows better by {MARGIN:g} points {WORDS[way]}, "
             "mean over the joints"
         )
-        measures.append(Measure(what, values, more=True, digits=0))
+        measures.append(Measure(label, values, more=True, digits=0))
     return tuple(measures)

@@ -60,7 +60,8 @@ class JointResult:
     @property
     def chosen(self) -> ModelResult:
         """The prediction-error model that the thesis chose for this joint."""
-        return next(entry for entry in self.models.values() if entry.chosen and entry.method != "okid")
+        # OKID's model is `chosen` too, as the joint's block of the thesis' OKID model.
+        return next(model for model in self.models.values() if model.chosen and model.method != "okid")
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,8 @@ class Cost:
 
     def later(self, seconds: float, *, report: bool = False) -> "Cost":
         """Cost including the seconds of a later step: findings or the report."""
-        return replace(self, total_s=self.total_s + seconds, report_s=self.report_s + (seconds if report else 0.0))
+        report_s = self.report_s + seconds if report else self.report_s
+        return replace(self, total_s=self.total_s + seconds, report_s=report_s)
 
     @property
     def times_physics(self) -> float:
@@ -129,7 +131,8 @@ class Comparison:
     cost: Cost
     provenance: Mapping[str, str]
 
-    estimation_test = ESTIMATION_TEST  # no field: templates and findings read it of the study
+    # Without an annotation it is no field of the dataclass: templates and findings read it of the study.
+    estimation_test = ESTIMATION_TEST
 
     @property
     def campaign(self) -> Campaign:
@@ -149,11 +152,11 @@ class Comparison:
     @property
     def failed(self) -> Mapping[str, str]:
         """Experiments that failed, with the reason, those on other arms with the arm."""
-        return {
-            name if entry is self.campaign else f"{name} ({entry.condition})": why
-            for entry in self.campaigns
-            for name, why in entry.failed.items()
-        }
+        reasons = dict(self.campaign.failed)
+        for campaign in self.campaigns[1:]:
+            for name, reason in campaign.failed.items():
+                reasons[f"{name} ({campaign.condition})"] = reason
+        return reasons
 
     @property
     def seed(self) -> int | None:

@@ -29,15 +29,20 @@ SLOW_SINE = 1 / 60
 POLE = 0.9
 """Pole of the first-order filter that colours noise."""
 
+WARM_UP = 200
+"""Samples that the filter runs before the noise is used: its start at zero has died out by 0.9^200, 1e-9."""
+
 LOSSY = 1000
-"""Length of the record parts with lost samples, 20 s: estimating lost samples of a long record takes long."""
+"""Length of the segments with lost samples, 20 s: estimating lost samples of a long record takes long."""
 
 
 def adds(shape: Callable[[IOData], float | np.ndarray]) -> Spoil:
     """A disturbance that adds a shape (N,) to the output, times the degree in standard deviations of the output."""
 
     def spoil(data: IOData, degree: float, _: np.random.Generator) -> IOData:
-        return replace(data, y=data.y + degree * np.std(data.y) * np.reshape(shape(data), (-1, 1)))
+        # As a column: added to y (N, 1), a plain (N,) would broadcast to (N, N).
+        column = np.reshape(shape(data), (-1, 1))
+        return replace(data, y=data.y + degree * np.std(data.y) * column)
 
     return spoil
 
@@ -45,49 +50,58 @@ def adds(shape: Callable[[IOData], float | np.ndarray]) -> Spoil:
 def outliers(data: IOData, percent: float, size: float, rng: np.random.Generator) -> IOData:
     """Move a share of the output's samples, percent, by so many standard deviations, up or down."""
     hit = rng.random(data.y.shape) < percent / 100
-    return replace(data, y=data.y + hit * rng.choice([-1.0, 1.0], data.y.shape) * size * np.std(data.y))
+    # Drawn for every sample, hit or not: with the same seed, a larger share hits the same samples, the same way, and
+    # more of them.
+    sign = rng.choice([-1.0, 1.0], data.y.shape)
+    return replace(data, y=data.y + hit * sign * size * np.std(data.y))
 
 
 def held_dropouts(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
     """Drop a share of the output samples, percent, in bursts; each burst holds the last sample before it."""
-    part, lost = _lose_bursts(data, degree, rng)
-    latest = np.maximum.accumulate(np.where(lost, 0, np.arange(len(part))))
-    return replace(part, y=part.y[latest])
+    segment, lost = _lose_bursts(data, degree, rng)
+    # The running maximum of the indices of what arrived is, at each sample, the index of the latest that did.
+    latest = np.maximum.accumulate(np.where(lost, 0, np.arange(len(segment))))
+    return replace(segment, y=segment.y[latest])
 
 
 def marked_dropouts(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
-    """Drop the same samples and mark them as missing."""
-    part, lost = _lose_bursts(data, degree, rng)
-    return replace(part, y=np.where(lost[:, None], np.nan, part.y), missing=True) if lost.any() else part
+    """Drop the samples that `held_dropouts` drops for the same seed, and mark them as missing."""
+    segment, lost = _lose_bursts(data, degree, rng)
+    if not lost.any():
+        return segment
+    return replace(segment, y=np.where(lost[:, None], np.nan, segment.y), missing=True)
 
 
 def _lose_bursts(data: IOData, percent: float, rng: np.random.Generator) -> tuple[IOData, np.ndarray]:
-    """A part of the record and the mask of its lost samples; the first sample is never lost."""
-    part = _part(data, LOSSY, rng)
-    bursts = round(percent / 100 * len(part) / BURST)
-    # Bursts do not overlap: every one has a slot of its own.
-    slots = rng.choice(np.arange(1, len(part) // BURST), size=bursts, replace=False)
-    lost = np.zeros(len(part), dtype=bool)
+    """A random segment of the record and the mask of its lost samples; the first sample is never lost."""
+    segment = _random_segment(data, LOSSY, rng)
+    bursts = round(percent / 100 * len(segment) / BURST)
+    # Bursts do not overlap: every one has a slot of its own. Slot 0 stays, so that a sample is there to be held.
+    slots = rng.choice(np.arange(1, len(segment) // BURST), size=bursts, replace=False)
+    lost = np.zeros(len(segment), dtype=bool)
     lost[(BURST * slots[:, None] + np.arange(BURST)).ravel()] = True
-    return part, lost
+    return segment, lost
 
 
-def _part(data: IOData, length: int, rng: np.random.Generator) -> IOData:
-    """A part that begins where a period of the waveform does, its mean removed; the whole record if it is shorter."""
+def _random_segment(data: IOData, length: int, rng: np.random.Generator) -> IOData:
+    """A random segment from the start of a period of the waveform on, its mean removed; a shorter record is kept."""
     if length >= len(data):
         return data
-    start = POINTS * int(rng.integers(0, (len(data) - length) // POINTS + 1))
+    last_period = (len(data) - length) // POINTS
+    start = POINTS * int(rng.integers(0, last_period + 1))
     return data[start : start + length].detrend()
 
 
 def coloured_noise(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
     """Add noise of first order, its pole at `POLE`, to the output, `degree` dB below it."""
-    white = rng.standard_normal((len(data) + 200, data.ny))
-    return _noisy(data, degree, np.asarray(lfilter([1.0], [1.0, -POLE], white, axis=0))[200:])
+    white = rng.standard_normal((len(data) + WARM_UP, data.ny))
+    coloured = np.asarray(lfilter([1.0], [1.0, -POLE], white, axis=0))
+    return _add_noise(data, degree, coloured[WARM_UP:])
 
 
-def _noisy(data: IOData, decibel: float, noise: np.ndarray) -> IOData:
+def _add_noise(data: IOData, decibel: float, noise: np.ndarray) -> IOData:
     """Add noise to the output, so many dB below it."""
+    # Both deviations are those of the record: the ratio is exact, not that of the noise's distribution.
     scale = 10 ** (-decibel / 20) * np.std(data.y) / np.std(noise)
     return replace(data, y=data.y + scale * noise)
 
@@ -102,6 +116,7 @@ TREATMENTS: Mapping[str, Callable[[IOData], IOData]] = MappingProxyType(
 """Trends that are removed from input and output before identification."""
 
 AS_IT_IS = ("nothing removed",)
+"""Treatments of a record that is identified as it is."""
 
 
 @dataclass(frozen=True)
@@ -112,14 +127,14 @@ class Disturbance:
         key: Name in results.
         label: Name for people.
         unit: Of the degree.
-        degrees: How much, from nothing or little to a lot.
-        spoil: Does it.
-        treatments: What is taken off before identifying, each in turn.
-        draws: How often chance is drawn; 1 where there is none.
+        degrees: Degrees that are tried, in `unit`.
+        spoil: Function that disturbs a record.
+        treatments: Trends that are removed before identification, by name in `TREATMENTS`, each in turn.
+        draws: Number of random draws at each degree; 1 where nothing is random.
         decibel: Whether the degree is a ratio in dB, otherwise it is drawn on a logarithmic axis.
         falling: Whether a smaller degree spoils more.
         other_structures: Whether structures that the thesis did not choose are tried too, on the first draw.
-        whole: Whether it takes the whole record, to cut parts from it, or the part that all others are laid on.
+        whole: Whether it gets the whole record, to cut segments from it, or the segment that all others disturb.
     """
 
     key: str
@@ -144,23 +159,28 @@ SPOILS: Mapping[str, Spoil] = MappingProxyType(
         "outlier size": lambda data, degree, rng: outliers(data, OUTLIER_SHARE, degree, rng),
         "held drop-outs": held_dropouts,
         "marked drop-outs": marked_dropouts,
-        "length": lambda data, degree, rng: _part(data, round(degree / data.dt), rng),
-        "white noise": lambda data, degree, rng: _noisy(data, degree, rng.standard_normal(data.y.shape)),
+        "length": lambda data, degree, rng: _random_segment(data, round(degree / data.dt), rng),
+        "white noise": lambda data, degree, rng: _add_noise(data, degree, rng.standard_normal(data.y.shape)),
         "coloured noise": coloured_noise,
     }
 )
+"""Functions that disturb a record, by key of the table."""
 
 
-def _listed() -> Mapping[str, Disturbance]:
-    table = package_table("disturbances.toml")
+def _read_disturbances() -> Mapping[str, Disturbance]:
+    """Read the table of disturbances and join each row with its function."""
     sizes = {"size": OUTLIER_SIZE, "share": OUTLIER_SHARE, "pole": POLE}
-    entries = {}
-    for key, row in table.items():
-        label, degrees = row.pop("label").format(**sizes), tuple(row.pop("degrees"))
-        detrended = tuple(TREATMENTS) if row.pop("detrended", False) else AS_IT_IS
-        entries[key] = Disturbance(key, label=label, degrees=degrees, spoil=SPOILS[key], treatments=detrended, **row)
-    return MappingProxyType(entries)
+    disturbances = {}
+    for key, row in package_table("disturbances.toml").items():
+        label = row.pop("label").format(**sizes)
+        degrees = tuple(row.pop("degrees"))
+        treatments = tuple(TREATMENTS) if row.pop("detrended", False) else AS_IT_IS
+        # What is left of the row has the names of fields.
+        disturbances[key] = Disturbance(
+            key, label=label, degrees=degrees, spoil=SPOILS[key], treatments=treatments, **row
+        )
+    return MappingProxyType(disturbances)
 
 
-DISTURBANCES = _listed()
+DISTURBANCES = _read_disturbances()
 """Every kind of disturbance, by key; `scenarios/data/disturbances.toml` holds the table."""

@@ -22,6 +22,7 @@ T = TypeVar("T")
 WHITE = {"coloured": False}
 """Intervals of output-error models for a white disturbance: those whose spread over twenty seeds is recorded."""
 
+# Weak keys: what was computed from a record is freed with it.
 _RESULTS: WeakKeyDictionary[IOData, dict[Hashable, Any]] = WeakKeyDictionary()
 
 
@@ -45,6 +46,7 @@ def estimate(record: IOData, estimator: str, orders: Sequence[int]) -> Estimate:
         SysidError: The record gives no such model.
         ScenarioError: No such estimator, or orders that do not fit it.
     """
+    # A tuple: orders that come as a list have no hash.
     key = (estimator, tuple(orders))
     options = WHITE if estimator == "oe" else {}
     return _once(record, key, lambda: methods.estimate(record, estimator, orders, **options))
@@ -59,7 +61,9 @@ def fits(model: Estimate | StateSpace, record: IOData) -> Fits:
             (score,) = sysid.compare(model, record)
         return Fits(float(score.simulation[0]), float(score.one_step[0]))
 
-    return _once(record, model.model if isinstance(model, Estimate) else model, compared)
+    # By the state-space model: a printed model and an estimate are looked up alike.
+    key = model.model if isinstance(model, Estimate) else model
+    return _once(record, key, compared)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,17 +109,20 @@ def identified(record: IOData, structure: Structure, judges: Mapping[Any, IOData
     model = estimate(record, structure.estimator, structure.orders)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
-        hz, *ends = model.bandwidth().path()
+        bandwidth_hz, lower_hz, upper_hz = model.bandwidth().path()
+        # `initial`: a model of order 0 has no pole, and is stable.
+        radius = float(np.abs(model.poles()).max(initial=0.0))
+        fits_by_record = {name: fits(model, judge) for name, judge in judges.items()}
         return IdentifiedModel(
             **vars(structure),
             estimate=model,
-            bandwidth_hz=hz,
-            ci95=(ends[0], ends[1]),
+            bandwidth_hz=bandwidth_hz,
+            ci95=(lower_hz, upper_hz),
             dc_gain=float(model.model.dc_gain()[0, 0]),
             half_power_hz=half_power_hz(model.model),
-            radius=float(np.abs(model.poles()).max(initial=0.0)),
+            radius=radius,
             residual_test=sysid.resid(model, record),
-            fits=MappingProxyType({name: fits(model, data) for name, data in judges.items()}),
+            fits=MappingProxyType(fits_by_record),
         )
 
 
@@ -124,14 +131,16 @@ def simulation_fit(model: Estimate, records: Sequence[IOData]) -> float:
     scores = []
     for record in records:
         with np.errstate(all="ignore"):
-            simulated = np.nan_to_num(
-                sysid.predict(model, record, steps=None), nan=np.inf, posinf=np.inf, neginf=-np.inf
-            )
+            simulated = sysid.predict(model, record, steps=None)
+            # An unbounded simulation ends as inf - inf = NaN. Infinity instead gives a fit of minus infinity, which a
+            # median can rank.
+            simulated = np.nan_to_num(simulated, nan=np.inf, posinf=np.inf, neginf=-np.inf)
         scores.append(float(fit_percent(record.y, simulated)[0]))
     return median(scores)
 
 
 def _once(record: IOData, key: Hashable, compute: Callable[[], T]) -> T:
+    """Return the result that was computed from a record under a key; compute it if there is none."""
     results = _RESULTS.setdefault(record, {})
     if key not in results:
         with warnings.catch_warnings():

@@ -18,7 +18,10 @@ from scenarios.thesis.steps import NO_REPORT, Part
 from sysid import IOData, SysidError
 
 AUDIBLE = 0.1
-"""Least power of an exciting component, as a part of the strongest: below lie rounding and noise of the command."""
+"""Least power of an exciting component, as a fraction of the strongest one's.
+
+Below lie rounding and the noise of the hand controller: a threshold of a hundredth let that noise excite every order.
+"""
 
 LARGEST_ORDER = 50
 """Largest order of excitation that is counted; the value means "at least"."""
@@ -64,13 +67,14 @@ class DataSetModel(IdentifiedModel):
     @property
     def others(self) -> Mapping[str, Fits]:
         """Fit to unseen records: neither its own nor one that plays the same sequence."""
-        prbs = plays_identified_sequence(self.record)
-        seen = {self.record, *(name for name in self.fits if prbs and plays_identified_sequence(name))}
+        seen = {self.record}
+        if plays_identified_sequence(self.record):
+            seen.update(name for name in self.fits if plays_identified_sequence(name))
         return {name: fit for name, fit in self.fits.items() if name not in seen}
 
     @property
     def others_simulation(self) -> float:
-        """Median fit in simulation to them, percent; NaN where there are none."""
+        """Median fit in simulation to unseen records, percent; NaN where there are none."""
         return median(fit.simulation for fit in self.others.values()) if self.others else float("nan")
 
 
@@ -98,12 +102,17 @@ class DataSets:
 
     def singles(self, method: str | None = None, *, enough: bool = False) -> tuple[DataSetModel, ...]:
         """Models from single-joint tests, the same in every study: of one method or all, `enough` excited or all."""
-        models = [m for m in self.models if m.record in self.single and (m.enough or not enough)]
-        return tuple(m for m in models if method in (None, m.method))
+        models = [model for model in self.models if model.record in self.single]
+        if enough:
+            models = [model for model in models if model.enough]
+        if method is not None:
+            models = [model for model in models if model.method == method]
+        return tuple(models)
 
     def find(self, record: str, method: str) -> DataSetModel | None:
         """The model of one method from one record, where there is one."""
-        return next((m for m in self.models if (m.record, m.method) == (record, method)), None)
+        matching = (model for model in self.models if (model.record, model.method) == (record, method))
+        return next(matching, None)
 
 
 def every_data_set(joint: str, campaign: Campaign, *, thorough: bool = False, part: Part = NO_REPORT) -> DataSets:
@@ -112,32 +121,46 @@ def every_data_set(joint: str, campaign: Campaign, *, thorough: bool = False, pa
     A `thorough` study takes the joint's own channel of the tests of several joints too, and lays every model beside a
     minute of every single-joint record.
     """
-    single = [single_joint_test(number, joint) for number in SINGLE_JOINT]
-    records = [*single, *((*names("mimo"), RPCM) if thorough else ())]
-    data = {name: campaign.record(name, joint) for name in records if name in campaign.logs}
-    judges = {name: data[name] for name in single if name in data}
-    minutes = {name: record[: round(MINUTE / record.dt)] for name, record in judges.items()} if thorough else {}
-    excited = {name: _excited(name, record, campaign) for name, record in data.items()}
-    models, refused = [], []
+    single_joint_names = [single_joint_test(number, joint) for number in SINGLE_JOINT]
+    several_joint_names = (*names("mimo"), RPCM) if thorough else ()
+    record_names = [*single_joint_names, *several_joint_names]
+    data = {name: campaign.record(name, joint) for name in record_names if name in campaign.logs}
+    missing = {name: campaign.failed.get(name, "it was not played") for name in record_names if name not in data}
+    judges = {name: data[name] for name in single_joint_names if name in data}
+    minutes: dict[str, IOData] = {}
+    if thorough:
+        # A model of every structure from every record meets every judge: hundreds of fits, each a quarter as long.
+        minutes = {name: record[: round(MINUTE / record.dt)] for name, record in judges.items()}
+
+    excited: dict[str, Excited] = {}
+    models: list[DataSetModel] = []
+    refused: list[tuple[str, Structure, str]] = []
     for (name, record), _ in part.split(tuple(data.items())):
-        others = {**(judges if name == single_joint_test(ESTIMATION_TEST, joint) else minutes), name: record}
+        excited[name] = _excited(name, record, campaign)
+        others = judges if name == single_joint_test(ESTIMATION_TEST, joint) else minutes
+        # Its own record is followed whole, in place of a minute of it.
+        judged_by = {**others, name: record}
         for structure in every_structure(joint):
             needed = excitation_needed(structure)
             enough = excited[name].command >= needed
             try:
-                model = identified(record, structure, others)
+                model = identified(record, structure, judged_by)
                 models.append(DataSetModel(**vars(model), record=name, needed=needed, enough=enough))
             except SysidError as error:
                 refused.append((name, structure, str(error)))
-    missing = {name: campaign.failed.get(name, "it was not played") for name in records if name not in data}
     return DataSets(joint, MappingProxyType(excited), tuple(models), tuple(refused), MappingProxyType(missing))
 
 
 def _excited(name: str, record: IOData, campaign: Campaign) -> Excited:
+    """Orders of excitation of a scenario's waveform files, the highest, and of the recorded command."""
     scenario = campaign_scenario(name, seed=campaign.seed, duration=campaign.duration)
-    file = max((entry.waveform().order_of_excitation() for entry in scenario.excitation), default=None)
-    most = min(LARGEST_ORDER, len(record) // 2)
-    return Excited(file, sysid.order_of_excitation(record.u[:, 0], max_order=most, tolerance=AUDIBLE))
+    file_orders = [excitation.waveform().order_of_excitation() for excitation in scenario.excitation]
+    # The exchange of the replacement unit plays no waveform file.
+    file_order = max(file_orders, default=None)
+    # `order_of_excitation` takes orders up to half of the samples.
+    largest_order = min(LARGEST_ORDER, len(record) // 2)
+    command_order = sysid.order_of_excitation(record.u[:, 0], max_order=largest_order, tolerance=AUDIBLE)
+    return Excited(file_order, command_order)
 
 
 def excitation_needed(structure: Structure) -> int:
@@ -145,15 +168,20 @@ def excitation_needed(structure: Structure) -> int:
 
     OKID estimates p + 1 coefficients of the input in one least squares, whatever order is realised from them.
     """
-    # A or F, and B: the first two orders of every polynomial structure here
-    return structure.orders[1] + (1 if structure.estimator == "okid" else structure.orders[0])
+    if structure.estimator == "okid":
+        _, p = structure.orders
+        return p + 1
+    # The coefficients of A or F, and of B, are the first two orders of every polynomial structure here.
+    return structure.orders[0] + structure.orders[1]
 
 
 def distances(models: tuple[DataSetModel, ...]) -> np.ndarray:
     """Distances |G_i - G_j| / |G_median| over `BAND`, root mean square (pairs,), of models of one method."""
-    responses = np.array([m.estimate.model.frequency_response(BAND)[:, 0, 0] for m in models])
+    responses = np.array([model.estimate.model.frequency_response(BAND)[:, 0, 0] for model in models])
     if len(responses) < 2:
         return np.zeros(0)
+    # A median, because one unstable model of many would carry a mean, and with it the scale, away.
     centre = np.median(responses.real, axis=0) + 1j * np.median(responses.imag, axis=0)
+    # Each pair once, no model with itself.
     first, second = np.triu_indices(len(responses), 1)
     return np.linalg.norm(responses[first] - responses[second], axis=1) / np.linalg.norm(centre)

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import combinations
+from itertools import chain, combinations
 from typing import NamedTuple
 
 from hmtb_twin import STUDIED_JOINTS
@@ -12,7 +12,7 @@ from scenarios.experiments.campaign import Condition
 from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.estimates import Fits
-from scenarios.thesis.fairness_table import RECORDS, ArmFairness, chosen
+from scenarios.thesis.fairness_table import RECORDS, ArmFairness, FairModel, chosen
 from scenarios.thesis.verdicts import MARGIN, WORDS, tied
 
 NAMES = {"shoulder_yaw": "yaw", "shoulder_pitch": "shoulder", "elbow_pitch": "elbow"}
@@ -39,12 +39,18 @@ class Conclusion:
     @property
     def changes(self) -> set[str]:
         """What arms of unlike answers differ in: `friction`, the `arm` or `both`; empty where all are alike."""
-        known = ((arm, answer.words) for arm, answer in self.answers.items() if answer is not None)
-        return {
-            "friction" if arm.variant == other.variant else "arm" if arm.friction == other.friction else "both"
-            for (arm, words), (other, others) in combinations(known, 2)
-            if words != others
-        }
+        words = {condition: answer.words for condition, answer in self.answers.items() if answer is not None}
+        differences = set()
+        for first, second in combinations(words, 2):
+            if words[first] == words[second]:
+                continue
+            if first.variant == second.variant:
+                differences.add("friction")
+            elif first.friction == second.friction:
+                differences.add("arm")
+            else:
+                differences.add("both")
+        return differences
 
 
 def conclusions(arms: Sequence[ArmFairness]) -> tuple[Conclusion, ...]:
@@ -58,88 +64,135 @@ def conclusions(arms: Sequence[ArmFairness]) -> tuple[Conclusion, ...]:
     for way, words in WORDS.items():
         for record, name in records.items():
             questions[f"SysID or OKID better on {name}, {words}"] = partial(_better, record=record, way=way)
-    whole = [arm for arm in arms if len(arm.joints) == len(STUDIED_JOINTS)]
-    return tuple(Conclusion(text, {arm.condition: answer(arm) for arm in whole}) for text, answer in questions.items())
+    # An arm without the models of a joint would answer about fewer joints: no answer can be compared with that.
+    complete_arms = [arm for arm in arms if len(arm.joints) == len(STUDIED_JOINTS)]
+    concluded = []
+    for question, answer_on in questions.items():
+        concluded.append(Conclusion(question, {arm.condition: answer_on(arm) for arm in complete_arms}))
+    return tuple(concluded)
+
+
+def _identified(models: Iterable[FairModel]) -> list[FairModel]:
+    """The models identified from the arm's own test: the printed ones are the same on every arm."""
+    return [model for model in models if not model.printed]
 
 
 def _near_1_hz(arm: ArmFairness) -> Answer:
-    near = {
-        joint: [near_1_hz(entry.bandwidth_hz) for entry in models if not entry.printed]
-        for joint, models in arm.joints.items()
-    }
-    every = [value for values in near.values() for value in values]
-    most = (joint for joint, values in near.items() if 2 * sum(values) > len(values))
-    return Answer(_list_text(most), f"{sum(every)} of {len(every)} models")
+    """Name the joints of which more than half of the models are near 1 Hz, and count all such models."""
+    near_joints = []
+    near_models = 0
+    all_models = 0
+    for joint, joint_models in arm.joints.items():
+        models = _identified(joint_models)
+        near = sum(near_1_hz(model.bandwidth_hz) for model in models)
+        if 2 * near > len(models):
+            near_joints.append(joint)
+        near_models += near
+        all_models += len(models)
+    return Answer(_list_text(near_joints), f"{near_models} of {all_models} models")
 
 
 def _held(arm: ArmFairness) -> Answer:
-    covered = [bool(entry.covers) for models in arm.joints.values() for entry in models if not entry.printed]
-    return Answer("yes" if 2 * sum(covered) > len(covered) else "no", f"{sum(covered)} of {len(covered)}")
+    """Whether more than half of the intervals hold the truth, with their number; a model without one does not."""
+    covers: list[bool] = []
+    for models in arm.joints.values():
+        covers += [bool(model.covers) for model in _identified(models)]
+    word = "yes" if 2 * sum(covers) > len(covers) else "no"
+    return Answer(word, f"{sum(covers)} of {len(covers)}")
 
 
 def _stable(arm: ArmFairness) -> Answer:
-    wild = [
-        f"{entry.label.split(',')[0]} of {NAMES[joint]}"
-        for joint, models in arm.joints.items()
-        for entry in models
-        if not entry.printed and not entry.stable
-    ]
-    return Answer("no", "not " + ", ".join(wild)) if wild else Answer("yes")
+    """Whether every model is stable; name those that are not, without their orders."""
+    unstable = []
+    for joint, models in arm.joints.items():
+        for model in _identified(models):
+            if not model.stable:
+                # "OE 2/2, delay 1": the structure alone names it, for a joint has one delay.
+                structure, *_ = model.label.split(",")
+                unstable.append(f"{structure} of {NAMES[joint]}")
+    if unstable:
+        return Answer("no", "not " + ", ".join(unstable))
+    return Answer("yes")
 
 
 def _better(arm: ArmFairness, record: str, way: str) -> Answer | None:
     """Compare SysID with OKID on a record of three joints; without one, on single-joint tests not used to identify."""
-    fits: Iterable[Mapping[str, Fits | None]]
     if record:
-        fits = (arm.fits(name, False, record) or {} for name in ("SysID", "OKID"))
+        sysid_fits: Mapping[str, Fits | None] = arm.fits("SysID", False, record) or {}
+        okid_fits: Mapping[str, Fits | None] = arm.fits("OKID", False, record) or {}
     else:
-        fits = (
-            {joint: chosen(models, okid=which).validation for joint, models in arm.joints.items()}
-            for which in (False, True)
-        )
-    own, okid = fits
-    gaps = {}
+        sysid_fits = {joint: chosen(models, okid=False).validation for joint, models in arm.joints.items()}
+        okid_fits = {joint: chosen(models, okid=True).validation for joint, models in arm.joints.items()}
+    gaps: dict[str, float] = {}
     for joint in arm.joints:
-        first, second = own.get(joint), okid.get(joint)
-        if first is None or second is None:
+        sysid_fit, okid_fit = sysid_fits.get(joint), okid_fits.get(joint)
+        if sysid_fit is None or okid_fit is None:
             return None
-        gaps[joint] = getattr(second, way) - getattr(first, way)
-    winners = {joint: "equal" if tied(gap) else "OKID" if gap > 0 else "SysID" for joint, gap in gaps.items()}
-    shared = {name: [joint for joint in gaps if winners[joint] == name] for name in ("OKID", "SysID", "equal")}
-    words = "; ".join(f"{name}: {_list_text(joints)}" for name, joints in shared.items() if joints)
+        # Positive where OKID is ahead.
+        gaps[joint] = getattr(okid_fit, way) - getattr(sysid_fit, way)
     points = ", ".join(f"{gap:+.1f}".replace("-", "−") for gap in gaps.values())
-    return Answer(words, f"OKID {points} points")
+    return Answer(_winners_text(gaps), f"OKID {points} points")
+
+
+def _winners_text(gaps: Mapping[str, float]) -> str:
+    """List the joints on which OKID fits better, those on which SysID does and the ties, from OKID's lead on each."""
+    winners: dict[str, list[str]] = {"OKID": [], "SysID": [], "equal": []}
+    for joint, gap in gaps.items():
+        if tied(gap):
+            winners["equal"].append(joint)
+        elif gap > 0:
+            winners["OKID"].append(joint)
+        else:
+            winners["SysID"].append(joint)
+    return "; ".join(f"{winner}: {_list_text(joints)}" for winner, joints in winners.items() if joints)
 
 
 def _list_text(joints: Iterable[str]) -> str:
+    """Short names of joints, separated by commas."""
     return ", ".join(NAMES[joint] for joint in joints) or "none"
 
 
 def percent(value: float) -> str:
     """A fit as text."""
-    return f"{value:.1f}" if value >= WORST else f"< {WORST:g}".replace("-", "−")
+    if value >= WORST:
+        return f"{value:.1f}"
+    return f"< {WORST:g}".replace("-", "−")
 
 
 def fairness_section(study: Comparison) -> dict[str, object]:
     """Variables of the template of this section."""
     arms = study.fairness
-    entries = conclusions(arms)
+    concluded = conclusions(arms)
+    models: dict[str, tuple[FairModel, ...]] = {}
+    # Every arm has the same models of a joint. Backwards, so that those of the first arm that has the joint stay.
+    for arm in reversed(arms):
+        models.update(arm.joints)
+    changed: Counter[str] = Counter()
+    for conclusion in concluded:
+        changed.update(conclusion.changes)
     return {
-        # Every arm has the same models of a joint.
-        "models": {joint: models for arm in reversed(arms) for joint, models in arm.joints.items()},
+        "models": models,
         "arms": arms,
-        "kinds": dict.fromkeys(kind for arm in arms for kind in arm.three_joint),
-        "records": {
-            record: name
-            for record, name in RECORDS.items()
-            if any(record in known for arm in arms for known in arm.three_joint.values())
-        },
-        "conclusions": entries,
-        "changed": Counter(what for entry in entries for what in entry.changes),
-        "ways": {
-            words: [bool(entry.changes) for entry in entries if entry.question.endswith(words)]
-            for words in WORDS.values()
-        },
+        "kinds": dict.fromkeys(chain.from_iterable(arm.three_joint for arm in arms)),
+        "records": _records_with_fits(arms),
+        "conclusions": concluded,
+        "changed": changed,
+        "ways": {words: _changes_of_comparisons(concluded, words) for words in WORDS.values()},
         "margin": MARGIN,
         "percent": percent,
     }
+
+
+def _records_with_fits(arms: Sequence[ArmFairness]) -> dict[str, str]:
+    """Records to which three-joint models of any arm have fits, with their names for people."""
+    available: set[str] = set()
+    for arm in arms:
+        for fits_by_record in arm.three_joint.values():
+            available.update(fits_by_record)
+    return {record: name for record, name in RECORDS.items() if record in available}
+
+
+def _changes_of_comparisons(concluded: Iterable[Conclusion], words: str) -> list[bool]:
+    """For each comparison of SysID with OKID in one kind of fit, whether its outcome changes between the arms."""
+    # Questions on fits end with the words of the kind; no other question does.
+    return [bool(conclusion.changes) for conclusion in concluded if conclusion.question.endswith(words)]

@@ -9,12 +9,12 @@ from statistics import median
 
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM, Condition, single_joint_test
-from scenarios.experiments.model_structures import STRUCTURES, every_structure
+from scenarios.experiments.model_structures import STRUCTURES, Structure, every_structure
 from scenarios.thesis.campaign import ESTIMATION_TEST, SAME_SEQUENCE, Campaign
 from scenarios.thesis.estimates import Fits, fits, identified
 from scenarios.thesis.steps import NO_REPORT, Part
-from scenarios.truth.published import published
-from sysid import StateSpace, SysidError
+from scenarios.truth.published import PublishedModel, published
+from sysid import IOData, StateSpace, SysidError
 
 RECORDS = {"mimo-10": "slow chirp, 0 to 1 Hz", "mimo-12": "fast chirp, 5 to 10 Hz", RPCM: "exchange"}
 """Records of three joints that every arm has, with their names for people."""
@@ -53,10 +53,10 @@ class FairModel:
     @property
     def validation(self) -> Fits | None:
         """Median over the tests of other sequences than that of the estimation test; None without any."""
-        others = [fit for number, fit in self.fits.items() if number not in SAME_SEQUENCE]
-        if not others:
+        unseen = [fit for test, fit in self.fits.items() if test not in SAME_SEQUENCE]
+        if not unseen:
             return None
-        return Fits(median(fit.simulation for fit in others), median(fit.one_step for fit in others))
+        return Fits(median(fit.simulation for fit in unseen), median(fit.one_step for fit in unseen))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class ArmFairness:
 
     def model(self, joint: str, label: str) -> FairModel | None:
         """Its model of a joint with a label, if there is one."""
-        return next((entry for entry in self.joints.get(joint, ()) if entry.label == label), None)
+        return next((model for model in self.joints.get(joint, ()) if model.label == label), None)
 
     def fits(self, name: str, printed: bool, record: str) -> Mapping[str, Fits] | None:
         """Fits of a three-joint model to a record by joint, if there are any."""
@@ -86,8 +86,11 @@ class ArmFairness:
 
 def chosen(models: Iterable[FairModel], *, okid: bool, printed: bool = False) -> FairModel:
     """The model that the thesis' SysID or OKID model has for a joint, identified anew or as printed."""
-    taken = (entry for entry in models if entry.chosen and entry.printed == printed)
-    return next(entry for entry in taken if (entry.method == "okid") == okid)
+    candidates = [model for model in models if model.chosen and model.printed == printed]
+    if okid:
+        return next(model for model in candidates if model.method == "okid")
+    # SysID's model is ARMAX on one joint and OE on another: whichever prediction-error method the thesis chose.
+    return next(model for model in candidates if model.method != "okid")
 
 
 def fairness(campaigns: Sequence[Campaign], part: Part = NO_REPORT) -> tuple[ArmFairness, ...]:
@@ -96,49 +99,69 @@ def fairness(campaigns: Sequence[Campaign], part: Part = NO_REPORT) -> tuple[Arm
 
 
 def _arm(campaign: Campaign) -> ArmFairness:
-    there = [joint for joint in STUDIED_JOINTS if single_joint_test(ESTIMATION_TEST, joint) in campaign.logs]
-    joints = {joint: _models(joint, campaign) for joint in there}
-    return ArmFairness(
-        campaign.condition,
-        {joint: campaign.truth.joint(joint).bandwidth_hz for joint in STUDIED_JOINTS},
-        joints,
-        _three_joints(joints, campaign) if len(there) == len(STUDIED_JOINTS) else {},
-    )
+    """The table of the arm of one campaign."""
+    available = [joint for joint in STUDIED_JOINTS if single_joint_test(ESTIMATION_TEST, joint) in campaign.logs]
+    models = {joint: _models(joint, campaign) for joint in available}
+    truth_hz = {joint: campaign.truth.joint(joint).bandwidth_hz for joint in STUDIED_JOINTS}
+    every_joint_available = len(available) == len(STUDIED_JOINTS)
+    three_joint = _three_joints(models, campaign) if every_joint_available else {}
+    return ArmFairness(campaign.condition, truth_hz, models, three_joint)
 
 
 def _models(joint: str, campaign: Campaign) -> tuple[FairModel, ...]:
-    models, data, truth = [], campaign.singles(joint), campaign.truth.joint(joint).bandwidth_hz
-    for one in (*every_structure(joint), STRUCTURES[joint][-1]):
-        about = (one.method, one.label, one.chosen, False)
-        try:
-            own = identified(campaign.own(joint), one, data)
-        except SysidError as error:
-            models.append(FairModel(*about, refused=str(error)))
-            continue
-        covers = own.ci95[0] <= truth <= own.ci95[1]
-        models.append(FairModel(*about, own.estimate.model, own.bandwidth_hz, own.ci95, covers, own.fits))
-    for known in published(joint):
-        about = (known.method, f"printed {known.label}", known.chosen, True)
-        followed = {number: fits(known.model, record) for number, record in data.items()}
-        models.append(FairModel(*about, known.model, known.bandwidth_hz, fits=followed))
-    return tuple(models)
+    """Models of a joint: identified from the arm's PRBS test, then printed."""
+    structures = (*every_structure(joint), _sufficient_structure(joint))
+    identified_models = [_identified_model(structure, joint, campaign) for structure in structures]
+    judges = campaign.singles(joint)
+    printed_models = [_printed_model(printed, judges) for printed in published(joint)]
+    return (*identified_models, *printed_models)
+
+
+def _sufficient_structure(joint: str) -> Structure:
+    """The output-error structure of sufficient order without friction, which is none of the thesis'."""
+    return STRUCTURES[joint][-1]
+
+
+def _identified_model(structure: Structure, joint: str, campaign: Campaign) -> FairModel:
+    """A structure identified from the arm's PRBS test and compared with its single-joint tests; see `FairModel`."""
+    description = (structure.method, structure.label, structure.chosen, False)
+    try:
+        model = identified(campaign.own(joint), structure, campaign.singles(joint))
+    except SysidError as error:
+        return FairModel(*description, refused=str(error))
+    truth_hz = campaign.truth.joint(joint).bandwidth_hz
+    # The small-signal truth: on an arm with friction, an interval may well miss it.
+    covers = model.ci95[0] <= truth_hz <= model.ci95[1]
+    return FairModel(*description, model.estimate.model, model.bandwidth_hz, model.ci95, covers, model.fits)
+
+
+def _printed_model(printed: PublishedModel, judges: Mapping[int, IOData]) -> FairModel:
+    """A model with the thesis' own digits compared with single-joint tests; it has no interval."""
+    description = (printed.method, f"printed {printed.label}", printed.chosen, True)
+    fits_by_test = {test: fits(printed.model, record) for test, record in judges.items()}
+    return FairModel(*description, printed.model, printed.bandwidth_hz, fits=fits_by_test)
 
 
 def _three_joints(joints: Mapping[str, Sequence[FairModel]], campaign: Campaign) -> SeveralFits:
     """A block-diagonal model follows each joint as that joint's block does; the hybrid has SysID's yaw."""
     yaw = STUDIED_JOINTS[0]
-    rows = {}
+    table: dict[tuple[str, bool], Mapping[str, Mapping[str, Fits]]] = {}
     for printed in (False, True):
-        own, okid = (
-            {joint: chosen(models, okid=which, printed=printed).model for joint, models in joints.items()}
-            for which in (False, True)
-        )
-        for name, blocks in {"SysID": own, "OKID": okid, "hybrid": {**okid, yaw: own[yaw]}}.items():
-            known = {joint: model for joint, model in blocks.items() if model is not None}
-            if len(known) == len(blocks):
-                rows[name, printed] = {
-                    record: {joint: fits(model, campaign.record(record, joint)) for joint, model in known.items()}
-                    for record in RECORDS
-                    if record in campaign.logs
-                }
-    return rows
+        sysid_blocks = {joint: chosen(models, okid=False, printed=printed).model for joint, models in joints.items()}
+        okid_blocks = {joint: chosen(models, okid=True, printed=printed).model for joint, models in joints.items()}
+        hybrid_blocks = {**okid_blocks, yaw: sysid_blocks[yaw]}
+        for name, blocks in (("SysID", sysid_blocks), ("OKID", okid_blocks), ("hybrid", hybrid_blocks)):
+            models = {joint: model for joint, model in blocks.items() if model is not None}
+            # A joint whose model an estimator refused leaves no model of three joints.
+            if len(models) == len(blocks):
+                table[name, printed] = _fits_by_record(models, campaign)
+    return table
+
+
+def _fits_by_record(models: Mapping[str, StateSpace], campaign: Campaign) -> dict[str, dict[str, Fits]]:
+    """Fits of each joint's model to the records of three joints that the arm has."""
+    fits_by_record: dict[str, dict[str, Fits]] = {}
+    for name in RECORDS:
+        if name in campaign.logs:
+            fits_by_record[name] = {joint: fits(model, campaign.record(name, joint)) for joint, model in models.items()}
+    return fits_by_record

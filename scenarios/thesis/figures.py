@@ -23,16 +23,26 @@ from scenarios.thesis.control_section import control_chart
 from scenarios.thesis.every_joint_section import every_joint
 from scenarios.thesis.motion_section import motion_chart
 
-CHARTS: Mapping[str, Callable[[Comparison], Chart]] = {
-    function.__name__: function
-    for function in (
-        *(record_charts.waveforms, record_charts.records, record_charts.outputs, record_charts.residuals),
-        *(record_charts.correlations, record_charts.observers, record_charts.several),
-        *(response_charts.responses, response_charts.transfer_function, response_charts.four_spectra),
-        *(response_charts.roots, response_charts.coupling),
-        *(model_charts.data_sets, model_charts.orders, model_charts.disturbed, every_joint),
-    )
-}
+_DRAWING_FUNCTIONS: tuple[Callable[[Comparison], Chart], ...] = (
+    record_charts.waveforms,
+    record_charts.records,
+    record_charts.outputs,
+    record_charts.residuals,
+    record_charts.correlations,
+    record_charts.observers,
+    record_charts.several,
+    response_charts.responses,
+    response_charts.transfer_function,
+    response_charts.four_spectra,
+    response_charts.roots,
+    response_charts.coupling,
+    model_charts.data_sets,
+    model_charts.orders,
+    model_charts.disturbed,
+    every_joint,
+)
+
+CHARTS: Mapping[str, Callable[[Comparison], Chart]] = {draw.__name__: draw for draw in _DRAWING_FUNCTIONS}
 """Functions that draw the figures of `report_figures.toml`, but for those of the answer, the motion and the control."""
 
 
@@ -48,20 +58,22 @@ class ReportFigure:
 
 @cache
 def _table() -> Mapping[str, list[dict[str, str]]]:
+    """Table of the figures: those of the report under `figure`, the thesis' without counterpart under `without`."""
     return package_table("report_figures.toml")
 
 
 def thesis_numbers(text: str) -> tuple[str, ...]:
-    """Numbers of thesis figures, such as `11-13 A2`, one by one."""
-    numbers = []
+    """Numbers of thesis figures, such as `11-13 A2`, one by one; A marks those of the appendix."""
+    figure_numbers: list[str] = []
     for letter, first, last in re.findall(r"(A?)(\d+)(?:-A?(\d+))?", text):
-        numbers += [f"{letter}{number}" for number in range(int(first), int(last or first) + 1)]
-    return tuple(numbers)
+        figures = range(int(first), int(last or first) + 1)
+        figure_numbers += [f"{letter}{figure}" for figure in figures]
+    return tuple(figure_numbers)
 
 
 def without_counterpart() -> tuple[tuple[tuple[str, ...], str], ...]:
     """Figures of the thesis that have no counterpart in the report, with the reason."""
-    return tuple((thesis_numbers(entry["thesis"]), entry["reason"]) for entry in _table()["without"])
+    return tuple((thesis_numbers(row["thesis"]), row["reason"]) for row in _table()["without"])
 
 
 def report_figures(
@@ -78,32 +90,50 @@ def report_figures(
     charts = {**CHARTS, "answer": lambda _: answer_chart(answer), "motion": lambda _: motion_chart(motion)}
     charts["control"] = lambda _: control_chart()
     figures: dict[str, ReportFigure] = {}
-    entries = _table()["figure"]
-    for number, entry in enumerate(entries, start=1):
-        name = entry["chart"]
+    rows = _table()["figure"]
+    for figures_done, row in enumerate(rows, start=1):
+        name = row["chart"]
         chart = charts[name](study)
+        # Without views: a study that is not thorough lacks what some figures show.
         if chart.views:
-            figures[name] = ReportFigure(name, chart, entry["caption"], thesis_numbers(entry["thesis"]))
+            figures[name] = ReportFigure(name, chart, row["caption"], thesis_numbers(row["thesis"]))
         if progress is not None:
-            progress(number, len(entries))
+            progress(figures_done, len(rows))
     return figures
 
 
 def write_figures(figures: Iterable[ReportFigure], folder: Path) -> None:
     """Write every view of every figure as SVG and PNG, and the figure's values as CSV, into an existing folder."""
+    # The settings write text as paths and give elements of SVG fixed names: equal figures are equal files.
     with matplotlib.rc_context(SETTINGS):
         for figure in figures:
-            text = io.StringIO()
-            rows = csv.writer(text, lineterminator="\n")
-            rows.writerow([*figure.chart.choices, "panel", "x axis", "y axis", "curve", "x", "y", "low", "high"])
-            for key, panels in figure.chart.views.items():
-                name = re.sub(r"[^a-z0-9]+", "-", " ".join((figure.name, *key)).lower()).strip("-")
+            for choice, panels in figure.chart.views.items():
+                file_name = _file_name(figure.name, choice)
                 drawing = draw(panels, figure.chart.columns)
-                for kind in ("svg", "png"):
-                    save_figure(drawing, folder / f"{name}.{kind}", dpi=150)
-                for number, panel in enumerate(panels, start=1):
-                    for one in panel.series:
-                        ends = (() if end is None else end for end in (one.low, one.high))
-                        for values in zip_longest(one.x, one.y, *ends):
-                            rows.writerow([*key, panel.title or number, panel.x, panel.y, one.label, *values])
-            write_whole(folder / f"{figure.name}.csv", text.getvalue())
+                save_figure(drawing, folder / f"{file_name}.svg", dpi=150)
+                save_figure(drawing, folder / f"{file_name}.png", dpi=150)
+            write_whole(folder / f"{figure.name}.csv", _values_csv(figure))
+
+
+def _file_name(figure_name: str, choice: tuple[str, ...]) -> str:
+    """Name of the file of one view: small letters, digits and hyphens, which every file system takes."""
+    words = " ".join((figure_name, *choice)).lower()
+    return re.sub(r"[^a-z0-9]+", "-", words).strip("-")
+
+
+def _values_csv(figure: ReportFigure) -> str:
+    """Values of all curves of a figure, one point a row."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow([*figure.chart.choices, "panel", "x axis", "y axis", "curve", "x", "y", "low", "high"])
+    for choice, panels in figure.chart.views.items():
+        for panel_number, panel in enumerate(panels, start=1):
+            panel_name = panel.title or panel_number
+            for series in panel.series:
+                curve = [*choice, panel_name, panel.x, panel.y, series.label]
+                low = () if series.low is None else series.low
+                high = () if series.high is None else series.high
+                # Cells stay empty where a curve has no band.
+                for point in zip_longest(series.x, series.y, low, high):
+                    rows.writerow([*curve, *point])
+    return text.getvalue()

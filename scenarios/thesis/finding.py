@@ -63,28 +63,38 @@ class _Sentences(Formatter):
 
     def format_field(self, value: object, spec: str) -> str:
         """Format one field; numbers have the minus sign of print."""
-        if isinstance(value, Sequence) and not isinstance(value, str):
-            if spec.startswith("to"):
-                return " to ".join(dict.fromkeys(self.format_field(end(value), spec[2:]) for end in (min, max)))
-            return ", ".join(self.format_field(one, spec) for one in value)
         if isinstance(value, str):
             return value
-        return "nothing" if value != value else format(value, spec).replace("-", "−")
+        if isinstance(value, Sequence):
+            if spec.startswith("to"):
+                number_spec = spec.removeprefix("to")
+                ends = [self.format_field(end, number_spec) for end in (min(value), max(value))]
+                # Once, where both ends read the same: no "1.0 to 1.0".
+                return " to ".join(dict.fromkeys(ends))
+            return ", ".join(self.format_field(item, spec) for item in value)
+        # NaN, which alone differs from itself.
+        if value != value:
+            return "nothing"
+        return format(value, spec).replace("-", "−")
 
 
-def _claims() -> Mapping[str, ThesisClaim]:
+def _read_claims() -> Mapping[str, ThesisClaim]:
+    """Read the table of claims; criteria and their changes get the numbers of the claim's limits."""
     table = package_table("criteria.toml")
-    common = table.pop("common")
+    common_limits = table.pop("common")
     claims = {}
-    for key, entry in table.items():
-        limits = {**common, **entry.pop("limits", {})}
-        entry["criterion"] = entry["criterion"].format(**limits)
-        changes = tuple(Change(**{**one, "what": one["what"].format(**limits)}) for one in entry.pop("changes", ()))
-        claims[key] = ThesisClaim(key, **entry, limits=MappingProxyType(limits), changes=changes)
+    for key, row in table.items():
+        limits = {**common_limits, **row.pop("limits", {})}
+        changes = []
+        for change in row.pop("changes", ()):
+            changes.append(Change(**{**change, "what": change["what"].format(**limits)}))
+        row["criterion"] = row["criterion"].format(**limits)
+        # What is left of the row has the names of fields.
+        claims[key] = ThesisClaim(key, **row, limits=MappingProxyType(limits), changes=tuple(changes))
     return MappingProxyType(claims)
 
 
-CLAIMS: Mapping[str, ThesisClaim] = _claims()
+CLAIMS: Mapping[str, ThesisClaim] = _read_claims()
 """Every claim, in order; `scenarios/data/criteria.toml` holds the table."""
 
 
@@ -135,46 +145,86 @@ def finding_by_reading(
         The finding; where a part fails and nothing is known of the cause, it says "not tried".
     """
     claim = CLAIMS[key]
-    why, cause = (_Sentences().format(text, **{**claim.limits, **facts}) for text in (claim.why, claim.cause))
-    named = {name: {words(part): bool(holds) for part, holds in parts.items()} for name, parts in readings.items()}
-    verdicts = {name: _verdict(parts, claim) for name, parts in named.items()}
+    fields = {**claim.limits, **facts}
+    why = _Sentences().format(claim.why, **fields)
+    cause = _Sentences().format(claim.cause, **fields)
+
+    outcomes = {reading: _printable(parts) for reading, parts in readings.items()}
+    verdicts = {reading: _verdict(outcome, claim) for reading, outcome in outcomes.items()}
     agreed = set(verdicts.values())
     decision: Verdict = agreed.pop() if len(agreed) == 1 else "depends on the reading"
-    decided = "; ".join(
-        f"{verdicts[name]} {name}".strip() + _differing(parts)
-        for name, parts in named.items()
-        if name or verdicts[name] == "partly"
-    )
-    sentences = [text[:1].upper() + text[1:] for text in (decided, why)]
+
+    sentences = [_capitalised(_decided_text(verdicts, outcomes)), _capitalised(why)]
     if decision == "reproduced by construction":
         sentences.append(f"By construction: {claim.by_construction}")
     elif decision != "reproduced":
         sentences.append(f"Cause: {cause or 'not tried'}")
-    flat = {f"{part} {name}".strip(): holds for name, parts in named.items() for part, holds in parts.items()}
     numbers = {name: float(number) for name, number in value.items() if np.isfinite(number)}
-    return Finding(key, decision, numbers, ". ".join(filter(None, sentences)), flat)
+    return Finding(key, decision, numbers, ". ".join(filter(None, sentences)), _under_every_reading(outcomes))
 
 
-def _verdict(parts: Parts, claim: ThesisClaim) -> Verdict:
-    if all(parts.values()):
+def _printable(parts: Parts) -> dict[str, bool]:
+    """Parts with names as people write them; comparisons of arrays give NumPy's booleans, which JSON refuses."""
+    return {words(name): bool(holds) for name, holds in parts.items()}
+
+
+def _verdict(outcome: Parts, claim: ThesisClaim) -> Verdict:
+    """Verdict on a claim under one reading."""
+    if all(outcome.values()):
         return "reproduced by construction" if claim.by_construction else "reproduced"
-    return "partly" if any(parts.values()) else "not reproduced"
+    return "partly" if any(outcome.values()) else "not reproduced"
 
 
-def _differing(parts: Parts) -> str:
-    """Name the parts that hold and those that do not, where some do."""
-    holding, failing = ([name for name, holds in parts.items() if holds is kind] for kind in (True, False))
-    return f" (holds: {_grouped(holding)}; fails: {_grouped(failing)})" if holding and failing else ""
+def _decided_text(verdicts: Mapping[str, Verdict], outcomes: Mapping[str, Parts]) -> str:
+    """Verdict under every reading that has a name, or of which some parts hold and others fail."""
+    texts = []
+    for reading, verdict in verdicts.items():
+        # Of a claim that is read in one way, the verdict of the finding says as much.
+        if reading or verdict == "partly":
+            texts.append(f"{verdict} {reading}".strip() + _differing(outcomes[reading]))
+    return "; ".join(texts)
+
+
+def _under_every_reading(outcomes: Mapping[str, Parts]) -> dict[str, bool]:
+    """All parts in one table, named with their reading."""
+    table = {}
+    for reading, outcome in outcomes.items():
+        for name, holds in outcome.items():
+            table[f"{name} {reading}".strip()] = holds
+    return table
+
+
+def _capitalised(text: str) -> str:
+    # `str.capitalize` would put the rest of the text in small letters: OKID, ARMAX.
+    return text[:1].upper() + text[1:]
+
+
+def _differing(outcome: Parts) -> str:
+    """Name the parts that hold and those that do not, where there are both."""
+    holding = [name for name, holds in outcome.items() if holds]
+    failing = [name for name, holds in outcome.items() if not holds]
+    if not holding or not failing:
+        return ""
+    return f" (holds: {_grouped(holding)}; fails: {_grouped(failing)})"
 
 
 def _grouped(names: Sequence[str]) -> str:
-    """List parts, the joints of one part together."""
-    places: dict[str, list[str]] = {}
+    """List parts named such as "bandwidth on elbow pitch", the joints of one statement together."""
+    joints_by_statement: dict[str, list[str]] = {}
     for name in names:
-        what, _, place = name.partition(" on ")
-        places.setdefault(what, []).extend([place] if place else [])
-    every = {what: "every joint" if len(on) == len(STUDIED_JOINTS) else " and ".join(on) for what, on in places.items()}
-    return ", ".join(f"{what} on {on}" if on else what for what, on in every.items())
+        statement, _, joint = name.partition(" on ")
+        joints = joints_by_statement.setdefault(statement, [])
+        if joint:
+            joints.append(joint)
+    texts = []
+    for statement, joints in joints_by_statement.items():
+        if not joints:
+            texts.append(statement)
+        elif len(joints) == len(STUDIED_JOINTS):
+            texts.append(f"{statement} on every joint")
+        else:
+            texts.append(f"{statement} on {' and '.join(joints)}")
+    return ", ".join(texts)
 
 
 def words(name: str) -> str:
