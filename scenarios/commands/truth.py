@@ -1,8 +1,8 @@
 """`hmtb truth`: the true poles, zeros, bandwidths, gains and delays of the joints."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -12,9 +12,7 @@ from scenarios.commands.output import (
     draw,
     output_folder,
     print_json,
-    print_table,
     progress,
-    say,
     say_each,
     say_next,
 )
@@ -24,7 +22,10 @@ if TYPE_CHECKING:
     import numpy as np
 
     from hmtb_twin import Arm, JointLog
+    from scenarios.truth.maps import Density
     from scenarios.truth.truth_summary import TruthSummary
+
+    Pose = str | np.ndarray
 
 
 def truth(
@@ -94,20 +95,23 @@ def truth(
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
-    # Before any other local variable: the options that were given.
-    options = {name: value for name, value in locals().items() if value is not None}
-
-    from dataclasses import replace
-
-    from hmtb_twin import NOMINAL_PLANT, linearize, load_arm
-    from hmtb_twin.parameters.values import OPERATING_POSE
-    from scenarios.experiments.multisines import Multisines
+    from hmtb_twin import linearize
     from scenarios.experiments.waveform import check_seed
-    from scenarios.truth.best_linear import REALISATIONS, measured_best_linear
     from scenarios.truth.maps import Density
     from scenarios.truth.truth_figure import truth_figure
-    from scenarios.truth.truth_summary import attainable_on, truth_summary
+    from scenarios.truth.truth_summary import truth_summary
 
+    conditions = {
+        "actuator": actuator,
+        "servo": servo,
+        "friction": friction,
+        "friction_level": friction_level,
+        "supply_pressure": supply_pressure,
+        "oil_temperature": oil_temperature,
+        "process_noise": process_noise,
+    }
+    stated = {"variant": variant, "payload": payload, "pose": pose, **conditions}
+    stated = {name: value for name, value in stated.items() if value is not None}
     check_seed(seed)
     if threads is not None and bla is None and not maps:
         raise ScenarioError(f"--threads {threads} given without --bla or --maps, which alone use threads")
@@ -118,51 +122,42 @@ def truth(
         raise ScenarioError(f"--out {out} given with --maps, expected a folder for figures, tables and a page")
     if out is not None and not maps:
         check_figure(out, overwrite=overwrite)
-    conditions = {name: options[name] for name in vars(NOMINAL_PLANT) if name in options}
-    plant = replace(NOMINAL_PLANT, **conditions)
-    point, log = _point(pose or OPERATING_POSE), None
-    if data is None:
-        arm = load_arm(variant or "nominal", payload or "rpcm", plant=plant)
-    else:
-        arm, point, log = _logged(data, options)
+    arm, point, log = _arm_of_options(stated) if data is None else _arm_of_log(data, stated)
     if (bla is not None or maps) and not isinstance(point, str):
         raise ScenarioError("--bla and --maps start from a pose of the model; give --pose a name, not angles")
     summary = truth_summary(arm, linearize(arm, point))
-    if bla is not None and isinstance(point, str):
-        with progress("best linear approximation") as bar:
-            multisines = Multisines(rms=bla, realisations=REALISATIONS, seed=seed)
-            best_linear = measured_best_linear(arm, point, multisines, threads=threads, progress=bar)
-        summary = replace(summary, best_linear=best_linear)
+    if bla is not None:
+        summary = _with_best_linear(summary, bla, seed, threads)
     if log is not None:
-        summary = replace(summary, attainable=attainable_on(log, summary.truth))
-    sentences: tuple[str, ...] = ()
-    files: list[Path] = []
+        summary = _with_attainable(summary, log)
     if maps:
-        from scenarios.truth.map_figures import write_maps
-        from scenarios.truth.map_findings import findings
-        from scenarios.truth.maps import maps as computed_maps
-
-        names = ("maps.html", "maps.csv", "truth.svg")
-        with output_folder(out or Path("maps"), *names, overwrite=overwrite) as folder:
-            table = computed_maps(arm, summary.truth.pose, grid, seed=seed, threads=threads, stage=progress)
-            files = [*write_maps(table, folder), *draw(lambda: truth_figure(summary), folder / "truth.svg")]
-            sentences = findings(table)
-    elif out is not None:
-        files = draw(lambda: truth_figure(summary), out)
+        return _make_maps(summary, grid, seed, threads, out or Path("maps"), overwrite=overwrite, json=json)
+    files = [] if out is None else draw(lambda: truth_figure(summary), out)
     if json:
-        print_json({**summary.record(), **({"maps": sentences} if maps else {}), "files": files})
+        print_json({**summary.record(), "files": files})
         return 0
-    _print(summary)
-    say_each("- ", sentences)
-    say_each("maps: " if maps else "figure: ", files[:1])
-    if maps:
-        say_next("truth", "--bla", 0.01)
-    elif files:
+    _show(summary)
+    say_each("figure: ", files)
+    if files:
         say_next("truth", "--maps", "--out", files[0].with_name("maps"))
     return 0
 
 
-def _point(pose: str) -> "str | np.ndarray":
+def _arm_of_options(stated: Mapping[str, Any]) -> "tuple[Arm, Pose, None]":
+    """The arm and operating point that the options state, the nominal ones where they say nothing."""
+    from dataclasses import replace
+
+    from hmtb_twin import NOMINAL_PLANT, load_arm
+    from hmtb_twin.parameters.values import OPERATING_POSE
+
+    conditions = {name: stated[name] for name in vars(NOMINAL_PLANT) if name in stated}
+    plant = replace(NOMINAL_PLANT, **conditions)
+    point = _point(stated.get("pose") or OPERATING_POSE)
+    arm = load_arm(stated.get("variant") or "nominal", stated.get("payload") or "rpcm", plant=plant)
+    return arm, point, None
+
+
+def _point(pose: str) -> "Pose":
     """A pose by name, or angles in rad from degrees separated by commas."""
     import numpy as np
 
@@ -174,7 +169,7 @@ def _point(pose: str) -> "str | np.ndarray":
             raise ScenarioError(f"{unknown('pose', pose, POSES)}; or {expected}")
         return pose
     try:
-        angles = np.radians([float(part) for part in pose.split(",")])
+        angles = np.radians([float(word) for word in pose.split(",")])
     except ValueError:
         angles = np.empty(0)
     if angles.shape != (len(JOINTS),) or not np.isfinite(angles).all():
@@ -182,8 +177,8 @@ def _point(pose: str) -> "str | np.ndarray":
     return angles
 
 
-def _logged(data: Path, options: Mapping[str, object]) -> "tuple[Arm, str, JointLog]":
-    """The arm and pose of a log, which the other options must not contradict."""
+def _arm_of_log(data: Path, stated: Mapping[str, Any]) -> "tuple[Arm, Pose, JointLog]":
+    """The arm, pose and log of a file, which the stated options must not contradict."""
     from hmtb_twin import JointLog
     from hmtb_twin.truth.logged_arm import logged_arm
 
@@ -192,109 +187,72 @@ def _logged(data: Path, options: Mapping[str, object]) -> "tuple[Arm, str, Joint
     log = JointLog.load(data)
     arm, pose = logged_arm(log), log.provenance["pose"]
     of_log = {"variant": arm.variant, "payload": arm.payload, "pose": pose, **vars(arm.plant)}
-    others = [name for name, value in of_log.items() if options.get(name, value) != value]
-    if others:
-        contradicting = ", ".join(f"--{name.replace('_', '-')} {options[name]}" for name in others)
-        has = ", ".join(f"{name} = {of_log[name]}" for name in others)
+    contradicted = [name for name, value in of_log.items() if stated.get(name, value) != value]
+    if contradicted:
+        options = ", ".join(f"--{name.replace('_', '-')} {stated[name]}" for name in contradicted)
+        values = ", ".join(f"{name} = {of_log[name]}" for name in contradicted)
         raise ScenarioError(
             "--data takes arm, conditions and pose from the log; leave out options that contradict it: "
-            f"{contradicting} given, the log has {has}"
+            f"{options} given, the log has {values}"
         )
     return arm, pose, log
 
 
-def _print(summary: "TruthSummary") -> None:
-    import numpy as np
+def _with_best_linear(summary: "TruthSummary", rms: float, seed: int, threads: int | None) -> "TruthSummary":
+    """The summary with the best linear approximations of the studied joints at an amplitude in rad."""
+    from dataclasses import replace
 
-    from scenarios.truth.best_linear import cautions
-    from scenarios.truth.truth_summary import LOCKED_NOTE, conditions_in_words, pose_in_words
+    from scenarios.experiments.multisines import Multisines
+    from scenarios.truth import best_linear
 
-    truth, best_linear = summary.truth, summary.best_linear
-    columns = ["joint", "bandwidth\n/ Hz", "gain at 0 Hz\n/ (rad/rad)", "delay\n/ samples", "dominant poles\n/ (rad/s)"]
-    columns += ["largest zeros\n(z plane)"]
-    columns += ["hydraulic resonance\n/ Hz"] if summary.hydraulics else []
-    columns += ["best linear\n/ Hz (95 %)", "distortion\n/ %"] if best_linear else []
-    rows = []
-    for name, joint in summary.joints.items():
-        if name in summary.locked:
-            rows.append([name, "locked", *["—"] * (len(columns) - 2)])
-            continue
-        shown = [pole for pole in joint.dominant_poles if abs(pole) < np.pi / truth.dt]  # at 50 Hz others are aliases
-        row = [name, f"{joint.bandwidth_hz:.3f}", f"{joint.dc_gain:.4f}", str(joint.delay_samples)]
-        row += [_roots(shown, 1, 4, damping=True), _roots(joint.zeros, 2, 3) or "none"]
-        if summary.hydraulics:
-            oil = summary.hydraulics[name]
-            row.append(f"{oil.natural_frequency / (2 * np.pi):.1f} (ζ {oil.damping_ratio:.2g})")
-        if name in best_linear:
-            hz, low, high = best_linear[name].bandwidth.path()
-            row.append(f"{hz:.3f} ({low:.3f}..{high:.3f})" if np.isfinite(hz) else "none shows")
-            row.append(f"{best_linear[name].distortion_percent[0]:.1f}")
-        rows.append(row + [""] * (len(columns) - len(row)))
-    title = f"Linearised truth of the arm '{truth.variant}' with payload '{truth.payload}', pose {pose_in_words(truth)}"
-    print_table(title, columns, rows)
-    for name in sorted(summary.locked):
-        say(f"{name}: {LOCKED_NOTE}")
-    say(f"Conditions: {conditions_in_words(summary.arm)}")
-    if summary.arm.friction:
-        exception = " but for the best linear ones" if best_linear else "; see --bla 0.01"
-        say(f"Dry friction is not in these numbers{exception}")
-    errors = ", ".join(f"{error:.1e} at {amplitude:g} rad" for amplitude, error in truth.small_signal_error.items())
-    say(f"Relative error of the linear model against the simulated arm (friction off): {errors}")
-    if truth.plant.process_noise:
-        innovations = ", ".join(
-            f"{name} {1e3 * float(np.sqrt(joint.model.innovation_covariance[0, 0])):.4f}"
-            for name, joint in summary.joints.items()
-            if name not in summary.locked and joint.model.innovation_covariance is not None
+    multisines = Multisines(rms=rms, realisations=best_linear.REALISATIONS, seed=seed)
+    with progress("best linear approximation") as bar:
+        approximations = best_linear.measured_best_linear(
+            summary.arm, summary.truth.pose, multisines, threads=threads, progress=bar
         )
-        say(f"Standard deviation of each joint's innovations / mrad: {innovations} (K and covariance: --json)")
-    if best_linear:
-        first = next(iter(best_linear.values())).experiment.multisines
-        say(
-            f"Best linear: {first.rms:g} rad rms, {first.f_min:g} to {first.f_max:g} Hz, each joint alone, "
-            f"{first.realisations} realisations; friction, velocity limit and noise on"
-        )
-    for name, approximation in best_linear.items():
-        if remarks := cautions(approximation, truth):
-            say(f"{name}: its best linear bandwidth has little meaning: {'; '.join(remarks)}")
-    if summary.attainable:
-        _print_attainable(summary)
-    say("All poles and zeros in the z plane: --json; as a figure: --out truth.svg; over the workspace: --maps")
+    return replace(summary, best_linear=approximations)
 
 
-def _print_attainable(summary: "TruthSummary") -> None:
-    rows = []
-    for name, limit in summary.attainable.items():
-        for label, horizon in (("simulation", limit.simulation), ("one step", limit.one_step)):
-            of_order = limit.right_order if label == "simulation" else None
-            floors = (horizon.any_model, horizon.best_linear, of_order, horizon.small_signal)
-            cells = [f"{one.fit:.2f} % ({1e3 * one.rmse:.3f})" if one else "—" for one in floors]
-            rows.append([name, label, *cells])
-    first = next(iter(summary.attainable.values()))
-    columns = ("joint", "horizon", "any model", "best linear", "of the truth's order", "small-signal truth")
-    print_table(f"Attainable on {first.provenance['record']}: fit (RMSE / mrad)", columns, rows)
-    say(
-        f"Chance: on {first.samples} samples, at most one model in twenty that is as good as a limit has an RMSE more "
-        f"than {100 * (1 - first.by_chance(1.0)):.2g} % below it (more where the model is fitted to this record)"
-    )
-    say(
-        "Best linear: the least of pulse responses, ARX models and models of the truth's order that are fitted to this "
-        "record's noise-free angles, the initial state free; linear systems of other classes may do better"
-    )
-    averaged = [f"{name} {1e3 * one.mean_error:.3f}" for name, one in summary.attainable.items() if one.mean_error]
-    if averaged:
-        say(f"Noise-free angles are means over draws of process noise; standard error / mrad: {', '.join(averaged)}")
+def _with_attainable(summary: "TruthSummary", log: "JointLog") -> "TruthSummary":
+    """The summary with the smallest errors that models can reach on a log."""
+    from dataclasses import replace
+
+    from scenarios.truth.truth_summary import attainable_on
+
+    return replace(summary, attainable=attainable_on(log, summary.truth))
 
 
-def _roots(roots: Iterable[complex], digits: int, count: int, *, damping: bool = False) -> str:
-    """The first few poles or zeros, each conjugate pair once."""
-    from scenarios.truth.truth_summary import damping_ratio
+def _make_maps(
+    summary: "TruthSummary",
+    grid: "Density",
+    seed: int,
+    threads: int | None,
+    out: Path,
+    *,
+    overwrite: bool,
+    json: bool,
+) -> int:
+    """Compute the maps, write page, figures and tables, and print what they show."""
+    from scenarios.truth.map_figures import write_maps
+    from scenarios.truth.map_findings import findings
+    from scenarios.truth.maps import maps
+    from scenarios.truth.truth_figure import truth_figure
 
-    texts = []
-    for root in roots:
-        pair = abs(root.imag) > 1e-6 * abs(root)
-        if not pair:
-            texts.append(f"{root.real:.{digits}f}")
-        elif root.imag > 0.0:
-            ratio = f" (ζ {damping_ratio(root):.2f})" if damping else ""
-            texts.append(f"{root.real:.{digits}f}±{root.imag:.{digits}f}j{ratio}")
-    return ", ".join(texts[:count]) + (", ..." if len(texts) > count else "")
+    with output_folder(out, "maps.html", "maps.csv", "truth.svg", overwrite=overwrite) as folder:
+        table = maps(summary.arm, summary.truth.pose, grid, seed=seed, threads=threads, stage=progress)
+        files = [*write_maps(table, folder), *draw(lambda: truth_figure(summary), folder / "truth.svg")]
+        sentences = findings(table)
+    if json:
+        print_json({**summary.record(), "maps": sentences, "files": files})
+        return 0
+    _show(summary)
+    say_each("- ", sentences)
+    say_each("maps: ", files[:1])
+    say_next("truth", "--bla", 0.01)
+    return 0
+
+
+def _show(summary: "TruthSummary") -> None:
+    from scenarios.commands.truth_output import show_truth  # loads NumPy, which help does without
+
+    show_truth(summary)
