@@ -1,6 +1,6 @@
 """`hmtb bandwidth`: does the 1 Hz finding hold? Recovered against true and published bandwidths."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,7 +14,6 @@ from scenarios.commands.output import (
     print_json,
     print_table,
     progress,
-    say,
     say_each,
     say_next,
 )
@@ -23,7 +22,6 @@ from scenarios.files.errors import ScenarioError
 if TYPE_CHECKING:
     from hmtb_twin import JointLog
     from scenarios.identification.bandwidth_study import BandwidthStudy
-    from scenarios.identification.recovered_bandwidth import RecoveredBandwidth
 
 JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
 TESTS = (5,)
@@ -31,9 +29,6 @@ METHODS = ("arx", "armax", "iv4", "oe", "okid", "oe_high", "spa", "etfe")
 
 FILES = ("bandwidth.csv", "bandwidth.png", "bandwidth.svg")
 """Files of --out."""
-
-OF_ARM = ("joints", "tests", "seeds", "variant", "no_friction", "duration")
-"""Options that logs decide."""
 
 
 def bandwidth(
@@ -94,31 +89,35 @@ def bandwidth(
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
-    # Before any other local variable: the options that were given.
-    options = {name for name, value in locals().items() if value is not None and value is not False}
-
+    of_arm = {
+        "joints": joints,
+        "tests": tests,
+        "seeds": seeds,
+        "variant": variant,
+        "no_friction": no_friction or None,
+        "duration": duration,
+    }
+    _check_data(data, [name for name, value in of_arm.items() if value is not None])
     from scenarios.experiments.campaign import Condition
     from scenarios.experiments.waveform import check_seed, seed_range
     from scenarios.identification.bandwidth_study import from_logs, from_simulation
 
     check_seed(0 if seed is None else seed)
-    contradicting = [f"--{name.replace('_', '-')}" for name in OF_ARM if name in options]
-    if data is not None and contradicting:
-        raise ScenarioError(f"--data takes arm and tests from the logs; leave out {', '.join(contradicting)}")
-    if data is not None and not data:
-        raise ScenarioError("--data given without a log, expected one or more")
     with nullcontext() if out is None else output_folder(out, *FILES, overwrite=overwrite) as folder:
         if data is not None:
-            logs = _read(data)
-            study = from_logs(logs, methods, best_linear=not no_bla, seed=seed or 0, threads=threads, stage=progress)
+            study = from_logs(
+                _read(data), methods, best_linear=not no_bla, seed=seed or 0, threads=threads, stage=progress
+            )
         else:
-            single = seed is None and seeds in (None, 1)
-            first = 1 if seed is None else seed
+            # Without --seed and --seeds the record is the scenario's own.
+            is_scenarios_own = seed is None and seeds in (None, 1)
+            first_seed = 1 if seed is None else seed
+            seed_list = [None] if is_scenarios_own else seed_range(1 if seeds is None else seeds, first_seed)
             study = from_simulation(
                 JOINTS if joints is None else joints,
                 methods,
                 TESTS if tests is None else tests,
-                seeds=(None,) if single else tuple(seed_range(1 if seeds is None else seeds, first)),
+                seeds=tuple(seed_list),
                 condition=Condition(variant or "nominal", not no_friction),
                 duration=duration,
                 best_linear=not no_bla,
@@ -136,6 +135,17 @@ def bandwidth(
     return 1 if study.failed else 0
 
 
+def _check_data(data: Sequence[Path] | None, of_arm: Sequence[str]) -> None:
+    """Refuse logs beside options that logs decide."""
+    if data is None:
+        return
+    if of_arm:
+        contradicting = ", ".join(f"--{name.replace('_', '-')}" for name in of_arm)
+        raise ScenarioError(f"--data takes arm and tests from the logs; leave out {contradicting}")
+    if not data:
+        raise ScenarioError("--data given without a log, expected one or more")
+
+
 def _read(paths: Sequence[Path]) -> "list[JointLog]":
     from hmtb_twin import JointLog
     from scenarios.files.data_file import check_complete
@@ -150,6 +160,7 @@ def _read(paths: Sequence[Path]) -> "list[JointLog]":
 
 
 def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
+    """Write the rows as CSV, and the figure."""
     from hmtb_twin.files.atomic_write import write_whole
     from scenarios.datasets.tables import table_text
     from scenarios.identification.bandwidth_figure import bandwidth_figure
@@ -159,6 +170,7 @@ def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
     for row in study.rows:
         record: dict[str, Any] = {key: plain(value) for key, value in row.record().items()}
         record["orders"] = " ".join(f"{name}={value}" for name, value in row.orders.items())
+        # A cell holds one number.
         for key in ("ci95", "bla_ci95", "model_ci95"):
             record[f"{key}_low"], record[f"{key}_high"] = record.pop(key)
         records.append(record)
@@ -167,72 +179,11 @@ def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
 
 
 def _print(study: "BandwidthStudy") -> None:
-    import numpy as np
+    from scenarios.identification.bandwidth_table import bandwidth_table, table_notes
 
-    from scenarios.truth.published import published
-    from sysid.models.bandwidth import half_power_hz
-
-    several = False
-    with_bla = bool(study.best_linear)
-    columns = ["method", "test", "bandwidth\n/ Hz", "95 % interval\n/ Hz", "near\n1 Hz", "holds small-\nsignal truth"]
-    columns += ["agrees with\nbest linear"] if with_bla else []
-    columns += ["gain 0.707\nat / Hz", "gain\nat 0 Hz"]
     for joint in study.joints:
-        groups = study.groups(joint)
-        several |= any(len(group) > 1 for group in groups)
-        lines = [_line(group, best_linear=with_bla) for group in groups]
-        unjudged = [""] * (len(columns) - 6)  # near, holds, agrees
-        truth = study.truth.joint(joint)
-        level = f"{half_power_hz(truth.model):.3f}"
-        lines.append(
-            ["small-signal truth", "", f"{truth.bandwidth_hz:.3f}", "", *unjudged, level, f"{truth.dc_gain:.3f}"]
-        )
-        for entry in (entry for entry in study.best_linear.values() if entry.joint == joint):
-            hz = f"{entry.hz:.3f}" if np.isfinite(entry.hz) else "none shows"
-            ends, level = f"{entry.ci95[0]:.3f} to {entry.ci95[1]:.3f}", f"{entry.half_power_hz:.3f}"
-            lines.append(["best linear truth", entry.test, hz, ends, *unjudged, level, ""])
-        for model in published(joint):
-            lines.append([f"published {model.label}", "", f"{model.bandwidth_hz:.3f}", "", *unjudged, "", ""])
-        print_table(f"{joint}, {study.condition}", columns, lines)
-    if several:
-        say("Of several seeds: the middle bandwidth with its own interval, the range in brackets, and how many of all")
-    say_each("not claimed: ", study.refusals())
-    for entry in study.best_linear.values():
-        say_each(f"{entry.joint}, test {entry.test}: its best linear bandwidth has little meaning: ", entry.cautions)
-    if with_bla:
-        first = next(iter(study.best_linear.values()))
-        say(f"Best linear truth, e.g. {first.joint}, test {first.test}: {first.described}; friction as in the test")
+        table = bandwidth_table(study, joint)
+        print_table(table.title, table.columns, table.rows)
+    say_each("", table_notes(study))
     say_each("- ", study.answers())
     say_each("failed: ", (f"{name}: {why}" for name, why in study.failed.items()))
-
-
-def _line(group: Sequence["RecoveredBandwidth"], *, best_linear: bool) -> list[str]:
-    """The line of one method and test; for several seeds it shows the middle bandwidth."""
-    import numpy as np
-
-    from scenarios.identification.one_hertz import between
-
-    several = len(group) > 1
-
-    def count(values: Iterable[bool | None]) -> str:
-        known = [value for value in values if value is not None]
-        if not known:
-            return "—"
-        return f"{sum(known)} of {len(known)}" if several else ("yes" if known[0] else "no")
-
-    def median(values: Iterable[float]) -> str:
-        known = [value for value in values if np.isfinite(value)]
-        return f"{np.median(known):.3f}" if known else "—"
-
-    claimed = sorted((row for row in group if np.isfinite(row.hz)), key=lambda row: row.hz)
-    if claimed:
-        middle = claimed[(len(claimed) - 1) // 2]
-        hz = f"{middle.hz:.3f}" + (f" ({claimed[0].hz:.3f}..{claimed[-1].hz:.3f})" if several else "")
-        interval = f"{middle.ci95[0]:.3f} to {middle.ci95[1]:.3f}"
-    else:
-        models = [row.model_hz for row in group if row.refused and np.isfinite(row.model_hz)]
-        hz, interval = "not claimed" + (f" (model: {between(models)})" if models else ""), "—"
-    cells = [group[0].label, group[0].test, hz, interval, count(row.near for row in group)]
-    cells += [count(row.covers for row in group)]
-    cells += [count(row.covers_best_linear for row in group)] if best_linear else []
-    return [*cells, median(row.half_power_hz for row in group), median(row.dc_gain for row in group)]

@@ -84,7 +84,7 @@ def compare(
     from scenarios.files.data_file import joints_of, read_parts
     from scenarios.identification.comparison_figures import outputs_figure
     from scenarios.identification.model_comparison import compare_models
-    from scenarios.identification.model_names import parse_model_name
+    from scenarios.identification.named_models import parse_model_name
     from sysid.validation.cross_validation import same_samples
 
     names = [parse_model_name(text) for text in dict.fromkeys(models)]

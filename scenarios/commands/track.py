@@ -1,8 +1,10 @@
 """`hmtb track`: bandwidth and delay that follow a record, and when the arm changed."""
 
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -14,6 +16,7 @@ from scenarios.files.errors import ScenarioError
 if TYPE_CHECKING:
     from hmtb_twin import JointLog
     from scenarios.identification.tracking import Tracking
+    from sysid import IOData
 
 FILES = ("track.csv", "track.nc", "track.png", "track.svg")
 """Files of --out."""
@@ -80,7 +83,6 @@ def track(
         overwrite: Replace files that exist, without a question.
         json: Print JSON, with the estimates once a second.
     """
-    import warnings
     from dataclasses import replace
 
     from scenarios.files.data_file import log_of, read_parts
@@ -88,33 +90,27 @@ def track(
     from sysid.recursive import track as follow
 
     path = Path(data)
+    # A name without ending is a scenario's, unless there is a file of that name.
+    is_record = path.suffix != ".toml" and path.exists()
     with nullcontext() if out is None else output_folder(out, *FILES, overwrite=overwrite) as folder:
-        texts: list[str] = []
-        recorded = path.suffix != ".toml" and path.exists()
-        if recorded:
+        remarks: list[str] = []
+        log: JointLog | None
+        if is_record:
             if duration is not None or seed is not None:
                 raise ScenarioError("--duration and --seed are for scenarios; leave them out for a record")
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always", UserWarning)
-                parts = read_parts(path, joint=joint, input=input, output=output, dt=dt, time=time, test=test)
-            if len(parts) != 1:
-                long = max(parts, key=len)
-                raise ScenarioError(
-                    f"{path.name}: {len(parts)} parts between gaps, expected one record without gaps: keep the rows of "
-                    f"one part in the file, the longest {long.start:.6g} to {long.time[-1]:.6g} s after the first row"
-                )
-            texts = [str(one.message) for one in caught]
-            log, record = log_of(path), replace(parts[0], name=path.stem)
+            read = partial(read_parts, path, joint=joint, input=input, output=output, dt=dt, time=time, test=test)
+            record, remarks = _read(read, path)
+            log = log_of(path)
         elif path.suffix not in ("", ".toml"):
             raise ScenarioError(f"no file {data}; hmtb simulate makes logs of scenarios")
         else:
             log = _simulated(data, duration, seed, threads)
             record = replace(log.iodata(joint), name=log.name)
         with progress("estimates"):
-            found = follow(
+            estimates = follow(
                 record, order, nk, calibration=calibration, gain=gain, drift=drift, false_alarms=false_alarms
             )
-        tracking = Tracking(record.name, found)
+        tracking = Tracking(record.name, estimates)
         # Runs under control are experiments without a truth.
         if log is not None and "scenario" in log.provenance:
             with progress("true bandwidths"):
@@ -122,20 +118,40 @@ def track(
             tracking = replace(tracking, truth=truth)
         files = _write(tracking, folder) if folder else []
     if json:
-        print_json({**tracking.record(), "warnings": texts, "files": files})
-    else:
-        _print(tracking)
-        say_each("warning: ", texts)
-        say_each("written: ", files)
+        print_json({**tracking.record(), "warnings": remarks, "files": files})
+        return 0
+    table = tracking.table()
+    print_table(table.title, table.columns, table.rows)
+    say_each("", tracking.alarms_in_words())
+    say_each("warning: ", remarks)
+    say_each("written: ", files)
+    if files and is_record:
         columns = {"input": (input,), "output": (output,), "joint": joint, "dt": dt, "time": time, "test": test}
-        if files and recorded:
-            say(f"next: {command_line('hmtb identify', identify, {'data': (path,), **columns})}")
-        elif files:
-            say_next("simulate", data)
+        say(f"next: {command_line('hmtb identify', identify, {'data': (path,), **columns})}")
+    elif files:
+        say_next("simulate", data)
     return 0
 
 
+def _read(read: "Callable[[], Sequence[IOData]]", path: Path) -> "tuple[IOData, list[str]]":
+    """The one record of a file without gaps, and the remarks of its reader."""
+    import warnings
+    from dataclasses import replace
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        parts = read()
+    if len(parts) != 1:
+        longest = max(parts, key=len)
+        raise ScenarioError(
+            f"{path.name}: {len(parts)} parts between gaps, expected one record without gaps: keep the rows of "
+            f"one part in the file, the longest {longest.start:.6g} to {longest.time[-1]:.6g} s after the first row"
+        )
+    return replace(parts[0], name=path.stem), [str(warning.message) for warning in caught]
+
+
 def _simulated(name: str, duration: float | None, seed: int | None, threads: int | None) -> "JointLog":
+    """The log of a scenario, simulated now."""
     import hmtb_twin
     from scenarios.experiments.registry import load
 
@@ -147,6 +163,7 @@ def _simulated(name: str, duration: float | None, seed: int | None, threads: int
 
 
 def _write(tracking: "Tracking", folder: Path) -> list[Path]:
+    """Write the estimates as CSV and NetCDF, and the figure."""
     from hmtb_twin.files.atomic_write import write_whole
     from hmtb_twin.files.netcdf import Contents, Variable
     from scenarios.datasets.tables import table_text
@@ -154,36 +171,9 @@ def _write(tracking: "Tracking", folder: Path) -> list[Path]:
 
     table, netcdf, *pictures = (folder / name for name in FILES)
     columns = tracking.columns()
-    values = zip(*(one.tolist() for one in columns.values()), strict=True)
-    write_whole(table, table_text(columns, [dict(zip(columns, row, strict=True)) for row in values]))
+    samples = zip(*(values.tolist() for values in columns.values()), strict=True)
+    rows = [dict(zip(columns, sample, strict=True)) for sample in samples]
+    write_whole(table, table_text(columns, rows))
     variables = {name: Variable(("sample",), values, {}) for name, values in columns.items()}
     write_whole(netcdf, Contents(variables, {"title": f"Estimates that follow {tracking.name}"}).to_bytes())
     return [table, netcdf, *draw(lambda: tracking_figure(tracking), *pictures)]
-
-
-def _print(tracking: "Tracking") -> None:
-    import numpy as np
-
-    def numbers(values: Any, digits: int, between: str = " to ") -> str:
-        return between.join(f"{value:.{digits}f}" for value in np.atleast_1d(values).tolist()).replace("nan", "—")
-
-    known = bool(tracking.truth)
-    columns = ["from / s", "to / s", "bandwidth\n/ Hz", "95 % interval\n/ Hz", "delay\n/ ms", "95 % interval\n/ ms"]
-    columns += ["payload", "small-signal\ntruth / Hz", "best linear\ntruth / Hz", "true delays\n/ ms"] if known else []
-    rows = []
-    for stretch, last in tracking.rows():
-        cells = [numbers(stretch.begin, 1), numbers(stretch.end, 1)]
-        cells += [numbers(last[name], 3) for name in ("bandwidth", "bandwidth_ci95")]
-        cells += [numbers(1e3 * last[name], 1) for name in ("delay", "delay_ci95")]
-        cells += [stretch.payload, numbers(stretch.small_signal_hz, 3), numbers(stretch.best_linear_ci95, 3)]
-        cells.append(numbers((1e3 * stretch.small_signal_delay, 1e3 * stretch.best_linear_delay), 1, ", "))
-        rows.append(cells[: len(columns)])
-    print_table(f"{tracking.name}: the last estimate of each part", columns, rows)
-    for stretch in tracking.truth[1:]:
-        alarm = tracking.alarm(stretch)
-        seen = f"alarm after {alarm.detected - stretch.begin:.1f} s" if alarm else "missed"
-        say(f"change at {stretch.begin:g} s to payload {stretch.payload}: {seen}")
-    alarms = tracking.false_alarms if known else tracking.track.changes
-    say_each("false alarm at " if known else "alarm at ", (f"{one.detected:.1f} s" for one in alarms))
-    if not tracking.track.changes:
-        say("no change detected")

@@ -1,6 +1,6 @@
-"""`hmtb verify`: any estimator on the test bench."""
+"""`hmtb verify`: any estimator on the test bench; `hmtb leaderboard`: results of several, compared."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -13,6 +13,8 @@ from scenarios.commands.output import (
     output_folder,
     print_json,
     print_table,
+    progress,
+    say,
     say_beside_bar,
     say_each,
     say_next,
@@ -20,12 +22,16 @@ from scenarios.commands.output import (
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
+    from scenarios.bench.leaderboard_rows import LeaderboardRow
     from scenarios.bench.result import Result
     from scenarios.bench.verify import BenchPlan
     from scenarios.jobs.executor import Executor
 
 MOST_GIB = 2.0**20
 """Largest memory limit accepted, GiB."""
+
+SECONDS, MEMORY_GIB = 30.0, 2.0
+"""Usual limits of an answer."""
 
 
 def verify(
@@ -41,8 +47,8 @@ def verify(
     seed: int | None = None,
     out: Path = Path("results"),
     figures: tuple[str, ...] = (),
-    seconds: float = 30.0,
-    memory_gib: float = 2.0,
+    seconds: float = SECONDS,
+    memory_gib: float = MEMORY_GIB,
     workers: int | None = None,
     cluster: str | None = None,
     patience: float = 300.0,
@@ -116,10 +122,9 @@ def verify(
     commands = parse_estimators(estimators, command, EstimatorOptions(name, structure, method, stays))
     if not 0.0 < memory_gib <= MOST_GIB:
         raise ScenarioError(f"--memory-gib {memory_gib:g} given, expected more than 0 and at most {MOST_GIB:.0f} GiB")
-    # Options on which the result depends, where they are not the usual ones, for the command that repeats it.
-    words = ["--quick"] * quick + [f"--records {records}"] * (records is not None)
-    words += [f"--figures {' '.join(figures)}"] * bool(figures)
-    words += [f"--seconds {seconds:g}"] * (seconds != 30.0) + [f"--memory-gib {memory_gib:g}"] * (memory_gib != 2.0)
+    # The command that repeats the result, with the options on which it depends.
+    words = _result_options(quick=quick, records=records, figures=figures, seconds=seconds, memory_gib=memory_gib)
+    repeated = {estimator.name: " ".join(("hmtb verify", word, *words)) for estimator, word in commands.items()}
     plan = BenchPlan(
         tuple(commands),
         "quick" if quick else "full",
@@ -127,7 +132,7 @@ def verify(
         Limits(seconds, round(memory_gib * 2**30)),
         metrics_named(figures),
         KNOWN["referee"].estimator,
-        {estimator.name: " ".join(("hmtb verify", own, *words)) for estimator, own in commands.items()},
+        repeated,
         records,
     )
     if cluster is None:
@@ -142,6 +147,24 @@ def verify(
         show(results, out, verbose=verbose)
         say_next("leaderboard", out, "--out", out)
     return 0 if all(result.passed for result in results) else 1
+
+
+def _result_options(
+    *, quick: bool, records: int | None, figures: tuple[str, ...], seconds: float, memory_gib: float
+) -> list[str]:
+    """Options on which the result depends, where they are not the usual ones."""
+    words = []
+    if quick:
+        words.append("--quick")
+    if records is not None:
+        words.append(f"--records {records}")
+    if figures:
+        words.append(f"--figures {' '.join(figures)}")
+    if seconds != SECONDS:
+        words.append(f"--seconds {seconds:g}")
+    if memory_gib != MEMORY_GIB:
+        words.append(f"--memory-gib {memory_gib:g}")
+    return words
 
 
 def _run(
@@ -171,17 +194,92 @@ def _listed(*, json: bool) -> int:
     """Print the estimators that the bench knows."""
     from scenarios.estimators.known_estimators import KNOWN
 
-    entries, cells = {}, []
-    for name, entry in KNOWN.items():
-        why = entry.missing()
-        one = entry.estimator if why else entry.versioned()
-        fields = {key: getattr(one, key) for key in ("structure", "method", "version", "settings")}
-        entries[name] = {**fields, "available": not why, "why": why}
-        here = "no" if why else one.version or "yes"
-        cells.append((name, one.structure or "any", one.method or "", here, one.settings))
+    records, cells = {}, []
+    for name, known in KNOWN.items():
+        why = known.missing()
+        # The version is asked of the software itself, which must be there.
+        estimator = known.estimator if why else known.versioned()
+        fields = {key: getattr(estimator, key) for key in ("structure", "method", "version", "settings")}
+        records[name] = {**fields, "available": not why, "why": why}
+        here = "no" if why else estimator.version or "yes"
+        cells.append((name, estimator.structure or "any", estimator.method or "", here, estimator.settings))
     if json:
-        print_json({"estimators": entries})
+        print_json({"estimators": records})
         return 0
     print_table("Estimators that the bench knows", ("", "structure", "method", "here", "settings"), cells)
-    say_each("", (entry["why"] for entry in entries.values() if entry["why"]))
+    say_each("", (record["why"] for record in records.values() if record["why"]))
     return 0
+
+
+def leaderboard(
+    results: Annotated[tuple[Path, ...], tyro.conf.Positional],
+    *,
+    out: Path = Path("."),
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Compare results of hmtb verify on a page and in tables.
+
+    Results are the files that hmtb verify writes, or folders of them. The page leaderboard.html needs no network; the
+    same tables stand in leaderboard.md. Rows are ordered by the number of figures that fail where theory expects
+    them to pass, the fewest first, then by figures without a verdict, then by figures passed, then by efficiency;
+    figures are never combined into one score. The response error is the median over the problems that all rows were
+    given; a row that did not answer them all has none. Where rows are not comparable, because seed, effort,
+    limits, protocol or machine differ, or an estimator refused requests, the page says so.
+
+      hmtb leaderboard results/*.json
+
+    Args:
+        results: Files, or folders whose *.json are taken.
+        out: Folder for both pages.
+        overwrite: Replace files that exist, without a question.
+        json: Print JSON.
+    """
+    from scenarios.bench.leaderboard_notes import notes
+    from scenarios.bench.leaderboard_page import write_leaderboard
+    from scenarios.bench.leaderboard_rows import RULE, ranked
+    from scenarios.bench.leaderboard_tables import standing
+
+    rows = ranked(results)
+    with output_folder(out, "leaderboard.html", "leaderboard.md", overwrite=overwrite), progress("leaderboard"):
+        page, text = write_leaderboard(rows, out)
+    if json:
+        print_json({"page": page, "markdown": text, "rows": _ranked_records(rows), "notes": notes(rows)})
+        return 0
+    table = standing(rows)
+    cells = []
+    for row in table.rows:
+        cells.append([f"{cell.text} {cell.verdict.sign}" if cell.verdict else cell.text for cell in row])
+    print_table(table.caption, table.columns, cells)
+    say_each("note: ", notes(rows))
+    say(RULE)
+    say(f"{page} and {text} written")
+    say_next("verify", "--list")
+    return 0
+
+
+def _ranked_records(rows: "Sequence[LeaderboardRow]") -> list[dict[str, object]]:
+    """Rows of the leaderboard as JSON, in their sequence."""
+    from scenarios.bench.leaderboard_rows import common_problems
+    from scenarios.bench.leaderboard_verdict import count, judged_metrics, verdict
+
+    judged, problems = judged_metrics(row.result for row in rows), common_problems(rows)
+    records: list[dict[str, object]] = []
+    for row in rows:
+        counts = count(map(row.metric, judged))
+        metrics = row.result.metrics
+        records.append(
+            {
+                "number": row.number,
+                "name": row.name,
+                "file": row.path,
+                "passed": row.result.passed,
+                "counts": {word.word: times for word, times in counts.items()},
+                "response_error_percent": row.median_error(problems),
+                "verdicts": {name: verdict(metric).word for name, metric in metrics.items()},
+                "values": {name: metric.value for name, metric in metrics.items()},
+                "failures": row.result.outcomes,
+                "refused": row.result.refused,
+            }
+        )
+    return records

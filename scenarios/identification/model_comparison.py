@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 import sysid
 from scenarios.identification.identification import Identification, identify, usable
-from scenarios.identification.known_models import KnownModel, known_models
-from scenarios.identification.model_names import ModelName
+from scenarios.identification.named_models import KnownModel, ModelName, known_models
 from scenarios.identification.result_tables import INTEGRATES, ResultTable
 from sysid import Estimate, FrequencyResponse, IOData, ModelFit, StateSpace
 from sysid.models.bandwidth import HALF_POWER, gain_crossing

@@ -19,7 +19,7 @@ from scenarios.identification.model_comparison import (
     judged_identification,
     records_about_means,
 )
-from scenarios.identification.model_names import ModelName
+from scenarios.identification.named_models import ModelName
 from scenarios.identification.request import IdentificationRequest
 from scenarios.identification.result_tables import result_tables
 from scenarios.report.figures import SETTINGS

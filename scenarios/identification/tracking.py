@@ -1,6 +1,6 @@
-"""Bandwidth and delay that follow a record sample by sample, beside the truth of each payload where it is known."""
+"""Bandwidth and delay tracked through a record sample by sample, beside the truth of each payload where known."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -12,6 +12,7 @@ from hmtb_twin.truth.logged_arm import logged_arm, logged_payloads
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
+from scenarios.identification.result_tables import ResultTable
 from scenarios.truth.bla_of_test import best_linear_of_test
 from sysid import FrequencyResponse
 from sysid.models.bandwidth import HALF_POWER
@@ -63,29 +64,32 @@ class Tracking:
         times = self.track.times
         end = round(float(2.0 * times[-1] - times[-2]), 9)
         ends = [float(times[0]), *(change.time for change in self.track.changes), end]
-        return self.truth or tuple(Stretch(a, b) for a, b in pairwise(ends))
+        return self.truth or tuple(Stretch(begin, end) for begin, end in pairwise(ends))
 
     def alarm(self, stretch: Stretch) -> Change | None:
         """Return the first alarm in a part, which belongs to the change at its begin; None if that was missed."""
-        alarms = (one for one in self.track.changes if stretch.begin <= one.detected < stretch.end)
+        alarms = (change for change in self.track.changes if stretch.begin <= change.detected < stretch.end)
         return next(alarms, None)
 
     @property
     def false_alarms(self) -> tuple[Change, ...]:
         """The alarms that belong to no true change; none where the truth is not known."""
-        true = [self.alarm(stretch) for stretch in self.truth[1:]]
-        return tuple(change for change in self.track.changes if change not in true) if self.truth else ()
+        if not self.truth:
+            return ()
+        true_alarms = [self.alarm(stretch) for stretch in self.truth[1:]]
+        return tuple(change for change in self.track.changes if change not in true_alarms)
 
     def columns(self) -> dict[str, np.ndarray]:
         """Return the estimates at every sample as columns (N,) by name with unit."""
         track = self.track
-        named = {"time_s": track.times, "settled": track.settled.astype(int)}
+        columns = {"time_s": track.times, "settled": track.settled.astype(int)}
         for name, unit in (("bandwidth", "hz"), ("delay", "s")):
             low, high = getattr(track, f"{name}_ci95").T
-            named |= {f"{name}_{unit}": getattr(track, name), f"{name}_low_{unit}": low, f"{name}_high_{unit}": high}
-        for number, name in enumerate(track.parameter_names):
-            named |= {name: track.parameters[:, number], f"{name}_deviation": track.deviations[:, number]}
-        return named
+            columns[f"{name}_{unit}"] = getattr(track, name)
+            columns[f"{name}_low_{unit}"], columns[f"{name}_high_{unit}"] = low, high
+        for k, name in enumerate(track.parameter_names):
+            columns[name], columns[f"{name}_deviation"] = track.parameters[:, k], track.deviations[:, k]
+        return columns
 
     def rows(self) -> Iterator[tuple[Stretch, dict[str, Any]]]:
         """Yield each part with the last estimate in it: time, bandwidth, delay, intervals; NaN without any."""
@@ -100,18 +104,57 @@ class Tracking:
     def record(self) -> dict[str, object]:
         """Return what `hmtb track --json` prints; the estimates once a second."""
         second = max(1, round(1.0 / (self.track.times[1] - self.track.times[0])))
+        true_changes = []
+        for stretch in self.truth[1:]:
+            alarm = self.alarm(stretch)
+            detected = alarm.detected if alarm else None
+            true_changes.append({"time": stretch.begin, "payload": stretch.payload, "detected": detected})
         return {
             "name": self.name,
             "memory_s": self.track.memory,
             "changes": [vars(change) for change in self.track.changes],
-            "true_changes": [
-                {"time": one.begin, "payload": one.payload, "detected": (alarm := self.alarm(one)) and alarm.detected}
-                for one in self.truth[1:]
-            ],
+            "true_changes": true_changes,
             "false_alarms": [change.detected for change in self.false_alarms] if self.truth else None,
             "stretches": [{**vars(stretch), **estimate} for stretch, estimate in self.rows()],
             "estimates": {name: values[::second] for name, values in self.columns().items()},
         }
+
+    def table(self) -> ResultTable:
+        """Return the last estimate of each part as a table, beside the truth where it is known."""
+        columns = ["from / s", "to / s", "bandwidth\n/ Hz", "95 % interval\n/ Hz", "delay\n/ ms", "95 % interval\n/ ms"]
+        if self.truth:
+            columns += ["payload", "small-signal\ntruth / Hz", "best linear\ntruth / Hz", "true delays\n/ ms"]
+        rows = []
+        for stretch, last in self.rows():
+            cells = [_joined([stretch.begin], 1), _joined([stretch.end], 1)]
+            cells += [_joined([last["bandwidth"]], 3), _joined(last["bandwidth_ci95"], 3)]
+            cells += [_joined([1e3 * last["delay"]], 1), _joined(1e3 * last["delay_ci95"], 1)]
+            if self.truth:
+                delays = (1e3 * stretch.small_signal_delay, 1e3 * stretch.best_linear_delay)
+                cells += [stretch.payload, _joined([stretch.small_signal_hz], 3), _joined(stretch.best_linear_ci95, 3)]
+                cells.append(_joined(delays, 1, between=", "))
+            rows.append(tuple(cells))
+        return ResultTable(f"{self.name}: the last estimate of each part", tuple(columns), tuple(rows))
+
+    def alarms_in_words(self) -> tuple[str, ...]:
+        """Say of each true change when its alarm came, and of each other alarm when it was."""
+        lines = []
+        for stretch in self.truth[1:]:
+            alarm = self.alarm(stretch)
+            outcome = f"alarm after {alarm.detected - stretch.begin:.1f} s" if alarm else "missed"
+            lines.append(f"change at {stretch.begin:g} s to payload {stretch.payload}: {outcome}")
+        if self.truth:
+            lines += [f"false alarm at {change.detected:.1f} s" for change in self.false_alarms]
+        else:
+            lines += [f"alarm at {change.detected:.1f} s" for change in self.track.changes]
+        if not self.track.changes:
+            lines.append("no change detected")
+        return tuple(lines)
+
+
+def _joined(values: Iterable[float], digits: int, *, between: str = " to ") -> str:
+    """Numbers as texts, a dash for NaN."""
+    return between.join(f"{value:.{digits}f}" for value in values).replace("nan", "—")
 
 
 def true_stretches(
@@ -136,16 +179,19 @@ def true_stretches(
         raise TwinError(f"{log.name}: its provenance lacks scenario; expected a log of hmtb simulate")
     scenario = Scenario.from_toml(log.provenance["scenario"], source=f"{log.name}, its scenario")
     payloads = logged_payloads(log)
-    ends = [time for time, _ in payloads[1:] if time < len(log) * log.dt] + [len(log) * log.dt]
+    last = len(log) * log.dt
+    ends = [time for time, _ in payloads[1:] if time < last] + [last]
     data, stretches = log.iodata(joint), []
     for (begin, payload), end in zip(payloads, ends, strict=False):
         truth = linearize(logged_arm(log, payload), scenario.pose, amplitudes=()).joint(joint)
         delay = phase_delay(truth.model.frequency_response, truth.bandwidth_hz)
         stretch = Stretch(begin, end, payload, truth.bandwidth_hz, delay)
+        # A best linear approximation is of commands to this joint alone.
         if best_linear and log.axes == (joint,):
             setting = replace(scenario, payload=payload, payload_changes=())
-            part = data[round((begin or SETTLING) / log.dt) : round(end / log.dt)].detrend()
-            bla = best_linear_of_test(setting, [part], test=log.name, threads=threads)
+            # From the start the arm first settles into its pose; a change of payload is quick.
+            record = data[round((begin or SETTLING) / log.dt) : round(end / log.dt)].detrend()
+            bla = best_linear_of_test(setting, [record], test=log.name, threads=threads)
             hz, ci95, delay = best_linear_servo(bla.response, truth, gain)
             stretch = replace(stretch, best_linear_hz=hz, best_linear_ci95=ci95, best_linear_delay=delay)
         stretches.append(stretch)
@@ -166,17 +212,21 @@ def best_linear_servo(
     ratio = values / linear(f)[:, 0, 0]
     fine = np.geomspace(f[0], f[-1], 4000)
     size = np.abs(linear(fine)[:, 0, 0]) * np.interp(fine, f, np.abs(ratio))
-    below = np.flatnonzero(size < HALF_POWER * (truth.dc_gain * np.abs(ratio[0]) if gain is None else gain))
+    static_gain = truth.dc_gain * np.abs(ratio[0]) if gain is None else gain
+    below = np.flatnonzero(size < HALF_POWER * static_gain)
     if not below.size or below[0] == 0 or response.covariance is None:
         return np.nan, (np.nan, np.nan), np.nan
     hz = float(fine[below[0]])
     # Half the variance of a complex number is that of its modulus.
     relative = np.sqrt(0.5 * np.trace(response.covariance[:, 0, 0], axis1=1, axis2=2)) / np.abs(values)
     slope = np.gradient(np.log(size), np.log(fine))[below[0]]
-    spread = np.hypot(np.interp(hz, f, relative), relative[0] if gain is None else 0.0) / abs(slope)
-    reach = float(np.exp(1.96 * spread))
-    turned = float(np.interp(hz, f, np.unwrap(np.angle(ratio)))) / (2.0 * np.pi * hz)
-    return hz, (hz / reach, hz * reach), phase_delay(linear, hz) - turned
+    # A gain at 0 Hz that is estimated from the lowest line has that line's error.
+    of_static_gain = relative[0] if gain is None else 0.0
+    # An error of the gain moves the crossing by the inverse of the slope, on logarithmic scales.
+    spread = np.hypot(np.interp(hz, f, relative), of_static_gain) / abs(slope)
+    factor = float(np.exp(1.96 * spread))
+    advance = float(np.interp(hz, f, np.unwrap(np.angle(ratio)))) / (2.0 * np.pi * hz)
+    return hz, (hz / factor, hz * factor), phase_delay(linear, hz) - advance
 
 
 def phase_delay(response: Callable[[np.ndarray], np.ndarray], hz: float) -> float:

@@ -9,7 +9,7 @@ from hmtb_twin import JointLog, linearize, load_arm, simulate
 from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios.experiments.registry import load
 from scenarios.files.data_file import read_parts, write_log
-from scenarios.identification.model_names import parse_model_name
+from scenarios.identification.named_models import parse_model_name
 from scenarios.truth.published import published_model
 from tests.scenarios.commands.conftest import table
 
