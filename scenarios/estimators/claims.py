@@ -37,8 +37,8 @@ def claimed_response_covariance(values: FloatArray, data: IOData, task: Task) ->
     matrices = values.reshape(-1, 2, 2)
     # Not by its diagonal: at low frequencies the imaginary part is all but known, and its variance but rounding.
     size = np.sqrt(np.abs(matrices).max(axis=(1, 2), initial=0.0))
-    for place, fault in _faults(matrices, np.stack((size, size), axis=1)):
-        f, i, j = np.unravel_index(place, expected[:3])
+    for index, fault in _faults(matrices, np.stack((size, size), axis=1)):
+        f, i, j = np.unravel_index(index, expected[:3])
         where = f"at {task.frequencies[f]:g} Hz from input {j + 1} to output {i + 1}"
         raise NoModelError(f"response_covariance {fault} {where}, expected a covariance")
     return values
@@ -75,6 +75,7 @@ def known_parameters(
             "covariance of parameters given without polynomials, expected those, or response_covariance and "
             "bandwidth_ci95 instead"
         )
+    # The size of the covariance tells which of the layouts it is of.
     layouts = list(_layouts(polynomials, task.orders))
     count = int(np.sqrt(covariance.size))
     orders = next((layout for layout in layouts if layout.count == count), None)
@@ -91,15 +92,18 @@ def known_parameters(
 
 
 def _faults(matrices: FloatArray, scales: FloatArray) -> Iterator[tuple[int, str]]:
-    """Places and faults of matrices (m, n, n) that are no covariances, divided by scales of rows and columns (m, n)."""
+    """Indices and faults of matrices (m, n, n) that are no covariances, scaled by rows and columns (m, n) first."""
     transposed = matrices.swapaxes(1, 2)
     size = np.abs(matrices).max(axis=(1, 2), initial=0.0)
+    # Relative to each matrix: variances of responses differ by orders of magnitude over frequency.
     skewed = np.abs(matrices - transposed).max(axis=(1, 2), initial=0.0) > NEGATIVE * size
+    # A parameter that is known exactly has a row of zeros.
     scales = np.where(scales == 0.0, 1.0, scales)
     scaled = 0.5 * (matrices + transposed) / (scales[:, :, None] * scales[:, None, :])
     negative = np.linalg.eigvalsh(scaled)[:, 0] < -NEGATIVE * scales.shape[1]
-    for place in np.flatnonzero(skewed | negative):
-        yield int(place), "is not symmetric" if skewed[place] else "has a negative eigenvalue"
+    for index in np.flatnonzero(skewed | negative):
+        fault = "is not symmetric" if skewed[index] else "has a negative eigenvalue"
+        yield int(index), fault
 
 
 def _layouts(polynomials: Polynomials, task_orders: Mapping[str, int]) -> Iterator[Orders]:
@@ -111,7 +115,9 @@ def _layouts(polynomials: Polynomials, task_orders: Mapping[str, int]) -> Iterat
         with suppress(SysidError):
             orders = make_orders(polynomials.nu, **task_orders)
             orders.parameters(polynomials)
-            if not any(np.atleast_2d(polynomials.B)[j, :k].any() for j, k in enumerate(orders.nk)):
+            rows = np.atleast_2d(polynomials.B)
+            has_delay = all(not row[:delay].any() for row, delay in zip(rows, orders.nk, strict=True))
+            if has_delay:
                 yield orders
     # Rows of several inputs are always filled up.
     if polynomials.nu == 1:

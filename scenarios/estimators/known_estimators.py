@@ -85,14 +85,15 @@ def estimator(name: str) -> Estimator:
 
 
 def _read() -> dict[str, KnownEstimator]:
-    known = {}
+    estimators = {}
     path = Path(__file__).with_suffix(".toml")
     for name, table in read_toml(path.read_text(encoding="utf-8"), path.name).items():
         needs = {key: table.pop(key) for key in ("package", "octave") if key in table}
         if "octave" in needs:
+            # `serve.m` there reads requests until its input ends.
             table |= {"program": True, "stays": True, "home": str(OCTAVE)}
-        known[name] = KnownEstimator(Estimator(name, **table), **needs)
-    return known
+        estimators[name] = KnownEstimator(Estimator(name, **table), **needs)
+    return estimators
 
 
 KNOWN = MappingProxyType(_read())

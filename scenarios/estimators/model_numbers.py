@@ -1,6 +1,7 @@
 """From named numbers to a checked model: the one path of every answer, from a function or from a file."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 
@@ -64,33 +65,48 @@ def answer_of(numbers: Numbers, data: IOData, task: Task) -> Answer:
             model = _of_fractions(numbers, data)
     except SysidError as error:
         raise NoModelError(str(error)) from error
-    channels = {(model.ny, model.nu), (model.ny, model.nu) if polynomials is None else (1, polynomials.nu)}
-    if channels != {(data.ny, data.nu)}:
-        given = " and ".join(f"{ny} output(s) from {nu} input(s)" for ny, nu in sorted(channels))
-        raise NoModelError(f"a model of {given} given, expected {data.ny} output(s) from {data.nu} input(s)")
+    _check_channels(model, polynomials, data)
     if model.order > MOST_ORDER:
         raise NoModelError(f"a model of {model.order} states given, expected at most {MOST_ORDER}")
-    is_stable = not unstable(model)
-    if is_stable:
+    if not unstable(model):
         with np.errstate(all="ignore"):
             size = np.abs(model.frequency_response(task.frequencies)).max(initial=0.0)
+        # A comparison that NaN fails too.
         if not size <= LARGEST:
             raise NoModelError(f"a model whose response is {size:g} at some frequency of the task", "not_finite")
-    covariance, response_covariance, ends = map(numbers.get, ("covariance", "response_covariance", "bandwidth_ci95"))
-    if response_covariance is not None:
-        response_covariance = claimed_response_covariance(response_covariance, data, task)
-    ci95 = None if ends is None else claimed_interval(ends, data)
-    if covariance is not None:
-        estimate = known_parameters(covariance, polynomials, model, data, task)
-        covariance = estimate.covariance
-        missing = response_covariance is None or ci95 is None
-        if missing and is_stable and 0 < len(estimate.parameters) <= MOST_PARAMETERS:
-            with warnings.catch_warnings(), np.errstate(all="ignore"):
-                warnings.simplefilter("ignore", SysidWarning)
-                response, bandwidth = estimate.response_and_bandwidth(task.frequencies)
-            response_covariance = response.covariance if response_covariance is None else response_covariance
-            ci95 = bandwidth.ci95 if ci95 is None else ci95
-    return Answer(model, polynomials, covariance, response_covariance, ci95)
+    return _with_claims(Answer(model, polynomials), numbers, data, task)
+
+
+def _with_claims(answer: Answer, numbers: Numbers, data: IOData, task: Task) -> Answer:
+    """A model with its claims; those about response and bandwidth that are missing follow from the parameters'."""
+    response_covariance, ci95 = None, None
+    if "response_covariance" in numbers:
+        response_covariance = claimed_response_covariance(numbers["response_covariance"], data, task)
+    if "bandwidth_ci95" in numbers:
+        ci95 = claimed_interval(numbers["bandwidth_ci95"], data)
+    if "covariance" not in numbers:
+        return replace(answer, response_covariance=response_covariance, bandwidth_ci95=ci95)
+    estimate = known_parameters(numbers["covariance"], answer.polynomials, answer.model, data, task)
+    is_missing = response_covariance is None or ci95 is None
+    if is_missing and not unstable(answer.model) and 0 < len(estimate.parameters) <= MOST_PARAMETERS:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore", SysidWarning)
+            response, bandwidth = estimate.response_and_bandwidth(task.frequencies)
+        if response_covariance is None:
+            response_covariance = response.covariance
+        if ci95 is None:
+            ci95 = bandwidth.ci95
+    return Answer(answer.model, answer.polynomials, estimate.covariance, response_covariance, ci95)
+
+
+def _check_channels(model: StateSpace, polynomials: Polynomials | None, data: IOData) -> None:
+    """Refuse a model, or polynomials beside it, of other inputs and outputs than the record's."""
+    channels = {(model.ny, model.nu)}
+    if polynomials is not None:
+        channels.add((1, polynomials.nu))
+    if channels != {(data.ny, data.nu)}:
+        sizes = " and ".join(f"{ny} output(s) from {nu} input(s)" for ny, nu in sorted(channels))
+        raise NoModelError(f"a model of {sizes} given, expected {data.ny} output(s) from {data.nu} input(s)")
 
 
 def unstable(model: StateSpace) -> str:
@@ -109,8 +125,8 @@ def _check_names(numbers: Numbers) -> None:
     names = set(numbers)
     if unknown := sorted(names - set(NAMES)):
         raise NoModelError(f"unknown {unknown[0]!r} given, expected some of {', '.join(NAMES)}")
-    forms = [place for place, (_, allowed) in enumerate(FORMS) if names & allowed]
-    if forms not in ([0], [1], [2], [0, 2]) or not all(names >= FORMS[place][0] for place in forms):
+    forms = [form for form, (_, allowed) in enumerate(FORMS) if names & allowed]
+    if forms not in ([0], [1], [2], [0, 2]) or not all(names >= FORMS[form][0] for form in forms):
         raise NoModelError(
             f"{', '.join(sorted(names)) or 'nothing'} given, expected dt and either A, B, C (D, K), or num and den, or "
             "poly_b (with others of poly_a to poly_f; A, B, C may stand beside them)"
@@ -141,12 +157,17 @@ def _check_values(numbers: Numbers, data: IOData) -> None:
 
 def _state_space(numbers: Numbers, data: IOData, innovation: FloatArray | None) -> StateSpace:
     a = numbers["A"]
-    n = 0 if a.size == 0 else (a.shape[0] if a.ndim else 1)
+    # A single number is a model of one state, an empty list one without states.
+    n = len(np.atleast_1d(a)) if a.size else 0
     if n > MOST_ORDER:
         raise NoModelError(f"A of shape {a.shape} given, expected at most {MOST_ORDER} states")
     shapes = ((n, n), (n, data.nu), (data.ny, n), (data.ny, data.nu), (n, data.ny))
-    m = {k: shaped(k, numbers[k], shape) for k, shape in zip(MATRICES, shapes, strict=True) if k in numbers}
-    return StateSpace(m["A"], m["B"], m["C"], m.get("D", np.zeros(shapes[3])), m.get("K"), data.dt, innovation)
+    m = {}
+    for name, shape in zip(MATRICES, shapes, strict=True):
+        if name in numbers:
+            m[name] = shaped(name, numbers[name], shape)
+    D = m.get("D", np.zeros((data.ny, data.nu)))
+    return StateSpace(m["A"], m["B"], m["C"], D, m.get("K"), data.dt, innovation)
 
 
 def _polynomials(numbers: Numbers, data: IOData) -> Polynomials | None:
@@ -155,14 +176,13 @@ def _polynomials(numbers: Numbers, data: IOData) -> Polynomials | None:
         return _output_error(*(row(name, numbers[name]) for name in FRACTION))
     if "poly_b" not in numbers:
         return None
-    # Only a row for each of several inputs is a matrix.
-    return Polynomials(
-        **{
-            letter: numbers[name] if data.nu > 1 and letter in "BF" else row(name, numbers[name])
-            for name, letter in POLYNOMIALS.items()
-            if name in numbers
-        }
-    )
+    coefficients = {}
+    for name, letter in POLYNOMIALS.items():
+        if name in numbers:
+            # Of several inputs B and F have a row each.
+            is_matrix = data.nu > 1 and letter in "BF"
+            coefficients[letter] = numbers[name] if is_matrix else row(name, numbers[name])
+    return Polynomials(**coefficients)
 
 
 def _output_error(num: FloatArray, den: FloatArray) -> Polynomials:
@@ -190,7 +210,10 @@ def _of_fractions(numbers: Numbers, data: IOData) -> StateSpace:
                 f"{name} of shape {values.shape} given, expected ({data.ny}, {data.nu}, number of coefficients)"
             )
     pairs = list(np.ndindex(data.ny, data.nu))
-    parts = [innovations_form(_output_error(num[i, j], den[i, j]), data.dt) for i, j in pairs]
-    whole, (rows, columns) = block_diagonal(parts), np.array(pairs).T
+    fractions = []
+    for i, j in pairs:
+        fractions.append(innovations_form(_output_error(num[i, j], den[i, j]), data.dt))
+    # All fractions side by side; `into` leads each input to its fractions, `out` adds those of each output.
+    beside, (rows, columns) = block_diagonal(fractions), np.array(pairs).T
     into, out = np.eye(data.nu)[columns], np.eye(data.ny)[:, rows]
-    return StateSpace(whole.A, whole.B @ into, out @ whole.C, out @ whole.D @ into, None, data.dt)
+    return StateSpace(beside.A, beside.B @ into, out @ beside.C, out @ beside.D @ into, None, data.dt)

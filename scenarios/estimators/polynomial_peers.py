@@ -42,9 +42,11 @@ def sippy_polynomials(structure: str, data: IOData, task: Task, *, mode: str = "
         options[f"{method}_mod"] = mode
     m = system_identification(data.y.copy(), data.u.copy(), method, tsample=data.dt, **options)
     # Numerators begin with q^-1 and, like denominators, have zeros behind.
-    above = np.array([[0.0, *row[: n["nk"] - 1 + n["nb"]]] for row in m.NUMERATOR[0]])
+    length = n["nk"] - 1 + n["nb"]
+    numerators = np.array([[0.0, *row[:length]] for row in m.NUMERATOR[0]])
     below, several = np.asarray(m.DENOMINATOR[0][0]), data.nu > 1
-    rows: dict[str, Any] = {"B": above if several else above[0]}
+    rows: dict[str, Any] = {}
+    rows["B"] = numerators if several else numerators[0]
     if structure in ("arx", "armax"):
         rows["A"] = below[: n["na"] + 1]
     else:
@@ -69,7 +71,7 @@ def _pysib(structure: str, data: IOData, task: Task) -> Answer:
         warnings.simplefilter("always")
         _, rows = getattr(pysib, structure)(u, y, *orders)
         # Its warning of a predictor that is not stable advises the variant with filtered data.
-        if structure != "arx" and any("unit circle" in str(one.message) for one in caught):
+        if structure != "arx" and any("unit circle" in str(warning.message) for warning in caught):
             _, rows = getattr(pysib, f"{structure}_filtered")(u, y, *orders)
     polynomials = Polynomials(*(np.asarray(rows[name], dtype=float) for name in "ABCDF"))
     return Answer(innovations_form(polynomials, data.dt), polynomials)
@@ -91,15 +93,17 @@ def _sysidentpy(structure: str, data: IOData, task: Task) -> Answer:
     if n:
         of_y = list(range(1, n["na"] + 1))
         of_u = list(range(n["nk"], n["nk"] + n["nb"]))
+    # A constant is among the terms: a mean that does not belong to the dynamics.
     terms = len(of_y) + data.nu * len(of_u) + 1
+    lags_of_inputs = of_u if data.nu == 1 else [of_u] * data.nu
+    fixed_terms = None if task.chooses else terms
     search = FROLS(
         ylag=of_y,
-        xlag=of_u if data.nu == 1 else [of_u] * data.nu,
+        xlag=lags_of_inputs,
         elag=list(range(1, (nc or 1) + 1)),
         order_selection=task.chooses,
         info_criteria="bic",
-        # A constant is among the terms: a mean that does not belong to the dynamics.
-        n_terms=None if task.chooses else terms,
+        n_terms=fixed_terms,
         n_info_values=terms,
         estimator=LeastSquares(unbiased=nc is not None, uiter=ROUNDS),
         basis_function=Polynomial(degree=1),
@@ -109,13 +113,15 @@ def _sysidentpy(structure: str, data: IOData, task: Task) -> Answer:
         search.fit(X=data.u, y=data.y)
     a, b = np.zeros(max(of_y) + 1), np.zeros((data.nu, max(of_u) + 1))
     a[0] = 1.0
+    # A regressor's code is 1000 times its signal (0 the constant, 1 the output, 2 the first input) plus the lag.
     for (code,), value in zip(search.final_model, np.ravel(search.theta), strict=True):
         channel, lag = divmod(int(code), 1000)
         if channel == 1:
             a[lag] = -value
         elif channel:
             b[channel - 2, lag] = value
-    polynomials = Polynomials(A=a, B=b if data.nu > 1 else b[0])
+    rows = b if data.nu > 1 else b[0]
+    polynomials = Polynomials(A=a, B=rows)
     model = innovations_form(polynomials, data.dt)
     return Answer(model, polynomials) if nc is None else Answer(model.input_path())
 

@@ -76,17 +76,18 @@ class WatchedProcess:
         self, command: Sequence[str], folder: Path, log: Path, *, talks: bool, environment: Mapping[str, str]
     ) -> None:
         self._log, self._buffer = log, bytearray()
-        self._over: tuple[int, float] | None = None
+        self._ended: tuple[int, float] | None = None
         self._mark = secrets.token_hex(8)
         log.write_bytes(b"")
         # Appending, so that the file can be truncated while the process writes to it.
         with log.open("ab") as printed:
+            requests, answers = (subprocess.PIPE, subprocess.PIPE) if talks else (subprocess.DEVNULL, printed)
             self._popen = subprocess.Popen(
                 command,
                 cwd=folder,
                 env={**os.environ, **ONE_THREAD, **environment, MARK: self._mark},
-                stdin=subprocess.PIPE if talks else subprocess.DEVNULL,
-                stdout=subprocess.PIPE if talks else printed,
+                stdin=requests,
+                stdout=answers,
                 stderr=printed,
                 bufsize=0,
                 start_new_session=True,
@@ -113,40 +114,51 @@ class WatchedProcess:
             seconds: Time limit, s.
             memory_bytes: Memory limit of the process with its descendants, bytes.
         """
-        begun, used, peak = time.monotonic(), self._processor_seconds(), 0
+        begun, used_before = time.monotonic(), self._processor_seconds()
         if request and self._popen.stdin is not None:
-            os.truncate(self._log, 0)
-            # What came without a request answers nothing.
-            with contextlib.suppress(BlockingIOError):
-                os.read(self._output, MOST_PRINTED)
-            self._buffer.clear()
+            self._forget_earlier_output()
             with contextlib.suppress(BrokenPipeError):
                 self._popen.stdin.write(request.encode() + b"\n")
-        look, pause, end, line = begun + FIRST_LOOK, FIRST_LOOK, "", ""
-        while not end:
-            left = min(look, begun + seconds) - time.monotonic()
-            ready = dict(self._poll.poll(max(0.0, 1000.0 * left)))
+        # The clock begins before the request is written: a process that does not read it hangs.
+        end, line, peak = self._wait(words, begun, begun + seconds, memory_bytes)
+        wall, used = time.monotonic() - begun, max(self._processor_seconds() - used_before, 0.0)
+        return Reply(end, line, wall, used, max(peak, self._memory(memory_bytes)))
+
+    def _forget_earlier_output(self) -> None:
+        """Empty log and pipe: what came without a request answers nothing."""
+        os.truncate(self._log, 0)
+        with contextlib.suppress(BlockingIOError):
+            os.read(self._output, MOST_PRINTED)
+        self._buffer.clear()
+
+    def _wait(self, words: Collection[str], begun: float, deadline: float, memory_bytes: float) -> tuple[str, str, int]:
+        """How the exchange ends, the answer, and the largest memory that was seen at regular looks."""
+        next_look, pause, peak = begun + FIRST_LOOK, FIRST_LOOK, 0
+        while True:
+            remaining = min(next_look, deadline) - time.monotonic()
+            ready = dict(self._poll.poll(max(0.0, 1000.0 * remaining)))
             if self._output in ready:
-                end, line = self._answer(words)
+                end, line = self._read_answer(words)
+                if end:
+                    return end, line, peak
             elif self._life in ready:
-                end = "exit"
-            now = time.monotonic()
-            if not end and now >= begun + seconds:
-                end = "hang"
-            elif not end and now >= look:
+                return "exit", "", peak
+            time_now = time.monotonic()
+            if time_now >= deadline:
+                return "hang", "", peak
+            if time_now >= next_look:
                 if os.path.getsize(self._log) > MOST_LOGGED:
                     os.truncate(self._log, 0)
-                self._look()
+                self._find_descendants()
                 peak = max(peak, self._memory(memory_bytes))
-                end = "memory" if peak > memory_bytes else ""
+                if peak > memory_bytes:
+                    return "memory", "", peak
                 pause = min(1.5 * pause, LONGEST_LOOK)
-                look = now + pause
-        wall, spent = time.monotonic() - begun, max(self._processor_seconds() - used, 0.0)
-        return Reply(end, line, wall, spent, max(peak, self._memory(memory_bytes)))
+                next_look = time_now + pause
 
     def memory(self) -> int:
         """Memory of the process with its descendants now, bytes."""
-        self._look()
+        self._find_descendants()
         return self._memory(float("inf"))
 
     def printed(self) -> str:
@@ -164,52 +176,65 @@ class WatchedProcess:
         Returns:
             Exit code, negative for a signal, and processor time with that of the children that it waited for, s.
         """
-        if self._over is not None:
-            return self._over
+        if self._ended is not None:
+            return self._ended
         select.select([self._life], [], [], grace)
-        until = time.monotonic() + KILLING
-        while time.monotonic() < until:
-            self._look()
-            marked = (p for p in psutil.process_iter() if _ask(p, lambda p: p.environ().get(MARK), "") == self._mark)
-            self._tree = [*self._tree, *(process for process in marked if process not in self._tree)]
+        deadline = time.monotonic() + KILLING
+        while time.monotonic() < deadline:
+            self._find_descendants()
+            self._find_marked()
             # The group at once, so that what forks all the time does not outrun this.
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._popen.pid, signal.SIGKILL)
             for process in self._tree:
                 _ask(process, psutil.Process.kill, None)
+            # A killed process may have forked before it died: look again until none runs.
             if not any(map(_runs, self._tree)):
                 break
             time.sleep(0.002)
+        # wait4 alone tells the processor time of children that the process has waited for.
         _, status, usage = os.wait4(self._popen.pid, 0)
         self._popen.returncode = os.waitstatus_to_exitcode(status)
-        self._over = self._popen.returncode, usage.ru_utime + usage.ru_stime
+        self._ended = self._popen.returncode, usage.ru_utime + usage.ru_stime
         os.close(self._life)
         for pipe in filter(None, (self._popen.stdin, self._popen.stdout)):
             pipe.close()
-        return self._over
+        return self._ended
 
-    def _answer(self, words: Collection[str]) -> tuple[str, str]:
-        """Read what there is: how the exchange ends, if it does, and the answer."""
+    def _read_answer(self, words: Collection[str]) -> tuple[str, str]:
+        """Read what has been printed: how the exchange ends, if it does, and the answer."""
         chunk = os.read(self._output, 2**16)
+        # A process that closes its output can answer nothing any more, nor can one whose line never ends.
         if not chunk or len(self._buffer) > MOST_PRINTED:
             return "exit", ""
+        # What stands behind the last end of line is the beginning of the next line.
         *lines, self._buffer = (self._buffer + chunk).split(b"\n")
-        for line in lines:
-            text = line.decode("utf-8", "replace").strip()
-            if text.partition(" ")[0] in words:
-                return "line", text
+        for encoded in lines:
+            line = encoded.decode("utf-8", "replace").strip()
+            if line.partition(" ")[0] in words:
+                return "line", line
         return "", ""
 
-    def _look(self) -> None:
+    def _find_descendants(self) -> None:
         """Look for descendants; those seen before count also when their parent has gone."""
         root, *earlier = self._tree
-        seen = {*earlier, *_ask(root, lambda one: one.children(recursive=True), ())}
-        self._tree = [root, *filter(_runs, seen)]
+        descendants = {*earlier, *_ask(root, lambda process: process.children(recursive=True), ())}
+        # Those that have ended go: their numbers may be those of other processes soon.
+        self._tree = [root, *filter(_runs, descendants)]
+
+    def _find_marked(self) -> None:
+        """Look for processes that have left the session and lost their parent: they still have the mark."""
+        for process in psutil.process_iter():
+            environment = _ask(process, psutil.Process.environ, {})
+            if environment.get(MARK) == self._mark and process not in self._tree:
+                self._tree.append(process)
 
     def _memory(self, limit: float) -> int:
         """Resident memory, bytes; above the limit shared pages are counted once, which is exact and slow."""
-        total: int = sum(_ask(process, lambda one: one.memory_info().rss, 0) for process in self._tree)
-        return total if total <= limit else sum(_ask(p, lambda p: p.memory_full_info().pss, 0) for p in self._tree)
+        resident: int = sum(_ask(process, lambda p: p.memory_info().rss, 0) for process in self._tree)
+        if resident <= limit:
+            return resident
+        return sum(_ask(process, lambda p: p.memory_full_info().pss, 0) for process in self._tree)
 
     def _processor_seconds(self) -> float:
         def seconds(process: psutil.Process) -> float:
@@ -233,4 +258,4 @@ def _ask(process: psutil.Process, question: Callable[[psutil.Process], Any], def
 
 
 def _runs(process: psutil.Process) -> bool:
-    return bool(_ask(process, lambda one: one.is_running() and one.status() != psutil.STATUS_ZOMBIE, False))
+    return bool(_ask(process, lambda p: p.is_running() and p.status() != psutil.STATUS_ZOMBIE, False))

@@ -16,6 +16,7 @@ from importlib.machinery import ModuleSpec, SourceFileLoader
 from importlib.util import module_from_spec
 from operator import attrgetter
 from pathlib import Path
+from types import ModuleType
 from typing import Any, cast
 
 import sysid
@@ -40,8 +41,8 @@ def main(target: str, home: str, memory_bytes: str) -> int:
     # What the function prints goes to the log: on standard output it would be taken for an answer.
     os.dup2(2, 1)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-    for part in SCIPY:
-        importlib.import_module(f"scipy.{part}")
+    for module in SCIPY:
+        importlib.import_module(f"scipy.{module}")
     try:
         function = load(target, Path(home))
     # Loading a module may raise anything, SystemExit too.
@@ -65,31 +66,46 @@ def load(target: str, home: Path) -> Callable[..., Any]:
     Raises:
         ImportError: There is none; and whatever the module raises.
     """
-    place, _, name = target.rpartition(":")
-    if not place or not name:
+    module_name, _, function_name = target.rpartition(":")
+    if not module_name or not function_name:
         raise ImportError(f"{target!r} given, expected module:function or path/to/file.py:function")
-    path = home / place
-    sys.path.insert(0, str(path.parent if path.suffix == ".py" else home))
-    if path.suffix != ".py":
-        module = importlib.import_module(place)
-    elif not path.is_file():
-        raise ImportError(f"no file {str(path)!r}")
+    path = home / module_name
+    if path.suffix == ".py":
+        sys.path.insert(0, str(path.parent))
+        module = _load_file(path)
     else:
-        # A file may have the name of an installed module.
-        label = path.stem if path.stem not in sys.modules else f"estimator_{path.stem}"
-        loader = SourceFileLoader(label, str(path))
-        module = module_from_spec(ModuleSpec(label, loader, origin=str(path)))
-        sys.modules[label] = module
-        loader.exec_module(module)
+        sys.path.insert(0, str(home))
+        module = importlib.import_module(module_name)
     try:
-        function = attrgetter(name)(module)
+        function = attrgetter(function_name)(module)
     except AttributeError as error:
-        own = [n for n, v in vars(module).items() if getattr(v, "__module__", "") == module.__name__ and callable(v)]
-        others = ", ".join(sorted(n for n in own if not n.startswith("_"))[:12])
-        raise ImportError(f"{place} has no {name!r}; it has {others or 'no functions'}") from error
+        functions = ", ".join(_functions_of(module)[:12]) or "no functions"
+        raise ImportError(f"{module_name} has no {function_name!r}; it has {functions}") from error
     if not callable(function):
         raise ImportError(f"{target} is of type {type(function).__name__}, expected a function")
     return cast(Callable[..., Any], function)
+
+
+def _load_file(path: Path) -> ModuleType:
+    if not path.is_file():
+        raise ImportError(f"no file {str(path)!r}")
+    # A file may have the name of an installed module.
+    label = path.stem if path.stem not in sys.modules else f"estimator_{path.stem}"
+    loader = SourceFileLoader(label, str(path))
+    module = module_from_spec(ModuleSpec(label, loader, origin=str(path)))
+    # Registered before it runs, as an import does: dataclasses and pickle look their module up.
+    sys.modules[label] = module
+    loader.exec_module(module)
+    return module
+
+
+def _functions_of(module: ModuleType) -> list[str]:
+    """Public functions and classes that the module defines itself."""
+    names = []
+    for name, value in vars(module).items():
+        if callable(value) and getattr(value, "__module__", "") == module.__name__ and not name.startswith("_"):
+            names.append(name)
+    return sorted(names)
 
 
 def describe(error: BaseException) -> str:
@@ -98,12 +114,15 @@ def describe(error: BaseException) -> str:
         reason = str(error)
     except Exception:
         reason = "its text cannot be printed"
-    text = " ".join(f"{type(error).__name__}: {reason}".strip(": \n").split())[:LONGEST_REASON]
-    frames = [
-        f for f in traceback.extract_tb(error.__traceback__) if f.filename != __file__ and "importlib" not in f[0]
-    ]
-    own = [frame for frame in frames if not frame.filename.startswith(LIBRARIES)] or frames
-    return text + (f" ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else "")
+    message = " ".join(f"{type(error).__name__}: {reason}".strip(": \n").split())[:LONGEST_REASON]
+    frames = []
+    for frame in traceback.extract_tb(error.__traceback__):
+        if frame.filename != __file__ and "importlib" not in frame.filename:
+            frames.append(frame)
+    frames = [frame for frame in frames if not frame.filename.startswith(LIBRARIES)] or frames
+    if not frames:
+        return message
+    return f"{message} ({Path(frames[-1].filename).name}, line {frames[-1].lineno})"
 
 
 def _answer(function: Callable[..., Any], paths: dict[str, str]) -> str:
@@ -127,16 +146,17 @@ def _answer(function: Callable[..., Any], paths: dict[str, str]) -> str:
 
 def _processor_seconds() -> float:
     """Processor time of this process, all its threads, and its children that have ended, s."""
-    usage = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(one.ru_utime + one.ru_stime for one in usage)
+    usages = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
-def _limit_memory(more: int) -> None:
+def _limit_memory(allowed: int) -> None:
     """Let this process allocate so many bytes beyond what it has: what goes beyond raises MemoryError."""
+    # RLIMIT_DATA counts private writable memory; RLIMIT_AS would count mapped code and files too.
     with contextlib.suppress(OSError, ValueError, IndexError):
         status = Path("/proc/self/status").read_text().splitlines()
         held = 1024 * int(next(line.split()[1] for line in status if line.startswith("VmData")))
-        resource.setrlimit(resource.RLIMIT_DATA, (held + more, held + more))
+        resource.setrlimit(resource.RLIMIT_DATA, (held + allowed, held + allowed))
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ LONG = 30
 """Order of the long ARX model from which a search starts, where the record allows it."""
 
 EDGE = 0.9999
-"""Roots of C and F stay within this radius."""
+"""Roots of C and F stay within this radius: beyond it errors are infinite, which the search takes as a wall."""
 
 SHORT_SEARCH = 8
 """Evaluations by which starts are compared."""
@@ -46,18 +46,24 @@ def referee(data: IOData, task: Task) -> Answer:
         ValueError: No search converged.
     """
     require(task, task.structure, data, inputs=1, no_choice="this method does not choose them")
-    n = task.orders.get("order", 0)
-    # A state space of n states is an ARMAX model of n.
-    degrees = make_orders(1, **({"na": n, "nb": n, "nc": n, "nk": 1} if task.structure == "ss" else task.orders))
+    orders = dict(task.orders)
+    if task.structure == "ss":
+        # A state space of n states is an ARMAX model of n.
+        orders = dict.fromkeys(("na", "nb", "nc"), orders["order"]) | {"nk": 1}
+    degrees = make_orders(1, **orders)
     u, y = data.u[:, 0], data.y[:, 0]
     drafts = [_search(u, y, degrees, start, SHORT_SEARCH) for start in _starts(u, y, degrees)]
+    # A start beyond the wall has no finite errors, and no search begins from it.
     finite = [draft for draft in drafts if draft is not None]
     if not finite:
         raise ValueError("no start has finite prediction errors")
-    best = _search(u, y, degrees, min(finite, key=lambda draft: float(draft.cost)).x, MOST_EVALUATIONS)
+    best_draft = min(finite, key=lambda draft: float(draft.cost))
+    best = _search(u, y, degrees, best_draft.x, MOST_EVALUATIONS)
     if best is None or best.status == 0:
         raise ValueError(f"the search did not end within {MOST_EVALUATIONS} evaluations")
+    # SciPy's cost is half the sum of squares.
     variance = 2.0 * float(best.cost) / (len(best.fun) - len(best.x))
+    # The QR factor of the Jacobian J: forming J' J would square its condition number.
     triangle = np.linalg.qr(best.jac, mode="r")
     inverse = np.linalg.inv(triangle)
     polynomials = degrees.polynomials(best.x)
@@ -82,15 +88,20 @@ def errors(u: FloatArray, y: FloatArray, degrees: Orders, theta: FloatArray) -> 
     if not (_stable(C) and _stable(F)):
         return np.full(len(y) - lost, np.inf)
     disturbance = lfilter(A, [1.0], y)[first:] - lfilter([1.0], F, lfilter(B, [1.0], u)[first:])
+    # A convolution with D needs the samples before it too: those of the unknown past are cut off, not taken as zero.
     whitened = lfilter([1.0], C, lfilter(D, [1.0], disturbance)[len(D) - 1 :])
+    # Initial conditions of 1/F and 1/C enter the errors through the impulse responses of these filters.
     pulse = np.zeros(len(disturbance))
     pulse[0] = 1.0
     after_f = lfilter(D, [1.0], lfilter([1.0], F, pulse))
     after_c = lfilter([1.0], C, pulse[: len(whitened)])
-    columns = [lfilter([1.0], C, _delayed(after_f, k)[len(D) - 1 :]) for k in range(len(F) - 1)]
+    columns = []
+    for k in range(len(F) - 1):
+        columns.append(lfilter([1.0], C, _delayed(after_f, k)[len(D) - 1 :]))
     columns += [_delayed(after_c, k) for k in range(degrees.nc)]
     if columns:
         table = np.array(columns).T
+        # The responses may be nearly dependent: singular values below 1e-12 of the largest are rounding.
         whitened = whitened - table @ np.linalg.lstsq(table, whitened, rcond=1e-12)[0]
     return np.asarray(whitened)
 
@@ -115,40 +126,54 @@ def _search(
 def _starts(u: FloatArray, y: FloatArray, degrees: Orders) -> list[FloatArray]:
     """From an ARX model of the structure's own orders, and from a long one [HannanRissanen1982]."""
     (nb,), (nf,), (nk,) = degrees.nb, degrees.nf, degrees.nk
-    nc, nd, poles, lags = degrees.nc, degrees.nd, max(degrees.na, nf), range(nk, nk + nb)
-    simple = _regression(y, [(y, range(1, poles + 1)), (u, lags)])
-    n = max(min(LONG, len(y) // 20), poles)
-    long = _regression(y, [(y, range(1, n + 1)), (u, range(1, n + 1))])
-    a_long, b_long = _monic(-long[:n]), np.concatenate(([0.0], long[n:]))
-    e = lfilter(a_long, [1.0], y) - lfilter(b_long, [1.0], u)
-    e[:n] = 0.0
-    clean = lfilter(b_long, _reflected(a_long), u)
+    poles, nc = max(degrees.na, nf), degrees.nc
+    past_outputs, past_inputs = range(1, poles + 1), range(nk, nk + nb)
+    simple = _regression(y, [(y, past_outputs), (u, past_inputs)])
+    innovations, clean = _long_model(u, y, poles)
+    # Where B and A have their poles apart, the clean output shows the dynamics alone; with a C of ARMAX the estimated
+    # innovations are regressors too.
     if nf or not nc:
-        reduced = _regression(clean, [(clean, range(1, poles + 1)), (u, lags)])
+        reduced = _regression(clean, [(clean, past_outputs), (u, past_inputs)])
     else:
-        reduced = _regression(y, [(y, range(1, poles + 1)), (u, lags), (e, range(1, nc + 1))])
-    out = []
-    for fit in (simple, reduced):
-        dynamics, b = _monic(-fit[:poles]), fit[poles : poles + nb]
-        c, d = np.zeros(nc), np.zeros(nd)
-        if nf:
-            f = _reflected(dynamics)
-            v = y - lfilter(np.concatenate((np.zeros(nk), b)), f, u)
-            if nc or nd:
-                noise = _regression(v, [(v, range(1, nd + 1)), (e, range(1, nc + 1))])
-                d, c = -noise[:nd], noise[nd:]
-            parts = (np.zeros(degrees.na), b, _reflected(_monic(c))[1:], d, f[1:])
-        else:
-            c = fit[poles + nb :] if len(fit) > poles + nb else c
-            parts = (dynamics[1:], b, _reflected(_monic(c))[1:], d, np.zeros(0))
-        out.append(np.concatenate(parts))
-    return out
+        reduced = _regression(y, [(y, past_outputs), (u, past_inputs), (innovations, range(1, nc + 1))])
+    return [_start(u, y, innovations, degrees, fit) for fit in (simple, reduced)]
+
+
+def _long_model(u: FloatArray, y: FloatArray, poles: int) -> tuple[FloatArray, FloatArray]:
+    """Estimates of the innovations and of the output without noise, from a long ARX model."""
+    n = max(min(LONG, len(y) // 20), poles)
+    coefficients = _regression(y, [(y, range(1, n + 1)), (u, range(1, n + 1))])
+    a, b = _monic(-coefficients[:n]), np.concatenate(([0.0], coefficients[n:]))
+    innovations = lfilter(a, [1.0], y) - lfilter(b, [1.0], u)
+    # The first n have a past that the record does not hold.
+    innovations[:n] = 0.0
+    return innovations, lfilter(b, _reflected(a), u)
+
+
+def _start(u: FloatArray, y: FloatArray, innovations: FloatArray, degrees: Orders, fit: FloatArray) -> FloatArray:
+    """Parameters of the structure from a regression on past outputs and inputs, and perhaps innovations."""
+    (nb,), (nf,), (nk,) = degrees.nb, degrees.nf, degrees.nk
+    nc, nd, poles = degrees.nc, degrees.nd, max(degrees.na, nf)
+    dynamics, b = _monic(-fit[:poles]), fit[poles : poles + nb]
+    c, d = np.zeros(nc), np.zeros(nd)
+    if not nf:
+        if len(fit) > poles + nb:
+            c = fit[poles + nb :]
+        return np.concatenate((dynamics[1:], b, _reflected(_monic(c))[1:], d))
+    f = _reflected(dynamics)
+    disturbance = y - lfilter(np.concatenate((np.zeros(nk), b)), f, u)
+    if nc or nd:
+        noise = _regression(disturbance, [(disturbance, range(1, nd + 1)), (innovations, range(1, nc + 1))])
+        d, c = -noise[:nd], noise[nd:]
+    return np.concatenate((np.zeros(degrees.na), b, _reflected(_monic(c))[1:], d, f[1:]))
 
 
 def _regression(target: FloatArray, signals: list[tuple[FloatArray, range]]) -> FloatArray:
     """Least squares of a signal on lags of others, where all of them are known."""
-    first = max(lag for _, lags in signals for lag in lags)
-    columns = [signal[first - lag : len(signal) - lag] for signal, lags in signals for lag in lags]
+    first = max(max(lags, default=0) for _, lags in signals)
+    columns = []
+    for signal, lags in signals:
+        columns += [signal[first - lag : len(signal) - lag] for lag in lags]
     return np.asarray(np.linalg.lstsq(np.array(columns).T, target[first:], rcond=None)[0])
 
 
@@ -169,6 +194,7 @@ def _reflected(polynomial: FloatArray) -> FloatArray:
     roots = np.roots(polynomial).astype(complex)
     outside = np.abs(roots) > 1.0
     roots[outside] = 1.0 / roots[outside].conj()
+    # A start at the very edge would have a Jacobian that the wall beyond it spoils.
     near = np.abs(roots) > 0.99
     roots[near] *= 0.99 / np.abs(roots[near])
     short = np.atleast_1d(np.poly(roots).real)

@@ -23,7 +23,8 @@ class Ruler:
     def __init__(self, record: IOData) -> None:
         signals, rows = np.hstack((record.y, record.u)), len(record) - LAGS
         self._outputs = np.array(record.y[LAGS:])
-        self._regressors = np.hstack([signals[LAGS - lag : LAGS - lag + rows] for lag in range(1, LAGS + 1)])
+        starts = range(LAGS - 1, -1, -1)
+        self._regressors = np.hstack([signals[start : start + rows] for start in starts])
         self.seconds = float("inf")
         """The shortest time so far, s."""
 

@@ -32,9 +32,9 @@ _LABELS = ("input_names", "output_names", "input_units", "output_units")
 
 
 def paths(folder: Path, formats: Collection[str]) -> dict[str, str]:
-    """Paths of the files of a request by placeholder; formats are some of `FORMATS`."""
-    names = {**{name: FORMATS[name] for name in formats}, "task": TASK_FILE, "model": MODEL_STEM}
-    return {name: str(folder / file) for name, file in names.items()}
+    """Paths of the files of a request by placeholder, with those of some of `FORMATS`."""
+    names = {placeholder: FORMATS[placeholder] for placeholder in formats} | {"task": TASK_FILE, "model": MODEL_STEM}
+    return {placeholder: str(folder / name) for placeholder, name in names.items()}
 
 
 def write_request(folder: Path, data: IOData, task: Task, formats: Collection[str]) -> None:
@@ -51,30 +51,30 @@ def write_request(folder: Path, data: IOData, task: Task, formats: Collection[st
     blank = IOData(data.u, data.y, data.dt, intersample=data.intersample, window=data.window, missing=data.missing)
     for name in formats:
         _WRITERS[name](folder / FORMATS[name], blank)
-    table = {
-        "protocol": PROTOCOL,
-        **{name: getattr(task, name) for name in ("structure", "most_order", "seed")},
-        "orders": dict(task.orders),
-        "frequencies": task.frequencies.tolist(),
-        **{"samples": len(blank), "inputs": blank.nu, "outputs": blank.ny},
-        **{name: getattr(blank, name) for name in (*_RECORD, *_LABELS)},
-    }
+    table: dict[str, object] = {"protocol": PROTOCOL, "orders": dict(task.orders)}
+    for name in ("structure", "most_order", "seed"):
+        table[name] = getattr(task, name)
+    table["frequencies"] = task.frequencies.tolist()
+    table |= {"samples": len(blank), "inputs": blank.nu, "outputs": blank.ny}
+    for name in (*_RECORD, *_LABELS):
+        table[name] = getattr(blank, name)
     (folder / TASK_FILE).write_text(json.dumps(table, indent=1, allow_nan=False), encoding="utf-8")
 
 
 def read_request(record: Path, task: Path) -> tuple[IOData, Task]:
     """Read a record (NumPy) and a task as `write_request` wrote them."""
     table = json.loads(task.read_text(encoding="utf-8"))
+    # Without pickle, which could run code.
     with np.load(record, allow_pickle=False) as arrays:
         data = IOData(arrays["u"], arrays["y"], **{name: table[name] for name in _RECORD})
     frequencies = np.array(table["frequencies"], dtype=np.float64)
     return data, Task(table["structure"], table["orders"], table["most_order"], frequencies, table["seed"])
 
 
-def write_model(stem: Path, numbers: Numbers) -> None:
+def write_model(stem: Path, model: Numbers) -> None:
     """Write named numbers of a model as JSON, which keeps every bit of them; the stem is the path without ending."""
-    text = json.dumps({name: values.tolist() for name, values in numbers.items()})
-    stem.with_name(f"{stem.name}.json").write_text(text, encoding="utf-8")
+    contents = json.dumps({name: values.tolist() for name, values in model.items()})
+    stem.with_name(f"{stem.name}.json").write_text(contents, encoding="utf-8")
 
 
 def read_model(folder: Path) -> Numbers:
@@ -88,17 +88,19 @@ def read_model(folder: Path) -> Numbers:
     """
     files = [path for ending in _READERS if (path := folder / f"{MODEL_STEM}{ending}").is_file()]
     if len(files) != 1:
-        given = ", ".join(path.name for path in files) or "no model file"
-        raise NoModelError(f"{given} written, expected {{model}} with .json, .mat or .nc behind it")
+        names = ", ".join(path.name for path in files) or "no model file"
+        raise NoModelError(f"{names} written, expected {{model}} with .json, .mat or .nc behind it")
     path = files[0]
+    # Before it is read: anyone may have written it.
     if (size := path.stat().st_size) > MOST_BYTES:
         raise NoModelError(f"{path.name} has {size} bytes, expected at most {MOST_BYTES}")
     try:
         values = _READERS[path.suffix](path)
     except (OSError, ValueError, RecursionError) as error:
+        explains_itself = isinstance(error, ScenarioError | TwinError)
+        reason = str(error) if explains_itself else f"cannot read {path.name}: {error}"
         # Reasons are counted over requests, so they name no folder.
-        text = str(error) if isinstance(error, ScenarioError | TwinError) else f"cannot read {path.name}: {error}"
-        raise NoModelError(text.replace(str(path), path.name)) from error
+        raise NoModelError(reason.replace(str(path), path.name)) from error
     if unknown := sorted(values.keys() - set(NAMES)):
         raise NoModelError(f"{path.name}: unknown {unknown[0][:50]!r}, expected some of {', '.join(NAMES)}")
     return real_numbers(values)
@@ -114,8 +116,11 @@ def _read_json(path: Path) -> dict[str, object]:
 
 def _read_netcdf(path: Path) -> dict[str, object]:
     contents = read_netcdf(path, only=NAMES)
-    dt = {"dt": contents.attributes["dt"]} if "dt" in contents.attributes else {}
-    return {**{name: variable.values for name, variable in contents.variables.items()}, **dt}
+    values: dict[str, object] = {name: variable.values for name, variable in contents.variables.items()}
+    # The sampling time may be an attribute as well as a variable.
+    if "dt" in contents.attributes:
+        values["dt"] = contents.attributes["dt"]
+    return values
 
 
 _READERS: dict[str, Callable[[Path], Mapping[str, object]]] = {
@@ -126,12 +131,12 @@ _READERS: dict[str, Callable[[Path], Mapping[str, object]]] = {
 
 
 def _write_netcdf(path: Path, data: IOData) -> None:
-    names = {"input": data.input_names, "output": data.output_names}
     variables = {
         "time": Variable(("time",), data.time, {"units": "s"}),
         "u": Variable(("time", "input"), data.u, {"long_name": "inputs"}),
         "y": Variable(("time", "output"), data.y, {"long_name": "outputs"}),
-        **{name: Variable((name,), np.array(labels), {}) for name, labels in names.items()},
+        "input": Variable(("input",), np.array(data.input_names), {}),
+        "output": Variable(("output",), np.array(data.output_names), {}),
     }
     attributes = {"dt": data.dt, "window": data.window, "intersample": data.intersample}
     path.write_bytes(Contents(variables, attributes).to_bytes())
@@ -140,6 +145,7 @@ def _write_netcdf(path: Path, data: IOData) -> None:
 def _write_csv(path: Path, data: IOData) -> None:
     """A line of names, `time,u1,...,y1,...`, and a line per sample, all digits that count."""
     header = ",".join(["time", *(data.input_names or ()), *(data.output_names or ())])
+    # As text each number has the digits that give back its bits.
     table = np.column_stack((data.time, data.u, data.y))
     np.savetxt(path, table, fmt="%s", delimiter=",", header=header, comments="", encoding="ascii")
 

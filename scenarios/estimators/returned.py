@@ -37,26 +37,31 @@ def numbers_of(value: object, data: IOData, task: Task) -> Numbers:
     Raises:
         NoModelError: It is nothing of the list above.
     """
-    model, polynomials = value, None
-    covariance: Any = None
-    response_covariance: Any = None
-    ends: Any = None
     if isinstance(value, Estimate):
-        # A method that does not know its covariance says so by NaN throughout; NaN among numbers is not finite.
-        known = np.isnan(value.covariance).all() or np.isfinite(value.covariance).all()
-        answer = Answer(value.model, value.polynomials, value.covariance)
-        value = estimate_answer(value, task) if known else answer
+        value = _answer_of_estimate(value, task)
     if isinstance(value, Answer):
-        model, polynomials, ends = value.model, value.polynomials, value.bandwidth_ci95
-        covariance, response_covariance = value.covariance, value.response_covariance
-    elif isinstance(value, tuple):
-        if len(value) not in (2, 3):
-            raise NoModelError(f"a tuple of {len(value)} given, {EXPECTED}")
-        model, covariance, ends = (*value, None)[:3]
-        if covariance is not None and real("covariance", covariance).ndim == OF_RESPONSE:
-            covariance, response_covariance = None, covariance
-    claims = {"covariance": covariance, "response_covariance": response_covariance, "bandwidth_ci95": ends}
-    return _of_model(model, data) | _of_polynomials(polynomials) | real_numbers(claims)
+        claims = {
+            "covariance": value.covariance,
+            "response_covariance": value.response_covariance,
+            "bandwidth_ci95": value.bandwidth_ci95,
+        }
+        return _of_model(value.model, data) | _of_polynomials(value.polynomials) | real_numbers(claims)
+    if not isinstance(value, tuple):
+        return _of_model(value, data)
+    if len(value) not in (2, 3):
+        raise NoModelError(f"a tuple of {len(value)} given, {EXPECTED}")
+    model, covariance, ends = (*value, None)[:3]
+    # The covariance of the parameters has two axes, that of the response five.
+    of_response = covariance is not None and real("covariance", covariance).ndim == OF_RESPONSE
+    name = "response_covariance" if of_response else "covariance"
+    return _of_model(model, data) | real_numbers({name: covariance, "bandwidth_ci95": ends})
+
+
+def _answer_of_estimate(estimate: Estimate, task: Task) -> Answer:
+    # A method that does not know its covariance says so by NaN throughout; NaN among numbers is not finite.
+    if np.isnan(estimate.covariance).all() or np.isfinite(estimate.covariance).all():
+        return estimate_answer(estimate, task)
+    return Answer(estimate.model, estimate.polynomials, estimate.covariance)
 
 
 def estimate_answer(estimate: Estimate, task: Task) -> Answer:
@@ -69,10 +74,12 @@ def estimate_answer(estimate: Estimate, task: Task) -> Answer:
         estimate: From any method; a covariance that it does not know (NaN) is not claimed.
         task: What was asked: the response is claimed at its frequencies.
     """
+    # An estimate without parameters, or of a method that does not know its covariance, claims nothing.
     if not estimate.covariance.size or not np.isfinite(estimate.covariance).all():
         return Answer(estimate.model, estimate.polynomials)
     if estimate.polynomials is not None:
         return Answer(estimate.model, estimate.polynomials, estimate.covariance)
+    # Only here: the process that reads the answer does not know the coordinates.
     response, bandwidth = estimate.response_and_bandwidth(task.frequencies)
     return Answer(estimate.model, response_covariance=response.covariance, bandwidth_ci95=bandwidth.ci95)
 
@@ -101,13 +108,16 @@ def _of_polynomials(polynomials: Polynomials | None) -> dict[str, FloatArray]:
 def _of_fractions(system: Any) -> dict[str, FloatArray]:
     """Coefficients of falling powers of z, all (ny, nu, k) or (k,)."""
     ny, nu = system.noutputs, system.ninputs
-    pairs = {(i, j): (real("num", system.num[i][j]), real("den", system.den[i][j])) for i, j in np.ndindex(ny, nu)}
-    k = max(len(part) for pair in pairs.values() for part in pair)
-    num, den = np.zeros((2, ny, nu, k))
-    for (i, j), (above, below) in pairs.items():
-        if len(above) > len(below):
+    numerators, denominators, longest = {}, {}, 0
+    for i, j in np.ndindex(ny, nu):
+        numerators[i, j], denominators[i, j] = real("num", system.num[i][j]), real("den", system.den[i][j])
+        longest = max(longest, len(numerators[i, j]), len(denominators[i, j]))
+    num, den = np.zeros((2, ny, nu, longest))
+    for (i, j), numerator in numerators.items():
+        denominator = denominators[i, j]
+        if len(numerator) > len(denominator):
             raise NoModelError("a transfer function given that is not causal, expected num no longer than den")
         # Zeros behind both are a power of z above and below: the denominator still begins with its highest power.
-        num[i, j, len(below) - len(above) : len(below)] = above
-        den[i, j, : len(below)] = below
+        num[i, j, len(denominator) - len(numerator) : len(denominator)] = numerator
+        den[i, j, : len(denominator)] = denominator
     return {"num": num[0, 0], "den": den[0, 0]} if (ny, nu) == (1, 1) else {"num": num, "den": den}

@@ -17,7 +17,7 @@ import numpy as np
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.model_numbers import answer_of, unstable
 from scenarios.estimators.outcome import MODEL, REFUSED, EstimatorOutcome, NoModelError
-from scenarios.estimators.process import WatchedProcess
+from scenarios.estimators.process import Reply, WatchedProcess
 from scenarios.estimators.request_files import FORMATS, paths, read_model, write_request
 from scenarios.estimators.task import PROTOCOL, Task
 from scenarios.files.errors import ScenarioError
@@ -82,6 +82,7 @@ class EstimatorProcess:
             self._formats = tuple(name for name in FORMATS if f"{{{name}}}" in self._estimator.target)
             self._command = program_words(self._estimator, self._home)
         else:
+            # -P: the working folder is not on the path, so that files there hide no package of the bench.
             child = [sys.executable, "-P", "-m", "scenarios.estimators.python_child"]
             self._command = [*child, self._estimator.target, str(self._home), str(self._limits.memory_bytes)]
         try:
@@ -114,6 +115,7 @@ class EstimatorProcess:
         """
         folder = self._folder / "request"
         try:
+            # An empty folder: a model of the request before answers nothing.
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
             write_request(folder, data, task, self._formats)
@@ -125,57 +127,60 @@ class EstimatorProcess:
                 "in the folder that the variable TMPDIR names"
             ) from error
         outcome = self._ask_process()
-        kind, why, answer = outcome.kind, outcome.why, None
-        if kind == MODEL:
-            try:
-                with np.errstate(all="ignore"):
-                    answer = answer_of(read_model(folder), data, task)
-                    why = unstable(answer.model)
-                kind = "unstable" if why else MODEL
-            except NoModelError as error:
-                kind, why = error.kind, str(error)
-            # Numbers of any size in matrices of any kind: LAPACK may fail in ways that no check foresees.
-            except (ArithmeticError, ValueError) as error:
-                kind, why = "malformed", f"no model can be made of the numbers: {error}"
-        return replace(outcome, kind=kind, why=self._general(why), answer=answer)
+        if outcome.kind == MODEL:
+            outcome = _with_model(outcome, folder, data, task)
+        return replace(outcome, why=self._with_placeholders(outcome.why))
 
     def _ask_process(self) -> EstimatorOutcome:
         """Let the process answer the files of the request; `MODEL`: its model file has not been read yet."""
         try:
             process = self._process or self._start()
         except ScenarioError as error:
-            return EstimatorOutcome("crash" if self._stays else "error", str(error))
+            # One that stays was ready once before.
+            failure = "crash" if self._stays else "error"
+            return EstimatorOutcome(failure, str(error))
+        request = json.dumps(self._paths) if self._stays else ""
         words = PROGRAM_WORDS if self._estimator.program else FUNCTION_WORDS
-        reply = process.exchange(
-            json.dumps(self._paths) if self._stays else "",
-            words,
-            seconds=self._limits.seconds,
-            memory_bytes=self._at_rest + self._limits.memory_bytes,
-        )
+        memory_bytes = self._at_rest + self._limits.memory_bytes
+        reply = process.exchange(request, words, seconds=self._limits.seconds, memory_bytes=memory_bytes)
         seconds = reply.seconds
-        kind, _, why = reply.line.partition(" ")
-        why = one_line(self._general(why))[:LONGEST_REASON]
-        if reply.end != "line":
-            code, used = process.kill(GRACE if reply.end == "exit" else 0.0)
-            limit = self._limits.memory_bytes
+        if reply.end == "line":
+            word, _, why = reply.line.partition(" ")
+            why = one_line(self._with_placeholders(why))[:LONGEST_REASON]
+        else:
+            code, seconds_with_children = _kill(process, reply)
             if reply.end == "exit" and code >= 0 and not self._stays:
-                kind, seconds = {0: "done", REFUSES: REFUSED}.get(code, "error"), used
-                why = self._printed(process) if code == REFUSES else self._ended(code, process)
-            elif reply.end == "hang":
-                kind, why = "hang", f"no answer within {self._limits.seconds:g} s"
-            elif reply.end == "memory" or reply.peak_bytes > self._at_rest + NEARLY * limit:
-                beyond = " beyond what it had when it was loaded" if self._at_rest else ""
-                kind, why = "memory", f"more than {limit / 2**20:.0f} MiB{beyond}"
+                word, why = self._result_of_program(code, process)
+                seconds = seconds_with_children
             else:
-                kind, why = "crash", f"its process ended: {self._ended(code, process)}"
-        if reply.end != "line" or kind == "memory":
+                word, why = self._reason_of_end(reply, code, process)
+        if reply.end != "line" or word == "memory":
             # After a MemoryError what it still holds would count against the next answer.
             self._end()
-        if kind == "done":
-            with suppress(ValueError):
-                seconds = float(why)
-            kind, why = MODEL, ""
-        return EstimatorOutcome(kind, why, seconds, reply.wall, reply.peak_bytes)
+        if word != "done":
+            return EstimatorOutcome(word, why, seconds, reply.wall, reply.peak_bytes)
+        # A program that stays may report its own processor time behind the word.
+        with suppress(ValueError):
+            seconds = float(why)
+        return EstimatorOutcome(MODEL, "", seconds, reply.wall, reply.peak_bytes)
+
+    def _result_of_program(self, code: int, process: WatchedProcess) -> tuple[str, str]:
+        """Word and reason for a program that is started for each request and ended by itself."""
+        if code == REFUSES:
+            return REFUSED, self._printed(process)
+        word = "error" if code else "done"
+        return word, self._description_of_end(code, process)
+
+    def _reason_of_end(self, reply: Reply, code: int, process: WatchedProcess) -> tuple[str, str]:
+        """Kind and reason of a failure that ended the process."""
+        limit = self._limits.memory_bytes
+        if reply.end == "hang":
+            return "hang", f"no answer within {self._limits.seconds:g} s"
+        # The kernel, or the process itself, may end it between two looks at its memory.
+        if reply.end == "memory" or reply.peak_bytes > self._at_rest + NEARLY * limit:
+            beyond = " beyond what it had when it was loaded" if self._at_rest else ""
+            return "memory", f"more than {limit / 2**20:.0f} MiB{beyond}"
+        return "crash", f"its process ended: {self._description_of_end(code, process)}"
 
     def _start(self) -> WatchedProcess:
         """Start the process.
@@ -191,6 +196,7 @@ class EstimatorProcess:
             # A folder of its own: estimators write files, and import what lies in the working folder.
             folder = self._folder / "work"
             folder.mkdir(exist_ok=True)
+            # The child finds the packages that this process finds.
             environment = {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
         target, log = self._estimator.target, self._folder / "printed"
         try:
@@ -202,13 +208,16 @@ class EstimatorProcess:
             return process
         reply = process.exchange("", ("ready", "error"), seconds=STARTING, memory_bytes=float("inf"))
         if reply.line == READY:
+            # The limit of a function is beyond what its libraries take, which it cannot help.
             self._at_rest = 0 if self._estimator.program else process.memory()
             return process
-        code, _ = process.kill(GRACE if reply.end == "exit" else 0.0)
+        code, _ = _kill(process, reply)
         self._process = None
-        why = one_line(reply.line.removeprefix("error ")) or (
-            f"not ready within {STARTING:g} s" if reply.end == "hang" else self._ended(code, process)
-        )
+        why = one_line(reply.line.removeprefix("error "))
+        if not why and reply.end == "hang":
+            why = f"not ready within {STARTING:g} s"
+        elif not why:
+            why = self._description_of_end(code, process)
         if self._estimator.program:
             raise ScenarioError(
                 f"{target!r}: {why}; expected a program that stays to print the line {READY!r} within {STARTING:g} s "
@@ -216,29 +225,51 @@ class EstimatorProcess:
             )
         raise ScenarioError(f"cannot load {target!r} of {self._estimator.name!r} from {str(self._home)!r}: {why}")
 
-    def _ended(self, code: int, process: WatchedProcess) -> str:
+    def _description_of_end(self, code: int, process: WatchedProcess) -> str:
         """Exit code or signal, and the end of what it printed."""
-        how = f"exit code {code}"
+        end = f"exit code {code}"
         if code < 0:
-            how = f"signal {signal.Signals(-code).name if -code in set(signal.Signals) else -code}"
+            names = {int(member): member.name for member in signal.Signals}
+            end = f"signal {names.get(-code, -code)}"
         printed = self._printed(process)
-        return f"{how}; it printed {printed!r}" if printed else how
+        return f"{end}; it printed {printed!r}" if printed else end
 
     def _printed(self, process: WatchedProcess) -> str:
-        return one_line(self._general(process.printed()))[-LONGEST_REASON:]
+        return one_line(self._with_placeholders(process.printed()))[-LONGEST_REASON:]
 
-    def _general(self, text: str) -> str:
-        """A text with placeholders for paths: reasons of different requests are counted together."""
+    def _with_placeholders(self, reason: str) -> str:
+        """A reason with placeholders for paths: reasons of different requests are counted together."""
         for name, path in (*self._paths.items(), ("folder", str(self._folder))):
             # Some programs resolve links, and the folder of temporary files may be one.
             for spelling in (os.path.realpath(path), path):
-                text = text.replace(spelling, f"{{{name}}}")
-        return text
+                reason = reason.replace(spelling, f"{{{name}}}")
+        return reason
 
     def _end(self) -> None:
         process, self._process = self._process, None
         if process is not None:
             process.kill()
+
+
+def _kill(process: WatchedProcess, reply: Reply) -> tuple[int, float]:
+    """Kill a process; one that has closed its output may be about to end with a code of its own."""
+    grace = GRACE if reply.end == "exit" else 0.0
+    return process.kill(grace)
+
+
+def _with_model(outcome: EstimatorOutcome, folder: Path, data: IOData, task: Task) -> EstimatorOutcome:
+    """The outcome with the model that its estimator wrote, or with the reason why it is none."""
+    try:
+        with np.errstate(all="ignore"):
+            answer = answer_of(read_model(folder), data, task)
+            why = unstable(answer.model)
+    except NoModelError as error:
+        return replace(outcome, kind=error.kind, why=str(error))
+    # Numbers of any size in matrices of any kind: LAPACK may fail in ways that no check foresees.
+    except (ArithmeticError, ValueError) as error:
+        return replace(outcome, kind="malformed", why=f"no model can be made of the numbers: {error}")
+    kind = "unstable" if why else MODEL
+    return replace(outcome, kind=kind, why=why, answer=answer)
 
 
 def program_words(estimator: Estimator, home: Path) -> list[str]:
@@ -248,15 +279,17 @@ def program_words(estimator: Estimator, home: Path) -> list[str]:
         words = shlex.split(line)
     except ValueError as error:
         raise ScenarioError(f"command {line!r} cannot be split into words: {error}") from error
+    placeholders = ", ".join(f"{{{name}}}" for name in FORMATS)
     if not words or "{model}" not in line or not any(f"{{{name}}}" in line for name in FORMATS):
         raise ScenarioError(
-            f"command {line!r} given, expected one of {', '.join(f'{{{name}}}' for name in FORMATS)} where it reads "
+            f"command {line!r} given, expected one of {placeholders} where it reads "
             "the record, {model} where it writes its model, and {task} where it reads the task, if it does"
         )
     if not home.is_dir():
         raise ScenarioError(f"no folder {str(home)!r}, which is given for {estimator.name!r}")
     # A program with a folder in its name is looked for from home, as a shell there would.
-    program = shutil.which(str(home / words[0]) if "/" in words[0] else words[0])
+    file_name = str(home / words[0]) if "/" in words[0] else words[0]
+    program = shutil.which(file_name)
     if program is None:
         raise ScenarioError(f"no program {words[0]!r} for {estimator.name!r}, neither in {str(home)!r} nor on the path")
     return [program, *words[1:]]

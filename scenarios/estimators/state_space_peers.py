@@ -94,12 +94,15 @@ def nfoursid_n4sid(data: IOData, task: Task) -> Answer:
     search = NFourSID(table, output_columns=outputs, input_columns=inputs, num_block_rows=block_rows(task))
     search.subspace_identification()
     m, noise = search.system_identification(rank=task.orders["order"])
-    R, S, Q = noise[: data.ny, : data.ny], noise[data.ny :, : data.ny], noise[data.ny :, data.ny :]
+    # Its joint covariance has the noise of the outputs before that of the states.
+    R, S = noise[: data.ny, : data.ny], noise[data.ny :, : data.ny]
+    Q = noise[data.ny :, data.ny :]
     K = None
     # A record without noise leaves no gain to be computed.
     with suppress(ValueError, np.linalg.LinAlgError):
         P = solve_discrete_are(m.a.T, m.c.T, Q, R, s=S)
-        K = np.linalg.solve(m.c @ P @ m.c.T + R, m.c @ P @ m.a.T + S.T).T
+        innovation_covariance = m.c @ P @ m.c.T + R
+        K = np.linalg.solve(innovation_covariance, m.c @ P @ m.a.T + S.T).T
     return Answer(StateSpace(m.a, m.b, m.c, m.d, K, data.dt))
 
 
@@ -123,7 +126,8 @@ def sippy_n4sid(data: IOData, task: Task, *, weighting: str = "N4SID", direct: b
         data.y.copy(), data.u.copy(), weighting, tsample=data.dt, SS_f=rows, SS_p=rows, SS_D_required=direct, **orders
     )
     # Without a gain it returns an empty one.
-    return Answer(StateSpace(m.A, m.B, m.C, m.D, m.K if np.size(m.K) else None, data.dt))
+    gain = m.K if np.size(m.K) else None
+    return Answer(StateSpace(m.A, m.B, m.C, m.D, gain, data.dt))
 
 
 def jax_sysid_oe(data: IOData, task: Task) -> Answer:
@@ -157,7 +161,9 @@ def jax_output_error(data: IOData, order: int, *, direct: bool) -> StateSpace:
     of_u, of_y = np.std(data.u, axis=0), np.std(data.y, axis=0)
     model.fit(data.y / of_y, data.u / of_u)
     A, B, C = (np.asarray(matrix) for matrix in model.params[:3])
-    D = np.asarray(model.params[3]) * of_y[:, None] / of_u if direct else np.zeros((data.ny, data.nu))
+    D = np.zeros((data.ny, data.nu))
+    if direct:
+        D = np.asarray(model.params[3]) * of_y[:, None] / of_u
     return StateSpace(A, B / of_u, C * of_y[:, None], D, None, data.dt)
 
 
