@@ -23,9 +23,10 @@ def gain_crossing(response: FrequencyResponse, level: float) -> float:
     below = np.flatnonzero(gain < level)
     if not len(below) or below[0] == 0:
         return float("nan")
-    k = int(below[0])
-    x = np.interp(-np.log(level), -np.log(gain[[k - 1, k]]), np.log(f[[k - 1, k]]))
-    return float(np.exp(x))
+    around = [int(below[0]) - 1, int(below[0])]
+    # minus signs, since the gain falls and numpy interpolates over rising values only
+    log_frequency = np.interp(-np.log(level), -np.log(gain[around]), np.log(f[around]))
+    return float(np.exp(log_frequency))
 
 
 def half_power_hz(model: StateSpace) -> float:
@@ -57,17 +58,20 @@ def response_bandwidth(response: FrequencyResponse) -> Bandwidth:
     _, ny, nu = response.response.shape
     hz, low, high = np.full((3, ny, nu), np.nan)
     for i, j in np.ndindex(ny, nu):
-        hz[i, j], low[i, j], high[i, j] = _channel(response, i, j)
+        hz[i, j], low[i, j], high[i, j] = _path_bandwidth(response, i, j)
     return Bandwidth(hz, (low, high))
 
 
-def _channel(response: FrequencyResponse, i: int, j: int) -> tuple[float, float, float]:
+def _path_bandwidth(response: FrequencyResponse, output: int, input: int) -> tuple[float, float, float]:
+    """Bandwidth of one path and the ends of its 95 % interval, Hz; NaN where the lines do not determine it."""
     unknown = (np.nan, np.nan, np.nan)
-    f, g = response.frequencies, response.response[:, i, j]
+    f, g = response.frequencies, response.response[:, output, input]
     if response.covariance is None or not np.isfinite(g).all():
         return unknown
-    variance = _smooth(np.trace(response.covariance[:, i, j], axis1=1, axis2=2))
+    variance = _smooth(np.trace(response.covariance[:, output, input], axis1=1, axis2=2))
+    # noise adds its variance to the expected squared modulus
     power = np.abs(g) ** 2 - variance
+    # a median, so that a single noisy line does not decide how far the fit reaches
     below = np.flatnonzero(power < 0.5 * np.median(power[:3]))
     if not len(below) or (power[: below[0] + 1] <= 0.0).any():
         return unknown
@@ -75,33 +79,55 @@ def _channel(response: FrequencyResponse, i: int, j: int) -> tuple[float, float,
     lines = lines[power[lines] > 0.0]
     if len(lines) < DEGREE + 2:
         return unknown
-    # 1 / |G|^2 has the standard deviation 2 sd(|G|) / |G|^3, where the variance of |G| is half that of G.
-    target, deviation = 1.0 / power[lines], 2.0 * np.sqrt(0.5 * variance[lines]) / power[lines] ** 1.5
+    # frequencies relative to the last line keep the powers of the basis at most one
     scale = f[lines[-1]]
-    basis = np.vander((f[lines] / scale) ** 2, DEGREE + 1, increasing=True) / deviation[:, None]
+    coefficients, covariance = _fit_inverse_power(f[lines] / scale, power[lines], variance[lines])
+    crossing = _half_power_crossing(coefficients, covariance)
+    if crossing is None:
+        return unknown
+    squared_frequency, deviation = crossing
+    hz = float(scale * np.sqrt(squared_frequency))
+    # the variance of every line is a mean over itself and its neighbours on either side
+    freedom = (2 * NEIGHBOURS + 1) * response.degrees_of_freedom if response.degrees_of_freedom else np.inf
+    reach = deviation * scipy.stats.t.ppf(0.975, freedom)
+    return hz, float(hz * np.exp(-reach)), float(hz * np.exp(reach))
+
+
+def _fit_inverse_power(f: FloatArray, power: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Coefficients of the polynomial p(f^2) = 1 / |G|^2 by weighted least squares, lowest first, and covariance."""
+    target = 1.0 / power
+    # 1 / |G|^2 has the standard deviation 2 sd(|G|) / |G|^3, where the variance of |G| is half that of G.
+    deviation = 2.0 * np.sqrt(0.5 * variance) / power**1.5
+    basis = np.vander(f**2, DEGREE + 1, increasing=True) / deviation[:, None]
     inverse = np.linalg.pinv(basis)
-    coefficients, covariance = inverse @ (target / deviation), inverse @ inverse.T
-    excess = np.polynomial.Polynomial(coefficients - 2.0 * coefficients[0] * np.eye(DEGREE + 1)[0])
+    return inverse @ (target / deviation), inverse @ inverse.T
+
+
+def _half_power_crossing(coefficients: FloatArray, covariance: FloatArray) -> tuple[float, float] | None:
+    """Squared frequency x with p(x) = 2 p(0), and the standard deviation of the frequency's logarithm.
+
+    None if the polynomial is not positive at 0 Hz or reaches twice that value only beyond the fitted lines, x > 1.
+    """
+    at_dc = np.eye(DEGREE + 1)[0]
+    excess = np.polynomial.Polynomial(coefficients - 2.0 * coefficients[0] * at_dc)
     roots = excess.roots()
+    # complex roots are no crossings; a real one may be computed with an imaginary part of rounding
     real = roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)].real
     if coefficients[0] <= 0.0 or not len(real) or real.min() > 1.0:
-        return unknown
+        return None
     x = real.min()
     # Of p(x) = 2 p(0): dx = -(d p(x) - 2 d p(0)) / p'(x), and the frequency goes with the root of x.
-    gradient = -(x ** np.arange(DEGREE + 1) - 2.0 * np.eye(DEGREE + 1)[0]) / excess.deriv()(x)
-    spread = 0.5 * np.sqrt(gradient @ covariance @ gradient) / x
-    hz = float(scale * np.sqrt(x))
-    freedom = response.degrees_of_freedom
-    reach = spread * (
-        scipy.stats.t.ppf(0.975, (2 * NEIGHBOURS + 1) * freedom) if freedom else scipy.stats.t.ppf(0.975, np.inf)
-    )
-    return hz, float(hz * np.exp(-reach)), float(hz * np.exp(reach))
+    gradient = -(x ** np.arange(DEGREE + 1) - 2.0 * at_dc) / excess.deriv()(x)
+    return x, 0.5 * np.sqrt(gradient @ covariance @ gradient) / x
 
 
 def _smooth(variance: FloatArray) -> FloatArray:
     """Mean over neighbouring lines, over fewer at the ends."""
-    window, inner = np.ones(2 * NEIGHBOURS + 1), slice(NEIGHBOURS, NEIGHBOURS + len(variance))
-    return np.asarray(np.convolve(variance, window)[inner] / np.convolve(np.ones(len(variance)), window)[inner])
+    window = np.ones(2 * NEIGHBOURS + 1)
+    centred = slice(NEIGHBOURS, NEIGHBOURS + len(variance))
+    sums = np.convolve(variance, window)[centred]
+    counts = np.convolve(np.ones(len(variance)), window)[centred]
+    return np.asarray(sums / counts)
 
 
 WIDEST = 100.0  # ratio of the ends of a 95 % interval beyond which the bandwidth counts as undetermined
@@ -146,22 +172,7 @@ def bandwidth_claim(
     if len(poles) and np.abs(poles - 1.0).min() < INTEGRATES:
         objections.append("the model has a pole at one: it integrates, so it has no gain at 0 Hz and no bandwidth")
     elif np.isfinite(hz):
-        if np.isfinite(low) and not high <= WIDEST * low:
-            objections.append(
-                f"the bandwidth is not determined: its 95 % interval, {low:.2g} to {high:.2g} Hz, spans more than a "
-                f"factor of {WIDEST:g}"
-            )
-        shortest = 1.0 / (len(record.scored) * record.dt)
-        if hz < shortest:
-            objections.append(
-                f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, but the record of "
-                f"{len(record.scored) * record.dt:.3g} s holds no full period of frequencies below {shortest:.2g} Hz"
-            )
-        if lowest > hz:
-            objections.append(
-                f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, but the input excites nothing below "
-                f"{lowest:.2g} Hz"
-            )
+        objections += _bandwidth_objections((hz, low, high), record, lowest)
     warnings = list(objections)
     if lowest > 0:
         warnings.append(
@@ -172,6 +183,31 @@ def bandwidth_claim(
     if objections:
         hz = low = high = float("nan")
     return BandwidthClaim(hz, low, high, bool(objections), tuple(warnings))
+
+
+def _bandwidth_objections(bandwidth: tuple[float, float, float], record: IOData, lowest: float) -> list[str]:
+    """Reasons why a record, excited from the frequency `lowest` on, does not support a bandwidth and interval (Hz)."""
+    hz, low, high = bandwidth
+    objections: list[str] = []
+    # `not <=` counts an upper end that is NaN as too wide
+    if np.isfinite(low) and not high <= WIDEST * low:
+        objections.append(
+            f"the bandwidth is not determined: its 95 % interval, {low:.2g} to {high:.2g} Hz, spans more than a "
+            f"factor of {WIDEST:g}"
+        )
+    duration = len(record.scored) * record.dt
+    shortest = 1.0 / duration
+    if hz < shortest:
+        objections.append(
+            f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, but the record of "
+            f"{duration:.3g} s holds no full period of frequencies below {shortest:.2g} Hz"
+        )
+    if lowest > hz:
+        objections.append(
+            f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, but the input excites nothing below "
+            f"{lowest:.2g} Hz"
+        )
+    return objections
 
 
 def lowest_excited(record: IOData, *, input: int = 0) -> float:
@@ -187,9 +223,10 @@ def lowest_excited(record: IOData, *, input: int = 0) -> float:
     u = u - (window @ u / window.sum() - u.mean())
     power = np.abs(np.fft.rfft(window * u)) ** 2
     level = LINE * power.max()
-    middle = float(np.median(power))
-    if middle * len(power) >= FLOOR * power.sum():
-        level = min(level, SCATTER * middle)
+    floor = float(np.median(power))
+    if floor * len(power) >= FLOOR * power.sum():
+        # single lines of a random floor scatter far below its median
+        level = min(level, SCATTER * floor)
     line = int(np.argmax(power >= level))
     if line < RESOLVED:
         return 0.0

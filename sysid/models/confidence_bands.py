@@ -168,14 +168,15 @@ def zeros_band(estimate: Estimate) -> RootBand:
 
 
 def _roots_band(estimate: Estimate, roots_of: Callable[[StateSpace], ComplexArray]) -> RootBand:
+    """Roots of an estimate with their covariances by the delta method."""
     estimate = as_estimate(estimate)
     nominal = roots_of(estimate.model)
 
-    def parts(theta: FloatArray) -> FloatArray:
+    def coordinates(theta: FloatArray) -> FloatArray:
         matched = matched_roots(roots_of(estimate.realise(theta)), nominal)
         return np.stack((matched.real, matched.imag), axis=-1)
 
-    moves = spread(parts, estimate.parameters, estimate.covariance)
+    moves = spread(coordinates, estimate.parameters, estimate.covariance)
     return RootBand(nominal, np.einsum("kni,knj->nij", moves, moves))
 
 

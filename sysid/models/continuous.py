@@ -64,16 +64,20 @@ def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "co
     model = chosen_model(model)
     if isinstance(model, ContinuousEstimate):
         return model
-    own = model.data.intersample if isinstance(model, Estimate) else "zoh"
-    hold = own if intersample is None else intersample
+    hold_of_data = model.data.intersample if isinstance(model, Estimate) else "zoh"
+    hold = hold_of_data if intersample is None else intersample
     if hold == "bl" and intersample is None:
-        text = "the input of the data is band-limited: taken as held, which is exact only far below Nyquist"
-        warnings.warn(f"{text}; intersample='zoh' or 'foh' chooses", SysidWarning, stacklevel=2)
+        message = (
+            "the input of the data is band-limited: taken as held, which is exact only far below Nyquist; "
+            "intersample='zoh' or 'foh' chooses"
+        )
+        warnings.warn(message, SysidWarning, stacklevel=2)
         hold = "zoh"
     _is_linear(hold)
     if not isinstance(model, Estimate):
         return _unsampled(replace(as_model(model).input_path(), K=None), hold).to_control()
     realise = Unsampled(model.realise, hold, noise=True)
+    # one trial run tells whether the noise model can be converted: its poles alone may have no continuous counterpart
     try:
         realise(model.parameters)
     except SysidError:
@@ -108,35 +112,45 @@ class Unsampled:
         if path.order == model.order and not any(delays):
             return _unsampled(model, self.intersample)
         # a noise model of its own, or states that only delay the input
-        colour = replace(model, B=model.gain, D=np.eye(model.ny), input_names=None, input_units=None).input_path()
-        n, m = path.order, colour.order
-        both = replace(
-            model,
-            A=scipy.linalg.block_diag(path.A, colour.A),
-            B=np.vstack((path.B, np.zeros((m, model.nu)))),
-            C=np.hstack((path.C, colour.C)),
-            D=path.D,
-            K=np.vstack((np.zeros((n, model.ny)), colour.B)),
-        )
-        return _unsampled(both, self.intersample, delays)
+        return _unsampled(_with_separate_noise(path, model), self.intersample, delays)
+
+
+def _with_separate_noise(path: StateSpace, model: StateSpace) -> StateSpace:
+    """The input path beside the noise model of `model`, with states of their own."""
+    noise = replace(model, B=model.gain, D=np.eye(model.ny), input_names=None, input_units=None).input_path()
+    no_drive = np.zeros((noise.order, model.nu))
+    no_gain = np.zeros((path.order, model.ny))
+    return replace(
+        model,
+        A=scipy.linalg.block_diag(path.A, noise.A),
+        B=np.vstack((path.B, no_drive)),
+        C=np.hstack((path.C, noise.C)),
+        D=path.D,
+        K=np.vstack((no_gain, noise.B)),
+    )
 
 
 def _unsampled(model: StateSpace, intersample: str, delays: Sequence[int] = (0,)) -> ContinuousModel:
     """Model in continuous time, its innovation held; delays in samples, one for all inputs or one each."""
     _check_match(model.poles())
-    n, nu, drive = model.order, model.nu, np.hstack((model.B, model.gain))
-    held = np.block([[model.A, drive], [np.zeros((drive.shape[1], n)), np.eye(drive.shape[1])]])
-    rates = np.real(scipy.linalg.logm(held)) / model.dt
-    F, G, K, D = rates[:n, :n], rates[:n, n : n + nu], rates[:n, n + nu :], model.D
+    n, nu = model.order, model.nu
+    drive = np.hstack((model.B, model.gain))
+    held_inputs = drive.shape[1]
+    # held inputs are states that do not change, so that one logarithm gives F, G and K [Franklin1998]
+    augmented = np.block([[model.A, drive], [np.zeros((held_inputs, n)), np.eye(held_inputs)]])
+    rates = np.real(scipy.linalg.logm(augmented)) / model.dt
+    F, G, K = rates[:n, :n], rates[:n, n : n + nu], rates[:n, n + nu :]
+    D = model.D
     if intersample == "foh":
         blocks = np.eye(3 * n, k=n)
         blocks[:n, :n] = F * model.dt
         _, phi, ramp = np.split(scipy.linalg.expm(blocks)[:n], 3, axis=1)
         G = np.linalg.solve(phi, G)
         D = D - model.C @ ramp @ G * model.dt
-    states = replace(model, A=F, B=G, D=D, K=K if model.gain.any() else None)
-    late = model.dt * np.broadcast_to(np.asarray(delays, dtype=float), D.shape)
-    return ContinuousModel(states, late, intersample)
+    gain = K if model.gain.any() else None
+    states = replace(model, A=F, B=G, D=D, K=gain)
+    delays_in_seconds = model.dt * np.broadcast_to(np.asarray(delays, dtype=float), D.shape)
+    return ContinuousModel(states, delays_in_seconds, intersample)
 
 
 @overload
@@ -162,25 +176,36 @@ def c2d(
     Raises:
         SysidError: The system is not continuous, has more zeros than poles, or dt is not positive.
     """
-    dt, linear = sampling_interval(dt), _is_linear(intersample or "zoh")
+    dt = sampling_interval(dt)
+    method = "foh" if _is_linear(intersample or "zoh") else "zoh"
     if isinstance(system, ContinuousModel):
-        return (system if intersample is None else replace(system, intersample=intersample)).sampled(dt)
+        return _with_hold(system, intersample).sampled(dt)
     if isinstance(system, ContinuousEstimate):
         realise = Resampled(system.realise_continuous, dt, intersample)
-        return Estimate(
-            **estimate_fields(system) | {"model": realise(system.parameters), "polynomials": None, "realise": realise}
-        )
+        resampled = {"model": realise(system.parameters), "polynomials": None, "realise": realise}
+        return Estimate(**estimate_fields(system) | resampled)
     import control
 
     system = _continuous(system)
     if isinstance(system, control.TransferFunction):
         for numerator, denominator in zip(chain(*system.num), chain(*system.den), strict=True):
-            _check_proper(len(np.trim_zeros(numerator, "f")) - 1, len(np.trim_zeros(denominator, "f")) - 1)
-    held = control.ss(system)
-    if not held.nstates:
+            _check_proper(_degree(numerator), _degree(denominator))
+    states = control.ss(system)
+    if not states.nstates:
         # python-control samples nothing without a state
-        return StateSpace(np.zeros((0, 0)), np.zeros((0, held.ninputs)), np.zeros((held.noutputs, 0)), held.D, None, dt)
-    return StateSpace.from_control(control.sample_system(held, dt, method="foh" if linear else "zoh"))
+        B, C = np.zeros((0, states.ninputs)), np.zeros((states.noutputs, 0))
+        return StateSpace(np.zeros((0, 0)), B, C, states.D, None, dt)
+    return StateSpace.from_control(control.sample_system(states, dt, method=method))
+
+
+def _with_hold(model: ContinuousModel, intersample: str | None) -> ContinuousModel:
+    """The model for an input that is held or linear between samples; None leaves it as it is."""
+    return model if intersample is None else replace(model, intersample=intersample)
+
+
+def _degree(coefficients: FloatArray) -> int:
+    """Degree of a polynomial, its leading zeros not counted."""
+    return len(np.trim_zeros(coefficients, "f")) - 1
 
 
 @dataclass(frozen=True)
@@ -199,8 +224,7 @@ class Resampled:
 
     def __call__(self, theta: FloatArray) -> StateSpace:
         """Model for parameters (p,)."""
-        model = self.realise_continuous(theta)
-        return (model if self.intersample is None else replace(model, intersample=self.intersample)).sampled(self.dt)
+        return _with_hold(self.realise_continuous(theta), self.intersample).sampled(self.dt)
 
 
 def d2c_matched(model: StateSpace | Estimate) -> "control.TransferFunction":
@@ -259,7 +283,8 @@ def c2d_matched(system: "control.LTI", dt: float) -> StateSpace:
     zeros = zeros[np.abs(zeros) * dt < AT_INFINITY]
     _check_proper(len(zeros), len(poles))
     extra = max(len(poles) - len(zeros) - 1, 0)
-    unscaled = ZeroPoleGain(np.concatenate((np.exp(zeros * dt), -np.ones(extra))), np.exp(poles * dt), 1.0, dt)
+    discrete_zeros = np.concatenate((np.exp(zeros * dt), -np.ones(extra)))
+    unscaled = ZeroPoleGain(discrete_zeros, np.exp(poles * dt), 1.0, dt)
     f = 0.0 if _regular_at_zero(unscaled) else 0.05 / dt
     gain = complex(system(2j * np.pi * f)) / unscaled.frequency_response([f])[0]
     scaled = float(np.copysign(abs(gain), gain.real))
@@ -267,12 +292,14 @@ def c2d_matched(system: "control.LTI", dt: float) -> StateSpace:
 
 
 def _is_linear(intersample: str) -> bool:
+    """Whether the input is linear between samples (`foh`) instead of held (`zoh`); anything else is refused."""
     if intersample not in ("zoh", "foh"):
         raise SysidError(f"intersample must be 'zoh' (held) or 'foh' (linear), got {shown(intersample)}")
     return intersample == "foh"
 
 
 def _continuous(system: "control.LTI") -> "control.LTI":
+    """Check that a python-control system is continuous in time."""
     import control
 
     if not isinstance(system, control.StateSpace | control.TransferFunction):
@@ -285,6 +312,7 @@ def _continuous(system: "control.LTI") -> "control.LTI":
 
 
 def _check_proper(zeros: int, poles: int) -> None:
+    """Refuse more zeros than poles: such a response grows with frequency without bound."""
     if zeros > poles:
         raise SysidError(f"the system has {zeros} zeros and only {poles} poles: its response grows with frequency")
 
@@ -296,6 +324,7 @@ def _without_match(roots: ComplexArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
 
 
 def _check_match(poles: ComplexArray) -> None:
+    """Refuse discrete poles that no continuous-time system of the same order has."""
     unmatched = poles[_without_match(poles)]
     if len(unmatched):
         listed = ", ".join(f"{pole.real:.4g}" for pole in unmatched)
@@ -306,4 +335,6 @@ def _check_match(poles: ComplexArray) -> None:
 
 
 def _regular_at_zero(z: ZeroPoleGain) -> bool:
-    return bool((np.abs(np.concatenate((z.zeros, z.poles)) - 1.0) > AT_ONE).all())
+    """Whether the gain at 0 Hz is neither zero nor infinite."""
+    roots = np.concatenate((z.zeros, z.poles))
+    return bool((np.abs(roots - 1.0) > AT_ONE).all())

@@ -100,25 +100,35 @@ class Modes(Locked):
 
     def table(self) -> Table:
         """A row per pole or pair."""
-        roots = [f"{number(p.real)} ± {number(p.imag)}j" if p.imag else number(p.real) for p in self.poles]
-        bands = {
-            "natural frequency / Hz": self.natural_frequency,
-            "damping": self.damping,
-            "time constant / s": self.time_constant,
-        }
-        columns = [
-            (head, [_with_interval(*one) for one in zip(band.value, *band.ci95, strict=True)])
-            for head, band in bands.items()
-        ]
-        return Table([("pole / (rad/s)", roots), *columns])
+        return Table(
+            [
+                ("pole / (rad/s)", [_pole_text(pole) for pole in self.poles]),
+                ("natural frequency / Hz", _texts_with_intervals(self.natural_frequency)),
+                ("damping", _texts_with_intervals(self.damping)),
+                ("time constant / s", _texts_with_intervals(self.time_constant)),
+            ]
+        )
+
+
+def _pole_text(pole: complex) -> str:
+    """A real pole, or a pair of conjugate ones by its member with positive imaginary part."""
+    return f"{number(pole.real)} ± {number(pole.imag)}j" if pole.imag else number(pole.real)
+
+
+def _texts_with_intervals(band: Band) -> list[str]:
+    """Every value with its interval, as text."""
+    low, high = band.ci95
+    return [_with_interval(*row) for row in zip(band.value, low, high, strict=True)]
 
 
 def _with_interval(value: float, low: float, high: float) -> str:
     """Value and interval to the second digit of its width, at least three."""
     if not (low < high and np.isfinite(value)):
         return number(value)
-    digits = int(np.clip(2 - np.floor(np.log10((high - low) / max(abs(value), high - low))), 3, 12))
-    shown = [f"{one + 0.0:#.{digits}g}".rstrip(".") for one in (value, low, high)]
+    relative_width = (high - low) / max(abs(value), high - low)
+    digits = int(np.clip(2 - np.floor(np.log10(relative_width)), 3, 12))
+    # adding 0.0 turns -0.0 into 0.0
+    shown = [f"{end + 0.0:#.{digits}g}".rstrip(".") for end in (value, low, high)]
     return f"{shown[0]} ({shown[1]} to {shown[2]})"
 
 
@@ -142,33 +152,37 @@ def damp(estimate: Estimate | StateSpace | ContinuousModel) -> Modes:
     if not isinstance(estimate, StateSpace | ContinuousModel):
         estimate = as_estimate(estimate)
         parameters, covariance = estimate.parameters, estimate.covariance
-
-    def poles(theta: FloatArray) -> ComplexArray:
-        if isinstance(estimate, ContinuousEstimate):
-            return estimate.realise_continuous(theta).poles()
-        if isinstance(estimate, ContinuousModel):
-            return estimate.poles()
-        model = (estimate if isinstance(estimate, StateSpace) else estimate.realise(theta)).input_path()
-        z = model.poles()
-        return np.asarray(np.log(z[np.abs(z) > AT_ZERO]) / model.dt)
-
-    everything = poles(parameters)
-    upper = everything.imag >= -1e-9 * np.abs(everything)
-    slowest = np.argsort(np.abs(everything[upper]), kind="stable")
-    nominal = everything[upper][slowest]
+    all_poles = _continuous_poles(estimate, parameters)
+    # a double real pole may be computed with an imaginary part of rounding, of either sign
+    upper = all_poles.imag >= -1e-9 * np.abs(all_poles)
+    slowest = np.argsort(np.abs(all_poles[upper]), kind="stable")
+    nominal = all_poles[upper][slowest]
     nominal = np.where(np.abs(nominal.imag) <= 1e-9 * np.abs(nominal), nominal.real, nominal)
 
-    def quantities(theta: FloatArray) -> FloatArray:
-        return _meanings(matched_roots(poles(theta), everything)[upper][slowest])
+    def modal_quantities(theta: FloatArray) -> FloatArray:
+        # all poles are matched before halves of pairs are dropped: a pair may become two real poles
+        matched = matched_roots(_continuous_poles(estimate, theta), all_poles)
+        return _modal_quantities(matched[upper][slowest])
 
     with np.errstate(invalid="ignore"):  # integrators stay such
-        moves = spread(quantities, parameters, covariance)
-    value = _meanings(nominal)
+        moves = spread(modal_quantities, parameters, covariance)
+    value = _modal_quantities(nominal)
     frequency, damping, time = (normal_band(value[k], moves[:, k]) for k in range(3))
     low, high = (np.clip(end, -1.0, 1.0) for end in damping.ci95)
-    return Modes(
-        nominal, _logarithmic(frequency), Band(damping.value, damping.deviation, (low, high)), _logarithmic(time)
-    )
+    bounded_damping = Band(damping.value, damping.deviation, (low, high))
+    return Modes(nominal, _logarithmic(frequency), bounded_damping, _logarithmic(time))
+
+
+def _continuous_poles(estimate: Estimate | StateSpace | ContinuousModel, theta: FloatArray) -> ComplexArray:
+    """Poles of the path from input to output at the parameters, in rad/s; a model has no parameters."""
+    if isinstance(estimate, ContinuousEstimate):
+        return estimate.realise_continuous(theta).poles()
+    if isinstance(estimate, ContinuousModel):
+        return estimate.poles()
+    model = estimate if isinstance(estimate, StateSpace) else estimate.realise(theta)
+    path = model.input_path()
+    z = path.poles()
+    return np.asarray(np.log(z[np.abs(z) > AT_ZERO]) / path.dt)
 
 
 AT_ZERO = 1e-6  # modulus of a discrete pole that counts as a delay: multiple ones at zero scatter
@@ -182,8 +196,11 @@ def _logarithmic(band: Band) -> Band:
     return Band(band.value, band.deviation, (ends.min(axis=0), ends.max(axis=0)))
 
 
-def _meanings(poles: ComplexArray) -> FloatArray:
+def _modal_quantities(poles: ComplexArray) -> FloatArray:
     """Natural frequency, damping and time constant of each pole (3, m)."""
     size = np.abs(poles)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.stack((size / (2.0 * np.pi), -poles.real / size, 1.0 / np.where(size, -poles.real, 0.0)))
+        damping = -poles.real / size
+        # an integrator, -0.0, must get the time constant plus infinity
+        time_constant = 1.0 / np.where(size, -poles.real, 0.0)
+        return np.stack((size / (2.0 * np.pi), damping, time_constant))

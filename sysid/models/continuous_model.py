@@ -52,15 +52,20 @@ class ContinuousModel(Locked):
     def matrices(self) -> list[Part]:
         """As those of `StateSpace`; inputs without their delays."""
         _, *tables = self.states.matrices()
-        noise = (" + K e", " + e") if self.states.gain.any() else ("", "")
-        return [f"x' = A x + B u{noise[0]}, y = C x + D u{noise[1]}", *tables]
+        state_noise, output_noise = (" + K e", " + e") if self.states.gain.any() else ("", "")
+        return [f"x' = A x + B u{state_noise}, y = C x + D u{output_noise}", *tables]
 
     def fractions(self) -> list[str]:
         """Transfer function of each path, as text."""
-        names = self.states.input_names or (), self.states.output_names or ()
+        input_names, output_names = self.states.input_names or (), self.states.output_names or ()
         paths = list(np.ndindex(self.delays.shape))
-        lines = [f"{names[0][j]} to {names[1][i]}: {_fraction(*self.path(j, i))}" for i, j in paths[:LISTED]]
-        return [*lines, f"... {len(paths)} paths"] if len(paths) > LISTED else lines
+        lines = []
+        for i, j in paths[:LISTED]:
+            fraction = _fraction(*self.path(j, i))
+            lines.append(f"{input_names[j]} to {output_names[i]}: {fraction}")
+        if len(paths) > LISTED:
+            lines.append(f"... {len(paths)} paths")
+        return lines
 
     @property
     def order(self) -> int:
@@ -78,7 +83,8 @@ class ContinuousModel(Locked):
     def frequency_response(self, f_hz: ArrayLike) -> ComplexArray:
         """Response at s = 2 pi i f of frequencies in Hz (nf,), delays included (nf, ny, nu)."""
         s = np.atleast_1d(2j * np.pi * real_array("f_hz", f_hz))
-        return self.states.transfer(s, self.states.B, self.states.D) * np.exp(-s[:, None, None] * self.delays)
+        undelayed = self.states.transfer(s, self.states.B, self.states.D)
+        return undelayed * np.exp(-s[:, None, None] * self.delays)
 
     def noise_response(self, f_hz: ArrayLike) -> ComplexArray:
         """Response from e to the output (nf, ny, ny)."""
@@ -107,6 +113,7 @@ class ContinuousModel(Locked):
         denominator = np.atleast_1d(np.poly(m.A).real) if m.order else np.ones(1)
         zeros = transmission_zeros(m.A, m.B, m.C, m.D)
         relative = m.order - len(zeros)
+        # the first derivative of the impulse response that is not zero: C A^(r-1) B for the relative degree r
         leading = m.C @ np.linalg.matrix_power(m.A, relative - 1) @ m.B if relative else m.D
         return leading[0, 0] * np.atleast_1d(np.poly(zeros).real), denominator, float(self.delays[output, input])
 
@@ -119,16 +126,25 @@ class ContinuousModel(Locked):
             dt: Sampling interval in s; that of the data by default.
         """
         dt = self.states.dt if dt is None else sampling_interval(dt)
-        rows = [[i] for i in range(len(self.delays))]
+        # outputs that share their delays share states too; the others need the dynamics once each
+        groups = [[i] for i in range(len(self.delays))]
         if (self.delays == self.delays[0]).all():
-            rows = [list(range(len(self.delays)))]
-        blocks = list(zip(*(self._sampled_outputs(dt, one) for one in rows), strict=True))
-        A, C = (scipy.linalg.block_diag(*blocks[k]) for k in (0, 2))
-        B, D, K = (np.vstack(blocks[k]) for k in (1, 3, 4))
+            groups = [list(range(len(self.delays)))]
+        sampled_groups = [self._sampled_outputs(dt, outputs) for outputs in groups]
+        A_blocks, B_blocks, C_blocks, D_blocks, K_blocks = zip(*sampled_groups, strict=True)
+        K = np.vstack(K_blocks)
         covariance = self.states.innovation_covariance
+        # the spectral density of the noise is kept, so that its variance grows with the sampling frequency
         covariance = None if covariance is None else covariance * (self.states.dt / dt)
         return replace(
-            self.states, A=A, B=B, C=C, D=D, K=K if K.any() else None, dt=dt, innovation_covariance=covariance
+            self.states,
+            A=scipy.linalg.block_diag(*A_blocks),
+            B=np.vstack(B_blocks),
+            C=scipy.linalg.block_diag(*C_blocks),
+            D=np.vstack(D_blocks),
+            K=K if K.any() else None,
+            dt=dt,
+            innovation_covariance=covariance,
         )
 
     def _sampled_outputs(self, dt: float, rows: list[int]) -> tuple[FloatArray, ...]:
@@ -137,14 +153,17 @@ class ContinuousModel(Locked):
         if len(rows) < m.ny:
             m = StateSpace(m.A, m.B, m.C[rows], m.D[rows], None, m.dt).input_path()
         nu, n = m.nu, m.order
-        held = sample(m.A, m.gain, dt)
-        taps = [sample(m.A, m.B[:, [j]], dt, self.delays[rows[0], j], self.intersample) for j in range(nu)]
-        D = np.zeros((m.ny, nu))
-        jumps, longest = np.zeros((n, nu)), [max((0, *tap.gamma, *tap.weights)) for tap in taps]
-        size = n + sum(longest)
-        A, B, C = np.zeros((size, size)), np.zeros((size, nu)), np.zeros((m.ny, size))
-        A[:n, :n], C[:, :n], first = held.phi, m.C, n
-        for j, (tap, length) in enumerate(zip(taps, longest, strict=True)):
+        noise = sample(m.A, m.gain, dt)
+        taps = []
+        for j in range(nu):
+            taps.append(sample(m.A, m.B[:, [j]], dt, self.delays[rows[0], j], self.intersample))
+        longest_lags = [max((0, *tap.gamma, *tap.weights)) for tap in taps]
+        size = n + sum(longest_lags)
+        A, B, C, D = np.zeros((size, size)), np.zeros((size, nu)), np.zeros((m.ny, size)), np.zeros((m.ny, nu))
+        A[:n, :n], C[:, :n] = noise.phi, m.C
+        jumps = np.zeros((n, nu))
+        first = n
+        for j, (tap, length) in enumerate(zip(taps, longest_lags, strict=True)):
             # past inputs are states: u(k - 1), ..., u(k - length)
             if length:
                 B[first, j] = 1.0
@@ -163,9 +182,10 @@ class ContinuousModel(Locked):
                     C[:, first + lag - 1] += weight * m.D[:, j]
             first += length
         # x(k) - jumps u(k) as state: u(k + 1) no longer acts on it
-        B[:n] += held.phi @ jumps
+        B[:n] += noise.phi @ jumps
         D += m.C @ jumps
-        K = np.vstack((held.gamma[0], np.zeros((size - n, held.gamma[0].shape[1]))))
+        gain = noise.gamma[0]
+        K = np.vstack((gain, np.zeros((size - n, gain.shape[1]))))
         return A, B, C, D, K
 
     def to_control(self, pade: int | None = None) -> "control.StateSpace":
@@ -188,22 +208,30 @@ class ContinuousModel(Locked):
                     f"python-control has no delays, the model has {self.delays.tolist()} s: pade=N approximates those "
                     "that all outputs share, .channel(input, output) picks a path"
                 )
-            delays = [control.ss(control.tf(*control.pade(float(delay), pade))) for delay in self.delays[0]]
-            system = control.series(control.append(*delays), system)
+            approximations = []
+            for delay in self.delays[0]:
+                numerator, denominator = control.pade(float(delay), pade)
+                approximations.append(control.ss(control.tf(numerator, denominator)))
+            system = control.series(control.append(*approximations), system)
         return control.ss(system.A, system.B, system.C, system.D, 0, **labels)
 
 
 def _fraction(numerator: FloatArray, denominator: FloatArray, delay: float) -> str:
-    late = f"exp(-{delay:.4g} s) " if delay else ""
-    return late + f"({polynomial_text(numerator)}) / ({polynomial_text(denominator)})"
+    """Transfer function of a path, as text."""
+    delay_factor = f"exp(-{delay:.4g} s) " if delay else ""
+    return delay_factor + f"({polynomial_text(numerator)}) / ({polynomial_text(denominator)})"
 
 
 def polynomial_text(coefficients: FloatArray) -> str:
     """A polynomial in s, such as "s^2 + 0.5 s + 4", coefficients of falling powers."""
-    powers = [f" s^{k}" if k > 1 else " s" if k else "" for k in range(len(coefficients) - 1, -1, -1)]
-    terms = [
-        f"{c:.5g}{power}" if c != 1.0 or not power else power.strip()
-        for c, power in zip(coefficients, powers, strict=True)
-        if c
-    ]
+    degree = len(coefficients) - 1
+    terms = [_term(c, degree - k) for k, c in enumerate(coefficients) if c]
     return " + ".join(terms).replace("+ -", "- ") or "0"
+
+
+def _term(coefficient: float, power: int) -> str:
+    """Text of c s^k: a constant without s, a factor of one left out."""
+    if power == 0:
+        return f"{coefficient:.5g}"
+    symbol = f"s^{power}" if power > 1 else "s"
+    return symbol if coefficient == 1.0 else f"{coefficient:.5g} {symbol}"

@@ -50,8 +50,11 @@ class DataSummary:
     def of(experiments: Sequence[IOData]) -> "DataSummary":
         """Describe a data set."""
         first = experiments[0]
+        lengths = [len(e) for e in experiments]
+        input_offsets = [e.input_offset for e in experiments]
+        output_offsets = [e.output_offset for e in experiments]
         return DataSummary(
-            samples=tuple(len(e) for e in experiments),
+            samples=tuple(lengths),
             dt=first.dt,
             input_names=first.input_names or (),
             output_names=first.output_names or (),
@@ -59,8 +62,8 @@ class DataSummary:
             output_units=first.output_units or (),
             names=tuple(e.name for e in experiments),
             intersample=first.intersample,
-            input_offset=_mean([e.input_offset for e in experiments], experiments),
-            output_offset=_mean([e.output_offset for e in experiments], experiments),
+            input_offset=_mean_offset(input_offsets, lengths),
+            output_offset=_mean_offset(output_offsets, lengths),
             output_deviation=_deviations(experiments),
         )
 
@@ -78,18 +81,23 @@ class DataSummary:
 
 
 def _deviations(experiments: Sequence[IOData]) -> tuple[float, ...]:
+    """Standard deviation of the known samples of each output, every experiment from its own mean."""
     squares, counts = np.zeros((2, experiments[0].ny))
     for e in experiments:
-        known = e.known.sum(axis=0)
-        mean = np.nansum(e.y, axis=0) / np.maximum(known, 1)
-        squares, counts = squares + np.nansum((e.y - mean) ** 2, axis=0), counts + known
+        samples = e.known.sum(axis=0)
+        # an output may be missing throughout an experiment, of which no mean exists
+        mean = np.nansum(e.y, axis=0) / np.maximum(samples, 1)
+        squares = squares + np.nansum((e.y - mean) ** 2, axis=0)
+        counts = counts + samples
     return tuple(np.sqrt(squares / np.maximum(counts, 1)).tolist())
 
 
-def _mean(offsets: Sequence[FloatArray | None], experiments: Sequence[IOData]) -> tuple[float, ...] | None:
-    known = [offset for offset in offsets if offset is not None]
-    if len(known) < len(offsets):
+def _mean_offset(offsets: Sequence[FloatArray | None], lengths: Sequence[int]) -> tuple[float, ...] | None:
+    """Mean operating point, weighted by the lengths of the experiments; None if one has none."""
+    subtracted = [offset for offset in offsets if offset is not None]
+    if len(subtracted) < len(offsets):
         return None
-    if all(np.array_equal(offset, known[0]) for offset in known):
-        return tuple(known[0].tolist())
-    return tuple(np.average(known, axis=0, weights=[len(e) for e in experiments]).tolist())
+    # equal points pass unchanged: their mean would differ by rounding
+    if all(np.array_equal(offset, subtracted[0]) for offset in subtracted):
+        return tuple(subtracted[0].tolist())
+    return tuple(np.average(subtracted, axis=0, weights=lengths).tolist())

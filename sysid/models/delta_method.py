@@ -30,10 +30,9 @@ def spread(function: Callable[[FloatArray], FloatArray], parameters: FloatArray,
     if not np.isfinite(covariance).all():
         # without a covariance of the parameters there is none of the function
         return np.full((1, *np.shape(function(parameters))), np.nan)
-    directions = standard_directions(covariance)
-    return np.array(
-        [
-            (function(parameters + STEP * step) - function(parameters - STEP * step)) / (2.0 * STEP)
-            for step in directions.T
-        ]
-    )
+    changes = []
+    for direction in standard_directions(covariance).T:
+        ahead = function(parameters + STEP * direction)
+        behind = function(parameters - STEP * direction)
+        changes.append((ahead - behind) / (2.0 * STEP))
+    return np.array(changes)

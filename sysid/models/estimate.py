@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from sysid.models.continuous_model import ContinuousModel
 
+SLOPE_STEP = 1e-4  # relative step of the central difference for the slope of the gain at the bandwidth
 VAGUE = 3.5  # standard deviation of a bandwidth's logarithm from which its interval is useless: a factor of a thousand
 
 
@@ -104,44 +105,61 @@ class Estimate(Labelled, Locked):
         return f"<Estimate: {self._heading()}>"
 
     def _heading(self) -> str:
+        """Method, orders and data, in a line."""
         orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
         same = math.isclose(self.model.dt, self.data.dt, rel_tol=1e-9)
         interval = "" if same else f", converted to every {self.model.dt:g} s"
         return f"{self.method.upper()} ({orders}) from {self.data.extent}{interval}"
 
     def _parts(self) -> list[Part]:
-        parts: list[Part] = [self._heading()]
-        local = self.parameter_names[:1] == ("local1",)
-        of_states = local or (self.polynomials is None and self._responding is self.model)
-        if of_states:
-            parts += self._responding.matrices()
-        elif self._is_fir or len(self.parameters) <= LISTED:
-            deviations = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-            parts.append(
-                Table([("parameter", self.parameter_names), ("value", uncertain(self.parameters, deviations))])
-            )
-        else:
-            parts += [
-                str(self.polynomials or ""),
-                f"{len(self.parameters)} parameters, with deviations: to_dataframe()",
-            ]
-        parts += self._dynamics()
+        paragraphs: list[Part] = [self._heading(), *self._parameter_paragraphs(), *self._dynamics()]
         if self.data.frequencies:
-            squares, expected = (self.diagnostics[f"{kind}sum_of_squares"] for kind in ("", "expected_"))
-            known = f", {expected:.4g} expected of a true model" if np.isfinite(expected) else ""
-            parts.append(f"weighted sum of squares: {squares:.4g}{known}")
-        elif np.isfinite(fits := self.fit_percent).all():
-            parts.append(f"fit to these data one step ahead: {', '.join(f'{fit:.2f} %' for fit in fits)}")
-        if not (self.data.frequencies or of_states):
-            parts.append(f"innovation variance: {', '.join(numbers(np.diag(self.noise_variance)))}")
-        parts.append(f"final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
-        return [*parts, *(f"warning: {text}" for text in self.diagnostics.get("warnings", ()))]
+            squares = self.diagnostics["sum_of_squares"]
+            expected = self.diagnostics["expected_sum_of_squares"]
+            comparison = f", {expected:.4g} expected of a true model" if np.isfinite(expected) else ""
+            paragraphs.append(f"weighted sum of squares: {squares:.4g}{comparison}")
+        else:
+            fits = self.fit_percent
+            if np.isfinite(fits).all():
+                listed_fits = ", ".join(f"{fit:.2f} %" for fit in fits)
+                paragraphs.append(f"fit to these data one step ahead: {listed_fits}")
+            if not self._shows_matrices:
+                variances = ", ".join(numbers(np.diag(self.noise_variance)))
+                paragraphs.append(f"innovation variance: {variances}")
+        paragraphs.append(f"final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
+        paragraphs += [f"warning: {message}" for message in self.diagnostics.get("warnings", ())]
+        return paragraphs
+
+    def _parameter_paragraphs(self) -> list[Part]:
+        """Parameters, for the text: as matrices, as a table with deviations, or as polynomials where they are many."""
+        if self._shows_matrices:
+            return self._responding.matrices()
+        if self._is_fir or len(self.parameters) <= LISTED:
+            values = uncertain(self.parameters, self._parameter_deviations())
+            return [Table([("parameter", self.parameter_names), ("value", values)])]
+        return [
+            str(self.polynomials or ""),
+            f"{len(self.parameters)} parameters, with deviations: to_dataframe()",
+        ]
+
+    @property
+    def _shows_matrices(self) -> bool:
+        """Whether matrices tell more than the parameters, as those of local coordinates, which mean nothing alone."""
+        has_local_coordinates = self.parameter_names[:1] == ("local1",)
+        return has_local_coordinates or (self.polynomials is None and self._responding is self.model)
+
+    def _parameter_deviations(self) -> FloatArray:
+        """Standard deviation of every parameter (p,)."""
+        # rounding may leave a small negative variance
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def _is_fir(self) -> bool:
         """Whether the estimate is a finite impulse response alone."""
         p = self.polynomials
-        return p is not None and not any(one[..., 1:].any() for one in (p.A, p.C, p.D, p.F)) and self.model.order > 0
+        if p is None or self.model.order == 0:
+            return False
+        return not any(polynomial[..., 1:].any() for polynomial in (p.A, p.C, p.D, p.F))
 
     def _dynamics(self) -> Sequence[Part]:
         """Poles, for the text."""
@@ -149,10 +167,12 @@ class Estimate(Labelled, Locked):
         if self._is_fir:
             return [f"finite impulse response of {counted(len(poles) + 1, 'sample')}"]
         path = "from input to output" if self.model.nu else "from innovation to output"
-        return [f"poles {path}:", poles_table(poles, self.model.dt)] if len(poles) else [f"no poles {path}"]
+        if not len(poles):
+            return [f"no poles {path}"]
+        return [f"poles {path}:", poles_table(poles, self.model.dt)]
 
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        deviation = self._parameter_deviations()
         reach = NORMAL_95 * deviation
         values = {"value": self.parameters, "deviation": deviation}
         values |= {"low": self.parameters - reach, "high": self.parameters + reach}
@@ -165,7 +185,7 @@ class Estimate(Labelled, Locked):
         return self.model
 
     def _response_of(self, theta: FloatArray) -> "StateSpace | ContinuousModel":
-        """The same at other parameters."""
+        """The model at other parameters whose frequency response and bandwidth are reported."""
         return self.realise(theta)
 
     def poles(self) -> ComplexArray:
@@ -201,7 +221,9 @@ class Estimate(Labelled, Locked):
         It is that of `compare`, initialisation window included.
         """
         spread = np.array(self.data.output_deviation or [np.nan] * self.model.ny)
-        squares, counts = np.nansum(self.residuals**2, axis=0), np.isfinite(self.residuals).sum(axis=0)
+        squares = np.nansum(self.residuals**2, axis=0)
+        counts = np.isfinite(self.residuals).sum(axis=0)
+        # a constant output has no deviation, a lost one no samples
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(100.0 * (1.0 - np.sqrt(squares / counts) / spread))
 
@@ -236,12 +258,14 @@ class Estimate(Labelled, Locked):
 
     @property
     def _log_determinant(self) -> float:
+        """Logarithm of the determinant of the residuals' covariance; minus infinity of a perfect fit."""
         return float(self.residuals.shape[1] * np.log(self.loss)) if self.loss else -np.inf
 
     @property
     def _parameters_per_sample(self) -> float:
-        # a prior leaves fewer of them free
-        return float(self.diagnostics.get("effective_parameters", len(self.parameters))) / sum(self.data.samples)
+        """Number of free parameters divided by that of samples; a prior leaves fewer of them free."""
+        free = self.diagnostics.get("effective_parameters", len(self.parameters))
+        return float(free) / sum(self.data.samples)
 
     def bandwidth(self) -> Bandwidth:
         """Half-power bandwidth with its 95 % interval, by the delta method on its logarithm.
@@ -269,18 +293,23 @@ class Estimate(Labelled, Locked):
         To first order the parameters and the innovation variance are independent; the latter has the variance of a
         sample covariance of normal innovations [Ljung1999, ch. 9].
         """
-        f, innovation = np.atleast_1d(real_array("f_hz", f_hz)), self.noise_variance
+        f = np.atleast_1d(real_array("f_hz", f_hz))
+        innovation = self.noise_variance
 
-        def power(theta: FloatArray) -> FloatArray:
+        def log_power(theta: FloatArray) -> FloatArray:
             h = self.realise(theta).noise_response(f)
-            return np.log(np.maximum(np.einsum("fik,kl,fil->fi", h, innovation, h.conj()).real, np.finfo(float).tiny))
+            power = np.einsum("fik,kl,fil->fi", h, innovation, h.conj()).real
+            # rounding may make the power at a zero on the unit circle negative
+            return np.log(np.maximum(power, np.finfo(float).tiny))
 
         response = self.frequency_response(f)
-        moves = spread(power, self.parameters, self.covariance)
+        moves = spread(log_power, self.parameters, self.covariance)
         h = self.model.noise_response(f)
-        own, mixed = (np.einsum("fik,kl,fil->fi", h, innovation, other) for other in (h.conj(), h))
+        power = np.einsum("fik,kl,fil->fi", h, innovation, h.conj())
+        pseudo_power = np.einsum("fik,kl,fil->fi", h, innovation, h)
         # of a complex h, h R h* has between one and two times 1/N of its square as variance
-        variance = (1.0 + np.abs(mixed / np.maximum(own.real, np.finfo(float).tiny)) ** 2) / len(self.residuals)
+        ratio = np.abs(pseudo_power / np.maximum(power.real, np.finfo(float).tiny))
+        variance = (1.0 + ratio**2) / len(self.residuals)
         return replace(response, noise_deviation=np.sqrt(np.sum(moves**2, axis=0) + variance))
 
     def response_and_bandwidth(self, f_hz: ArrayLike) -> tuple[FrequencyResponse, Bandwidth]:
@@ -289,7 +318,8 @@ class Estimate(Labelled, Locked):
         Warns:
             SysidWarning: As `bandwidth` does.
         """
-        f, hz = np.atleast_1d(real_array("f_hz", f_hz)), self._responding.bandwidth()
+        f = np.atleast_1d(real_array("f_hz", f_hz))
+        hz = self._responding.bandwidth()
         of_response, of_ratios = self._moves(f, hz)
         return self._frequency_response(f, of_response), self._bandwidth(hz, of_ratios)
 
@@ -300,26 +330,33 @@ class Estimate(Labelled, Locked):
         log(|G(hz)|^2 / |G(0)|^2) (p, m), one for each finite bandwidth in `hz` (ny, nu).
         """
         shape = (len(f), self.model.ny, self.model.nu, 2)
+        entries_of_response = math.prod(shape)
         i, j = np.nonzero(np.isfinite(hz))
+        # the asked frequencies, then the bandwidths, then 0 Hz where there is a bandwidth to compare with it
         at = np.concatenate((f, hz[i, j], np.zeros(min(len(i), 1))))
+        bandwidth_rows = len(f) + np.arange(len(i))
 
-        def parts(theta: FloatArray) -> FloatArray:
+        def response_and_ratios(theta: FloatArray) -> FloatArray:
             g = self._response_of(theta).frequency_response(at)
-            ratios = _log_ratio(g[len(f) + np.arange(len(i)), i, j], g[-1, i, j]) if len(i) else np.zeros(0)
-            return np.concatenate((np.stack((g.real, g.imag), axis=-1)[: len(f)].ravel(), ratios))
+            ratios = np.zeros(0)
+            if len(i):
+                ratios = _log_ratio(g[bandwidth_rows, i, j], g[-1, i, j])
+            response = np.stack((g.real, g.imag), axis=-1)[: len(f)]
+            return np.concatenate((response.ravel(), ratios))
 
-        moves = spread(parts, self.parameters, self.covariance)
-        moves = moves.reshape(len(moves), math.prod(shape) + len(i))
-        return moves[:, : math.prod(shape)].reshape(len(moves), *shape), moves[:, math.prod(shape) :]
+        moves = spread(response_and_ratios, self.parameters, self.covariance)
+        moves = moves.reshape(len(moves), entries_of_response + len(i))
+        of_response = moves[:, :entries_of_response].reshape(len(moves), *shape)
+        return of_response, moves[:, entries_of_response:]
 
     def _bandwidth(self, hz: FloatArray, moves: FloatArray) -> Bandwidth:
+        """Bandwidths with intervals from the changes of log(|G(hz)|^2 / |G(0)|^2) per standard direction (p, m)."""
         deviation = np.full(hz.shape, np.nan)
         nyquist = 0.5 / self.model.dt
         for (i, j), move in zip(np.argwhere(np.isfinite(hz)), moves.T, strict=True):
-            h = 1e-4
-            ends = min(hz[i, j] * (1 + h), nyquist), hz[i, j] * (1 - h)
-            up, down, dc = self._responding.frequency_response([*ends, 0.0])[:, i, j]
-            slope = (_log_ratio(up, dc) - _log_ratio(down, dc)) / np.log(ends[0] / ends[1])
+            upper, lower = min(hz[i, j] * (1 + SLOPE_STEP), nyquist), hz[i, j] * (1 - SLOPE_STEP)
+            above, below, dc = self._responding.frequency_response([upper, lower, 0.0])[:, i, j]
+            slope = (_log_ratio(above, dc) - _log_ratio(below, dc)) / np.log(upper / lower)
             deviation[i, j] = np.linalg.norm(move) / abs(slope) if slope else np.inf
         vague = deviation > VAGUE
         if vague.any():
@@ -329,20 +366,27 @@ class Estimate(Labelled, Locked):
                 SysidWarning,
                 stacklevel=3,
             )
+        # the ends of vague ones do not follow from the factor, which must not overflow
         factor = np.exp(NORMAL_95 * np.minimum(deviation, VAGUE))
-        low, high = np.where(vague, 0.0, hz / factor), np.where(vague, nyquist, np.minimum(hz * factor, nyquist))
-        return Bandwidth(hz, (low, np.where(np.isnan(hz), np.nan, high)))
+        low = np.where(vague, 0.0, hz / factor)
+        high = np.where(vague, nyquist, np.minimum(hz * factor, nyquist))
+        return Bandwidth(hz, (low, high))
 
     def _frequency_response(self, f: FloatArray, moves: FloatArray) -> FrequencyResponse:
+        """Response at `f` with its covariance from changes per standard direction (p, nf, ny, nu, 2)."""
         h = self._responding.noise_response(f)
         noise = self.model.dt * h @ self.noise_variance @ h.conj().transpose(0, 2, 1)
+        covariance = None
+        if np.isfinite(self.covariance).all():
+            covariance = np.einsum("k...i,k...j->...ij", moves, moves)
+        spectrum = noise if np.isfinite(noise).all() else None
         return FrequencyResponse(
             frequencies=f,
             response=self._responding.frequency_response(f),
             dt=self.model.dt,
             method=self.method,
-            covariance=np.einsum("k...i,k...j->...ij", moves, moves) if np.isfinite(self.covariance).all() else None,
-            noise_spectrum=noise if np.isfinite(noise).all() else None,
+            covariance=covariance,
+            noise_spectrum=spectrum,
             input_names=self.data.input_names,
             output_names=self.data.output_names,
         )
@@ -359,7 +403,10 @@ def _copied(value: Any) -> Any:
     """Copy arrays, and lists into tuples: the caller may change its own."""
     if isinstance(value, np.ndarray):
         return value.copy()
-    return tuple(_copied(part) for part in value) if type(value) in (tuple, list) else value
+    # not isinstance: a named tuple must stay one
+    if type(value) in (tuple, list):
+        return tuple(_copied(item) for item in value)
+    return value
 
 
 def as_estimate(estimate: Estimate) -> Estimate:

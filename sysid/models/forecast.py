@@ -48,7 +48,9 @@ class Forecast(Labelled, Locked):
     output_units: tuple[str, ...] = field(default=(), kw_only=True)
 
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        axes, names = ("time", "output"), self.output_names or default_names("y", self.y.shape[1])
+        axes = ("time", "output")
+        names = self.output_names or default_names("y", self.y.shape[1])
+        # an array has one unit: outputs of different ones are stored without
         common = {"units": self.output_units[0]} if len(set(self.output_units)) == 1 else {}
         arrays = {"y": (axes, self.y, common), "y_deviation": (axes, self.deviation, common)}
         return arrays, {"time": ("time", self.time, {"units": "s"}), "output": list(names)}, {}
@@ -85,7 +87,8 @@ def forecast(model: StateSpace | Estimate | Choice, data: IOData, steps: int, u:
             without innovation covariance.
     """
     model = chosen_model(model)
-    m, steps = aligned(as_model(model), data), whole_number("steps", steps, 1)
+    m = aligned(as_model(model), data)
+    steps = whole_number("steps", steps, 1)
     if m.innovation_covariance is None:
         raise SysidError(
             "the model has no innovation covariance, which the uncertainty of a forecast needs; "
@@ -100,11 +103,11 @@ def forecast(model: StateSpace | Estimate | Choice, data: IOData, steps: int, u:
     inputs = inputs - input_level
     covariance = _error_covariance(m, past, steps)
     if isinstance(model, Estimate) and np.isfinite(model.covariance).all():
-        moves = spread(
-            lambda theta: _continued(aligned(model.realise(theta), past), past, inputs),
-            model.parameters,
-            model.covariance,
-        )
+
+        def forecast_outputs(theta: FloatArray) -> FloatArray:
+            return _continued(aligned(model.realise(theta), past), past, inputs)
+
+        moves = spread(forecast_outputs, model.parameters, model.covariance)
         covariance = covariance + np.einsum("kti,ktj->tij", moves, moves)
     return Forecast(
         time=data.start + data.dt * (len(data) + np.arange(steps, dtype=np.float64)),
@@ -117,18 +120,26 @@ def forecast(model: StateSpace | Estimate | Choice, data: IOData, steps: int, u:
 
 def _continued(m: StateSpace, past: IOData, u: FloatArray) -> FloatArray:
     """Outputs expected after the record, from the state that follows its last sample (steps, ny)."""
+    state = _state_after(m, past)
+    return state_trajectory(m.A, u @ m.B.T, state) @ m.C.T + u @ m.D.T
+
+
+def _state_after(m: StateSpace, past: IOData) -> FloatArray:
+    """Expected state one sample after the end of the record (n,)."""
     if past.complete or not (m.order and m.gain.any()):
         x0, observer = initial_state(m, past), m.A - m.gain @ m.C
+        # without a gain the outputs, which may be missing, have no part in the state
         y = past.y if m.gain.any() else np.zeros_like(past.y)
         drive = past.u @ (m.B - m.gain @ m.D).T + y @ m.gain.T
-        state = state_trajectory(observer, np.vstack((drive, np.zeros((1, m.order)))), x0)[-1]
-    else:
-        after = replace(
-            past, u=np.vstack((past.u, np.zeros((1, past.nu)))), y=np.vstack((past.y, np.full((1, past.ny), np.nan)))
-        )
-        run = kalman_filter(m, after, np.zeros(m.order), free=True)
-        state = run[0][-1] @ np.append(1.0, fitted_state(m, after, run))
-    return state_trajectory(m.A, u @ m.B.T, state) @ m.C.T + u @ m.D.T
+        # a trajectory holds the states at its samples only: one more row leads to the state after the last
+        return state_trajectory(observer, np.vstack((drive, np.zeros((1, m.order)))), x0)[-1]
+    no_input = np.zeros((1, past.nu))
+    missing_output = np.full((1, past.ny), np.nan)
+    extended = replace(past, u=np.vstack((past.u, no_input)), y=np.vstack((past.y, missing_output)))
+    states, weights = kalman_filter(m, extended, np.zeros(m.order), free=True)
+    x0 = fitted_state(m, extended, (states, weights))
+    # the first column is the state from zero, the others those from unit initial states
+    return states[-1] @ np.append(1.0, x0)
 
 
 def _error_covariance(m: StateSpace, past: IOData, steps: int) -> FloatArray:
@@ -144,17 +155,37 @@ def _error_covariance(m: StateSpace, past: IOData, steps: int) -> FloatArray:
 
 def _state_covariance(m: StateSpace, past: IOData, R: FloatArray) -> FloatArray:
     """Covariance of the state after the record (n, n): what its initial state and its missing outputs leave open."""
-    observer, known, noise = m.A - m.gain @ m.C, past.known, m.gain @ R @ m.gain.T
+    return np.asarray(_covariance_from_initial_state(m, past, R) + _covariance_from_gaps(m, past, R))
+
+
+def _covariance_from_initial_state(m: StateSpace, past: IOData, R: FloatArray) -> FloatArray:
+    """Covariance of the last state from the fit of the initial state, (sum of free' R^-1 free)^-1 carried to the end.
+
+    `free` is the response C (A - K C)^t to initial states, at the known outputs; R the covariance of the innovations.
+    """
+    if not m.order:
+        return np.zeros((0, 0))
+    observer = m.A - m.gain @ m.C
     free = free_response(observer, m.C, len(past))
+    known_free = np.where(past.known[: len(free), :, None], free, 0.0)
+    # a root of R^-1 by the pseudo-inverse: outputs without noise of their own leave R singular
     root = np.linalg.pinv(standard_directions(R))
-    columns = np.einsum("ij,tjk->tik", root, np.where(known[: len(free), :, None], free, 0.0)).reshape(-1, m.order)
+    columns = np.einsum("ij,tjk->tik", root, known_free).reshape(-1, m.order)
     end = np.linalg.matrix_power(observer, len(past))
-    P = end @ np.linalg.pinv(columns.T @ columns, hermitian=True) @ end.T if m.order else np.zeros((0, 0))
-    gap = np.zeros_like(P)
+    return end @ np.linalg.pinv(columns.T @ columns, hermitian=True) @ end.T
+
+
+def _covariance_from_gaps(m: StateSpace, past: IOData, R: FloatArray) -> FloatArray:
+    """Covariance of the last state from missing outputs, by the Riccati recursion of the Kalman filter."""
+    noise = m.gain @ R @ m.gain.T
+    P = np.zeros((m.order, m.order))
+    if past.complete or not noise.any():
+        return P
     # up to the first missing output the state follows from the outputs
-    for mask in known[int(np.argmin(known.all(axis=1))) :] if not past.complete and noise.any() else ():
+    first_gap = int(np.argmin(past.known.all(axis=1)))
+    for mask in past.known[first_gap:]:
         C = m.C[mask]
-        across = (m.A @ gap @ m.C.T + m.gain @ R)[:, mask]
-        S = C @ gap @ C.T + R[np.ix_(mask, mask)]
-        gap = m.A @ gap @ m.A.T + noise - across @ np.linalg.pinv(S, hermitian=True) @ across.T
-    return np.asarray(P + gap)
+        across = (m.A @ P @ m.C.T + m.gain @ R)[:, mask]
+        S = C @ P @ C.T + R[np.ix_(mask, mask)]
+        P = m.A @ P @ m.A.T + noise - across @ np.linalg.pinv(S, hermitian=True) @ across.T
+    return P

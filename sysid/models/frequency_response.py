@@ -17,16 +17,17 @@ from sysid.records.labelled import Labelled
 
 NORMAL_95 = 1.959963984540054
 AXES = {
-    **{name: "fyu" for name in ("response", "coherence", "cross_spectrum")},
-    **{name: "fyy" for name in ("noise_spectrum", "output_spectrum")},
-    **{
-        "frequencies": "f",
-        "noise_deviation": "fy",
-        "resolution": "f",
-        "input_spectrum": "fuu",
-        "covariance": "fyupp",
-        "joint_covariance": "fee",
-    },
+    "response": "fyu",
+    "coherence": "fyu",
+    "cross_spectrum": "fyu",
+    "noise_spectrum": "fyy",
+    "output_spectrum": "fyy",
+    "frequencies": "f",
+    "noise_deviation": "fy",
+    "resolution": "f",
+    "input_spectrum": "fuu",
+    "covariance": "fyupp",
+    "joint_covariance": "fee",
 }
 """Axes of the arrays: frequency, output, input, part (real, imaginary), entry of the response (output by output)."""
 
@@ -124,46 +125,42 @@ class FrequencyResponse(Labelled, Locked):
         Raises:
             SysidError: Wrong shapes, NaN, frequencies that do not ascend or pass Nyquist, negative variances.
         """
-        f, values = np.atleast_1d(real_array("hz", hz)), np.atleast_1d(complex_array("response", response))
+        f = np.atleast_1d(real_array("hz", hz))
+        values = np.atleast_1d(complex_array("response", response))
         values = values[:, None, None] if values.ndim == 1 else values
         if f.ndim != 1 or values.ndim != 3 or len(f) != len(values) or not values.size:
             raise SysidError(f"expected hz (nf,) and response (nf, ny, nu), got {f.shape} and {values.shape}")
         dt = sampling_interval(dt, continuous=True)
+        # as for signals, so that sums of squares stay finite
         if (np.abs(values) > LARGEST).any() or 0.0 < np.abs(values).max() < 1.0 / LARGEST:
             raise SysidError(
                 f"response: expected values up to {LARGEST:g} and not all below its inverse: change the unit"
             )
-        if f[0] < 0.0 or (np.diff(f) <= 0.0).any() or (dt and f[-1] > 0.5 / dt * (1.0 + 1e-9)):
-            limit = f" up to Nyquist, {0.5 / dt:g} Hz" if dt else ""
-            raise SysidError(f"hz: expected ascending frequencies from 0{limit}, got {f[0]:g} to {f[-1]:g} Hz")
-        if sum(one is not None for one in (variance, covariance, coherence)) > 1:
+        _check_ascending(f, dt)
+        statements = [value for value in (variance, covariance, coherence) if value is not None]
+        if len(statements) > 1:
             raise SysidError("expected one of variance, covariance and coherence, got several")
         if averages is not None and coherence is None:
             raise SysidError("averages belong to a coherence, of which there is none")
         joint, freedom = None, None
         if coherence is not None:
-            count = real_number("averages", averages, "be a number above 1", lambda k: 1.0 < k < np.inf)
-            c = _like("coherence", coherence, values.shape)
-            if values.shape[2] > 1 or (c <= 0.0).any() or (c > 1.0).any():
-                raise SysidError("coherence: expected values above 0 and up to 1 of one input; else pass a covariance")
-            variance, freedom = np.abs(values) ** 2 * (1.0 - c) / (c * (count - 1.0)), 2.0 * (count - 1.0)
+            variance, freedom = _variance_of_coherence(values, coherence, averages)
         if covariance is not None:
-            joint = complex_array("covariance", covariance)
-            size = values[0].size
-            if joint.shape != (len(f), size, size) or not np.allclose(joint, joint.conj().transpose(0, 2, 1)):
-                raise SysidError(f"covariance: expected Hermitian ({len(f)}, {size}, {size}), got {joint.shape}")
+            joint = _joint_covariance(covariance, values)
             variance = np.einsum("fee->fe", joint).real
+        parts_covariance = None
         if variance is not None:
             variance = _like("variance", variance, values.shape)
             if (variance < 0.0).any():
                 raise SysidError("variance: expected values >= 0, got negative ones")
+            parts_covariance = complex_covariance(variance, f, dt, doubled=coherence is not None)
         _, ny, nu = values.shape
         return FrequencyResponse(
             f,
             values,
             dt,
             "data",
-            None if variance is None else complex_covariance(variance, f, dt, doubled=coherence is not None),
+            parts_covariance,
             degrees_of_freedom=freedom,
             joint_covariance=joint,
             input_names=channel_labels("input_names", input_names, default_names("u", nu)),
@@ -177,26 +174,33 @@ class FrequencyResponse(Labelled, Locked):
         return self.input_names or default_names("u", nu), self.output_names or default_names("y", ny)
 
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        path, (inputs, outputs) = ("frequency", "output", "input"), self._names
+        path = ("frequency", "output", "input")
+        inputs, outputs = self._names
         arrays: dict[str, Any] = {}
+        coordinates: dict[str, Any] = {
+            "frequency": ("frequency", self.frequencies, {"units": "Hz"}),
+            "output": list(outputs),
+        }
         if inputs:
-            arrays = {name: (path, getattr(self, name)) for name in ("response", "magnitude")}
+            arrays["response"] = (path, self.response)
+            arrays["magnitude"] = (path, self.magnitude)
             arrays["phase"] = (path, self.phase, {"units": "rad"})
             if self.covariance is not None:
                 arrays["magnitude_deviation"] = (path, self.magnitude_deviation())
                 arrays["phase_deviation"] = (path, self.phase_deviation(), {"units": "rad"})
             if self.coherence is not None:
                 arrays["coherence"] = (path, self.coherence)
+            coordinates["input"] = list(inputs)
         if self.noise_spectrum is not None:
             arrays["noise_spectrum"] = (path[:2], np.einsum("fii->fi", self.noise_spectrum).real)
-        coordinates = {"frequency": ("frequency", self.frequencies, {"units": "Hz"}), "output": list(outputs)}
-        return arrays, coordinates | ({"input": list(inputs)} if inputs else {}), {"method": self.method, "dt": self.dt}
+        return arrays, coordinates, {"method": self.method, "dt": self.dt}
 
     def _shown(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         variables, coordinates, attributes = self._variables()
         if "phase" in variables:
             # printed rows are too far apart for an unwrapped phase to be followed
-            variables["phase"] = (variables["phase"][0], np.angle(self.response), variables["phase"][2])
+            axes, _, units = variables["phase"]
+            variables["phase"] = (axes, np.angle(self.response), units)
         return variables, coordinates, attributes
 
     def select(
@@ -217,30 +221,34 @@ class FrequencyResponse(Labelled, Locked):
             SysidError: A mask of another length, an index or a channel that does not exist.
         """
         nf, _, nu = self.response.shape
-        names = self._names
-        u, y = channel_indices("input", inputs, names[0]), channel_indices("output", outputs, names[1])
+        input_names, output_names = self._names
+        u = channel_indices("input", inputs, input_names)
+        y = channel_indices("output", outputs, output_names)
+        if kept is None:
+            kept = slice(None)
+        selection = kept if isinstance(kept, slice) else np.asarray(kept)
         try:
-            f = np.arange(nf)[slice(None) if kept is None else kept if isinstance(kept, slice) else np.asarray(kept)]
+            f = np.arange(nf)[selection]
         except IndexError as error:
             raise SysidError(f"kept: expected a mask of {nf} frequencies or indices below {nf}") from error
-        index = {"f": f, "y": y, "u": u, "p": range(2), "e": [i * nu + j for i in y for j in u]}
-        parts: dict[str, Any] = {
-            attribute: value[np.ix_(*(index[axis] for axis in axes))]
-            for attribute, axes in AXES.items()
-            if (value := getattr(self, attribute)) is not None
+        entries = (np.array(y)[:, None] * nu + np.array(u)).ravel()
+        index = {"f": f, "y": y, "u": u, "p": range(2), "e": entries}
+        selected: dict[str, Any] = {
+            "input_names": tuple(input_names[j] for j in u),
+            "output_names": tuple(output_names[i] for i in y),
         }
-        labels: dict[str, Any] = {
-            "input_names": tuple(names[0][j] for j in u),
-            "output_names": tuple(names[1][i] for i in y),
-        }
-        return replace(self, **parts, **labels)
+        for attribute, axes in AXES.items():
+            value = getattr(self, attribute)
+            if value is not None:
+                selected[attribute] = value[np.ix_(*(index[axis] for axis in axes))]
+        return replace(self, **selected)
 
     def determined(self) -> "FrequencyResponse":
         """Return the response at the frequencies at which the data determine all of it."""
-        known = np.isfinite(self.response).all(axis=(1, 2))
+        finite = np.isfinite(self.response).all(axis=(1, 2))
         if self.covariance is not None:
-            known &= np.isfinite(self.covariance).all(axis=(1, 2, 3, 4))
-        return self.select(known)
+            finite &= np.isfinite(self.covariance).all(axis=(1, 2, 3, 4))
+        return self.select(finite)
 
     def full_covariance(self) -> FloatArray:
         """Covariance of real and imaginary part of all entries, entry by entry (nf, 2 ny nu, 2 ny nu).
@@ -253,20 +261,29 @@ class FrequencyResponse(Labelled, Locked):
         if self.covariance is None:
             raise SysidError(f"{self.method} gives no covariance of its frequency response")
         nf, ny, nu = self.response.shape
+        correlation = self._correlation_of_entries()
+        # a circular complex error, as real numbers
+        real_correlation = np.array([[correlation.real, -correlation.imag], [correlation.imag, correlation.real]])
+        values, vectors = np.linalg.eigh(self.covariance.reshape(nf, ny * nu, 2, 2))
+        deviations = np.sqrt(np.maximum(values, 0.0))
+        root = np.einsum("fepk,fek,feqk->fepq", vectors, deviations, vectors)
+        full = np.einsum("fapi,ijfab,fbqj->fapbq", root, real_correlation, root)
+        return np.asarray(full.reshape(nf, 2 * ny * nu, 2 * ny * nu))
+
+    def _correlation_of_entries(self) -> ComplexArray | FloatArray:
+        """Correlation of the complex errors of all entries, row by row (nf, ny nu, ny nu); the identity if unknown."""
+        nf, ny, nu = self.response.shape
+        shape = (nf, ny * nu, ny * nu)
         joint = self.joint_covariance
         if joint is None and self.noise_spectrum is not None and self.input_spectrum is not None:
             inverse = np.linalg.pinv(self.input_spectrum, hermitian=True)
-            joint = np.einsum("fik,flj->fijkl", self.noise_spectrum, inverse).reshape(nf, ny * nu, ny * nu)
-        correlation: ComplexArray | FloatArray = np.broadcast_to(np.eye(ny * nu), (nf, ny * nu, ny * nu))
-        if joint is not None:
-            power = np.einsum("fee->fe", joint).real
-            size = np.sqrt(np.where(power > np.finfo(float).tiny, power, np.inf))
-            correlation = joint / size[:, :, None] / size[:, None, :]
-        parts = np.array([[correlation.real, -correlation.imag], [correlation.imag, correlation.real]])
-        values, vectors = np.linalg.eigh(self.covariance.reshape(nf, ny * nu, 2, 2))
-        root = np.einsum("fepk,fek,feqk->fepq", vectors, np.sqrt(np.maximum(values, 0.0)), vectors)
-        full = np.einsum("fapi,ijfab,fbqj->fapbq", root, parts, root)
-        return np.asarray(full.reshape(nf, 2 * ny * nu, 2 * ny * nu))
+            joint = np.einsum("fik,flj->fijkl", self.noise_spectrum, inverse).reshape(shape)
+        if joint is None:
+            return np.broadcast_to(np.eye(ny * nu), shape)
+        power = np.einsum("fee->fe", joint).real
+        # an entry without error, an output that the inputs explain wholly, correlates with nothing
+        size = np.sqrt(np.where(power > np.finfo(float).tiny, power, np.inf))
+        return joint / size[:, :, None] / size[:, None, :]
 
     @property
     def magnitude(self) -> FloatArray:
@@ -278,8 +295,9 @@ class FrequencyResponse(Labelled, Locked):
         """Phase in rad, unwrapped along frequency (nf, ny, nu); NaN where the response is."""
         out = np.full(self.response.shape, np.nan)
         for i, j in np.ndindex(out.shape[1:]):
-            known = np.isfinite(self.response[:, i, j])
-            out[known, i, j] = np.unwrap(np.angle(self.response[known, i, j]))
+            # a NaN would spread over all later frequencies
+            finite = np.isfinite(self.response[:, i, j])
+            out[finite, i, j] = np.unwrap(np.angle(self.response[finite, i, j]))
         return out
 
     def magnitude_deviation(self) -> FloatArray:
@@ -311,13 +329,15 @@ class FrequencyResponse(Labelled, Locked):
         # Student's quantile instead of the normal one: the variance of the error is itself estimated.
         deviation = self.magnitude_deviation() * (self.quantile_95 / NORMAL_95)
         low, high = size - NORMAL_95 * deviation, size + NORMAL_95 * deviation
+        # at 0 Hz and the Nyquist frequency the error has one dimension, elsewhere two
         real = self._along(1j * self._direction()) <= 1e-6 * deviation
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = size / deviation
-        for entries, dimensions in ((real, 1), (~real, 2)):
-            near = entries & (ratio < FAR)
-            edges = _rice_interval(ratio[near], dimensions)
-            low[near], high[near] = deviation[near] * edges[0], deviation[near] * edges[1]
+        for mask, dimensions in ((real, 1), (~real, 2)):
+            near_zero = mask & (ratio < FAR)
+            low_ratio, high_ratio = _rice_interval(ratio[near_zero], dimensions)
+            low[near_zero] = deviation[near_zero] * low_ratio
+            high[near_zero] = deviation[near_zero] * high_ratio
         return low, high
 
     def phase_ci95(self) -> tuple[FloatArray, FloatArray]:
@@ -352,16 +372,18 @@ class FrequencyResponse(Labelled, Locked):
     @property
     def quantile_95(self) -> float:
         """Half-width of a 95 % interval in standard deviations: Student's, or normal without degrees of freedom."""
-        return (
-            NORMAL_95 if self.degrees_of_freedom is None else float(scipy.stats.t.ppf(0.975, self.degrees_of_freedom))
-        )
+        if self.degrees_of_freedom is None:
+            return NORMAL_95
+        return float(scipy.stats.t.ppf(0.975, self.degrees_of_freedom))
 
     def _direction(self) -> ComplexArray:
+        """Unit vector along the response (nf, ny, nu)."""
         # NaN stays NaN, without a warning of numpy
         with np.errstate(invalid="ignore"):
             return np.asarray(self.response / np.maximum(self.magnitude, np.finfo(float).tiny))
 
     def _along(self, direction: ComplexArray) -> FloatArray:
+        """Standard deviation of the response along unit vectors (nf, ny, nu)."""
         if self.covariance is None:
             raise SysidError(f"{self.method} gives no covariance of its frequency response")
         d = np.stack((direction.real, direction.imag), axis=-1)
@@ -370,11 +392,10 @@ class FrequencyResponse(Labelled, Locked):
 
 def _rice_interval(ratio: FloatArray, dimensions: int) -> tuple[FloatArray, FloatArray]:
     """95 % interval of a vector's length from its measured length (n,), both in standard deviations."""
+    # chndtrinc solves for the noncentrality; the floor keeps its argument from zero, where it has no solution
+    low = np.sqrt(scipy.special.chndtrinc(np.maximum(ratio, 0.1) ** 2, dimensions, 0.975))
     # A length that is small by chance must not bound the true one closer than one standard deviation.
-    low, high = (
-        np.sqrt(scipy.special.chndtrinc(np.maximum(ratio, least) ** 2, dimensions, probability))
-        for least, probability in ((0.1, 0.975), (1.0, 0.025))
-    )
+    high = np.sqrt(scipy.special.chndtrinc(np.maximum(ratio, 1.0) ** 2, dimensions, 0.025))
     return low, high
 
 
@@ -384,10 +405,41 @@ def complex_covariance(variance: FloatArray, f: FloatArray, dt: float, *, double
     A spectral estimate has half as many averages there, so that its variance is `doubled`.
     """
     out = np.zeros((*variance.shape, 2, 2))
-    real = (f == 0.0) | np.isclose(f, 0.5 / dt if dt else np.inf)
-    out[..., 0, 0] = np.where(real[:, None, None], 2.0 if doubled else 1.0, 0.5) * variance
-    out[..., 1, 1] = np.where(real[:, None, None], 0.0, 0.5) * variance
+    nyquist = 0.5 / dt if dt else np.inf
+    is_real = ((f == 0.0) | np.isclose(f, nyquist))[:, None, None]
+    factor_where_real = 2.0 if doubled else 1.0
+    out[..., 0, 0] = np.where(is_real, factor_where_real, 0.5) * variance
+    out[..., 1, 1] = np.where(is_real, 0.0, 0.5) * variance
     return out
+
+
+def _check_ascending(f: FloatArray, dt: float) -> None:
+    """Refuse frequencies that do not ascend from 0 Hz, or that pass Nyquist."""
+    nyquist = 0.5 / dt if dt else np.inf
+    if f[0] < 0.0 or (np.diff(f) <= 0.0).any() or f[-1] > nyquist * (1.0 + 1e-9):
+        limit = f" up to Nyquist, {nyquist:g} Hz" if dt else ""
+        raise SysidError(f"hz: expected ascending frequencies from 0{limit}, got {f[0]:g} to {f[-1]:g} Hz")
+
+
+def _variance_of_coherence(
+    response: ComplexArray, coherence: ArrayLike, averages: float | None
+) -> tuple[FloatArray, float]:
+    """Variance |G|^2 (1 - c) / (c (averages - 1)) of each entry, and its degrees of freedom."""
+    count = real_number("averages", averages, "be a number above 1", lambda k: 1.0 < k < np.inf)
+    c = _like("coherence", coherence, response.shape)
+    if response.shape[2] > 1 or (c <= 0.0).any() or (c > 1.0).any():
+        raise SysidError("coherence: expected values above 0 and up to 1 of one input; else pass a covariance")
+    variance = np.abs(response) ** 2 * (1.0 - c) / (c * (count - 1.0))
+    return variance, 2.0 * (count - 1.0)
+
+
+def _joint_covariance(covariance: ArrayLike, response: ComplexArray) -> ComplexArray:
+    """Check a covariance of all entries, row by row (nf, ny nu, ny nu)."""
+    joint = complex_array("covariance", covariance)
+    nf, size = len(response), response[0].size
+    if joint.shape != (nf, size, size) or not np.allclose(joint, joint.conj().transpose(0, 2, 1)):
+        raise SysidError(f"covariance: expected Hermitian ({nf}, {size}, {size}), got {joint.shape}")
+    return joint
 
 
 def _like(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Search for half-power bandwidths."""
+"""Half-power bandwidths of models: the first crossing of the gain, solved for to rounding."""
 
 from typing import Protocol, Self
 
@@ -34,18 +34,23 @@ def half_power_frequencies(model: Responding, grid: FloatArray) -> FloatArray:
     magnitude = np.abs(model.frequency_response(grid))
     for i, j in np.ndindex(out.shape):
         level = abs(dc[i, j]) * np.sqrt(HALF_POWER)
+        # an integrator has no gain at 0 Hz, and the gain of a differentiator there is rounding
         if not np.isfinite(level) or level <= 1e-13 * magnitude[:, i, j].max():
             continue
         below = np.flatnonzero(magnitude[:, i, j] < level)
-        if len(below):
-            k = int(below[0])
-            channel = model.channel(j, i)
-            lower = grid[k - 1] if k else 0.0
-            out[i, j] = scipy.optimize.brentq(
-                lambda f, m=channel, v=level: abs(m.frequency_response(f)[0, 0, 0]) - v,
-                lower,
-                grid[k],
-                xtol=1e-14 * grid[k],
-                rtol=1e-13,
-            )
+        if not len(below):
+            continue
+        k = int(below[0])
+        lower = grid[k - 1] if k else 0.0
+        out[i, j] = _crossing(model.channel(j, i), level, lower, grid[k])
     return out
+
+
+def _crossing(channel: Responding, level: float, lower: float, upper: float) -> float:
+    """Frequency in Hz between two bounds at which the gain of one path crosses a level."""
+
+    def excess(f: float) -> float:
+        return float(abs(channel.frequency_response(f)[0, 0, 0]) - level)
+
+    # nearly exact: the delta method takes differences between close models, which a tolerance would hide
+    return float(scipy.optimize.brentq(excess, lower, upper, xtol=1e-14 * upper, rtol=1e-13))

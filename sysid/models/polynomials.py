@@ -49,7 +49,9 @@ class Polynomials(Locked):
             object.__setattr__(self, "F", np.ones((0, 1)))
         for name in "ABCDF":
             value = np.atleast_1d(real_array(name, getattr(self, name)))
-            if value.ndim > (2 if name in "BF" else 1) or value.shape[-1] == 0:
+            # B and F have a row per input
+            dimensions = 2 if name in "BF" else 1
+            if value.ndim > dimensions or value.shape[-1] == 0:
                 raise SysidError(f"{name}: expected a row of coefficients, got shape {value.shape}")
             if name != "B" and not (np.atleast_2d(value)[:, 0] == 1.0).all():
                 raise SysidError(f"{name} must begin with 1, got {value}")
@@ -59,24 +61,35 @@ class Polynomials(Locked):
 
     def __str__(self) -> str:
         """The equation of the model and its polynomials."""
-        rows = {name: np.atleast_2d(getattr(self, name)) for name in "ABFCD"}
-        several = self.nu > 1
-        present = {
-            f"{name}{k + 1 if several and name in 'BF' else ''}": row
-            for name, some in rows.items()
-            for k, row in enumerate(some)
-            if not np.array_equal(_trim(row), ONE)
-        }
+        rows = self._named_rows()
 
-        def term(above: str, below: str, signal: str) -> str:
-            upper, lower = (f"{name}(q)" if name in present else "" for name in (above, below))
-            return f"{(upper or '1') + '/' + lower if lower else upper} {signal}(t)".lstrip()
+        def factor(name: str) -> str:
+            return f"{name}(q)" if name in rows else ""
 
-        inputs = (term(f"B{j}", f"F{j}", f"u{j}") for j in (range(1, self.nu + 1) if several else [""] * self.nu))
-        equation = f"{term('A', '', 'y')} = {' + '.join((*inputs, term('C', 'D', 'e')))}"
-        return "\n".join(
-            (equation, *(f"  {polynomial(name, row)}".replace("\n", "\n  ") for name, row in present.items()))
-        )
+        def term(numerator: str, denominator: str, signal: str) -> str:
+            above, below = factor(numerator), factor(denominator)
+            fraction = f"{above or '1'}/{below}" if below else above
+            return f"{fraction} {signal}(t)".lstrip()
+
+        right = [term(f"B{j}", f"F{j}", f"u{j}") for j in self._input_labels()]
+        right.append(term("C", "D", "e"))
+        equation = f"{term('A', '', 'y')} = {' + '.join(right)}"
+        lines = [f"  {polynomial(name, row)}".replace("\n", "\n  ") for name, row in rows.items()]
+        return "\n".join((equation, *lines))
+
+    def _input_labels(self) -> list[str]:
+        """What follows B, F and u in the text: nothing for one input, else a number."""
+        return [""] * self.nu if self.nu <= 1 else [str(j + 1) for j in range(self.nu)]
+
+    def _named_rows(self) -> dict[str, FloatArray]:
+        """Polynomials other than one by their names in the text, B1, B2, ... of several inputs."""
+        rows: dict[str, FloatArray] = {}
+        for letter in "ABFCD":
+            labels = self._input_labels() if letter in "BF" else [""]
+            for label, row in zip(labels, np.atleast_2d(getattr(self, letter)), strict=True):
+                if not np.array_equal(_trim(row), ONE):
+                    rows[letter + label] = row
+        return rows
 
     @property
     def nu(self) -> int:
@@ -119,26 +132,41 @@ def innovations_form(polynomials: Polynomials, dt: float, variance: ArrayLike | 
         expected = "be a variance >= 0, a number or a matrix (1, 1)"
         covariance = np.array([[real_number("variance", single, expected, lambda v: 0.0 <= v < np.inf)]])
     # the innovation is one more input
-    numerators = [*(b for b, _ in channels), c]
-    if len(d) == 1 and all(len(f) == 1 for _, f in channels):
+    numerators = [b for b, _ in channels] + [c]
+    denominators = [f for _, f in channels] + [d]
+    if all(len(denominator) == 1 for denominator in denominators):
         A, B, C, D = _companion(a, numerators)
     else:
-        denominators = [*(f for _, f in channels), d]
         if np.array_equal(c, d):
+            # white noise: the pair would add states that cancel
             numerators[-1] = denominators[-1] = ONE
-        none = np.zeros(1)
-        parts = [
-            _companion(f, [b if k == j else none for k in range(p.nu + 1)])
-            for j, (b, f) in enumerate(zip(numerators, denominators, strict=True))
-        ]
-        A = np.asarray(scipy.linalg.block_diag(*[part[0] for part in parts]))
-        B, C = np.vstack([part[1] for part in parts]), np.hstack([part[2] for part in parts])
-        D = np.sum([part[3] for part in parts], axis=0)
+        A, B, C, D = _parallel_paths(numerators, denominators)
         if len(a) > 1:
-            own, into, out, _ = _companion(a, [ONE])
-            A = np.block([[own, into @ C], [np.zeros((len(A), len(own))), A]])
-            B, C = np.vstack((into @ D, B)), np.hstack((out, C))
+            A, B, C, D = _followed_by_inverse(a, A, B, C, D)
     return StateSpace(A, B[:, :-1], C, D[:, :-1], B[:, -1:], dt, covariance)
+
+
+Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+def _parallel_paths(numerators: list[FloatArray], denominators: list[FloatArray]) -> Matrices:
+    """A, B, C and D of the sum of paths with an input, a numerator and a denominator each."""
+    blocks = []
+    for j, denominator in enumerate(denominators):
+        of_inputs = [np.zeros(1)] * len(numerators)
+        of_inputs[j] = numerators[j]
+        blocks.append(_companion(denominator, of_inputs))
+    A_blocks, B_blocks, C_blocks, D_blocks = zip(*blocks, strict=True)
+    A = np.asarray(scipy.linalg.block_diag(*A_blocks))
+    return A, np.vstack(B_blocks), np.hstack(C_blocks), np.sum(D_blocks, axis=0)
+
+
+def _followed_by_inverse(a: FloatArray, A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray) -> Matrices:
+    """The system with its output filtered by 1/a, whose states come first."""
+    inverse, into, out, _ = _companion(a, [ONE])
+    chain = np.block([[inverse, into @ C], [np.zeros((len(A), len(inverse))), A]])
+    # the output of 1/a has the direct term 1, so that D stays
+    return chain, np.vstack((into @ D, B)), np.hstack((out, C)), D
 
 
 def is_stable(polynomial: FloatArray, margin: float = 0.0) -> bool:
@@ -149,12 +177,13 @@ def is_stable(polynomial: FloatArray, margin: float = 0.0) -> bool:
     roots = np.roots(derivative)
     # rounding moves m roots that nearly coincide by its m-th root
     rounding = np.finfo(float).eps * np.polyval(np.abs(derivative), np.abs(roots))
-    moved = np.full(len(roots), np.inf)
+    uncertainty = np.full(len(roots), np.inf)
     with np.errstate(divide="ignore"):
         for m in range(1, len(roots) + 1):
             derivative = np.polyder(derivative) / m
-            moved = np.minimum(moved, (rounding / np.abs(np.polyval(derivative, roots))) ** (1.0 / m))
-    return bool((np.abs(roots) + moved < 1.0 - margin).all())
+            slope = np.abs(np.polyval(derivative, roots))
+            uncertainty = np.minimum(uncertainty, (rounding / slope) ** (1.0 / m))
+    return bool((np.abs(roots) + uncertainty < 1.0 - margin).all())
 
 
 def distance_bound(row: list[float]) -> float:
@@ -180,23 +209,27 @@ def stabilised(polynomial: FloatArray, radius: float = 0.995) -> FloatArray:
         return polynomial
     outside = np.abs(roots) > 1.0
     roots[outside] = 1.0 / roots[outside].conj()
-    far = np.abs(roots) > radius
-    roots[far] *= radius / np.abs(roots[far])
+    too_close = np.abs(roots) > radius
+    roots[too_close] *= radius / np.abs(roots[too_close])
     return _pad(np.atleast_1d(np.poly(roots).real), len(polynomial))
 
 
 def _trim(row: FloatArray) -> FloatArray:
+    """Coefficients without trailing zeros, one at least."""
     nonzero = np.flatnonzero(row)
     return row[: nonzero[-1] + 1] if len(nonzero) else row[:1]
 
 
 def _pad(row: FloatArray, length: int) -> FloatArray:
+    """Coefficients with zeros appended up to a length."""
     return np.concatenate((row, np.zeros(length - len(row))))
 
 
-def _companion(
-    denominator: FloatArray, numerators: list[FloatArray]
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _companion(denominator: FloatArray, numerators: list[FloatArray]) -> Matrices:
+    """A, B, C and D in observer companion form of one output, y = sum of b_j / a u_j.
+
+    A has -a1, -a2, ... in its first column, B the rows b_k - b_0 a_k.
+    """
     n = max(len(denominator), *(len(b) for b in numerators)) - 1
     a = _pad(denominator, n + 1)
     A = np.eye(n, k=1)

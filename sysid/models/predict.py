@@ -139,18 +139,22 @@ def predict(
     """
     m = aligned(as_model(model), data)
     record, (_, level) = about_operating_point(model, data)
-    return _predicted(m, record, None if steps is None else whole_number("steps", steps, 1), x0) + level
+    horizon = None if steps is None else whole_number("steps", steps, 1)
+    return _predicted(m, record, horizon, x0) + level
 
 
 def _predicted(m: StateSpace, data: IOData, steps: int | None, x0: ArrayLike | None) -> FloatArray:
+    """Prediction from a record relative to the operating point, its channels in the sequence of the model's."""
     gain = np.zeros_like(m.gain) if steps is None else m.gain
     run = None
     if x0 is None and not data.complete and m.order and gain.any():
         # one run of the Kalman filter serves the initial state and the prediction
         run = kalman_filter(m, data, np.zeros(m.order), free=True)
         start = fitted_state(m, data, run)
+    elif x0 is None:
+        start = initial_state(m, data, gain)
     else:
-        start = initial_state(m, data, gain) if x0 is None else as_state(m, x0)
+        start = as_state(m, x0)
     if steps is None or not gain.any():
         return output(m, data.u, start)
     observer = m.A - m.gain @ m.C
@@ -194,19 +198,24 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     deviations = output_deviations(y)
     if model.innovation_covariance is not None and np.array_equal(K, model.gain):
         # an output that the model explains to rounding must not hide the others
-        deviations = np.maximum(np.sqrt(np.diag(model.innovation_covariance)), 1e-8 * deviations)
+        innovations = np.sqrt(np.diag(model.innovation_covariance))
+        deviations = np.maximum(innovations, 1e-8 * deviations)
     elif not data.complete:
         model = replace(model, innovation_covariance=np.diag(deviations**2))
     if not data.complete:
-        return fitted_state(model, data, kalman_filter(replace(model, K=K), data, np.zeros(model.order), free=True))
+        run = kalman_filter(replace(model, K=K), data, np.zeros(model.order), free=True)
+        return fitted_state(model, data, run)
     observer = model.A - K @ model.C
     free = free_response(observer, model.C, samples)
     # samples after the free response has died out carry no information on the initial state
     u, y = u[: len(free)], y[: len(free)]
     drive = u @ (model.B - K @ model.D).T + y @ K.T
-    error = y - state_trajectory(observer, drive, np.zeros(model.order)) @ model.C.T - u @ model.D.T
+    states_from_zero = state_trajectory(observer, drive, np.zeros(model.order))
+    error = y - states_from_zero @ model.C.T - u @ model.D.T
+    # an unstable model: only the samples before its response grows too large to compute with
     usable = (np.abs(error) < LARGEST).all(axis=1)
     rows = len(free) if usable.all() else int(np.argmin(usable))
+    # only ratios of weights matter, and these keep the numbers of a single output as they are
     ratios = deviations / deviations[0]
     phi, target = (free / ratios[:, None])[:rows], (error / ratios)[:rows]
     solution, *_ = np.linalg.lstsq(phi.reshape(-1, model.order), target.ravel(), rcond=None)
@@ -214,12 +223,16 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
 
 
 def fitted_state(model: StateSpace, data: IOData, run: tuple[FloatArray, FloatArray]) -> FloatArray:
-    """The same from the known outputs of a record with gaps, each weighted by its prediction variance."""
+    """Initial state (n,) from the known outputs of a record with gaps, each weighted by its prediction variance.
+
+    `run` is that of `kalman_filter` from the state zero, with the free responses.
+    """
     states, weights = run
     outputs = np.einsum("ij,tjk->tik", model.C, states)
     error = np.where(data.known, data.y, 0.0) - outputs[:, :, 0] - data.u @ model.D.T
     usable = (np.abs(outputs) < LARGEST).all(axis=(1, 2))
-    rows = min(data.window or len(data), len(usable) if usable.all() else int(np.argmin(usable)))
+    usable_rows = len(usable) if usable.all() else int(np.argmin(usable))
+    rows = min(data.window or len(data), usable_rows)
     phi = (weights[:, :, None] * outputs[:, :, 1:])[:rows].reshape(-1, model.order)
     solution, *_ = np.linalg.lstsq(phi, (weights * error)[:rows].ravel(), rcond=None)
     return np.asarray(solution, dtype=np.float64)
@@ -253,22 +266,30 @@ def aligned(model: StateSpace, data: IOData) -> StateSpace:
     Raises:
         SysidError: Other channels or another sampling interval than the model's.
     """
-    i, o = channels_in(model, data)
-    if i == sorted(i) and o == sorted(o):
+    inputs, outputs = channels_in(model, data)
+    if inputs == sorted(inputs) and outputs == sorted(outputs):
         return model
-    covariance, (inputs, outputs) = model.innovation_covariance, (model.input_names or (), model.output_names or ())
-    input_units, output_units = model.input_units or (), model.output_units or ()
-    return replace(
+    covariance = model.innovation_covariance
+    if covariance is not None:
+        covariance = covariance[np.ix_(outputs, outputs)]
+
+    def picked(labels: tuple[str, ...] | None, channels: list[int]) -> tuple[str, ...]:
+        return tuple((labels or ())[k] for k in channels)
+
+    reordered = replace(
         model,
-        B=model.B[:, i],
-        C=model.C[o],
-        D=model.D[np.ix_(o, i)],
-        K=model.gain[:, o],
-        innovation_covariance=None if covariance is None else covariance[np.ix_(o, o)],
-        input_names=tuple(inputs[k] for k in i),
-        output_names=tuple(outputs[k] for k in o),
-        input_units=tuple(input_units[k] for k in i),
-        output_units=tuple(output_units[k] for k in o),
+        B=model.B[:, inputs],
+        C=model.C[outputs],
+        D=model.D[np.ix_(outputs, inputs)],
+        K=model.gain[:, outputs],
+        innovation_covariance=covariance,
+    )
+    return replace(
+        reordered,
+        input_names=picked(model.input_names, inputs),
+        output_names=picked(model.output_names, outputs),
+        input_units=picked(model.input_units, inputs),
+        output_units=picked(model.output_units, outputs),
     )
 
 
@@ -283,8 +304,9 @@ def about_operating_point(
     point = model.operating_point if isinstance(model, Estimate) else None
     if point is None or data.input_offset is not None:
         return data, (np.zeros(data.nu), np.zeros(data.ny))
-    i, o = channels_in(as_model(model), data)
-    return data.subtract(u=point[0][i], y=point[1][o]), (point[0][i], point[1][o])
+    inputs, outputs = channels_in(as_model(model), data)
+    u_level, y_level = point[0][inputs], point[1][outputs]
+    return data.subtract(u=u_level, y=y_level), (u_level, y_level)
 
 
 def residuals(model: StateSpace | Estimate | Choice, data: IOData, *, x0: ArrayLike | None = None) -> FloatArray:
@@ -322,4 +344,5 @@ def findstates(model: StateSpace | Estimate | Choice, data: IOData, *, simulatio
     """
     m = aligned(as_model(model), data)
     data, _ = about_operating_point(model, data)
-    return initial_state(m, data, np.zeros_like(m.gain) if simulation else None)
+    gain = np.zeros_like(m.gain) if simulation else None
+    return initial_state(m, data, gain)

@@ -43,16 +43,17 @@ def free_response(A: FloatArray, C: FloatArray, steps: int) -> FloatArray:
     scale = np.abs(C).max() if C.size else 0.0
     with np.errstate(over="ignore", invalid="ignore"):
         while len(rows) < steps:
-            new = rows @ power
-            rows = np.concatenate((rows, new))
+            following = rows @ power
+            rows = np.concatenate((rows, following))
             power = power @ power
-            if not np.isfinite(power).all() or np.abs(new).max(initial=0.0) <= 1e-17 * scale:
+            if not np.isfinite(power).all() or np.abs(following).max(initial=0.0) <= 1e-17 * scale:
                 break
     usable = (np.abs(rows) < LARGEST).all(axis=(1, 2))
-    return rows[: min(steps, len(rows) if usable.all() else int(np.argmin(usable)))]
+    usable_rows = len(rows) if usable.all() else int(np.argmin(usable))
+    return rows[: min(steps, usable_rows)]
 
 
-SEGMENTS = 128  # parts of a record that are filtered side by side, as one vectorised loop
+SEGMENTS = 128  # segments of a record that are filtered side by side, as one vectorised loop
 WARM_UP = 32  # samples before each part for the state covariance to converge from its initial value
 SETTLED = 1e-12  # relative difference of covariances that counts as converged
 
@@ -71,91 +72,123 @@ def kalman_filter(
         initial states in further columns (N, n, 1 + n); and the inverse square root of the prediction variance of each
         output (N, ny), zero where it is missing.
     """
-    n = model.order
-    known = data.known
     R = model.innovation_covariance
-    gains, deviations = _gains(model, known, np.diag(output_deviations(data.y) ** 2) if R is None else R)
-    y = np.where(known, data.y, 0.0)
+    if R is None:
+        R = np.diag(output_deviations(data.y) ** 2)
+    gains, inverse_deviations = _gains(model, data.known, R)
+    y = np.where(data.known, data.y, 0.0)
     drive = data.u @ model.B.T + np.einsum("tnl,tl->tn", gains, y - data.u @ model.D.T)
-    start = np.concatenate((np.asarray(x0, dtype=float)[:, None], np.eye(n)), axis=1) if free else x0[:, None]
-    return _trajectory(model.A - gains @ model.C, drive, start), deviations
+    start = x0[:, None]
+    if free:
+        start = np.concatenate((np.asarray(x0, dtype=float)[:, None], np.eye(model.order)), axis=1)
+    return _trajectory(model.A - gains @ model.C, drive, start), inverse_deviations
 
 
 def output_deviations(y: FloatArray) -> FloatArray:
     """Standard deviation of every output's known samples (ny,), one for an output that does not change."""
-    deviations = [float(np.std(column[~np.isnan(column)])) if not np.isnan(column).all() else 0.0 for column in y.T]
-    return np.array([deviation if deviation > 0.0 else 1.0 for deviation in deviations])
+    deviations = np.ones(y.shape[1])
+    for i, column in enumerate(y.T):
+        samples = column[~np.isnan(column)]
+        deviation = float(np.std(samples)) if len(samples) else 0.0
+        if deviation > 0.0:
+            deviations[i] = deviation
+    return deviations
 
 
-def _gains(model: StateSpace, known: np.ndarray, R: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _gains(model: StateSpace, observed: np.ndarray, R: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Gain (N, n, ny) and inverse deviation of the prediction (N, ny) at every sample, zero at missing outputs.
 
-    The state covariance converges from any initial value, so that parts of the record can be filtered side by side,
-    each with a warm-up; the warm-up is extended until every part begins with the final covariance of the one before.
+    The state covariance converges from any initial value, so that segments of the record can be filtered side by
+    side, each with a warm-up; the warm-up is extended until every segment begins with the final covariance of the one
+    before.
     """
-    steps, ny = known.shape
+    steps, ny = observed.shape
     R = R / np.trace(R) if np.trace(R) > 0.0 else np.eye(ny) / ny
     # innovations of unit variance: whatever the units of the outputs, the same directions count as noise-free
     units = np.sqrt(np.where(np.diag(R) > 0.0, np.diag(R), 1.0))
-    A, C, K, R = model.A, model.C / units[:, None], model.gain * units, R / np.outer(units, units)
-    n = len(A)
-    noise, cross = K @ R @ K.T, K @ R
-    ahead = WARM_UP
+    scaled = (model.A, model.C / units[:, None], model.gain * units, R / np.outer(units, units))
+    warm_up = WARM_UP
     while True:
-        length = max(-(-steps // SEGMENTS), ahead)
-        parts = -(-steps // length)
+        length = max(-(-steps // SEGMENTS), warm_up)
+        segments = -(-steps // length)
         # nothing is missing before and after the record: there the covariance stays zero
-        padded = np.ones((ahead + parts * length, ny), dtype=bool)
-        padded[ahead : ahead + steps] = known
-        P = np.zeros((parts, n, n))
-        gains, deviations = np.empty((parts, length, n, ny)), np.empty((parts, length, ny))
-        initial = P
-        for t in range(-ahead, length):
-            if t == 0:
-                initial = P
-            mask = padded[ahead + t :: length][:parts].astype(float)
-            PC = P @ C.T
-            S = mask[:, :, None] * (C @ PC + R) * mask[:, None, :]
-            across = (A @ PC + cross) * mask[:, None, :]
-            variances = np.diagonal(S, axis1=1, axis2=2)
-            if ny == 1:
-                L = across * (mask / np.maximum(S[:, 0], 1e-300))[:, None]
-            else:
-                L = np.matmul(across, np.linalg.pinv(S, hermitian=True))
-            P = A @ P @ A.T + noise - np.matmul(L, across.transpose(0, 2, 1))
-            P = 0.5 * (P + P.transpose(0, 2, 1))
-            if t >= 0:
-                gains[:, t] = L
-                deviations[:, t] = mask / np.sqrt(np.maximum(variances, 1e-300))
-        if parts == 1 or np.abs(initial[1:] - P[:-1]).max() <= SETTLED * (1.0 + np.abs(P).max()):
+        padded = np.ones((warm_up + segments * length, ny), dtype=bool)
+        padded[warm_up : warm_up + steps] = observed
+        gains, deviations, initial, final = _filter_segments(scaled, padded, warm_up, length)
+        if segments == 1 or np.abs(initial[1:] - final[:-1]).max() <= SETTLED * (1.0 + np.abs(final).max()):
             break
-        ahead *= 4
-    flat = parts * length
-    return gains.reshape(flat, n, ny)[:steps] / units, deviations.reshape(flat, ny)[:steps] / units
+        warm_up *= 4
+    samples = segments * length
+    return gains.reshape(samples, -1, ny)[:steps] / units, deviations.reshape(samples, ny)[:steps] / units
+
+
+def _filter_segments(
+    scaled: tuple[FloatArray, FloatArray, FloatArray, FloatArray], observed: np.ndarray, warm_up: int, length: int
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Run the Riccati recursion side by side over segments of a record, each after a warm-up from covariance zero.
+
+    Args:
+        scaled: A, C, K and R of the model, its innovations of about unit variance.
+        observed: Mask of the known outputs, `warm_up` samples before the record included (warm_up + segments * length,
+            ny).
+        warm_up: Samples before each segment.
+        length: Samples of a segment.
+
+    Returns:
+        Gains (segments, length, n, ny) and inverse deviations of the prediction (segments, length, ny), zero at missing
+        outputs; covariance of the state at the begin and at the end of each segment (segments, n, n).
+    """
+    A, C, K, R = scaled
+    n, ny = K.shape
+    noise, cross = K @ R @ K.T, K @ R
+    segments = (len(observed) - warm_up) // length
+    P = np.zeros((segments, n, n))
+    gains, deviations = np.empty((segments, length, n, ny)), np.empty((segments, length, ny))
+    initial = P
+    for t in range(-warm_up, length):
+        if t == 0:
+            initial = P
+        mask = observed[warm_up + t :: length][:segments].astype(float)
+        PC = P @ C.T
+        S = mask[:, :, None] * (C @ PC + R) * mask[:, None, :]
+        across = (A @ PC + cross) * mask[:, None, :]
+        variances = np.diagonal(S, axis1=1, axis2=2)
+        if ny == 1:
+            # the floor keeps a missing output, of variance zero here, from dividing zero by zero
+            L = across * (mask / np.maximum(S[:, 0], 1e-300))[:, None]
+        else:
+            L = np.matmul(across, np.linalg.pinv(S, hermitian=True))
+        P = A @ P @ A.T + noise - np.matmul(L, across.transpose(0, 2, 1))
+        # rounding would let the two halves drift apart
+        P = 0.5 * (P + P.transpose(0, 2, 1))
+        if t >= 0:
+            gains[:, t] = L
+            deviations[:, t] = mask / np.sqrt(np.maximum(variances, 1e-300))
+    return gains, deviations, initial, P
 
 
 def _trajectory(transitions: FloatArray, drive: FloatArray, start: FloatArray) -> FloatArray:
     """States of x+ = F(t) x + w(t), w acting on the first column alone, (N, n, columns)."""
     steps, n = drive.shape
     length = -(-steps // SEGMENTS)
-    parts = -(-steps // length)
-    F, w = np.zeros((parts * length, n, n)), np.zeros((parts * length, n))
+    segments = -(-steps // length)
+    F, w = np.zeros((segments * length, n, n)), np.zeros((segments * length, n))
     F[:steps], w[:steps] = transitions, drive
-    F, w = F.reshape(parts, length, n, n), w.reshape(parts, length, n)
-    # each part from rest and from unit states first; then the parts are chained
-    x = np.zeros((parts, n, 1 + n))
+    F, w = F.reshape(segments, length, n, n), w.reshape(segments, length, n)
+    # each segment from rest and from unit states first; then the segments are chained
+    x = np.zeros((segments, n, 1 + n))
     x[:, :, 1:] = np.eye(n)
-    inside = np.empty((length, parts, n, 1 + n))
+    inside = np.empty((length, segments, n, 1 + n))
     for t in range(length):
         inside[t] = x
         x = np.matmul(F[:, t], x)
         x[:, :, 0] += w[:, t]
-    begin = np.empty((parts, n, start.shape[1]))
+    begin = np.empty((segments, n, start.shape[1]))
     state = start
-    for k in range(parts):
+    for k in range(segments):
         begin[k] = state
         state = x[k, :, 1:] @ state
         state[:, 0] += x[k, :, 0]
     out = np.matmul(inside[..., 1:], begin)
     out[..., 0] += inside[..., 0]
-    return np.ascontiguousarray(out.transpose(1, 0, 2, 3).reshape(parts * length, n, -1)[:steps])
+    return np.ascontiguousarray(out.transpose(1, 0, 2, 3).reshape(segments * length, n, -1)[:steps])

@@ -34,11 +34,13 @@ def balred(model: StateSpace | Estimate, order: int, *, match_dc: bool = False) 
     """
     model = as_model(model)
     order = whole_number("order", order, 0, model.order)
-    sigma = _deviations(model)
-    A, B, C, _ = balanced_truncation(model.A, np.hstack((model.B, model.gain * sigma)), model.C, MINIMAL)
+    sigma = _innovation_deviations(model)
+    drive = np.hstack((model.B, model.gain * sigma))
+    A, B, C, _ = balanced_truncation(model.A, drive, model.C, MINIMAL)
     D = np.hstack((model.D, np.diag(sigma)))
     kept, dropped = slice(0, order), slice(order, len(A))
     if match_dc and len(A) > order:
+        # at 0 Hz the dropped states are x2 = (I - A22)^-1 (A21 x1 + B2 u)
         at_dc = np.linalg.inv(np.eye(len(A) - order) - A[dropped, dropped])
         into, out = at_dc @ A[dropped, kept], at_dc @ B[dropped]
         B = B[kept] + A[kept, dropped] @ out
@@ -70,11 +72,12 @@ def hankel_singular_values(model: StateSpace | Estimate) -> FloatArray:
         SysidError: The model is not stable.
     """
     model = as_model(model)
-    B = np.hstack((model.B, model.gain * _deviations(model)))
+    B = np.hstack((model.B, model.gain * _innovation_deviations(model)))
     return balanced_truncation(model.A, B, model.C, 0.0)[3]
 
 
-def _deviations(model: StateSpace) -> FloatArray:
+def _innovation_deviations(model: StateSpace) -> FloatArray:
+    """Standard deviation of each innovation (ny,); one where it is not known or zero."""
     covariance = model.innovation_covariance
     if covariance is None:
         return np.ones(model.ny)
@@ -102,10 +105,12 @@ def split_delay(model: StateSpace | Estimate) -> tuple[StateSpace, tuple[int, ..
     """
     path = as_model(model).input_path()
     pulses = np.abs(path.markov(path.order + 1)).max(axis=1)
-    B, D, delays = path.B.copy(), path.D.copy(), []
+    B, D = path.B.copy(), path.D.copy()
+    delays = []
     for j in range(path.nu):
         active = np.flatnonzero(pulses[:, j] > SILENT * pulses[:, j].max())
         delay = max(int(active[0]) - 1, 0) if len(active) else 0
+        # advanced by `delay` samples, an input acts through A^delay B
         B[:, j] = np.linalg.matrix_power(path.A, delay) @ B[:, j]
         delays.append(delay)
     return replace(path, B=B, D=D).input_path(), tuple(delays)

@@ -44,29 +44,35 @@ def sample(A: FloatArray, B: FloatArray, dt: float, delay: float = 0.0, intersam
 
     The delay in s is any value >= 0; the input between samples is held (`zoh`) or linear (`foh`).
     """
-    whole = math.ceil(delay / dt - INTEGER)
-    ahead = max(whole - delay / dt, 0.0)  # part of the interval in which the next sample acts already
-    late, early = _integrals(A, B, dt, (1.0 - ahead) * dt), _integrals(A, B, dt, ahead * dt)
-    through = early[0]
+    lag = math.ceil(delay / dt - INTEGER)
+    ahead = max(lag - delay / dt, 0.0)  # part of the interval in which the next sample acts already
+    # first the sample of `lag` acts, for 1 - ahead of the interval, then the one that follows it
+    first_phi, first_step, first_ramp = _integrals(A, B, dt, (1.0 - ahead) * dt)
+    second_phi, second_step, second_ramp = _integrals(A, B, dt, ahead * dt)
     if intersample == "zoh":
-        gamma = {whole: through @ late[1], whole - 1: early[1]}
-        weights, slopes = {whole: 1.0}, {}
+        gamma = {lag: second_phi @ first_step, lag - 1: second_step}
+        weights, slopes = {lag: 1.0}, {}
     elif intersample == "foh":
-        rise = ahead * late[1] + late[2]
+        # the line between two samples starts at the part `ahead` of its rise
+        rise = ahead * first_step + first_ramp
         gamma = {
-            whole: through @ (late[1] - rise),
-            whole - 1: through @ rise + early[1] - early[2],
-            whole - 2: early[2],
+            lag: second_phi @ (first_step - rise),
+            lag - 1: second_phi @ rise + second_step - second_ramp,
+            lag - 2: second_ramp,
         }
-        weights, slopes = {whole: 1.0 - ahead, whole - 1: ahead}, {whole: -1.0 / dt, whole - 1: 1.0 / dt}
+        weights = {lag: 1.0 - ahead, lag - 1: ahead}
+        slopes = {lag: -1.0 / dt, lag - 1: 1.0 / dt}
     else:
         raise SysidError(
             f"continuous-time models take an input that is held (zoh) or linear (foh) between samples, got "
             f"{intersample!r}; dataclasses.replace(data, intersample='foh') takes it as linear"
         )
     if not ahead:
-        gamma.pop(whole - 1 if intersample == "zoh" else whole - 2)
-    return Sampled(through @ late[0], gamma, {lag: w for lag, w in weights.items() if w}, slopes)
+        # the sample that would act in no part of the interval
+        without_effect = lag - 1 if intersample == "zoh" else lag - 2
+        gamma.pop(without_effect)
+    nonzero_weights = {k: weight for k, weight in weights.items() if weight}
+    return Sampled(second_phi @ first_phi, gamma, nonzero_weights, slopes)
 
 
 def lagged_input(u: FloatArray, lag: int) -> FloatArray:
@@ -82,7 +88,11 @@ def lagged_input(u: FloatArray, lag: int) -> FloatArray:
 def _integrals(A: FloatArray, B: FloatArray, dt: float, time: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """exp(A t), and the states after `time` from rest for u = 1 and u = t/dt."""
     n, m = B.shape
+    states, steps, ramps = slice(0, n), slice(n, n + m), slice(n + m, n + 2 * m)
+    # steps and ramps as further states, u' = 1/dt: a single exponential integrates all of them, also for a singular A
     generator = np.zeros((n + 2 * m, n + 2 * m))
-    generator[:n, :n], generator[:n, n : n + m], generator[n : n + m, n + m :] = A, B, np.eye(m) / dt
-    whole = scipy.linalg.expm(generator * time)
-    return whole[:n, :n], whole[:n, n : n + m], whole[:n, n + m :]
+    generator[states, states] = A
+    generator[states, steps] = B
+    generator[steps, ramps] = np.eye(m) / dt
+    transition = scipy.linalg.expm(generator * time)
+    return transition[states, states], transition[states, steps], transition[states, ramps]

@@ -65,19 +65,24 @@ class StateSpace(Locked):
         A = real_array("A", self.A)
         A = A.reshape(0, 0) if A.size == 0 else np.atleast_2d(A)
         n = len(A)
-        fitting = {"A": (A, (n, n)), "D": (D, (ny, nu))}
-        fitting["B"] = (real_array("B", self.B), (n, nu))
-        fitting["C"] = (real_array("C", self.C), (ny, n))
-        fitting["K"] = (np.zeros((n, ny)) if self.K is None else real_array("K", self.K), (n, ny))
+        K = np.zeros((n, ny)) if self.K is None else real_array("K", self.K)
+        matrices_and_shapes = {
+            "A": (A, (n, n)),
+            "D": (D, (ny, nu)),
+            "B": (real_array("B", self.B), (n, nu)),
+            "C": (real_array("C", self.C), (ny, n)),
+            "K": (K, (n, ny)),
+        }
         if self.innovation_covariance is not None:
             covariance = np.atleast_2d(real_array("innovation_covariance", self.innovation_covariance))
-            fitting["innovation_covariance"] = (covariance, (ny, ny))
+            matrices_and_shapes["innovation_covariance"] = (covariance, (ny, ny))
             if covariance.shape == (ny, ny) and not is_covariance(covariance):
                 raise SysidError(
                     f"innovation_covariance must be symmetric without negative eigenvalues, got "
                     f"{shown(covariance.tolist())}"
                 )
-        for attribute, (matrix, shape) in fitting.items():
+        for attribute, (matrix, shape) in matrices_and_shapes.items():
+            # an empty matrix may come as [], with one axis
             shaped = matrix.reshape(shape) if matrix.size == 0 == np.prod(shape) else matrix
             if shaped.shape != shape:
                 raise SysidError(
@@ -85,13 +90,15 @@ class StateSpace(Locked):
                 )
             object.__setattr__(self, attribute, lock(shaped))
         object.__setattr__(self, "dt", sampling_interval(self.dt))
-        for attribute, default in (
-            ("input_names", default_names("u", nu)),
-            ("output_names", default_names("y", ny)),
-            ("input_units", ("",) * nu),
-            ("output_units", ("",) * ny),
-        ):
-            object.__setattr__(self, attribute, channel_labels(attribute, getattr(self, attribute), default))
+        default_labels = {
+            "input_names": default_names("u", nu),
+            "output_names": default_names("y", ny),
+            "input_units": ("",) * nu,
+            "output_units": ("",) * ny,
+        }
+        for attribute, default in default_labels.items():
+            labels = channel_labels(attribute, getattr(self, attribute), default)
+            object.__setattr__(self, attribute, labels)
 
     def _parts(self) -> list[Part]:
         poles = [poles_table(self.poles(), self.dt)] if self.order else []
@@ -99,17 +106,18 @@ class StateSpace(Locked):
 
     def matrices(self) -> list[Part]:
         """Equations, tables of A, B, C, D, and of K and the innovation covariance where there are any, with names."""
-        inputs, noise = (
-            ((" + B u", " + D u") if self.nu else ("", "")),
-            ((" + K e", " + e") if self.gain.any() else ("", "")),
-        )
-        equations = f"x(t+1) = A x{inputs[0]}{noise[0]}, y = C x{inputs[1]}{noise[1]}"
-        x, (u, y) = default_names("x", self.order), (self.input_names or (), self.output_names or ())
-        named = [("A", self.A, x, x), ("B", self.B, x, u), ("C", self.C, y, x), ("D", self.D, y, u)]
-        named += [("K", self.gain, x, y)] if self.gain.any() else []
+        has_noise = self.gain.any()
+        state_input, output_input = (" + B u", " + D u") if self.nu else ("", "")
+        state_noise, output_noise = (" + K e", " + e") if has_noise else ("", "")
+        equations = f"x(t+1) = A x{state_input}{state_noise}, y = C x{output_input}{output_noise}"
+        x, u, y = default_names("x", self.order), self.input_names or (), self.output_names or ()
+        matrices = [("A", self.A, x, x), ("B", self.B, x, u), ("C", self.C, y, x), ("D", self.D, y, u)]
+        if has_noise:
+            matrices.append(("K", self.gain, x, y))
         if self.innovation_covariance is not None:
-            named.append(("covariance of e", self.innovation_covariance, y, y))
-        return [equations, *(matrix_table(*one) for one in named if one[1].size)]
+            matrices.append(("covariance of e", self.innovation_covariance, y, y))
+        tables = [matrix_table(name, M, rows, columns) for name, M, rows, columns in matrices if M.size]
+        return [equations, *tables]
 
     @property
     def order(self) -> int:
@@ -177,14 +185,15 @@ class StateSpace(Locked):
         if self.order > LARGE:
             return self._response_of_many_states(z, B, D)
         pencil = z[:, None, None] * np.eye(self.order) - self.A
+        drive = np.broadcast_to(B.astype(complex), (len(z), *B.shape))
         try:
-            states = np.linalg.solve(pencil, np.broadcast_to(B.astype(complex), (len(z), *B.shape)))
+            states = np.linalg.solve(pencil, drive)
         except np.linalg.LinAlgError as error:
             raise SysidError(ON_A_POLE) from error
         return np.asarray(self.C @ states + D, dtype=np.complex128)
 
     def _response_of_many_states(self, z: ComplexArray, B: FloatArray, D: FloatArray) -> ComplexArray:
-        """The same by one Schur decomposition and one back substitution for all frequencies."""
+        """C (zI - A)^-1 B + D by one Schur decomposition and one back substitution for all frequencies."""
         triangle, basis = schur_form(self.A.tobytes(), self.order)
         drive = basis.conj().T @ B
         states = np.zeros((self.order, len(z) * B.shape[1]), dtype=complex)
@@ -219,14 +228,16 @@ class StateSpace(Locked):
     def search_grid(self) -> FloatArray:
         """Frequencies up to Nyquist in Hz, logarithmic, linear, and dense around every pole."""
         nyquist = 0.5 / self.dt
-        parts = [np.geomspace(1e-7 * nyquist, nyquist, 1200), np.linspace(0.0, nyquist, 801)[1:]]
+        grids = [np.geomspace(1e-7 * nyquist, nyquist, 1200), np.linspace(0.0, nyquist, 801)[1:]]
         poles = self.poles()
+        # a pole at zero is a delay, one far outside the circle no resonance: neither bends the gain at a frequency
         poles = poles[(np.abs(poles) > 1e-12) & (np.abs(poles) < 1.5)]
         for pole in poles:
             s = np.log(pole) / (2 * np.pi * self.dt)
+            # the width of a resonance is the real part of its pole; one on the circle needs a least width
             width = max(abs(s.real), 1e-6 * nyquist)
-            parts.append(abs(s.imag) + width * np.linspace(-4.0, 4.0, 41))
-        grid = np.unique(np.concatenate(parts))
+            grids.append(abs(s.imag) + width * np.linspace(-4.0, 4.0, 41))
+        grid = np.unique(np.concatenate(grids))
         return grid[(grid > 0.0) & (grid <= nyquist)]
 
     def markov(self, n: int) -> FloatArray:
@@ -264,7 +275,7 @@ class StateSpace(Locked):
         Raises:
             SysidError: The model is not stable, or has noise dynamics, which the truncation would lose.
         """
-        tolerance = real_number("tolerance", tolerance, "lie from 0 to below 1", lambda part: 0.0 <= part < 1.0)
+        tolerance = real_number("tolerance", tolerance, "lie from 0 to below 1", lambda x: 0.0 <= x < 1.0)
         if np.any(self.gain):
             raise SysidError("minimal reduces the input-output path only, got a model with nonzero K: use balred")
         A, B, C, _ = balanced_truncation(self.A, self.B, self.C, tolerance)
@@ -272,7 +283,8 @@ class StateSpace(Locked):
 
     def channel(self, input: int, output: int) -> "StateSpace":
         """The path from one input to one output, without noise model and names."""
-        return StateSpace(self.A, self.B[:, [input]], self.C[[output]], self.D[[output]][:, [input]], None, self.dt)
+        B, C, D = self.B[:, [input]], self.C[[output]], self.D[[output]][:, [input]]
+        return StateSpace(self.A, B, C, D, None, self.dt)
 
     def input_path(self) -> "StateSpace":
         """The path from u to y: without noise model, and without states that are structurally decoupled from it.
@@ -282,12 +294,19 @@ class StateSpace(Locked):
         that from the innovation e to y.
         """
         if self.nu == 0:
-            names = tuple(f"e@{name}" for name in self.output_names or ())
-            bare = replace(self, K=None, innovation_covariance=None)
-            return replace(bare, B=self.gain, D=np.eye(self.ny), input_names=names, input_units=self.output_units)
-        coupled, n = self.A != 0.0, self.order
+            innovations = tuple(f"e@{name}" for name in self.output_names or ())
+            without_noise = replace(self, K=None, innovation_covariance=None)
+            return replace(
+                without_noise,
+                B=self.gain,
+                D=np.eye(self.ny),
+                input_names=innovations,
+                input_units=self.output_units,
+            )
+        coupled = self.A != 0.0
         reached, observed = (self.B != 0.0).any(axis=1), (self.C != 0.0).any(axis=0)
-        for _ in range(n):
+        # n steps of the graph of A reach every state that has a path to it
+        for _ in range(self.order):
             reached = reached | coupled[:, reached].any(axis=1)
             observed = observed | coupled[observed].any(axis=0)
         keep = np.flatnonzero(reached & observed)
@@ -341,12 +360,16 @@ def is_covariance(matrix: FloatArray) -> bool:
     """Whether a matrix is symmetric without negative eigenvalues, apart from rounding."""
     size = float(np.abs(matrix).max(initial=0.0))
     symmetric = np.abs(matrix - matrix.T).max(initial=0.0) <= 1e-6 * size
-    return bool(symmetric and (not matrix.size or np.linalg.eigvalsh(matrix)[0] >= -1e-9 * size))
+    if not symmetric or not matrix.size:
+        return bool(symmetric)
+    return bool(np.linalg.eigvalsh(matrix)[0] >= -1e-9 * size)
 
 
 def _user_labels(labels: Sequence[str]) -> tuple[str, ...] | None:
     """The labels, or None if they are python-control's defaults."""
-    return None if any(re.fullmatch(r"[uy]\[\d+\]", label) for label in labels) else tuple(labels)
+    if any(re.fullmatch(r"[uy]\[\d+\]", label) for label in labels):
+        return None
+    return tuple(labels)
 
 
 def block_diagonal(models: Sequence[StateSpace]) -> StateSpace:
@@ -370,26 +393,33 @@ def block_diagonal(models: Sequence[StateSpace]) -> StateSpace:
             raise SysidError(f"expected StateSpace models, got {type(m).__name__}; an estimate's is `estimate.model`")
     if not all(np.isclose(m.dt, models[0].dt, rtol=1e-9, atol=0.0) for m in models):
         raise SysidError(f"models must share one sampling interval, got {[m.dt for m in models]} s")
-    covariances = [m.innovation_covariance for m in models]
-    known = [c for c in covariances if c is not None]
-
-    def unique(labels: list[str]) -> tuple[str, ...] | None:
-        return tuple(labels) if len(set(labels)) == len(labels) else None
-
-    def block(matrices: list[FloatArray]) -> FloatArray:
-        # scipy's block_diag turns an empty (0, n) block into the right number of columns, but a 1-D one into a row
-        return np.asarray(scipy.linalg.block_diag(*matrices), dtype=float)
-
+    covariances = [m.innovation_covariance for m in models if m.innovation_covariance is not None]
+    covariance = _block_matrix(covariances) if len(covariances) == len(models) else None
     return StateSpace(
-        block([m.A for m in models]),
-        block([m.B for m in models]),
-        block([m.C for m in models]),
-        block([m.D for m in models]),
-        block([m.gain for m in models]),
+        _block_matrix([m.A for m in models]),
+        _block_matrix([m.B for m in models]),
+        _block_matrix([m.C for m in models]),
+        _block_matrix([m.D for m in models]),
+        _block_matrix([m.gain for m in models]),
         models[0].dt,
-        block(known) if len(known) == len(models) else None,
-        input_names=unique([name for m in models for name in m.input_names or ()]),
-        output_names=unique([name for m in models for name in m.output_names or ()]),
-        input_units=tuple(unit for m in models for unit in m.input_units or ()),
-        output_units=tuple(unit for m in models for unit in m.output_units or ()),
+        covariance,
+        **_joined_labels(models),
     )
+
+
+def _block_matrix(matrices: list[FloatArray]) -> FloatArray:
+    """Block-diagonal matrix."""
+    # scipy's block_diag turns an empty (0, n) block into the right number of columns, but a 1-D one into a row
+    return np.asarray(scipy.linalg.block_diag(*matrices), dtype=float)
+
+
+def _joined_labels(models: Sequence[StateSpace]) -> dict[str, tuple[str, ...] | None]:
+    """Names and units of all channels, as keyword arguments of `StateSpace`; None instead of names that repeat."""
+    labels: dict[str, tuple[str, ...] | None] = {}
+    for attribute in ("input_names", "output_names", "input_units", "output_units"):
+        joined: list[str] = []
+        for model in models:
+            joined += getattr(model, attribute) or ()
+        repeats = len(set(joined)) < len(joined)
+        labels[attribute] = None if repeats and attribute.endswith("names") else tuple(joined)
+    return labels

@@ -34,7 +34,8 @@ def balanced_truncation(
     observability = _factor(scipy.linalg.solve_discrete_lyapunov(A.T, C.T @ C))
     left, hankel, right = np.linalg.svd(observability.T @ controllability)
     keep = int((hankel > tolerance * hankel[0]).sum())
-    keep = keep if order is None else min(keep, order)
+    if order is not None:
+        keep = min(keep, order)
     scale = 1.0 / np.sqrt(hankel[:keep])
     to_balanced = scale[:, None] * (left[:, :keep].T @ observability.T)
     from_balanced = controllability @ right[:keep].T * scale
@@ -60,23 +61,27 @@ def transmission_zeros(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArra
     # scaling of inputs and outputs does not change the zeros
     into, out = size / _norm(B, D), size / _norm(C, D)
     scaled = (A, B * into, C * out, D * into * out)
+    # of a singular value that counts as zero
     floor = 1e-12 * size * max(1, len(A))
     a, b2, c2, d2 = _without_infinite(*scaled, floor)
     # if inputs outnumber outputs, the dual reduction removes the remaining zeros at infinity
     at, ct, bt, dt = _without_infinite(a.T, c2.T, b2.T, d2.T, floor)
     if not len(at):
         return np.zeros(0, dtype=complex)
-    core = at.T - (bt.T @ np.linalg.solve(dt.T, ct.T) if dt.size else 0.0)
+    # with D invertible the zeros are the eigenvalues of A - B D^-1 C
+    core = at.T - bt.T @ np.linalg.solve(dt.T, ct.T) if dt.size else at.T
     zeros = np.linalg.eigvals(core).astype(complex)
     return zeros[np.argsort(-np.abs(zeros), kind="stable")]
 
 
 def _norm(matrix: FloatArray, D: FloatArray) -> float:
+    """Size of an input or output matrix; that of D, at least one, where there are no states to reach."""
     norm = float(np.linalg.norm(matrix)) if matrix.size else 0.0
     return norm if norm > 0.0 else max(float(np.linalg.norm(D)), 1.0)
 
 
 def _without_infinite(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, floor: float) -> Matrices:
+    """The system reduced to one of the same finite zeros with a D of full row rank [EmamiNaeini1982]."""
     while len(A) and len(C):
         left, values, _ = np.linalg.svd(D)
         rank = int((values > floor).sum())

@@ -12,7 +12,7 @@ from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import real_number, sampling_interval
-from sysid.records.arrays import ComplexArray, Locked, complex_array, lock, real_array
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, complex_array, lock, real_array
 from sysid.records.errors import SysidError
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class ZeroPoleGain(Locked):
 
         chain = control.ss([], [], [], [[self.gain]], self.dt)
         for poles, zeros in zip_longest(_pairs(self.poles), _pairs(self.zeros), fillvalue=np.zeros(0)):
-            matrices = scipy.signal.tf2ss(np.atleast_1d(np.poly(zeros).real), np.poly(poles).real)
+            matrices = scipy.signal.tf2ss(_monic(zeros), _monic(poles))
             chain = control.series(chain, control.ss(*matrices, self.dt))
         return StateSpace(chain.A, chain.B, chain.C, chain.D, None, self.dt)
 
@@ -133,16 +133,25 @@ def transfer_function(model: StateSpace | Estimate) -> "control.TransferFunction
 
     model = as_model(model)
     model = model if model.nu else model.input_path()
-    channels = [[model.channel(j, i).input_path() for j in range(model.nu)] for i in range(model.ny)]
-    numerators = [[_leading(c) * np.atleast_1d(np.poly(c.zeros()).real) for c in row] for row in channels]
-    denominators = [[np.atleast_1d(np.poly(c.poles()).real) for c in row] for row in channels]
-    return control.tf(
-        numerators, denominators, model.dt, inputs=list(model.input_names or ()), outputs=list(model.output_names or ())
-    )
+    numerators: list[list[FloatArray]] = []
+    denominators: list[list[FloatArray]] = []
+    for i in range(model.ny):
+        channels = [model.channel(j, i).input_path() for j in range(model.nu)]
+        numerators.append([_leading(channel) * _monic(channel.zeros()) for channel in channels])
+        denominators.append([_monic(channel.poles()) for channel in channels])
+    input_names, output_names = list(model.input_names or ()), list(model.output_names or ())
+    return control.tf(numerators, denominators, model.dt, inputs=input_names, outputs=output_names)
+
+
+def _monic(roots: ComplexArray) -> FloatArray:
+    """Coefficients of the polynomial with these roots, of falling powers."""
+    # numpy's polynomial without roots is the number 1.0
+    return np.atleast_1d(np.poly(roots).real)
 
 
 def _leading(channel: StateSpace) -> float:
     """First nonzero value of the pulse response; 0 if there is none."""
+    # a pulse response that is zero up to the order stays zero
     pulse = channel.markov(channel.order + 1)[:, 0, 0]
     nonzero = np.flatnonzero(np.abs(pulse) > 1e-12 * np.abs(pulse).max())
     return float(pulse[nonzero[0]]) if len(nonzero) else 0.0
