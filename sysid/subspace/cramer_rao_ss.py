@@ -53,10 +53,11 @@ class LocalCoordinates:
         scales = Scales.of([data])
         predictor = scales.predictor(truth, gain=True).balanced()
         basis = local_coordinates(predictor, direct=False)
-        realise = RealiseLocally(
-            predictor, basis, basis.T @ predictor.vector(), scales, DataSummary.of([data]), truth.innovation_covariance
-        )
-        weight = np.asarray(np.linalg.inv(truth.innovation_covariance / np.outer(scales.y, scales.y)), dtype=np.float64)
+        parameters = basis.T @ predictor.vector()
+        summary = DataSummary.of([data])
+        realise = RealiseLocally(predictor, basis, parameters, scales, summary, truth.innovation_covariance)
+        scaled_covariance = truth.innovation_covariance / np.outer(scales.y, scales.y)
+        weight = np.asarray(np.linalg.inv(scaled_covariance), dtype=np.float64)
         return LocalCoordinates(predictor, basis, scales, weight, realise)
 
     def normal(self, data: IOData) -> Normal:
@@ -66,6 +67,7 @@ class LocalCoordinates:
         """
         records = [Record.of(data, self.scales, gain=True)]
         point = Point.at(records, self.predictor, self.weight)
+        # the covariance of the truth instead of that of this record's errors: the bound is about the truth
         covariance = np.asarray(np.linalg.inv(self.weight), dtype=np.float64)
         at = Point(point.predictor, point.states, point.errors, covariance, point.criterion, spreads=point.spreads)
         return linearise(records, at, self.basis)
@@ -92,20 +94,23 @@ def cramer_rao_bound_ss(
     edges = bandwidths[np.isfinite(bandwidths)]
     grid = np.concatenate((frequencies, [0.0], edges))
 
-    def parts(theta: FloatArray) -> FloatArray:
+    def real_and_imaginary(theta: FloatArray) -> FloatArray:
         response = coordinates.realise(theta).frequency_response(grid)
         return np.stack((response.real, response.imag), axis=-1)
 
-    moves = spread(parts, parameters, covariance)
+    moves = spread(real_and_imaginary, parameters, covariance)
     response = truth.frequency_response(grid)
     count = len(frequencies)
     # of the logarithms of the magnitudes
     relative = ((moves[..., 0] + 1j * moves[..., 1]) / response).real
     deviation = np.full(bandwidths.shape, np.nan)
     for k, (i, j) in enumerate(np.argwhere(np.isfinite(bandwidths))):
-        ends = truth.frequency_response(edges[k] * np.array([1.0 - LOG_STEP, 1.0 + LOG_STEP]))[:, i, j]
+        around = edges[k] * np.array([1.0 - LOG_STEP, 1.0 + LOG_STEP])
+        ends = truth.frequency_response(around)[:, i, j]
         slope = np.diff(np.log(np.abs(ends)))[0] / (2.0 * LOG_STEP)
-        deviation[i, j] = np.linalg.norm(relative[:, count + 1 + k, i, j] - relative[:, count, i, j]) / abs(slope)
+        # the crossing follows the gain there relative to that at 0 Hz, as in `Estimate.bandwidth`
+        at_dc, at_edge = relative[:, count, i, j], relative[:, count + 1 + k, i, j]
+        deviation[i, j] = np.linalg.norm(at_edge - at_dc) / abs(slope)
     return CramerRaoBound(
         polynomials=None,
         parameters=parameters,

@@ -67,7 +67,7 @@ def era(
     """
     y = markov_array(markov)
     rows, columns = hankel_shape(y, block_rows, block_columns, reserve=0)
-    h0, h1 = (block_hankel(y[1 + shift :], rows, columns) for shift in (0, 1))
+    h0, h1 = block_hankel(y[1:], rows, columns), block_hankel(y[2:], rows, columns)
     left, xi, right = np.linalg.svd(h0, full_matrices=False)
     n = checked_order(order, xi)
     root = np.sqrt(xi[:n])
@@ -84,9 +84,12 @@ def realisation(
     """Assemble the result from the matrices and the singular values of H(0)."""
     poles, modes = np.linalg.eig(A)
     sequence = np.argsort(-np.abs(poles), kind="stable")
-    b = np.linalg.norm(np.linalg.lstsq(modes, B.astype(complex), rcond=None)[0], axis=1)
+    # least squares, since nearly equal poles have nearly dependent modes
+    modal_inputs = np.linalg.lstsq(modes, B.astype(complex), rcond=None)[0]
+    b = np.linalg.norm(modal_inputs, axis=1)
     c = np.linalg.norm(C @ modes, axis=0)
-    modal = np.sqrt(b * c / np.maximum(np.abs(1.0 - np.abs(poles)), np.finfo(float).tiny))
+    distances = np.maximum(np.abs(1.0 - np.abs(poles)), np.finfo(float).tiny)
+    modal = np.sqrt(b * c / distances)
     spectrum = np.asarray(xi, dtype=np.float64)
     squares = spectrum**2
     return Realisation(
@@ -149,8 +152,11 @@ def checked_order(order: int, xi: FloatArray) -> int:
 
 
 def _percent(values: FloatArray, order: int) -> float:
+    """Share of the first `order` values in the sum of all."""
     total = float(values.sum())
-    return float(100.0 * values[:order].sum() / total) if total > 0.0 else 100.0
+    if total <= 0.0:
+        return 100.0
+    return float(100.0 * values[:order].sum() / total)
 
 
 def markov_parameters(data: IOData, count: int) -> FloatArray:
@@ -163,8 +169,8 @@ def markov_parameters(data: IOData, count: int) -> FloatArray:
     Returns:
         Y_0 = 0, Y_1, ..., Y_count (count + 1, ny, nu).
     """
-    past = np.lib.stride_tricks.sliding_window_view(data.u, count, axis=0)[:-1, :, ::-1]
-    columns = past.transpose(0, 2, 1).reshape(len(past), count * data.nu)
+    latest_first = np.lib.stride_tricks.sliding_window_view(data.u, count, axis=0)[:-1, :, ::-1]
+    columns = latest_first.transpose(0, 2, 1).reshape(len(latest_first), count * data.nu)
     solution = np.linalg.lstsq(columns, data.y[count:], rcond=None)[0]
     pulses = solution.reshape(count, data.nu, data.ny).transpose(0, 2, 1)
     return np.concatenate((np.zeros((1, data.ny, data.nu)), pulses))
@@ -207,11 +213,14 @@ def era_dc(
     rows, columns = hankel_shape(y, block_rows, block_columns, reserve=2 * lags - 2)
     ny, nu = y.shape[1:]
     h0 = block_hankel(y[1:], rows, columns)
-    correlations = np.array([block_hankel(y[1 + k :], rows, columns) @ h0.T for k in range(2 * lags)])
-    left, values, right = np.linalg.svd(block_hankel(correlations, lags, lags), full_matrices=False)
+    shifted_by_lag = [block_hankel(y[1 + k :], rows, columns) for k in range(2 * lags)]
+    correlations = np.array([shifted @ h0.T for shifted in shifted_by_lag])
+    u0, u1 = block_hankel(correlations, lags, lags), block_hankel(correlations[1:], lags, lags)
+    left, values, right = np.linalg.svd(u0, full_matrices=False)
+    # correlations are squares: their roots are comparable with the singular values of H(0)
     n = checked_order(order, np.sqrt(values))
     root = np.sqrt(values[:n])
-    A = (left[:, :n] / root).T @ block_hankel(correlations[1:], lags, lags) @ (right[:n].T / root)
+    A = (left[:, :n] / root).T @ u1 @ (right[:n].T / root)
     observability = left[: rows * ny, :n] * root
     C = observability[:ny]
     B = np.linalg.lstsq(observability, h0, rcond=None)[0][:, :nu]

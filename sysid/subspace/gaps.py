@@ -29,21 +29,23 @@ def estimate_with_gaps(
         gain: Whether the last fit has an innovation gain; those before have.
     """
     filled = [replace(e, y=interpolated(e), missing=False) for e in experiments]
-    for last in (*(False,) * FILLS, True):
+    for fill in range(FILLS + 1):
+        is_last = fill == FILLS
         with warnings.catch_warnings():
-            if not last:
+            if not is_last:
+                # of records filled provisionally
                 warnings.simplefilter("ignore", SysidWarning)
-            estimate = fit(filled, gain or not last)
+            estimate = fit(filled, gain or not is_last)
         realise = cast(RealiseLocally, estimate.realise)
         predictor, scales = realise.origin, realise.scales
         if not predictor.is_stable():
             raise SysidError("the model without gain is unstable, and cannot fill gaps; gain=True or stable=True can")
         records = [Record.of(e, scales, predictor.has_gain) for e in experiments]
-        parts, covariance, _ = greatest_likelihood(records, predictor, np.eye(experiments[0].ny), ROUNDS)
-        filled = [
-            replace(e, y=np.vstack((e.y[: e.window], part.filled.y * scales.y)))
-            for e, part in zip(filled, parts, strict=True)
-        ]
+        eliminated, covariance, _ = greatest_likelihood(records, predictor, np.eye(experiments[0].ny), ROUNDS)
+        for k, record in enumerate(eliminated):
+            # the likelihood begins after the initialisation window, whose outputs stay
+            window = filled[k].y[: filled[k].window]
+            filled[k] = replace(filled[k], y=np.vstack((window, record.filled.y * scales.y)))
     return make_predictor_estimate(
         estimate.method,
         experiments,

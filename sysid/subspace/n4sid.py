@@ -90,30 +90,39 @@ def subspace(
             f"order must be a whole number from 1 to (block_rows - 1) * ny = {(s - 1) * ny}, got {order!r}"
         )
     index = np.arange(2 * s * q).reshape(2 * s, q)
-    past, inputs, outputs = index[:s].ravel(), index[s:, :nu].ravel(), index[s:, nu:].ravel()
+    past, future_inputs, future_outputs = index[:s].ravel(), index[s:, :nu].ravel(), index[s:, nu:].ravel()
     moments = hankel_moments(signals, 2 * s)
-    triangle = hankel_triangle(signals, 2 * s, moments, np.concatenate((inputs, past, outputs)))
-    first, second = len(inputs), len(inputs) + len(past)
-    explained, own = triangle[second:, first:second], triangle[first:second, first:second]
-    unexplained = explained @ explained.T + triangle[second:, second:] @ triangle[second:, second:].T
-    values, vectors = np.linalg.eigh(unexplained)
+    triangle = hankel_triangle(signals, 2 * s, moments, np.concatenate((future_inputs, past, future_outputs)))
+    past_begin = len(future_inputs)
+    past_end = past_begin + len(past)
+    past_triangle = triangle[past_begin:past_end, past_begin:past_end]
+    explained = triangle[past_end:, past_begin:past_end]
+    residual = triangle[past_end:, past_end:]
+    given_inputs = explained @ explained.T + residual @ residual.T
+    values, vectors = np.linalg.eigh(given_inputs)
     if not values[-1] > NOTHING * float(np.trace(moments)):
         raise SysidError(
             "the outputs are zero, or nearly so, given the past of the record: there are no states to identify"
         )
-    root = np.sqrt(np.maximum(values, SINGULAR * values[-1])) if weighting == "cva" else np.ones(len(values))
+    root = np.ones(len(values))
+    if weighting == "cva":
+        root = np.sqrt(np.maximum(values, SINGULAR * values[-1]))
     # the smaller, symmetric eigenproblem would lose half of the digits of the singular values
     left, correlations, right = np.linalg.svd((vectors / root).T @ explained, full_matrices=False)
-    n = max(min(order, int((correlations > RANK * correlations[0]).sum())), 1)
+    rank = int((correlations > RANK * correlations[0]).sum())
+    n = max(min(order, rank), 1)
     observability = (vectors * root) @ (left[:, :n] * np.sqrt(correlations[:n]))
     A = np.linalg.lstsq(observability[:-ny], observability[ny:], rcond=None)[0]
     C = observability[:ny]
-    to_state = np.sqrt(correlations[:n])[:, None] * (right[:n] @ _inverse(own))
+    to_state = np.sqrt(correlations[:n])[:, None] * (right[:n] @ _inverse(past_triangle))
     B, D, noise, total = _regression(moments, index, nu, s, to_state)
-    return Subspace(A, B, C, D if direct else np.zeros_like(D), noise, total, correlations, s)
+    if not direct:
+        D = np.zeros_like(D)
+    return Subspace(A, B, C, D, noise, total, correlations, s)
 
 
 def _inverse(lower: FloatArray) -> FloatArray:
+    """Inverse of a lower triangle; the pseudo-inverse if it is nearly singular, as after a poor excitation."""
     size = np.abs(np.diag(lower))
     if size.min(initial=1.0) > SINGULAR * size.max(initial=1.0):
         return np.asarray(scipy.linalg.solve_triangular(lower, np.eye(len(lower)), lower=True))
@@ -123,32 +132,39 @@ def _inverse(lower: FloatArray) -> FloatArray:
 def _regression(
     moments: FloatArray, index: FloatArray, nu: int, s: int, to_state: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """B, D and the covariances of noise and target in the regression of next state and output on state and input."""
-    n, past, following = len(to_state), index[:s].ravel(), index[1 : s + 1].ravel()
-    now_u, now_y = index[s, :nu], index[s, nu:]
+    """B, D and the covariances of noise and target in the regression of next state and output on state and input.
+
+    States are `to_state` times the past, so that all sums over time are moments already computed; `index` holds the
+    position of every channel at every lag among them.
+    """
+    n, past, next_past = len(to_state), index[:s].ravel(), index[1 : s + 1].ravel()
+    present_input, present_output = index[s, :nu], index[s, nu:]
 
     def moment(rows: FloatArray, columns: FloatArray) -> FloatArray:
         return moments[np.ix_(rows, columns)]
 
-    state = to_state @ moment(past, past) @ to_state.T
-    cross = to_state @ moment(past, now_u)
-    inputs = moment(now_u, now_u)
-    known = np.block([[state, cross], [cross.T, inputs]])
+    state_by_input = to_state @ moment(past, present_input)
+    regressors = np.block(
+        [
+            [to_state @ moment(past, past) @ to_state.T, state_by_input],
+            [state_by_input.T, moment(present_input, present_input)],
+        ]
+    )
+    cross = np.block(
+        [
+            [to_state @ moment(past, next_past) @ to_state.T, to_state @ moment(past, present_output)],
+            [moment(present_input, next_past) @ to_state.T, moment(present_input, present_output)],
+        ]
+    )
+    solution = np.linalg.lstsq(regressors, cross, rcond=1e-13)[0].T
     target = np.block(
         [
-            [to_state @ moment(past, following) @ to_state.T, to_state @ moment(past, now_y)],
-            [moment(now_u, following) @ to_state.T, moment(now_u, now_y)],
+            [to_state @ moment(next_past, next_past) @ to_state.T, to_state @ moment(next_past, present_output)],
+            [moment(present_output, next_past) @ to_state.T, moment(present_output, present_output)],
         ]
     )
-    solution = np.linalg.lstsq(known, target, rcond=1e-13)[0].T
-    own = np.block(
-        [
-            [to_state @ moment(following, following) @ to_state.T, to_state @ moment(following, now_y)],
-            [moment(now_y, following) @ to_state.T, moment(now_y, now_y)],
-        ]
-    )
-    noise = own - solution @ target - target.T @ solution.T + solution @ known @ solution.T
-    return solution[:n, n:], solution[n:, n:], noise, own
+    noise = target - solution @ cross - cross.T @ solution.T + solution @ regressors @ solution.T
+    return solution[:n, n:], solution[n:, n:], noise, target
 
 
 def kalman_gain(A: FloatArray, C: FloatArray, noise: FloatArray, total: FloatArray) -> FloatArray:
@@ -161,16 +177,20 @@ def kalman_gain(A: FloatArray, C: FloatArray, noise: FloatArray, total: FloatArr
     size = float(np.trace(total[n:, n:]))
     if not size > 0.0:
         return np.zeros((n, ny))
+    # a noise of 1e-9 of the output is rounding
     noise_free = float(np.trace(noise[n:, n:])) <= 1e-18 * size
     if noise_free and np.abs(np.linalg.eigvals(A)).max() < 1.0:
         return np.zeros((n, ny))
     values, vectors = np.linalg.eigh(0.5 * (noise + noise.T) / size)
+    # without noise any gain that makes the predictor of an unstable A stable serves: that for unit noise
     floor = 1e-14 if not noise_free else 1.0
     positive = (vectors * np.maximum(values, floor)) @ vectors.T
     positive = 0.5 * (positive + positive.T)
+    Q, R, S = positive[:n, :n], positive[n:, n:], positive[:n, n:]
     try:
-        P = scipy.linalg.solve_discrete_are(A.T, C.T, positive[:n, :n], positive[n:, n:], s=positive[:n, n:])
-        K = np.linalg.solve((C @ P @ C.T + positive[n:, n:]).T, (A @ P @ C.T + positive[:n, n:]).T).T
+        P = scipy.linalg.solve_discrete_are(A.T, C.T, Q, R, s=S)
+        innovation = C @ P @ C.T + R
+        K = np.linalg.solve(innovation.T, (A @ P @ C.T + S).T).T
     except (np.linalg.LinAlgError, ValueError):
         return np.zeros((n, ny))
     return np.asarray(K) if np.isfinite(K).all() else np.zeros((n, ny))
@@ -232,85 +252,117 @@ def n4sid(
     experiments = as_experiments(data, missing=True, series=True)
     if not all(e.complete for e in experiments):
 
-        def fit(filled: Sequence[IOData], gain: bool) -> Estimate:
+        def fit_filled(filled: Sequence[IOData], gain: bool) -> Estimate:
             return n4sid(
                 filled, order, block_rows=block_rows, direct=direct, gain=gain, stable=stable, weighting=weighting
             )
 
-        return estimate_with_gaps(fit, experiments, truth_value("gain", gain))
+        return estimate_with_gaps(fit_filled, experiments, truth_value("gain", gain))
     nu, ny = experiments[0].nu, experiments[0].ny
     order = whole_number("order", order, 1, LARGEST_ORDER)
-    direct, gain, stable = (
-        truth_value(name, value) for name, value in (("direct", direct), ("gain", gain), ("stable", stable))
-    )
-    if weighting not in get_args(Weighting):
-        raise SysidError(f"weighting must be one of {', '.join(get_args(Weighting))}, got {shown(weighting)}")
+    direct, gain, stable = truth_value("direct", direct), truth_value("gain", gain), truth_value("stable", stable)
+    _check_weighting(weighting)
     check_gain(nu, gain)
-    samples = check_enough_samples(experiments, order, order * (nu + 2 * ny) + nu * ny)
-    shortest = min(len(e) - e.window for e in experiments)
-    # the triangle has 2 s (nu + ny) rows, and needs as many columns
-    most = min((samples + len(experiments)) // (2 * (nu + ny) + 2 * len(experiments)), shortest // 2)
-    # the observability matrix is shifted by a block row
-    least = max(-(-order // ny) + 1, 2)
-    if least > most:
-        raise SysidError(
-            f"too few samples for order {order}: {samples} in {len(experiments)} experiment(s) allow {most} block "
-            f"row(s), {ny} output(s) need {least}"
-        )
-    default = min(max(10, -(-5 * order // 2)), most)
-    s = whole_number("block_rows", default if block_rows is None else block_rows, least, most)
+    fewest, longest = _block_row_limits(experiments, order)
+    default = min(max(10, -(-5 * order // 2)), longest)
+    s = whole_number("block_rows", default if block_rows is None else block_rows, fewest, longest)
     excitation = check_excitation(experiments, [2 * int(s)] * nu)
     scales = Scales.of(experiments)
     records = [Record.of(e, scales, gain=True) for e in experiments]
     estimate = partial(subspace, [r.w for r in records], nu, int(order), direct=direct, weighting=weighting)
     step = estimate(int(s))
     quick = LARGEST_TRIANGLE // (2 * (nu + ny))
-    if block_rows is None and (slow := min(_slow_horizon(step), int(SHARE * most), quick)) >= WORTHWHILE * s:
+    if block_rows is None:
+        slow = min(_slow_horizon(step), int(SHARE * longest), quick)
         # an input that does not excite the longer horizon makes it worse
-        step = estimate(slow) if check_excitation(experiments, [2 * slow] * nu) == excitation else step
+        if slow >= WORTHWHILE * s and check_excitation(experiments, [2 * slow] * nu) == excitation:
+            step = estimate(slow)
     messages = excitation + check_means(experiments, -(-order // ny))
     if len(step.A) < order:
         messages.append(
             f"past and future of the data have {len(step.A)} nonzero canonical correlations: the model has that order "
             f"instead of {order}"
         )
-    start, radius = step.simulator(), float(np.abs(np.linalg.eigvals(step.A)).max())
-    observer = not (start.is_stable() or stable)
-    if observer:
-        text, advice = (
-            f"the model is unstable: largest pole modulus {radius:.6g}",
-            "; stable=True enforces a stable one",
-        )
-        messages.append(Message(text + advice, "unstable-model", stable=advice))
-        A, K = step.A - step.gain() @ step.C, step.gain()
-        start = Predictor(A, np.hstack((step.B - K @ start.D, K)), step.C, start.D)
-        if not start.is_stable():
-            messages[-1] = (
-                f"neither a stable model (largest pole modulus {radius:.6g}) nor a stable predictor exists: A was "
-                "made stable, at the expense of fit; try another order or block_rows"
-            )
-            observer = False
+    observer: Predictor | None = None
+    if not (stable or step.simulator().is_stable()):
+        observer, message = _observer_of_unstable(step)
+        messages.append(message)
     moved: tuple[float, ...] = ()
-    if observer:
-        fitted = least_squares_fit(records, start, partial(input_coordinates, direct=direct))
+    if observer is not None:
+        fitted = least_squares_fit(records, observer, partial(input_coordinates, direct=direct))
+        predictor = fitted if gain else _without_gain(step, fitted)
     else:
         horizons = [int(factor * step.block_rows) for factor in LONGER] if block_rows is None else []
-        longer = map(estimate, [rows for rows in horizons if rows <= min(most, quick)])
-        records = [Record.of(e, scales, gain=False) for e in experiments]
-        step, fitted, moved = _best_stable(step, longer, records, direct)
-    if observer and not gain:
-        B = fitted.M[:, :nu] + step.gain() @ fitted.D
-        predictor = Predictor(step.A, B, step.C, fitted.D)
-    elif not observer and gain:
-        predictor = _with_gain(fitted, step.gain(), messages)
-    else:
-        predictor = fitted
+        longer = map(estimate, [rows for rows in horizons if rows <= min(longest, quick)])
+        simulated = [Record.of(e, scales, gain=False) for e in experiments]
+        step, fitted, moved = _best_stable(step, longer, simulated, direct)
+        predictor = _with_gain(fitted, step.gain(), messages) if gain else fitted
     warn_each(messages)
+    return _make_estimate(experiments, int(order), scales, step, predictor, direct, moved, messages)
+
+
+def _check_weighting(weighting: str) -> None:
+    """Refuse a weighting that is none."""
+    if weighting not in get_args(Weighting):
+        raise SysidError(f"weighting must be one of {', '.join(get_args(Weighting))}, got {shown(weighting)}")
+
+
+def _block_row_limits(experiments: Sequence[IOData], order: int) -> tuple[int, int]:
+    """Fewest block rows that the order needs, and the largest number that the data allow."""
+    nu, ny = experiments[0].nu, experiments[0].ny
+    samples = check_enough_samples(experiments, order, order * (nu + 2 * ny) + nu * ny)
+    shortest = min(len(e) - e.window for e in experiments)
+    # the triangle has 2 s (nu + ny) rows, and needs as many columns
+    columns = samples + len(experiments)
+    longest = min(columns // (2 * (nu + ny) + 2 * len(experiments)), shortest // 2)
+    # the observability matrix is shifted by a block row
+    fewest = max(-(-order // ny) + 1, 2)
+    if fewest > longest:
+        raise SysidError(
+            f"too few samples for order {order}: {samples} in {len(experiments)} experiment(s) allow {longest} block "
+            f"row(s), {ny} output(s) need {fewest}"
+        )
+    return fewest, longest
+
+
+def _observer_of_unstable(step: Subspace) -> tuple[Predictor | None, str]:
+    """The stable predictor by which an unstable model is fitted, and a warning; None if it is unstable too."""
+    radius = float(np.abs(np.linalg.eigvals(step.A)).max())
+    A, K = step.A - step.gain() @ step.C, step.gain()
+    observer = Predictor(A, np.hstack((step.B - K @ step.D, K)), step.C, step.D)
+    if observer.is_stable():
+        advice = "; stable=True enforces a stable one"
+        text = f"the model is unstable: largest pole modulus {radius:.6g}{advice}"
+        return observer, Message(text, "unstable-model", stable=advice)
+    message = (
+        f"neither a stable model (largest pole modulus {radius:.6g}) nor a stable predictor exists: A was "
+        "made stable, at the expense of fit; try another order or block_rows"
+    )
+    return None, message
+
+
+def _without_gain(step: Subspace, observer: Predictor) -> Predictor:
+    """The simulator of a fitted observer, whose M is [B - K D, K]."""
+    B = observer.M[:, : observer.D.shape[1]] + step.gain() @ observer.D
+    return Predictor(step.A, B, step.C, observer.D)
+
+
+def _make_estimate(
+    experiments: Sequence[IOData],
+    order: int,
+    scales: Scales,
+    step: Subspace,
+    predictor: Predictor,
+    direct: bool,
+    moved: tuple[float, ...],
+    messages: Sequence[str],
+) -> Estimate:
+    """Assemble the estimate; a subspace method gives no covariance of its parameters."""
     basis = local_coordinates(predictor, direct)
     return make_predictor_estimate(
         "n4sid",
         experiments,
-        {"order": int(order), "block_rows": step.block_rows},
+        {"order": order, "block_rows": step.block_rows},
         scales,
         predictor=predictor,
         basis=basis,
@@ -332,7 +384,9 @@ def _slow_horizon(step: Subspace) -> int:
     Of a pair of complex poles the natural frequency counts, whatever the damping: fast modes fit into any horizon.
     """
     poles = np.linalg.eigvals(step.A).astype(complex)
-    slowest = float(np.abs(np.log(np.where(poles == 0.0, np.finfo(float).tiny, poles))).min())
+    # a pole at zero, a delay, is infinitely fast
+    rates = np.abs(np.log(np.where(poles == 0.0, np.finfo(float).tiny, poles)))
+    slowest = float(rates.min())
     return int(min(HORIZON / max(slowest, np.finfo(float).tiny), GROWTH * step.block_rows))
 
 
@@ -349,23 +403,27 @@ def _best_stable(
     if model.is_stable():
         return step, least_squares_fit(records, model, directions), ()
     samples, bound = max(len(r.y) for r in records), 1.0 - STABILITY_MARGIN
-    limits = np.exp(-1.0 / np.geomspace(step.block_rows, 10.0 * samples, DISTANCES))
     moduli = np.abs(np.linalg.eigvals(step.A))
-    moved = [(replace(step, A=pulled_in(model, r, bound).A), tuple(moduli[moduli > bound].tolist())) for r in limits]
-    candidates = [(one, poles) for one, poles in [(one, ()) for one in longer] + moved if one.simulator().is_stable()]
+    unstable_moduli = tuple(moduli[moduli > bound].tolist())
+    candidates: list[tuple[Subspace, tuple[float, ...]]] = [(candidate, ()) for candidate in longer]
+    for limit in np.exp(-1.0 / np.geomspace(step.block_rows, 10.0 * samples, DISTANCES)):
+        pulled = replace(step, A=pulled_in(model, limit, bound).A)
+        candidates.append((pulled, unstable_moduli))
+    candidates = [candidate for candidate in candidates if candidate[0].simulator().is_stable()]
     if not candidates:
         raise SysidError("neither a stable model nor a stable predictor exists; try another order or block_rows")
-    fits = [least_squares_fit(records, one.simulator(), directions) for one, _ in candidates]
+    fits = [least_squares_fit(records, candidate.simulator(), directions) for candidate, _ in candidates]
     criteria = [Point.at(records, fit.balanced(), np.eye(len(fit.C))).criterion for fit in fits]
     best = int(np.argmin(criteria))
-    return candidates[best][0], fits[best], candidates[best][1]
+    best_step, moved = candidates[best]
+    return best_step, fits[best], moved
 
 
 def _with_gain(simulator: Predictor, K: FloatArray, messages: list[str]) -> Predictor:
     """Add the innovation gain to a model without one; K = 0 if the predictor would not be stable."""
-    p = simulator
-    out = Predictor(p.A - K @ p.C, np.hstack((p.M - K @ p.D, K)), p.C, p.D)
-    if out.is_stable():
-        return out
+    A, B, C, D = simulator.A, simulator.M, simulator.C, simulator.D
+    observer = Predictor(A - K @ C, np.hstack((B - K @ D, K)), C, D)
+    if observer.is_stable():
+        return observer
     messages.append("no stable innovation gain exists: K = 0")
-    return Predictor(p.A, np.hstack((p.M, np.zeros_like(K))), p.C, p.D)
+    return Predictor(A, np.hstack((B, np.zeros_like(K))), C, D)

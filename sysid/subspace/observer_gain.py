@@ -1,4 +1,4 @@
-"""Observer gains: stable, or deadbeat."""
+"""Innovation gains of a stable predictor, and deadbeat gains."""
 
 import numpy as np
 import scipy
@@ -20,10 +20,13 @@ def stable_gain(A: FloatArray, C: FloatArray, K: FloatArray, covariance: FloatAr
     r = covariance / max(float(np.trace(covariance)), np.finfo(float).tiny)
     try:
         P = scipy.linalg.solve_discrete_are(A.T, C.T, K @ r @ K.T, r, s=K @ r)
-        factor = np.linalg.solve((C @ P @ C.T + r).T, (A @ P @ C.T + K @ r).T).T
+        innovation = C @ P @ C.T + r
+        factor = np.linalg.solve(innovation.T, (A @ P @ C.T + K @ r).T).T
     except (np.linalg.LinAlgError, ValueError):
         return K
-    return factor if np.isfinite(factor).all() and spectral_radius(A - factor @ C) < 1.0 else K
+    if not np.isfinite(factor).all() or spectral_radius(A - factor @ C) >= 1.0:
+        return K
+    return factor
 
 
 def spectral_radius(matrix: FloatArray) -> float:
@@ -38,18 +41,21 @@ def deadbeat_gain(A: FloatArray, C: FloatArray) -> FloatArray:
     K' is the least input that leads from each subspace to the one before.
     """
     n, ny = len(A), len(C)
-    out = np.zeros((ny, n))
+    if n == 0:
+        return np.zeros((0, ny))
+    feedback = np.zeros((ny, n))
     basis = np.zeros((n, 0))
-    size = max(float(np.linalg.norm(A, 2)), float(np.linalg.norm(C, 2)), np.finfo(float).tiny) if n else 1.0
+    tolerance = RANK * max(float(np.linalg.norm(A, 2)), float(np.linalg.norm(C, 2)), np.finfo(float).tiny)
     while basis.shape[1] < n:
         outside = scipy.linalg.null_space(basis.T) if basis.shape[1] else np.eye(n)
-        left, values, _ = np.linalg.svd(outside.T @ C.T)
-        unreached = left[:, int((values > RANK * size).sum()) :].T
+        into = outside.T @ C.T
+        left, values, _ = np.linalg.svd(into)
+        unreached = left[:, int((values > tolerance).sum()) :].T
         # columns of `outside` that one step takes into the subspace, up to what the input can add
         _, values, right = np.linalg.svd(unreached @ outside.T @ A.T @ outside)
-        new = outside @ right[int((values > RANK * size).sum()) :].T
-        if not new.shape[1]:
+        added = outside @ right[int((values > tolerance).sum()) :].T
+        if not added.shape[1]:
             break
-        out -= np.linalg.lstsq(outside.T @ C.T, outside.T @ A.T @ new, rcond=RANK)[0] @ new.T
-        basis = np.hstack((basis, new))
-    return -out.T
+        feedback -= np.linalg.lstsq(into, outside.T @ A.T @ added, rcond=RANK)[0] @ added.T
+        basis = np.hstack((basis, added))
+    return -feedback.T

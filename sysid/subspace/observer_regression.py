@@ -34,7 +34,8 @@ class ObserverRegression:
     def width(self) -> int:
         """Coefficients per output."""
         first = self.experiments[0]
-        return self.p * (first.nu + first.ny) + (first.nu if self.direct else 0)
+        lagged = self.p * (first.nu + first.ny)
+        return lagged + first.nu if self.direct else lagged
 
     def rows(self) -> int:
         """Number of equations per output.
@@ -50,43 +51,51 @@ class ObserverRegression:
             )
         if all(e.complete for e in self.experiments):
             return count
-        known = sum(len(block) for block in self.blocks())
-        if known <= self.width:
+        complete = sum(len(block) for block in self.blocks())
+        if complete <= self.width:
             raise SysidError(
-                f"too many missing samples: {known} of {count} equations are complete, {self.width} "
+                f"too many missing samples: {complete} of {count} equations are complete, {self.width} "
                 "observer parameters per output need more; try a smaller p, or pem_ss, which uses every known output"
             )
-        return known
+        return complete
 
     def solve(self) -> LeastSquares:
         """Least-squares solution; memory does not grow with the number of samples beyond a block."""
         columns = self.width + self.experiments[0].ny
         if sum(map(len, self.experiments)) * columns > BLOCK:
             return solve_blocks(self.blocks, self.width)
-        whole = np.vstack(list(self.blocks()))
-        return solve(whole[:, : self.width], whole[:, self.width :])
+        table = np.vstack(list(self.blocks()))
+        return solve(table[:, : self.width], table[:, self.width :])
 
     def blocks(self) -> Iterator[FloatArray]:
         """Rows [u(t)], u(t-1), y(t-1), ..., u(t-p), y(t-p), y(t) in blocks (rows, width + ny)."""
         columns = self.width + self.experiments[0].ny
-        most = max(BLOCK // columns, columns)
+        # at least as many rows as columns, or the triangle of a block is no smaller than the block
+        block_rows = max(BLOCK // columns, columns)
         for e in self.experiments:
-            for first in range(self._start(e), len(e), most):
-                block = self._block(e, first, min(first + most, len(e)))
+            for first in range(self._start(e), len(e), block_rows):
+                block = self._block(e, first, min(first + block_rows, len(e)))
                 yield block if e.complete else block[np.isfinite(block).all(axis=1)]
 
     def names(self, data: DataSummary) -> tuple[str, ...]:
         """Names of the coefficients, output by output."""
-        channels = (*data.input_names, *data.output_names)
-        row = [f"{u}(t)" for u in data.input_names] if self.direct else []
-        row += [f"{v}(t-{i})" for i in range(1, self.p + 1) for v in channels]
-        return tuple(f"{y}: {name}" for y in data.output_names for name in row)
+        regressors = [f"{u}(t)" for u in data.input_names] if self.direct else []
+        for lag in range(1, self.p + 1):
+            regressors += [f"{channel}(t-{lag})" for channel in (*data.input_names, *data.output_names)]
+        names: list[str] = []
+        for y in data.output_names:
+            names += [f"{y}: {regressor}" for regressor in regressors]
+        return tuple(names)
 
     def _start(self, e: IOData) -> int:
-        return max(0 if self.at_rest else self.p, e.window)
+        """First sample of an experiment with an equation."""
+        first_with_past = 0 if self.at_rest else self.p
+        return max(first_with_past, e.window)
 
     def _block(self, e: IOData, first: int, end: int) -> FloatArray:
-        p, q, nu, rows = self.p, e.nu + e.ny, e.nu if self.direct else 0, end - first
+        """Equations of the samples from `first` to before `end`, rows as in `blocks`."""
+        p, q, rows = self.p, e.nu + e.ny, end - first
+        nu = e.nu if self.direct else 0
         begin = max(first - p, 0)
         v = np.hstack((e.u[begin : end - 1], e.y[begin : end - 1]))
         before = np.vstack((np.zeros((max(p - first, 0), q)), v))

@@ -1,9 +1,9 @@
 """Observer/Kalman filter identification."""
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from sysid.models.predict import predict, residuals
 from sysid.models.recursion import free_response
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation
+from sysid.polynomial.least_squares import LeastSquares
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -85,23 +86,27 @@ class Realise:
         direct, from_u, from_y = self.blocks(theta)
         ny, nu = direct.shape
         y = np.zeros((self.count, ny, nu + ny))
+        # the sequence of the gain starts at k = 1
         y[0, :, :nu] = direct
-        own = np.concatenate((from_u, from_y), axis=2)
+        observer_markov = np.concatenate((from_u, from_y), axis=2)
         for k in range(1, self.count):
             past = min(k, self.p)
-            # the sequence of the gain starts at k = 1
-            y[k] = np.einsum("iab,ibc->ac", from_y[:past], y[k - 1 :: -1][:past] if k > past else y[:k][::-1])
+            latest_first = y[k - past : k][::-1]
+            y[k] = np.einsum("iab,ibc->ac", from_y[:past], latest_first)
             if k <= self.p:
-                y[k] += own[k - 1]
+                y[k] += observer_markov[k - 1]
         return y[:, :, :nu], y[1:, :, nu:]
 
     def blocks(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """D (ny, nu), coefficients of u(t-i) (p, ny, nu) and of y(t-i) (p, ny, ny)."""
         nu, ny = len(self.input_scale), len(self.output_scale)
         table = theta.reshape(ny, -1)
-        direct = table[:, :nu] if self.direct else np.zeros((ny, nu))
-        rest = table[:, nu if self.direct else 0 :].reshape(ny, self.p, nu + ny).transpose(1, 0, 2)
-        return direct, rest[:, :, :nu], rest[:, :, nu:]
+        if self.direct:
+            direct, lagged = table[:, :nu], table[:, nu:]
+        else:
+            direct, lagged = np.zeros((ny, nu)), table
+        by_lag = lagged.reshape(ny, self.p, nu + ny).transpose(1, 0, 2)
+        return direct, by_lag[:, :, :nu], by_lag[:, :, nu:]
 
     def realisation(self, system: FloatArray) -> Realisation:
         """Realisation of the Markov parameters in scaled channels."""
@@ -186,72 +191,145 @@ def okid(
             worse than their mean, unknown intervals.
     """
     experiments = as_experiments(data, missing=True)
-    first = experiments[0]
-    nu, ny = first.nu, first.ny
+    nu, ny = experiments[0].nu, experiments[0].ny
     order, p = whole_number("order", order, 1), whole_number("p", p, 1)
     if p * ny < order:
         raise SysidError(f"p * ny must be at least the order {order}: got p = {p} with {ny} output(s)")
-    rows_of_h = max(40, p, 2 * order) if block_rows is None else whole_number("block_rows", block_rows, 1)
-    if rows_of_h**2 * nu * ny > LARGEST_HANKEL:
-        raise SysidError(
-            f"block_rows = {rows_of_h} makes a Hankel matrix of {rows_of_h * ny} x {rows_of_h * nu} numbers, expected "
-            f"{LARGEST_HANKEL:g} at most"
-        )
-    if rows_of_h * min(ny, nu) < order:
-        raise SysidError(f"block_rows = {rows_of_h} is too small for order {order}")
-    messages = check_excitation(experiments, [p + (1 if direct else 0)] * nu)
+    hankel_rows = _hankel_rows(block_rows, order, p, nu, ny)
+    excited_lags = p + 1 if direct else p
+    messages = check_excitation(experiments, [excited_lags] * nu)
     regression = ObserverRegression(experiments, int(p), direct, at_rest)
-    rows, width = regression.rows(), regression.width
+    rows = regression.rows()
     fit = regression.solve()
-    variance = fit.residual_gram / (rows - width)
+    variance = fit.residual_gram / (rows - regression.width)
     messages += fit.rank_message()
 
-    u_max = np.max([np.abs(e.u).max(axis=0) for e in experiments], axis=0)
-    y_max = np.max([np.nanmax(np.abs(e.y), axis=0) for e in experiments], axis=0)
-    summary = DataSummary.of(experiments)
+    input_scale, output_scale = _channel_scales(experiments, normalise)
     realise = Realise(
         p=int(p),
         order=int(order),
-        count=2 * rows_of_h + 1,
+        count=2 * hankel_rows + 1,
         direct=direct,
         realiser=realiser,
-        input_scale=np.where(u_max > 0.0, u_max, 1.0) if normalise else np.ones(nu),
-        output_scale=np.where(y_max > 0.0, y_max, 1.0) if normalise else np.ones(ny),
-        data=summary,
+        input_scale=input_scale,
+        output_scale=output_scale,
+        data=DataSummary.of(experiments),
         covariance=variance,
         deadbeat=deadbeat,
     )
     theta = fit.solution.T.ravel()
     system_markov, gain_markov = realise.markov(theta)
-    with warnings.catch_warnings():
-        # reported below, with the other warnings
-        warnings.simplefilter("ignore", SysidWarning)
-        realised = realise.realisation(system_markov)
-    if realised.model.order < order:
-        messages.append(
-            f"the system Markov parameters have numerical rank {realised.model.order}: the model has that order "
-            f"instead of {order}"
-        )
+    realised, rank_messages = _realised_with_messages(realise, system_markov)
+    messages += rank_messages
+    # perturbed parameters must not be realised at another order than the estimate
     realise = replace(realise, order=realised.model.order)
     model = realise.model(realised, gain_markov)
-    gain = model.gain if deadbeat else realise.observer_gain(realised, gain_markov)
-    if (radius := spectral_radius(model.A)) >= 1.0:
+    messages += _stability_messages(model, realised, gain_markov, regression, realise)
+    messages += _poor_fits(model, experiments)
+    _, from_u, from_y = realise.blocks(theta)
+    markov_parameters = {
+        "observer_markov_u": from_u,
+        "observer_markov_y": from_y,
+        "system_markov": system_markov,
+        "gain_markov": gain_markov,
+    }
+    diagnostics = _diagnostics(fit, markov_parameters, realised)
+    return _make_estimate(model, experiments, regression, fit, realise, int(order), diagnostics, messages)
+
+
+def _realised_with_messages(realise: Realise, system_markov: FloatArray) -> tuple[Realisation, list[str]]:
+    """The realisation, and a warning of a lower order to be given with the others."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SysidWarning)
+        realised = realise.realisation(system_markov)
+    rank = realised.model.order
+    if rank >= realise.order:
+        return realised, []
+    return realised, [
+        f"the system Markov parameters have numerical rank {rank}: the model has that order instead of {realise.order}"
+    ]
+
+
+def _hankel_rows(asked: int | None, order: int, p: int, nu: int, ny: int) -> int:
+    """Block rows and columns of the Hankel matrix, the default if none are asked for.
+
+    Refuse a matrix that is too large for the memory, or too small for the order.
+    """
+    block_rows = max(40, p, 2 * order) if asked is None else whole_number("block_rows", asked, 1)
+    if block_rows**2 * nu * ny > LARGEST_HANKEL:
+        raise SysidError(
+            f"block_rows = {block_rows} makes a Hankel matrix of {block_rows * ny} x {block_rows * nu} numbers, "
+            f"expected {LARGEST_HANKEL:g} at most"
+        )
+    if block_rows * min(ny, nu) < order:
+        raise SysidError(f"block_rows = {block_rows} is too small for order {order}")
+    return block_rows
+
+
+def _channel_scales(experiments: Sequence[IOData], normalise: bool) -> tuple[FloatArray, FloatArray]:
+    """Largest magnitude of each input (nu,) and output (ny,), as SOCIT scales them; ones without `normalise`."""
+    if not normalise:
+        return np.ones(experiments[0].nu), np.ones(experiments[0].ny)
+    inputs = np.max([np.abs(e.u).max(axis=0) for e in experiments], axis=0)
+    outputs = np.max([np.nanmax(np.abs(e.y), axis=0) for e in experiments], axis=0)
+    # a silent channel stays as it is
+    return np.where(inputs > 0.0, inputs, 1.0), np.where(outputs > 0.0, outputs, 1.0)
+
+
+def _diagnostics(
+    fit: LeastSquares, markov_parameters: Mapping[str, FloatArray], realised: Realisation
+) -> dict[str, Any]:
+    """Diagnostics of regression and realisation."""
+    return {
+        "condition": fit.condition,
+        "rank": fit.rank,
+        "iterations": 0,
+        "converged": True,
+        **markov_parameters,
+        "hankel_singular_values": realised.hankel_singular_values,
+        "percent_described": realised.percent_described,
+        "percent_described_unsquared": realised.percent_described_unsquared,
+        "modal_singular_values": realised.modal_singular_values,
+    }
+
+
+def _stability_messages(
+    model: StateSpace,
+    realised: Realisation,
+    gain_markov: FloatArray,
+    regression: ObserverRegression,
+    realise: Realise,
+) -> list[str]:
+    """Warnings of an unstable model, with a remedy, and of an unstable predictor."""
+    messages: list[str] = []
+    radius = spectral_radius(model.A)
+    if radius >= 1.0:
         remedy = _remedy(regression, realise)
         text = f"the model is unstable: largest pole modulus {radius:.6g}; {remedy}"
         messages.append(Message(text, "unstable-model", stable=OTHER_METHOD))
-    messages += _predictor_stability(model, spectral_radius(model.A - gain @ model.C)) + _poor_fits(model, experiments)
+    identified_gain = model.gain if realise.deadbeat else realise.observer_gain(realised, gain_markov)
+    return messages + _predictor_stability(model, spectral_radius(model.A - identified_gain @ model.C))
+
+
+def _make_estimate(
+    model: StateSpace,
+    experiments: Sequence[IOData],
+    regression: ObserverRegression,
+    fit: LeastSquares,
+    realise: Realise,
+    order: int,
+    diagnostics: Mapping[str, Any],
+    messages: list[str],
+) -> Estimate:
+    """Assemble the estimate; its parameters are the observer Markov parameters, unless they are too many."""
+    theta = fit.solution.T.ravel()
+    parameters, names = theta, regression.names(realise.data)
     to_model: Realise | RealiseLocally = realise
-    parameters, names = theta, regression.names(summary)
     if len(theta) <= LARGEST_COVARIANCE:
-        covariance = np.asarray(np.kron(variance, fit.inverse_gram), dtype=np.float64)
+        covariance = np.asarray(np.kron(realise.covariance, fit.inverse_gram), dtype=np.float64)
     else:
-        most = (LARGEST_COVARIANCE // ny - (nu if direct else 0)) // (nu + ny)
-        messages.append(
-            f"{ny} outputs and p = {p} make {len(theta)} observer parameters; only up to {LARGEST_COVARIANCE} have a "
-            "covariance: the intervals of this estimate are unknown"
-            + (f"; p = {most} keeps them" if most * ny >= order else "")
-        )
-        to_model = RealiseLocally.of_all_entries(model, Scales.of(experiments), summary)
+        messages.append(_too_many_parameters(regression, len(theta), order))
+        to_model = RealiseLocally.of_all_entries(model, Scales.of(experiments), realise.data)
         parameters = to_model.parameters
         names = tuple(f"entry{i + 1}" for i in range(len(parameters)))
         covariance = np.full((len(parameters),) * 2, np.nan)
@@ -260,35 +338,35 @@ def okid(
         # reported above
         warnings.simplefilter("ignore", SysidWarning)
         errors = np.concatenate([residuals(model, e) for e in experiments])
-    _, from_u, from_y = realise.blocks(theta)
     return Estimate(
         model=model,
         polynomials=None,
         parameters=parameters,
         parameter_names=names,
         covariance=covariance,
-        noise_variance=variance,
+        noise_variance=realise.covariance,
         residuals=errors,
         method="okid",
-        orders={"order": int(order), "p": int(p)},
-        diagnostics={
-            "condition": fit.condition,
-            "rank": fit.rank,
-            "iterations": 0,
-            "converged": True,
-            "observer_markov_u": from_u,
-            "observer_markov_y": from_y,
-            "system_markov": system_markov,
-            "gain_markov": gain_markov,
-            "hankel_singular_values": realised.hankel_singular_values,
-            "percent_described": realised.percent_described,
-            "percent_described_unsquared": realised.percent_described_unsquared,
-            "modal_singular_values": realised.modal_singular_values,
-            "warnings": tuple(messages),
-        },
-        data=summary,
+        orders={"order": order, "p": realise.p},
+        diagnostics={**diagnostics, "warnings": tuple(messages)},
+        data=realise.data,
         realise=to_model,
     )
+
+
+def _too_many_parameters(regression: ObserverRegression, count: int, order: int) -> str:
+    """Warning that the intervals are unknown, with the largest p that keeps them if it suffices for the order."""
+    first = regression.experiments[0]
+    nu, ny, p = first.nu, first.ny, regression.p
+    message = (
+        f"{ny} outputs and p = {p} make {count} observer parameters; only up to {LARGEST_COVARIANCE} have a "
+        "covariance: the intervals of this estimate are unknown"
+    )
+    per_output = LARGEST_COVARIANCE // ny
+    if regression.direct:
+        per_output -= nu
+    largest_p = per_output // (nu + ny)
+    return f"{message}; p = {largest_p} keeps them" if largest_p * ny >= order else message
 
 
 def _poor_fits(model: StateSpace, experiments: Sequence[IOData]) -> list[str]:
@@ -296,12 +374,13 @@ def _poor_fits(model: StateSpace, experiments: Sequence[IOData]) -> list[str]:
     if not model.is_stable():
         return []
     experiments = [e[: e.window + CHECKED] for e in experiments]
-    simulated = [predict(model, e, steps=None)[e.window :] for e in experiments]
+    simulated = np.concatenate([predict(model, e, steps=None)[e.window :] for e in experiments])
     y = np.concatenate([e.y[e.window :] for e in experiments])
+    # the fit of an output that does not vary is that of rounding
     varying = np.nanmax(y, axis=0) - np.nanmin(y, axis=0) > ROUNDING * np.nanmax(np.abs(y), axis=0)
-    fits = fit_percent(y[:, varying], np.concatenate(simulated)[:, varying])
-    names = [name for name, some in zip(experiments[0].output_names or (), varying, strict=True) if some]
-    poor = [f"{name} {fit:.0f} %" for name, fit in zip(names, fits, strict=True) if fit < WORTHLESS]
+    fits = fit_percent(y[:, varying], simulated[:, varying])
+    varying_names = np.array(experiments[0].output_names)[varying]
+    poor = [f"{name} {fit:.0f} %" for name, fit in zip(varying_names, fits, strict=True) if fit < WORTHLESS]
     if not poor:
         return []
     return [
@@ -323,8 +402,8 @@ def _remedy(regression: ObserverRegression, realise: Realise) -> str:
             model = smaller.realisation(smaller.markov(theta)[0]).model
         if model.is_stable():
             return f"p = {p} gives a stable one (p = {regression.p} leaves {rows / width:.1f} samples per coefficient)"
-    what = "a larger p, another order" if rows > AMPLE * width else "more samples, another order"
-    return f"try {what}{OTHER_METHOD}"
+    advice = "a larger p, another order" if rows > AMPLE * width else "more samples, another order"
+    return f"try {advice}{OTHER_METHOD}"
 
 
 def _predictor_stability(model: StateSpace, observer: float) -> list[str]:

@@ -61,45 +61,37 @@ def pbsid(
     experiments = as_experiments(data, missing=True)
     if not all(e.complete for e in experiments):
 
-        def run(filled: Sequence[IOData], _: bool) -> Estimate:
+        def fit_filled(filled: Sequence[IOData], _: bool) -> Estimate:
             return pbsid(filled, order, p=p, block_rows=block_rows, direct=direct)
 
-        return estimate_with_gaps(run, experiments, True)
+        return estimate_with_gaps(fit_filled, experiments, True)
     nu, ny = experiments[0].nu, experiments[0].ny
     order, direct = whole_number("order", order, 1), truth_value("direct", direct)
     samples = check_enough_samples(experiments, order, order * (nu + 2 * ny) + nu * ny * direct)
     scales = Scales.of(experiments)
     scaled = [replace(e, u=e.u / scales.u, y=e.y / scales.y) for e in experiments]
-    least = -(-order // ny)
-    default = max(least, 10, -(-5 * order // 2))
-    most = max(samples // (ROWS_PER_COEFFICIENT * (nu + ny)), least)
-    pasts = {min(int(factor * default), most) for factor in LONGER} if p is None else {whole_number("p", p, least)}
-    regressions = [ObserverRegression(scaled, past, direct, False) for past in sorted(pasts)]
-    # a regression that the data do not allow is refused before it is solved
-    fits = [(one, one.rows(), one.solve()) for one in regressions]
-    regression, rows, fit = min(fits, key=lambda one: _aic(one[2], one[1], one[0].width / samples))
+    fewest = -(-order // ny)
+    default = max(fewest, 10, -(-5 * order // 2))
+    longest = max(samples // (ROWS_PER_COEFFICIENT * (nu + ny)), fewest)
+    pasts = {min(int(factor * default), longest) for factor in LONGER}
+    if p is not None:
+        pasts = {whole_number("p", p, fewest)}
+    regression, rows, fit = _best_regression(scaled, sorted(pasts), direct, samples)
     p = regression.p
-    f = min(default, p) if block_rows is None else whole_number("block_rows", block_rows, least, p)
-    messages = check_excitation(experiments, [p + 1] * nu) + check_means(experiments, least)
+    f = min(default, p) if block_rows is None else whole_number("block_rows", block_rows, fewest, p)
+    messages = check_excitation(experiments, [p + 1] * nu) + check_means(experiments, fewest)
 
     innovation = fit.residual_gram / rows
-    weight = np.linalg.inv(np.linalg.cholesky(innovation + FLOOR * np.eye(ny)))
-    markov = weight @ fit.solution[nu * direct :].T.reshape(ny, p, nu + ny).transpose(1, 0, 2)
-    hankel = np.zeros((f, ny, p, nu + ny))
-    for i in range(f):
-        hankel[i, :, : p - i] = markov[i:].transpose(1, 0, 2)
-    futures = [_product(replace(regression, experiments=(e,)), hankel.reshape(f * ny, -1)) for e in scaled]
+    hankel = _predictor_hankel(fit.solution[nu * direct :], innovation, f, p)
+    futures = [_product(replace(regression, experiments=(e,)), hankel) for e in scaled]
+    # the triangle has the singular values of all states together, at the size of a single block
     _, values, vectors = np.linalg.svd(np.linalg.qr(np.vstack(futures), mode="r"))
     n = max(min(order, int((values > RANK * values[0]).sum())), 1)
     if n < order:
         messages.append(f"the past explains {n} state(s) of the data: the model has that order instead of {order}")
     predictor = _regressed([future @ (vectors[:n].T / values[:n]) for future in futures], scaled, direct)
-    if not predictor.is_stable():
-        predictor = _with_stable_gain(predictor, innovation)
-        messages.append("the regression gives an unstable predictor: another innovation gain replaces its own")
-    radius = spectral_radius(predictor.A + predictor.M[:, nu:] @ predictor.C)
-    if radius >= 1.0:
-        messages.append(f"the model is unstable: its largest pole has modulus {radius:.6g}")
+    predictor, stability_messages = _stabilised(predictor, innovation)
+    messages += stability_messages
     warn_each(messages)
     basis = local_coordinates(predictor, direct)
     return make_predictor_estimate(
@@ -115,10 +107,38 @@ def pbsid(
     )
 
 
+def _best_regression(
+    records: Sequence[IOData], pasts: Sequence[int], direct: bool, samples: int
+) -> tuple[ObserverRegression, int, LeastSquares]:
+    """The regression of the past with the smallest AIC, its number of equations and its solution."""
+    fits = []
+    for past in pasts:
+        regression = ObserverRegression(records, past, direct, False)
+        # a regression that the data do not allow is refused before it is solved
+        rows = regression.rows()
+        fits.append((regression, rows, regression.solve()))
+    criteria = [_aic(fit, rows, regression.width / samples) for regression, rows, fit in fits]
+    return fits[int(np.argmin(criteria))]
+
+
 def _aic(fit: LeastSquares, rows: int, share: float) -> float:
     """Akaike's criterion per sample; the rows decrease with p, and the samples, of which p takes a share, do not."""
     covariance = fit.residual_gram / rows + FLOOR * np.eye(len(fit.residual_gram))
     return float(np.linalg.slogdet(covariance)[1]) + 2.0 * len(covariance) * share
+
+
+def _predictor_hankel(coefficients: FloatArray, innovation: FloatArray, f: int, p: int) -> FloatArray:
+    """Block Hankel matrix of the observer Markov parameters, outputs weighted by their innovations (f ny, p (nu + ny)).
+
+    Block (i, j) is C (A - K C)^(i + j) [B - K D, K], zero from the past p on: there the regression has none.
+    """
+    ny = len(innovation)
+    weight = np.linalg.inv(np.linalg.cholesky(innovation + FLOOR * np.eye(ny)))
+    markov = weight @ coefficients.T.reshape(ny, p, -1).transpose(1, 0, 2)
+    hankel = np.zeros((f, ny, p, markov.shape[2]))
+    for i in range(f):
+        hankel[i, :, : p - i] = markov[i:].transpose(1, 0, 2)
+    return hankel.reshape(f * ny, -1)
 
 
 def _product(regression: ObserverRegression, hankel: FloatArray) -> FloatArray:
@@ -129,20 +149,39 @@ def _product(regression: ObserverRegression, hankel: FloatArray) -> FloatArray:
 
 def _regressed(states: Sequence[FloatArray], records: Sequence[IOData], direct: bool) -> Predictor:
     """Predictor from states at the last samples of each record."""
-    parts = [(x, e.u[-len(x) :], e.y[-len(x) :]) for x, e in zip(states, records, strict=True)]
-    x, u, y = (np.vstack(signals) for signals in zip(*parts, strict=True))
+    inputs = [e.u[-len(x) :] for x, e in zip(states, records, strict=True)]
+    outputs = [e.y[-len(x) :] for x, e in zip(states, records, strict=True)]
+    x, u, y = np.vstack(states), np.vstack(inputs), np.vstack(outputs)
     n, nu = x.shape[1], u.shape[1]
-    output = solve(np.hstack((x, u)) if direct else x, y).solution.T
-    now = np.vstack([np.hstack(part)[:-1] for part in parts])
-    step = solve(now, np.vstack([part[0][1:] for part in parts])).solution.T
+    regressors = np.hstack((x, u)) if direct else x
+    output = solve(regressors, y).solution.T
+    # next states within a record only: the last sample of one is not followed by the first of another
+    present = np.vstack([np.hstack(signals)[:-1] for signals in zip(states, inputs, outputs, strict=True)])
+    following = np.vstack([state[1:] for state in states])
+    step = solve(present, following).solution.T
     D = output[:, n:] if direct else np.zeros((y.shape[1], nu))
     return Predictor(step[:, :n], step[:, n:], output[:, :n], D)
 
 
+def _stabilised(predictor: Predictor, innovation: FloatArray) -> tuple[Predictor, list[str]]:
+    """The predictor, its gain replaced if it is unstable, and warnings of that and of an unstable model."""
+    messages: list[str] = []
+    if not predictor.is_stable():
+        predictor = _with_stable_gain(predictor, innovation)
+        messages.append("the regression gives an unstable predictor: another innovation gain replaces its own")
+    K = predictor.M[:, predictor.D.shape[1] :]
+    radius = spectral_radius(predictor.A + K @ predictor.C)
+    if radius >= 1.0:
+        messages.append(f"the model is unstable: its largest pole has modulus {radius:.6g}")
+    return predictor, messages
+
+
 def _with_stable_gain(predictor: Predictor, innovation: FloatArray) -> Predictor:
+    """The same A, B, C and D with a gain of a stable predictor: of the same disturbance spectrum, else deadbeat."""
     C, D, nu = predictor.C, predictor.D, predictor.D.shape[1]
     K = predictor.M[:, nu:]
     A, B = predictor.A + K @ C, predictor.M[:, :nu] + K @ D
     K = stable_gain(A, C, K, innovation)
-    K = K if spectral_radius(A - K @ C) < 1.0 else deadbeat_gain(A, C)
+    if spectral_radius(A - K @ C) >= 1.0:
+        K = deadbeat_gain(A, C)
     return Predictor(A - K @ C, np.hstack((B - K @ D, K)), C, D)

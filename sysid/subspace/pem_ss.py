@@ -51,6 +51,7 @@ def initial_estimates(experiments: Sequence[IOData], order: int) -> Iterator[tup
 
 
 def _attempt(name: str, order: int, make: Callable[[], Estimate]) -> Iterator[tuple[str, StateSpace]]:
+    """Name and model of an initial estimate; nothing if it fails or has another order."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
         try:
@@ -138,72 +139,43 @@ def pem_ss(
     flags = {"direct": direct, "gain": gain, "coloured": coloured, "search": search}
     direct, gain, coloured, search = (truth_value(name, value) for name, value in flags.items())
     experiments = as_experiments(data, missing=not coloured and output_weight is None, series=True)
-    if isinstance(start, int | np.integer):
-        start = n4sid(experiments, start, direct=direct, gain=gain)
-    origins = list(start) if isinstance(start, Sequence) else [start]
+    origins = _origins(start, experiments, direct, gain)
     models = [aligned(as_model(origin), experiments[0]) for origin in origins]
     if coloured and gain:
         raise SysidError("coloured=True needs gain=False: with gain=True the model itself describes the colour")
-    if len({model.order for model in models}) != 1:
-        raise SysidError(f"expected one start, or several of one order; got orders {[m.order for m in models]}")
-    model = models[0]
-    if model.order == 0:
-        raise SysidError(
-            "expected a start with at least one state, got order 0: a direct term alone is arx(data, 0, 1, 0)"
-        )
-    nu, ny, n = model.nu, model.ny, model.order
+    n = _common_order(models)
+    nu, ny = models[0].nu, models[0].ny
     check_gain(nu, gain)
-    count = n * (nu + (2 if gain else 1) * ny) + (nu * ny if direct else 0)
+    count = _parameter_count(n, nu, ny, direct, gain)
     samples = check_enough_samples(experiments, n, count)
-    messages = check_excitation(experiments, [n + (1 if direct else 0)] * nu) + check_means(experiments, -(-n // ny))
+    excited_lags = n + 1 if direct else n
+    messages = check_excitation(experiments, [excited_lags] * nu) + check_means(experiments, -(-n // ny))
     scales = Scales.of(experiments)
     weight = scaled_output_weight(output_weight, scales)
     records = [Record.of(e, scales, gain, weight) for e in experiments]
-    minima: dict[int, Minimum] = {}
-    refused: list[SysidError] = []
-    for k, one in enumerate(models):
-        try:
-            starts = _starts(one, scales, direct, gain)
-        except SysidError as error:
-            refused.append(error)
-            continue
-        minima[k] = _refined(records, starts, direct, max_iterations)
-    if not minima:
-        raise refused[0]
-    chosen = min(minima, key=lambda k: minima[k].point.criterion)
-    minimum, origin = minima[chosen], origins[chosen]
-    name = origin.method if isinstance(origin, Estimate) else "model"
-    slow = not minimum.converged or minimum.iterations > SLOW
-    thorough = slow or samples * ny < SHORT * count
-    doubtful = thorough or (ny == 1 and samples < POLYNOMIALS * count)
-    if search and len(origins) == 1 and doubtful and not minimum.exact and all(e.complete for e in experiments):
+    minima = _minima(models, records, scales, direct, gain, max_iterations)
+    criteria = {k: minimum.point.criterion for k, minimum in minima.items()}
+    chosen = min(criteria, key=criteria.__getitem__)
+    minimum, name = minima[chosen], _name_of(origins[chosen])
+    if search and len(origins) == 1 and not minimum.exact and all(e.complete for e in experiments):
         first = (name, models[0], minimum)
-        minimum, name = _searched(experiments, records, scales, first, direct, gain, thorough, max_iterations)
-    covariance, condition = _covariance(minimum.normal.information)
-    innovation = None
-    if minimum.point.gaps:
-        innovation = minimum.point.covariance
-        if gain and not minimum.exact:
-            at, information = minimum.point, minimum.normal.information
-            covariance = gapped_covariance(records, at.predictor, at.weight, information, minimum.normal.basis)
-    if (coloured or weight is not None) and not minimum.exact:
-        colour = min(COLOUR, samples // 20) if coloured else 0
-        middle = gradient_covariance(records, minimum.point, minimum.normal.basis, colour)
-        covariance = covariance @ middle @ covariance
+        minimum, name = _searched(
+            experiments, records, scales, first, direct, gain, samples * ny / count, max_iterations
+        )
+    colour_order = min(COLOUR, samples // 20) if coloured else None
+    covariance, condition = _parameter_covariance(records, minimum, gain, colour_order)
     covariance = covariance * samples / degrees_of_freedom(experiments, minimum.point.predictor, count)
-    radius = float(np.abs(np.linalg.eigvals(minimum.point.predictor.A)).max())
-    if not minimum.converged:
-        messages.append(f"pem_ss did not converge: {minimum.reason}")
-    if condition > ILL_CONDITIONED and not minimum.exact:
-        messages.append(
-            f"the parameters are poorly determined: condition number {condition:.2g} of the information matrix"
-        )
-    if radius > 1.0 - 1e-4:
-        what = "predictor" if gain else "model"
-        messages.append(
-            f"the {what} has a pole of modulus {radius:.7f}, at the edge of stability: intervals may be wrong"
-        )
+    messages += _doubts(minimum, condition, gain)
     warn_each(messages)
+    diagnostics = {
+        "condition": condition,
+        "iterations": minimum.iterations,
+        "evaluations": minimum.evaluations,
+        "converged": minimum.converged,
+        "reason": minimum.reason,
+        "start": name,
+        "criteria": tuple(criteria.get(k, np.nan) for k in range(len(origins))),
+    }
     return make_predictor_estimate(
         "pem_ss",
         experiments,
@@ -212,18 +184,111 @@ def pem_ss(
         predictor=minimum.point.predictor,
         basis=minimum.normal.basis,
         covariance=covariance,
-        diagnostics={
-            "condition": condition,
-            "iterations": minimum.iterations,
-            "evaluations": minimum.evaluations,
-            "converged": minimum.converged,
-            "reason": minimum.reason,
-            "start": name,
-            "criteria": tuple(minima[k].point.criterion if k in minima else np.nan for k in range(len(origins))),
-        },
+        diagnostics=diagnostics,
         messages=messages,
-        innovation=innovation,
+        innovation=minimum.point.covariance if minimum.point.gaps else None,
     )
+
+
+def _origins(
+    start: int | Estimate | StateSpace | Sequence[Estimate | StateSpace],
+    experiments: Sequence[IOData],
+    direct: bool,
+    gain: bool,
+) -> list[Estimate | StateSpace]:
+    """Initial estimates and models as a list; of a number the `n4sid` of this order."""
+    if isinstance(start, int | np.integer):
+        return [n4sid(experiments, start, direct=direct, gain=gain)]
+    return list(start) if isinstance(start, Sequence) else [start]
+
+
+def _name_of(origin: Estimate | StateSpace) -> str:
+    """Method of an initial estimate, for the diagnostics."""
+    return origin.method if isinstance(origin, Estimate) else "model"
+
+
+def _parameter_count(n: int, nu: int, ny: int, direct: bool, gain: bool) -> int:
+    """Parameters of a model of n states without the freedom of its basis: n (nu + ny) of the plant, n ny of K, D."""
+    count = n * (nu + ny)
+    if gain:
+        count += n * ny
+    if direct:
+        count += nu * ny
+    return count
+
+
+def _common_order(models: Sequence[StateSpace]) -> int:
+    """Order of the initial models; refuse different orders, and models without a state."""
+    orders = [model.order for model in models]
+    if len(set(orders)) != 1:
+        raise SysidError(f"expected one start, or several of one order; got orders {orders}")
+    if orders[0] == 0:
+        raise SysidError(
+            "expected a start with at least one state, got order 0: a direct term alone is arx(data, 0, 1, 0)"
+        )
+    return orders[0]
+
+
+def _minima(
+    models: Sequence[StateSpace],
+    records: Sequence[Record],
+    scales: Scales,
+    direct: bool,
+    gain: bool,
+    max_iterations: int,
+) -> dict[int, Minimum]:
+    """Minimum from each initial model by its index, without those that give no stable predictor; refuse none at all."""
+    minima: dict[int, Minimum] = {}
+    refusals: list[SysidError] = []
+    for k, model in enumerate(models):
+        try:
+            starts = _starts(model, scales, direct, gain)
+        except SysidError as error:
+            refusals.append(error)
+            continue
+        minima[k] = _refined(records, starts, direct, max_iterations)
+    if not minima:
+        raise refusals[0]
+    return minima
+
+
+def _parameter_covariance(
+    records: Sequence[Record], minimum: Minimum, gain: bool, colour_order: int | None
+) -> tuple[FloatArray, float]:
+    """Covariance of the parameters, not yet corrected for the degrees of freedom, and condition of the information.
+
+    `colour_order` is that of the autoregressive models of a coloured disturbance; None for a white one.
+    """
+    point, normal = minimum.point, minimum.normal
+    covariance, condition = _covariance(normal.information)
+    if minimum.exact:
+        # errors at rounding level have no covariance to allow for
+        return covariance, condition
+    if point.gaps and gain:
+        covariance = gapped_covariance(records, point.predictor, point.weight, normal.information, normal.basis)
+    if colour_order is not None or point.output_weight is not None:
+        # the criterion is not the likelihood: the sandwich of information and covariance of the gradient
+        middle = gradient_covariance(records, point, normal.basis, colour_order or 0)
+        covariance = covariance @ middle @ covariance
+    return covariance, condition
+
+
+def _doubts(minimum: Minimum, condition: float, gain: bool) -> list[str]:
+    """Warnings of no convergence, poorly determined parameters, and poles at the edge of stability."""
+    messages: list[str] = []
+    if not minimum.converged:
+        messages.append(f"pem_ss did not converge: {minimum.reason}")
+    if condition > ILL_CONDITIONED and not minimum.exact:
+        messages.append(
+            f"the parameters are poorly determined: condition number {condition:.2g} of the information matrix"
+        )
+    radius = float(np.abs(np.linalg.eigvals(minimum.point.predictor.A)).max())
+    if radius > 1.0 - 1e-4:
+        subject = "predictor" if gain else "model"
+        messages.append(
+            f"the {subject} has a pole of modulus {radius:.7f}, at the edge of stability: intervals may be wrong"
+        )
+    return messages
 
 
 def _polynomial_estimates(
@@ -244,11 +309,26 @@ def _searched(
     first: tuple[str, StateSpace, Minimum],
     direct: bool,
     gain: bool,
-    thorough: bool,
+    density: float,
     max_iterations: int,
 ) -> tuple[Minimum, str]:
-    """The lowest of several minima, and the name of its initial estimate; of one output from polynomials at least."""
+    """The lowest of several minima if the first is doubtful, and the name of its initial estimate.
+
+    Args:
+        experiments: The data.
+        records: The same, scaled.
+        scales: Of the channels.
+        first: Name of the initial estimate, its model, and the minimum from there.
+        direct: Whether D is estimated.
+        gain: Whether K is estimated.
+        density: Output values per parameter; few make several minima likely.
+        max_iterations: Limit on the accepted steps.
+    """
     name, start, best = first
+    slow = not best.converged or best.iterations > SLOW
+    thorough = slow or density < SHORT
+    if not thorough and (start.ny > 1 or density >= POLYNOMIALS):
+        return best, name
     summary = DataSummary.of(experiments)
     directions = partial(local_coordinates, direct=direct)
     screened: list[tuple[str, Minimum]] = []
@@ -256,13 +336,14 @@ def _searched(
     if start.ny == 1:
         candidates += _polynomial_estimates(experiments, start.order, direct, gain)
     # the minimum of the criterion with the opposite `gain` helps to escape from local minima
-    other = [Record.of(e, scales, not gain, records[0].output_weight) for e in experiments]
+    opposite = [Record.of(e, scales, not gain, records[0].output_weight) for e in experiments]
     try:
-        crossed = minimise(other, _starts(start, scales, direct, not gain)[0], directions, CROSSING_STEPS)
-        candidates.append(
-            (f"{name}, refined {'without' if gain else 'with'} K", scales.model(crossed.point.predictor, summary, None))
-        )
+        crossed = minimise(opposite, _starts(start, scales, direct, not gain)[0], directions, CROSSING_STEPS)
+        with_or_without = "without" if gain else "with"
+        model = scales.model(crossed.point.predictor, summary, None)
+        candidates.append((f"{name}, refined {with_or_without} K", model))
     except SysidError:
+        # the opposite choice has no stable start: a candidate less
         pass
     for label, model in candidates:
         try:
@@ -271,18 +352,21 @@ def _searched(
             continue
         screened += [(label, minimise(records, begin, directions, SCREENING_STEPS)) for begin in starts]
     screened.sort(key=lambda pair: pair[1].point.criterion)
-    for label, few in screened[:REFINED]:
-        minimum = few if few.converged else minimise(records, few.point.predictor, directions, max_iterations)
+    for label, minimum in screened[:REFINED]:
+        if not minimum.converged:
+            minimum = minimise(records, minimum.point.predictor, directions, max_iterations)
         if minimum.point.criterion < best.point.criterion:
             best, name = minimum, label
     return best, name
 
 
 def _refined(records: Sequence[Record], starts: Sequence[Predictor], direct: bool, max_iterations: int) -> Minimum:
-    """The minimum from the best of some predictors."""
-    begin = starts[0]
-    if len(starts) > 1:
-        begin = min(starts, key=lambda p: Point.at(records, p.balanced(), np.eye(p.C.shape[0])).criterion)
+    """The minimum from that of several initial predictors which has the smallest criterion."""
+
+    def criterion(predictor: Predictor) -> float:
+        return Point.at(records, predictor.balanced(), np.eye(len(predictor.C))).criterion
+
+    begin = starts[0] if len(starts) == 1 else min(starts, key=criterion)
     return minimise(records, begin, partial(local_coordinates, direct=direct), max_iterations)
 
 
@@ -295,12 +379,14 @@ def _starts(model: StateSpace, scales: Scales, direct: bool, gain: bool) -> list
     D = model.D if direct else np.zeros_like(model.D)
     gains = [np.zeros_like(model.gain)]
     if gain:
-        known = model.innovation_covariance
-        gains.insert(0, stable_gain(A, C, model.gain, np.eye(model.ny) if known is None else known))
+        covariance = model.innovation_covariance
+        if covariance is None:
+            covariance = np.eye(model.ny)
+        gains.insert(0, stable_gain(A, C, model.gain, covariance))
     predictors = [scales.predictor(StateSpace(A, model.B, C, D, K, model.dt), gain) for K in gains]
-    out = [p for p in predictors if p.is_stable()]
-    if out:
-        return out
+    stable = [predictor for predictor in predictors if predictor.is_stable()]
+    if stable:
+        return stable
     radius, observer = spectral_radius(A), spectral_radius(A - gains[0] @ C)
     if gain:
         raise SysidError(
@@ -313,11 +399,13 @@ def _starts(model: StateSpace, scales: Scales, direct: bool, gain: bool) -> list
 
 
 def _covariance(information: FloatArray) -> tuple[FloatArray, float]:
-    """Inverse of the information (q, q), and its condition number after scaling to unit diagonal."""
+    """Pseudo-inverse of the information (q, q), and its condition number after scaling to unit diagonal."""
     scale = column_scale(information)
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    # directions at rounding level, in which the data say nothing, count as known exactly
     kept = values > 1e-14 * values[-1]
     if not kept.any():
         return np.full_like(information, np.nan), np.inf
     half = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
-    return half @ half.T, float(values[-1] / values[0]) if values[0] > 0.0 else np.inf
+    condition = float(values[-1] / values[0]) if values[0] > 0.0 else np.inf
+    return half @ half.T, condition

@@ -47,8 +47,9 @@ class Predictor:
         The eigenvalues of a matrix far from normal, as a very large gain makes it, may lie inside the unit circle only
         up to rounding: its powers grow without bound. Those of poles that meet at the limit grow, but stay finite.
         """
-        finite = np.isfinite(self.A).all()
-        if not finite or np.abs(np.linalg.eigvals(self.A)).max(initial=0.0) >= 1.0 - STABILITY_MARGIN:
+        if not np.isfinite(self.A).all():
+            return False
+        if np.abs(np.linalg.eigvals(self.A)).max(initial=0.0) >= 1.0 - STABILITY_MARGIN:
             return False
         with np.errstate(over="ignore", invalid="ignore"):
             return bool(np.isfinite(np.linalg.matrix_power(self.A, 2**12)).all())
@@ -59,10 +60,13 @@ class Predictor:
 
     def moved(self, step: FloatArray) -> "Predictor":
         """The predictor with `step` added to its entries."""
-        sizes = np.cumsum([matrix.size for matrix in (self.A, self.M, self.C)])
-        steps = np.split(step, sizes)
-        matrices = (self.A, self.M, self.C, self.D)
-        return Predictor(*(m + s.reshape(m.shape) for m, s in zip(matrices, steps, strict=True)))
+        dA, dM, dC, dD = np.split(step, np.cumsum([self.A.size, self.M.size, self.C.size]))
+        return Predictor(
+            self.A + dA.reshape(self.A.shape),
+            self.M + dM.reshape(self.M.shape),
+            self.C + dC.reshape(self.C.shape),
+            self.D + dD.reshape(self.D.shape),
+        )
 
     def moved_in_innovations_form(self, step: FloatArray) -> "Predictor":
         """The predictor after a step in F = A + K C, B, K, C and D, to first order that of `moved`.
@@ -126,27 +130,27 @@ class Scales:
     @staticmethod
     def of(experiments: Sequence[IOData]) -> "Scales":
         """Root mean squares of a data set, after the initialisation windows."""
-
-        def size(parts: list[FloatArray]) -> FloatArray:
-            squares = np.concatenate(parts) ** 2
-            mean_square = np.nanmean(squares, axis=0) if np.isnan(squares).any() else np.mean(squares, axis=0)
-            return np.where(mean_square > 0.0, np.sqrt(mean_square), 1.0)
-
-        return Scales(size([e.u[e.window :] for e in experiments]), size([e.y[e.window :] for e in experiments]))
+        inputs = [e.u[e.window :] for e in experiments]
+        outputs = [e.y[e.window :] for e in experiments]
+        return Scales(_root_mean_squares(inputs), _root_mean_squares(outputs))
 
     def predictor(self, model: StateSpace, gain: bool) -> Predictor:
         """Predictor of a model, channels scaled."""
         K = model.gain if gain else np.zeros_like(model.gain)
         B = (model.B - K @ model.D) * self.u
         M = np.hstack((B, K * self.y)) if gain else B
-        return Predictor(model.A - K @ model.C, M, model.C / self.y[:, None], model.D * self.u / self.y[:, None])
+        C = model.C / self.y[:, None]
+        D = model.D * self.u / self.y[:, None]
+        return Predictor(model.A - K @ model.C, M, C, D)
 
     def model(self, predictor: Predictor, data: DataSummary, covariance: FloatArray | None) -> StateSpace:
         """Model of a scaled predictor; the covariance is in output units."""
         C = predictor.C * self.y[:, None]
         D = predictor.D * self.y[:, None] / self.u
         nu = len(self.u)
-        K = predictor.M[:, nu:] / self.y if predictor.has_gain else np.zeros((len(predictor.A), len(self.y)))
+        K = np.zeros((len(predictor.A), len(self.y)))
+        if predictor.has_gain:
+            K = predictor.M[:, nu:] / self.y
         return StateSpace(
             predictor.A + K @ C,
             predictor.M[:, :nu] / self.u + K @ D,
@@ -157,6 +161,13 @@ class Scales:
             covariance,
             **data.labels,
         )
+
+
+def _root_mean_squares(signals: list[FloatArray]) -> FloatArray:
+    """Root mean square of each channel, of its known samples; one for a silent channel."""
+    squares = np.concatenate(signals) ** 2
+    mean_square = np.nanmean(squares, axis=0) if np.isnan(squares).any() else np.mean(squares, axis=0)
+    return np.where(mean_square > 0.0, np.sqrt(mean_square), 1.0)
 
 
 PRIOR = 300.0  # standard deviation of initial states, in that of the states; a smaller one would bias the criterion
@@ -187,21 +198,27 @@ class Record:
     def of(experiment: IOData, scales: Scales, gain: bool, output_weight: FloatArray | None = None) -> "Record":
         """Scale an experiment and remove its initialisation window."""
         u, y = experiment.u[experiment.window :] / scales.u, experiment.y[experiment.window :] / scales.y
-        known = None if experiment.complete else np.isfinite(y)
-        y = y if known is None else np.where(known, y, 0.0)
-        return Record(u, y, np.hstack((u, y)) if gain else u, known=known, output_weight=output_weight)
+        known_outputs = None
+        if not experiment.complete:
+            known_outputs = np.isfinite(y)
+            y = np.where(known_outputs, y, 0.0)
+        w = np.hstack((u, y)) if gain else u
+        return Record(u, y, w, known=known_outputs, output_weight=output_weight)
 
     def correlations(self, e: FloatArray, lags: int) -> Correlations:
         """Sums over t of w(t - j) w(t)' and of w(t - j) e(t)', j = 1..lags, (lags, nw, nw) and (lags, nw, ny)."""
+        # zeros after the record, more than lags, keep its end from acting on its beginning; lags that grow a little
+        # from step to step find the same size, hence the power of two
         size = scipy.fft.next_fast_len(len(self.w) + (1 << lags.bit_length()), real=True)
         if size not in self.transforms:
             spectrum = scipy.fft.rfft(self.w.T, size)
             products = scipy.fft.irfft(spectrum.conj()[:, None] * spectrum, size)
             self.transforms[size] = spectrum, np.ascontiguousarray(products[:, :, : size - len(self.w)].T)
-        spectrum, own = self.transforms[size]
-        cross = scipy.fft.irfft(spectrum.conj()[:, None] * scipy.fft.rfft(e.T, size), size)[:, :, 1 : lags + 1]
-        # axes of `own` are (lag, t, t - lag) after the transposition
-        return own[1 : lags + 1].transpose(0, 2, 1), cross.transpose(2, 0, 1)
+        spectrum, w_by_w = self.transforms[size]
+        spectrum_of_errors = scipy.fft.rfft(e.T, size)
+        w_by_e = scipy.fft.irfft(spectrum.conj()[:, None] * spectrum_of_errors, size)[:, :, 1 : lags + 1]
+        # axes of `w_by_w` are (lag, t, t - lag) after the transposition
+        return w_by_w[1 : lags + 1].transpose(0, 2, 1), w_by_e.transpose(2, 0, 1)
 
 
 def initial_spread(free: FloatArray) -> FloatArray:
@@ -209,7 +226,8 @@ def initial_spread(free: FloatArray) -> FloatArray:
 
     In balanced coordinates the variance of a state equals the power of its free response.
     """
-    return PRIOR * np.maximum(np.sqrt(np.einsum("tln,tln->n", free, free)), np.sqrt(np.finfo(float).tiny))
+    power = np.einsum("tln,tln->n", free, free)
+    return PRIOR * np.maximum(np.sqrt(power), np.sqrt(np.finfo(float).tiny))
 
 
 def local_coordinates(at: Predictor, direct: bool = True) -> FloatArray:
@@ -221,27 +239,39 @@ def local_coordinates(at: Predictor, direct: bool = True) -> FloatArray:
     """
     n, (ny, nu) = len(at.A), at.D.shape
     K = at.M[:, nu:] if at.has_gain else np.zeros((n, ny))
-    F, B = at.A + K @ at.C, at.M[:, :nu] + K @ at.D
+    F, B, C, D = at.A + K @ at.C, at.M[:, :nu] + K @ at.D, at.C, at.D
+    free_gains, free_direct = K.size * at.has_gain, D.size * direct
+    # one row per direction, the entries of K, then of F, B and C, then of D in its columns
+    free = scipy.linalg.block_diag(
+        np.eye(free_gains, K.size), _complement_of_basis_changes(F, B, C).T, np.eye(free_direct, D.size)
+    )
+    blocks = np.split(free, np.cumsum([K.size, F.size, B.size, C.size]), axis=1)
+    dK, dF, dB, dC, dD = (
+        block.reshape(len(free), *matrix.shape) for block, matrix in zip(blocks, (K, F, B, C, D), strict=True)
+    )
+    # A = F - K C and M = [B - K D, K]
+    dA = dF - dK @ C - K @ dC
+    dM = np.concatenate((dB - dK @ D - K @ dD, dK), axis=2)[:, :, : at.M.shape[1]]
+    return np.hstack([change.reshape(len(free), -1) for change in (dA, dM, dC, dD)]).T
+
+
+def _complement_of_basis_changes(F: FloatArray, B: FloatArray, C: FloatArray) -> FloatArray:
+    """Orthonormal directions of the entries of F, B and C that no change of the basis of the state has (entries, q)."""
+    n = len(F)
     unit = np.eye(n * n).reshape(n * n, n, n)
-    changes = (unit @ F - F @ unit, unit @ B, -at.C @ unit)
+    changes = (unit @ F - F @ unit, unit @ B, -C @ unit)
     tangent = np.hstack([change.reshape(n * n, -1) for change in changes]).T
-    complement = np.linalg.qr(tangent, mode="complete")[0][:, n * n :]
-    gains, rest = K.size * at.has_gain, at.D.size * direct
-    free = scipy.linalg.block_diag(np.eye(gains, K.size), complement.T, np.eye(rest, at.D.size))
-    sizes = np.cumsum([matrix.size for matrix in (K, F, B, at.C)])
-    parts = zip(np.split(free, sizes, axis=1), (K, F, B, at.C, at.D), strict=True)
-    dK, dF, dB, dC, dD = (part.reshape(len(free), *matrix.shape) for part, matrix in parts)
-    dM = np.concatenate((dB - dK @ at.D - K @ dD, dK), axis=2)[:, :, : at.M.shape[1]]
-    entries = (dF - dK @ at.C - K @ dC, dM, dC, dD)
-    return np.hstack([entry.reshape(len(free), -1) for entry in entries]).T
+    # of a minimal model the n^2 changes are independent: the columns of Q beyond them are the rest
+    return np.asarray(np.linalg.qr(tangent, mode="complete")[0][:, n * n :])
 
 
 def input_coordinates(at: Predictor, direct: bool = True) -> FloatArray:
     """Unit columns (entries of A, M, C, D; q) that change B, and D if `direct`: the prediction is linear in them."""
     n, nu = len(at.A), at.D.shape[1]
+    before_d = at.A.size + at.M.size + at.C.size
     index = np.arange(at.M.size).reshape(n, -1)[:, :nu].ravel() + at.A.size
     if direct:
-        index = np.concatenate((index, np.arange(at.D.size) + at.A.size + at.M.size + at.C.size))
-    out = np.zeros((at.A.size + at.M.size + at.C.size + at.D.size, len(index)))
+        index = np.concatenate((index, np.arange(at.D.size) + before_d))
+    out = np.zeros((before_d + at.D.size, len(index)))
     out[index, range(len(index))] = 1.0
     return out

@@ -44,18 +44,19 @@ class Eliminated:
     def expected_products(self) -> FloatArray:
         """Conditional expectation of sum e e' given the known outputs (ny, ny)."""
         ny = len(self.root)
-        pairs = [(i, j) for i in range(ny) for j in range(i + 1)]
-        moves = np.zeros((len(pairs), ny, ny))
-        for move, (i, j) in zip(moves, pairs, strict=True):
-            move[i, j] += 0.5
-            move[j, i] += 0.5
+        rows, columns = np.tril_indices(ny)
+        # a change of every entry of the symmetric W, lower triangle row by row
+        changes = np.zeros((len(rows), ny, ny))
+        for change, i, j in zip(changes, rows, columns, strict=True):
+            change[i, j] += 0.5
+            change[j, i] += 0.5
         # this uncertainty is the derivative of the log determinant with respect to W
-        slopes = self.missing.slope(0.5 * np.einsum("pre,lec->plrc", moves, self.missing.response))
-        unknown = np.zeros((ny, ny))
-        for (i, j), value in zip(pairs, slopes, strict=True):
-            unknown[i, j] = unknown[j, i] = value
+        slopes = self.missing.slope(0.5 * np.einsum("pre,lec->plrc", changes, self.missing.response))
+        uncertainty = np.zeros((ny, ny))
+        uncertainty[rows, columns] = slopes
+        uncertainty[columns, rows] = slopes
         into = np.linalg.inv(self.root)
-        return into.T @ (self.white.T @ self.white + unknown) @ into
+        return into.T @ (self.white.T @ self.white + uncertainty) @ into
 
 
 def greatest_likelihood(
@@ -67,20 +68,21 @@ def greatest_likelihood(
     """
     covariance = np.asarray(np.linalg.inv(weight), dtype=np.float64)
     samples, ny = sum(len(r.y) for r in records), len(weight)
-    parts = [eliminate(record, predictor, covariance) for record in records]
+    eliminated = [eliminate(record, predictor, covariance) for record in records]
+    # with one output the covariance is a scale, which follows below
     for _ in range(rounds if ny > 1 else 0):
-        covariance = np.asarray(sum(part.expected_products() for part in parts) / samples)
-        parts = [eliminate(record, predictor, covariance) for record in records]
-    observed = samples * ny - sum(part.missing.count for part in parts)
-    scale = max(sum(part.cost for part in parts) / observed, np.finfo(float).tiny)
-    determinant = sum(part.missing.log_determinant for part in parts)
+        covariance = np.asarray(sum(e.expected_products() for e in eliminated) / samples)
+        eliminated = [eliminate(record, predictor, covariance) for record in records]
+    observed = samples * ny - sum(e.missing.count for e in eliminated)
+    scale = max(sum(e.cost for e in eliminated) / observed, np.finfo(float).tiny)
+    determinant = sum(e.missing.log_determinant for e in eliminated)
     criterion = float(np.linalg.slogdet(covariance)[1]) + (determinant + observed * np.log(scale)) / samples
-    return tuple(parts), scale * covariance, float(criterion)
+    return tuple(eliminated), scale * covariance, float(criterion)
 
 
 def gapped_normal(
     predictor: Predictor,
-    parts: Sequence[Eliminated],
+    eliminated: Sequence[Eliminated],
     states: Sequence[FloatArray],
     covariance: FloatArray,
     basis: FloatArray,
@@ -89,22 +91,37 @@ def gapped_normal(
     root = np.linalg.cholesky(np.linalg.inv(covariance))
     q = basis.shape[1]
     information, gradient = np.zeros((q, q)), np.zeros(q)
-    for part, x0 in zip(parts, states, strict=True):
-        gaps, e = part.missing, part.errors
-        columns = np.einsum("tlc,lr->trc", prediction_jacobian(predictor, part.filled, x0, basis), root)
+    for record, x0 in zip(eliminated, states, strict=True):
+        gaps, e = record.missing, record.errors
+        jacobian = prediction_jacobian(predictor, record.filled, x0, basis)
+        columns = np.einsum("tlc,lr->trc", jacobian, root)
         columns = gaps.eliminated(columns).reshape(-1, q + len(x0))
         prior = initial_spread(free_response(predictor.A, predictor.C, len(e)))
         full = columns.T @ columns
         slope = columns.T @ (e @ root).ravel()
-        corner, side = full[q:, q:], full[q:, :q]
-        inverse = np.outer(prior, prior) * np.linalg.inv(corner * np.outer(prior, prior) + np.eye(len(prior)))
-        slope[q:] -= x0 / prior**2
-        information += full[:q, :q] - side.T @ inverse @ side
-        gradient += slope[:q] - side.T @ inverse @ slope[q:]
+        added_information, added_gradient = without_initial_state(full, slope, x0, prior)
+        information += added_information
+        gradient += added_gradient
         if len(gaps.response) > 1 and gaps.count:
+            # the log determinant of the missing outputs' covariance depends on the predictor too
             derivatives = _response_derivatives(predictor, basis, len(gaps.response))
             gradient -= 0.5 * gaps.slope(np.einsum("re,plec->plrc", gaps.response[0], derivatives))
     return 0.5 * (information + information.T), gradient
+
+
+def without_initial_state(
+    full: FloatArray, slope: FloatArray, x0: FloatArray, prior: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Information (q, q) and gradient (q,) after elimination of the initial state, whose columns are the last n.
+
+    By the Schur complement of N = [N11, N21'; N21, N22 + S^-2], S = diag(prior) the prior deviation of the state:
+    N11 - N21' (N22 + S^-2)^-1 N21 [GolubPereyra2003]. The inverse is S (S N22 S + I)^-1 S, regular for any N22.
+    """
+    q = len(slope) - len(x0)
+    corner, side = full[q:, q:], full[q:, :q]
+    inverse = np.outer(prior, prior) * np.linalg.inv(corner * np.outer(prior, prior) + np.eye(len(prior)))
+    slope[q:] -= x0 / prior**2
+    return full[:q, :q] - side.T @ inverse @ side, slope[:q] - side.T @ inverse @ slope[q:]
 
 
 def gapped_covariance(
@@ -115,16 +132,18 @@ def gapped_covariance(
     directions = standard_directions(covariance)
 
     def gradient(at: Predictor) -> FloatArray:
-        parts, errors, _ = greatest_likelihood(records, at, weight, ROUNDS)
-        return gapped_normal(at, parts, [part.state for part in parts], errors, basis)[1]
+        eliminated, errors, _ = greatest_likelihood(records, at, weight, ROUNDS)
+        return gapped_normal(at, eliminated, [e.state for e in eliminated], errors, basis)[1]
 
-    here, gradients = gradient(predictor), []
+    at_predictor = gradient(predictor)
+    rows = []
     for step in STEP * directions.T:
         moved = predictor.moved(basis @ step)
         if not moved.is_stable():
             return covariance
-        gradients.append(directions.T @ (here - gradient(moved)) / STEP)
-    curvature = 0.5 * (np.array(gradients) + np.array(gradients).T)
+        rows.append(directions.T @ (at_predictor - gradient(moved)) / STEP)
+    curvature = 0.5 * (np.array(rows) + np.array(rows).T)
+    # in standard deviations of the expected information the curvature is about one
     if not len(curvature) or np.linalg.eigvalsh(curvature)[0] < 0.01:
         return covariance
     return np.asarray(directions @ np.linalg.inv(curvature) @ directions.T, dtype=np.float64)
@@ -133,9 +152,9 @@ def gapped_covariance(
 def eliminate(record: Record, predictor: Predictor, covariance: FloatArray) -> Eliminated:
     """Eliminate missing outputs and the initial state of one record, for errors of a given covariance."""
     n, (steps, ny) = len(predictor.A), record.y.shape
-    known = np.ones((steps, ny), dtype=bool) if record.known is None else record.known
+    observed = np.ones((steps, ny), dtype=bool) if record.known is None else record.known
     root = np.linalg.cholesky(np.linalg.inv(covariance))
-    missing = MissingOutputs.of(known, root.T @ _response(predictor, steps))
+    missing = MissingOutputs.of(observed, root.T @ _response(predictor, steps))
     errors = record.y - predictor.predict(record.w, record.u, np.zeros(n))
     free = free_response(predictor.A, predictor.C, steps)
     prior = initial_spread(free)
@@ -143,12 +162,14 @@ def eliminate(record: Record, predictor: Predictor, covariance: FloatArray) -> E
     columns[: len(free), :, :n] = free * prior
     columns[:, :, n] = errors
     remainder = missing.eliminated(np.einsum("tlc,lr->trc", columns, root)).reshape(-1, n + 1)
+    # n more rows are the prior of the initial state, in its deviations
     phi = np.vstack((remainder[:, :n], np.eye(n)))
-    relative = np.linalg.lstsq(phi, np.concatenate((remainder[:, n], np.zeros(n))), rcond=None)[0]
+    target = np.concatenate((remainder[:, n], np.zeros(n)))
+    relative = np.linalg.lstsq(phi, target, rcond=None)[0]
     white = remainder[:, n] - remainder[:, :n] @ relative
     errors[: len(free)] -= free @ (prior * relative)
     y = record.y.copy()
-    y[~known] = -missing.best((errors @ root)[:, :, None])[:, 0]
+    y[~observed] = -missing.best((errors @ root)[:, :, None])[:, 0]
     w = record.w if not predictor.has_gain else np.hstack((record.u, y))
     filled = replace(record, y=y, w=w, transforms={}, known=None)
     cost = float(white @ white + relative @ relative)
@@ -163,7 +184,8 @@ def _response(predictor: Predictor, steps: int) -> FloatArray:
         return direct
     tail = -free_response(predictor.A, predictor.C, steps - 1) @ predictor.M[:, nu:]
     alive = np.flatnonzero(np.abs(tail).max(axis=(1, 2), initial=0.0) > NEGLIGIBLE)
-    return np.concatenate((direct, tail[: alive[-1] + 1 if len(alive) else 0]))
+    length = alive[-1] + 1 if len(alive) else 0
+    return np.concatenate((direct, tail[:length]))
 
 
 def _response_derivatives(predictor: Predictor, basis: FloatArray, lags: int) -> FloatArray:
@@ -220,36 +242,36 @@ class Point:
         step, or the criterion does not follow its gradient.
         """
         if any(record.known is not None for record in records):
-            parts, covariance, criterion = greatest_likelihood(records, predictor, weight)
-            initial, errors = [part.state for part in parts], [part.errors for part in parts]
-            return Point(predictor, initial, errors, covariance, criterion, parts)
+            eliminated, covariance, criterion = greatest_likelihood(records, predictor, weight)
+            initial, errors = [e.state for e in eliminated], [e.errors for e in eliminated]
+            return Point(predictor, initial, errors, covariance, criterion, eliminated)
         root = np.linalg.cholesky(weight)
-        n = len(predictor.A)
         states: list[FloatArray] = []
         errors = []
         priors: list[FloatArray] = []
-        size = 0.0
+        prior_cost = 0.0
         for i, record in enumerate(records):
-            e = record.y - predictor.predict(record.w, record.u, np.zeros(n))
+            e = record.y - predictor.predict(record.w, record.u, np.zeros(len(predictor.A)))
             free = free_response(predictor.A, predictor.C, len(e))
             prior = spreads[i] if spreads else initial_spread(free)
-            columns = np.vstack((np.einsum("tln,lr->trn", free, root).reshape(-1, n) * prior, np.eye(n)))
-            target = np.concatenate(((e[: len(free)] @ root).ravel(), np.zeros(n)))
-            relative = np.linalg.lstsq(columns, target, rcond=None)[0]
+            relative = _relative_initial_state(free, e, root, prior)
             states.append(prior * relative)
             e[: len(free)] -= free @ states[-1]
             errors.append(e)
             priors.append(prior)
-            size += float(relative @ relative)
+            prior_cost += float(relative @ relative)
         samples = sum(len(e) for e in errors)
         covariance = np.asarray(sum(e.T @ e for e in errors) / samples)
-        chosen = records[0].output_weight
-        if chosen is None:
+        output_weight = records[0].output_weight
+        if output_weight is None:
             criterion = float(np.linalg.slogdet(_floored(covariance))[1])
         else:
-            criterion = len(covariance) * float(np.log(max(_mean_square(covariance, chosen), np.finfo(float).tiny)))
-        criterion += size / samples
-        return Point(predictor, states, errors, covariance, criterion, spreads=tuple(priors), output_weight=chosen)
+            mean_square = max(_mean_square(covariance, output_weight), np.finfo(float).tiny)
+            criterion = len(covariance) * float(np.log(mean_square))
+        criterion += prior_cost / samples
+        return Point(
+            predictor, states, errors, covariance, criterion, spreads=tuple(priors), output_weight=output_weight
+        )
 
     def balanced(self) -> "Point":
         """The same behaviour in balanced coordinates, in which all entries have about equal effect."""
@@ -260,7 +282,8 @@ class Point:
         if self.gaps:
             return replace(self, predictor=balanced, states=states)
         spreads = tuple(initial_spread(free_response(balanced.A, balanced.C, len(e))) for e in self.errors)
-        increase = _size(states, spreads) - _size(self.states, self.spreads)
+        # the prior of the new coordinates gives the same states another cost
+        increase = _prior_cost(states, spreads) - _prior_cost(self.states, self.spreads)
         criterion = self.criterion + increase / sum(len(e) for e in self.errors)
         return replace(self, predictor=balanced, states=states, criterion=criterion, spreads=spreads)
 
@@ -282,14 +305,26 @@ class Point:
         return self.output_weight * (len(self.covariance) / max(self.mean_square, np.finfo(float).tiny))
 
 
+def _relative_initial_state(free: FloatArray, e: FloatArray, root: FloatArray, prior: FloatArray) -> FloatArray:
+    """Initial state in its prior deviations (n,) that fits errors e (N, ny) best, weighted by `root` root'."""
+    n = len(prior)
+    # n more rows are the prior of the initial state
+    columns = np.vstack((np.einsum("tln,lr->trn", free, root).reshape(-1, n) * prior, np.eye(n)))
+    target = np.concatenate(((e[: len(free)] @ root).ravel(), np.zeros(n)))
+    return np.asarray(np.linalg.lstsq(columns, target, rcond=None)[0])
+
+
 def _mean_square(covariance: FloatArray, weight: FloatArray | None) -> float:
-    return float(np.trace(covariance) if weight is None else np.sum(weight * covariance))
+    """Mean of e' W e from the covariance of e; of e' e without W."""
+    return float(np.trace(covariance)) if weight is None else float(np.sum(weight * covariance))
 
 
-def _size(states: Sequence[FloatArray], spreads: Sequence[FloatArray]) -> float:
+def _prior_cost(states: Sequence[FloatArray], spreads: Sequence[FloatArray]) -> float:
+    """Sum of squares of all initial states in their prior deviations."""
     return sum(float(np.sum((x / spread) ** 2)) for x, spread in zip(states, spreads, strict=True))
 
 
 def _floored(covariance: FloatArray) -> FloatArray:
+    """Covariance with a floor on its diagonal, so that an output without errors leaves it regular."""
     mean = float(np.trace(covariance)) / len(covariance)
     return covariance + max(WEIGHT_FLOOR * mean, np.finfo(float).tiny) * np.eye(len(covariance))

@@ -66,7 +66,8 @@ def scaled_output_weight(weight: ArrayLike | None, scales: Scales) -> FloatArray
     """Weight of the scaled outputs (ny, ny), of trace ny and regular; refuse what is no weight of the outputs."""
     if weight is None:
         return None
-    W, ny = real_array("output_weight", weight), len(scales.y)
+    W = real_array("output_weight", weight)
+    ny = len(scales.y)
     if W.shape != (ny, ny):
         raise SysidError(f"output_weight: expected a matrix ({ny}, {ny}) for {ny} output(s), got shape {W.shape}")
     size = np.abs(W).max() or 1.0  # only ratios matter, and the squares of a huge or tiny weight are out of range
@@ -126,9 +127,11 @@ def make_predictor_estimate(
     with warnings.catch_warnings():
         # reported by the estimator
         warnings.simplefilter("ignore", SysidWarning)
-        parts = [residuals(bare, e) for e in experiments]
-    counted = np.concatenate([part[e.window :] for part, e in zip(parts, experiments, strict=True)])
-    variance = counted.T @ counted / freedom if innovation is None else innovation
+        errors = [residuals(bare, e) for e in experiments]
+    variance = innovation
+    if variance is None:
+        scored_errors = np.concatenate([error[e.window :] for error, e in zip(errors, experiments, strict=True)])
+        variance = scored_errors.T @ scored_errors / freedom
     realise = RealiseLocally(predictor, basis, parameters, scales, summary, variance)
     return Estimate(
         model=realise(parameters),
@@ -137,7 +140,7 @@ def make_predictor_estimate(
         parameter_names=tuple(f"local{i + 1}" for i in range(len(parameters))),
         covariance=covariance,
         noise_variance=variance,
-        residuals=np.concatenate(parts),
+        residuals=np.concatenate(errors),
         method=method,
         orders=order_values,
         diagnostics={**diagnostics, "warnings": tuple(messages)},

@@ -19,7 +19,7 @@ from sysid.polynomial.stability_limit import STABILITY_MARGIN, constrained_step,
 from sysid.records.arrays import FloatArray
 from sysid.subspace.observer_gain import spectral_radius
 from sysid.subspace.predictor import Predictor, Record
-from sysid.subspace.predictor_errors import Point, gapped_normal
+from sysid.subspace.predictor_errors import Point, gapped_normal, without_initial_state
 from sysid.subspace.predictor_sensitivities import Sensitivities, prediction_jacobian
 
 RESOLVED = 10.0  # distance of a pole from the unit circle, in 1 / (length of the record): infinite sums keep the digits
@@ -32,7 +32,8 @@ def pulled_in(predictor: Predictor, limit: float, beyond: float | None = None) -
     modulus = np.abs(poles)
     if modulus.max(initial=0.0) <= bound:
         return predictor
-    moved = poles * np.where(modulus > bound, limit / np.maximum(modulus, bound), 1.0)
+    shrinkage = np.where(modulus > bound, limit / np.maximum(modulus, bound), 1.0)
+    moved = poles * shrinkage
     expected = float(np.abs(moved).max())
     try:
         A = (vectors * moved @ np.linalg.inv(vectors)).real
@@ -57,8 +58,11 @@ def outward(predictor: Predictor, basis: FloatArray, limit: float) -> FloatArray
     except np.linalg.LinAlgError:
         return np.zeros((0, basis.shape[1]))
     changes = basis[: n * n].T.reshape(-1, n, n)
+    # the derivative of an eigenvalue is v' dA w, with left and right eigenvectors v and w; that of its modulus is the
+    # part along the eigenvalue
     slopes = np.einsum("pi,qij,jp->pq", left[at], changes, right[:, at])
-    return np.asarray((slopes * (poles[at].conj() / np.abs(poles[at]))[:, None]).real, dtype=np.float64)
+    along = poles[at].conj() / np.abs(poles[at])
+    return np.asarray((slopes * along[:, None]).real, dtype=np.float64)
 
 
 CONVERGED = 1e-8  # remaining decrease, relative to the sum of squares
@@ -114,7 +118,9 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
     """Levenberg-Marquardt on `Point.criterion`; the predictor stays stable [Ljung1999, ch. 7]."""
     power = float(np.mean([np.mean(r.y**2) for r in records]))
     samples = sum(len(r.y) for r in records)
-    limit = 1.0 - (noise_margin(max(len(r.y) for r in records)) if start.has_gain else STABILITY_MARGIN)
+    longest = max(len(r.y) for r in records)
+    margin = noise_margin(longest) if start.has_gain else STABILITY_MARGIN
+    limit = 1.0 - margin
     point = Point.at(records, start.balanced(), np.eye(start.C.shape[0]))
     damping, iterations, evaluations = 1e-6, 0, 1
     while True:
@@ -197,8 +203,8 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
         sensitivities = Sensitivities.of(point.predictor, bool(basis[: point.predictor.A.size].any()))
     for record, x0, e, prior in zip(records, point.states, point.errors, point.spreads, strict=True):
         if slow:
-            columns = np.einsum("tlc,lr->trc", prediction_jacobian(point.predictor, record, x0, basis), root)
-            flat = columns.reshape(-1, q + len(x0))
+            jacobian = prediction_jacobian(point.predictor, record, x0, basis)
+            flat = np.einsum("tlc,lr->trc", jacobian, root).reshape(-1, q + len(x0))
             full, slope = flat.T @ flat, flat.T @ (e @ root).ravel()
         else:
             table = sensitivities.table(x0, basis)
@@ -207,11 +213,9 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
             flat = weighted.reshape(-1, table.shape[2])
             full = flat.T @ np.matmul(moments, weighted).reshape(flat.shape)
             slope = np.einsum("lac,al->c", table, products @ weight)
-        corner, side = full[q:, q:], full[q:, :q]
-        inverse = np.outer(prior, prior) * np.linalg.inv(corner * np.outer(prior, prior) + np.eye(len(prior)))
-        slope[q:] -= x0 / prior**2
-        information += full[:q, :q] - side.T @ inverse @ side
-        gradient += slope[:q] - side.T @ inverse @ slope[q:]
+        added_information, added_gradient = without_initial_state(full, slope, x0, prior)
+        information += added_information
+        gradient += added_gradient
     if not 0.0 < np.diag(information).max(initial=0.0) < np.inf:
         # at the edge of stability rounding may hide how the errors depend on the parameters
         return Normal(np.zeros((q, q)), np.zeros(q), basis)
@@ -227,25 +231,34 @@ def gradient_covariance(records: Sequence[Record], point: Point, basis: FloatArr
     """
     root, whitening = np.linalg.cholesky(point.weight), np.linalg.cholesky(point.inverse_covariance)
     mixture = root.T @ np.linalg.inv(whitening).T
-    errors = np.concatenate(point.errors) @ whitening
-    whiteners = [autoregression(e, order)[0] for e in errors.T]
-    variances = [
-        float(np.mean(scipy.signal.lfilter(w, [1.0], e) ** 2)) for w, e in zip(whiteners, errors.T, strict=True)
-    ]
+    whiteners, variances = [], []
+    for component in (np.concatenate(point.errors) @ whitening).T:
+        whitener = autoregression(component, order)[0]
+        whiteners.append(whitener)
+        variances.append(float(np.mean(scipy.signal.lfilter(whitener, [1.0], component) ** 2)))
     q = basis.shape[1]
     total = np.zeros((q, q))
     for record, x0, prior in zip(records, point.states, point.spreads, strict=True):
-        columns = np.einsum("tlc,lr->rtc", prediction_jacobian(point.predictor, record, x0, basis), root)
-        corner = sum(part[:, q:].T @ part[:, q:] for part in columns) + np.diag(prior**-2.0)
-        onto = np.linalg.solve(corner, sum(part[:, q:].T @ part[:, :q] for part in columns))
-        parts = np.tensordot(mixture.T, [part[:, :q] - part[:, q:] @ onto for part in columns], 1)
-        for part, whitener, variance in zip(parts, whiteners, variances, strict=True):
-            filtered = scipy.signal.lfilter([1.0], whitener, part, axis=0)
+        jacobian = prediction_jacobian(point.predictor, record, x0, basis)
+        columns = _without_initial_columns(np.einsum("tlc,lr->rtc", jacobian, root), prior)
+        components = np.tensordot(mixture.T, columns, 1)
+        for component, whitener, variance in zip(components, whiteners, variances, strict=True):
+            filtered = scipy.signal.lfilter([1.0], whitener, component, axis=0)
             total += variance * (filtered.T @ filtered)
     return total
+
+
+def _without_initial_columns(columns: FloatArray, prior: FloatArray) -> list[FloatArray]:
+    """Jacobian of each output (N, q) with what the last n columns, those of the initial state, explain removed."""
+    q = columns.shape[2] - len(prior)
+    corner = sum(output[:, q:].T @ output[:, q:] for output in columns) + np.diag(prior**-2.0)
+    side = sum(output[:, q:].T @ output[:, :q] for output in columns)
+    onto = np.linalg.solve(corner, side)
+    return [output[:, :q] - output[:, q:] @ onto for output in columns]
 
 
 def column_scale(information: FloatArray) -> FloatArray:
     """Lengths of the Jacobian columns of an information matrix (q,), bounded below to stay regular."""
     squares = np.diag(information)
-    return np.sqrt(np.maximum(squares, max(1e-20 * float(squares.max(initial=0.0)), np.finfo(float).tiny)))
+    floor = max(1e-20 * float(squares.max(initial=0.0)), np.finfo(float).tiny)
+    return np.sqrt(np.maximum(squares, floor))

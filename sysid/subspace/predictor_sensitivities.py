@@ -53,6 +53,7 @@ class Sensitivities:
         n, nw = p.M.shape
         ny, nu = p.D.shape
         k = 2 * n
+        # the pulse at the begin drives the state to x0
         x = np.einsum("ic,jia->cja", np.column_stack((p.M, x0)), self.states)
         observed = np.tensordot(p.C, self.states, 1)
         columns = n * n + n * nw + ny * n + ny * nu
@@ -85,10 +86,10 @@ class Sensitivities:
         k, nu = len(b), record.u.shape[1]
         responses = free_response(F.T, b[None], steps)[:, 0]
         lags = min(len(responses), steps - 1)
-        own, cross = record.correlations(e, lags)
+        w_by_w, w_by_e = record.correlations(e, lags)
         x = np.zeros((nw + 1, k, nw + 1))
         by_lag = responses[:lags].T
-        x[:nw, :, :nw] = (by_lag @ own.reshape(lags, -1)).reshape(k, nw, nw).transpose(1, 0, 2)
+        x[:nw, :, :nw] = (by_lag @ w_by_w.reshape(lags, -1)).reshape(k, nw, nw).transpose(1, 0, 2)
         x[nw, :, :nw] = responses.T @ w[: len(responses)]
         s = np.zeros((nw + 1, nw + 1))
         s[:nw, :nw] = w.T @ w
@@ -107,7 +108,7 @@ class Sensitivities:
         out[functions:, :functions] = out[:functions, functions:].T
         out[functions:, functions:] = s[:nu, :nu]
         products = np.empty((functions + nu, e.shape[1]))
-        by_channel = (by_lag @ cross.reshape(lags, -1)).reshape(k, nw, -1).transpose(1, 0, 2)
+        by_channel = (by_lag @ w_by_e.reshape(lags, -1)).reshape(k, nw, -1).transpose(1, 0, 2)
         products[: nw * k] = by_channel.reshape(nw * k, -1)
         products[nw * k : functions] = responses.T @ e[: len(responses)]
         products[functions:] = record.u.T @ e
@@ -121,10 +122,13 @@ def prediction_jacobian(predictor: Predictor, record: Record, x0: FloatArray, ba
     """
     p, w, u = predictor, record.w, record.u
     x, at_rest = state_trajectory(p.A, w @ p.M.T, x0), np.zeros(len(x0))
-    still = Predictor(*(np.zeros_like(matrix) for matrix in (p.A, p.M, p.C, p.D)))
+    zero = Predictor(np.zeros_like(p.A), np.zeros_like(p.M), np.zeros_like(p.C), np.zeros_like(p.D))
     out = np.zeros((*record.y.shape, basis.shape[1] + len(x0)))
-    for k, d in enumerate(still.moved(column) for column in basis.T):
-        out[:, :, k] = state_trajectory(p.A, x @ d.A.T + w @ d.M.T, at_rest) @ p.C.T + x @ d.C.T + u @ d.D.T
+    for k, column in enumerate(basis.T):
+        # dx(t+1) = A dx + dA x + dM w, dyhat = C dx + dC x + dD u
+        d = zero.moved(column)
+        dx = state_trajectory(p.A, x @ d.A.T + w @ d.M.T, at_rest)
+        out[:, :, k] = dx @ p.C.T + x @ d.C.T + u @ d.D.T
     free = free_response(p.A, p.C, len(w))
     out[: len(free), :, basis.shape[1] :] = free
     return out
