@@ -25,8 +25,11 @@ AS_IT_IS, SMOOTH = "as on the arm", "seal friction off"
 GENTLE = "seal friction off, three tenths of the amplitude"
 
 CONDITIONS = (AS_IT_IS, SMOOTH, GENTLE)
-"""Conditions, each switches off one more effect: friction, then what changes with the pose, the arm's geometry,
-inertia and gravity load; their share falls with the square of the amplitude. Noise and rounding stay on."""
+"""Conditions of one experiment, each with one effect less than the one before.
+
+First friction is switched off, then what changes with the pose: the arm's geometry, inertia and gravity load, whose
+share falls with the square of the amplitude. Noise and rounding stay on.
+"""
 
 SMALL = 0.3
 """The smaller amplitude, as a fraction of the test's own."""

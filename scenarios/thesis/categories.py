@@ -1,4 +1,4 @@
-"""The seven categories in which the thesis compares its two models, each with numbers [Morris1996, sec. VI.6]."""
+"""The thesis' seven categories of comparison of its SysID and OKID models, in numbers [Morris1996, sec. VI.6]."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ SYSID, OKID = "SysID model", "OKID model"
 """Names of the two models of three joints that were identified from the twin; those as printed begin with "printed"."""
 
 DRAW = "neither"
-"""The better of two methods where both meet a requirement, or both do the same."""
+"""Which of two models is ahead where both meet a requirement, or do equally well."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +42,12 @@ class Measure:
 
     @property
     def ahead(self) -> str:
-        """`SysID`, `OKID` or `neither`, of the two identified from the twin."""
+        """Which of the two models identified from the twin is ahead: `SysID`, `OKID` or `neither`."""
         return self._leader("")
 
     @property
     def printed_ahead(self) -> str:
-        """The same of the two as printed; empty without numbers for them."""
+        """Which of the two models as printed is ahead; empty without numbers for them."""
         prefix = "printed "
         return self._leader(prefix) if prefix + SYSID in self.values else ""
 
@@ -70,7 +70,7 @@ class Measure:
 
 @dataclass(frozen=True)
 class Category:
-    """One of the seven categories, with who is ahead in the thesis, and its measures if the study has tried it."""
+    """One of the seven categories, with the model that the thesis prefers, and its measures if the study tried it."""
 
     name: str
     thesis: str
@@ -93,17 +93,17 @@ def categories(study: Comparison) -> tuple[Category, ...]:
         Category("flexibility", "SysID", _flexibility(study)),
         Category("parsimony", "OKID", _parsimony(study)),
         Category("robustness", "SysID", _robustness(study)),
-        Category("RPCM fit", "OKID", _exchange(study)),
-        Category("MIMO data fits", "OKID, on most; SysID on yaw at low frequency", _several(study)),
+        Category("RPCM fit", "OKID", _exchange_fit(study)),
+        Category("MIMO data fits", "OKID, on most; SysID on yaw at low frequency", _records_followed_better(study)),
     )
 
 
-def _of_models(study: Comparison, quantity: Callable[[ThreeJointModel], float]) -> dict[str, float]:
+def _by_model(study: Comparison, quantity: Callable[[ThreeJointModel], float]) -> dict[str, float]:
     """A quantity of every model of three joints, by name."""
     return {model.name: quantity(model) for model in study.multivariable.models}
 
 
-def _both_ways(
+def _fit_measures(
     study: Comparison,
     label: str,
     quantity: Callable[[ThreeJointModel, Way], float],
@@ -134,20 +134,20 @@ def _bandwidth(study: Comparison) -> tuple[Measure, ...]:
         return median(model.fit(name).mean(way) for name in fast_records)
 
     label = "bandwidth off the best linear truth, mean over the joints, %"
-    error = Measure(label, _of_models(study, bandwidth_error), more=False)
+    error = Measure(label, _by_model(study, bandwidth_error), more=False)
     _, fast_tests = FAST
     fast_records = [name for name in fast_tests if name in study.multivariable.records]
     if not fast_records:
         return (error,)
     label = f"fit above 5 Hz {{way}}, median of {len(fast_records)} records, mean over the joints, %"
-    return error, *_both_ways(study, label, fast_fit, margin=MARGIN)
+    return error, *_fit_measures(study, label, fast_fit, margin=MARGIN)
 
 
 def _stability(study: Comparison) -> tuple[Measure, ...]:
     """Largest modulus of a pole: a stable model is ahead of an unstable one, two stable ones are level."""
     slowest = max(float(np.abs(joint.truth.model.poles()).max()) for joint in study.joints.values())
     label = f"largest modulus of a pole (truth {slowest:.3f})"
-    values = _of_models(study, lambda model: model.largest_pole)
+    values = _by_model(study, lambda model: model.largest_pole)
     # Only the side of the unit circle is compared: a stable model with a slower pole is no worse.
     return (Measure(label, values, more=False, digits=3, compared=lambda modulus: float(modulus >= 1.0)),)
 
@@ -196,13 +196,13 @@ def _parsimony(study: Comparison) -> tuple[Measure, ...]:
     above_smaller = {name: value - smaller for name, value in criterion.items()}
 
     # The thesis counts states alone [Morris1996, sec. VI.6]; the other measures weigh them against the fit.
-    states = _of_models(study, lambda model: float(model.model.order))
+    states = _by_model(study, lambda model: float(model.model.order))
     aic_label = "Akaike's criterion on the data of estimation above the smaller, three joints"
     fit_label = "fit {way} per state, mean over joints and records of other waveforms, %"
     return (
         Measure("states", states, more=False, digits=0),
         Measure(aic_label, above_smaller, more=False, digits=0),
-        *_both_ways(study, fit_label, lambda model, way: _mean_fit(model, way) / model.model.order),
+        *_fit_measures(study, fit_label, lambda model, way: _mean_fit(model, way) / model.model.order),
     )
 
 
@@ -247,15 +247,15 @@ def _share_kept(outcomes: Sequence[RobustnessOutcome], disturbance: str) -> floa
     return 100 * float(np.mean(kept)) if kept else float("nan")
 
 
-def _exchange(study: Comparison) -> tuple[Measure, ...]:
+def _exchange_fit(study: Comparison) -> tuple[Measure, ...]:
     """Fit to the record of the exchange, where the study has it."""
     if RPCM not in study.multivariable.records:
         return ()
     label = "fit {way}, mean over the joints, %"
-    return _both_ways(study, label, lambda model, way: model.fit(RPCM).mean(way), digits=2, margin=MARGIN)
+    return _fit_measures(study, label, lambda model, way: model.fit(RPCM).mean(way), digits=2, margin=MARGIN)
 
 
-def _several(study: Comparison) -> tuple[Measure, ...]:
+def _records_followed_better(study: Comparison) -> tuple[Measure, ...]:
     """Number of held-out records on which each of two models fits better; ties and the hybrid model do not count."""
     # The exchange is a category of its own; a record of the identified sequence validates nothing.
     held_out = [name for name in study.multivariable.records if name != RPCM and not plays_identified_sequence(name)]

@@ -1,4 +1,7 @@
-"""Charts of the report: panels of curves in views to switch between, as data for the page and as drawings for files."""
+"""Charts of the report: panels of curves in views to switch between.
+
+A chart is data for the report's page, which Plotly draws in the browser, and a Matplotlib figure for each file.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,14 +19,26 @@ from scenarios.thesis.comparison import Comparison, JointResult
 from sysid.plots import BOUND, Style
 
 DASHES = {"-": "solid", "--": "dash", "-.": "dashdot", ":": "dot", "": ""}
+"""Plotly's names of Matplotlib's line patterns."""
+
 SYMBOLS = {
-    **{"o": "circle", "s": "square", "^": "triangle-up", "D": "diamond", "v": "triangle-down", "P": "cross"},
-    **{"X": "x", "*": "star", ".": "circle", "h": "hexagon", "d": "diamond-tall", "x": "x-thin-open"},
+    "o": "circle",
+    "s": "square",
+    "^": "triangle-up",
+    "D": "diamond",
+    "v": "triangle-down",
+    "P": "cross",
+    "X": "x",
+    "*": "star",
+    ".": "circle",
+    "h": "hexagon",
+    "d": "diamond-tall",
+    "x": "x-thin-open",
 }
-"""Plotly's names of line patterns and markers."""
+"""Plotly's names of Matplotlib's markers."""
 
 COLUMNS = 250
-"""Columns of a long record: more than the eye resolves in a panel."""
+"""Columns that a long record is reduced to: more than the eye resolves in a panel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +47,10 @@ class Series:
 
     Attributes:
         label: Name in the legend, where each stands once; entries of one name are switched together.
-        style: How it looks; without a line pattern, marks alone.
+        style: Colour, line pattern and marker; without a line pattern, marks alone.
         low: Lower end of a band or of bars round each value (N,).
         kind: A line through the values, steps that hold each until the next, or a bar from zero to each.
-        along: Whether low and high are ends in x, not in y.
+        along: Whether low and high are ends of bars along the x axis; otherwise along the y axis.
     """
 
     label: str
@@ -54,7 +69,7 @@ class Panel:
 
     Attributes:
         log: Which axes are logarithmic.
-        marks: Lines across: the axis that they stand on, x or y, the value there, a text.
+        marks: Lines across the panel: the axis that each stands on, x or y, its value there and its name.
         equal: Whether a unit has the same length on both axes.
     """
 
@@ -119,7 +134,7 @@ def by_view(draw: Callable[..., tuple[Panel, ...]], *options: Mapping[str, Any])
 
 
 def joints(study: Comparison) -> dict[str, JointResult]:
-    """The joints by the names that people read."""
+    """Results of the joints by their names in figures: the options of a chart's choice of joint."""
     return {short(name): result for name, result in study.joints.items()}
 
 
@@ -265,7 +280,7 @@ def _draw_series(axes: Axes, series: Series) -> Any:
 def record_series(
     label: str, values: np.ndarray, dt: float, style: Style, *, start: float = 0.0, held: bool = False
 ) -> Series:
-    """A record (N,) over time, s: a long one as the band between minimum and maximum of each column.
+    """Series of a record (N,) over time, s: a long one is the band between minimum and maximum of each column.
 
     A short one is drawn as it is, as steps where it is `held`, as a command is.
     """
@@ -276,7 +291,7 @@ def record_series(
     # A column takes the first sample of the next with it, so that neighbours meet as the line through the samples does.
     column_values = [values[first : last + 1] for first, last in pairwise(edges)]
     time = start + 0.5 * dt * (edges[:-1] + edges[1:])
-    # fmin and fmax take the value that is known where others are missing.
+    # fmin and fmax, unlike min and max, take the value that is known where others are missing.
     low = np.array([np.fmin.reduce(samples) for samples in column_values])
     high = np.array([np.fmax.reduce(samples) for samples in column_values])
     return Series(label, time, 0.5 * (low + high), Style(style.colour, "-", 0.6), low, high)

@@ -1,4 +1,4 @@
-"""Report section on model reference control: the package's record of `hmtb control` as tables and a chart."""
+"""Report section on model reference control: recorded results of `hmtb control` as tables and a chart."""
 
 import json
 from collections.abc import Mapping
@@ -40,6 +40,7 @@ def control_chart() -> Chart:
 def _scenario_panels(scenario: str) -> tuple[Panel, ...]:
     """Panel of one scenario: errors without control, then with each method, joint by joint."""
     record = read_control()
+    # There may be more styles than methods in the record.
     styles = dict(zip(record["methods"], LAWS, strict=False))
     runs = [run for run in record["runs"] if run["scenario"] == scenario]
     # Every run of a scenario has the same errors without control.

@@ -12,7 +12,7 @@ from scenarios.files.toml_file import package_table
 from sysid import IOData
 
 Spoil = Callable[[IOData, float, np.random.Generator], IOData]
-"""Arguments: record, degree, random generator. Returns the disturbed record."""
+"""Function of a record, a degree and a random generator that returns the disturbed record."""
 
 OUTLIER_SIZE = 5.0
 """Size of outliers, up or down by chance, where their share is varied, standard deviations of the output."""
@@ -37,7 +37,7 @@ LOSSY = 1000
 
 
 def adds(shape: Callable[[IOData], float | np.ndarray]) -> Spoil:
-    """A disturbance that adds a shape (N,) to the output, times the degree in standard deviations of the output."""
+    """Make a disturbance that adds a shape (N,) to the output; the degree scales it, in standard deviations of y."""
 
     def spoil(data: IOData, degree: float, _: np.random.Generator) -> IOData:
         # As a column: added to y (N, 1), a plain (N,) would broadcast to (N, N).

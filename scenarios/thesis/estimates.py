@@ -1,4 +1,4 @@
-"""Estimates and fits of a study, each computed once: a result is kept as long as the record that it belongs to."""
+"""Estimates and fits of a study, each computed once: a result is kept as long as its record."""
 
 import warnings
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -28,7 +28,7 @@ _RESULTS: WeakKeyDictionary[IOData, dict[Hashable, Any]] = WeakKeyDictionary()
 
 @dataclass(frozen=True)
 class Fits:
-    """Fits of a model to a record, always both ways.
+    """Fits of a model to a record, in simulation and one step ahead: a model without a noise model cannot predict.
 
     Attributes:
         simulation: 100 (1 - |y - yhat| / |y - mean y|) of the simulated output, percent.
@@ -49,13 +49,13 @@ def estimate(record: IOData, estimator: str, orders: Sequence[int]) -> Estimate:
     # A tuple: orders that come as a list have no hash.
     key = (estimator, tuple(orders))
     options = WHITE if estimator == "oe" else {}
-    return _once(record, key, lambda: methods.estimate(record, estimator, orders, **options))
+    return _computed_once(record, key, lambda: methods.estimate(record, estimator, orders, **options))
 
 
 def fits(model: Estimate | StateSpace, record: IOData) -> Fits:
     """Compare a model of one output with a record, once per model and record; see `sysid.compare`."""
 
-    def compared() -> Fits:
+    def computed_fits() -> Fits:
         # What an unstable model simulates grows beyond all numbers; its fit is minus infinity then.
         with np.errstate(over="ignore", invalid="ignore"):
             (score,) = sysid.compare(model, record)
@@ -63,7 +63,7 @@ def fits(model: Estimate | StateSpace, record: IOData) -> Fits:
 
     # By the state-space model: a printed model and an estimate are looked up alike.
     key = model.model if isinstance(model, Estimate) else model
-    return _once(record, key, compared)
+    return _computed_once(record, key, computed_fits)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ def simulation_fit(model: Estimate, records: Sequence[IOData]) -> float:
     return median(scores)
 
 
-def _once(record: IOData, key: Hashable, compute: Callable[[], T]) -> T:
+def _computed_once(record: IOData, key: Hashable, compute: Callable[[], T]) -> T:
     """Return the result that was computed from a record under a key; compute it if there is none."""
     results = _RESULTS.setdefault(record, {})
     if key not in results:

@@ -1,4 +1,4 @@
-"""Models of the thesis' structures from every data set, to see whether the data sets agree."""
+"""Models of the thesis' structures from every data set: do the data sets give the same model?"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -47,7 +47,8 @@ class Excited(NamedTuple):
 class DataSetModel(IdentifiedModel):
     """A model identified from one record, with fits to records by name, its own among them.
 
-    All of its own record, and of others where they were asked for, else a minute of them.
+    The fit to its own record is that to all of it; fits to others are to a minute of each, except of models from the
+    estimation test.
 
     Attributes:
         record: Name of the scenario.

@@ -1,4 +1,4 @@
-"""Report section on the seven-joint model: its variables, its figure and its numbers in the results."""
+"""Report section on the seven-joint model: variables of its template, its figure and its record in the results."""
 
 import numpy as np
 

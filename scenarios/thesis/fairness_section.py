@@ -19,7 +19,7 @@ NAMES = {"shoulder_yaw": "yaw", "shoulder_pitch": "shoulder", "elbow_pitch": "el
 """Short names of the joints for table cells."""
 
 WORST = -1000.0
-"""Fits below this are printed as such: a simulation that grows without bound has any number."""
+"""Fits below this, percent, are printed as "< -1000": how far a simulation without bound got has no meaning."""
 
 
 class Answer(NamedTuple):
@@ -31,7 +31,7 @@ class Answer(NamedTuple):
 
 @dataclass(frozen=True)
 class Conclusion:
-    """One question with its answer on every arm, in their order; nothing for an arm without the record."""
+    """One question with its answer on every arm, in their order; None for an arm without the record."""
 
     question: str
     answers: Mapping[Condition, Answer | None]
@@ -56,14 +56,14 @@ class Conclusion:
 def conclusions(arms: Sequence[ArmFairness]) -> tuple[Conclusion, ...]:
     """Answer the questions of the thesis' comparison on every arm that has the records."""
     questions: dict[str, Callable[[ArmFairness], Answer | None]] = {
-        "Joints whose identified models are, for the most part, near 1 Hz": _near_1_hz,
-        "Whether most 95 % intervals hold the truth": _held,
-        "Whether every identified model is stable": _stable,
+        "Joints whose identified models are, for the most part, near 1 Hz": _joints_near_1_hz,
+        "Whether most 95 % intervals hold the truth": _most_intervals_hold,
+        "Whether every identified model is stable": _all_stable,
     }
     records = {"": "single-joint tests not seen", **{record: f"the {name}" for record, name in RECORDS.items()}}
     for way, words in WORDS.items():
         for record, name in records.items():
-            questions[f"SysID or OKID better on {name}, {words}"] = partial(_better, record=record, way=way)
+            questions[f"SysID or OKID better on {name}, {words}"] = partial(_better_method, record=record, way=way)
     # An arm without the models of a joint would answer about fewer joints: no answer can be compared with that.
     complete_arms = [arm for arm in arms if len(arm.joints) == len(STUDIED_JOINTS)]
     concluded = []
@@ -77,7 +77,7 @@ def _identified(models: Iterable[FairModel]) -> list[FairModel]:
     return [model for model in models if not model.printed]
 
 
-def _near_1_hz(arm: ArmFairness) -> Answer:
+def _joints_near_1_hz(arm: ArmFairness) -> Answer:
     """Name the joints of which more than half of the models are near 1 Hz, and count all such models."""
     near_joints = []
     near_models = 0
@@ -92,7 +92,7 @@ def _near_1_hz(arm: ArmFairness) -> Answer:
     return Answer(_list_text(near_joints), f"{near_models} of {all_models} models")
 
 
-def _held(arm: ArmFairness) -> Answer:
+def _most_intervals_hold(arm: ArmFairness) -> Answer:
     """Whether more than half of the intervals hold the truth, with their number; a model without one does not."""
     covers: list[bool] = []
     for models in arm.joints.values():
@@ -101,13 +101,13 @@ def _held(arm: ArmFairness) -> Answer:
     return Answer(word, f"{sum(covers)} of {len(covers)}")
 
 
-def _stable(arm: ArmFairness) -> Answer:
-    """Whether every model is stable; name those that are not, without their orders."""
+def _all_stable(arm: ArmFairness) -> Answer:
+    """Whether every model is stable; name those that are not."""
     unstable = []
     for joint, models in arm.joints.items():
         for model in _identified(models):
             if not model.stable:
-                # "OE 2/2, delay 1": the structure alone names it, for a joint has one delay.
+                # Of "OE 2/2, delay 1" and "OKID order 2, p = 5", what stands before the comma is enough to tell them.
                 structure, *_ = model.label.split(",")
                 unstable.append(f"{structure} of {NAMES[joint]}")
     if unstable:
@@ -115,7 +115,7 @@ def _stable(arm: ArmFairness) -> Answer:
     return Answer("yes")
 
 
-def _better(arm: ArmFairness, record: str, way: str) -> Answer | None:
+def _better_method(arm: ArmFairness, record: str, way: str) -> Answer | None:
     """Compare SysID with OKID on a record of three joints; without one, on single-joint tests not used to identify."""
     if record:
         sysid_fits: Mapping[str, Fits | None] = arm.fits("SysID", False, record) or {}

@@ -143,7 +143,10 @@ def _printed_model(printed: PublishedModel, judges: Mapping[int, IOData]) -> Fai
 
 
 def _three_joints(joints: Mapping[str, Sequence[FairModel]], campaign: Campaign) -> SeveralFits:
-    """A block-diagonal model follows each joint as that joint's block does; the hybrid has SysID's yaw."""
+    """Fits of the SysID, the OKID and the hybrid model of three joints, identified and printed.
+
+    A block-diagonal model follows each joint as that joint's block does. The hybrid has SysID's yaw and OKID's pitches.
+    """
     yaw = STUDIED_JOINTS[0]
     table: dict[tuple[str, bool], Mapping[str, Mapping[str, Fits]]] = {}
     for printed in (False, True):
@@ -151,10 +154,10 @@ def _three_joints(joints: Mapping[str, Sequence[FairModel]], campaign: Campaign)
         okid_blocks = {joint: chosen(models, okid=True, printed=printed).model for joint, models in joints.items()}
         hybrid_blocks = {**okid_blocks, yaw: sysid_blocks[yaw]}
         for name, blocks in (("SysID", sysid_blocks), ("OKID", okid_blocks), ("hybrid", hybrid_blocks)):
-            models = {joint: model for joint, model in blocks.items() if model is not None}
+            available = {joint: block for joint, block in blocks.items() if block is not None}
             # A joint whose model an estimator refused leaves no model of three joints.
-            if len(models) == len(blocks):
-                table[name, printed] = _fits_by_record(models, campaign)
+            if len(available) == len(blocks):
+                table[name, printed] = _fits_by_record(available, campaign)
     return table
 
 

@@ -65,6 +65,7 @@ def _table() -> Mapping[str, list[dict[str, str]]]:
 def thesis_numbers(text: str) -> tuple[str, ...]:
     """Numbers of thesis figures, such as `11-13 A2`, one by one; A marks those of the appendix."""
     figure_numbers: list[str] = []
+    # A letter before the first number of a range holds for all of it: A7-A10.
     for letter, first, last in re.findall(r"(A?)(\d+)(?:-A?(\d+))?", text):
         figures = range(int(first), int(last or first) + 1)
         figure_numbers += [f"{letter}{figure}" for figure in figures]
@@ -87,6 +88,7 @@ def report_figures(
 
     `motion` has the cells of the map of `hmtb motion`; `progress` is called with the figures made and those in all.
     """
+    # Those that need more than the study, or less, take what they need from here.
     charts = {**CHARTS, "answer": lambda _: answer_chart(answer), "motion": lambda _: motion_chart(motion)}
     charts["control"] = lambda _: control_chart()
     figures: dict[str, ReportFigure] = {}
@@ -124,6 +126,7 @@ def _file_name(figure_name: str, choice: tuple[str, ...]) -> str:
 def _values_csv(figure: ReportFigure) -> str:
     """Values of all curves of a figure, one point a row."""
     text = io.StringIO()
+    # The module's own default is the line end of Windows, on every system.
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow([*figure.chart.choices, "panel", "x axis", "y axis", "curve", "x", "y", "low", "high"])
     for choice, panels in figure.chart.views.items():

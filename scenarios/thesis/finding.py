@@ -1,4 +1,4 @@
-"""Claims of the thesis with their criteria, the findings that test them, and the rules that give verdicts."""
+"""Claims of the thesis with their criteria, findings on them, and the rules that give verdicts."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -117,12 +117,13 @@ class Finding:
 
     @property
     def about(self) -> ThesisClaim:
-        """The claim that it tests."""
+        """The claim that the finding tests."""
         return CLAIMS[self.key]
 
 
 def decided_finding(key: str, parts: Parts, value: Mapping[str, float], facts: Mapping[str, object]) -> Finding:
     """Decide a claim that can be read in one way; see `finding_by_reading`."""
+    # The one reading has no name, and its parts get none to follow them.
     return finding_by_reading(key, {"": parts}, value, facts)
 
 
@@ -171,6 +172,7 @@ def _printable(parts: Parts) -> dict[str, bool]:
 def _verdict(outcome: Parts, claim: ThesisClaim) -> Verdict:
     """Verdict on a claim under one reading."""
     if all(outcome.values()):
+        # What follows from how the models or the twin are made is no evidence for the claim.
         return "reproduced by construction" if claim.by_construction else "reproduced"
     return "partly" if any(outcome.values()) else "not reproduced"
 
