@@ -14,7 +14,7 @@ from sysid.validation.cramer_rao import signals_from_rest
 
 SAMPLES = 2000
 HOLD = 3
-OWN = 0.3
+OWN_SHARE = 0.3
 """Own part of the second input, relative to the first: enough to separate the paths, with errors three to four times
 those of independent inputs."""
 
@@ -23,7 +23,7 @@ SIGNAL_TO_NOISE_DB = 26.0
 F = np.array([1.0, -1.35, 0.425])
 B1 = np.array([0.0, 0.03, 0.045])
 B2 = np.array([0.0, 0.04, 0.02])
-"""The second path has the poles of the first, so that what one input alone shows is a system of the same order."""
+"""Numerators; both paths have the same poles, so that what one input alone shows is a system of the same order."""
 
 SHARED = ("shared", "shared-alone")
 """Both inputs are given; or the first alone: then every estimate takes in the other path, nearly all of it."""
@@ -61,9 +61,11 @@ class SharedAlone(LinearProblem):
         a model of the disturbance weigh frequencies otherwise and tend to something close by.
         """
         inputs = self.both.reference
+        # Without noise one record is enough: the inputs are the same in each.
         signals = signals_from_rest(self.both.polynomials, inputs, np.zeros(len(inputs)))
         record = IOData(signals.u[BURN_IN:, :1], signals.y[BURN_IN:], self.both.dt)
         b, f = self.polynomials.channel(0)
+        # Leading zeros of B are the delay, which the fit is given as every estimator is.
         delay = int(np.argmax(b != 0.0))
         return oe(record, len(b) - delay, len(f) - 1, delay, coloured=False).model
 
@@ -75,6 +77,7 @@ class SharedAlone(LinearProblem):
 def shared(plain: str, name: str, samples: int | None) -> LinearProblem:
     """A problem of `SHARED`; samples of a record, or None for `SAMPLES`."""
     truth = Polynomials(B=np.stack((B1, B2)), F=np.stack((F, F)))
+    # The noise is that of the usual length, so that problems of other lengths differ in nothing else.
     variance = noise_variance(truth, _inputs(SAMPLES), SIGNAL_TO_NOISE_DB)
     inputs = _inputs(samples or SAMPLES)
     both = LinearProblem(name, truth, inputs, variance)
@@ -86,5 +89,6 @@ def shared(plain: str, name: str, samples: int | None) -> LinearProblem:
 def _inputs(samples: int) -> FloatArray:
     """(BURN_IN + samples, 2)."""
     common = maximum_length_sequence(samples + BURN_IN, BITS, clock=HOLD)
-    own = maximum_length_sequence(samples + BURN_IN, OTHER_BITS, clock=HOLD)
-    return np.stack((common, common + OWN * own), axis=1)
+    # A register of another length has another period, so that the two sequences have little in common.
+    second = maximum_length_sequence(samples + BURN_IN, OTHER_BITS, clock=HOLD)
+    return np.stack((common, common + OWN_SHARE * second), axis=1)

@@ -21,6 +21,7 @@ BURN_IN = 500
 """Samples before each record, so that it does not start at rest."""
 
 BITS = 12
+"""Of the shift register of the binary sequences: a period of 4095 bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +29,7 @@ class PolynomialProblem(Problem):
     """A problem whose truth is A y = B/F u + C/D e.
 
     Attributes:
-        name: By which the registry finds it.
+        name: Name in the registry.
         polynomials: The truth.
     """
 
@@ -43,8 +44,11 @@ class PolynomialProblem(Problem):
     @cached_property
     def order(self) -> int:
         """Number of states from input to output, delays included."""
-        channels = [self.polynomials.channel(j) for j in range(self.polynomials.nu)]
-        return max(max(len(np.convolve(self.polynomials.A, f)), len(b)) for b, f in channels) - 1
+        lengths = []
+        for j in range(self.polynomials.nu):
+            b, f = self.polynomials.channel(j)
+            lengths += [len(np.convolve(self.polynomials.A, f)), len(b)]
+        return max(lengths) - 1
 
     def embedded(self, structure: str | None) -> Embedding | None:
         """The truth in a structure; None: in its own."""
@@ -93,10 +97,12 @@ class LinearProblem(PolynomialProblem):
         embedded = self.embedded(structure)
         if embedded is None or embedded.polynomials is None:
             return None
+        orders = layout(embedded.structure, embedded.orders, self.polynomials.nu)
+        # Kept by structure: most metrics ask for it.
         if embedded.structure not in self._bounds:
             self._bounds[embedded.structure] = cramer_rao_bound(
                 embedded.polynomials,
-                layout(embedded.structure, embedded.orders, self.polynomials.nu),
+                orders,
                 self.reference,
                 dt=self.dt,
                 variance=self.variance,
@@ -123,6 +129,7 @@ class LinearProblem(PolynomialProblem):
         e = self._noise(seed)
         signals = signals_from_rest(self.polynomials, self.reference, e, self.feedback)
         orders = layout(structure, embedded.orders, self.polynomials.nu)
+        # The score of Gaussian innovations: gradient times innovations over their variance [Ljung1999, sec. 7.4].
         rows = prediction_gradient(embedded.polynomials, orders, signals)[BURN_IN:]
         return bound.parameters + bound.covariance @ (rows.T @ e[BURN_IN:]) / self.variance
 
@@ -160,8 +167,8 @@ class BinaryExcitation:
         """The problem of a system under this excitation; another number of samples leaves the same system and noise."""
         variance = self.variance
         if variance is None:
-            full = maximum_length_sequence(self.samples + BURN_IN, BITS, clock=self.hold)
-            variance = noise_variance(truth, full[:, None], self.signal_to_noise_db)
+            usual = maximum_length_sequence(self.samples + BURN_IN, BITS, clock=self.hold)
+            variance = noise_variance(truth, usual[:, None], self.signal_to_noise_db)
         reference = maximum_length_sequence((samples or self.samples) + BURN_IN, BITS, clock=self.hold)
         return LinearProblem(name, truth, reference[:, None], variance, self.feedback)
 
@@ -175,6 +182,7 @@ def noise_variance(truth: Polynomials, inputs: FloatArray, signal_to_noise_db: f
         signal_to_noise_db: Power of the output without noise over that of the noise, dB.
     """
     output = signals_from_rest(truth, inputs, np.zeros(len(inputs))).y[BURN_IN:]
+    # The power gain of the noise filter C/(A D) is the sum of squares of its pulse response, which has died by then.
     pulse = np.zeros(5000)
     pulse[0] = 1.0
     gain = float(np.sum(lfilter(truth.C, np.convolve(truth.A, truth.D), pulse) ** 2))
@@ -191,6 +199,7 @@ def underfit(embedded: Embedding) -> dict[str, int] | None:
         orders["order"] -= 1
         return orders if orders["order"] >= 1 else None
     poles = "na" if "na" in orders else "nf"
+    # A model without poles would be another structure.
     if orders[poles] < 2:
         return None
     states = max(orders[poles], orders["nb"] + orders["nk"] - 1)

@@ -19,6 +19,8 @@ from sysid.validation import CramerRaoBound
 
 SAMPLES = 12_000
 HOLD = 5
+"""Samples for which every bit is held."""
+
 CHANNELS = 3
 SEED = 7
 """Of the system."""
@@ -39,7 +41,7 @@ class MimoProblem(Problem):
     """A state-space model in innovation form, with inputs that are the same in each record.
 
     Attributes:
-        name: By which the registry finds it.
+        name: Name in the registry.
         truth: With the covariance of the innovation.
         inputs: The burn-in in front (BURN_IN + N, nu).
         order: States from input to output.
@@ -61,7 +63,9 @@ class MimoProblem(Problem):
         m = self.truth
         root = np.linalg.cholesky(np.asarray(m.innovation_covariance))
         e = np.random.default_rng(seed).standard_normal((len(self.inputs), m.ny)) @ root.T
-        y = self.noise_free + e + state_trajectory(m.A, e @ m.gain.T, np.zeros(m.order)) @ m.C.T
+        # Linear: the states that the noise drives add to those that the inputs drive.
+        noise_states = state_trajectory(m.A, e @ m.gain.T, np.zeros(m.order))
+        y = self.noise_free + e + noise_states @ m.C.T
         return IOData(self.inputs[BURN_IN:], y[BURN_IN:], m.dt)
 
     def task(self, structure: str | None, ask: str = "fit") -> Task | None:
@@ -69,7 +73,8 @@ class MimoProblem(Problem):
         if structure not in (None, "ss"):
             return None
         order = {"fit": self.truth.order, "underfit": self.order - 1, "select": 0}[ask]
-        return Task("ss", {"order": order} if order else {}, self.truth.order + MORE_ORDERS, self.frequencies)
+        orders = {"order": order} if order else {}
+        return Task("ss", orders, self.truth.order + MORE_ORDERS, self.frequencies)
 
     def bound(self, structure: str | None) -> CramerRaoBound | None:
         """See `Problem.bound`; parameters are local coordinates at the truth."""
@@ -97,20 +102,15 @@ class MimoProblem(Problem):
 def mimo(plain: str, name: str, samples: int | None) -> MimoProblem:
     """A problem of `MIMO`; samples of a record, or None for `SAMPLES`."""
     rng = np.random.default_rng(SEED)
-    # Modes side by side, B and C random, the modes reached about alike.
-    blocks = []
-    for f, damping in zip(RESONANCES_HZ, DAMPING, strict=True):
-        w = 2.0 * np.pi * f
-        q = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * w * SAMPLE_TIME)
-        blocks.append(np.array([[q.real, q.imag], [-q.imag, q.real]]))
-    blocks += [np.array([[np.exp(-2.0 * np.pi * f * SAMPLE_TIME)]]) for f in REAL_HZ]
+    blocks = _modes()
     A = np.asarray(scipy.linalg.block_diag(*blocks), dtype=np.float64)
     n = len(A)
     B, C = rng.standard_normal((n, CHANNELS)), rng.standard_normal((CHANNELS, n))
     moduli = np.concatenate([np.full(len(block), np.linalg.norm(block, 2)) for block in blocks])
+    # White noise of variance 1 drives a mode of modulus r to the variance 1 / (1 - r^2): all modes are reached alike.
     B = B * np.sqrt(1.0 - np.minimum(0.999, moduli**2))[:, None]
-    full = state_trajectory(A, _inputs(SAMPLES) @ B.T, np.zeros(n)) @ C.T
-    variances = np.var(full[BURN_IN:], axis=0) / 10.0 ** (SIGNAL_TO_NOISE_DB / 10.0)
+    noise_free = state_trajectory(A, _inputs(SAMPLES) @ B.T, np.zeros(n)) @ C.T
+    variances = np.var(noise_free[BURN_IN:], axis=0) / 10.0 ** (SIGNAL_TO_NOISE_DB / 10.0)
     K = np.zeros((n, CHANNELS))
     if plain == "mimo-coloured":
         # v(t+1) = 0.9 v(t) + w(t), the innovation at t + 1; its output 1/(1 - 0.9/z) e = e + 0.9/(z - 0.9) e
@@ -123,11 +123,26 @@ def mimo(plain: str, name: str, samples: int | None) -> MimoProblem:
     return MimoProblem(name, truth, _inputs(samples or SAMPLES), n)
 
 
+def _modes() -> list[FloatArray]:
+    """Blocks of A: a rotation for each resonance, then the real poles."""
+    blocks = []
+    for frequency, damping in zip(RESONANCES_HZ, DAMPING, strict=True):
+        w = 2.0 * np.pi * frequency
+        q = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * w * SAMPLE_TIME)
+        blocks.append(np.array([[q.real, q.imag], [-q.imag, q.real]]))
+    for frequency in REAL_HZ:
+        blocks.append(np.array([[np.exp(-2.0 * np.pi * frequency * SAMPLE_TIME)]]))
+    return blocks
+
+
 def _inputs(samples: int) -> FloatArray:
     """One binary sequence, a third of its period apart in the three inputs (BURN_IN + samples, 3)."""
     n, period = samples + BURN_IN, 2**BITS - 1
-    first = np.concatenate(([1], np.zeros(BITS - 1)))
-    sequence = maximum_length_sequence(n, BITS, clock=HOLD, state=first)
-    whole = maximum_length_sequence(period * HOLD, BITS, clock=HOLD)
-    shifted = [np.resize(np.roll(whole, i * (period // CHANNELS) * HOLD), n) for i in range(1, CHANNELS)]
-    return np.stack([sequence, *shifted], axis=1)
+    register = np.concatenate(([1], np.zeros(BITS - 1)))
+    inputs = [maximum_length_sequence(n, BITS, clock=HOLD, state=register)]
+    one_period = maximum_length_sequence(period * HOLD, BITS, clock=HOLD)
+    # A maximum-length sequence and itself shifted have next to no correlation: 1 over its period.
+    for channel in range(1, CHANNELS):
+        shift = channel * (period // CHANNELS) * HOLD
+        inputs.append(np.resize(np.roll(one_period, shift), n))
+    return np.stack(inputs, axis=1)

@@ -17,6 +17,7 @@ ORDERS = (1, 2, 3, 4, 5, 6)
 DELAYS = (1, 2, 3)
 SAMPLES = 1000
 BURN_IN = 300
+"""Samples before each record, so that it does not start at rest."""
 
 WEAKEST = 3e-3
 """Least Hankel singular value that a system has, as a part of its largest, the delay left out: below, a system of lower
@@ -54,8 +55,10 @@ class NoiseFreeProblem(PolynomialProblem):
         embedded = super().embedded(structure)
         if embedded is None:
             return None
-        free = {"armax": {"nc": embedded.orders.get("na", 0)}, "bj": {"nc": 1, "nd": 1}}.get(embedded.structure, {})
-        return replace(embedded, orders={**embedded.orders, **free}, polynomials=None)
+        noise_orders = {"armax": {"nc": embedded.orders.get("na", 0)}, "bj": {"nc": 1, "nd": 1}}
+        orders = {**embedded.orders, **noise_orders.get(embedded.structure, {})}
+        # Without polynomials of the noise there is no truth, and so no bound, in the structure.
+        return replace(embedded, orders=orders, polynomials=None)
 
 
 def noise_free(order: int, delay: int, name: str, samples: int | None) -> NoiseFreeProblem:
@@ -64,6 +67,7 @@ def noise_free(order: int, delay: int, name: str, samples: int | None) -> NoiseF
     Poles are real or in pairs, of modulus up to 0.95; B is random.
     """
     rng = generator_of(f"quiet-{order}-{delay}")
+    # Drawn until no state is nearly superfluous; the sequence of draws says which system it is.
     while True:
         poles: list[complex] = []
         while len(poles) < order:
@@ -75,6 +79,7 @@ def noise_free(order: int, delay: int, name: str, samples: int | None) -> NoiseF
         a = np.atleast_1d(np.poly(poles).real)
         b = rng.standard_normal(order)
         bare = innovations_form(Polynomials(a, np.concatenate(([0.0], b))), SAMPLE_TIME).input_path()
-        values = hankel_singular_values(bare)
-        if len(values) == order and values[-1] >= WEAKEST * values[0]:
-            return NoiseFreeProblem(name, Polynomials(a, np.concatenate((np.zeros(delay), b))), samples or SAMPLES)
+        singular_values = hankel_singular_values(bare)
+        if len(singular_values) == order and singular_values[-1] >= WEAKEST * singular_values[0]:
+            polynomials = Polynomials(a, np.concatenate((np.zeros(delay), b)))
+            return NoiseFreeProblem(name, polynomials, samples or SAMPLES)

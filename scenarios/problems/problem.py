@@ -33,7 +33,7 @@ class Problem(Locked):
 
         @property
         def name(self) -> str:
-            """Name by which `scenarios.problems.registry.problem` finds it, in any process."""
+            """Name in the registry; `scenarios.problems.registry.problem` makes the problem of it in any process."""
 
         @property
         def truth(self) -> StateSpace:

@@ -10,8 +10,10 @@ from scenarios.problems.linear_problem import BinaryExcitation, LinearProblem
 from sysid import Polynomials, SysidError
 from sysid.models.delta_method import standard_directions
 from sysid.models.polynomials import is_stable
+from sysid.polynomial.orders import Orders
 from sysid.polynomial.structures import layout
 from sysid.records.arrays import FloatArray
+from sysid.validation import CramerRaoBound
 from sysid.validation.cramer_rao import response_gradient
 
 STRUCTURES = ("bj", "oe", "armax")
@@ -39,11 +41,10 @@ class Difficulty:
     excitation: BinaryExcitation
 
 
-DIFFICULTIES = {
-    "easy": Difficulty((1, 2), (0.5, 0.85), 0.5, 1, 0.05, BinaryExcitation(1, 2000, 30.0)),
-    "medium": Difficulty((2, 4), (0.5, 0.93), 0.2, 2, 0.10, BinaryExcitation(2, 2000, 20.0)),
-    "hard": Difficulty((4, 6), (0.5, 0.98), 0.05, 3, 0.30, BinaryExcitation(3, 4000, 10.0)),
-}
+_EASY = Difficulty((1, 2), (0.5, 0.85), 0.5, 1, 0.05, BinaryExcitation(1, 2000, 30.0))
+_MEDIUM = Difficulty((2, 4), (0.5, 0.93), 0.2, 2, 0.10, BinaryExcitation(2, 2000, 20.0))
+_HARD = Difficulty((4, 6), (0.5, 0.98), 0.05, 3, 0.30, BinaryExcitation(3, 4000, 10.0))
+DIFFICULTIES = {"easy": _EASY, "medium": _MEDIUM, "hard": _HARD}
 
 TRIALS = 60
 """Perfect estimates by which a candidate is judged."""
@@ -85,6 +86,7 @@ def _system(rng: np.random.Generator, wanted: Difficulty, order: int, structure:
     poles = _monic(rng, order, wanted.modulus, wanted.damping)
     delay = int(rng.integers(1, wanted.delay + 1))
     b = rng.standard_normal(int(rng.integers(1, order + 1)))
+    # A steady-state gain of 1.
     b = np.concatenate((np.zeros(delay), b * poles.sum() / b.sum()))
     # Drawn for every structure: the sequence of draws says which system a number is.
     noise = [_monic(rng, 2, (0.2, 0.8), 0.1) for _ in range(2)]
@@ -102,6 +104,7 @@ def _monic(rng: np.random.Generator, count: int, modulus: tuple[float, float], d
         radius = rng.uniform(*modulus)
         if count - len(roots) >= 2 and rng.random() < 0.6:
             ratio = rng.uniform(damping, 0.9)
+            # The pole exp(-ratio w + j w sqrt(1 - ratio^2)) has this angle; 2.5 keeps it off the Nyquist frequency.
             turn = min(-np.log(radius) * np.sqrt(1.0 - ratio**2) / ratio, 2.5)
             roots += [radius * np.exp(1j * turn), radius * np.exp(-1j * turn)]
         else:
@@ -113,30 +116,42 @@ def _fair(candidate: LinearProblem, wanted: Difficulty, rng: np.random.Generator
     """Whether the bandwidth and the accuracy are as wanted, and the response as linear as the bound takes it."""
     bandwidth = float(candidate.truth.bandwidth()[0, 0])
     embedded = candidate.embedded(None)
+    # As a share of the Nyquist frequency; NaN, where there is no bandwidth, fails too.
     if not 0.01 <= 2.0 * candidate.dt * bandwidth <= 0.6 or embedded is None:
         return False
     try:
         bound = candidate.bound(None)
+    # The information matrix of some systems is singular to rounding.
     except SysidError:
         return False
-    if bound is None or bound.polynomials is None:
+    if bound is None:
         return False
     inside = bound.frequencies <= bandwidth
-    size = np.sqrt(np.sum(bound.response_directions**2, axis=(0, 4)))
-    if not (size[inside] <= wanted.deviation * np.abs(bound.response[inside])).all():
+    deviation = np.sqrt(np.sum(bound.response_directions**2, axis=(0, 4)))
+    if not (deviation[inside] <= wanted.deviation * np.abs(bound.response[inside])).all():
         return False
     orders = layout(candidate.structure, embedded.orders)
+    return _linear_within_bound(bound, orders, candidate.dt, deviation, rng)
+
+
+def _linear_within_bound(
+    bound: CramerRaoBound, orders: Orders, dt: float, deviation: FloatArray, rng: np.random.Generator
+) -> bool:
+    """Whether perfect estimates are stable, and their responses linear in the parameters to within `CURVED`."""
+    if bound.polynomials is None:
+        return False
     directions = standard_directions(bound.covariance)
     # Eigenvectors have the signs that a processor's LAPACK gives them: these must not decide on a system.
     largest = directions[np.abs(directions).argmax(axis=0), np.arange(directions.shape[1])]
     directions = directions * np.sign(largest)
-    _, derivatives = response_gradient(bound.polynomials, orders, candidate.dt, bound.frequencies)
+    _, derivatives = response_gradient(bound.polynomials, orders, dt, bound.frequencies)
     beyond = np.empty((TRIALS, *bound.response.shape))
     for k in range(TRIALS):
         step = directions @ rng.standard_normal(len(directions))
-        moved = orders.polynomials(bound.parameters + step)
-        if not (is_stable(np.convolve(moved.A, moved.F)) and is_stable(moved.C) and is_stable(moved.D)):
+        estimate = orders.polynomials(bound.parameters + step)
+        poles = np.convolve(estimate.A, estimate.F)
+        if not (is_stable(poles) and is_stable(estimate.C) and is_stable(estimate.D)):
             return False
-        response, _ = response_gradient(moved, orders, candidate.dt, bound.frequencies)
-        beyond[k] = np.abs(response - bound.response - np.tensordot(step, derivatives, 1)) / size
+        response, _ = response_gradient(estimate, orders, dt, bound.frequencies)
+        beyond[k] = np.abs(response - bound.response - np.tensordot(step, derivatives, 1)) / deviation
     return bool((np.sqrt(np.mean(beyond**2, axis=0)) <= CURVED).all())

@@ -1,8 +1,9 @@
-"""Problems by name."""
+"""Names of all problems of the test bench, and the problem of each name."""
 
 import re
 from collections.abc import Callable, Collection
 from functools import lru_cache
+from itertools import chain, product
 
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.problems.common_waveform import SHARED, shared
@@ -19,7 +20,10 @@ FEWEST = 200
 LISTED = 3
 """Random problems of each difficulty that `names` lists."""
 
-_FAMILIES: dict[str, tuple[Collection[str], Callable[[str, str, int | None], Problem]]] = {
+_Maker = Callable[[str, str, int | None], Problem]
+"""Makes a problem from the name of its system, its own name and the number of samples, where that is stated."""
+
+_FAMILIES: dict[str, tuple[Collection[str], _Maker]] = {
     "textbook": (SYSTEMS, textbook),
     "published": (PUBLISHED, textbook),
     "feedback": (FEEDBACK, textbook),
@@ -44,6 +48,7 @@ def problem(name: str) -> Problem:
         from scenarios.problems.twin_problem import TwinProblem
 
         return TwinProblem(twin_name(name))
+    # A problem of another length has the same system and the same noise.
     plain, at, length = name.partition("@")
     if at and not (re.fullmatch(r"[1-9]\d{0,6}", length) and int(length) >= FEWEST):
         raise ScenarioError(f"{name!r}: expected a whole number of samples from {FEWEST} on behind @, got {length!r}")
@@ -56,13 +61,13 @@ def problem(name: str) -> Problem:
         return noise_free(int(order), int(delay), name, samples)
     if match := re.fullmatch(rf"random-({'|'.join(DIFFICULTIES)})-([1-9]\d{{0,3}})", plain):
         return random_problem(match[1], int(match[2]), name, samples)
-    raise ScenarioError(unknown("problem", plain, [entry for family in names().values() for entry in family]))
+    raise ScenarioError(unknown("problem", plain, list(chain.from_iterable(names().values()))))
 
 
 def names() -> dict[str, tuple[str, ...]]:
     """Names of all problems but those of the arm, by family; of random ones the first few of 9999."""
-    drawn = {
-        "quiet": tuple(f"quiet-{order}-{delay}" for order in ORDERS for delay in DELAYS),
-        "random": tuple(f"random-{name}-{number}" for name in DIFFICULTIES for number in range(1, LISTED + 1)),
-    }
-    return {family: tuple(entries) for family, (entries, _) in _FAMILIES.items()} | drawn
+    by_family = {family: tuple(members) for family, (members, _) in _FAMILIES.items()}
+    by_family["quiet"] = tuple(f"quiet-{order}-{delay}" for order, delay in product(ORDERS, DELAYS))
+    numbered = product(DIFFICULTIES, range(1, LISTED + 1))
+    by_family["random"] = tuple(f"random-{difficulty}-{index}" for difficulty, index in numbered)
+    return by_family

@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from hashlib import sha256
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +37,11 @@ REALISATIONS = 8
 SEED = 20260
 """Of phases and noise, none of which a record of a problem shares."""
 
-TABLE_CLASSES = tuple(
-    f"twin-nominal-{joint}-{excitation}-{mrad}mrad"
-    for joint in ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
-    # Binary sequences as the thesis' test 5 has them.
-    for excitation, mrad in (("multisine", 5), ("multisine", 10), ("multisine", 40), ("prbs", 67))
-)
+_JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
+# Binary sequences as the thesis' test 5 has them.
+_EXCITATIONS = ("multisine-5mrad", "multisine-10mrad", "multisine-40mrad", "prbs-67mrad")
+
+TABLE_CLASSES = tuple(f"twin-nominal-{joint}-{excitation}" for joint, excitation in product(_JOINTS, _EXCITATIONS))
 """Excitation classes of the table: those that the quick bench compares with."""
 
 FUNCTIONS = 8
@@ -81,7 +81,7 @@ class BestLinear(Locked):
 
     def to_table(self) -> dict[str, Any]:
         """For a file; six digits are a hundredth of the response's own uncertainty."""
-        table = {one.name: getattr(self, one.name) for one in fields(self)}
+        table = {field.name: getattr(self, field.name) for field in fields(self)}
         response = table.pop("response")
         table |= {"real": response.real, "imaginary": response.imag}
         for name in ("real", "imaginary", "variance", "distortion_variance", "noise_variance"):
@@ -96,11 +96,12 @@ class BestLinear(Locked):
             KeyError, TypeError, ValueError: It is no such table.
         """
         low, high = table["bandwidth_ci95"]
-        values: dict[str, Any] = {
-            k: np.array(value) if isinstance(value, list) else value for k, value in table.items()
-        }
+        values: dict[str, Any] = dict(table)
+        for name, value in table.items():
+            if isinstance(value, list):
+                values[name] = np.array(value)
         values |= {"response": values["real"] + 1j * values["imaginary"], "bandwidth_ci95": (low, high)}
-        return cls(**{one.name: values[one.name] for one in fields(cls)})
+        return cls(**{field.name: values[field.name] for field in fields(cls)})
 
 
 def twin_best_linear(name: TwinName) -> BestLinear:
@@ -118,9 +119,10 @@ def twin_best_linear(name: TwinName) -> BestLinear:
 
 @lru_cache(maxsize=256)
 def _of_class(name: TwinName, folder: Path | None) -> BestLinear:
-    entry, key = _table().get(str(name)), class_key(name)
-    if entry is not None and entry["key"] == key:
-        return BestLinear.from_table(entry)
+    stored, key = _table().get(str(name)), class_key(name)
+    # The table is of one arm, version of MuJoCo and machine type; elsewhere the truth is measured anew.
+    if stored is not None and stored["key"] == key:
+        return BestLinear.from_table(stored)
     if folder is None:
         return measured_best_linear(name)
     path = folder / f"best-linear-{key}.json"
@@ -136,8 +138,8 @@ def _of_class(name: TwinName, folder: Path | None) -> BestLinear:
 def class_key(name: TwinName) -> str:
     """Hash of what a best linear truth is made from: excitation, laboratory, arm, version of MuJoCo, machine type."""
     experiment = name.experiment(0)
-    text = f"{experiment!r}|{arm_hash(experiment_arm(experiment))}|{mujoco.__version__}"
-    return sha256(text.encode()).hexdigest()
+    made_from = f"{experiment!r}|{arm_hash(experiment_arm(experiment))}|{mujoco.__version__}"
+    return sha256(made_from.encode()).hexdigest()
 
 
 def measured_best_linear(name: TwinName, *, realisations: int = REALISATIONS, threads: int | None = None) -> BestLinear:
@@ -153,19 +155,23 @@ def measured_best_linear(name: TwinName, *, realisations: int = REALISATIONS, th
         excitation = name.multisines(SEED, realisations=realisations)
     else:
         command = joint_command(name.experiment(SEED))
+        # The best linear approximation is about the operating point, which the mean belongs to.
         command = command - command.mean()
         setting, excitation, _ = multisine_like(setting, [command], seed=SEED, realisations=realisations)
     truth = best_linear(setting, excitation, threads=threads)
     servo, (low, high) = truth.servo, truth.bandwidth.ci95
+    bandwidth_ci95 = (float(low[0, 0]), float(high[0, 0]))
+    # That of the mean over periods and waveforms, as that of one period.
+    noise_variance = servo.noise_variance[:, 0, 0] * servo.realisations * excitation.periods
     return BestLinear(
         frequencies=servo.response.frequencies,
         response=servo.response.response[:, 0, 0],
         variance=servo.total_variance[:, 0, 0],
         distortion_variance=servo.distortion_variance[:, 0, 0],
-        noise_variance=servo.noise_variance[:, 0, 0] * servo.realisations * excitation.periods,
+        noise_variance=noise_variance,
         realisations=servo.realisations,
         bandwidth_hz=float(truth.bandwidth.hz[0, 0]),
-        bandwidth_ci95=(float(low[0, 0]), float(high[0, 0])),
+        bandwidth_ci95=bandwidth_ci95,
         command_rms=float(truth.command_rms[0]),
         slewing=truth.slewing,
     )
@@ -181,6 +187,7 @@ def scattered_model(name: TwinName, truth: StateSpace, best: BestLinear, seed: i
     """
     network, path = _laguerre(truth.dt), truth.input_path()
     columns = network.frequency_response(best.frequencies)[:, :, 0]
+    # Real and imaginary parts are fitted side by side, so that the weights are real.
     basis = np.vstack([columns.real, columns.imag])
     periods = name.samples * truth.dt * (best.frequencies[1] - best.frequencies[0])
 
@@ -195,16 +202,11 @@ def scattered_model(name: TwinName, truth: StateSpace, best: BestLinear, seed: i
     # A projection onto few directions keeps of independent errors the share of their power in these.
     power = np.tile(best.distortion_variance + best.noise_variance / periods, 2)
     factor = np.sqrt(power.sum() / (np.diagonal(basis @ inverse) @ power))
-    fits = [inverse @ np.concatenate([part.real, part.imag]) for part in (missing, errors)]
-    weights = fits[0] + factor * fits[1]
-    return StateSpace(
-        block_diag(path.A, network.A),
-        np.vstack([path.B, network.B]),
-        np.hstack([path.C, weights[None, :]]),
-        path.D,
-        None,
-        truth.dt,
-    )
+    weights = inverse @ np.concatenate([missing.real, missing.imag])
+    weights = weights + factor * (inverse @ np.concatenate([errors.real, errors.imag]))
+    A = block_diag(path.A, network.A)
+    B, C = np.vstack([path.B, network.B]), np.hstack([path.C, weights[None, :]])
+    return StateSpace(A, B, C, path.D, None, truth.dt)
 
 
 @lru_cache(maxsize=1)
@@ -225,10 +227,11 @@ def _laguerre(dt: float) -> StateSpace:
 def main() -> None:
     """Measure all classes of the table and write it."""
     lines = []
-    for text in TABLE_CLASSES:
-        name = twin_name(text)
-        entry = measured_best_linear(name, realisations=TABLE_REALISATIONS).to_table()
-        lines.append(f"{json.dumps(text)}: {json.dumps({'key': class_key(name), **entry})}")
+    for excitation_class in TABLE_CLASSES:
+        name = twin_name(excitation_class)
+        measured = measured_best_linear(name, realisations=TABLE_REALISATIONS).to_table()
+        # A line for each class, so that a change of the table shows which classes it touches.
+        lines.append(f"{json.dumps(excitation_class)}: {json.dumps({'key': class_key(name), **measured})}")
     write_whole(TABLE, "{\n" + ",\n".join(lines) + "\n}\n")
 
 

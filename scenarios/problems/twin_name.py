@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -62,6 +63,7 @@ class TwinName:
     samples: int
 
     def __post_init__(self) -> None:
+        # A pin holds an indexed joint: nothing can be identified there.
         indexed = VARIANTS[self.variant].indexed if self.variant in VARIANTS else ()
         free = tuple(joint for joint in JOINTS if joint not in indexed)
         for field, names in (("variant", tuple(VARIANTS)), ("joint", free), ("excitation", tuple(PERIODS))):
@@ -88,6 +90,7 @@ class TwinName:
     @property
     def frequencies(self) -> FloatArray:
         """Lines of the excitation up to `F_MAX` (nf,), Hz: multiples of one over the period."""
+        # 1e-9: a line at F_MAX itself must not be lost to rounding.
         count = int(np.floor(F_MAX * self.period / SAMPLE_RATE + 1e-9))
         return np.asarray(np.arange(1, count + 1) * (SAMPLE_RATE / self.period))
 
@@ -104,6 +107,7 @@ class TwinName:
     def multisines(self, seed: int, *, realisations: int = 2) -> Multisines:
         """The excitation class of a multisine problem."""
         period = self.period * SAMPLE_TIME
+        # The lowest line is that of one period.
         return Multisines(
             rms=self.mrad / 1000.0,
             f_min=1.0 / period,
@@ -126,25 +130,30 @@ class TwinName:
         """
         waveform = self.waveform_seed(seed)
         if self.excitation == "multisine":
-            experiment = MultisineExperiment(
-                str(self), (self.joint,), self.multisines(waveform), variant=self.variant, seed=seed
-            )
-            experiment.volts()  # raises before a batch begins where the converter cannot play it
+            multisines = self.multisines(waveform)
+            experiment = MultisineExperiment(str(self), (self.joint,), multisines, variant=self.variant, seed=seed)
+            # It raises here, before a batch begins, where the converter cannot play the amplitude.
+            experiment.volts()
             return experiment
-        volts = self.mrad / 1000.0 / LARGE_MOTION.gain
-        settings = {
-            "prbs": {"amplitude": volts, "clock": CLOCK, "seed": waveform, "register": REGISTER},
-            "chirp": {"f_start": SWEEP[0], "f_end": SWEEP[1], "amplitude": float(np.sqrt(2.0)) * volts},
-        }[self.excitation]
+        excitation = Excitation(self.excitation, self._settings(waveform))
+        # Names of scenarios are names of files too, which have no @.
         return Scenario(
             name=str(self).replace("@", "+"),
             axes=(self.joint,),
-            excitation=(Excitation(self.excitation, settings),),
+            excitation=(excitation,),
             duration=(SETTLING + self.samples) * SAMPLE_TIME,
             seed=seed,
             variant=self.variant,
             hand_controller=LARGE_MOTION,
         )
+
+    def _settings(self, waveform: int) -> dict[str, Any]:
+        """Settings of a binary sequence or a chirp whose root mean square is the amplitude of the name."""
+        volts = self.mrad / 1000.0 / LARGE_MOTION.gain
+        if self.excitation == "prbs":
+            return {"amplitude": volts, "clock": CLOCK, "seed": waveform, "register": REGISTER}
+        # The peak of a sinusoid is sqrt(2) times its root mean square; a binary sequence has both alike.
+        return {"f_start": SWEEP[0], "f_end": SWEEP[1], "amplitude": float(np.sqrt(2.0)) * volts}
 
     def record(self, log: JointLog) -> IOData:
         """The record of a log: commanded and measured angle about the operating point, rad.
@@ -153,24 +162,24 @@ class TwinName:
         excitation. The settling stays as an initialisation window: the arm starts at rest there.
         """
         record = log.iodata(self.joint)
-        u, y = (part - part[SETTLING:].mean(axis=0) for part in (record.u, record.y))
+        u, y = (signal - signal[SETTLING:].mean(axis=0) for signal in (record.u, record.y))
         return IOData(u, y, SAMPLE_TIME, window=SETTLING)
 
 
-def twin_name(text: str) -> TwinName:
-    """Read a name.
+def twin_name(name: str) -> TwinName:
+    """Read the name of a problem of the arm.
 
     Args:
-        text: Such as `twin-nominal-elbow_pitch-multisine-10mrad`, `twin-nominal-elbow_pitch-multisine-10mrad-w3`,
+        name: Such as `twin-nominal-elbow_pitch-multisine-10mrad`, `twin-nominal-elbow_pitch-multisine-10mrad-w3`,
             `twin-nominal-elbow_pitch-prbs-67mrad@1200`.
 
     Raises:
         ScenarioError: It is no such name.
     """
-    match = NAME.fullmatch(text)
+    match = NAME.fullmatch(name)
     if match is None:
         raise ScenarioError(
-            f"{text!r} given, expected a problem of the twin: twin-VARIANT-JOINT-EXCITATION-AMPLITUDEmrad, then "
+            f"{name!r} given, expected a problem of the twin: twin-VARIANT-JOINT-EXCITATION-AMPLITUDEmrad, then "
             "-wNUMBER and @SAMPLES where wanted"
         )
     waveform = None if match["waveform"] is None else int(match["waveform"])

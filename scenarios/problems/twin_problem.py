@@ -51,7 +51,7 @@ class TwinProblem(Problem):
 
     @cached_property
     def name(self) -> str:
-        """By which `problem` finds it again."""
+        """Name in the registry."""
         return str(self.parsed)
 
     @property
@@ -85,11 +85,14 @@ class TwinProblem(Problem):
         disturbance share their poles; the residuals of `armax` are white where those of `oe` are far from it.
         """
         structure = structure or "armax"
+        # A state-space model holds the delay beyond one sample in states of its own.
         delay = self.joint_truth.delay_samples
         order = {"fit": ORDER, "underfit": ORDER - 1, "select": 0}[ask]
         values = {"na": order, "nb": order, "nf": order, "nk": delay, "order": order + delay - 1}
         values |= {"nc": order if structure == "armax" else NOISE_ORDER, "nd": NOISE_ORDER}
-        orders = {name: values[name] for name in STRUCTURES[structure]} if order else {}
+        orders = {}
+        if order:
+            orders = {name: values[name] for name in STRUCTURES[structure]}
         return Task(structure, orders, MOST_ORDER, common_frequencies(self.truth.dt))
 
     def nonparametric(self, record: IOData) -> ComplexArray:
@@ -98,9 +101,11 @@ class TwinProblem(Problem):
         Over whole periods of a periodic record this is free of leakage; its mean over waveforms is the best linear
         approximation [Pintelon2012, sec. 4.3].
         """
-        part = record.scored
-        lines = np.arange(1, len(self.frequencies) + 1) * (len(part) // self.parsed.period)
-        u, y = (np.fft.rfft(signal, axis=0)[lines, 0] for signal in (part.u, part.y))
+        scored = record.scored
+        # Of P periods every P-th line of the spectrum is one of the excitation.
+        lines = np.arange(1, len(self.frequencies) + 1) * (len(scored) // self.parsed.period)
+        u = np.fft.rfft(scored.u, axis=0)[lines, 0]
+        y = np.fft.rfft(scored.y, axis=0)[lines, 0]
         return (y / u)[:, None, None]
 
     def scattered(self, seed: int) -> StateSpace:

@@ -75,7 +75,8 @@ def prepare(
     """
     if folder is not None:
         use_folder(folder)
-    draws = [(twin_name(trial.problem), trial.seed(run_seed)) for trial in trials if trial.problem.startswith(TWIN)]
+    of_arm = [trial for trial in trials if trial.problem.startswith(TWIN)]
+    draws = [(twin_name(trial.problem), trial.seed(run_seed)) for trial in of_arm]
     return _simulate(draws, threads, progress)
 
 
@@ -123,6 +124,7 @@ def _simulate(
         for (name, seed), log in zip(batch, logs, strict=True):
             record, key = name.record(log), record_key(name, seed)
             _keep(key, record)
+            # Whole or not at all: other processes read the folder at the same time.
             if folder is not None:
                 with replacing(folder / f"{key}.npz") as partial, partial.open("wb") as stream:
                     np.savez(stream, u=record.u, y=record.y)
@@ -138,12 +140,14 @@ def _find(name: TwinName, seed: int) -> IOData | None:
             np.load(folder / f"{key}.npz", allow_pickle=False) as arrays,
         ):
             record = IOData(arrays["u"], arrays["y"], SAMPLE_TIME, window=SETTLING)
+            # A file that was cut short may still be read.
             if record.u.shape == record.y.shape == (SETTLING + name.samples, 1):
                 _keep(key, record)
     return _KEPT.get(key)
 
 
 def _keep(key: str, record: IOData) -> None:
+    # A dictionary keeps the order of insertion: the oldest goes first.
     while len(_KEPT) >= MOST:
         _KEPT.pop(next(iter(_KEPT)))
     _KEPT[key] = record
