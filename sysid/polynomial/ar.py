@@ -53,17 +53,19 @@ def ar(data: IOData | Sequence[IOData], na: int, *, approach: Approach = "fb") -
     messages = check_means(experiments, na)
     check_enough_data(experiments, orders, transients=0)
     # the samples before the first equation only initialise it
-    parts = [e.y[orders.first_row(e.window) - na :, 0] for e in experiments]
-    rows, target = _equations(parts, na)
+    records = [e.y[orders.first_row(e.window) - na :, 0] for e in experiments]
+    # every approach needs this fit: its Gram matrix gives the covariance, its equations the variance of the errors
+    rows, target = _equations(records, na)
     fit = solve(rows, target[:, None])
     messages += fit.rank_message()
     if approach == "ls":
         a = fit.solution[:, 0]
     elif approach == "fb":
-        both, ends = _equations([*parts, *(part[::-1] for part in parts)], na)
-        a = solve(both, ends[:, None]).solution[:, 0]
+        a = forward_backward(records, na)
+    elif approach == "burg":
+        a = burg(records, na)
     else:
-        a = burg(parts, na) if approach == "burg" else yule_walker(parts, na)
+        a = yule_walker(records, na)
     variance = float(np.sum((target - rows @ a) ** 2)) / (len(rows) - na)
     warn_each(messages)
     return make_estimate(
@@ -91,28 +93,47 @@ def as_series(data: IOData | Sequence[IOData], *, missing: bool) -> tuple[IOData
     return experiments
 
 
-def _equations(parts: Sequence[FloatArray], na: int) -> tuple[FloatArray, FloatArray]:
-    """Rows [-y(t-1) ... -y(t-na)] and y(t) of all parts, those with a missing sample omitted."""
-    rows = np.vstack([-lagged(part, output_lags(na), na) for part in parts])
-    target = np.concatenate([part[na:] for part in parts])
-    known = complete_rows(rows, target, na)
-    return rows[known], target[known]
+def _equations(records: Sequence[FloatArray], na: int) -> tuple[FloatArray, FloatArray]:
+    """Rows [-y(t-1) ... -y(t-na)] and right-hand sides y(t) of all records, those with a missing sample omitted."""
+    rows = np.vstack([-lagged(y, output_lags(na), na) for y in records])
+    target = np.concatenate([y[na:] for y in records])
+    complete = complete_rows(rows, target, na)
+    return rows[complete], target[complete]
 
 
-def yule_walker(parts: Sequence[FloatArray], na: int) -> FloatArray:
+def forward_backward(records: Sequence[FloatArray], na: int) -> FloatArray:
+    """Coefficients (na,) by least squares of forward and backward prediction errors together [Kay1988, ch. 7]."""
+    # a series and its reversal have the same covariances, so the same A predicts both
+    backward = [y[::-1] for y in records]
+    rows, target = _equations([*records, *backward], na)
+    return solve(rows, target[:, None]).solution[:, 0]
+
+
+def yule_walker(records: Sequence[FloatArray], na: int) -> FloatArray:
     """Coefficients (na,) by the Yule-Walker equations with biased sample covariances, always of a stable model."""
-    columns = [part[:, None] for part in parts]
+    columns = [y[:, None] for y in records]
     r = covariance_function(columns, columns, na)[na:, 0, 0]
-    return np.asarray(-scipy.linalg.solve_toeplitz(r[:-1], r[1:])) if na and r[0] > 0.0 else np.zeros(na)
+    # the equations of a series of zeros are singular
+    if na == 0 or not r[0] > 0.0:
+        return np.zeros(na)
+    return np.asarray(-scipy.linalg.solve_toeplitz(r[:-1], r[1:]))
 
 
-def burg(parts: Sequence[FloatArray], na: int) -> FloatArray:
-    """Coefficients (na,) by reflection coefficients that minimise forward and backward errors in turn [Burg1975]."""
-    a, forward, backward = np.ones(1), list(parts), list(parts)
+def burg(records: Sequence[FloatArray], na: int) -> FloatArray:
+    """Coefficients (na,) by reflection coefficients that minimise forward and backward errors in turn [Burg1975].
+
+    Order by order, with f and b the forward and backward errors of the order before, b one sample earlier:
+    k = -2 sum f b / sum (f^2 + b^2), which is never beyond -1 or 1, and A(q) becomes A(q) + k q^-(n+1) A(q^-1).
+    """
+    a, forward, backward = np.ones(1), list(records), list(records)
     for _ in range(na):
+        # the backward error of a record's last sample has no forward one after it
         pairs = [(f[1:], b[:-1]) for f, b in zip(forward, backward, strict=True)]
         power = sum(float(f @ f + b @ b) for f, b in pairs)
-        k = -2.0 * sum(float(f @ b) for f, b in pairs) / power if power > 0.0 else 0.0
-        forward, backward = [f + k * b for f, b in pairs], [b + k * f for f, b in pairs]
-        a = np.append(a, 0.0) + k * np.append(a, 0.0)[::-1]
+        product = sum(float(f @ b) for f, b in pairs)
+        k = -2.0 * product / power if power > 0.0 else 0.0
+        forward = [f + k * b for f, b in pairs]
+        backward = [b + k * f for f, b in pairs]
+        padded = np.append(a, 0.0)
+        a = padded + k * padded[::-1]
     return np.asarray(a[1:])

@@ -81,7 +81,8 @@ def regression_estimate(
     check_single_output(experiments)
     kernel = None if kernel is None else checked_kernel(kernel)
     # a prior takes the place of excitation and of samples
-    messages = check_excitation(experiments, orders.nb if kernel is None else [1] * len(orders.nb))
+    needed_excitation = orders.nb if kernel is None else [1] * len(orders.nb)
+    messages = check_excitation(experiments, needed_excitation)
     messages += check_means(experiments, orders.na)
     if kernel is None:
         check_enough_data(experiments, orders, transients=0)
@@ -93,9 +94,10 @@ def regression_estimate(
         raise SysidError(f"the lags reach back {max(starts)} samples, the shortest experiment has {shortest}")
     y, u = [e.y[:, 0] for e in experiments], [e.u for e in experiments]
     phi, target = arx_equations(y, u, orders.na, orders.nb, orders.nk, starts)
-    known = complete_rows(phi, target, unknown)
-    if not known.all():
-        phi, target = phi[known], target[known]
+    complete = complete_rows(phi, target, unknown)
+    # indexing copies the regressors, the largest array of the fit
+    if not complete.all():
+        phi, target = phi[complete], target[complete]
     if kernel is not None and sizes:
         posterior = empirical_bayes(phi, target, sizes, kernel)
         theta, covariance, variance = posterior.mean, posterior.covariance, posterior.variance
@@ -103,7 +105,9 @@ def regression_estimate(
         if not diagnostics["converged"]:
             messages.append("the search of the hyper-parameters did not converge")
         if not orders.na:
-            messages += _truncated(theta, np.sqrt(np.diag(covariance)), orders.nb, experiments[0].input_names or ())
+            # with an A, the end of B is not the end of the response
+            deviations = np.sqrt(np.diag(covariance))
+            messages += _undecayed_responses(theta, deviations, orders.nb, experiments[0].input_names or ())
     else:
         fit = solve(phi, target[:, None])
         theta, variance = fit.solution[:, 0], float(fit.residual_gram[0, 0]) / (len(phi) - orders.count)
@@ -126,13 +130,19 @@ def regression_estimate(
     )
 
 
-def _truncated(g: FloatArray, deviation: FloatArray, nb: Sequence[int], names: Sequence[str]) -> list[str]:
-    """Messages on impulse responses that end before they have decayed."""
+def _undecayed_responses(g: FloatArray, deviations: FloatArray, nb: Sequence[int], names: Sequence[str]) -> list[str]:
+    """Messages on impulse responses that end before they have decayed.
+
+    The responses to all inputs, one after the other, and their standard deviations are (sum(nb),).
+    """
     messages, first = [], 0
     for name, n in zip(names, nb, strict=True):
-        own, late = np.abs(g[first : first + n]), slice(first + n - max(n // 10, min(n, 1)), first + n)
-        rest = np.abs(g[late])
-        if (rest > np.maximum(UNDECAYED * own.max(initial=0.0), SIGNIFICANT * deviation[late])).any():
+        end = first + n
+        # the last tenth: a response that rings may cross zero at its very last coefficient
+        tail = slice(end - max(n // 10, min(n, 1)), end)
+        peak = np.abs(g[first:end]).max(initial=0.0)
+        negligible = np.maximum(UNDECAYED * peak, SIGNIFICANT * deviations[tail])
+        if (np.abs(g[tail]) > negligible).any():
             messages.append(f"the impulse response to {name} has not decayed after {n} coefficients: raise n")
-        first += n
+        first = end
     return messages

@@ -19,17 +19,28 @@ def covariance_function(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: 
     samples bound the memory.
     """
     total = np.zeros((2 * lags + 1, x[0].shape[1], z[0].shape[1]))
+    # a block much shorter than the lags would be transformed mostly for the samples around it
     length = max(LARGEST_PRODUCT // max(total[0].size, 1), 4 * lags, 1)
     for xi, zi in zip(x, z, strict=True):
         for begin in range(0, len(zi), length):
-            first, end = max(begin - lags, 0), min(begin + length, len(zi))
-            around, part = xi[first : end + lags], np.concatenate((np.zeros_like(zi[first:begin]), zi[begin:end]))
-            size = scipy.fft.next_fast_len(len(around) + lags + 1, real=True)
-            spectra = (scipy.fft.rfft(signal, size, axis=0) for signal in (around, part))
-            products = np.einsum("fi,fj->fij", next(spectra), next(spectra).conj())
-            circular = scipy.fft.irfft(products, size, axis=0)
-            total += np.concatenate((circular[size - lags :] if lags else circular[:0], circular[: lags + 1]))
+            total += _block_products(xi, zi, begin, min(begin + length, len(zi)), lags)
     return total / sum(len(xi) for xi in x)
+
+
+def _block_products(x: FloatArray, z: FloatArray, begin: int, end: int, lags: int) -> FloatArray:
+    """Sums of x(t + tau) z(t)' over t = begin, ..., end - 1, by the transform, (2 lags + 1, nx, nz)."""
+    first = max(begin - lags, 0)
+    around = x[first : end + lags]
+    # both signals count time from `first`
+    block = np.concatenate((np.zeros_like(z[first:begin]), z[begin:end]))
+    # room for the lags of either sign, which would overlap in a shorter circular correlation
+    size = scipy.fft.next_fast_len(len(around) + lags + 1, real=True)
+    spectrum_x = scipy.fft.rfft(around, size, axis=0)
+    spectrum_z = scipy.fft.rfft(block, size, axis=0)
+    products = np.einsum("fi,fj->fij", spectrum_x, spectrum_z.conj())
+    circular = scipy.fft.irfft(products, size, axis=0)
+    # negative lags stand at the end of the circular correlation
+    return np.concatenate((circular[size - lags : size], circular[: lags + 1]))
 
 
 def covariance_with_gaps(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: int) -> FloatArray:
@@ -38,15 +49,23 @@ def covariance_with_gaps(x: Sequence[FloatArray], z: Sequence[FloatArray], lags:
     The mean of the known products times 1 - |tau|/N: without gaps exactly `covariance_function`. It need not be
     positive semidefinite. A lag without a product is zero.
     """
-    known_x, known_z = ([np.isfinite(part).astype(float) for part in s] for s in (x, z))
-    filled_x, filled_z = ([np.nan_to_num(part, nan=0.0) for part in s] for s in (x, z))
-    products = covariance_function(filled_x, filled_z, lags)
-    known = covariance_function(known_x, known_z, lags)
-    ones = [np.ones((len(part), 1)) for part in x]
-    possible = covariance_function(ones, ones, lags)
-    # counts divided by N, up to rounding of the transform: half a product counts as none
-    some = known > 0.5 / sum(len(part) for part in x)
-    return np.where(some, products / np.where(some, known, 1.0) * possible, 0.0)
+    products = covariance_function(_gaps_as_zeros(x), _gaps_as_zeros(z), lags)
+    # numbers of known products, and of all products, divided by N
+    known_share = covariance_function(_masks(x), _masks(z), lags)
+    ones = [np.ones((len(xi), 1)) for xi in x]
+    total_share = covariance_function(ones, ones, lags)
+    # these are counts up to rounding of the transform: half a product counts as none
+    determined = known_share > 0.5 / sum(len(xi) for xi in x)
+    return np.where(determined, products / np.where(determined, known_share, 1.0) * total_share, 0.0)
+
+
+def _gaps_as_zeros(signals: Sequence[FloatArray]) -> list[FloatArray]:
+    return [np.nan_to_num(signal, nan=0.0) for signal in signals]
+
+
+def _masks(signals: Sequence[FloatArray]) -> list[FloatArray]:
+    """One for known samples, zero for missing ones."""
+    return [np.isfinite(signal).astype(float) for signal in signals]
 
 
 GRID = 8192  # frequencies of the spectrum: correlations of slow models must decay within half of them
@@ -69,7 +88,9 @@ def autoregression(e: FloatArray, order: int, *, select: bool = False) -> tuple[
     if select:
         # variances of the one-step errors of all orders
         variances = np.diag(np.linalg.cholesky(scipy.linalg.toeplitz(r))) ** 2
-        order = int(np.argmin(np.log(variances) + np.arange(order + 1) * np.log(len(e)) / len(e)))
+        bic = np.log(variances) + np.arange(order + 1) * np.log(len(e)) / len(e)
+        order = int(np.argmin(bic))
+    # Levinson's recursion refuses an empty system
     solution = scipy.linalg.solve_toeplitz(r[:order], r[1 : order + 1]) if order else np.zeros(0)
     whitener = np.concatenate(([1.0], -solution))
     spectrum = 1.0 / np.abs(scipy.fft.rfft(whitener, GRID)) ** 2
@@ -85,11 +106,12 @@ def prewhitened(experiments: Sequence[IOData], channel: int, order: int) -> list
     """
     whitener = np.ones(1)
     if order:
-        # zeros between the experiments keep their products apart
-        gap = np.zeros(order)
-        joined = np.concatenate([part for e in experiments for part in (e.u[:, channel], gap)])
-        whitener, _ = autoregression(joined, order)
-    return [
-        (scipy.signal.lfilter(whitener, [1.0], e.u, axis=0), scipy.signal.lfilter(whitener, [1.0], e.y, axis=0))
-        for e in experiments
-    ]
+        # zeros behind every experiment keep its products apart from those of the next one
+        separated = [np.append(e.u[:, channel], np.zeros(order)) for e in experiments]
+        whitener, _ = autoregression(np.concatenate(separated), order)
+    filtered = []
+    for experiment in experiments:
+        u = scipy.signal.lfilter(whitener, [1.0], experiment.u, axis=0)
+        y = scipy.signal.lfilter(whitener, [1.0], experiment.y, axis=0)
+        filtered.append((u, y))
+    return filtered

@@ -15,6 +15,8 @@ from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 from sysid.records.trends import ROUNDING
 
+DEPENDENT = 1e-6  # singular value of lagged inputs, relative to the largest, that counts as zero
+
 
 def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float = 1e-6) -> int:
     """Order of persistent excitation: the largest n with a nonsingular n x n covariance matrix [Ljung1999, def. 13.1].
@@ -41,15 +43,17 @@ def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float =
     if len(signal) < 2:
         raise SysidError(f"too few samples: {len(signal)} given, at least 2 are needed")
     max_order = whole_number("max_order", max_order, 1, len(signal) // 2)
-    tolerance = real_number("tolerance", tolerance, "lie between 0 and 1", lambda part: 0.0 < part < 1.0)
-    return _rank([signal], max_order, tolerance)
+    tolerance = real_number("tolerance", tolerance, "lie between 0 and 1", lambda value: 0.0 < value < 1.0)
+    return _excitation([signal], max_order, tolerance)
 
 
-def _rank(signals: Sequence[FloatArray], order: int, tolerance: float) -> int:
-    return _gram_rank(hankel_moments([signal[:, None] for signal in signals], order), tolerance)
+def _excitation(signals: Sequence[FloatArray], max_order: int, tolerance: float = DEPENDENT) -> int:
+    """Order of excitation by one input, a signal (N_i,) per experiment; at most `max_order`."""
+    return _gram_rank(hankel_moments([signal[:, None] for signal in signals], max_order), tolerance)
 
 
-def _gram_rank(gram: FloatArray, tolerance: float) -> int:
+def _gram_rank(gram: FloatArray, tolerance: float = DEPENDENT) -> int:
+    """Numerical rank of a matrix from its Gram matrix, for a tolerance on singular values."""
     # eigenvalues are squared singular values; rounding of the Gram matrix sets the floor
     values = np.linalg.eigvalsh(gram)
     floor = max(tolerance**2, len(gram) * np.finfo(float).eps)
@@ -58,45 +62,70 @@ def _gram_rank(gram: FloatArray, tolerance: float) -> int:
 
 def check_excitation(experiments: Sequence[IOData], needed: Sequence[int]) -> list[str]:
     """Refuse constant channels; describe inputs that excite less than the `needed` orders, or are dependent."""
-    nu, names = experiments[0].nu, experiments[0].input_names or ()
-    shortest = min(len(e) for e in experiments)
     if max(len(e) for e in experiments) < 2:
         raise SysidError(f"too few samples: {len(experiments)} experiment(s) of 1 sample, at least 2 are needed")
+    _refuse_constant_channels(experiments)
+    return _poorly_excited(experiments, needed) + _dependent_inputs(experiments, needed)
+
+
+def _refuse_constant_channels(experiments: Sequence[IOData]) -> None:
     for i, name in enumerate(experiments[0].output_names or ()):
-        parts = [e.y[e.known[:, i], i] for e in experiments]
-        if all(np.ptp(y) <= ROUNDING * np.abs(y).max() for y in parts if len(y)):
+        known_outputs = [e.y[e.known[:, i], i] for e in experiments]
+        if all(_is_constant(y) for y in known_outputs if len(y)):
             raise SysidError(f"output {name} is constant, which identifies nothing; expected a varying output")
-    for j, name in enumerate(names):
+    for j, name in enumerate(experiments[0].input_names or ()):
         signals = [e.u[:, j] for e in experiments]
-        if all(np.ptp(s) <= ROUNDING * np.abs(s).max() for s in signals):
-            value = ", ".join(f"{s[0]:g}" for s in signals)
+        if all(_is_constant(u) for u in signals):
+            value = ", ".join(f"{u[0]:g}" for u in signals)
             raise SysidError(f"input {name} is constant ({value}), which identifies nothing; expected a varying input")
-    # at least as many rows as columns
-    lags = min(max((*needed, 1)), shortest // (nu + 1))
+
+
+def _is_constant(signal: FloatArray) -> bool:
+    """Whether a signal varies by rounding alone."""
+    return bool(np.ptp(signal) <= ROUNDING * np.abs(signal).max())
+
+
+def _poorly_excited(experiments: Sequence[IOData], needed: Sequence[int]) -> list[str]:
+    """Messages on inputs that excite less than the `needed` orders."""
+    shortest = min(len(e) for e in experiments)
     messages = []
-    for j, name in enumerate(names):
-        order = min(needed[j], shortest // 2)
-        excited = _rank([e.u[:, j] for e in experiments], order, 1e-6) if order >= 1 else needed[j]
+    for j, name in enumerate(experiments[0].input_names or ()):
+        # higher orders need more lags than the shortest record has rows for
+        testable = min(needed[j], shortest // 2)
+        if testable < 1:
+            continue
+        excited = _excitation([e.u[:, j] for e in experiments], testable)
         if excited < needed[j]:
             messages.append(
                 f"input {name} is persistently exciting of order {excited} only, the model needs {needed[j]}: "
                 "some parameters are determined by noise alone"
             )
-    if nu > 1 and lags >= 1:
-        # lags of all inputs, each of unit size, inputs side by side
-        sizes = np.sqrt(np.mean(np.concatenate([e.u for e in experiments]) ** 2, axis=0))
-        joint = hankel_moments([e.u / sizes for e in experiments], lags)
-        together, alone = _gram_rank(joint, 1e-6), sum(_gram_rank(joint[j::nu, j::nu], 1e-6) for j in range(nu))
-        if together < alone:
-            what = "the inputs" if lags == 1 else f"{lags} lags of the inputs"
-            messages.append(
-                f"{what} {', '.join(names)} have rank {together} together and {alone} one by one: they are "
-                "dependent, and the data cannot separate their effects"
-            )
     return messages
 
 
-ROWS_PER_COEFFICIENT = 5
+def _dependent_inputs(experiments: Sequence[IOData], needed: Sequence[int]) -> list[str]:
+    """Message on inputs whose lags have a smaller rank together than one by one."""
+    nu, names = experiments[0].nu, experiments[0].input_names or ()
+    shortest = min(len(e) for e in experiments)
+    # at least as many rows as columns
+    lags = min(max((*needed, 1)), shortest // (nu + 1))
+    if nu < 2 or lags < 1:
+        return []
+    # lags of all inputs, each of unit size, inputs side by side
+    sizes = np.sqrt(np.mean(np.concatenate([e.u for e in experiments]) ** 2, axis=0))
+    joint = hankel_moments([e.u / sizes for e in experiments], lags)
+    together = _gram_rank(joint)
+    one_by_one = sum(_gram_rank(joint[j::nu, j::nu]) for j in range(nu))
+    if together >= one_by_one:
+        return []
+    subject = "the inputs" if lags == 1 else f"{lags} lags of the inputs"
+    return [
+        f"{subject} {', '.join(names)} have rank {together} together and {one_by_one} one by one: they are "
+        "dependent, and the data cannot separate their effects"
+    ]
+
+
+ROWS_PER_COEFFICIENT = 5  # least number of samples per coefficient of the models that test for an offset
 LONGER = 10  # lags of outputs and inputs in the second, longer model
 AVERAGED = 4  # samples of a mean, then means of a further mean
 FEWEST = 40  # means of an experiment: fewer tell nothing
@@ -113,15 +142,17 @@ def check_means(experiments: Sequence[IOData], order: int) -> list[str]:
     that agree with the gain at 0 Hz pass. A model with an order beyond that of the dynamics can difference the data and
     needs no detrending. Of a time series, the mean alone tells.
     """
-    dominant = _dominant(experiments)
+    finding = _dominant_means(experiments)
+    if not finding:
+        return []
     if not experiments[0].nu:
-        return [f"{text}, as a slow pole that the series need not have; {ADVICE}" for text in dominant]
+        return [f"{finding}, as a slow pole that the series need not have; {ADVICE}"]
     messages = []
-    for i, name in enumerate(experiments[0].output_names or () if dominant else ()):
+    for i, name in enumerate(experiments[0].output_names or ()):
         offset = _unexplained_offset(experiments, i, order)
         if offset:
             messages.append(
-                f"{dominant[0]} and does not fit the dynamics: output {name} has an offset of about {offset:.4g} that "
+                f"{finding} and does not fit the dynamics: output {name} has an offset of about {offset:.4g} that "
                 f"the model lacks; {ADVICE}"
             )
     return messages
@@ -130,26 +161,39 @@ def check_means(experiments: Sequence[IOData], order: int) -> list[str]:
 def _unexplained_offset(experiments: Sequence[IOData], output: int, order: int) -> float:
     """Offset of an output that ARX models need, of the samples or of means over several; 0 if they need none."""
     # a model that is too small, or biased by output noise, may miss the gain at 0 Hz: a longer one must agree
-    offset, certain = _missing_offset(experiments, output, order)
-    longer, also = _missing_offset(experiments, output, max(order, LONGER))
-    exact = np.isnan(also)
-    if exact:
+    offset, certainty = _missing_offset(experiments, output, order)
+    longer_offset, longer_certainty = _missing_offset(experiments, output, max(order, LONGER))
+    noise_free = np.isnan(longer_certainty)
+    if noise_free:
         # without noise the longer model can difference the data: then the first must be exact
-        longer, also = (offset, certain) if certain > EXACT else (0.0, 0.0)
+        longer_offset, longer_certainty = (offset, certainty) if certainty > EXACT else (0.0, 0.0)
     y = _joined([e.y[e.window :, output] for e in experiments])
-    least = SERIOUS * max(abs(float(np.nanmean(y))), float(np.nanstd(y)))
-    if min(certain, also) > CERTAIN and min(abs(offset), abs(longer)) > least and offset * longer > 0.0:
+    serious = SERIOUS * max(abs(float(np.nanmean(y))), float(np.nanstd(y)))
+    significant = min(certainty, longer_certainty) > CERTAIN
+    large = min(abs(offset), abs(longer_offset)) > serious
+    if significant and large and offset * longer_offset > 0.0:
         return offset
-    if exact or min(len(e) for e in experiments) < AVERAGED * FEWEST:
+    if noise_free or min(len(e) for e in experiments) < AVERAGED * FEWEST:
         return 0.0
     # noise hides what a slow process does from one sample to the next
     return _unexplained_offset([_averaged(e) for e in experiments], output, order)
 
 
 def _averaged(experiment: IOData) -> IOData:
-    blocks = len(experiment) // AVERAGED
-    u, y = (z[: blocks * AVERAGED].reshape(blocks, AVERAGED, -1).mean(axis=1) for z in (experiment.u, experiment.y))
-    return replace(experiment, u=u, y=y, dt=AVERAGED * experiment.dt, window=experiment.window // AVERAGED)
+    """Means over `AVERAGED` samples as a record; an incomplete last one is left out."""
+    return replace(
+        experiment,
+        u=_block_means(experiment.u),
+        y=_block_means(experiment.y),
+        dt=AVERAGED * experiment.dt,
+        window=experiment.window // AVERAGED,
+    )
+
+
+def _block_means(signals: FloatArray) -> FloatArray:
+    blocks = len(signals) // AVERAGED
+    means: FloatArray = signals[: blocks * AVERAGED].reshape(blocks, AVERAGED, -1).mean(axis=1)
+    return means
 
 
 ADVICE = "detrend first: data.detrend()"
@@ -157,41 +201,46 @@ ADVICE = "detrend first: data.detrend()"
 
 def large_means(experiments: Sequence[IOData]) -> list[str]:
     """Describe channels whose mean exceeds their standard deviation, for frequency-domain methods."""
-    return [f"{text} and leaks into low frequencies; {ADVICE}" for text in _dominant(experiments)]
+    finding = _dominant_means(experiments)
+    return [f"{finding} and leaks into low frequencies; {ADVICE}"] if finding else []
 
 
-def _dominant(experiments: Sequence[IOData]) -> list[str]:
+def _dominant_means(experiments: Sequence[IOData]) -> str:
+    """Beginning of a message on the channels whose mean exceeds their standard deviation; empty without any."""
     first = experiments[0]
     z = _joined([np.hstack((e.u, e.y))[e.window :] for e in experiments])
-    means, sizes = np.nanmean(z, axis=0), np.nanstd(z, axis=0)
+    means, deviations = np.nanmean(z, axis=0), np.nanstd(z, axis=0)
     names = (*(first.input_names or ()), *(first.output_names or ()))
-    dominant = [
-        f"{name} (mean {mean:.4g}, standard deviation {size:.4g})"
-        for name, mean, size in zip(names, means, sizes, strict=True)
-        if abs(mean) > size
-    ]
-    return [f"the mean dominates {', '.join(dominant)}"] if dominant else []
+    dominated = []
+    for name, mean, deviation in zip(names, means, deviations, strict=True):
+        if abs(mean) > deviation:
+            dominated.append(f"{name} (mean {mean:.4g}, standard deviation {deviation:.4g})")
+    return f"the mean dominates {', '.join(dominated)}" if dominated else ""
 
 
-def _joined(parts: Sequence[FloatArray]) -> FloatArray:
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+def _joined(signals: Sequence[FloatArray]) -> FloatArray:
+    """Signals of several experiments one after the other; a single one is not copied."""
+    return signals[0] if len(signals) == 1 else np.concatenate(signals)
 
 
 def _missing_offset(experiments: Sequence[IOData], output: int, order: int) -> tuple[float, float]:
-    """Offset of an output, in its units and in standard deviations of the constant.
+    """Offset that an ARX model of an output lacks, in its units and in standard deviations of the constant.
 
-    Zeros if there are too few data, NaN if the constant depends on the other columns.
+    With A y = B u + constant, the output is off by constant / A(1), A at 0 Hz. Zeros if there are too few data, NaN if
+    the constant depends on the other columns.
     """
     nu = experiments[0].nu
     usable = sum(len(e) - e.window for e in experiments)
-    n = min(max(order, 1), usable // (ROWS_PER_COEFFICIENT * (1 + nu)), min(len(e) for e in experiments) // 2)
+    shortest = min(len(e) for e in experiments)
+    n = min(max(order, 1), usable // (ROWS_PER_COEFFICIENT * (1 + nu)), shortest // 2)
     if n < 1:
         return 0.0, 0.0
     starts = [max(n, e.window) for e in experiments]
     y, u = [e.y[:, output] for e in experiments], [e.u for e in experiments]
+    # inputs with their present sample: a direct term must not look like an offset
     phi, target = arx_equations(y, u, n, (n + 1,) * nu, (0,) * nu, starts)
-    known = np.isfinite(phi).all(axis=1) & np.isfinite(target)
-    phi, target = phi[known], target[known][:, None]
+    complete = np.isfinite(phi).all(axis=1) & np.isfinite(target)
+    phi, target = phi[complete], target[complete][:, None]
     if len(phi) <= phi.shape[1] + 1:
         return 0.0, 0.0
     with_constant = np.column_stack((phi, np.ones(len(phi))))
@@ -201,8 +250,8 @@ def _missing_offset(experiments: Sequence[IOData], output: int, order: int) -> t
     constant = float(fit.solution[-1, 0])
     variance = float(fit.residual_gram[0, 0]) / (len(phi) - with_constant.shape[1])
     deviation = float(np.sqrt(variance * fit.inverse_gram[-1, -1]))
-    # A at 0 Hz
-    at_dc = 1.0 + float(fit.solution[:n, 0].sum())
-    if at_dc == 0.0:
+    a_at_dc = 1.0 + float(fit.solution[:n, 0].sum())
+    # an integrator turns the constant into a drift, not into an offset
+    if a_at_dc == 0.0:
         return 0.0, 0.0
-    return constant / at_dc, abs(constant) / max(deviation, np.finfo(float).tiny)
+    return constant / a_at_dc, abs(constant) / max(deviation, np.finfo(float).tiny)

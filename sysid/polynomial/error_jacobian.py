@@ -4,7 +4,7 @@ Missing outputs and initial conditions are eliminated together: the result is th
 missing outputs at their conditional means, projected onto the complement of both [GolubPereyra2003].
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ LEAST_VARIANCE = 1e-8  # of an initial disturbance state, relative to the innova
 ROUNDING = 1e-12  # the same relative to the sum of variances, for a disturbance that hardly decays
 FIRST_LENGTH = 256  # samples after which most transients have died out
 NEGLIGIBLE = 1e-17  # tail of a transient, relative to its largest value, that rounding hides
+DEPENDENT_TRANSIENTS = 1e-12  # singular value, relative to the largest, that rounding makes of zero
 STEP = 1e-5  # of the coefficients, for difference quotients of the small matrices of backcasting
 
 
@@ -65,149 +66,212 @@ def _free_initial_conditions(
 ) -> ErrorJacobian:
     """Errors and Jacobian from `start` on, with the transients of free initial conditions projected out.
 
+    With w_j = B_j/F_j u_j and v = A y - sum_j w_j, the errors are eps = D/C v and their derivatives [Ljung1999, ch. 10]
+
+        d eps / d a_i = D/C y(t - i)        d eps / d b_i = -D/(C F_j) u_j(t - nk - i + 1)
+        d eps / d c_i = -1/C eps(t - i)     d eps / d f_i = D/(C F_j) w_j(t - i)
+        d eps / d d_i = 1/C v(t - i)
+
     Filters run over the whole record from rest. The error of that assumption is, from `start` on, a free response of
     1/C or of D/(C F), hence in the span of the transient columns.
     """
     a, b, c, d, f = orders.split(theta)
-    n = len(y)
-    responses = [scipy.signal.lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
+    responses = path_responses(u, b, f)
+    # a filter without coefficients would cost as much as any other
+    output = np.convolve(a, y)[: len(y)] if orders.na else y
+    v = output - sum(responses)
     noise_count = max(orders.nc, orders.nd)
-    # A filter without coefficients would cost as much as any other.
-    v = (np.convolve(a, y)[:n] if orders.na else y) - sum(responses)
     eps = scipy.signal.lfilter(d, c, v)[start:] if noise_count else v[start:].copy()
 
-    basis, tau = orthonormal(transients, eps) if transients.shape[1] else (None, np.zeros(0))
-    if basis is not None:
-        length = len(basis)
-        eps[:length] -= basis @ (basis.T @ eps[:length])
+    corrected = v[start:]
+    outputs = [response[start:] for response in responses]
+    basis = None
+    if transients.shape[1]:
+        basis, conditions = orthonormal(transients, eps)
+        _subtract_projection(basis, eps)
+        # w and v with the fitted initial conditions of eps; those of 1/C come first
+        for j, transient in _path_transients(f, conditions[noise_count:], len(eps)):
+            outputs[j] = outputs[j] + transient
+            corrected = corrected - transient
 
     # the initial conditions of the filters below do not matter: they are transients too
-    columns = np.empty((n - start, orders.count + 1), order="F")
-    k = 0
+    columns = np.empty((len(eps), orders.count + 1), order="F")
+    of_a, of_b, of_c, of_d, of_f = orders.ranges
     if orders.na:
-        columns[:, : orders.na] = _shifts(scipy.signal.lfilter(d, c, y), orders.na, first=1)[start:]
-        k = orders.na
+        columns[:, of_a] = _shifts(scipy.signal.lfilter(d, c, y), orders.na, first=1)[start:]
     for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
         filtered = scipy.signal.lfilter(d, np.convolve(c, f[j]), u[:, j])
-        columns[:, k : k + nb] = -_shifts(filtered, nb, first=nk)[start:]
-        k += nb
-    # w and v with the fitted initial conditions of eps
-    used = noise_count
-    corrected = v[start:]
-    outputs = []
-    for j in range(len(f)):
-        w = responses[j][start:]
-        if orders.nf[j] and basis is not None:
-            initial = np.zeros(n - start)
-            initial[: orders.nf[j]] = tau[used : used + orders.nf[j]]
-            transient = scipy.signal.lfilter([1.0], f[j], initial)
-            w, corrected = w + transient, corrected - transient
-            used += orders.nf[j]
-        outputs.append(w)
+        columns[:, of_b[j]] = -_shifts(filtered, nb, first=nk)[start:]
     if orders.nc:
-        columns[:, k : k + orders.nc] = -_shifts(scipy.signal.lfilter([1.0], c, eps), orders.nc, first=1)
-        k += orders.nc
+        columns[:, of_c] = -_shifts(scipy.signal.lfilter([1.0], c, eps), orders.nc, first=1)
     if orders.nd:
-        columns[:, k : k + orders.nd] = _shifts(scipy.signal.lfilter([1.0], c, corrected), orders.nd, first=1)
-        k += orders.nd
+        columns[:, of_d] = _shifts(scipy.signal.lfilter([1.0], c, corrected), orders.nd, first=1)
     for j, nf in enumerate(orders.nf):
         if nf:
-            columns[:, k : k + nf] = _shifts(scipy.signal.lfilter(d, np.convolve(c, f[j]), outputs[j]), nf, first=1)
-            k += nf
+            filtered = scipy.signal.lfilter(d, np.convolve(c, f[j]), outputs[j])
+            columns[:, of_f[j]] = _shifts(filtered, nf, first=1)
     if basis is not None:
-        columns[:length, :k] -= basis @ (basis.T @ columns[:length, :k])
-    columns[:, k] = eps
-    return ErrorJacobian(columns, len(columns), 0 if basis is None else basis.shape[1])
+        _subtract_projection(basis, columns[:, : orders.count])
+    columns[:, orders.count] = eps
+    free_conditions = 0 if basis is None else basis.shape[1]
+    return ErrorJacobian(columns, len(columns), free_conditions)
+
+
+def path_responses(u: FloatArray, b: Sequence[FloatArray], f: Sequence[FloatArray]) -> list[FloatArray]:
+    """Responses B_j/F_j u_j of the paths from each input, from rest (N,) each."""
+    responses = []
+    for j, (bj, fj) in enumerate(zip(b, f, strict=True)):
+        responses.append(scipy.signal.lfilter(bj, fj, u[:, j]))
+    return responses
+
+
+def _path_transients(f: Sequence[FloatArray], conditions: FloatArray, rows: int) -> Iterator[tuple[int, FloatArray]]:
+    """Free response of 1/F (rows,) of each input whose F has a degree, with the number of the input.
+
+    The initial conditions enter as pulses at the first samples, as many as the degree; those of all inputs stand one
+    after the other.
+    """
+    first = 0
+    for j, fj in enumerate(f):
+        degree = len(fj) - 1
+        if degree:
+            pulses = np.zeros(rows)
+            pulses[:degree] = conditions[first : first + degree]
+            yield j, scipy.signal.lfilter([1.0], fj, pulses)
+            first += degree
+
+
+def _subtract_projection(basis: FloatArray, signals: FloatArray) -> None:
+    """Subtract in place from signals (rows,) or (rows, k) their projection onto an orthonormal basis.
+
+    The basis is zero after its last row, which may be far before that of the signals.
+    """
+    leading = signals[: len(basis)]
+    leading -= basis @ (basis.T @ leading)
 
 
 def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> ErrorJacobian:
     """Errors and Jacobian from `start` on; the initial disturbance state x costs x' P^-1 x, P its covariance.
 
-    The disturbance filters run from rest at `start`. The state enters as pulses at the first samples, through 1/C.
+    The disturbance filters run from rest at `start`. The state enters as pulses at the first samples, through 1/C. It
+    takes part as further errors L^-1 x with L L' = P, in the first rows. Errors and derivatives otherwise as in
+    `_free_initial_conditions`.
     """
     a, b, c, d, f = orders.split(theta)
     rows, m = len(y) - start, max(orders.nc, orders.nd)
-    pulse = np.zeros(rows)
-    pulse[0] = 1.0
-    responses = [scipy.signal.lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
+    responses = path_responses(u, b, f)
     v = (scipy.signal.lfilter(a, [1.0], y) - sum(responses))[start:]
     root = _inverse_root(c, d, m)
-    paths = [_shifts(scipy.signal.lfilter(d, np.convolve(c, f[j]), pulse), nf) for j, nf in enumerate(orders.nf)]
-    noise = np.vstack((root, _shifts(scipy.signal.lfilter([1.0], c, pulse), m)))
-    free = np.vstack((np.zeros((m, sum(orders.nf))), np.hstack((np.zeros((rows, 0)), *paths))))
     errors = np.concatenate((np.zeros(m), scipy.signal.lfilter(d, c, v)))
-    basis, state = orthonormal(np.hstack((noise, free)), errors)
-    errors[: len(basis)] -= basis @ (basis.T @ errors[: len(basis)])
+    basis, conditions = orthonormal(_backcast_transients(orders, theta, root, rows), errors)
+    _subtract_projection(basis, errors)
+    for j, transient in _path_transients(f, conditions[m:], rows):
+        responses[j][start:] += transient
+        v = v - transient
 
     columns = np.zeros((m + rows, orders.count + 1), order="F")
-    k = orders.na
-    if k:
-        columns[m:, :k] = scipy.signal.lfilter(d, c, lagged(y, output_lags(k), start), axis=0)
+    of_a, of_b, of_c, of_d, of_f = orders.ranges
+    if orders.na:
+        columns[m:, of_a] = scipy.signal.lfilter(d, c, lagged(y, output_lags(orders.na), start), axis=0)
     for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
         inputs = lagged(scipy.signal.lfilter([1.0], f[j], u[:, j]), input_lags(nb, nk), start)
-        columns[m:, k : k + nb] = -scipy.signal.lfilter(d, c, inputs, axis=0)
-        k += nb
-    used, outputs = m, []
-    for j, nf in enumerate(orders.nf):
-        initial = np.zeros(len(y))
-        initial[start : start + nf] = state[used : used + nf]
-        transient = scipy.signal.lfilter([1.0], f[j], initial)
-        outputs.append(responses[j] + transient)
-        v = v - transient[start:]
-        used += nf
-    for i, (polynomial, sign) in enumerate(((c, -1.0), (d, 1.0))):
-        driven = scipy.signal.lfilter([1.0], c, errors[m:] if i == 0 else v)
-        n = len(polynomial) - 1
-        columns[m:, k : k + n] = sign * _shifts(driven, n, first=1)
-        for lag in range(1, n + 1):
-            # derivative of the covariance at a fixed state
-            ends = [polynomial + s * STEP * np.eye(1, n + 1, lag)[0] for s in (1.0, -1.0)]
-            # at the stability limit one side has no stationary covariance; the difference is then one-sided, or zero
-            sides = [j for j, end in enumerate(ends) if i == 0 or is_stable(end)]
-            up, down = (
-                (_inverse_root(ends[j], d, m) if i == 0 else _inverse_root(c, ends[j], m)) if j in sides else root
-                for j in (0, 1)
-            )
-            columns[:m, k + lag - 1] = -(up - down) @ state[:m] / (max(len(sides), 1) * STEP)
-        k += n
+        columns[m:, of_b[j]] = -scipy.signal.lfilter(d, c, inputs, axis=0)
+    columns[m:, of_c] = -_shifts(scipy.signal.lfilter([1.0], c, errors[m:]), orders.nc, first=1)
+    columns[m:, of_d] = _shifts(scipy.signal.lfilter([1.0], c, v), orders.nd, first=1)
+    by_c, by_d = _state_cost_derivatives(c, d, root, conditions[:m])
+    columns[:m, of_c], columns[:m, of_d] = by_c, by_d
     for j, nf in enumerate(orders.nf):
         if nf:
-            filtered = _shifts(scipy.signal.lfilter([1.0], f[j], outputs[j]), nf, first=1)[start:]
-            columns[m:, k : k + nf] = scipy.signal.lfilter(d, c, filtered, axis=0)
-            k += nf
-    columns[: len(basis), :k] -= basis @ (basis.T @ columns[: len(basis), :k])
-    columns[:, k] = errors
+            filtered = _shifts(scipy.signal.lfilter([1.0], f[j], responses[j]), nf, first=1)[start:]
+            columns[m:, of_f[j]] = scipy.signal.lfilter(d, c, filtered, axis=0)
+    _subtract_projection(basis, columns[:, : orders.count])
+    columns[:, orders.count] = errors
     return ErrorJacobian(columns, rows, basis.shape[1] - m)
 
 
+def _backcast_transients(orders: Orders, theta: FloatArray, root: FloatArray, rows: int) -> FloatArray:
+    """Errors by a unit of each initial condition (m + rows, m + sum(nf)): disturbance states, then those of 1/F.
+
+    The first m rows are the errors L^-1 x of the disturbance states, L^-1 the `root`; those of 1/F cost nothing.
+    """
+    _, _, c, d, f = orders.split(theta)
+    m = len(root)
+    pulse = _unit_pulse(rows)
+    of_states = np.vstack((root, _shifts(scipy.signal.lfilter([1.0], c, pulse), m)))
+    # a first block without columns stands in where there is no input
+    of_paths = [np.zeros((rows, 0))]
+    for fj, nf in zip(f, orders.nf, strict=True):
+        of_paths.append(_shifts(scipy.signal.lfilter(d, np.convolve(c, fj), pulse), nf))
+    free = np.vstack((np.zeros((m, sum(orders.nf))), np.hstack(of_paths)))
+    return np.hstack((of_states, free))
+
+
+def _state_cost_derivatives(
+    c: FloatArray, d: FloatArray, root: FloatArray, state: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of the errors L^-1 x by the coefficients of C (m, nc) and D (m, nd), at a fixed state x (m,).
+
+    By central differences: the derivative of a Cholesky factor of a Stein equation's solution is no simple formula, and
+    the matrices are small.
+    """
+    m = len(root)
+    by_c, by_d = np.empty((m, len(c) - 1)), np.empty((m, len(d) - 1))
+    for i in range(len(c) - 1):
+        step = STEP * np.eye(1, len(c), i + 1)[0]
+        difference = _inverse_root(c + step, d, m) - _inverse_root(c - step, d, m)
+        by_c[:, i] = -difference @ state / (2.0 * STEP)
+    for i in range(len(d) - 1):
+        step = STEP * np.eye(1, len(d), i + 1)[0]
+        # at the stability limit one side has no stationary covariance; the difference is then one-sided, or zero
+        upper = _inverse_root(c, d + step, m) if is_stable(d + step) else None
+        lower = _inverse_root(c, d - step, m) if is_stable(d - step) else None
+        sides = (upper is not None) + (lower is not None)
+        upper = root if upper is None else upper
+        lower = root if lower is None else lower
+        difference = upper - lower
+        by_d[:, i] = -difference @ state / (max(sides, 1) * STEP)
+    return by_c, by_d
+
+
 def _inverse_root(c: FloatArray, d: FloatArray, m: int) -> FloatArray:
-    """Inverse of L (m, m), L L' the stationary covariance of the observer-form state of C/D for unit innovations."""
+    """Inverse of L (m, m), L L' the stationary covariance of the observer-form state of C/D for unit innovations.
+
+    The states obey x+ = A x + K e with -d1, -d2, ... in the first column of A and K = (c1 - d1, c2 - d2, ...).
+    """
     A = np.eye(m, k=1)
     A[: len(d) - 1, 0] = -d[1:]
     K = np.zeros((m, 1))
     K[: len(c) - 1, 0] += c[1:]
     K[: len(d) - 1, 0] -= d[1:]
     covariance = gramian(A, K @ K.T)
-    least = max(LEAST_VARIANCE, ROUNDING * float(np.trace(covariance)))
-    root = np.linalg.cholesky(0.5 * (covariance + covariance.T) + least * np.eye(m))
+    floor = max(LEAST_VARIANCE, ROUNDING * float(np.trace(covariance)))
+    root = np.linalg.cholesky(0.5 * (covariance + covariance.T) + floor * np.eye(m))
     return np.asarray(scipy.linalg.solve_triangular(root, np.eye(m), lower=True))
 
 
 def free_transients(orders: Orders, theta: FloatArray, rows: int) -> FloatArray:
-    """Responses of the errors to free initial conditions, one column each, until they have died out."""
+    """Responses of the errors to free initial conditions, one column each, until they have died out.
+
+    Those of the disturbance are free responses of 1/C, those of an input path of D/(C F).
+    """
     _, _, c, d, f = orders.split(theta)
-    noise_count = max(orders.nc, orders.nd)
-    blocks = [(np.ones(1), c, noise_count)] if noise_count else []
-    blocks += [(d, np.convolve(c, fj), nf) for fj, nf in zip(f, orders.nf, strict=True) if nf]
-    if not blocks:
+    filters, counts = [], []
+    if max(orders.nc, orders.nd):
+        filters.append((np.ones(1), c))
+        counts.append(max(orders.nc, orders.nd))
+    for fj, nf in zip(f, orders.nf, strict=True):
+        if nf:
+            filters.append((d, np.convolve(c, fj)))
+            counts.append(nf)
+    if not filters:
         return np.zeros((0, 0))
-    filters = [(numerator, denominator) for numerator, denominator, _ in blocks]
     responses = _pulse_responses(filters, min(FIRST_LENGTH, rows), rows, NEGLIGIBLE)
-    return np.hstack([_shifts(h, count) for h, (_, _, count) in zip(responses, blocks, strict=True)])
+    return np.hstack([_shifts(response, count) for response, count in zip(responses, counts, strict=True)])
 
 
 def _shifts(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
     """Columns of `signal` delayed by first, first + 1, ..., from rest."""
+    # columns are contiguous, since they are written one by one
     out = np.zeros((len(signal), count), order="F")
     for i in range(count):
         delay = first + i
@@ -215,18 +279,28 @@ def _shifts(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
     return out
 
 
+def _unit_pulse(length: int) -> FloatArray:
+    pulse = np.zeros(length)
+    pulse[0] = 1.0
+    return pulse
+
+
 def _pulse_responses(
-    filters: Sequence[tuple[FloatArray, FloatArray]], length: int, most: int, negligible: float
+    filters: Sequence[tuple[FloatArray, FloatArray]], length: int, longest: int, negligible: float
 ) -> list[FloatArray]:
     """Pulse responses of filters (numerator, denominator), until the last quarter of each is negligible."""
     while True:
-        pulse = np.zeros(length)
-        pulse[0] = 1.0
-        responses = [scipy.signal.lfilter(*one, pulse) for one in filters]
-        tail = max(np.abs(h[-(length // 4) :]).max() / np.abs(h).max() for h in responses)
-        if length == most or tail < negligible:
+        pulse = _unit_pulse(length)
+        responses = [scipy.signal.lfilter(numerator, denominator, pulse) for numerator, denominator in filters]
+        if length == longest or max(map(_last_quarter, responses)) < negligible:
             return responses
-        length = min(4 * length, most)
+        length = min(4 * length, longest)
+
+
+def _last_quarter(response: FloatArray) -> float:
+    """Largest value of the last quarter of a response, relative to its largest."""
+    size = np.abs(response)
+    return float(size[-(len(size) // 4) :].max() / size.max())
 
 
 def orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -237,7 +311,7 @@ def orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, Fl
     alive = np.flatnonzero(np.abs(transients).max(axis=1) > NEGLIGIBLE * np.abs(transients).max())
     length = int(alive[-1]) + 1
     left, values, right = np.linalg.svd(transients[:length], full_matrices=False)
-    kept = values > 1e-12 * values[0]
+    kept = values > DEPENDENT_TRANSIENTS * values[0]
     basis = left[:, kept]
     return basis, right[kept].T @ ((basis.T @ eps[:length]) / values[kept])
 
@@ -252,65 +326,72 @@ def gapped_error_jacobian(
 ) -> ErrorJacobian:
     """Errors and Jacobian of one single-output experiment, one row per sample; not for backcasting."""
     a, b, c, d, f = orders.split(theta)
+    at_rest = initial_conditions is InitialConditions.ZERO
     known = experiment.known[:, 0]
     y = np.where(known, experiment.y[:, 0], 0.0)
-    start = experiment.window if initial_conditions is InitialConditions.ZERO else orders.first_error(experiment.window)
+    start = experiment.window if at_rest else orders.first_error(experiment.window)
     rows = len(y) - start
     response = _died_out(np.convolve(d, a), c, len(y))
     gaps = MissingOutputs.of(known[start:, None], response[:, None, None])
 
-    inputs = sum(scipy.signal.lfilter(bj, fj, experiment.u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True)))
+    inputs = sum(path_responses(experiment.u, b, f))
     errors = scipy.signal.lfilter(d, c, scipy.signal.lfilter(a, [1.0], y) - inputs)[start:]
-    # outputs that are missing before the first error are free initial conditions
-    reach = len(response) if initial_conditions is InitialConditions.ZERO else orders.na
+    # outputs that are missing before the first error are free initial conditions; the transients of 1/C cover the
+    # earlier ones
+    reach = len(response) if at_rest else orders.na
     early = [t for t in range(max(start - reach, 0), start) if not known[t]]
-    initial_columns = (
-        np.zeros((0, 0)) if initial_conditions is InitialConditions.ZERO else free_transients(orders, theta, rows)
-    )
-    free = np.zeros((rows, len(early) + initial_columns.shape[1]))
+    transients = np.zeros((0, 0)) if at_rest else free_transients(orders, theta, rows)
+    free = np.zeros((rows, len(early) + transients.shape[1]))
     for i, t in enumerate(early):
-        tail = response[start - t :][:rows]
-        free[: len(tail), i] = tail
-    free[: len(initial_columns), len(early) :] = initial_columns
+        remaining_response = response[start - t :][:rows]
+        free[: len(remaining_response), i] = remaining_response
+    free[: len(transients), len(early) :] = transients
+
+    # conditional means of the missing outputs, at the initial conditions that fit best
     remainder = gaps.eliminated(np.column_stack((free, errors))[:, None])[:, 0]
     basis, coefficients = _span(remainder[:, :-1], free, remainder[:, -1])
     y[early] = -coefficients[: len(early)]
     y[start:][~known[start:]] = -gaps.best((errors - free @ coefficients)[:, None, None])[:, 0]
 
-    whole = error_jacobian(replace(experiment, y=y, missing=False), orders, theta, initial_conditions).columns
-    columns = gaps.eliminated(whole[:, None])[:, 0]
-    columns -= basis @ (basis.T @ columns)
-    return ErrorJacobian(columns, rows - gaps.count, basis.shape[1], gaps.log_determinant, _slope(gaps, orders, theta))
+    filled = replace(experiment, y=y, missing=False)
+    columns = gaps.eliminated(error_jacobian(filled, orders, theta, initial_conditions).columns[:, None])[:, 0]
+    _subtract_projection(basis, columns)
+    slope = _log_determinant_slope(gaps, orders, theta)
+    return ErrorJacobian(columns, rows - gaps.count, basis.shape[1], gaps.log_determinant, slope)
 
 
-def _slope(gaps: MissingOutputs, orders: Orders, theta: FloatArray) -> FloatArray:
-    """Derivatives of the logarithm of the determinant (p,), which does not depend on B and F."""
+def _log_determinant_slope(gaps: MissingOutputs, orders: Orders, theta: FloatArray) -> FloatArray:
+    """Derivatives of the logarithm of the determinant (p,), which does not depend on B and F.
+
+    They follow from those of the response g = D A/C of the errors to an output.
+    """
     a, _, c, d, _ = orders.split(theta)
     out = np.zeros(orders.count)
     if len(gaps.response) == 1:
         return out
-    pulse = np.zeros(len(gaps.response))
-    pulse[0] = 1.0
-    by_noise = [
-        (0, orders.na, scipy.signal.lfilter(d, c, pulse)),
-        (orders.na + sum(orders.nb), orders.nc, -scipy.signal.lfilter([1.0], c, gaps.response[:, 0, 0])),
-        (orders.na + sum(orders.nb) + orders.nc, orders.nd, scipy.signal.lfilter(a, c, pulse)),
+    pulse = _unit_pulse(len(gaps.response))
+    of_a, _, of_c, of_d, _ = orders.ranges
+    by_first_coefficients = [
+        (of_a, scipy.signal.lfilter(d, c, pulse)),
+        (of_c, -scipy.signal.lfilter([1.0], c, gaps.response[:, 0, 0])),
+        (of_d, scipy.signal.lfilter(a, c, pulse)),
     ]
-    index, derivatives = [], []
-    for first, count, derivative in by_noise:
-        for lag in range(1, count + 1):
-            index.append(first + lag - 1)
+    indices, derivatives = [], []
+    for positions, derivative in by_first_coefficients:
+        for lag, position in enumerate(range(positions.start, positions.stop), start=1):
+            indices.append(position)
+            # each further coefficient acts one sample later
             derivatives.append(np.concatenate((np.zeros(lag), derivative))[: len(pulse)])
-    out[index] = gaps.slope(np.array(derivatives)[:, :, None, None])
+    out[indices] = gaps.slope(np.array(derivatives)[:, :, None, None])
     return out
 
 
-def _died_out(numerator: FloatArray, denominator: FloatArray, most: int) -> FloatArray:
-    """Pulse response until it has died out, at most `most` samples."""
+def _died_out(numerator: FloatArray, denominator: FloatArray, longest: int) -> FloatArray:
+    """Pulse response until it has died out, at most `longest` samples."""
     if len(denominator) == 1 or not denominator[1:].any():
-        return numerator[:most]
-    length = min(max(FIRST_RESPONSE, 4 * (len(numerator) + len(denominator))), most)
-    (response,) = _pulse_responses([(numerator, denominator)], length, most, NEGLIGIBLE_RESPONSE)
+        return numerator[:longest]
+    length = min(max(FIRST_RESPONSE, 4 * (len(numerator) + len(denominator))), longest)
+    (response,) = _pulse_responses([(numerator, denominator)], length, longest, NEGLIGIBLE_RESPONSE)
     alive = np.flatnonzero(np.abs(response) > NEGLIGIBLE_RESPONSE * np.abs(response).max())
     return response[: alive[-1] + 1]
 

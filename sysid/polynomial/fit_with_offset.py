@@ -20,6 +20,8 @@ ENDLESS = 1e8  # largest response of the predictor that is used; an unstable pre
 LARGEST_RATIO = 0.95  # largest ratio of consecutive steps that is extrapolated as a geometric series
 
 
+SINGULAR = 1e-10  # singular value of the sensitivities to offsets, relative to the largest, that determines nothing
+
 BLOCK = 2**16
 """Samples whose regressors are held at a time: those of a million samples of ten outputs take more than 1 GB."""
 
@@ -39,9 +41,9 @@ class OffsetFit:
 
 def subtract_means(parts: Sequence[IOData]) -> tuple[IOData, ...]:
     """Subtract the means of all records together: the mean of a single part differs from it only by chance."""
-    u = np.concatenate([part.u for part in parts]).mean(axis=0)
-    y = np.nanmean(np.concatenate([part.y for part in parts]), axis=0)
-    return tuple(part.subtract(u=u, y=y) for part in parts)
+    u = np.concatenate([record.u for record in parts]).mean(axis=0)
+    y = np.nanmean(np.concatenate([record.y for record in parts]), axis=0)
+    return tuple(record.subtract(u=u, y=y) for record in parts)
 
 
 def fit_with_offset(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence[IOData]) -> OffsetFit:
@@ -58,18 +60,19 @@ def fit_with_offset(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence
         Model and records.
     """
     shifted = subtract_means(parts)
-    estimate, best = run(shifted), np.inf
-    power = sum(float(np.nansum(part.y**2)) for part in shifted)
-    result, last = OffsetFit(estimate, shifted), np.zeros(parts[0].ny)
+    estimate, least_error = run(shifted), np.inf
+    output_power = sum(float(np.nansum(record.y**2)) for record in shifted)
+    result, last_offset = OffsetFit(estimate, shifted), np.zeros(parts[0].ny)
     for _ in range(ROUNDS):
-        offset, before, after = unexplained_offset(estimate.model, shifted)
-        if not before < best:
+        offset, error, error_without_offset = unexplained_offset(estimate.model, shifted)
+        # an extrapolation that went too far, or a predictor that is not stable
+        if not error < least_error:
             break
-        best, result = before, OffsetFit(estimate, shifted)
-        if not before - after > WORTH * before or before < EXACT * power:
+        least_error, result = error, OffsetFit(estimate, shifted)
+        if not error - error_without_offset > WORTH * error or error < EXACT * output_power:
             break
-        step, last = _extrapolated(offset, last), offset
-        shifted = tuple(part.subtract(y=step) for part in shifted)
+        step, last_offset = _extrapolated(offset, last_offset), offset
+        shifted = tuple(record.subtract(y=step) for record in shifted)
         try:
             estimate = run(shifted)
         except SysidError:
@@ -77,50 +80,77 @@ def fit_with_offset(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence
     return result
 
 
-def _extrapolated(step: FloatArray, last: FloatArray) -> FloatArray:
+def _extrapolated(step: FloatArray, last_step: FloatArray) -> FloatArray:
     """Sum of a geometric series of steps (Aitken extrapolation); the step itself if the ratio is no such."""
-    size = float(last @ last)
-    ratio = float(step @ last) / size if size > 0.0 else 0.0
+    size = float(last_step @ last_step)
+    ratio = float(step @ last_step) / size if size > 0.0 else 0.0
     return step / (1.0 - ratio) if 0.0 < ratio < LARGEST_RATIO else step
 
 
 def unexplained_offset(model: StateSpace, parts: Sequence[IOData]) -> tuple[FloatArray, float, float]:
     """Constant offset of every output (ny,) that explains most of the one-step errors, with free initial states.
 
-    Returned beside it: the sums of squares of the errors before and after.
+    Returned beside it: the sums of squares of the errors before and after. Zeros and infinite sums if the predictor
+    diverges.
     """
     gram, moment, total = np.zeros((model.ny, model.ny)), np.zeros(model.ny), 0.0
-    order, axes = model.order, np.eye(model.order + model.ny)
-    # of the state beside a constant output
-    predictor = axes.copy()
-    predictor[:order] = np.hstack((model.A - model.gain @ model.C, model.gain))
-    for part in parts:
+    for record in parts:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", SysidWarning)
-            errors = residuals(model, part, x0=np.zeros(order))
-            # after a gap the predictor is another one
-            step = BLOCK if part.complete else len(part)
-            table, starts = np.empty((0, order + model.ny + 1)), axes
-            for first in range(0, len(part), step):
-                piece = part[first : first + step]
-                if first:
-                    starts = np.linalg.matrix_power(predictor, first)
-                zero = replace(piece, u=np.zeros_like(piece.u), y=np.where(piece.known, 0.0, np.nan))
-                columns = [
-                    residuals(model, zero if k < order else replace(zero, y=zero.y + axes[k, order:]), x0=start[:order])
-                    for k, start in enumerate(starts.T)
-                ]
-                # only known outputs after the initialisation window count
-                known = piece.known & (np.arange(first, first + len(piece)) >= part.window)[:, None]
-                rows = np.stack([one[known] for one in (*columns, errors[first : first + step])], axis=1)
-                if not np.isfinite(rows).all() or np.abs(rows[:, :-1]).max(initial=0.0) > ENDLESS:
-                    return np.zeros(model.ny), np.inf, np.inf
-                # a triangular factor has the least squares of all its rows
-                table = rows if len(part) <= step else np.asarray(np.linalg.qr(np.vstack((table, rows)), mode="r"))
+            table = _error_table(model, record)
+        if table is None:
+            return np.zeros(model.ny), np.inf, np.inf
         if model.order:
-            free, others = table[:, : model.order], table[:, model.order :]
-            table = others - free @ np.linalg.lstsq(free, others, rcond=None)[0]
-        steps, errors = table[:, :-1], table[:, -1]
-        gram, moment, total = gram + steps.T @ steps, moment + steps.T @ errors, total + float(errors @ errors)
-    offset: FloatArray = np.linalg.lstsq(gram, moment, rcond=1e-10)[0].astype(np.float64)
+            by_states, others = table[:, : model.order], table[:, model.order :]
+            table = others - by_states @ np.linalg.lstsq(by_states, others, rcond=None)[0]
+        by_offsets, errors = table[:, :-1], table[:, -1]
+        gram, moment = gram + by_offsets.T @ by_offsets, moment + by_offsets.T @ errors
+        total = total + float(errors @ errors)
+    offset: FloatArray = np.linalg.lstsq(gram, moment, rcond=SINGULAR)[0].astype(np.float64)
     return offset, total, total - float(moment @ offset)
+
+
+def _error_table(model: StateSpace, record: IOData) -> FloatArray | None:
+    """One-step errors by a unit of each initial state and each offset, and those of the record, as columns.
+
+    The rows (rows, order + ny + 1) are the known outputs after the initialisation window; those of a long record are
+    replaced by their triangular factor. None if the predictor diverges.
+    """
+    order = model.order
+    errors = residuals(model, record, x0=np.zeros(order))
+    # the predictor with the constant outputs as further states
+    predictor = np.eye(order + model.ny)
+    predictor[:order] = np.hstack((model.A - model.gain @ model.C, model.gain))
+    # after a gap the predictor is another one
+    block = BLOCK if record.complete else len(record)
+    table, starts = np.empty((0, order + model.ny + 1)), np.eye(order + model.ny)
+    for first in range(0, len(record), block):
+        piece = record[first : first + block]
+        if first:
+            starts = np.linalg.matrix_power(predictor, first)
+        columns = [*_unit_errors(model, piece, starts), errors[first : first + block]]
+        # only known outputs after the initialisation window count
+        in_time = np.arange(first, first + len(piece)) >= record.window
+        counted = piece.known & in_time[:, None]
+        rows = np.stack([column[counted] for column in columns], axis=1)
+        if not np.isfinite(rows).all() or np.abs(rows[:, :-1]).max(initial=0.0) > ENDLESS:
+            return None
+        if len(record) <= block:
+            return rows
+        # a triangular factor has the least squares of all its rows
+        table = np.asarray(np.linalg.qr(np.vstack((table, rows)), mode="r"))
+    return table
+
+
+def _unit_errors(model: StateSpace, piece: IOData, starts: FloatArray) -> list[FloatArray]:
+    """One-step errors (N, ny) of a piece without inputs, by a unit of each initial state and each constant output.
+
+    The columns of `starts` are the states at the beginning of the piece, which those at the beginning of the record led
+    to, and the constant outputs.
+    """
+    at_rest = replace(piece, u=np.zeros_like(piece.u), y=np.where(piece.known, 0.0, np.nan))
+    errors = []
+    for k, start in enumerate(starts.T):
+        constant = at_rest if k < model.order else replace(at_rest, y=at_rest.y + start[model.order :])
+        errors.append(residuals(model, constant, x0=start[: model.order]))
+    return errors

@@ -19,9 +19,10 @@ def lagged_products(signals: FloatArray, lags: int, start: int) -> FloatArray:
     for s in range(count):
         for r in range(count):
             # s(t) r(t - j) for all j; np.correlate returns the largest lag first
-            first = np.correlate(signals[start - lags :, r], signals[start:, s], "valid")[::-1]
-            out[s, 0, r] = first
-            out[r, :, s, 0] = first
+            by_lag = np.correlate(signals[start - lags :, r], signals[start:, s], "valid")[::-1]
+            out[s, 0, r] = by_lag
+            out[r, :, s, 0] = by_lag
+    # one lag more of both signals shifts the sum by one sample: a product enters before its start, the last one leaves
     before = signals[start - lags : start][::-1].T
     last = signals[n - lags : n][::-1].T
     for i in range(lags):
@@ -37,8 +38,8 @@ def lagged_solution(products: FloatArray, lags: Sequence[range], target: Sequenc
     regressors, and the weight of each in the combination, `target`. Those of the first signal, the output, are negated,
     as coefficients of A are. None if the regressors are too nearly dependent for normal equations.
     """
-    signal = np.repeat(np.arange(len(lags)), [len(part) for part in lags])
-    lag = np.concatenate([np.asarray(part, dtype=int) for part in lags])
+    signal = np.repeat(np.arange(len(lags)), [len(lags_of_signal) for lags_of_signal in lags])
+    lag = np.concatenate([np.asarray(lags_of_signal, dtype=int) for lags_of_signal in lags])
     gram = products[signal[:, None], lag[:, None], signal, lag]
     scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
     if not len(lag) or not scale.all():
@@ -50,7 +51,9 @@ def lagged_solution(products: FloatArray, lags: Sequence[range], target: Sequenc
     if np.diag(factor[0]).min() * SQUARE_SAFE < 1.0:
         return None
     right = products[:, 0, signal, lag].T @ np.asarray(target)
-    return np.asarray(np.where(signal, 1.0, -1.0) * scipy.linalg.cho_solve(factor, right / scale) / scale)
+    # coefficients of A, those of signal 0, stand on the other side of the equation
+    signs = np.where(signal, 1.0, -1.0)
+    return np.asarray(signs * scipy.linalg.cho_solve(factor, right / scale) / scale)
 
 
 def hankel_moments(signals: Sequence[FloatArray], blocks: int) -> FloatArray:
@@ -62,19 +65,26 @@ def hankel_moments(signals: Sequence[FloatArray], blocks: int) -> FloatArray:
     q = signals[0].shape[1]
     out = np.zeros((blocks, blocks, q, q))
     for z in signals:
-        columns = len(z) - blocks + 1
         for lag in range(blocks):
-            whole = z[:columns].T @ z[lag : lag + columns]
-            k = blocks - lag
-            entering = z[columns : columns + k - 1, :, None] * z[columns + lag : columns + lag + k - 1, None]
-            leaving = z[: k - 1, :, None] * z[lag : lag + k - 1, None]
-            diagonal = whole + np.concatenate((np.zeros((1, q, q)), np.cumsum(entering - leaving, axis=0)))
-            index = np.arange(k)
+            diagonal = _diagonal_of_moments(z, blocks, lag)
+            index = np.arange(blocks - lag)
             out[index, index + lag] += diagonal
             if lag:
                 out[index + lag, index] += diagonal.transpose(0, 2, 1)
     count = sum(len(z) - blocks + 1 for z in signals)
     return out.transpose(0, 2, 1, 3).reshape(blocks * q, blocks * q) / count
+
+
+def _diagonal_of_moments(z: FloatArray, blocks: int, lag: int) -> FloatArray:
+    """Sums over t of z(t + i) z(t + i + lag)' for i = 0, ..., blocks - lag - 1, (blocks - lag, q, q), of z (N, q)."""
+    q = z.shape[1]
+    columns = len(z) - blocks + 1
+    first = z[:columns].T @ z[lag : lag + columns]
+    steps = blocks - lag - 1
+    entering = z[columns : columns + steps, :, None] * z[columns + lag : columns + lag + steps, None]
+    leaving = z[:steps, :, None] * z[lag : lag + steps, None]
+    changes = np.cumsum(entering - leaving, axis=0)
+    return np.asarray(first + np.concatenate((np.zeros((1, q, q)), changes)))
 
 
 def hankel_triangle(
@@ -85,21 +95,22 @@ def hankel_triangle(
     It is computed from the moments if they are far from singular, else from the data (N_i, q) per experiment.
     """
     index = np.asarray(sequence, dtype=int)
-    part = moments[np.ix_(index, index)]
-    scale = np.sqrt(np.maximum(np.diag(part), np.finfo(float).tiny))
+    selected = moments[np.ix_(index, index)]
+    scale = np.sqrt(np.maximum(np.diag(selected), np.finfo(float).tiny))
     try:
-        triangle = np.linalg.cholesky(part / np.outer(scale, scale))
+        triangle = np.linalg.cholesky(selected / np.outer(scale, scale))
     except np.linalg.LinAlgError:
         triangle = None
     if triangle is None or np.diag(triangle).min() * SQUARE_SAFE < 1.0:
-        rows = [
-            np.lib.stride_tricks.sliding_window_view(z, blocks, axis=0)
-            .transpose(0, 2, 1)
-            .reshape(-1, blocks * z.shape[1])
-            for z in signals
-        ]
-        whole = np.vstack(rows)
-        upper = np.asarray(np.linalg.qr(whole[:, index] / (scale * np.sqrt(len(whole))), mode="r"))
+        rows = np.vstack([_hankel_rows(z, blocks) for z in signals])
+        upper = np.asarray(np.linalg.qr(rows[:, index] / (scale * np.sqrt(len(rows))), mode="r"))
+        # fewer rows than columns leave the last columns of the triangle zero
         triangle = np.zeros((len(index), len(index)))
         triangle[:, : len(upper)] = upper.T
     return scale[:, None] * triangle
+
+
+def _hankel_rows(z: FloatArray, blocks: int) -> FloatArray:
+    """Rows [z(t)', ..., z(t + blocks - 1)'] of a signal (N, q)."""
+    windows = np.lib.stride_tricks.sliding_window_view(z, blocks, axis=0)
+    return windows.transpose(0, 2, 1).reshape(-1, blocks * z.shape[1])

@@ -32,5 +32,5 @@ class InitialConditions(Enum):
         try:
             return InitialConditions(value)
         except ValueError as error:
-            known = ", ".join(f"InitialConditions.{one.name} or {one.value!r}" for one in InitialConditions)
-            raise SysidError(f"initial_conditions must be one of {known}; got {shown(value)}") from error
+            choices = ", ".join(f"InitialConditions.{member.name} or {member.value!r}" for member in InitialConditions)
+            raise SysidError(f"initial_conditions must be one of {choices}; got {shown(value)}") from error

@@ -2,8 +2,9 @@
 
 import functools
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import ParamSpec, TypeVar
 
 import numpy as np
@@ -48,15 +49,18 @@ class Orders:
             padded: Whether zeros behind the last coefficients of B and F are parameters too.
         """
         rows = [polynomials.channel(j) for j in range(polynomials.nu)]
-        nk = tuple(int(np.flatnonzero(b)[0]) if b.any() else 0 for b, _ in rows)
+        nk = tuple(_leading_zeros(b) for b, _ in rows)
+        # `channel` has left out the zeros behind the last coefficient, which rows of equal length need
         if padded:
             rows = list(zip(np.atleast_2d(polynomials.B), np.atleast_2d(polynomials.F), strict=True))
+        nb = tuple(len(b) - k for (b, _), k in zip(rows, nk, strict=True))
+        nf = tuple(len(f) - 1 for _, f in rows)
         return Orders(
             na=len(polynomials.A) - 1,
-            nb=tuple(len(b) - k for (b, _), k in zip(rows, nk, strict=True)),
+            nb=nb,
             nc=len(polynomials.C) - 1,
             nd=len(polynomials.D) - 1,
-            nf=tuple(len(f) - 1 for _, f in rows),
+            nf=nf,
             nk=nk,
         )
 
@@ -68,17 +72,22 @@ class Orders:
     @property
     def names(self) -> tuple[str, ...]:
         """One name per parameter: a1, b1, ..., with the suffix [j] if there are several inputs."""
-        suffix = [""] if len(self.nb) == 1 else [f"[{j + 1}]" for j in range(len(self.nb))]
-        names = [f"a{i + 1}" for i in range(self.na)]
-        names += [f"b{i + 1}{s}" for n, s in zip(self.nb, suffix, strict=True) for i in range(n)]
-        names += [f"c{i + 1}" for i in range(self.nc)] + [f"d{i + 1}" for i in range(self.nd)]
-        names += [f"f{i + 1}{s}" for n, s in zip(self.nf, suffix, strict=True) for i in range(n)]
+        suffixes = [""] if len(self.nb) == 1 else [f"[{j + 1}]" for j in range(len(self.nb))]
+        names = _numbered("a", self.na)
+        for nb, suffix in zip(self.nb, suffixes, strict=True):
+            names += _numbered("b", nb, suffix)
+        names += _numbered("c", self.nc) + _numbered("d", self.nd)
+        for nf, suffix in zip(self.nf, suffixes, strict=True):
+            names += _numbered("f", nf, suffix)
         return tuple(names)
 
     def select(self, *names: str) -> dict[str, int | tuple[int, ...]]:
         """Orders by name, as an estimate reports them: one number if there is one input."""
-        values = {name: getattr(self, name) for name in names}
-        return {name: v[0] if isinstance(v, tuple) and len(v) == 1 else v for name, v in values.items()}
+        selected = {}
+        for name in names:
+            value = getattr(self, name)
+            selected[name] = value[0] if isinstance(value, tuple) and len(value) == 1 else value
+        return selected
 
     def first_row(self, window: int) -> int:
         """First time whose prediction error needs no sample from before the record."""
@@ -90,21 +99,27 @@ class Orders:
         It precedes `first_row` by as many samples as there are such conditions, so that as many errors count as for a
         state-space model with a free initial state.
         """
-        disturbance = max(self.na, *(n + k - 1 - f for n, k, f in zip(self.nb, self.nk, self.nf, strict=True)), 0)
-        return max(window, disturbance + self.nd - max(self.nc, self.nd), 0)
+        # v = A y - B/F u needs na earlier outputs, and inputs but for the last nf, which the free states of 1/F replace
+        first_disturbance = self.na
+        for nb, nk, nf in zip(self.nb, self.nk, self.nf, strict=True):
+            first_disturbance = max(first_disturbance, nb + nk - 1 - nf)
+        return max(window, first_disturbance + self.nd - max(self.nc, self.nd), 0)
+
+    @property
+    def ranges(self) -> tuple[slice, list[slice], slice, slice, list[slice]]:
+        """Positions of the coefficients of A, [B], C, D, [F] among the parameters."""
+        sizes = (self.na, *self.nb, self.nc, self.nd, *self.nf)
+        ends = accumulate(sizes)
+        positions = [slice(end - size, end) for size, end in zip(sizes, ends, strict=True)]
+        nu = len(self.nb)
+        return positions[0], positions[1 : 1 + nu], positions[1 + nu], positions[2 + nu], positions[3 + nu :]
 
     def split(self, theta: FloatArray) -> tuple[FloatArray, list[FloatArray], FloatArray, FloatArray, list[FloatArray]]:
         """Parameters as polynomials A, [B], C, D, [F], each with its leading 1, B with its nk leading zeros."""
-        sizes = [self.na, *self.nb, self.nc, self.nd, *self.nf]
-        nu = len(self.nb)
-        parts, begin = [], 0
-        for size in sizes:
-            parts.append(theta[begin : begin + size])
-            begin += size
-        b = [np.concatenate((np.zeros(k), part)) for k, part in zip(self.nk, parts[1 : 1 + nu], strict=True)]
-        f = [np.concatenate(([1.0], part)) for part in parts[3 + nu :]]
-        a, c, d = (np.concatenate(([1.0], part)) for part in (parts[0], parts[1 + nu], parts[2 + nu]))
-        return a, b, c, d, f
+        of_a, of_b, of_c, of_d, of_f = self.ranges
+        b = with_delays([theta[of_bj] for of_bj in of_b], self.nk)
+        f = [_monic(theta[of_fj]) for of_fj in of_f]
+        return _monic(theta[of_a]), b, _monic(theta[of_c]), _monic(theta[of_d]), f
 
     def join(
         self,
@@ -115,11 +130,11 @@ class Orders:
         f: Sequence[FloatArray] | None = None,
     ) -> FloatArray:
         """Inverse of `split`; None stands for 1."""
-        parts = [a[1:], *(bj[k:] for bj, k in zip(b, self.nk, strict=True))]
-        parts.append(np.zeros(self.nc) if c is None else c[1:])
-        parts.append(np.zeros(self.nd) if d is None else d[1:])
-        parts += [np.zeros(n) for n in self.nf] if f is None else [fj[1:] for fj in f]
-        return np.concatenate(parts)
+        c_coefficients = np.zeros(self.nc) if c is None else c[1:]
+        d_coefficients = np.zeros(self.nd) if d is None else d[1:]
+        b_coefficients = [bj[k:] for bj, k in zip(b, self.nk, strict=True)]
+        f_coefficients = [np.zeros(sum(self.nf))] if f is None else [fj[1:] for fj in f]
+        return np.concatenate((a[1:], *b_coefficients, c_coefficients, d_coefficients, *f_coefficients))
 
     def polynomials(self, theta: FloatArray) -> Polynomials:
         """Parameters as a `Polynomials` record."""
@@ -140,21 +155,23 @@ class Orders:
         for j, ((b, _), k) in enumerate(zip(rows, self.nk, strict=True)):
             if b[:k].any():
                 raise SysidError(f"expected nk = {k} zeros at the beginning of B of input {j + 1}, got {b}")
-        return self.join(
-            _filled("A", polynomials.A, self.na + 1),
-            [_filled("B", b, n + k) for (b, _), n, k in zip(rows, self.nb, self.nk, strict=True)],
-            _filled("C", polynomials.C, self.nc + 1),
-            _filled("D", polynomials.D, self.nd + 1),
-            [_filled("F", f, n + 1) for (_, f), n in zip(rows, self.nf, strict=True)],
-        )
+        a = _filled("A", polynomials.A, self.na + 1)
+        c, d = _filled("C", polynomials.C, self.nc + 1), _filled("D", polynomials.D, self.nd + 1)
+        numerators, denominators = [], []
+        for (b, f), nb, nk, nf in zip(rows, self.nb, self.nk, self.nf, strict=True):
+            numerators.append(_filled("B", b, nb + nk))
+            denominators.append(_filled("F", f, nf + 1))
+        return self.join(a, numerators, c, d, denominators)
 
 
 def orders_apart(estimator: Callable[P, R]) -> Callable[P, R]:
     """Refuse orders as one list, as MATLAB takes them, with the call that is expected."""
-    required = [n for n, one in inspect.signature(estimator).parameters.items() if one.default is one.empty]
+    parameters = inspect.signature(estimator).parameters
+    required = [name for name, parameter in parameters.items() if parameter.default is parameter.empty]
 
     @functools.wraps(estimator)
     def call(*args: P.args, **options: P.kwargs) -> R:
+        # with all orders present, a list is one order per input
         if len(required) > len(args) > 1 and isinstance(args[1], Sequence | np.ndarray):
             missing = [name for name in required[len(args) :] if name not in options]
             if missing:
@@ -180,7 +197,7 @@ def make_orders(
         raise SysidError(f"nb = {shown(nb)} given for a time series, which has no input: use ar or arma")
     return Orders(
         na=whole_number("na", na, 0),
-        nb=_per_input("nb", nb, nu, least=1),
+        nb=_per_input("nb", nb, nu, lowest=1),
         nc=whole_number("nc", nc, 0),
         nd=whole_number("nd", nd, 0),
         nf=_per_input("nf", nf, nu),
@@ -188,15 +205,35 @@ def make_orders(
     )
 
 
-def _per_input(name: str, value: int | Sequence[int], nu: int, least: int = 0) -> tuple[int, ...]:
+def _per_input(name: str, value: int | Sequence[int], nu: int, lowest: int = 0) -> tuple[int, ...]:
+    """One order per input, from a number for all of them or one for each."""
     if isinstance(value, int | np.integer) or (isinstance(value, np.ndarray) and not value.ndim):
-        return (whole_number(name, value, least),) * nu
+        return (whole_number(name, value, lowest),) * nu
     if isinstance(value, str | bytes) or not isinstance(value, Sequence | np.ndarray):
-        raise SysidError(f"{name} must be a whole number >= {least}, or one per input, got {shown(value)}")
-    values = tuple(whole_number(name, v, least) for v in value)
+        raise SysidError(f"{name} must be a whole number >= {lowest}, or one per input, got {shown(value)}")
+    values = tuple(whole_number(name, v, lowest) for v in value)
     if len(values) != nu:
         raise SysidError(f"{name}: expected one value or one per input ({nu}), got {values}")
     return values
+
+
+def _numbered(letter: str, count: int, suffix: str = "") -> list[str]:
+    """Names of the coefficients of a polynomial, such as b1[2], b2[2]."""
+    return [f"{letter}{i + 1}{suffix}" for i in range(count)]
+
+
+def with_delays(coefficients: Iterable[FloatArray], nk: Sequence[int]) -> list[FloatArray]:
+    """Polynomials B of each input: as many leading zeros as its delay, then its coefficients."""
+    return [np.concatenate((np.zeros(k), b)) for k, b in zip(nk, coefficients, strict=True)]
+
+
+def _monic(coefficients: FloatArray) -> FloatArray:
+    return np.concatenate(([1.0], coefficients))
+
+
+def _leading_zeros(row: FloatArray) -> int:
+    """Number of zeros before the first other coefficient; 0 if all are zero."""
+    return int(np.flatnonzero(row)[0]) if row.any() else 0
 
 
 def padded_rows(polynomials: Sequence[FloatArray]) -> FloatArray:
@@ -210,6 +247,7 @@ def padded_rows(polynomials: Sequence[FloatArray]) -> FloatArray:
 
 
 def _filled(name: str, row: FloatArray, length: int) -> FloatArray:
+    """Coefficients of a polynomial, filled with zeros up to a length; more than that are refused."""
     row = trimseq(row)
     if len(row) > length:
         raise SysidError(f"{name} has {len(row)} coefficients, expected at most {length}")
