@@ -5,17 +5,18 @@ None of these is a prediction-error estimate; each fails on some systems, and on
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations, islice
+from itertools import chain, combinations, islice
 
 import numpy as np
 import scipy
 
 from sysid.models.polynomials import stabilised
+from sysid.polynomial.error_jacobian import path_responses
 from sysid.polynomial.gram_matrices import lagged_products, lagged_solution
 from sysid.polynomial.least_squares import solve
 from sysid.polynomial.long_arx import LongArx, arx_errors, arx_solution, long_arx_models, long_arx_order
 from sysid.polynomial.missing_outputs import MissingOutputs
-from sysid.polynomial.orders import Orders
+from sysid.polynomial.orders import Orders, with_delays
 from sysid.polynomial.prediction_error import InitialEstimate
 from sysid.polynomial.regressors import arx_regressors, input_lags, lagged, output_lags
 from sysid.records.arrays import FloatArray
@@ -31,35 +32,37 @@ def completed(experiments: Sequence[IOData], orders: Orders) -> tuple[IOData, ..
     if all(e.complete for e in experiments):
         return tuple(experiments)
     n = long_arx_order(experiments, orders, 3)
-    filled = tuple(replace(e, y=interpolated(e), missing=False) for e in experiments)
+    filled = [replace(e, y=interpolated(e), missing=False) for e in experiments]
     for _ in range(FILL_ROUNDS):
         model = long_arx_models(filled, orders, n)(n)
-        update = tuple(_conditional_mean(model, e, f) for e, f in zip(experiments, filled, strict=True))
-        change = sum(float(np.sum((a.y - b.y) ** 2)) for a, b in zip(update, filled, strict=True))
-        errors = sum(float(np.sum(model.errors(e)[model.skip :] ** 2)) for e in update)
-        filled = update
+        last_filled = filled
+        filled = [_conditional_mean(model, e, last) for e, last in zip(experiments, last_filled, strict=True)]
+        change = sum(float(np.sum((new.y - old.y) ** 2)) for new, old in zip(filled, last_filled, strict=True))
+        errors = sum(float(np.sum(model.errors(e)[model.skip :] ** 2)) for e in filled)
         if change <= FILL_SETTLED**2 * errors:
             break
-    return filled
+    return tuple(filled)
 
 
 def interpolated(experiment: IOData) -> FloatArray:
     """Outputs with straight lines across their gaps (N, ny)."""
     times = np.arange(len(experiment))
-    return np.column_stack(
-        [np.interp(times, times[k], y[k]) for y, k in zip(experiment.y.T, experiment.known.T, strict=True)]
-    )
+    channels = []
+    for y, known in zip(experiment.y.T, experiment.known.T, strict=True):
+        channels.append(np.interp(times, times[known], y[known]))
+    return np.column_stack(channels)
 
 
 def _conditional_mean(model: LongArx, experiment: IOData, filled: IOData) -> IOData:
     """Fill from `skip` on; the errors before it are unknown, and the earlier filling stays."""
-    known = experiment.known
+    known = experiment.known[model.skip :]
     y = filled.y.copy()
-    y[model.skip :][~known[model.skip :]] = 0.0
+    y[model.skip :][~known] = 0.0
     errors = arx_errors(replace(filled, y=y), model.a, model.b)[model.skip :]
-    gaps = MissingOutputs.of(known[model.skip :], model.a[:, None, None])
+    # the errors of an ARX model respond to an output by A
+    gaps = MissingOutputs.of(known, model.a[:, None, None])
     if gaps.count:
-        y[model.skip :][~known[model.skip :]] = -gaps.best(errors[:, None, None])[:, 0]
+        y[model.skip :][~known] = -gaps.best(errors[:, None, None])[:, 0]
     return replace(filled, y=y)
 
 
@@ -83,18 +86,17 @@ def armax_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> It
     y = [e.y[:, 0] for e in experiments]
     u = [e.u for e in experiments]
     rows = [orders.first_row(e.window) for e in experiments]
-    short, middle, long = (long_arx_order(experiments, orders, factor) for factor in (3, 5, 8))
-    long_arx = long_arx_models(experiments, orders, long)
-    for n in (short, long):
+    shortest, middle, longest = (long_arx_order(experiments, orders, factor) for factor in (3, 5, 8))
+    long_arx = long_arx_models(experiments, orders, longest)
+    for n in (shortest, longest):
         yield InitialEstimate(f"Hannan-Rissanen ({n})", hannan_rissanen(experiments, orders, long_arx(n)))
     model = long_arx(middle)
     noise_free = [model.simulate(e) for e in experiments]
     path = arx_solution(noise_free, u, orders.na, orders.nb, orders.nk, rows)
     yield InitialEstimate(f"simulated ARX ({middle})", _without_noise_model(orders, path))
     yield InitialEstimate(f"reduced ARX ({middle})", _reduced_armax(experiments, orders, model))
-    yield InitialEstimate(
-        "arx", _without_noise_model(orders, arx_solution(y, u, orders.na, orders.nb, orders.nk, rows))
-    )
+    path = arx_solution(y, u, orders.na, orders.nb, orders.nk, rows)
+    yield InitialEstimate("arx", _without_noise_model(orders, path))
 
 
 def check_room_to_start(experiments: Sequence[IOData], orders: Orders) -> None:
@@ -106,11 +108,15 @@ def check_room_to_start(experiments: Sequence[IOData], orders: Orders) -> None:
             f"too many orders for the data: dynamics of order {dynamics} need an experiment of {3 * (dynamics + 1)} "
             f"samples, the longest has {max(len(e) for e in experiments)}"
         )
+    # the residuals of the long ARX model and their lags
     skipped = long_arx_order(experiments, orders, 8) + max(orders.nk, default=0) + max(orders.nc, orders.nd)
-    firsts = [max(e.window, orders.first_row(0), *orders.nf) for e in experiments]
-    available = [len(e) - max(first, skipped) for e, first in zip(experiments, firsts, strict=True)]
-    shared = sum(orders.nb) + orders.nc + max((orders.na, *orders.nf))
-    if min(available) <= 0 or sum(available) <= max(shared, orders.nc + orders.nd):
+    available = []
+    for experiment in experiments:
+        first = max(experiment.window, orders.first_row(0), *orders.nf)
+        available.append(len(experiment) - max(first, skipped))
+    # coefficients of one regression: input path with the noise of ARMAX, or the disturbance of Box-Jenkins alone
+    of_path = sum(orders.nb) + orders.nc + max((orders.na, *orders.nf))
+    if min(available) <= 0 or sum(available) <= max(of_path, orders.nc + orders.nd):
         raise SysidError(
             f"too many orders for the data: {orders.count} parameters and {max(sum(available), 0)} samples in "
             f"{len(experiments)} experiment(s) after the first {skipped}, which the initial estimates need"
@@ -136,22 +142,25 @@ def oe_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Itera
 
 def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:
     """ARMAX: least squares with the residuals of a long ARX model in place of e [HannanRissanen1982]."""
-    lags = [output_lags(orders.na), *(input_lags(n, k) for n, k in zip(orders.nb, orders.nk, strict=True))]
-    lags.append(output_lags(orders.nc))
-    most = max(orders.first_row(0), orders.nc)
-    table: FloatArray | float = 0.0
-    for e in experiments:
-        start = max(e.window, model.skip) + orders.nc
-        table = table + lagged_products(np.column_stack((e.y[:, 0], e.u, model.errors(e))), most, max(start, most))
-    theta = lagged_solution(np.asarray(table), lags, [1.0] + [0.0] * len(orders.nb) + [-1.0])
+    u_lags = [input_lags(nb, nk) for nb, nk in zip(orders.nb, orders.nk, strict=True)]
+    lags = [output_lags(orders.na), *u_lags, output_lags(orders.nc)]
+    longest_lag = max(orders.first_row(0), orders.nc)
+    # the residuals need `skip` samples before them, their lags nc more
+    starts = [max(max(e.window, model.skip) + orders.nc, longest_lag) for e in experiments]
+    products: FloatArray | float = 0.0
+    for e, start in zip(experiments, starts, strict=True):
+        signals = np.column_stack((e.y[:, 0], e.u, model.errors(e)))
+        products = products + lagged_products(signals, longest_lag, start)
+    # the right-hand side is y - e
+    weights = [1.0] + [0.0] * len(orders.nb) + [-1.0]
+    theta = lagged_solution(np.asarray(products), lags, weights)
     if theta is not None:
         return with_stable_noise(orders, theta)
     rows, targets = [], []
-    for e in experiments:
+    for e, start in zip(experiments, starts, strict=True):
         y, errors = e.y[:, 0], model.errors(e)
-        start = max(max(e.window, model.skip) + orders.nc, most)
-        residual_lags = lagged(errors, output_lags(orders.nc), start)
-        rows.append(np.hstack((arx_regressors(y, e.u, orders.na, orders.nb, orders.nk, start), residual_lags)))
+        arx_columns = arx_regressors(y, e.u, orders.na, orders.nb, orders.nk, start)
+        rows.append(np.hstack((arx_columns, lagged(errors, output_lags(orders.nc), start))))
         targets.append((y - errors)[start:])
     return with_stable_noise(orders, solve(np.vstack(rows), np.concatenate(targets)[:, None]).solution[:, 0])
 
@@ -175,43 +184,50 @@ def steiglitz_mcbride(
     """
     nf = max(orders.nf)
     u = [e.u for e in experiments]
-    initial_estimates = [max(e.window, nf, orders.first_row(e.window)) for e in experiments]
-    f = np.ones(1) if first is None else max((fj for fj in orders.split(first)[4]), key=len)
+    starts = [max(e.window, nf, orders.first_row(e.window)) for e in experiments]
+    f = np.ones(1)
+    if first is not None:
+        _, _, _, _, denominators = orders.split(first)
+        f = max(denominators, key=len)
     theta = np.zeros(0)
     for k in range(iterations + 1):
-        before = f
+        last_f = f
         if k or first is not None:
             filtered_y = [scipy.signal.lfilter([1.0], f, yi) for yi in y]
             filtered_u = [scipy.signal.lfilter([1.0], f, ui, axis=0) for ui in u]
         else:
             filtered_y, filtered_u = list(y), u
-        theta = arx_solution(filtered_y, filtered_u, nf, orders.nb, orders.nk, initial_estimates)
+        theta = arx_solution(filtered_y, filtered_u, nf, orders.nb, orders.nk, starts)
         f = stabilised(np.concatenate(([1.0], theta[:nf])))
-        if len(before) == len(f) and np.abs(f - before).max() <= SETTLED * np.abs(f).max():
+        if len(last_f) == len(f) and np.abs(f - last_f).max() <= SETTLED * np.abs(f).max():
             break
-    b = [np.concatenate((np.zeros(k), part)) for k, part in _by_input(orders, theta[nf:])]
-    return orders.join(np.ones(1), b, f=[f[: n + 1] if n == nf else stabilised(f[: n + 1]) for n in orders.nf])
+    return orders.join(np.ones(1), _numerators(orders, theta[nf:]), f=[_cut_denominator(f, n) for n in orders.nf])
+
+
+def _cut_denominator(f: FloatArray, degree: int) -> FloatArray:
+    """The first coefficients of a stable denominator, stabilised again where some are cut off."""
+    return f if degree == len(f) - 1 else stabilised(f[: degree + 1])
 
 
 def reduced_path(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:
     """OE: F from the pulse responses of a long ARX model, path by path; then B by least squares on the data."""
     rows = _hankel_rows(experiments, orders)
-    responses = model.responses(2 * rows + max(orders.nk) + max(orders.nb))
+    *responses, _ = model.responses(2 * rows + max(orders.nk) + max(orders.nb))
     f = []
-    for response, nb, nk, nf in zip(responses[:-1], orders.nb, orders.nk, orders.nf, strict=True):
+    for response, nb, nk, nf in zip(responses, orders.nb, orders.nk, orders.nf, strict=True):
+        # after the last coefficient of B the response obeys the recursion by F
         f.append(reduced_denominator([response[max(nk + nb - nf, 1) :]], nf, rows))
     blocks, targets = [], []
     for e in experiments:
         start = orders.first_row(e.window)
-        columns = [
-            lagged(scipy.signal.lfilter([1.0], fj, e.u[:, j]), input_lags(nb, nk), start)
-            for j, (fj, nb, nk) in enumerate(zip(f, orders.nb, orders.nk, strict=True))
-        ]
+        columns = []
+        for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+            filtered = scipy.signal.lfilter([1.0], f[j], e.u[:, j])
+            columns.append(lagged(filtered, input_lags(nb, nk), start))
         blocks.append(np.hstack(columns))
         targets.append(e.y[start:])
     theta = solve(np.vstack(blocks), np.concatenate(targets)).solution[:, 0]
-    b = [np.concatenate((np.zeros(k), part)) for k, part in _by_input(orders, theta)]
-    return orders.join(np.ones(1), b, f=f)
+    return orders.join(np.ones(1), _numerators(orders, theta), f=f)
 
 
 def reduced_denominator(responses: Sequence[FloatArray], order: int, rows: int) -> FloatArray:
@@ -222,6 +238,7 @@ def reduced_denominator(responses: Sequence[FloatArray], order: int, rows: int) 
     if order == 0:
         return np.ones(1)
     blocks = [scipy.linalg.hankel(g[:rows], g[rows - 1 : 2 * rows - 1]) for g in responses]
+    # the largest eigenvectors of H H' are the left singular vectors of the Hankel matrices side by side
     _, vectors = np.linalg.eigh(sum(block @ block.T for block in blocks))
     observability = vectors[:, -order:]
     dynamics, *_ = np.linalg.lstsq(observability[:-1], observability[1:], rcond=None)
@@ -231,15 +248,20 @@ def reduced_denominator(responses: Sequence[FloatArray], order: int, rows: int) 
 def _reduced_armax(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:
     """ARMAX: A from all pulse responses of a long ARX model, then B and C by least squares with its residuals."""
     rows = _hankel_rows(experiments, orders)
-    errors = [model.errors(e) for e in experiments]
-    sizes = [float(np.std(np.concatenate([e.u[:, j] for e in experiments]))) for j in range(len(orders.nb))]
-    sizes.append(float(np.std(np.concatenate([error[model.skip :] for error in errors]))))
-    delays = [k + n - orders.na for k, n in zip(orders.nk, orders.nb, strict=True)] + [orders.nc - orders.na + 1]
-    responses = model.responses(2 * rows + max(*delays, 1))
-    weighted = [size * g[max(k, 1) :] for g, k, size in zip(responses, delays, sizes, strict=True)]
+    residuals = [model.errors(e) for e in experiments]
+    # each path counts as much as its signal moves the output
+    weights = [float(np.std(u)) for u in np.concatenate([e.u for e in experiments]).T]
+    weights.append(float(np.std(np.concatenate([error[model.skip :] for error in residuals]))))
+    # after the last coefficient of B or C the responses obey the recursion by A
+    firsts = [nk + nb - orders.na for nk, nb in zip(orders.nk, orders.nb, strict=True)]
+    firsts.append(orders.nc - orders.na + 1)
+    responses = model.responses(2 * rows + max(*firsts, 1))
+    weighted = []
+    for response, first, weight in zip(responses, firsts, weights, strict=True):
+        weighted.append(weight * response[max(first, 1) :])
     a = reduced_denominator(weighted, orders.na, rows)
     blocks, targets = [], []
-    for e, error in zip(experiments, errors, strict=True):
+    for e, error in zip(experiments, residuals, strict=True):
         start = max(max(e.window, model.skip) + orders.nc, orders.first_row(0))
         inputs = arx_regressors(e.y[:, 0], e.u, 0, orders.nb, orders.nk, start)
         blocks.append(np.hstack((inputs, lagged(error, output_lags(orders.nc), start))))
@@ -249,15 +271,18 @@ def _reduced_armax(experiments: Sequence[IOData], orders: Orders, model: LongArx
 
 
 def _hankel_rows(experiments: Sequence[IOData], orders: Orders) -> int:
-    return min(max(HANKEL_ROWS, 2 * max((orders.na, *orders.nf))), max(len(e) for e in experiments) // 3)
+    """Rows of the Hankel matrices of pulse responses: enough for the order, and a third of the longest record."""
+    degree = max((orders.na, *orders.nf))
+    return min(max(HANKEL_ROWS, 2 * degree), max(len(e) for e in experiments) // 3)
 
 
 def _without_noise_model(orders: Orders, arx_theta: FloatArray) -> FloatArray:
     return np.concatenate((arx_theta, np.zeros(orders.nc)))
 
 
-def _by_input(orders: Orders, coefficients: FloatArray) -> Iterator[tuple[int, FloatArray]]:
-    return zip(orders.nk, np.split(coefficients, np.cumsum(orders.nb)[:-1]), strict=True)
+def _numerators(orders: Orders, coefficients: FloatArray) -> list[FloatArray]:
+    """B of each input from the coefficients of all of them (sum(nb),)."""
+    return with_delays(np.split(coefficients, np.cumsum(orders.nb)[:-1]), orders.nk)
 
 
 def bj_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
@@ -267,27 +292,28 @@ def bj_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Itera
     long model and output-error fits work where that fails.
     """
     path_orders = replace(orders, nc=0, nd=0)
-    short, long = (long_arx_order(experiments, orders, factor) for factor in (3, 8))
-    long_arx = long_arx_models(experiments, orders, long)
-    model = long_arx(short)
-    for n in (short, long):
+    shortest, longest = (long_arx_order(experiments, orders, factor) for factor in (3, 8))
+    long_arx = long_arx_models(experiments, orders, longest)
+    model = long_arx(shortest)
+    for n in (shortest, longest):
         path = _whitened_path(experiments, path_orders, long_arx(n))
         yield InitialEstimate(f"whitened ({n})", _with_disturbance(experiments, orders, path_orders, path, model))
-    path = reduced_path(experiments, path_orders, long_arx(long))
-    yield InitialEstimate(f"reduced ARX ({long})", _with_disturbance(experiments, orders, path_orders, path, model))
+    path = reduced_path(experiments, path_orders, long_arx(longest))
+    yield InitialEstimate(f"reduced ARX ({longest})", _with_disturbance(experiments, orders, path_orders, path, model))
     for start in oe_initial_estimates(experiments, path_orders):
         theta = _with_disturbance(experiments, orders, path_orders, start.theta, model)
         yield InitialEstimate(f"oe: {start.name}", theta)
 
 
 def _whitened_path(experiments: Sequence[IOData], path_orders: Orders, model: LongArx) -> FloatArray:
-    a = model.a
+    """Input paths by Steiglitz-McBride on data filtered by A of a long ARX model, which whitens the disturbance."""
     noise_free = [model.simulate(e) for e in experiments]
     first = steiglitz_mcbride(experiments, path_orders, noise_free, REFINEMENTS)
-    white = [
-        replace(e, u=scipy.signal.lfilter(a, [1.0], e.u, axis=0), y=scipy.signal.lfilter(a, [1.0], e.y, axis=0))
-        for e in experiments
-    ]
+    white = []
+    for experiment in experiments:
+        u = scipy.signal.lfilter(model.a, [1.0], experiment.u, axis=0)
+        y = scipy.signal.lfilter(model.a, [1.0], experiment.y, axis=0)
+        white.append(replace(experiment, u=u, y=y))
     return steiglitz_mcbride(white, path_orders, [e.y[:, 0] for e in white], REFINEMENTS, first)
 
 
@@ -295,20 +321,20 @@ def _with_disturbance(
     experiments: Sequence[IOData], orders: Orders, path_orders: Orders, path: FloatArray, model: LongArx
 ) -> FloatArray:
     """Add C and D: regress v = y - B/F u on lags of itself and of the estimated innovations."""
-    one, b, _, _, f = path_orders.split(path)
+    a, b, _, _, f = path_orders.split(path)
     rows, targets = [], []
     for e in experiments:
         innovations = model.errors(e)
-        v = e.y[:, 0] - sum(
-            scipy.signal.lfilter(bj, fj, e.u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))
-        )
+        v = e.y[:, 0] - sum(path_responses(e.u, b, f))
         start = max(e.window, model.skip) + max(orders.nc, orders.nd)
-        columns = (lagged(innovations, output_lags(orders.nc), start), -lagged(v, output_lags(orders.nd), start))
-        rows.append(np.hstack(columns))
+        by_c = lagged(innovations, output_lags(orders.nc), start)
+        by_d = -lagged(v, output_lags(orders.nd), start)
+        rows.append(np.hstack((by_c, by_d)))
         targets.append((v - innovations)[start:])
-    cd = solve(np.vstack(rows), np.concatenate(targets)[:, None]).solution[:, 0]
-    c, d = (stabilised(np.concatenate(([1.0], part))) for part in np.split(cd, [orders.nc]))
-    return orders.join(one, b, c, d, f)
+    coefficients = solve(np.vstack(rows), np.concatenate(targets)[:, None]).solution[:, 0]
+    c = stabilised(np.concatenate(([1.0], coefficients[: orders.nc])))
+    d = stabilised(np.concatenate(([1.0], coefficients[orders.nc :])))
+    return orders.join(a, b, c, d, f)
 
 
 CANDIDATES = 8  # choices of the roots of A among those of A D F, the likeliest first
@@ -321,31 +347,38 @@ def general_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> 
     A D F y = B D u + C F e is an ARMAX model, by Hannan and Rissanen. Of its poles, those of D are zeros of B D, and
     those of F are zeros of C F; the others are roots of A.
     """
-    whole, rest = _as_armax(orders), replace(orders, na=0)
-    n = long_arx_order(experiments, whole, 8)
-    model = long_arx_models(experiments, whole, n)(n)
-    a, b, c, *_ = whole.split(hannan_rissanen(experiments, whole, model))
-    denominators = [(f"A {k}", factor) for k, factor in enumerate(_factors(a, [*b, c], orders.na), start=1)]
-    plain = replace(rest, na=orders.na, nd=0, nf=(0,) * len(orders.nf))
-    for start in armax_initial_estimates(experiments, plain):
-        denominators.append((f"A of {start.name}", plain.split(start.theta)[0]))
-    families = []
-    for name, a in denominators:
-        filtered = [
-            replace(e, y=scipy.signal.lfilter(a, [1.0], e.y, axis=0), window=max(e.window, orders.na))
-            for e in experiments
-        ]
-        families.append((name, a, initial_estimates(filtered, rest)))
+    as_armax, without_a = _as_armax(orders), replace(orders, na=0)
+    n = long_arx_order(experiments, as_armax, 8)
+    model = long_arx_models(experiments, as_armax, n)(n)
+    a, b, c, *_ = as_armax.split(hannan_rissanen(experiments, as_armax, model))
+    denominators = []
+    for k, factor in enumerate(_factors(a, [*b, c], orders.na), start=1):
+        denominators.append((f"A {k}", factor))
+    plain_armax = replace(without_a, na=orders.na, nd=0, nf=(0,) * len(orders.nf))
+    for start in armax_initial_estimates(experiments, plain_armax):
+        denominators.append((f"A of {start.name}", plain_armax.split(start.theta)[0]))
+    families = [(name, a, initial_estimates(_filtered_by(a, experiments), without_a)) for name, a in denominators]
+    # the best method for every A comes first, then the next best: the search may end at any of them
     for _ in range(ROUNDS):
         for name, a, family in families:
             for start in islice(family, 1):
-                _, b, c, d, f = rest.split(start.theta)
+                _, b, c, d, f = without_a.split(start.theta)
                 yield InitialEstimate(f"{name}, {start.name}", orders.join(a, b, c, d, f))
+
+
+def _filtered_by(a: FloatArray, experiments: Sequence[IOData]) -> list[IOData]:
+    """Experiments with the output A y, whose first samples lack their past."""
+    filtered = []
+    for experiment in experiments:
+        y = scipy.signal.lfilter(a, [1.0], experiment.y, axis=0)
+        filtered.append(replace(experiment, y=y, window=max(experiment.window, len(a) - 1)))
+    return filtered
 
 
 def _as_armax(orders: Orders) -> Orders:
     """Orders of A D F y = B D u + C F e, F the product of all inputs' F."""
     f = sum(orders.nf)
+    # beside B stands the F of all other inputs
     b = tuple(nb + orders.nd + f - nf for nb, nf in zip(orders.nb, orders.nf, strict=True))
     return replace(orders, na=orders.na + orders.nd + f, nb=b, nc=orders.nc + f, nd=0, nf=(0,) * len(orders.nf))
 
@@ -353,17 +386,31 @@ def _as_armax(orders: Orders) -> Orders:
 def _factors(denominator: FloatArray, numerators: Sequence[FloatArray], degree: int) -> list[FloatArray]:
     """Real factors of a degree, those first whose roots are least zeros of the numerators, the last one the noise's."""
     roots = np.roots(denominator)
-    groups = [[r, r.conjugate()] if r.imag else [r] for r in roots if r.imag >= 0.0]
-    *inputs, noise = [
-        np.array([abs(np.polyval(p, g[0])) / np.polyval(np.abs(p), abs(g[0])) for g in groups]) for p in numerators
-    ]
-    likely = np.log(np.maximum(np.max(inputs, axis=0) * noise, np.finfo(float).tiny))
-    choices = [
-        choice
-        for count in range(1, degree + 1)
-        for choice in combinations(range(len(groups)), count)
-        if sum(len(groups[k]) for k in choice) == degree
-    ]
-    choices.sort(key=lambda choice: -sum(len(groups[k]) * likely[k] for k in choice))
-    factors = [np.poly([root for k in choice for root in groups[k]]).real for choice in choices[:CANDIDATES]]
-    return [np.asarray(factor, dtype=np.float64) for factor in factors]
+    # a pair of complex roots stays together
+    groups = [_with_conjugate(root) for root in roots if root.imag >= 0.0]
+    *by_input, of_noise = (_relative_values(numerator, groups) for numerator in numerators)
+    # a root of A is a zero of no numerator: one that the noise or every input cancels belongs to F or D
+    likelihood = np.log(np.maximum(np.max(by_input, axis=0) * of_noise, np.finfo(float).tiny))
+    choices = []
+    for count in range(1, degree + 1):
+        for choice in combinations(range(len(groups)), count):
+            if sum(len(groups[k]) for k in choice) == degree:
+                choices.append(choice)
+    choices.sort(key=lambda choice: -sum(len(groups[k]) * likelihood[k] for k in choice))
+    factors = []
+    for choice in choices[:CANDIDATES]:
+        chosen_roots = list(chain.from_iterable(groups[k] for k in choice))
+        factors.append(np.asarray(np.poly(chosen_roots).real, dtype=np.float64))
+    return factors
+
+
+def _with_conjugate(root: complex) -> list[complex]:
+    return [root, root.conjugate()] if root.imag else [root]
+
+
+def _relative_values(polynomial: FloatArray, groups: Sequence[Sequence[complex]]) -> FloatArray:
+    """Moduli of a polynomial at the first root of each group, relative to the sum of the moduli of its terms."""
+    values = []
+    for root, *_ in groups:
+        values.append(abs(np.polyval(polynomial, root)) / np.polyval(np.abs(polynomial), abs(root)))
+    return np.array(values)

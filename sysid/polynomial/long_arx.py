@@ -13,12 +13,13 @@ import scipy
 from sysid.models.polynomials import stabilised
 from sysid.polynomial.gram_matrices import lagged_products, lagged_solution
 from sysid.polynomial.least_squares import solve, tall_least_squares
-from sysid.polynomial.orders import Orders
-from sysid.polynomial.regressors import arx_equations, arx_regressors, input_lags, output_lags
+from sysid.polynomial.orders import Orders, with_delays
+from sysid.polynomial.regressors import arx_equations, arx_regressors, first_row, input_lags, output_lags
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
 LARGEST = 60  # order: more coefficients cost time and variance, and the search refines the result anyway
+ROWS_PER_COEFFICIENT = 4  # least number of samples per coefficient
 DIED = 1e-17  # a free response has died out where it is below this part of its largest value
 UNSTABLE = 1e60  # a larger response is that of an unstable model; it cannot be fitted
 
@@ -44,9 +45,10 @@ class LongArx:
     def simulate(self, experiment: IOData) -> FloatArray:
         """Noise-free output from rest (N,), the model stabilised."""
         stable = stabilised(self.a)
-        rest = np.zeros(len(experiment))
-        responses = (scipy.signal.lfilter(bj, stable, experiment.u[:, j]) for j, bj in enumerate(self.b))
-        return np.asarray(sum(responses, rest))
+        output = np.zeros(len(experiment))
+        for j, bj in enumerate(self.b):
+            output = output + scipy.signal.lfilter(bj, stable, experiment.u[:, j])
+        return output
 
     def responses(self, length: int) -> list[FloatArray]:
         """Pulse responses B/A per input and 1/A, the model stabilised (length,) each."""
@@ -58,20 +60,21 @@ class LongArx:
 
 def long_arx_models(experiments: Sequence[IOData], orders: Orders, largest: int) -> Callable[[int], LongArx]:
     """Function from n up to the largest to the model with n coefficients of A and of each B, by least squares."""
-    nk, nu, most = orders.nk, len(orders.nk), largest + max((*orders.nk, 1))
-    gram = np.zeros((nu + 1, most + 1) * 2)
+    nk, nu = orders.nk, len(orders.nk)
+    longest_lag = largest + max((*orders.nk, 1))
+    gram = np.zeros((nu + 1, longest_lag + 1) * 2)
     for e in experiments:
-        gram += lagged_products(np.column_stack((e.y[:, 0], e.u)), most, max(e.window, most))
+        gram += lagged_products(np.column_stack((e.y[:, 0], e.u)), longest_lag, max(e.window, longest_lag))
 
     def model(n: int) -> LongArx:
-        theta = lagged_solution(gram, [range(1, n + 1), *(range(k, k + n) for k in nk)], [1.0] + [0.0] * nu)
+        u_lags = [input_lags(n, k) for k in nk]
+        theta = lagged_solution(gram, [output_lags(n), *u_lags], [1.0] + [0.0] * nu)
         skip = n + max(nk, default=0)
         if theta is None:
             y, u = [e.y[:, 0] for e in experiments], [e.u for e in experiments]
             theta = arx_solution(y, u, n, (n,) * nu, nk, [max(e.window, skip) for e in experiments])
         a, *b = np.split(theta, np.cumsum([n] * nu))
-        padded = [np.concatenate((np.zeros(k), part)) for k, part in zip(nk, b, strict=True)]
-        return LongArx(np.concatenate(([1.0], a)), tuple(padded), skip)
+        return LongArx(np.concatenate(([1.0], a)), tuple(with_delays(b, nk)), skip)
 
     return model
 
@@ -80,7 +83,8 @@ def long_arx_order(experiments: Sequence[IOData], orders: Orders, factor: int) -
     """Order of a long ARX model: `factor` times the largest order of the structure, limited by the data."""
     largest = max(orders.na, orders.nc, orders.nd, *orders.nf, *orders.nb, 2)
     rows = min(len(e) - e.window for e in experiments)
-    return max(1, min(factor * largest, LARGEST, rows // (4 * (1 + len(orders.nb)))))
+    signals = 1 + len(orders.nb)
+    return max(1, min(factor * largest, LARGEST, rows // (ROWS_PER_COEFFICIENT * signals)))
 
 
 def arx_errors(experiment: IOData, a: FloatArray, b: Sequence[FloatArray]) -> FloatArray:
@@ -98,12 +102,13 @@ def arx_solution(
     starts: Sequence[int],
 ) -> FloatArray:
     """ARX parameters (na + sum(nb),) by least squares, outputs and inputs per experiment, `starts` the first rows."""
-    lags = [output_lags(na), *(input_lags(n, k) for n, k in zip(nb, nk, strict=True))]
-    most = max((na, *(n + k - 1 for n, k in zip(nb, nk, strict=True))))
-    if most <= min(starts):
-        signals = (np.column_stack((yi, ui)) for yi, ui in zip(y, u, strict=True))
-        products = sum(lagged_products(s, most, start) for s, start in zip(signals, starts, strict=True))
-        theta = lagged_solution(np.asarray(products), lags, [1.0] + [0.0] * len(nb))
+    longest_lag = first_row(na, nb, nk)
+    if longest_lag <= min(starts):
+        products: FloatArray | float = 0.0
+        for yi, ui, start in zip(y, u, starts, strict=True):
+            products = products + lagged_products(np.column_stack((yi, ui)), longest_lag, start)
+        u_lags = [input_lags(n, k) for n, k in zip(nb, nk, strict=True)]
+        theta = lagged_solution(np.asarray(products), [output_lags(na), *u_lags], [1.0] + [0.0] * len(nb))
         if theta is not None:
             return theta
     phi, target = arx_equations(y, u, na, nb, nk, starts)
@@ -125,9 +130,9 @@ def long_arx_simulation(u: FloatArray, y: FloatArray, order: int) -> FloatArray 
     pulse = np.zeros(len(y))
     pulse[0] = 1.0
     with np.errstate(over="ignore", invalid="ignore"):
-        forced = sum(
-            scipy.signal.lfilter(np.concatenate([[0.0], bj]), a, signal) for bj, signal in zip(b, u.T, strict=True)
-        )
+        forced = np.zeros(len(y))
+        for bj, signal in zip(with_delays(b, (1,) * nu), u.T, strict=True):
+            forced = forced + scipy.signal.lfilter(bj, a, signal)
         free = scipy.signal.lfilter([1.0], a, pulse)
     if not (np.abs(free) < UNSTABLE).all() or not (np.abs(forced) < UNSTABLE).all():
         return None
