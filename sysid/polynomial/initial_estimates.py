@@ -35,10 +35,13 @@ def completed(experiments: Sequence[IOData], orders: Orders) -> tuple[IOData, ..
     filled = [replace(e, y=interpolated(e), missing=False) for e in experiments]
     for _ in range(FILL_ROUNDS):
         model = long_arx_models(filled, orders, n)(n)
-        last_filled = filled
-        filled = [_conditional_mean(model, e, last) for e, last in zip(experiments, last_filled, strict=True)]
-        change = sum(float(np.sum((new.y - old.y) ** 2)) for new, old in zip(filled, last_filled, strict=True))
-        errors = sum(float(np.sum(model.errors(e)[model.skip :] ** 2)) for e in filled)
+        last_filled, filled = filled, []
+        change = errors = 0.0
+        for experiment, last in zip(experiments, last_filled, strict=True):
+            update = _conditional_mean(model, experiment, last)
+            change += float(np.sum((update.y - last.y) ** 2))
+            errors += float(np.sum(model.errors(update)[model.skip :] ** 2))
+            filled.append(update)
         if change <= FILL_SETTLED**2 * errors:
             break
     return tuple(filled)
@@ -237,9 +240,12 @@ def reduced_denominator(responses: Sequence[FloatArray], order: int, rows: int) 
     """
     if order == 0:
         return np.ones(1)
-    blocks = [scipy.linalg.hankel(g[:rows], g[rows - 1 : 2 * rows - 1]) for g in responses]
     # the largest eigenvectors of H H' are the left singular vectors of the Hankel matrices side by side
-    _, vectors = np.linalg.eigh(sum(block @ block.T for block in blocks))
+    square: FloatArray | float = 0.0
+    for response in responses:
+        hankel = scipy.linalg.hankel(response[:rows], response[rows - 1 : 2 * rows - 1])
+        square = square + hankel @ hankel.T
+    _, vectors = np.linalg.eigh(square)
     observability = vectors[:, -order:]
     dynamics, *_ = np.linalg.lstsq(observability[:-1], observability[1:], rcond=None)
     return stabilised(np.atleast_1d(np.poly(np.linalg.eigvals(dynamics)).real))
@@ -250,8 +256,9 @@ def _reduced_armax(experiments: Sequence[IOData], orders: Orders, model: LongArx
     rows = _hankel_rows(experiments, orders)
     residuals = [model.errors(e) for e in experiments]
     # each path counts as much as its signal moves the output
-    weights = [float(np.std(u)) for u in np.concatenate([e.u for e in experiments]).T]
-    weights.append(float(np.std(np.concatenate([error[model.skip :] for error in residuals]))))
+    inputs, innovations = np.concatenate([e.u for e in experiments]), [error[model.skip :] for error in residuals]
+    weights = [float(np.std(u)) for u in inputs.T]
+    weights.append(float(np.std(np.concatenate(innovations))))
     # after the last coefficient of B or C the responses obey the recursion by A
     firsts = [nk + nb - orders.na for nk, nb in zip(orders.nk, orders.nb, strict=True)]
     firsts.append(orders.nc - orders.na + 1)
@@ -377,10 +384,11 @@ def _filtered_by(a: FloatArray, experiments: Sequence[IOData]) -> list[IOData]:
 
 def _as_armax(orders: Orders) -> Orders:
     """Orders of A D F y = B D u + C F e, F the product of all inputs' F."""
-    f = sum(orders.nf)
-    # beside B stands the F of all other inputs
-    b = tuple(nb + orders.nd + f - nf for nb, nf in zip(orders.nb, orders.nf, strict=True))
-    return replace(orders, na=orders.na + orders.nd + f, nb=b, nc=orders.nc + f, nd=0, nf=(0,) * len(orders.nf))
+    f_degree = sum(orders.nf)
+    # beside the B of an input stands the F of all others
+    nb = tuple(b + orders.nd + f_degree - f for b, f in zip(orders.nb, orders.nf, strict=True))
+    na, nc = orders.na + orders.nd + f_degree, orders.nc + f_degree
+    return replace(orders, na=na, nb=nb, nc=nc, nd=0, nf=(0,) * len(orders.nf))
 
 
 def _factors(denominator: FloatArray, numerators: Sequence[FloatArray], degree: int) -> list[FloatArray]:
@@ -389,14 +397,16 @@ def _factors(denominator: FloatArray, numerators: Sequence[FloatArray], degree: 
     # a pair of complex roots stays together
     groups = [_with_conjugate(root) for root in roots if root.imag >= 0.0]
     *by_input, of_noise = (_relative_values(numerator, groups) for numerator in numerators)
-    # a root of A is a zero of no numerator: one that the noise or every input cancels belongs to F or D
+    # roots of D are zeros for every input, roots of F for the noise
     likelihood = np.log(np.maximum(np.max(by_input, axis=0) * of_noise, np.finfo(float).tiny))
+    degrees = np.array([len(group) for group in groups], dtype=int)
     choices = []
     for count in range(1, degree + 1):
         for choice in combinations(range(len(groups)), count):
-            if sum(len(groups[k]) for k in choice) == degree:
+            if sum(degrees[k] for k in choice) == degree:
                 choices.append(choice)
-    choices.sort(key=lambda choice: -sum(len(groups[k]) * likelihood[k] for k in choice))
+    evidence = degrees * likelihood
+    choices.sort(key=lambda choice: -sum(evidence[k] for k in choice))
     factors = []
     for choice in choices[:CANDIDATES]:
         chosen_roots = list(chain.from_iterable(groups[k] for k in choice))

@@ -37,12 +37,12 @@ def instrumented(
     order = len(whitener) - 1
     # the filter starts from zeros: its first samples are no data
     starts = [orders.first_row(e.window) + order for e in experiments]
-    y, u, x = (
-        [scipy.signal.lfilter(whitener, [1.0], signal, axis=0) for signal in signals]
-        for signals in ([e.y[:, 0] for e in experiments], [e.u for e in experiments], instruments)
-    )
+    y = _filtered(whitener, [e.y[:, 0] for e in experiments])
+    u = _filtered(whitener, [e.u for e in experiments])
     phi, target = arx_equations(y, u, orders.na, orders.nb, orders.nk, starts)
-    z, _ = arx_equations([one[:, 0] for one in x], [one[:, 1:] for one in x], orders.na, orders.nb, orders.nk, starts)
+    x = _filtered(whitener, instruments)
+    y_instruments, u_instruments = [xi[:, 0] for xi in x], [xi[:, 1:] for xi in x]
+    z, _ = arx_equations(y_instruments, u_instruments, orders.na, orders.nb, orders.nk, starts)
     # the filters have finite memory: a missing output affects only the rows within its reach
     complete = complete_rows(phi, target, orders.count)
     if not complete.all():
@@ -54,13 +54,18 @@ def instrumented(
     fit = solve(regressors, (basis.T @ target)[:, None])
     if len(colour) == 1:
         return fit, fit.inverse_gram
-    whole = np.zeros((len(complete), basis.shape[1]))
-    whole[complete] = basis
+    # the correlation of v reaches across the omitted rows, which come back as zeros
+    in_time = np.zeros((len(complete), basis.shape[1]))
+    in_time[complete] = basis
     ends = np.cumsum([len(e) - start for e, start in zip(experiments, starts, strict=True)])
-    parts = np.split(whole, ends[:-1])
-    filtered = np.vstack([scipy.signal.lfilter([1.0], colour, part, axis=0) for part in parts])
-    half = filtered @ regressors @ fit.inverse_gram
+    by_experiment = np.split(in_time, ends[:-1])
+    coloured = np.vstack([scipy.signal.lfilter([1.0], colour, rows, axis=0) for rows in by_experiment])
+    half = coloured @ regressors @ fit.inverse_gram
     return fit, half.T @ half
+
+
+def _filtered(whitener: FloatArray, signals: Sequence[FloatArray]) -> list[FloatArray]:
+    return [scipy.signal.lfilter(whitener, [1.0], signal, axis=0) for signal in signals]
 
 
 def disturbances(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> list[FloatArray]:
@@ -71,10 +76,11 @@ def disturbances(experiments: Sequence[IOData], orders: Orders, theta: FloatArra
 
 def disturbance_whitener(experiments: Sequence[IOData], orders: Orders, theta: FloatArray, usable: int) -> FloatArray:
     """Autoregressive model 1, l1, ... of the disturbances by least squares, as many coefficients as parameters."""
-    order = min(orders.count, min(usable, *(len(e) for e in experiments)) // ROWS_PER_COEFFICIENT)
-    parts = disturbances(experiments, orders, theta)
-    phi = np.vstack([-lagged(v, output_lags(order), order) for v in parts])
-    target = np.concatenate([v[order:] for v in parts])
+    shortest = min(len(e) for e in experiments)
+    order = min(orders.count, min(usable, shortest) // ROWS_PER_COEFFICIENT)
+    signals = disturbances(experiments, orders, theta)
+    phi = np.vstack([-lagged(v, output_lags(order), order) for v in signals])
+    target = np.concatenate([v[order:] for v in signals])
     complete = complete_rows(phi, target, order)
     if not complete.all():
         phi, target = phi[complete], target[complete]
@@ -92,10 +98,13 @@ def instrumental_estimate(
 ) -> Estimate:
     """Warn, and return the estimate; its covariance is `shape` times the variance of the whitened disturbance."""
     theta = fit.solution[:, 0]
-    parts = disturbances(experiments, orders, theta)
-    innovations = _known(np.concatenate([scipy.signal.lfilter(whitener, [1.0], v)[len(whitener) - 1 :] for v in parts]))
-    errors = [_known(v) for v in parts]
+    signals = disturbances(experiments, orders, theta)
+    # the whitener's first samples are its transient
+    whitened = [v[len(whitener) - 1 :] for v in _filtered(whitener, signals)]
+    innovations = _known(np.concatenate(whitened))
     freedom = max(len(innovations) - orders.count, 1)
+    errors = [_known(v) for v in signals]
+    energy = sum(float(v @ v) for v in errors)
     messages = messages + fit.rank_message("instruments")
     warn_each(messages, stacklevel=3)
     return make_estimate(
@@ -105,7 +114,7 @@ def instrumental_estimate(
         orders.select("na", "nb", "nk"),
         theta=theta,
         covariance=float(innovations @ innovations) / freedom * shape,
-        variance=sum(float(v @ v) for v in errors) / (sum(len(v) for v in errors) - orders.count),
+        variance=energy / (sum(map(len, errors)) - orders.count),
         diagnostics={**fit.diagnostics, "whitener": whitener},
         messages=messages,
     )

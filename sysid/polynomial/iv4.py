@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import stabilised
 from sysid.polynomial.arx import arx
 from sysid.polynomial.data_checks import check_excitation, check_means
+from sysid.polynomial.error_jacobian import path_responses
 from sysid.polynomial.instrumental_variables import WHITE, disturbance_whitener, instrumental_estimate, instrumented
 from sysid.polynomial.long_arx import arx_solution
 from sysid.polynomial.orders import Orders, make_orders, orders_apart
@@ -54,6 +54,7 @@ def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
     rows = [orders.first_row(e.window) for e in experiments]
     y, u = [e.y[:, 0] for e in experiments], [e.u for e in experiments]
 
+    # from a table of products, which gaps would spoil; `arx` is slower and omits incomplete equations
     if all(e.complete for e in experiments):
         theta = arx_solution(y, u, orders.na, orders.nb, orders.nk, rows)
     else:
@@ -66,10 +67,11 @@ def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
 
 
 def _simulated(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> list[FloatArray]:
-    """Outputs of the stabilised model, and the inputs."""
+    """Instruments: outputs of the stabilised model and the inputs of each experiment (N, 1 + nu)."""
     a, b, *_ = orders.split(theta)
-    stable = stabilised(a)
-    return [
-        np.column_stack([sum(scipy.signal.lfilter(bj, stable, e.u[:, j]) for j, bj in enumerate(b)), e.u])
-        for e in experiments
-    ]
+    denominators = [stabilised(a)] * len(b)
+    instruments = []
+    for experiment in experiments:
+        output = sum(path_responses(experiment.u, b, denominators))
+        instruments.append(np.column_stack([output, experiment.u]))
+    return instruments

@@ -59,7 +59,10 @@ def ivx(
     signals = external_signals("x", data, x)
     if signals[0].shape[1] not in (1, 1 + nu):
         raise SysidError(f"x: expected 1 or {1 + nu} columns, in place of y or of y and u, got {signals[0].shape[1]}")
-    instruments = [np.hstack((z, e.u)) if z.shape[1] == 1 else z for z, e in zip(signals, experiments, strict=True)]
+    instruments = signals
+    if signals[0].shape[1] == 1:
+        # in open loop the inputs are their own instruments
+        instruments = [np.hstack((z, e.u)) for z, e in zip(signals, experiments, strict=True)]
     messages = check_excitation(experiments, orders.nb) + check_means(experiments, orders.na)
     usable = check_enough_data(experiments, orders, transients=0)
     fit, _ = instrumented(experiments, orders, instruments, WHITE)

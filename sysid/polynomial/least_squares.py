@@ -35,11 +35,12 @@ class LeastSquares:
         """Those of an estimate that needed no search."""
         return {"condition": self.condition, "rank": self.rank, "iterations": 0, "converged": True}
 
-    def rank_message(self, what: str = "regressors") -> list[str]:
+    def rank_message(self, columns: str = "regressors") -> list[str]:
         """Description of a rank deficiency, if there is one."""
         p = len(self.solution)
-        text = f"the {what} have rank {self.rank} for {p} parameters: this is the least-norm solution"
-        return [text] if self.rank < p else []
+        if self.rank == p:
+            return []
+        return [f"the {columns} have rank {self.rank} for {p} parameters: this is the least-norm solution"]
 
 
 def solve(phi: FloatArray, target: FloatArray) -> LeastSquares:
@@ -82,19 +83,20 @@ def _solution(triangle: FloatArray, lengths: FloatArray, p: int, rows: int) -> L
     triangle[:, p:] *= lengths[p:]
     left, values, right = np.linalg.svd(triangle[:p, :p])
     largest = float(values[0]) if p else 0.0
+    smallest = float(values[-1]) if p else 0.0
+    condition = largest / smallest if smallest > 0.0 else np.inf
+    # the usual cut-off of a numerical rank, for the rows of Phi and not those of the triangle
     kept = values > max(rows, p) * np.finfo(float).eps * largest
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
     backward = (right.T * inverse) / lengths[:p, None]
-    solution = backward @ (left.T @ triangle[:p, p:])
-    unexplained = left.T[~kept] @ triangle[:p, p:]
-    tail = np.vstack((triangle[p:, p:], unexplained))
-    smallest = float(values[-1]) if p else 0.0
+    # what remains of Y: below the triangle of Phi, and along the directions that the rank lacks
+    remainder = np.vstack((triangle[p:, p:], left.T[~kept] @ triangle[:p, p:]))
     return LeastSquares(
-        solution=solution,
+        solution=backward @ (left.T @ triangle[:p, p:]),
         inverse_gram=backward @ backward.T,
-        residual_gram=tail.T @ tail,
+        residual_gram=remainder.T @ remainder,
         rank=int(kept.sum()),
-        condition=largest / smallest if smallest > 0.0 else np.inf,
+        condition=condition,
     )
 
 
@@ -124,7 +126,9 @@ def scaled_triangle(columns: FloatArray, guarded: int | None = None) -> tuple[Fl
     lengths = np.sqrt(np.diag(gram))
     lengths[lengths == 0.0] = 1.0
     triangle = _triangle_of_gram(gram / np.outer(lengths, lengths), guarded)
-    return np.asarray(np.linalg.qr(columns / lengths, mode="r")) if triangle is None else triangle, lengths
+    if triangle is None:
+        triangle = np.asarray(np.linalg.qr(columns / lengths, mode="r"))
+    return triangle, lengths
 
 
 INDEPENDENT = 1e-9  # ratio of extreme diagonal entries of a triangle above which its columns count as independent
@@ -144,18 +148,22 @@ def tall_least_squares(columns: FloatArray, target: FloatArray, *, cond: float) 
     # Squares of an unstable model's response would overflow; a power of two rounds nothing.
     table = table * 2.0 ** -np.frexp(max(table.max(), -table.min()))[1]
     triangle, lengths = scaled_triangle(table, guarded=n)
-    for refined in (True, False):
-        diagonal = np.abs(np.diag(triangle)[:n])
-        if not diagonal.min(initial=np.inf) > INDEPENDENT * diagonal.max(initial=0.0):
-            break
+    if _independent(triangle, n):
         scaled = scipy.linalg.solve_triangular(triangle[:n, :n], triangle[:n, n]) * lengths[n]
-        if not refined:
-            return np.asarray(scaled / lengths[:n])
-        rest = (table[:, n] - table[:, :n] @ (scaled / lengths[:n])) @ table[:, :n] / lengths[:n]
-        step = scipy.linalg.solve_triangular(
-            triangle[:n, :n], scipy.linalg.solve_triangular(triangle[:n, :n], rest, trans="T")
-        )
+        errors = table[:, n] - table[:, :n] @ (scaled / lengths[:n])
+        gradient = errors @ table[:, :n] / lengths[:n]
+        halfway = scipy.linalg.solve_triangular(triangle[:n, :n], gradient, trans="T")
+        step = scipy.linalg.solve_triangular(triangle[:n, :n], halfway)
         if np.abs(step).max(initial=0.0) <= REFINED * np.abs(scaled).max(initial=0.0):
             return np.asarray((scaled + step) / lengths[:n])
         triangle = np.asarray(np.linalg.qr(table / lengths, mode="r"))
+        if _independent(triangle, n):
+            scaled = scipy.linalg.solve_triangular(triangle[:n, :n], triangle[:n, n]) * lengths[n]
+            return np.asarray(scaled / lengths[:n])
     return np.asarray(scipy.linalg.lstsq(columns, target, cond=cond, lapack_driver="gelsy")[0])
+
+
+def _independent(triangle: FloatArray, n: int) -> bool:
+    """Whether the leading n columns are independent, by the diagonal of their triangle."""
+    diagonal = np.abs(np.diag(triangle)[:n])
+    return bool(diagonal.min(initial=np.inf) > INDEPENDENT * diagonal.max(initial=0.0))

@@ -55,7 +55,8 @@ class LongArx:
         stable = stabilised(self.a)
         pulse = np.zeros(length)
         pulse[0] = 1.0
-        return [scipy.signal.lfilter(numerator, stable, pulse) for numerator in (*self.b, np.ones(1))]
+        numerators = (*self.b, np.ones(1))
+        return [scipy.signal.lfilter(numerator, stable, pulse) for numerator in numerators]
 
 
 def long_arx_models(experiments: Sequence[IOData], orders: Orders, largest: int) -> Callable[[int], LongArx]:
@@ -89,8 +90,10 @@ def long_arx_order(experiments: Sequence[IOData], orders: Orders, factor: int) -
 
 def arx_errors(experiment: IOData, a: FloatArray, b: Sequence[FloatArray]) -> FloatArray:
     """A y - B u from rest (N,)."""
-    inputs = sum(scipy.signal.lfilter(bj, [1.0], experiment.u[:, j]) for j, bj in enumerate(b))
-    return np.asarray(scipy.signal.lfilter(a, [1.0], experiment.y[:, 0]) - inputs)
+    effect = np.zeros(len(experiment))
+    for j, bj in enumerate(b):
+        effect = effect + scipy.signal.lfilter(bj, [1.0], experiment.u[:, j])
+    return np.asarray(scipy.signal.lfilter(a, [1.0], experiment.y[:, 0]) - effect)
 
 
 def arx_solution(
@@ -134,6 +137,7 @@ def long_arx_simulation(u: FloatArray, y: FloatArray, order: int) -> FloatArray 
         for bj, signal in zip(with_delays(b, (1,) * nu), u.T, strict=True):
             forced = forced + scipy.signal.lfilter(bj, a, signal)
         free = scipy.signal.lfilter([1.0], a, pulse)
+    # the comparison is also false of what has overflowed to NaN
     if not (np.abs(free) < UNSTABLE).all() or not (np.abs(forced) < UNSTABLE).all():
         return None
     alive = int(np.flatnonzero(np.abs(free) > DIED * np.abs(free).max())[-1]) + 1
