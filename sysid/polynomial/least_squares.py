@@ -38,7 +38,7 @@ class LeastSquares:
     def rank_message(self, columns: str = "regressors") -> list[str]:
         """Description of a rank deficiency, if there is one."""
         p = len(self.solution)
-        if self.rank == p:
+        if self.rank >= p:
             return []
         return [f"the {columns} have rank {self.rank} for {p} parameters: this is the least-norm solution"]
 

@@ -51,8 +51,10 @@ class MissingOutputs:
         if not len(times):
             return bare
         lag, to, valid = bare._pairs()
-        own = _correlation(response, response)
-        gram = np.where(valid, own[np.where(valid, lag, 0), channels[to], channels], 0.0)
+        # products of two columns of G are correlations of the response, but for what the end of the record cuts off
+        correlations = _correlation(response, response)
+        by_pair = correlations[np.where(valid, lag, 0), channels[to], channels]
+        gram = np.where(valid, by_pair, 0.0)
         ends = bare._beyond(response)
         products = ends @ ends.T
         first = len(times) - len(ends)
@@ -101,36 +103,32 @@ class MissingOutputs:
         return errors - self.applied(self.best(errors)) if self.count else errors
 
     def covariance(self) -> FloatArray:
-        """Band of (G'G)^-1: entry (j + d, j) in row d (band + 1, k).
+        """Band of Z = (G'G)^-1: entry (j + d, j) in row d (band + 1, k).
 
-        A block recursion from the last unknown to the first; blocks are at least as large as the band.
+        With G'G = L L' in blocks at least as large as the band, only L_bb and L_(b+1)b are not zero, and from the last
+        block to the first, with N = L_(b+1)b L_bb^-1, Z_(b+1)b = -Z_(b+1)(b+1) N and Z_bb = L_bb^-T L_bb^-1 - N'
+        Z_(b+1)b [Erisman1975].
         """
         width, k = self.factor.shape
         size = min(max(width - 1, BLOCK), k)
         blocks = -(-k // size)
+        # an identity fills the last block
         padded = np.zeros((width, blocks * size))
         padded[:, :k] = self.factor
         padded[0, k:] = 1.0
-        columns = padded.reshape(width, blocks, size)
-        row, column = np.indices((size, size))
-
-        def block(offset: int) -> FloatArray:
-            d = row - column + offset
-            inside = ((d >= 0) & (d < width))[:, :, None]
-            return np.where(inside, columns[np.clip(d, 0, width - 1), :, column], 0.0).transpose(2, 0, 1)
-
-        inverse = np.linalg.inv(block(0))
-        own = np.matmul(inverse.transpose(0, 2, 1), inverse)
-        onto = np.matmul(block(size)[:-1], inverse[:-1])
-        side = np.zeros_like(own)
+        band = padded.reshape(width, blocks, size)
+        inverse = np.linalg.inv(_blocks_of_band(band, 0))
+        diagonal = np.matmul(inverse.transpose(0, 2, 1), inverse)
+        normalised = np.matmul(_blocks_of_band(band, size)[:-1], inverse[:-1])
+        below = np.zeros_like(diagonal)
         for b in range(blocks - 2, -1, -1):
-            side[b] = -own[b + 1] @ onto[b]
-            own[b] -= onto[b].T @ side[b]
-        whole = np.concatenate((own, side), axis=1)
+            below[b] = -diagonal[b + 1] @ normalised[b]
+            diagonal[b] -= normalised[b].T @ below[b]
+        stacked = np.concatenate((diagonal, below), axis=1)
         index = np.arange(size)
         out = np.zeros((width, blocks * size))
         for d in range(width):
-            out[d] = whole[:, index + d, index].ravel()
+            out[d] = stacked[:, index + d, index].ravel()
             out[d, max(k - d, 0) :] = 0.0
         return out[:, :k]
 
@@ -141,16 +139,21 @@ class MissingOutputs:
         lag, to, valid = self._pairs()
         covariance = self.covariance()
         ny, lags = self.response.shape[1], len(self.response)
+        # d log det(G'G) = trace((G'G)^-1 d(G'G)), and an entry of G'G depends on lag and channels alone: sum the
+        # covariances by these, those off the diagonal twice
         flat = (np.where(valid, lag, 0) * ny + self.channels[to]) * ny + self.channels
         twice = np.where(np.arange(len(covariance)) > 0, 2.0, 1.0)[:, None]
         weights = np.bincount(flat.ravel(), (twice * covariance * valid).ravel(), lags * ny * ny)
         weights = weights.reshape(lags, ny, ny)
+        # less the products beyond the end of the record
         ends = self._beyond(self.response)
-        first, tail = self.count - len(ends), len(ends)
-        corner = np.zeros((tail, tail))
-        for d in range(min(len(covariance), tail)):
-            part = covariance[d, first : self.count - d]
-            corner += np.diag(part, -d) + (np.diag(part, d) if d else 0.0)
+        first, cut_off = self.count - len(ends), len(ends)
+        corner = np.zeros((cut_off, cut_off))
+        for d in range(min(len(covariance), cut_off)):
+            entries = covariance[d, first : self.count - d]
+            corner += np.diag(entries, -d)
+            if d:
+                corner += np.diag(entries, d)
         out = np.empty(len(derivatives))
         for i, derivative in enumerate(derivatives):
             change = _correlation(derivative, self.response) + _correlation(self.response, derivative)
@@ -179,11 +182,24 @@ class MissingOutputs:
         return padded[steps, :, self.channels[last][:, None]].reshape(len(last), (lags - 1) * ny)
 
 
+def _blocks_of_band(band: FloatArray, offset: int) -> FloatArray:
+    """Blocks (blocks, size, size) of a lower banded matrix, on its diagonal or, with offset `size`, below it.
+
+    The band is (width, blocks, size): entry (j + d, j) in row d, its columns in blocks.
+    """
+    width, _, size = band.shape
+    row, column = np.indices((size, size))
+    d = row - column + offset
+    inside = ((d >= 0) & (d < width))[:, :, None]
+    entries = band[np.clip(d, 0, width - 1), :, column]
+    return np.where(inside, entries, 0.0).transpose(2, 0, 1)
+
+
 def _correlation(first: FloatArray, second: FloatArray) -> FloatArray:
     """Sums over s of first(s)[:, a]' second(s + lag)[:, b], (L, ny, ny)."""
     lags = len(first)
+    # twice the length: a circular correlation of less would wrap around
     size = scipy.fft.next_fast_len(2 * lags, real=True)
-    product = np.einsum(
-        "fea,feb->fab", scipy.fft.rfft(first, size, axis=0).conj(), scipy.fft.rfft(second, size, axis=0)
-    )
+    first_spectrum, second_spectrum = scipy.fft.rfft(first, size, axis=0), scipy.fft.rfft(second, size, axis=0)
+    product = np.einsum("fea,feb->fab", first_spectrum.conj(), second_spectrum)
     return np.asarray(scipy.fft.irfft(product, size, axis=0)[:lags])

@@ -31,12 +31,10 @@ class AllPass:
     def then(self, other: "AllPass") -> "AllPass":
         """Cascade of this filter and another one after it."""
         upper = np.zeros((len(self.F), len(other.F)))
-        return AllPass(
-            np.block([[self.F, upper], [np.outer(other.b, self.c), other.F]]),
-            np.concatenate((self.b, other.b * self.d)),
-            np.concatenate((other.d * self.c, other.c)),
-            self.d * other.d,
-        )
+        F = np.block([[self.F, upper], [np.outer(other.b, self.c), other.F]])
+        b = np.concatenate((self.b, other.b * self.d))
+        c = np.concatenate((other.d * self.c, other.c))
+        return AllPass(F, b, c, self.d * other.d)
 
 
 def all_pass(poles: ComplexArray) -> AllPass:
@@ -44,11 +42,13 @@ def all_pass(poles: ComplexArray) -> AllPass:
     out = AllPass(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)
     # eigenvalues of a real matrix: a pair is exactly conjugate
     for pole in poles[poles.imag >= 0.0]:
-        out = out.then(_pair(pole) if pole.imag else _single(float(pole.real)))
+        section = _pair(pole) if pole.imag else _single(float(pole.real))
+        out = out.then(section)
     return out
 
 
 def _single(pole: float) -> AllPass:
+    # sqrt(1 - pole^2) without cancellation near the unit circle
     side = np.sqrt((1.0 - pole) * (1.0 + pole))
     return AllPass(np.array([[pole]]), np.array([side]), np.array([side]), -pole)
 
@@ -68,7 +68,10 @@ def _pair(pole: complex) -> AllPass:
 
 
 def stein(A: FloatArray, F: FloatArray, Q: FloatArray) -> FloatArray:
-    """Solve S = A S F' + Q (n, ..., k) along the first and last axis by doubling [Smith1968]; A and F stable."""
+    """Solve S = A S F' + Q (n, ..., k) along the first and last axis by doubling [Smith1968]; A and F stable.
+
+    S is the sum of A^i Q F'^i; each round doubles the number of its terms.
+    """
     n, k = Q.shape[0], Q.shape[-1]
     shape = Q.shape
     out = Q

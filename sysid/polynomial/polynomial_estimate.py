@@ -20,6 +20,8 @@ from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import (
     InitialEstimate,
     Linearisation,
+    Minimum,
+    Search,
     coloured_information,
     output_errors,
     search,
@@ -75,13 +77,13 @@ def make_estimate(
             "its frequency response and bandwidth are those of no steady state"
         )
         messages = (*messages, message)
+        # the user's line: estimators call a function for all of a kind, which calls this one
         warnings.warn(message, SysidWarning, stacklevel=4)
     with warnings.catch_warnings():
         # the estimator has already refused or reported an unstable predictor
         warnings.simplefilter("ignore", SysidWarning)
-        errors = np.concatenate(
-            [residuals(model, e, x0=np.zeros(model.order) if at_rest else None) for e in experiments]
-        )
+        initial_state = np.zeros(model.order) if at_rest else None
+        errors = np.concatenate([residuals(model, e, x0=initial_state) for e in experiments])
     return Estimate(
         model=model,
         polynomials=orders.polynomials(theta),
@@ -107,7 +109,7 @@ def known_estimate(
     variance: float,
     data: IOData,
 ) -> Estimate:
-    """An estimate from anywhere with the covariance (p, p) of its parameters, to propagate it; it has no residuals.
+    """Estimate from a foreign model and the covariance (p, p) of its parameters, to propagate it; without residuals.
 
     The orders say which coefficients are parameters, in the sequence A, B, C, D, F; the variance is that of the
     innovation; the record gives names and the sampling interval.
@@ -141,17 +143,18 @@ def check_single_output(experiments: Sequence[IOData]) -> None:
 
 def check_enough_data(experiments: Sequence[IOData], orders: Orders, transients: int) -> int:
     """Number of prediction errors; refuse data with fewer of them than parameters and initial conditions."""
-    slow = max((*orders.nk, 0))
-    if any(2 * slow > len(e) for e in experiments):
+    longest_delay = max((*orders.nk, 0))
+    shortest = min(len(e) for e in experiments)
+    if 2 * longest_delay > shortest:
         raise SysidError(
-            f"nk = {slow} given, expected a delay of at most half the record: the shortest experiment has "
-            f"{min(len(e) for e in experiments)} samples"
+            f"nk = {longest_delay} given, expected a delay of at most half the record: the shortest experiment has "
+            f"{shortest} samples"
         )
     usable = [int(e.known[orders.first_row(e.window) :].sum()) for e in experiments]
     rows = sum(usable)
     unknown = orders.count + transients * len(experiments)
-    short = [count for count in usable if count <= transients]
-    if rows <= unknown or short:
+    # an experiment that its initial conditions fit exactly says nothing about the model
+    if rows <= unknown or min(usable) <= transients:
         raise SysidError(
             f"too many orders for the data: {orders.count} parameters and {transients} initial conditions "
             f"per experiment from {rows} usable samples in {len(experiments)} experiment(s)"
@@ -160,7 +163,10 @@ def check_enough_data(experiments: Sequence[IOData], orders: Orders, transients:
 
 
 ILL_CONDITIONED = 1e10  # condition of the scaled Jacobian beyond which half the digits of the step are lost
-COLOUR = 30  # order of the autoregressive model of a coloured disturbance
+ROUNDING = 1e-14  # singular value of the scaled Jacobian, relative to the largest, that counts as zero
+COLOUR = 30  # highest order of the autoregressive model of a coloured disturbance
+ROWS_PER_COEFFICIENT = 20  # least number of errors per coefficient of that model
+EDGE = 1e-4  # distance of a root from the unit circle below which intervals by linear propagation may be wrong
 
 
 def prediction_error_estimate(
@@ -191,48 +197,28 @@ def prediction_error_estimate(
     max_iterations = whole_number("max_iterations", max_iterations, 1)
     coloured = truth_value("coloured", coloured)
     check_single_output(experiments)
-    gaps = not all(e.complete for e in experiments)
-    if gaps and initial_conditions is InitialConditions.BACKCAST:
+    complete = all(e.complete for e in experiments)
+    if not complete and initial_conditions is InitialConditions.BACKCAST:
         raise SysidError(
             "initial_conditions=InitialConditions.BACKCAST needs complete outputs; ESTIMATED and ZERO do not, and "
             "data.complete_parts() cuts a record into experiments without gaps"
         )
-    transients = max(orders.nc, orders.nd) + sum(orders.nf)
-    messages = check_excitation(experiments, [n + max(orders.na, f) for n, f in zip(orders.nb, orders.nf, strict=True)])
-    messages += check_means(experiments, max((orders.na, *orders.nf)))
-    check_enough_data(experiments, orders, transients)
-    check_room_to_start(experiments, orders)
-    filled = completed(experiments, orders) if gaps else experiments
+    messages = _data_messages(experiments, orders)
+    filled = experiments if complete else completed(experiments, orders)
+    first = None if start is None else InitialEstimate("start", orders.parameters(start))
     result = search(
         experiments,
         partial(initial_estimates, filled),
         orders,
-        start=None if start is None else InitialEstimate("start", orders.parameters(start)),
+        start=first,
         max_iterations=max_iterations,
         initial_conditions=initial_conditions,
     )
     at = result.best.at
     variance = at.sum_of_squares / (at.errors - orders.count - at.transients)
     half, condition = directions(at)
-    covariance = at.inflation * variance * (half @ half.T)
-    if gaps and orders.na + orders.nc + orders.nd and at.cost > 0.0:
-        covariance = curvature_covariance(
-            experiments, orders, at.theta, covariance, at.inflation * variance, initial_conditions
-        )
-    if coloured and at.cost > 0.0:
-        if orders.na == orders.nc == orders.nd == 0:
-            parts = output_errors(experiments, orders, at.theta, initial_conditions)
-            middle = coloured_information(parts, min(COLOUR, at.errors // 20), half)
-            covariance = variance * (half @ middle @ half.T)
-        else:
-            covariance = sandwich(experiments, orders, at.theta, covariance, variance, initial_conditions)
-    if not result.best.converged:
-        messages.append(f"{method} did not converge: {result.best.reason}")
-    if condition > ILL_CONDITIONED and at.cost > 0.0:
-        messages.append(
-            f"the parameters are poorly determined: condition number {condition:.2g} of the scaled Jacobian"
-        )
-    messages += _near_unit_circle(orders, at.theta)
+    covariance = _covariance(experiments, orders, at, half, variance, initial_conditions, coloured=coloured)
+    messages += _search_messages(method, orders, result.best, condition)
     warn_each(messages, stacklevel=3)
     return make_estimate(
         method,
@@ -242,21 +228,77 @@ def prediction_error_estimate(
         theta=at.theta,
         covariance=covariance,
         variance=variance,
-        diagnostics={
-            "condition": condition,
-            "iterations": result.best.iterations,
-            "evaluations": result.best.evaluations,
-            "converged": result.best.converged,
-            "reason": result.best.reason,
-            "initial_estimates": result.costs,
-            "start": result.start,
-            "sum_of_squares": at.sum_of_squares,
-            "rows": at.errors,
-            "initial_conditions": at.transients,
-        },
+        diagnostics=_diagnostics(result, condition),
         messages=messages,
         at_rest=initial_conditions is InitialConditions.ZERO,
     )
+
+
+def _data_messages(experiments: Sequence[IOData], orders: Orders) -> list[str]:
+    """Refuse data that cannot determine the parameters; describe data that hardly can."""
+    needed_excitation = [nb + max(orders.na, nf) for nb, nf in zip(orders.nb, orders.nf, strict=True)]
+    messages = check_excitation(experiments, needed_excitation)
+    messages += check_means(experiments, max((orders.na, *orders.nf)))
+    check_enough_data(experiments, orders, transients=max(orders.nc, orders.nd) + sum(orders.nf))
+    check_room_to_start(experiments, orders)
+    return messages
+
+
+def _covariance(
+    experiments: Sequence[IOData],
+    orders: Orders,
+    at: Linearisation,
+    half: FloatArray,
+    variance: float,
+    initial_conditions: InitialConditions,
+    *,
+    coloured: bool,
+) -> FloatArray:
+    """Covariance of the parameters (p, p), from the `half` of that for white errors of unit variance."""
+    covariance = at.inflation * variance * (half @ half.T)
+    # errors that are all zero have neither curvature nor colour
+    if not at.cost > 0.0:
+        return covariance
+    has_noise_model = orders.na + orders.nc + orders.nd > 0
+    if has_noise_model and not all(e.complete for e in experiments):
+        covariance = curvature_covariance(
+            experiments, orders, at.theta, covariance, at.inflation * variance, initial_conditions
+        )
+    if not coloured:
+        return covariance
+    if has_noise_model:
+        return sandwich(experiments, orders, at.theta, covariance, variance, initial_conditions)
+    columns = output_errors(experiments, orders, at.theta, initial_conditions)
+    middle = coloured_information(columns, min(COLOUR, at.errors // ROWS_PER_COEFFICIENT), half)
+    return variance * (half @ middle @ half.T)
+
+
+def _search_messages(method: str, orders: Orders, minimum: Minimum, condition: float) -> list[str]:
+    """Describe a search that did not converge, poorly determined parameters, and roots near the unit circle."""
+    messages = []
+    if not minimum.converged:
+        messages.append(f"{method} did not converge: {minimum.reason}")
+    if condition > ILL_CONDITIONED and minimum.at.cost > 0.0:
+        messages.append(
+            f"the parameters are poorly determined: condition number {condition:.2g} of the scaled Jacobian"
+        )
+    return messages + _near_unit_circle(orders, minimum.at.theta)
+
+
+def _diagnostics(result: Search, condition: float) -> dict[str, Any]:
+    minimum = result.best
+    return {
+        "condition": condition,
+        "iterations": minimum.iterations,
+        "evaluations": minimum.evaluations,
+        "converged": minimum.converged,
+        "reason": minimum.reason,
+        "initial_estimates": result.costs,
+        "start": result.start,
+        "sum_of_squares": minimum.at.sum_of_squares,
+        "rows": minimum.at.errors,
+        "initial_conditions": minimum.at.transients,
+    }
 
 
 def directions(at: Linearisation) -> tuple[FloatArray, float]:
@@ -264,18 +306,20 @@ def directions(at: Linearisation) -> tuple[FloatArray, float]:
     _, values, right = np.linalg.svd(at.triangle)
     if not len(values):
         return np.zeros((0, 0)), 1.0
-    kept = values > 1e-14 * values[0]
+    kept = values > ROUNDING * values[0]
     half = right[kept].T / values[kept] / at.scale[:, None]
     condition = float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf
     return half, condition
 
 
 def _near_unit_circle(orders: Orders, theta: FloatArray) -> list[str]:
+    """Messages on polynomials with a root at the edge of stability."""
     _, _, c, d, f = orders.split(theta)
     messages = []
-    for name, polynomial in [("C", c), ("D", d), *(("F", fj) for fj in f)]:
+    names = ["C", "D", *["F"] * len(f)]
+    for name, polynomial in zip(names, (c, d, *f), strict=True):
         radius = float(np.abs(np.roots(polynomial)).max(initial=0.0))
-        if radius > 1.0 - 1e-4:
+        if radius > 1.0 - EDGE:
             messages.append(
                 f"{name} has a root of modulus {radius:.7f}, at the edge of stability: intervals may be wrong"
             )

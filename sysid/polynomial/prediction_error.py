@@ -5,7 +5,7 @@ and F the unknown initial conditions enter linearly, as a few transient columns.
 projection [GolubPereyra2003]), so that they add no parameters to the search and no bias.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -23,6 +23,10 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
 CONVERGED = 1e-9  # remaining decrease, relative to the sum of squares
+STALLED = 1e-15  # decrease by an accepted step, relative to the sum of squares, that is rounding
+FLAT = 1e-4  # decrease that the linear model promises, relative likewise, up to which a failing step ends at a minimum
+SIGNIFICANT = 1e-13  # singular value of the scaled Jacobian, relative to the largest, above which a direction is used
+FIRST_DAMPING = 1e-4  # Jacobian of columns of unit length
 ROUNDING = 1e-30  # sum of squares, relative to that of the output, that is rounding alone
 NOISE_FREE = 1e-16  # the same, below which rounding decides about steps
 
@@ -91,7 +95,7 @@ def minimise(
     good_enough: float = 0.0,
 ) -> Minimum:
     """Levenberg-Marquardt with exact gradients; C, D and every F stay stable at every accepted step [More1978]."""
-    energy = sum(float(np.nansum(e.y[:, 0] ** 2)) if e.missing else float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
+    energy = sum(map(_output_energy, experiments))
     longest = max(map(len, experiments))
 
     def criterion(theta: FloatArray, origin: FloatArray) -> Linearisation | None:
@@ -108,6 +112,12 @@ def minimise(
         max_iterations=max_iterations,
         good_enough=good_enough,
     )
+
+
+def _output_energy(experiment: IOData) -> float:
+    """Sum of squares of the known outputs."""
+    y = experiment.y[:, 0]
+    return float(np.nansum(y**2)) if experiment.missing else float(y @ y)
 
 
 def levenberg_marquardt(
@@ -129,59 +139,106 @@ def levenberg_marquardt(
         max_iterations: Limit on the accepted steps.
         good_enough: Cost at which to stop early.
     """
-    damping, iterations, evaluations = 1e-4, 0, 1
+    damping, iterations, evaluations = FIRST_DAMPING, 0, 1
     while True:
         if at.cost <= ROUNDING * energy:
             return Minimum(at, iterations, evaluations, True, "errors at rounding level")
-        left, values, right = np.linalg.svd(at.triangle)
-        significant = values > 1e-13 * values[0] if len(values) else values > 0
-        g = left.T @ at.target
-        limits, reach = outward(at.theta) if outward else (np.zeros((0, len(at.theta))), np.zeros(0))
-        rows = np.where(significant, limits / at.scale @ right.T, 0.0)
-        predict = partial(_predicted_step, np.where(significant, values, 0.0), g, rows, reach)
-        step, decrease = predict(0.0)
+        model = LinearModel.at(at, outward)
+        step, decrease = model.step(0.0)
         if decrease <= CONVERGED * at.cost:
-            where = " at the edge of stability" if (reach - rows @ step < 1e-12).any() else ""
+            where = " at the edge of stability" if model.reaches_limit(step) else ""
             return Minimum(at, iterations, evaluations, True, f"no decrease left{where}")
         if at.cost <= good_enough:
             return Minimum(at, iterations, evaluations, False, "good enough")
         if iterations >= max_iterations:
             return Minimum(at, iterations, evaluations, False, f"stopped after {iterations} iterations")
-        trial = None
-        larger = damping * 10.0 ** np.arange(10.0 - np.log10(damping))
-        # along a narrow valley a nearly undamped step may go down where shorter ones leave it
-        smaller = np.geomspace(1e-14, damping, 0 if at.cost <= NOISE_FREE * energy else 10, endpoint=False)
-        for damping in (*larger, *smaller):
-            direction, predicted = predict(damping)
-            trial = criterion(at.theta + right.T @ direction / at.scale, at.theta)
+        noise_free = at.cost <= NOISE_FREE * energy
+        improved = None
+        for trial_damping in _dampings(damping, smaller_too=not noise_free):
+            step, predicted = model.step(trial_damping)
+            trial = criterion(at.theta + model.parameter_step(step), at.theta)
             evaluations += trial is not None
             if trial is not None and trial.cost < at.cost:
+                improved, damping = trial, trial_damping
                 break
-            trial = None
-        if trial is None:
-            flat = decrease <= 1e-4 * at.cost or at.cost <= NOISE_FREE * energy
+        if improved is None:
+            flat = decrease <= FLAT * at.cost or noise_free
             return Minimum(at, iterations, evaluations, flat, "no step decreases the errors further")
-        achieved, tiny = at.cost - trial.cost, at.cost - trial.cost <= 1e-15 * at.cost
-        at = trial
+        achieved = at.cost - improved.cost
+        stalled = achieved <= STALLED * at.cost
+        at = improved
         iterations += 1
+        # the gain ratio of a trust region: the linear model holds far beyond the step, or not even as far
         if achieved > 0.75 * predicted:
             damping = max(damping / 30.0, 1e-100)
         elif achieved < 0.25 * predicted:
             damping = max(damping * 4.0, 1e-12)
-        if tiny:
+        if stalled:
             return Minimum(at, iterations, evaluations, True, "decrease at rounding level")
 
 
-def _predicted_step(
-    values: FloatArray, g: FloatArray, rows: FloatArray, reach: FloatArray, damping: float
-) -> tuple[FloatArray, float]:
-    """Damped step in singular directions that keeps roots inside, and the decrease by the linear model."""
-    step = constrained_step(np.where(values > 0.0, values**2 + damping, 1.0), -values * g, rows, reach)
-    remaining = g + values * step
-    return step, float(g @ g - remaining @ remaining)
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """Linear model of the errors about one linearisation, in the singular directions of the scaled Jacobian U S V'.
+
+    Attributes:
+        values: Singular values S (p,), zero for directions that rounding alone determines.
+        errors: U' times the target: the errors along the directions (p,).
+        limits: Directions that lead to the limits of the parameters (k, p).
+        reach: Largest product of a step with each of them (k,).
+        right: V' (p, p).
+        scale: Lengths of the Jacobian's columns (p,).
+    """
+
+    values: FloatArray
+    errors: FloatArray
+    limits: FloatArray
+    reach: FloatArray
+    right: FloatArray
+    scale: FloatArray
+
+    @staticmethod
+    def at(at: Linearisation, outward: Callable[[FloatArray], tuple[FloatArray, FloatArray]] | None) -> "LinearModel":
+        """Singular value decomposition of a linearisation, with limits as in `levenberg_marquardt`."""
+        left, values, right = np.linalg.svd(at.triangle)
+        significant = values > SIGNIFICANT * values[0] if len(values) else values > 0
+        limits, reach = np.zeros((0, len(at.theta))), np.zeros(0)
+        if outward is not None:
+            limits, reach = outward(at.theta)
+        return LinearModel(
+            values=np.where(significant, values, 0.0),
+            errors=left.T @ at.target,
+            limits=np.where(significant, limits / at.scale @ right.T, 0.0),
+            reach=reach,
+            right=right,
+            scale=at.scale,
+        )
+
+    def step(self, damping: float) -> tuple[FloatArray, float]:
+        """Damped step along the directions (p,) that keeps within the limits, and the decrease that it promises."""
+        curvature = np.where(self.values > 0.0, self.values**2 + damping, 1.0)
+        step = constrained_step(curvature, -self.values * self.errors, self.limits, self.reach)
+        remaining = self.errors + self.values * step
+        return step, float(self.errors @ self.errors - remaining @ remaining)
+
+    def reaches_limit(self, step: FloatArray) -> bool:
+        """Whether a step ends at a limit."""
+        return bool((self.reach - self.limits @ step < 1e-12).any())
+
+    def parameter_step(self, step: FloatArray) -> FloatArray:
+        """Change of the parameters (p,) by a step along the directions."""
+        return self.right.T @ step / self.scale
 
 
-def coloured_information(parts: Sequence[FloatArray], order: int, directions: FloatArray) -> FloatArray:
+def _dampings(last: float, *, smaller_too: bool) -> Iterator[float]:
+    """Dampings to try: ever larger ones up to 1e10 from the last one that worked, then smaller ones."""
+    yield from last * 10.0 ** np.arange(10.0 - np.log10(last))
+    if smaller_too:
+        # along a narrow valley a nearly undamped step may go down where shorter ones leave it
+        yield from np.geomspace(1e-14, last, 10, endpoint=False)
+
+
+def coloured_information(columns: Sequence[FloatArray], order: int, directions: FloatArray) -> FloatArray:
     """L' J' R J L (q, q) with the correlations R of output errors that are independent of the input but not white.
 
     R is that of an autoregressive model of the errors, of the order up to `order` that BIC prefers, which is 0 for
@@ -189,15 +246,17 @@ def coloured_information(parts: Sequence[FloatArray], order: int, directions: Fl
     keep the digits that J' R J loses where parameters are poorly determined.
 
     Args:
-        parts: [J, errors] of each experiment (rows, p + 1); of a missing output J is zero and the error NaN.
+        columns: [J, errors] of each experiment (rows, p + 1); of a missing output J is zero and the error NaN.
         order: Highest order of the model.
         directions: L.
     """
-    whitener, correlations = autoregression(np.concatenate([part[:, -1] for part in parts]), order, select=True)
+    errors = np.concatenate([table[:, -1] for table in columns])
+    whitener, correlations = autoregression(errors, order, select=True)
     total = np.zeros((directions.shape[1],) * 2)
-    for part in parts:
-        filtered = scipy.signal.lfilter([1.0], whitener, part[:, :-1] @ directions, axis=0)
+    for table in columns:
+        filtered = scipy.signal.lfilter([1.0], whitener, table[:, :-1] @ directions, axis=0)
         total += filtered.T @ filtered
+    # the variance of the model's innovations, relative to that of the errors
     return total * float(whitener @ correlations[: len(whitener)])
 
 
@@ -206,10 +265,11 @@ def output_errors(
 ) -> list[FloatArray]:
     """Jacobian and errors of each experiment (rows, p + 1) without noise model; errors of missing outputs are NaN."""
     jacobian = gapped_error_jacobian if any(not e.complete for e in experiments) else error_jacobian
-    parts = [jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
-    for e, part in zip(experiments, parts, strict=True):
-        part[~e.known[len(e) - len(part) :, 0], -1] = np.nan
-    return parts
+    tables = [jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
+    for experiment, table in zip(experiments, tables, strict=True):
+        first = len(experiment) - len(table)
+        table[~experiment.known[first:, 0], -1] = np.nan
+    return tables
 
 
 def scores(
@@ -219,8 +279,8 @@ def scores(
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> list[FloatArray]:
     """Jacobian times error, sample by sample (rows, p) per experiment: the terms of half the gradient."""
-    parts = [error_jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
-    return [part[:, :-1] * part[:, -1:] for part in parts]
+    tables = [error_jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
+    return [table[:, :-1] * table[:, -1:] for table in tables]
 
 
 def linearise(
@@ -230,33 +290,31 @@ def linearise(
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> Linearisation:
     """Criterion and exact first derivatives at parameters theta (p,)."""
-    parts = [
-        error_jacobian(e, orders, theta, initial_conditions)
-        if e.complete
-        else gapped_error_jacobian(e, orders, theta, initial_conditions)
-        for e in experiments
-    ]
-    columns = np.vstack([part.columns for part in parts]) if len(parts) > 1 else parts[0].columns
+    jacobians = []
+    for experiment in experiments:
+        jacobian = error_jacobian if experiment.complete else gapped_error_jacobian
+        jacobians.append(jacobian(experiment, orders, theta, initial_conditions))
+    # stacking copies the largest array of the search
+    columns = jacobians[0].columns if len(jacobians) == 1 else np.vstack([jacobian.columns for jacobian in jacobians])
     p = orders.count
+    error_count = sum(jacobian.errors for jacobian in jacobians)
     inflation = 1.0
-    slopes = [part.slope for part in parts if part.slope is not None]
+    slopes = [jacobian.slope for jacobian in jacobians if jacobian.slope is not None]
     if slopes:
-        # at the best variance of the errors, -2 log likelihood is `count` times the logarithm of the cost
-        count = sum(part.errors for part in parts)
-        inflation = float(np.exp(sum(part.log_determinant for part in parts) / count))
-        columns[:, :p] += columns[:, p:] * np.sum(slopes, axis=0) / (2.0 * count)
+        # at the best variance of the errors, -2 log likelihood is their number times the logarithm of the cost
+        inflation = float(np.exp(sum(jacobian.log_determinant for jacobian in jacobians) / error_count))
+        columns[:, :p] += columns[:, p:] * np.sum(slopes, axis=0) / (2.0 * error_count)
         columns *= np.sqrt(inflation)
     errors = columns[:, p]
-    cost = float(errors @ errors)
     triangle, lengths = scaled_triangle(columns, guarded=p)
     return Linearisation(
         theta=theta,
-        cost=cost,
+        cost=float(errors @ errors),
         triangle=triangle[:p, :p],
         target=lengths[p] * triangle[:p, p],
         scale=lengths[:p],
-        errors=sum(part.errors for part in parts),
-        transients=sum(part.transients for part in parts),
+        errors=error_count,
+        transients=sum(jacobian.transients for jacobian in jacobians),
         inflation=inflation,
     )
 
@@ -323,57 +381,34 @@ def search(
         max_iterations: Limit on the steps of every search.
         initial_conditions: Assumption about the time before each experiment.
     """
-    samples = sum(len(e) for e in experiments)
-    remaining = chain([] if start is None else [start], initial_estimates(orders))
-    screened: dict[str, Minimum] = {}
-
-    def refine(origin: FloatArray | Linearisation, steps: int = max_iterations, good_enough: float = 0.0) -> Minimum:
-        return minimise(
-            experiments,
-            orders,
-            origin,
-            max_iterations=min(steps, max_iterations),
-            initial_conditions=initial_conditions,
-            good_enough=good_enough,
-        )
-
-    agreed = False
-    for one in remaining:
-        if not admissible(orders, one.theta):
-            continue
-        # a cost that agrees with the best one needs no further steps
-        least = min((minimum.at.cost for minimum in screened.values()), default=0.0)
-        screened[one.name] = refine(one.theta, SCREENING_STEPS, least * (1.0 + AGREED / samples))
-        costs = sorted(minimum.at.cost for minimum in screened.values())
-        if agreed := len(costs) > 1 and samples * (costs[1] - costs[0]) <= AGREED * costs[0]:
-            break
+    refine = Refinement(experiments, orders, max_iterations, initial_conditions)
+    first = [] if start is None else [start]
+    candidates = chain(first, initial_estimates(orders))
+    remaining = (candidate for candidate in candidates if admissible(orders, candidate.theta))
+    screened, agreed = _screened_until_two_agree(refine, remaining)
     chosen = min(screened, key=lambda name: screened[name].at.cost)
     best = screened[chosen] if screened[chosen].converged else refine(screened[chosen].at)
-    exact = best.at.cost <= NOISE_FREE * sum(float(np.nansum(e.y**2)) for e in experiments)
+
+    noise_free = best.at.cost <= NOISE_FREE * sum(float(np.nansum(e.y**2)) for e in experiments)
     at_the_limit = not admissible(orders, best.at.theta, max(map(len, experiments)), AT_THE_LIMIT)
-    difficult = not exact and (not (agreed and best.converged) or best.iterations > EASY or at_the_limit)
+    slow = best.iterations > EASY or not best.converged
+    difficult = not noise_free and (slow or at_the_limit or not agreed)
     if difficult and thorough:
-        for one in remaining:
-            if admissible(orders, one.theta):
-                screened[one.name] = refine(one.theta, SCREENING_STEPS)
-        rivals = {name: minimum for name, minimum in screened.items() if name != chosen}
-        for count, steps in ROUNDS:
-            ranked = sorted(rivals.items(), key=lambda pair: pair[1].at.cost)
-            rivals, reached = {}, [best.at.cost]
-            for name, rival in ranked:
-                # a cost that another has reached is that of the same minimum
-                if len(rivals) < count and all(samples * abs(rival.at.cost - c) > AGREED * c for c in reached):
-                    reached.append(rival.at.cost)
-                    rivals[name] = rival if rival.converged else refine(rival.at, steps)
-            best, chosen = min(
-                [(best, chosen), *((rival, name) for name, rival in rivals.items())], key=lambda p: p[0].at.cost
-            )
+        for candidate in remaining:
+            screened[candidate.name] = refine(candidate.theta, SCREENING_STEPS)
+        best, chosen = _best_of_rivals(refine, screened, best, chosen)
         if not best.converged and best.iterations < max_iterations:
             best = refine(best.at)
-    path = {name: minimum.at.cost for name, minimum in screened.items()}
-    ambiguous = difficult or (samples < SHORT * orders.count and not exact)
-    smaller = _smaller(orders)[: None if neighbours else 1] if smaller_too and ambiguous and start is None else []
+
+    costs = {name: minimum.at.cost for name, minimum in screened.items()}
+    ambiguous = difficult or (refine.samples < SHORT * orders.count and not noise_free)
+    if not (smaller_too and ambiguous and start is None):
+        return Search(best, costs, chosen)
+    smaller = _smaller_structures(orders)
+    if not neighbours:
+        smaller = smaller[:1]
     for k, less in enumerate(smaller):
+        # the first has one degree less of everything; only it is searched to the end, and leads to still smaller ones
         below = search(
             experiments,
             initial_estimates,
@@ -381,20 +416,95 @@ def search(
             smaller_too=k == 0,
             neighbours=False,
             thorough=thorough,
-            max_iterations=EASY if k else max_iterations,
+            max_iterations=max_iterations if k == 0 else EASY,
             initial_conditions=initial_conditions,
         )
         if below.best.at.cost < best.at.cost:
             best = refine(orders.parameters(less.polynomials(below.best.at.theta)))
             chosen = f"padded from {less.count} parameters, {below.start}"
-            path[chosen] = best.at.cost
-    return Search(best, path, chosen)
+            costs[chosen] = best.at.cost
+    return Search(best, costs, chosen)
 
 
-def _smaller(orders: Orders) -> list[Orders]:
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """Minimisation of one structure from any parameters.
+
+    Attributes:
+        experiments: The data.
+        orders: The structure.
+        max_iterations: Limit on the steps.
+        initial_conditions: Assumption about the time before each experiment.
+    """
+
+    experiments: Sequence[IOData]
+    orders: Orders
+    max_iterations: int
+    initial_conditions: InitialConditions
+
+    @property
+    def samples(self) -> int:
+        """Samples of all experiments."""
+        return sum(map(len, self.experiments))
+
+    def __call__(
+        self, origin: FloatArray | Linearisation, steps: int | None = None, good_enough: float = 0.0
+    ) -> Minimum:
+        """Minimise in at most so many steps, or until a cost is reached that is good enough."""
+        limit = self.max_iterations if steps is None else min(steps, self.max_iterations)
+        return minimise(
+            self.experiments,
+            self.orders,
+            origin,
+            max_iterations=limit,
+            initial_conditions=self.initial_conditions,
+            good_enough=good_enough,
+        )
+
+
+def _screened_until_two_agree(
+    refine: Refinement, candidates: Iterable[InitialEstimate]
+) -> tuple[dict[str, Minimum], bool]:
+    """Refine initial estimates by a few steps until two agree; the minima by name, and whether two agree."""
+    screened: dict[str, Minimum] = {}
+    for candidate in candidates:
+        # a cost that agrees with the best one needs no further steps
+        least_cost = min((minimum.at.cost for minimum in screened.values()), default=0.0)
+        good_enough = least_cost * (1.0 + AGREED / refine.samples)
+        screened[candidate.name] = refine(candidate.theta, SCREENING_STEPS, good_enough)
+        costs = sorted(minimum.at.cost for minimum in screened.values())
+        if len(costs) > 1 and refine.samples * (costs[1] - costs[0]) <= AGREED * costs[0]:
+            return screened, True
+    return screened, False
+
+
+def _best_of_rivals(
+    refine: Refinement, screened: dict[str, Minimum], best: Minimum, chosen: str
+) -> tuple[Minimum, str]:
+    """Refine the other screened minima, ever fewer by ever more steps; the lowest minimum of all, and its name."""
+    rivals = {name: minimum for name, minimum in screened.items() if name != chosen}
+    for count, steps in ROUNDS:
+        ranked = sorted(rivals.items(), key=lambda rival: rival[1].at.cost)
+        rivals, reached = {}, [best.at.cost]
+        for name, rival in ranked:
+            # a cost that another has reached is that of the same minimum
+            is_new = all(refine.samples * abs(rival.at.cost - cost) > AGREED * cost for cost in reached)
+            if len(rivals) < count and is_new:
+                reached.append(rival.at.cost)
+                rivals[name] = rival if rival.converged else refine(rival.at, steps)
+        for name, rival in rivals.items():
+            if rival.at.cost < best.at.cost:
+                best, chosen = rival, name
+    return best, chosen
+
+
+def _smaller_structures(orders: Orders) -> list[Orders]:
     """Structures with one degree less: of everything, and of B or F for all inputs or of A, C or D alone."""
     less = {name: max(getattr(orders, name) - 1, 0) for name in ("na", "nc", "nd")}
     less["nb"] = tuple(max(n - 1, 1) for n in orders.nb)
     less["nf"] = tuple(max(n - 1, 0) for n in orders.nf)
-    smaller = [replace(orders, **less), *(replace(orders, **{name: value}) for name, value in less.items())]
-    return [one for one in dict.fromkeys(smaller) if one != orders]
+    smaller = [replace(orders, **less)]
+    for name, value in less.items():
+        smaller.append(replace(orders, **{name: value}))
+    # an order that is 0 already gives the structure itself, or the same one twice
+    return [structure for structure in dict.fromkeys(smaller) if structure != orders]

@@ -48,7 +48,8 @@ def arx_regressors(
     Of y (N,) and u (N, nu), with nb and nk for each input; see `first_row` for the start: (N - start, na + sum(nb)).
     """
     blocks = [-lagged(y, output_lags(na), start)]
-    blocks += [lagged(u[:, j], input_lags(nb[j], nk[j]), start) for j in range(u.shape[1])]
+    for j in range(u.shape[1]):
+        blocks.append(lagged(u[:, j], input_lags(nb[j], nk[j]), start))
     return np.hstack(blocks)
 
 
@@ -61,9 +62,11 @@ def arx_equations(
     starts: Sequence[int],
 ) -> tuple[FloatArray, FloatArray]:
     """`arx_regressors` and outputs (rows,) of several experiments, one after the other."""
-    parts = zip(y, u, starts, strict=True)
-    phi = np.vstack([arx_regressors(yi, ui, na, nb, nk, start) for yi, ui, start in parts])
-    return phi, np.concatenate([yi[start:] for yi, start in zip(y, starts, strict=True)])
+    rows, targets = [], []
+    for yi, ui, start in zip(y, u, starts, strict=True):
+        rows.append(arx_regressors(yi, ui, na, nb, nk, start))
+        targets.append(yi[start:])
+    return np.vstack(rows), np.concatenate(targets)
 
 
 def complete_rows(phi: FloatArray, target: FloatArray, unknown: int) -> NDArray[np.bool_]:

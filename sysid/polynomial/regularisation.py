@@ -13,6 +13,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.records.arguments import shown
@@ -29,9 +30,9 @@ STEP = 1e-6  # of the hyper-parameters, for central differences of the closed-fo
 
 def checked_kernel(kernel: str) -> Kernel:
     """Check the name of a kernel."""
-    for known in get_args(Kernel):
-        if kernel == known:
-            return known
+    for name in get_args(Kernel):
+        if kernel == name:
+            return name
     raise SysidError(f"the kernel must be one of {', '.join(get_args(Kernel))}; got {shown(kernel)}")
 
 
@@ -43,21 +44,32 @@ def kernel_root(kernel: Kernel, n: int, eta: FloatArray) -> FloatArray:
     """
     scale, rate = np.exp(0.5 * eta[0]), np.exp(eta[1])
     lag = np.arange(1, n + 1)
-    if kernel != "ss":
-        # DC is a first-order autoregression under an exponential envelope; TC is its case r = sqrt(l)
-        r = np.tanh(eta[2]) if kernel == "dc" else np.exp(-0.5 * rate)
-        rest = 1.0 / np.cosh(eta[2]) if kernel == "dc" else np.sqrt(-np.expm1(-rate))
-        distance = lag[:, None] - lag
-        root = np.where(distance >= 0, r ** np.maximum(distance, 0), 0.0)
-        root[:, 1:] *= rest
-        return np.asarray(scale * np.exp(-0.5 * rate * lag)[:, None] * root)
-    # SS is the covariance of integrated white noise at the times l^lag: increments between times, and their integrals
+    if kernel == "ss":
+        return np.asarray(scale * _stable_spline_root(lag, rate))
+    # DC is a first-order autoregression under an exponential envelope; TC is its case r = sqrt(l)
+    if kernel == "dc":
+        r, innovation = np.tanh(eta[2]), 1.0 / np.cosh(eta[2])
+    else:
+        r, innovation = np.exp(-0.5 * rate), np.sqrt(-np.expm1(-rate))
+    distance = lag[:, None] - lag
+    root = np.where(distance >= 0, r ** np.maximum(distance, 0), 0.0)
+    # sqrt(1 - r^2), in forms without cancellation where r is near 1
+    root[:, 1:] *= innovation
+    return np.asarray(scale * np.exp(-0.5 * rate * lag)[:, None] * root)
+
+
+def _stable_spline_root(lag: NDArray[np.int_], rate: float) -> FloatArray:
+    """Square root (n, 2 n) of the SS kernel with c = 1: the covariance of integrated white noise at the times l^lag.
+
+    Increments of the noise and of its integral between two times are independent of those elsewhere.
+    """
     times = np.append(np.exp(-rate * lag), 0.0)
     step, later = times[:-1] - times[1:], np.where(lag[:, None] <= lag, 1.0, 0.0)
     gap = times[:-1, None] - times[:-1]
-    own = np.sqrt(step / 12.0) * step * later
-    drift = np.sqrt(step) * (gap + 0.5 * step) * later
-    return np.asarray(scale * np.hstack((drift, own)))
+    # within a step the integral has a part of its own, with a twelfth of the step's third power as variance
+    of_integral = np.sqrt(step / 12.0) * step * later
+    of_noise = np.sqrt(step) * (gap + 0.5 * step) * later
+    return np.hstack((of_noise, of_integral))
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,24 +96,28 @@ def empirical_bayes(phi: FloatArray, target: FloatArray, sizes: Sequence[int], k
     The regressors (rows, p), of which there may be fewer than coefficients, belong to blocks of these sizes; the
     right-hand side (rows,) is not zero.
     """
-    minimize = scipy.optimize.minimize
     rows, p = len(phi), phi.shape[1]
     triangle, lengths = scaled_triangle(np.column_stack((phi, target)))
+    # in units of the output, the bounds of the scales hold for data of any unit
     size = float(np.sqrt(target @ target / rows))
     x, y = triangle[:, :p] * lengths[:p], triangle[:, p] * lengths[p]
     evidence = Evidence(x / size, y / size, rows, tuple(sizes), kernel)
-    power = np.sum(x**2, axis=0) / size**2 / rows
-    edges = np.cumsum([0, *sizes])
-    # scale of a response whose effect would be as large as the output
-    levels = [-np.log(max(float(power[a:b].mean()), 1e-300)) for a, b in pairwise(edges)]
-    bounds = [pair for level in levels for pair in evidence.bounds(level)]
+    regressor_power = np.sum(x**2, axis=0) / size**2 / rows
+    levels, bounds = [], []
+    for begin, end in pairwise(np.cumsum([0, *sizes])):
+        # scale of a response whose effect would be as large as the output
+        level = -np.log(max(float(regressor_power[begin:end].mean()), 1e-300))
+        levels.append(level)
+        bounds += evidence.bounds(level)
     results = []
     for gain in GAINS:
-        starts = [np.concatenate([evidence.start(gain + level, rate) for level in levels]) for rate in RATES]
+        starts = []
+        for rate in RATES:
+            starts.append(np.concatenate([evidence.start(gain + level, rate) for level in levels]))
         # the likelihood has a maximum at noise alone, which a start at a small scale runs into
         best = min(starts, key=lambda eta: evidence(eta)[0])
-        results.append(minimize(evidence, best, jac=True, method="L-BFGS-B", bounds=bounds))
-    result = min(results, key=lambda one: float(one.fun))
+        results.append(scipy.optimize.minimize(evidence, best, jac=True, method="L-BFGS-B", bounds=bounds))
+    result = min(results, key=lambda minimum: float(minimum.fun))
     return evidence.posterior(result.x, size, bool(result.success))
 
 
@@ -125,8 +141,10 @@ class Evidence:
 
     def start(self, scale: float, rate: float) -> FloatArray:
         """Hyper-parameters of one block from the logarithm of its scale and its decay rate; DC as TC."""
-        r = np.arctanh(np.exp(-0.5 * rate))
-        return np.array([scale, np.log(rate), r] if self.kernel == "dc" else [scale, np.log(rate)])
+        if self.kernel != "dc":
+            return np.array([scale, np.log(rate)])
+        correlation = np.exp(-0.5 * rate)
+        return np.array([scale, np.log(rate), np.arctanh(correlation)])
 
     def bounds(self, level: float) -> list[tuple[float, float]]:
         """Bounds of the hyper-parameters of one block, the scale about a level."""
@@ -135,44 +153,56 @@ class Evidence:
         return [*out, BOUNDS["correlation"]] if self.kernel == "dc" else out
 
     def __call__(self, eta: FloatArray) -> tuple[float, FloatArray]:
-        """Criterion and gradient."""
-        parts = self._roots(eta)
-        roots = np.asarray(scipy.linalg.block_diag(*parts))
-        triangle, weights, rest = self._solution(roots)
-        energy = rest**2
+        """Criterion and gradient.
+
+        With X the regressors, L the roots of all blocks, and T the triangle of [X L; I], the criterion is N log(least
+        |y - X L w|^2 + |w|^2) + log det(L' X' X L + I), the determinant that of T' T [ChenLjung2013].
+        """
+        block_roots = self._roots(eta)
+        roots = np.asarray(scipy.linalg.block_diag(*block_roots))
+        triangle, weights, remainder = self._solution(roots)
+        energy = remainder**2
         value = self.rows * np.log(energy) + 2.0 * float(np.sum(np.log(np.abs(np.diag(triangle)))))
         # slopes of both terms by the entries of L
         errors = self.y - self.x @ (roots @ weights)
-        product = self.x @ roots
-        half = scipy.linalg.solve_triangular(triangle, product.T, trans="T").T
-        smooth = self.x.T @ scipy.linalg.solve_triangular(triangle, half.T).T
-        by_root = 2.0 * smooth - 2.0 * self.rows / energy * np.outer(self.x.T @ errors, weights)
-        count, gradient = len(eta) // len(self.sizes), np.empty(len(eta))
+        half = scipy.linalg.solve_triangular(triangle, (self.x @ roots).T, trans="T").T
+        of_determinant = 2.0 * (self.x.T @ scipy.linalg.solve_triangular(triangle, half.T).T)
+        by_root = of_determinant - 2.0 * self.rows / energy * np.outer(self.x.T @ errors, weights)
+        return float(value), self._gradient(eta, block_roots, by_root)
+
+    def _gradient(self, eta: FloatArray, block_roots: Sequence[FloatArray], by_root: FloatArray) -> FloatArray:
+        """Gradient by the hyper-parameters from the slopes by the entries of L."""
+        count = len(eta) // len(self.sizes)
+        gradient = np.empty(len(eta))
         row = column = 0
-        for b, (n, root) in enumerate(zip(self.sizes, parts, strict=True)):
-            part = by_root[row : row + n, column : column + root.shape[1]]
-            own = eta[b * count : (b + 1) * count]
-            gradient[b * count] = 0.5 * float(np.sum(part * root))
+        for block, (n, root) in enumerate(zip(self.sizes, block_roots, strict=True)):
+            slopes = by_root[row : row + n, column : column + root.shape[1]]
+            own_eta = eta[block * count : (block + 1) * count]
+            # L is proportional to the root of the scale
+            gradient[block * count] = 0.5 * float(np.sum(slopes * root))
             for k in range(1, count):
                 step = STEP * np.eye(count)[k]
-                change = kernel_root(self.kernel, n, own + step) - kernel_root(self.kernel, n, own - step)
-                gradient[b * count + k] = float(np.sum(part * change)) / (2.0 * STEP)
+                upper = kernel_root(self.kernel, n, own_eta + step)
+                lower = kernel_root(self.kernel, n, own_eta - step)
+                gradient[block * count + k] = float(np.sum(slopes * (upper - lower))) / (2.0 * STEP)
             row, column = row + n, column + root.shape[1]
-        return float(value), gradient
+        return gradient
 
     def posterior(self, eta: FloatArray, size: float, converged: bool) -> Posterior:
         """Posterior at hyper-parameters, the right-hand side in units of `size`."""
         roots = np.asarray(scipy.linalg.block_diag(*self._roots(eta)))
-        triangle, weights, rest = self._solution(roots)
+        triangle, weights, remainder = self._solution(roots)
         half = scipy.linalg.solve_triangular(triangle, roots.T, trans="T").T
-        variance = size**2 * rest**2 / self.rows
-        table = eta.reshape(len(self.sizes), -1)
-        natural = np.column_stack((np.exp(table[:, 0]) * variance / size**2, np.exp(-np.exp(table[:, 1]))))
+        variance = size**2 * remainder**2 / self.rows
+        by_block = eta.reshape(len(self.sizes), -1)
+        scales, decays = np.exp(by_block[:, 0]) * variance / size**2, np.exp(-np.exp(by_block[:, 1]))
+        hyper_parameters = np.column_stack((scales, decays))
         if self.kernel == "dc":
-            natural = np.column_stack((natural, np.tanh(table[:, 2])))
+            hyper_parameters = np.column_stack((hyper_parameters, np.tanh(by_block[:, 2])))
+        # terms of the normal density that do not depend on eta, in the units of the data
         constant = self.rows * (1.0 + np.log(2.0 * np.pi * size**2 / self.rows))
         diagnostics = {
-            "hyper_parameters": natural,
+            "hyper_parameters": hyper_parameters,
             "effective_parameters": float(np.sum((self.x @ half) ** 2)),
             "evidence": -0.5 * (self(eta)[0] + float(constant)),
             "converged": converged,
@@ -181,16 +211,18 @@ class Evidence:
 
     def _roots(self, eta: FloatArray) -> list[FloatArray]:
         """Root of each block's kernel."""
-        parts = zip(self.sizes, eta.reshape(len(self.sizes), -1), strict=True)
-        return [kernel_root(self.kernel, n, own) for n, own in parts]
+        by_block = zip(self.sizes, eta.reshape(len(self.sizes), -1), strict=True)
+        return [kernel_root(self.kernel, n, own_eta) for n, own_eta in by_block]
 
     def _solution(self, roots: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Triangle T of [Phi L; I], the coefficients w of L w, and the length of the remainder."""
-        m = roots.shape[1]
-        stacked = np.zeros((len(self.y) + m, m + 1))
-        stacked[: len(self.y), :m] = self.x @ roots
-        stacked[: len(self.y), m] = self.y
-        stacked[len(self.y) + np.arange(m), np.arange(m)] = 1.0
-        whole = np.asarray(np.linalg.qr(stacked, mode="r"))
-        weights = scipy.linalg.solve_triangular(whole[:m, :m], whole[:m, m])
-        return whole[:m, :m], weights, max(abs(float(whole[m, m])), float(np.finfo(float).tiny))
+        k, m = len(self.y), roots.shape[1]
+        stacked = np.zeros((k + m, m + 1))
+        stacked[:k, :m] = self.x @ roots
+        stacked[:k, m] = self.y
+        stacked[k + np.arange(m), np.arange(m)] = 1.0
+        triangle = np.asarray(np.linalg.qr(stacked, mode="r"))
+        weights = scipy.linalg.solve_triangular(triangle[:m, :m], triangle[:m, m])
+        # its logarithm is taken
+        remainder = max(abs(float(triangle[m, m])), float(np.finfo(float).tiny))
+        return triangle[:m, :m], weights, remainder

@@ -18,6 +18,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
 MOST_LAGS = 10  # largest order of the autoregression
+SINGULAR = 0.01  # least curvature in standard directions, over that of a true model: less is no minimum
 ROWS_PER_COEFFICIENT = 10  # least number of samples per coefficient of the autoregression
 STEP = 0.01  # in standard deviations, for differences of the gradient
 
@@ -36,9 +37,9 @@ def sandwich(
     directions = standard_directions(covariance)
     curvature = _curvature(experiments, orders, theta, directions, initial_conditions)
     # variance times identity for a true model, and the fallback at a stability bound
-    if curvature is None or np.linalg.eigvalsh(curvature)[0] < 0.01 * variance:
+    if curvature is None or np.linalg.eigvalsh(curvature)[0] < SINGULAR * variance:
         curvature = variance * np.eye(len(theta))
-    series = [s @ directions for s in scores(experiments, orders, theta, initial_conditions)]
+    series = [terms @ directions for terms in scores(experiments, orders, theta, initial_conditions)]
     half = directions @ np.linalg.inv(curvature)
     return half @ long_run_covariance(series) @ half.T
 
@@ -59,7 +60,7 @@ def curvature_covariance(
     directions = standard_directions(covariance)
     # the gradient at theta itself is zero
     curvature = _curvature(experiments, orders, theta, directions, initial_conditions, sides=(1.0,))
-    if curvature is None or np.linalg.eigvalsh(curvature)[0] < 0.01 * variance:
+    if curvature is None or np.linalg.eigvalsh(curvature)[0] < SINGULAR * variance:
         return covariance
     return variance * directions @ np.linalg.inv(curvature) @ directions.T
 
@@ -69,26 +70,32 @@ def long_run_covariance(series: Sequence[FloatArray]) -> FloatArray:
 
     A vector autoregression, its order by Akaike's criterion, extrapolates the correlations.
     """
-    samples, p = sum(len(s) for s in series), series[0].shape[1]
-    most = min(MOST_LAGS, samples // (ROWS_PER_COEFFICIENT * p), min(len(s) for s in series) // 2)
-    blocks = [np.hstack([s[most - k : len(s) - k] for k in (*range(1, most + 1), 0)]) for s in series]
-    columns = np.vstack(blocks)
+    samples, p = sum(len(x) for x in series), series[0].shape[1]
+    shortest = min(len(x) for x in series)
+    highest_order = min(MOST_LAGS, samples // (ROWS_PER_COEFFICIENT * p), shortest // 2)
+    columns = np.vstack([_lags_then_present(x, highest_order) for x in series])
     rows = len(columns)
     # one triangle contains the regressions of all orders
     triangle = triangular_factor(columns / np.sqrt(np.mean(columns**2)))
     triangle *= np.sqrt(np.mean(columns**2))
-    explained = triangle[:, most * p :]
-    least, best = np.inf, np.eye(p)
-    for order in range(most + 1):
-        known = order * p
-        left = explained[known:].T @ explained[known:]
-        criterion = np.linalg.slogdet(left / rows)[1] + 2.0 * known * p / rows
-        if criterion < least:
-            solution = np.linalg.lstsq(triangle[:known, :known], explained[:known], rcond=None)[0]
+    present = triangle[:, highest_order * p :]
+    least_aic, best = np.inf, np.eye(p)
+    for order in range(highest_order + 1):
+        coefficients = order * p
+        residual_gram = present[coefficients:].T @ present[coefficients:]
+        aic = np.linalg.slogdet(residual_gram / rows)[1] + 2.0 * coefficients * p / rows
+        if aic < least_aic:
+            lags = triangle[:coefficients, :coefficients]
+            solution = np.linalg.lstsq(lags, present[:coefficients], rcond=None)[0]
             # rows of the solution are ordered by lag: x(t) = sum_k X_k' x(t - k) + w(t)
-            gain = np.linalg.inv(np.eye(p) - solution.reshape(order, p, p).sum(axis=0).T)
-            least, best = criterion, gain @ left @ gain.T / (rows - known)
+            gain_at_dc = np.linalg.inv(np.eye(p) - solution.reshape(order, p, p).sum(axis=0).T)
+            least_aic, best = aic, gain_at_dc @ residual_gram @ gain_at_dc.T / (rows - coefficients)
     return samples * best
+
+
+def _lags_then_present(x: FloatArray, order: int) -> FloatArray:
+    """Rows [x(t - 1)', ..., x(t - order)', x(t)'] of a signal (N, p)."""
+    return np.hstack([x[order - k : len(x) - k] for k in (*range(1, order + 1), 0)])
 
 
 def _curvature(
@@ -99,7 +106,10 @@ def _curvature(
     initial_conditions: InitialConditions,
     sides: Sequence[float] = (1.0, -1.0),
 ) -> FloatArray | None:
-    """Half the second derivative of the criterion along directions (p, p); None if a step is not stable."""
+    """Half the second derivative of the criterion along directions (p, p); None if a step is not stable.
+
+    By differences of exact gradients, central ones or, where the gradient at theta is zero, one-sided ones.
+    """
     gradients = []
     for step in STEP * directions.T:
         ends = [theta + side * step for side in sides]

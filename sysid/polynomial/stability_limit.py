@@ -29,9 +29,9 @@ def admissible(orders: Orders, theta: FloatArray, samples: float = np.inf, facto
     if not np.isfinite(theta).all():
         return False
     _, _, c, d, f = orders.split(theta)
-    return is_stable(c, factor * noise_margin(samples)) and all(
-        is_stable(one, factor * STABILITY_MARGIN) for one in (d, *f)
-    )
+    if not is_stable(c, factor * noise_margin(samples)):
+        return False
+    return all(is_stable(polynomial, factor * STABILITY_MARGIN) for polynomial in (d, *f))
 
 
 def pulled_in(orders: Orders, theta: FloatArray, origin: FloatArray, samples: float = np.inf) -> FloatArray:
@@ -42,21 +42,28 @@ def pulled_in(orders: Orders, theta: FloatArray, origin: FloatArray, samples: fl
     if admissible(orders, theta, samples):
         return theta
     a, b, c, d, f = orders.split(theta)
-    _, _, c0, d0, f0 = orders.split(origin)
-    inner = [_inside(*pair) for pair in zip((d, *f), (d0, *f0), strict=True)]
-    return orders.join(a, b, _inside(c, c0, noise_margin(samples)), inner[0], inner[1:])
+    _, _, origin_c, origin_d, origin_f = orders.split(origin)
+    inner_c = _inside(c, origin_c, noise_margin(samples))
+    inner_d = _inside(d, origin_d, STABILITY_MARGIN)
+    inner_f = [_inside(fj, origin_fj, STABILITY_MARGIN) for fj, origin_fj in zip(f, origin_f, strict=True)]
+    return orders.join(a, b, inner_c, inner_d, inner_f)
 
 
-def _inside(polynomial: FloatArray, origin: FloatArray, margin: float = STABILITY_MARGIN) -> FloatArray:
-    distance = max(INSIDE * margin, (1.0 - REACH) * (1.0 - np.abs(np.roots(origin)).max(initial=0.0)))
-    roots, inner = np.roots(polynomial), polynomial
-    # several roots that meet need more distance: rounding moves them
-    while not is_stable(inner, distance if inner is polynomial else margin):
+def _inside(polynomial: FloatArray, origin: FloatArray, margin: float) -> FloatArray:
+    """Polynomial with the roots moved inside that leave the region, after a step from `origin`."""
+    origin_distance = 1.0 - np.abs(np.roots(origin)).max(initial=0.0)
+    distance = max(INSIDE * margin, (1.0 - REACH) * origin_distance)
+    if is_stable(polynomial, distance):
+        return polynomial
+    roots = np.roots(polynomial)
+    while True:
         moved = np.poly(roots * (1.0 - distance) / np.maximum(np.abs(roots), 1.0 - distance)).real
         # zeros at the end of a polynomial are no roots
         inner = np.concatenate((moved, np.zeros(len(polynomial) - len(moved))))
+        if is_stable(inner, margin):
+            return inner
+        # several roots that meet need more distance: rounding moves them
         distance = min(2.0 * distance, 0.999)
-    return inner
 
 
 def outward(orders: Orders, theta: FloatArray, samples: float = np.inf) -> tuple[FloatArray, FloatArray]:
@@ -67,17 +74,17 @@ def outward(orders: Orders, theta: FloatArray, samples: float = np.inf) -> tuple
     where its product with no row exceeds the reach.
     """
     _, _, c, d, f = orders.split(theta)
+    _, _, of_c, of_d, of_f = orders.ranges
     rows, reach = [], []
-    begin = orders.na + sum(orders.nb)
-    for polynomial in (c, d, *f):
-        n = len(polynomial) - 1
+    for polynomial, positions in zip((c, d, *f), (of_c, of_d, *of_f), strict=True):
+        if len(polynomial) == 1:
+            continue
         margin = noise_margin(samples) if polynomial is c else STABILITY_MARGIN
-        for change, distance in _ways_out(polynomial, margin) if n else ():
+        for change, distance in _ways_out(polynomial, margin):
             row = np.zeros(orders.count)
-            row[begin : begin + n] = change
+            row[positions] = change
             rows.append(row)
             reach.append(REACH * max(distance, 0.0))
-        begin += n
     return np.array(rows).reshape(-1, orders.count), np.array(reach)
 
 
@@ -92,22 +99,31 @@ def _ways_out(polynomial: FloatArray, margin: float) -> Iterator[tuple[FloatArra
     near = np.abs(roots) > 1.0 - AT_THE_LIMIT * margin
     pairs = [(1.0, -2.0 * root.real, abs(root) ** 2) for root in roots[roots.imag > 0.0]]
     for end in (1.0, -1.0):
+        # a real root crosses the limit where the value there changes its sign; end^n makes it positive inside
         powers = (end * limit) ** np.arange(n + 1, dtype=float)[::-1] * end**n
         yield -powers[1:], float(powers @ polynomial)
         close = np.abs(roots - end) < DOUBLE
         if (close & near).any() and close.sum() > 1 and not (roots.imag[close & near] > 0.0).any():
-            pairs.append(tuple(np.poly(roots[close][np.argsort(-np.abs(roots[close]))[:2]]).real))
+            outermost = roots[close][np.argsort(-np.abs(roots[close]))[:2]]
+            pairs.append(tuple(np.poly(outermost).real))
     for pair in pairs:
-        # remainders of z^(n-1), ..., z, 1 by the pair: coefficients of z and 1 (2, n)
-        remainders = [(0.0, 1.0)]
-        for _ in range(n - 1):
-            s, t = remainders[-1]
-            remainders.append((t - pair[1] * s, -pair[2] * s))
-        changes = np.array(remainders[::-1]).T
-        # p + dp = (rest + ...)(pair + s z + t): dp = rest (s z + t) modulo the pair
-        rest = scipy.signal.lfilter([1.0], pair, polynomial[: n - 1])
-        images = np.column_stack((changes[:, : n - 1] @ rest, changes[:, 1:] @ rest))
-        yield np.linalg.lstsq(images, changes, rcond=None)[0][1], limit**2 - pair[2]
+        yield _product_slope(polynomial, pair), limit**2 - pair[2]
+
+
+def _product_slope(polynomial: FloatArray, pair: tuple[float, float, float]) -> FloatArray:
+    """Derivative of the product of a pair of roots, factor z^2 + s z + t, by the coefficients after the first (n,)."""
+    n = len(polynomial) - 1
+    # remainders of z^(n-1), ..., z, 1 by the pair: coefficients of z and 1 (2, n)
+    remainders = [(0.0, 1.0)]
+    for _ in range(n - 1):
+        s, t = remainders[-1]
+        remainders.append((t - pair[1] * s, -pair[2] * s))
+    changes = np.array(remainders[::-1]).T
+    # p + dp = (rest + ...)(pair + s z + t): dp = rest (s z + t) modulo the pair
+    rest = scipy.signal.lfilter([1.0], pair, polynomial[: n - 1])
+    images = np.column_stack((changes[:, : n - 1] @ rest, changes[:, 1:] @ rest))
+    slope: FloatArray = np.linalg.lstsq(images, changes, rcond=None)[0][1]
+    return slope
 
 
 def constrained_step(
@@ -118,15 +134,19 @@ def constrained_step(
     excess = rows @ free - reach
     if not (excess > 0.0).any():
         return free
+    # in coordinates in which the criterion is a distance from the free step, limits of unit length
     root = np.sqrt(values)
-    sides = rows / root
-    lengths = np.linalg.norm(sides, axis=1)
+    normals = rows / root
+    lengths = np.linalg.norm(normals, axis=1)
     kept = lengths > 0.0
-    sides, excess = -sides[kept] / lengths[kept, None], excess[kept] / lengths[kept]
+    normals, excess = -normals[kept] / lengths[kept, None], excess[kept] / lengths[kept]
     size = excess.max()
+    dual_columns = np.vstack((normals.T, excess / size))
+    dual_target = np.append(np.zeros(len(values)), 1.0)
     try:
-        forces, _ = scipy.optimize.nnls(np.vstack((sides.T, excess / size)), np.append(np.zeros(len(values)), 1.0))
+        forces, _ = scipy.optimize.nnls(dual_columns, dual_target)
     except RuntimeError:
         # not converged: the caller moves poles beyond the limit back
         return free
-    return np.asarray(free + size * (sides.T @ forces) / (1.0 - excess / size @ forces) / root)
+    remainder = 1.0 - excess / size @ forces
+    return np.asarray(free + size * (normals.T @ forces) / remainder / root)

@@ -25,6 +25,10 @@ ONE = np.ones(1)
 SAME = 1e-12  # difference of coefficients below which two polynomials are one
 
 
+System = tuple[FloatArray, list[FloatArray], FloatArray, FloatArray, list[FloatArray]]
+"""Polynomials A, [B], C, D, [F] of A y = B/F u + C/D e."""
+
+
 @dataclass(frozen=True, eq=False)
 class Embedding:
     """A system embedded in a structure.
@@ -58,43 +62,39 @@ def embedding(truth: Polynomials, structure: str) -> Embedding | None:
     """
     if structure not in STRUCTURES:
         raise SysidError(f"structure {structure!r} given, expected one of {', '.join(STRUCTURES)}")
-    a, c, d = truth.A, truth.C, truth.D
-    b, f = ([truth.channel(j)[k] for j in range(truth.nu)] for k in (0, 1))
-    delay = min(int(np.flatnonzero(row)[0]) for row in b)
-    held = True
-    if structure in ("oe", "bj"):
-        a, f, noise_poles = ONE, [trimseq(np.convolve(a, row)) for row in f], trimseq(np.convolve(a, d))
-        white = _same(c, noise_poles)
-        held = white or structure == "bj"
-        c, d = (ONE, ONE) if white else (c, noise_poles)
-    else:
-        # One denominator for all: A F D y = B (F/F_j) D u_j + C F e. Two of the F_j are the same or coprime.
-        common = ONE
-        for j, row in enumerate(f):
-            if not any(_same(row, other) for other in f[:j]):
-                common = np.convolve(common, row)
-        a = trimseq(np.convolve(a, common))
-        b = [trimseq(np.convolve(row, np.polydiv(common, fj)[0])) for row, fj in zip(b, f, strict=True)]
-        c, f = trimseq(np.convolve(c, common)), [ONE] * truth.nu
-        if structure == "arx":
-            held = _same(c, d)
-            c = ONE
-        else:
-            a, b = trimseq(np.convolve(a, d)), [trimseq(np.convolve(row, d)) for row in b]
-        d = ONE
-    sizes = {"na": len(a) - 1, "nb": max(map(len, b)) - delay, "nc": len(c) - 1, "nd": len(d) - 1}
-    sizes |= {"nf": max(map(len, f)) - 1, "nk": delay, "order": max(len(a), len(c), *map(len, b)) - 1}
-    if structure == "ss" and delay == 0:
+    nk = min(int(np.flatnonzero(truth.channel(j)[0])[0]) for j in range(truth.nu))
+    if structure == "ss" and nk == 0:
         return None
-    polynomials = Polynomials(a, padded_rows(b), c, d, padded_rows(f)) if held else None
+    if structure in ("oe", "bj"):
+        a, b, c, d, f = _without_a(truth)
+        white = len(c) == len(d) == 1
+        noise_held = white or structure == "bj"
+    elif structure == "arx":
+        a, b, c, d, f = _with_common_denominator(truth)
+        noise_held = _same(c, d)
+        c, d = ONE, ONE
+    else:
+        a, b, c, d, f = _with_common_denominator(truth)
+        noise_held = True
+        a, b, d = trimseq(np.convolve(a, d)), [trimseq(np.convolve(bj, d)) for bj in b], ONE
+    sizes = {
+        "na": len(a) - 1,
+        "nb": max(map(len, b)) - nk,
+        "nc": len(c) - 1,
+        "nd": len(d) - 1,
+        "nf": max(map(len, f)) - 1,
+        "nk": nk,
+        "order": max(len(a), len(c), *map(len, b)) - 1,
+    }
+    polynomials = Polynomials(a, padded_rows(b), c, d, padded_rows(f)) if noise_held else None
     return Embedding(structure, {name: sizes[name] for name in STRUCTURES[structure]}, polynomials)
 
 
 def own_structure(truth: Polynomials) -> str:
     """The structure with the fewest parameters that holds the system, its noise included."""
     embeddings = [embedding(truth, name) for name in ("oe", "arx", "armax", "bj")]
-    holding = [one for one in embeddings if one is not None and one.polynomials is not None]
-    return min(holding, key=lambda one: layout(one.structure, one.orders, truth.nu).count).structure
+    holding = [held for held in embeddings if held is not None and held.polynomials is not None]
+    return min(holding, key=lambda held: layout(held.structure, held.orders, truth.nu).count).structure
 
 
 def layout(structure: str, orders: Mapping[str, int], nu: int = 1) -> Orders:
@@ -105,5 +105,34 @@ def layout(structure: str, orders: Mapping[str, int], nu: int = 1) -> Orders:
     return make_orders(nu, **orders)
 
 
-def _same(one: FloatArray, other: FloatArray) -> bool:
-    return bool(np.abs(polysub(one, other)).max() <= SAME)
+def _without_a(truth: Polynomials) -> System:
+    """The system as y = B/(A F) u + C/(A D) e, where the noise is white with C = D = 1."""
+    b, f = [], []
+    for j in range(truth.nu):
+        numerator, denominator = truth.channel(j)
+        b.append(numerator)
+        f.append(trimseq(np.convolve(truth.A, denominator)))
+    noise_poles = trimseq(np.convolve(truth.A, truth.D))
+    if _same(truth.C, noise_poles):
+        return ONE, b, ONE, ONE, f
+    return ONE, b, truth.C, noise_poles, f
+
+
+def _with_common_denominator(truth: Polynomials) -> System:
+    """The system with one denominator for all inputs, A F y = B_j F/F_j u_j + C F/D e, F the product of the F_j."""
+    channels = [truth.channel(j) for j in range(truth.nu)]
+    # two of the F_j are taken to be the same or coprime
+    common, factors = ONE, []
+    for _, denominator in channels:
+        if not any(_same(denominator, factor) for factor in factors):
+            common = np.convolve(common, denominator)
+        factors.append(denominator)
+    b = []
+    for numerator, denominator in channels:
+        b.append(trimseq(np.convolve(numerator, np.polydiv(common, denominator)[0])))
+    a, c = trimseq(np.convolve(truth.A, common)), trimseq(np.convolve(truth.C, common))
+    return a, b, c, truth.D, [ONE] * truth.nu
+
+
+def _same(first: FloatArray, second: FloatArray) -> bool:
+    return bool(np.abs(polysub(first, second)).max() <= SAME)

@@ -13,7 +13,7 @@ from sysid.models.predict import predict, residuals
 from sysid.polynomial.arx import arx
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.oe import oe
-from sysid.polynomial.orders import make_orders
+from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.polynomial_estimate import directions
 from sysid.polynomial.prediction_error import linearise, output_errors
 from sysid.polynomial.regressors import arx_regressors
@@ -66,57 +66,87 @@ def two_stage(
     """
     experiments = as_experiments(data)
     references = external_signals("reference", data, reference)
-    simulated = [e.u.copy() for e in experiments]
-    stages = []
-    for j in range(experiments[0].nu):
-        loop = [IOData(r, e.u[:, j], e.dt, window=e.window) for r, e in zip(references, experiments, strict=True)]
-        stages.append(_input_model(loop, order))
-        for u, e in zip(simulated, loop, strict=True):
-            u[:, j] = predict(stages[-1], e, steps=None)[:, 0]
-    projected = [replace(e, u=u) for e, u in zip(experiments, simulated, strict=True)]
+    stages, projected = _first_stage(experiments, references, order)
     estimate = oe(projected, nb, nf, nk, coloured=False)
     orders = make_orders(experiments[0].nu, nb=nb, nf=nf, nk=nk)
-    _, b, _, _, f = orders.split(estimate.parameters)
-    half = directions(linearise(projected, orders, estimate.parameters))[0]
-    columns = output_errors(projected, orders, estimate.parameters, InitialConditions.ESTIMATED)
-    sensitivities = [part[:, :-1] @ half for part in columns]
-    # terms of the error: those of oe, and what the errors of the first stage, least squares too, add to them
-    series = [np.zeros((len(e), half.shape[1])) for e in experiments]
-    for terms, part, own in zip(series, columns, sensitivities, strict=True):
-        terms[-len(own) :] = own * part[:, -1:]
-    for j, stage in enumerate(stages):
-        rows = [_regressors(e, j, r, stage) for e, r in zip(experiments, references, strict=True)]
-        path = b[j], np.convolve(f[j], np.concatenate(([1.0], stage.parameters[: stage.orders["na"]])))
-        cross: FloatArray | float = 0.0
-        for own, e, r in zip(sensitivities, projected, references, strict=True):
-            moved = scipy.signal.lfilter(*path, _regressors(e, j, r, stage), axis=0)
-            cross = cross + own[-len(moved) :].T @ moved[-len(own) :]
-        weight = np.linalg.pinv(sum(row.T @ row for row in rows)) @ np.transpose(cross)
-        for terms, row, e in zip(series, rows, experiments, strict=True):
-            errors = e.u[-len(row) :, j] - row @ stage.parameters
-            terms[-len(row) :] -= (row @ weight) * errors[:, None]
     v = np.concatenate([residuals(estimate, e) for e in experiments])
     return replace(
         estimate,
         method="two_stage",
-        covariance=half @ long_run_covariance(series) @ half.T,
+        covariance=_covariance(experiments, references, stages, projected, orders, estimate.parameters),
         noise_variance=v.T @ v / (len(v) - orders.count),
         residuals=v,
         diagnostics={**estimate.diagnostics, "first_stage_orders": tuple(stage.orders["na"] for stage in stages)},
     )
 
 
+def _first_stage(
+    experiments: Sequence[IOData], references: Sequence[FloatArray], order: int | None
+) -> tuple[list[Estimate], list[IOData]]:
+    """Models from the references to each input, and the experiments with the inputs that these simulate."""
+    simulated = [e.u.copy() for e in experiments]
+    stages = []
+    for j in range(experiments[0].nu):
+        loop = []
+        for reference, e in zip(references, experiments, strict=True):
+            loop.append(IOData(reference, e.u[:, j], e.dt, window=e.window))
+        stages.append(_input_model(loop, order))
+        for u, record in zip(simulated, loop, strict=True):
+            u[:, j] = predict(stages[-1], record, steps=None)[:, 0]
+    return stages, [replace(e, u=u) for e, u in zip(experiments, simulated, strict=True)]
+
+
 def _input_model(loop: Sequence[IOData], order: int | None) -> Estimate:
     """ARX model from the references to an input."""
     nr, samples = loop[0].nu, sum(len(e) - e.window for e in loop)
-    most = (samples // ROWS_PER_COEFFICIENT - nr) // (1 + nr)
-    tried = [n for n in ORDERS if n <= max(most, 1)] if order is None else [whole_number("order", order, 1)]
+    highest = (samples // ROWS_PER_COEFFICIENT - nr) // (1 + nr)
+    candidate_orders = [n for n in ORDERS if n <= max(highest, 1)]
+    if order is not None:
+        candidate_orders = [whole_number("order", order, 1)]
     with warnings.catch_warnings():
         # of the orders that are tried, most are too large or too small
         warnings.simplefilter("ignore", SysidWarning)
-        return min((arx(loop, n, n + 1, 0) for n in tried), key=lambda estimate: estimate.aic)
+        return min((arx(loop, n, n + 1, 0) for n in candidate_orders), key=lambda estimate: estimate.aic)
 
 
-def _regressors(e: IOData, j: int, r: FloatArray, stage: Estimate) -> FloatArray:
-    n, nr = stage.orders["na"], r.shape[1]
-    return arx_regressors(e.u[:, j], r, n, (n + 1,) * nr, (0,) * nr, max(n, e.window))
+def _covariance(
+    experiments: Sequence[IOData],
+    references: Sequence[FloatArray],
+    stages: Sequence[Estimate],
+    projected: Sequence[IOData],
+    orders: Orders,
+    theta: FloatArray,
+) -> FloatArray:
+    """Covariance of the parameters (p, p), for a disturbance of any colour and the errors of the first stage.
+
+    With L L' = (J' J)^-1, the error of the parameters is L times the sum over time of L' psi(t) e(t), to which the
+    errors of the first stage add terms. The covariance of the sum is the long-run covariance of these terms.
+    """
+    half = directions(linearise(projected, orders, theta))[0]
+    tables = output_errors(projected, orders, theta, InitialConditions.ESTIMATED)
+    sensitivities = [table[:, :-1] @ half for table in tables]
+    terms = [np.zeros((len(e), half.shape[1])) for e in experiments]
+    for term, table, sensitivity in zip(terms, tables, sensitivities, strict=True):
+        term[-len(sensitivity) :] = sensitivity * table[:, -1:]
+    _, b, _, _, f = orders.split(theta)
+    for j, stage in enumerate(stages):
+        # errors of the stage's parameters change the simulated input through 1/A of the stage, the output through B/F
+        stage_a = np.concatenate(([1.0], stage.parameters[: stage.orders["na"]]))
+        path = b[j], np.convolve(f[j], stage_a)
+        cross: FloatArray | float = 0.0
+        for sensitivity, e, reference in zip(sensitivities, projected, references, strict=True):
+            output_changes = scipy.signal.lfilter(*path, _regressors(e, j, reference, stage), axis=0)
+            cross = cross + sensitivity[-len(output_changes) :].T @ output_changes[-len(sensitivity) :]
+        # these errors are least squares too: (X' X)^-1 times the sum of x(t) times the error of the input
+        rows = [_regressors(e, j, reference, stage) for e, reference in zip(experiments, references, strict=True)]
+        weight = np.linalg.pinv(sum(row.T @ row for row in rows)) @ np.transpose(cross)
+        for term, row, e in zip(terms, rows, experiments, strict=True):
+            input_errors = e.u[-len(row) :, j] - row @ stage.parameters
+            term[-len(row) :] -= (row @ weight) * input_errors[:, None]
+    return half @ long_run_covariance(terms) @ half.T
+
+
+def _regressors(e: IOData, j: int, reference: FloatArray, stage: Estimate) -> FloatArray:
+    """Regressors of a stage, of one input of a record and the references, without the samples that only initialise."""
+    n, nr = stage.orders["na"], reference.shape[1]
+    return arx_regressors(e.u[:, j], reference, n, (n + 1,) * nr, (0,) * nr, max(n, e.window))
