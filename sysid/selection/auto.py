@@ -48,17 +48,19 @@ class StructureChoice(Locked):
     reason: str
 
     def _parts(self) -> list[Part]:
-        best, shown = self.candidates[0], self.candidates[:LISTED]
+        best, listed = self.candidates[0], self.candidates[:LISTED]
         columns = [
-            ("candidate", [str(one) for one in shown]),
-            ("parameters", [str(one.parameters) for one in shown]),
-            ("loss", [f"{one.loss:.4g}" for one in shown]),
-            ("EBIC above", [f"{one.ebic - best.ebic:.1f}" for one in shown]),
-            *([("validation", [f"{one.validation:.4g}" for one in shown])] * bool(np.isfinite(best.validation))),
-            ("", [one.remark for one in shown]),
+            ("candidate", [str(candidate) for candidate in listed]),
+            ("parameters", [str(candidate.parameters) for candidate in listed]),
+            ("loss", [f"{candidate.loss:.4g}" for candidate in listed]),
+            ("EBIC above", [f"{candidate.ebic - best.ebic:.1f}" for candidate in listed]),
         ]
-        more = max(len(self.candidates) - LISTED, 0)
-        return [self.reason, Table(columns), f"and {more} more" * bool(more)]
+        if np.isfinite(best.validation):
+            columns.append(("validation", [f"{candidate.validation:.4g}" for candidate in listed]))
+        columns.append(("", [candidate.remark for candidate in listed]))
+        unlisted = len(self.candidates) - len(listed)
+        remainder = f"and {unlisted} more" if unlisted else ""
+        return [self.reason, Table(columns), remainder]
 
 
 def auto(
@@ -100,17 +102,15 @@ def auto(
         SysidWarning: What the estimator says about the chosen model.
     """
     experiments = as_experiments(data, missing=True)
-    others = () if validation is None else as_experiments(validation, missing=True)
+    validation_data = () if validation is None else as_experiments(validation, missing=True)
     largest, longest = whole_number("largest", largest, 1), whole_number("longest", longest, 100)
     names = tuple(ORDERS) if methods is None else tuple(methods)
     if not names or not set(names) <= set(ORDERS):
         raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {', '.join(map(str, names)) or 'none'}")
-    search = StructureSearch(_stretches(experiments, longest), others, largest, names)
+    search = StructureSearch(_stretches(experiments, longest), validation_data, largest, names)
     delays, p = tuple[int, ...](), _feedback_p(experiments)
-    fed_back, left_out = p < LEVEL, DIRECT
-    doubt = ""
-    if fed_back and experiments[0].nu == experiments[0].ny == 1:
-        doubt = INTERCHANGED * (_feedback_p(interchanged(complete_parts(experiments))) > LEVEL)
+    fed_back = p < LEVEL
+    excluded = DIRECT
     with warnings.catch_warnings():
         # candidates that are too large give many warnings; the fit of the chosen one repeats its own
         warnings.simplefilter("ignore", SysidWarning)
@@ -120,7 +120,7 @@ def auto(
                 delays = tuple(max(delay, 1) for delay in delays)
             if fed_back and methods is None:
                 search.methods = tuple(name for name in names if name != "oe")
-                left_out = f"oe, which only a white disturbance leaves unbiased, and {DIRECT}"
+                excluded = f"oe, which only a white disturbance leaves unbiased, and {DIRECT}"
             search.climb_structures(delays)
         elif methods is not None:
             raise SysidError(f"methods are of one output, the data have {experiments[0].ny}: pem_ss is tried alone")
@@ -128,33 +128,46 @@ def auto(
             search.direct = not fed_back
             search.climb_states()
     best = search.ranked()[0]
+    reason = _reason(search, delays, sum(map(len, experiments)))
+    if fed_back:
+        reason += (
+            f"; by `feedback` (p = {p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
+            f"{excluded}{_doubt(experiments)}"
+        )
     return StructureChoice(
         estimate=_estimate(experiments, best, search.direct),
         candidates=search.ranked(),
         delays=delays,
         samples=search.samples,
-        reason=_reason(search, delays, sum(map(len, experiments)))
-        + fed_back
-        * f"; by `feedback` (p = {p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
-        f"{left_out}{doubt}",
+        reason=reason,
     )
 
 
+def _doubt(experiments: Experiments) -> str:
+    """Question whether input and output are interchanged, where the input depends on the output and not the reverse."""
+    if not experiments[0].nu == experiments[0].ny == 1:
+        return ""
+    reverse_p = _feedback_p(interchanged(complete_parts(experiments)))
+    return INTERCHANGED if reverse_p > LEVEL else ""
+
+
 def _estimate(experiments: Experiments, chosen: Candidate, direct: bool) -> Estimate:
-    estimators: Mapping[str, Callable[..., Estimate]] = {
-        **{"arx": arx, "armax": armax, "oe": oe, "bj": bj},
-        "pem_ss": lambda parts, order: pem_ss(parts, n4sid(complete_parts(parts), order, direct=direct), direct=direct),
-    }
+    """The chosen model, estimated from all data."""
+    if chosen.method == "pem_ss":
+        start = n4sid(complete_parts(experiments), **chosen.orders, direct=direct)
+        return pem_ss(experiments, start, direct=direct)
+    estimators: Mapping[str, Callable[..., Estimate]] = {"arx": arx, "armax": armax, "oe": oe, "bj": bj}
     return estimators[chosen.method](experiments, **chosen.orders)
 
 
 def _delays(experiments: Experiments, largest: int) -> tuple[int, ...]:
     """Delay of each input; 1 where no lag is significant."""
     try:
-        table = delayest(complete_parts(experiments), largest=2 * largest).arx
+        (lags,) = delayest(complete_parts(experiments), largest=2 * largest).arx
     except SysidError:
         return (1,) * experiments[0].nu
-    return tuple(max(int(one), 1) if one else 0 for one in table[0])
+    # -1 stands for no significant lag
+    return tuple(np.where(lags < 0, 1, lags).astype(int).tolist())
 
 
 def _feedback_p(experiments: Experiments) -> float:
@@ -164,21 +177,23 @@ def _feedback_p(experiments: Experiments) -> float:
 
 def _reason(search: StructureSearch, delays: tuple[int, ...], total: int) -> str:
     """Why the best candidate is the best, in words."""
-    ranked, judged = search.ranked(), bool(search.others)
+    ranked, validated = search.ranked(), bool(search.validation)
     best = ranked[0]
-    rival = next((one for one in ranked if one.method != best.method), None)
-    what = "the least error in simulation of the validation data" if judged else "the lowest EBIC"
-    text = f"{best}: {what} of {len(ranked)} candidates, compared on {search.samples} of {total} samples"
+    criterion = "the least error in simulation of the validation data" if validated else "the lowest EBIC"
+    reason = f"{best}: {criterion} of {len(ranked)} candidates, compared on {search.samples} of {total} samples"
+    rival = next((candidate for candidate in ranked if candidate.method != best.method), None)
     if rival is not None and rival.radius < 1.0:
-        gap = f"{rival.validation / best.validation:.3g} times" if judged else f"{rival.ebic - best.ebic:.1f} above"
-        text += f"; the next method is {rival}, {gap}"
+        gap = f"{rival.ebic - best.ebic:.1f} above"
+        if validated:
+            gap = f"{rival.validation / best.validation:.3g} times"
+        reason += f"; the next method is {rival}, {gap}"
     if search.samples < max(len(ranked), FEW * best.parameters):
-        text += "; among so few samples chance decides"
+        reason += "; among so few samples chance decides"
     if delays:
-        text += f"; delays by delayest: {', '.join(map(str, delays))} samples"
+        reason += f"; delays by delayest: {', '.join(map(str, delays))} samples"
     if best.radius >= 1.0:
-        text += "; every candidate is unstable"
-    return text
+        reason += "; every candidate is unstable"
+    return reason
 
 
 def _stretches(experiments: Experiments, longest: int) -> Experiments:
@@ -189,9 +204,11 @@ def _stretches(experiments: Experiments, longest: int) -> Experiments:
     # stretches shorter than a thousand samples would spend many of them on initial states
     kept = experiments[:: max(round(len(experiments) * STRETCHES * 1000 / longest), 1)]
     length = longest // (STRETCHES * len(kept))
-    out: list[IOData] = []
-    for one in kept:
-        starts = np.linspace(0, len(one) - length, STRETCHES).astype(int) if len(one) > STRETCHES * length else [0]
-        end = length if len(one) > STRETCHES * length else len(one)
-        out += [one[int(start) : int(start) + end] for start in starts]
-    return tuple(out)
+    stretches: list[IOData] = []
+    for experiment in kept:
+        if len(experiment) <= STRETCHES * length:
+            stretches.append(experiment)
+            continue
+        starts = np.linspace(0, len(experiment) - length, STRETCHES).astype(int)
+        stretches += [experiment[int(start) : int(start) + length] for start in starts]
+    return tuple(stretches)

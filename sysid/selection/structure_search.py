@@ -93,12 +93,15 @@ class Candidate:
 
     def __str__(self) -> str:
         """Method and orders."""
-        return f"{self.method} " + " ".join(f"{name}={order}" for name, order in self.orders.items())
+        orders = " ".join(f"{name}={order}" for name, order in self.orders.items())
+        return f"{self.method} {orders}"
 
     @property
     def remark(self) -> str:
         """Whether the model is unstable or nearly so; empty if not."""
-        return "unstable" if self.radius >= 1.0 else "edge of stability" if self.radius > LIMIT else ""
+        if self.radius >= 1.0:
+            return "unstable"
+        return "edge of stability" if self.radius > LIMIT else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,45 +120,53 @@ class Fit:
 
 
 class StructureSearch:
-    """Candidates fitted so far, all judged on the same samples."""
+    """Candidates fitted so far, all judged on the same samples.
 
-    def __init__(self, experiments: Experiments, others: Experiments, largest: int, methods: Sequence[str]) -> None:
-        self.experiments, self.others, self.largest, self.methods = experiments, others, largest, methods
+    Attributes:
+        experiments: Records to fit.
+        validation: Records whose simulation decides; empty: the extended BIC decides.
+        largest: Largest order tried.
+        methods: Structures tried, of one output.
+        candidates: Candidates so far, in the sequence of their fits.
+        fits: Those of one output by their orders.
+        failed: What could not be fitted, and why.
+        exact: Whether a candidate fits but for rounding.
+        direct: Whether state-space models have a direct term.
+        samples: Samples on which all are compared.
+    """
+
+    def __init__(self, experiments: Experiments, validation: Experiments, largest: int, methods: Sequence[str]) -> None:
+        self.experiments, self.validation = experiments, validation
+        self.largest, self.methods = largest, methods
         self.candidates: list[Candidate] = []
         self.fits: dict[Orders, Fit] = {}
-        self.power = mean_square(np.concatenate([e.y[e.known.all(axis=1)] for e in experiments]))
+        self.failed: list[str] = []
         self.exact = False
         self.direct = True
-        self.failed: list[str] = []
+        self._output_power = mean_square(np.concatenate([e.y[e.known.all(axis=1)] for e in experiments]))
         # initial estimates need complete outputs
         nu = experiments[0].nu
         gaps = experiments[0].ny == 1 and not all(e.complete for e in experiments)
         filling = Orders(FILLING, (FILLING,) * nu, 0, 0, (0,) * nu, (1,) * nu)
-        self.filled = completed(experiments, filling) if gaps else experiments
+        self._filled = completed(experiments, filling) if gaps else experiments
         # longest initial transient of all candidates
-        start = 2 * largest
-        self.skipped = [min(max(e.window, start), len(e) // 2) for e in experiments]
-        known = (e.known[s:].all(axis=1) for e, s in zip(experiments, self.skipped, strict=True))
-        self.samples = int(sum(map(np.count_nonzero, known)))
+        transient = 2 * largest
+        self._skipped = [min(max(e.window, transient), len(e) // 2) for e in experiments]
+        self.samples = 0
+        for experiment, skipped in zip(experiments, self._skipped, strict=True):
+            self.samples += int(np.count_nonzero(experiment.known[skipped:].all(axis=1)))
 
     def climb_structures(self, delays: tuple[int, ...]) -> None:
         """Try rising orders of every structure, then change single orders of the best ones."""
-
-        def rung(name: str, n: int, nk: tuple[int, ...]) -> Orders:
-            b, none = (n,) * len(nk), (0,) * len(nk)
-            if name in FAMILIES[0]:
-                return Orders(n, b, n if name == "armax" else 0, 0, none, nk)
-            colour = DISTURBANCE if name == "bj" else 0
-            return Orders(0, b, colour, colour, b, nk)
-
         # a slow beginning of the response looks like a delay: those that fit well climb from the shortest one too
         shortest = tuple(min(delay, 1) for delay in delays)
         for nk in dict.fromkeys((delays, shortest)):
             limit = min(map(self.criterion, self.candidates), default=np.inf) + FAR
-            least = {name: min(self._criteria([name]), default=limit) for name in ORDERS if name in self.methods}
-            for name, value in least.items():
-                if value <= limit:
-                    self._climb([rung(name, n, nk) for n in range(1, self.largest + 1)], self.try_orders)
+            best_by_method = {name: min(self._criteria([name]), default=limit) for name in ORDERS}
+            for name, best in best_by_method.items():
+                if name in self.methods and best <= limit:
+                    ladder = [_rising_orders(name, n, nk) for n in range(1, self.largest + 1)]
+                    self._climb(ladder, self.try_orders)
         for family in FAMILIES:
             # a direct term only where the data show one: a held input has none
             self._refine(family, shortest)
@@ -166,45 +177,43 @@ class StructureSearch:
 
     def _climb(self, ladder: Iterable[Rung], attempt: Callable[[Rung], Candidate | None]) -> None:
         """Raise the order until `PATIENCE` in a row are no better than the best."""
-        best, at = np.inf, 0
+        best_criterion, best_place = np.inf, 0
         for n, rung in enumerate(ladder):
             if self.exact:
                 # rounding alone would choose among the rest
                 break
-            value = self.criterion(attempt(rung))
-            best, at = (value, n) if value < best else (best, at)
-            if n - at >= PATIENCE and np.isfinite(best):
+            criterion = self.criterion(attempt(rung))
+            if criterion < best_criterion:
+                best_criterion, best_place = criterion, n
+            # while nothing could be fitted or is stable, a larger order may
+            if n - best_place >= PATIENCE and np.isfinite(best_criterion):
                 break
 
-    def _refine(self, family: Sequence[str], least: Sequence[int]) -> None:
+    def _refine(self, family: Sequence[str], shortest: Sequence[int]) -> None:
         """Change single orders of the best candidate of a family, if near the best of all, as long as that helps."""
         fits = [fit for fit in self.fits.values() if fit.candidate.method in family]
-        if min(self._criteria(family), default=np.inf) > min(self._criteria(ORDERS), default=np.inf) + NEAR or not fits:
+        best_of_all = min(self._criteria(ORDERS), default=np.inf)
+        if not fits or min(self._criteria(family), default=np.inf) > best_of_all + NEAR:
             return
-        best = min(fits, key=lambda fit: self.criterion(fit.candidate))
+        best = min(fits, key=self._criterion_of_fit)
+        names = set(chain.from_iterable(ORDERS[method] for method in family if method in self.methods))
         for _ in range(REFINED):
-            names = {name for method in family if method in self.methods for name in ORDERS[method]}
-            around = [
-                one
-                for one in _neighbours(best.orders, names)
-                if np.all(np.greater_equal(one.nk, least)) and _structure(one) in self.methods
-            ]
-            for orders in around:
+            neighbours = []
+            for orders in _neighbours(best.orders, names):
+                if np.all(np.greater_equal(orders.nk, shortest)) and _structure(orders) in self.methods:
+                    neighbours.append(orders)
+            for orders in neighbours:
                 self.try_orders(orders, best)
-            near = [self.fits[orders] for orders in around if orders in self.fits]
-            better = min(near, key=lambda fit: self.criterion(fit.candidate), default=best)
-            if self.criterion(better.candidate) >= self.criterion(best.candidate):
+            fitted = [self.fits[orders] for orders in neighbours if orders in self.fits]
+            better = min(fitted, key=self._criterion_of_fit, default=best)
+            if self._criterion_of_fit(better) >= self._criterion_of_fit(best):
                 break
             best = better
 
     def _try_states(self, order: int) -> Candidate | None:
         try:
-            estimate = pem_ss(
-                self.experiments,
-                n4sid(complete_parts(self.experiments), order, direct=self.direct),
-                direct=self.direct,
-                max_iterations=2 * STEPS,
-            )
+            start = n4sid(complete_parts(self.experiments), order, direct=self.direct)
+            estimate = pem_ss(self.experiments, start, direct=self.direct, max_iterations=2 * STEPS)
         except SysidError as error:
             self.failed.append(f"order {order}: {error}")
             return None
@@ -215,83 +224,114 @@ class StructureSearch:
 
     def try_orders(self, orders: Orders, base: Fit | None = None) -> Candidate | None:
         """Fit a candidate in few steps, unless that was done before; None if it cannot be fitted."""
-        if orders not in self.fits:
-            try:
-                check_enough_data(self.experiments, orders, max(orders.nc, orders.nd) + sum(orders.nf))
-                check_room_to_start(self.experiments, orders)
-                theta = search(
-                    self.experiments,
-                    lambda wanted: self._starts(wanted, base),
-                    orders,
-                    smaller_too=False,
-                    thorough=False,
-                    max_iterations=STEPS,
-                ).best.at.theta
-            except SysidError as error:
-                self.failed.append(f"{orders}: {error}")
-                return None
-            method = _structure(orders)
-            polynomials = orders.polynomials(theta)
-            candidate = self._judged(
-                method,
-                orders.select(*ORDERS[method]),
-                orders.count,
-                [_errors(e, orders, theta) for e in self.experiments],
-                innovations_form(replace(polynomials, C=np.ones(1), D=np.ones(1)), self.experiments[0].dt, 1.0),
-            )
-            self.fits[orders] = Fit(orders, theta, candidate)
-        return self.fits[orders].candidate
+        if orders in self.fits:
+            return self.fits[orders].candidate
+        try:
+            check_enough_data(self.experiments, orders, max(orders.nc, orders.nd) + sum(orders.nf))
+            check_room_to_start(self.experiments, orders)
+            minimum = search(
+                self.experiments,
+                lambda structure: self._starts(structure, base),
+                orders,
+                smaller_too=False,
+                thorough=False,
+                max_iterations=STEPS,
+            ).best
+        except SysidError as error:
+            self.failed.append(f"{orders}: {error}")
+            return None
+        theta = minimum.at.theta
+        method = _structure(orders)
+        errors = [_errors(e, orders, theta) for e in self.experiments]
+        # C and D move no pole of the input path
+        path = replace(orders.polynomials(theta), C=np.ones(1), D=np.ones(1))
+        model = innovations_form(path, self.experiments[0].dt, 1.0)
+        candidate = self._judged(method, orders.select(*ORDERS[method]), orders.count, errors, model)
+        self.fits[orders] = Fit(orders, theta, candidate)
+        return candidate
 
     def _starts(self, orders: Orders, base: Fit | None) -> Iterator[InitialEstimate]:
         """The best smaller fit, the base of the change, and without a base some that do not depend on earlier fits."""
         smaller = [fit for fit in self.fits.values() if _nested(fit.orders, orders)]
-        nearest = {"smaller": min(smaller, key=lambda fit: fit.candidate.loss, default=None), "base": base}
-        for name, fit in nearest.items():
-            if fit is not None:
-                yield InitialEstimate(name, _resized(fit, orders))
-        if base is None:
-            own = armax_initial_estimates if orders.na else bj_initial_estimates
-            own = own if orders.na or orders.nc or orders.nd else oe_initial_estimates
-            yield from islice(own(self.filled, orders), STARTS)
+        if smaller:
+            best_smaller = min(smaller, key=lambda fit: fit.candidate.loss)
+            yield InitialEstimate("smaller", _resized(best_smaller, orders))
+        if base is not None:
+            yield InitialEstimate("base", _resized(base, orders))
+            return
+        yield from islice(_independent_starts(self._filled, orders), STARTS)
 
     def _judged(
-        self, method: str, orders: Mapping[str, Order], count: int, parts: Sequence[FloatArray], path: StateSpace
+        self, method: str, orders: Mapping[str, Order], count: int, errors: Sequence[FloatArray], path: StateSpace
     ) -> Candidate:
-        errors = np.concatenate([part[s:] for part, s in zip(parts, self.skipped, strict=True)])
-        loss = mean_square(errors[np.isfinite(errors).all(axis=1)])
-        rounding = max(EXACT * self.power, np.finfo(float).tiny)
+        """Record a candidate with its criteria, from its one-step errors (N_i, ny) and the model of its input path."""
+        compared = np.concatenate([e[skipped:] for e, skipped in zip(errors, self._skipped, strict=True)])
+        loss = mean_square(compared[np.isfinite(compared).all(axis=1)])
+        # below it, rounding decides, and its logarithm would outweigh any number of parameters
+        rounding = max(EXACT * self._output_power, np.finfo(float).tiny)
         self.exact = self.exact or loss <= rounding
-        likelihood = self.samples * errors.shape[1] * np.log(max(loss, rounding))
+        likelihood = self.samples * compared.shape[1] * np.log(max(loss, rounding))
         ebic = float(likelihood + count * (np.log(self.samples) + SEARCHED))
         radius = float(np.abs(path.poles()).max(initial=0.0))
-        self.candidates.append(Candidate(method, orders, count, loss, ebic, self._validated(path), radius))
-        return self.candidates[-1]
+        candidate = Candidate(method, orders, count, loss, ebic, self._validation_error(path), radius)
+        self.candidates.append(candidate)
+        return candidate
 
-    def _validated(self, path: StateSpace) -> float:
-        if not self.others:
+    def _validation_error(self, path: StateSpace) -> float:
+        """Mean square error of the simulated validation outputs, each over its variance; NaN without such data."""
+        if not self.validation:
             return np.nan
-        errors = [((e.y - predict(path, e, steps=None)) / np.nanstd(e.y, axis=0))[e.window :] for e in self.others]
+        errors = []
+        for record in self.validation:
+            relative = (record.y - predict(path, record, steps=None)) / np.nanstd(record.y, axis=0)
+            errors.append(relative[record.window :])
         return float(np.nanmean(np.concatenate(errors) ** 2))
 
     def _criteria(self, methods: Iterable[str]) -> list[float]:
-        return [self.criterion(one) for one in self.candidates if one.method in methods]
+        return [self.criterion(candidate) for candidate in self.candidates if candidate.method in methods]
 
-    def criterion(self, one: Candidate | None) -> float:
-        """What is to be small: the validation error, else EBIC; infinite for what failed or is unstable."""
-        if one is None or one.radius >= 1.0:
+    def _criterion_of_fit(self, fit: Fit) -> float:
+        return self.criterion(fit.candidate)
+
+    def criterion(self, candidate: Candidate | None) -> float:
+        """Criterion, the less the better: the validation error, else EBIC; infinite for what failed or is unstable."""
+        if candidate is None or candidate.radius >= 1.0:
             return np.inf
-        return one.validation if self.others else one.ebic + EDGE * (one.radius > LIMIT)
+        if self.validation:
+            return candidate.validation
+        return candidate.ebic + EDGE * (candidate.radius > LIMIT)
 
     def ranked(self) -> tuple[Candidate, ...]:
         """All candidates, the best first, unstable ones last; `SysidError` if there are none."""
         if not self.candidates:
             raise SysidError(f"no candidate could be fitted: {'; '.join(self.failed[:3])}")
-        return tuple(sorted(self.candidates, key=lambda one: (self.criterion(one), one.ebic, one.parameters)))
+        return tuple(sorted(self.candidates, key=lambda c: (self.criterion(c), c.ebic, c.parameters)))
 
 
 def complete_parts(experiments: Experiments) -> list[IOData]:
     """Experiments without gaps."""
-    return [part for e in experiments for part in e.complete_parts()]
+    return list(chain.from_iterable(e.complete_parts() for e in experiments))
+
+
+def _rising_orders(structure: str, n: int, nk: tuple[int, ...]) -> Orders:
+    """Orders of a structure whose dynamics have degree n, with n coefficients of each B."""
+    by_input, none = (n,) * len(nk), (0,) * len(nk)
+    if structure == "arx":
+        return Orders(n, by_input, 0, 0, none, nk)
+    if structure == "armax":
+        return Orders(n, by_input, n, 0, none, nk)
+    if structure == "oe":
+        return Orders(0, by_input, 0, 0, by_input, nk)
+    return Orders(0, by_input, DISTURBANCE, DISTURBANCE, by_input, nk)
+
+
+def _independent_starts(experiments: Experiments, orders: Orders) -> Iterator[InitialEstimate]:
+    """Initial estimates from the data alone."""
+    if orders.na:
+        return armax_initial_estimates(experiments, orders)
+    if orders.nc or orders.nd:
+        return bj_initial_estimates(experiments, orders)
+    return oe_initial_estimates(experiments, orders)
 
 
 def _errors(experiment: IOData, orders: Orders, theta: FloatArray) -> FloatArray:
@@ -305,50 +345,59 @@ def _errors(experiment: IOData, orders: Orders, theta: FloatArray) -> FloatArray
 def _structure(orders: Orders) -> str:
     """Name of the simplest structure, arx to bj, with every polynomial whose order is not zero."""
     used = {name for name in ("na", "nc", "nd", "nf") if np.any(getattr(orders, name))}
-    return next(name for name, own in ORDERS.items() if used <= set(own))
+    return next(name for name, order_names in ORDERS.items() if used <= set(order_names))
 
 
 def _nested(small: Orders, large: Orders) -> bool:
     """Whether a structure is part of another one with the same delays."""
-    pairs = ((getattr(small, name), getattr(large, name)) for name in ("na", "nb", "nc", "nd", "nf"))
-    return small.nk == large.nk and all(np.all(np.less_equal(a, b)) for a, b in pairs)
+    if small.nk != large.nk:
+        return False
+    names = ("na", "nb", "nc", "nd", "nf")
+    return all(np.all(np.less_equal(getattr(small, name), getattr(large, name))) for name in names)
 
 
 def _resized(fit: Fit, orders: Orders) -> FloatArray:
     """Parameters of a fit in other orders (p,): coefficients cut off or filled with zeros, roots kept inside."""
-
-    def cut(row: FloatArray, length: int) -> FloatArray:
-        return np.pad(row[:length], (0, max(length - len(row), 0)))
-
     a, b, c, d, f = fit.orders.split(fit.theta)
+    numerators, denominators = [], []
+    for numerator, denominator, nb, nf, nk in zip(b, f, orders.nb, orders.nf, orders.nk, strict=True):
+        numerators.append(_cut_or_filled(numerator, nk + nb))
+        denominators.append(stabilised(_cut_or_filled(denominator, nf + 1), LIMIT))
     return orders.join(
-        cut(a, orders.na + 1),
-        [cut(row, k + n) for row, k, n in zip(b, orders.nk, orders.nb, strict=True)],
-        stabilised(cut(c, orders.nc + 1), LIMIT),
-        stabilised(cut(d, orders.nd + 1), LIMIT),
-        [stabilised(cut(row, n + 1), LIMIT) for row, n in zip(f, orders.nf, strict=True)],
+        _cut_or_filled(a, orders.na + 1),
+        numerators,
+        stabilised(_cut_or_filled(c, orders.nc + 1), LIMIT),
+        stabilised(_cut_or_filled(d, orders.nd + 1), LIMIT),
+        denominators,
     )
+
+
+def _cut_or_filled(coefficients: FloatArray, length: int) -> FloatArray:
+    return np.pad(coefficients[:length], (0, max(length - len(coefficients), 0)))
 
 
 def _neighbours(orders: Orders, names: Iterable[str]) -> Iterator[Orders]:
     """Orders that differ by one in one place, and delays that leave the last lag of the input where it is."""
+    steps = []
+    for name in sorted(names):
+        for channel in range(np.size(getattr(orders, name))):
+            steps += [(name, channel, -1), (name, channel, 1)]
+    neighbours = [_changed(orders, *step) for step in steps]
+    for name, channel, step in steps:
+        if name == "nk":
+            neighbours.append(_changed(_changed(orders, "nk", channel, step), "nb", channel, -step))
+    for neighbour in neighbours:
+        smallest = min(neighbour.na, neighbour.nc, neighbour.nd, *neighbour.nf, *neighbour.nk)
+        if smallest >= 0 and min(neighbour.nb) >= 1:
+            yield neighbour
 
-    def changed(name: str, place: int, step: int, of: Orders = orders) -> Orders:
-        value = getattr(of, name)
-        new: Any = (
-            value + step if isinstance(value, int) else (*value[:place], value[place] + step, *value[place + 1 :])
-        )
-        return replace(of, **{name: new})
 
-    moves = [
-        (name, place, step)
-        for name in sorted(names)
-        for place in range(np.size(getattr(orders, name)))
-        for step in (-1, 1)
-    ]
-    both = (
-        changed("nb", place, -step, changed(*move)) for move in moves for name, place, step in [move] if name == "nk"
-    )
-    for one in chain((changed(*move) for move in moves), both):
-        if min(one.na, one.nc, one.nd, *one.nf, *one.nk) >= 0 and min(one.nb) >= 1:
-            yield one
+def _changed(orders: Orders, name: str, channel: int, step: int) -> Orders:
+    """Orders with a step in one of them, that of a channel where there is one for each."""
+    value: Any = getattr(orders, name)
+    if isinstance(value, int):
+        return replace(orders, **{name: value + step})
+    by_channel = list(value)
+    by_channel[channel] += step
+    changed: Any = tuple(by_channel)
+    return replace(orders, **{name: changed})
