@@ -53,15 +53,32 @@ thesis: $(INSTALLED) ## run the whole study and write its report
 	@"$(BIN)/hmtb" thesis --out "$(OUT)"
 	@echo "==> The report is $(abspath $(OUT))/report.html"
 
+PYTEST = "$(BIN)/python" -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
+
 .PHONY: test
-test: $(INSTALLED) ## run all tests, side by side (WORKERS=0: one after the other)
+test: $(INSTALLED) ## run the tests, side by side (WORKERS=0: one after the other)
 	@echo "==> Running the tests"
-	@"$(BIN)/python" -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
+	@$(PYTEST) -m "not (pages or reliability or thorough)"
 
 .PHONY: test-fast
 test-fast: $(INSTALLED) ## run the tests that are not marked slow: after a change, before the next one
 	@echo "==> Running the fast tests"
-	@"$(BIN)/python" -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder -m "not slow"
+	@$(PYTEST) -m "not (slow or pages or reliability or thorough)"
+
+.PHONY: docs-check
+docs-check: $(INSTALLED) ## run the examples of the README, the pages and the notebooks
+	@echo "==> Running the examples of the pages"
+	@$(PYTEST) -m pages
+
+.PHONY: sysid-alone
+sysid-alone: ## install sysid alone into a new environment and run its tests there
+	@echo "==> Installing sysid alone and running its tests"
+	@"$(PYTHON)" tests/sysid_alone.py
+
+.PHONY: test-all
+test-all: $(INSTALLED) sysid-alone ## run everything that any of the other commands tests: half an hour
+	@echo "==> Running all tests"
+	@$(PYTEST)
 
 .PHONY: format-check
 format-check: $(INSTALLED)

@@ -46,7 +46,7 @@ def commands(body: str) -> str:
     return "\n".join(line for line in lines if not INSTALLATION.match(line) and not any(map(line.startswith, NOT_RUN)))
 
 
-@pytest.mark.slow
+@pytest.mark.pages
 @pytest.mark.parametrize(
     "name",
     [name for name in PAGES if name not in SMALLER and {"sh", "python"} & {language for language, _ in blocks(name)}],

@@ -263,7 +263,7 @@ def test_notebooks_use_public_names(path):
             assert node.attr in {*package.__all__, *rooms}, f"{node.value.id}.{node.attr}"
 
 
-@pytest.mark.slow
+@pytest.mark.pages
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebooks_run_and_their_statements_hold(path, cache, tmp_path, monkeypatch):
     text, statements = prose(path), STATEMENTS[path.stem]

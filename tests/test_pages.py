@@ -60,7 +60,7 @@ def assert_same_sentence(printed: str, expected: str) -> None:
 # --- README ---
 
 
-@pytest.mark.slow
+@pytest.mark.pages
 def test_readme_example_prints_what_is_shown(tmp_path):
     assert_same_sentence(block("README.md", "text").strip(), run_example("README.md", tmp_path).strip())
 
@@ -87,7 +87,7 @@ def test_the_scenario_of_the_laboratory_runs():
     np.testing.assert_array_equal(np.flatnonzero(log.status & Status.SHUT_DOWN), np.arange(1000, 1250))
 
 
-@pytest.mark.slow
+@pytest.mark.pages
 def test_the_operator_of_the_laboratory_runs(tmp_path):
     risen = int(re.fullmatch(r"risen by (\d+) mm\n", run_example("docs/laboratory.md", tmp_path))[1])
     assert 45 <= risen <= 60
@@ -108,7 +108,7 @@ def test_links_parameters_and_flags_of_the_laboratory_exist():
 MAP_FINDINGS = "docs/measured/map-findings.md"
 
 
-@pytest.mark.slow
+@pytest.mark.pages
 def test_small_signal_sentences_of_the_maps_are_computed():
     """Those over amplitude and friction take a minute; docs/images/maps.py renews them."""
     (text,) = re.findall(r"<!-- findings -->\n(.*?)<!-- end -->", page(MAP_FINDINGS), re.S)
@@ -138,7 +138,7 @@ def test_the_table_of_specimens_is_one_of_a_scenario():
     assert load_arm(specimen=specimen).specimen == specimen
 
 
-@pytest.mark.slow
+@pytest.mark.pages
 def test_the_examples_of_specimens_run(tmp_path):
     printed = run_example("docs/specimens.md", tmp_path)
     pitch, gain = re.findall(r"droops by ([\d.]+) mrad\nand has a gain of ([\d.]+) at 0 Hz", printed)[0]
@@ -163,7 +163,7 @@ def test_quantities_and_limits_of_specimens_exist():
 # --- docs/toolbox.md ---
 
 
-@pytest.mark.slow
+@pytest.mark.pages
 def test_every_row_of_the_toolbox_runs_after_its_session(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names: dict = {}
@@ -185,7 +185,7 @@ def test_every_row_of_the_toolbox_runs_after_its_session(tmp_path, monkeypatch, 
 # --- docs/truth.md ---
 
 
-@pytest.mark.slow
+@pytest.mark.pages
 def test_the_example_of_truth_runs(tmp_path):
     numbers = re.findall(r"(?<![\d.])\d+\.\d+(?= |,|$)", run_example("docs/truth.md", tmp_path), re.M)
     small, best, low, high, distortion, any_model, linear = map(float, numbers)

@@ -29,7 +29,7 @@ def test_what_workflows_and_container_call_exists():
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
     text = "\n".join((*WORKFLOWS.values(), DOCKERFILE))
     called = {word for words in re.findall(r"(?:RUN|run:|-twin) make ([a-z- ]+)", text) for word in words.split()}
-    assert {"install", "wheel", "docs", "thesis"} == called <= targets
+    assert {"install", "wheel", "docs", "thesis", "test-all"} == called <= targets
     assert set(re.findall(r"bin/hmtb (\w+)", text)) <= set(COMMANDS)
     container = json.loads((ROOT / ".devcontainer/devcontainer.json").read_text(encoding="utf-8"))
     assert (ROOT / ".devcontainer" / container["build"]["dockerfile"]).resolve() == ROOT / "Dockerfile"

@@ -21,6 +21,7 @@ from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.registry import load
 from scenarios.thesis.disturbances import DISTURBANCES
 from scenarios.thesis.study import planned_steps, run_study
+from tests.shared import shared
 
 
 @pytest.fixture
@@ -90,6 +91,10 @@ def fewer_disturbances():
 @pytest.fixture(scope="session")
 def study_run(fewer_disturbances):
     """The whole chain on records of 24 s, of which 20 s remain after settling, ten periods; and its progress."""
+    return shared("study", lambda: _small_study(fewer_disturbances))
+
+
+def _small_study(fewer_disturbances):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("scenarios.thesis.robustness.DISTURBANCES", fewer_disturbances)
         patch.setattr("scenarios.thesis.order_search.POLES", (1, 2, 5))

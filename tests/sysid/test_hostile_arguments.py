@@ -1,7 +1,6 @@
 import warnings
 
 import numpy as np
-import pandas
 import pytest
 
 import sysid
@@ -13,7 +12,6 @@ HZ = np.linspace(0.1, 5.0, 20)
 G = 1.0 / (1.0 + 1j * HZ)
 RECORD = second_order(0, 200, noise=0.1)
 RAGGED = [[1, 2], [3]]
-TABLE = pandas.DataFrame({"u": np.arange(9) + 5j, "y": np.arange(9.0)})
 PILOT = sysid.arx(RECORD, 1, 1)
 
 
@@ -65,7 +63,6 @@ def test_numbers_without_bound(name, call, many):
         ("rbs does not take clock", lambda: sysid.idinput(20, clock=0)),
         ("rbs does not take register", lambda: sysid.idinput(20, register=[])),
         ("intersample must", lambda: sysid.d2c(PILOT, intersample=[])),
-        ("complex", lambda: sysid.from_dataframe(TABLE, inputs=["u"], outputs=["y"], dt=0.1)),
         ("zero at all frequencies", lambda: sysid.tfest(of_data(0.0 * G), 1, 0)),
         ("zero at all frequencies", lambda: sysid.tfest(of_data(np.stack((G, 0.0 * G), 1)[:, None]), 1, 0)),
         ("zero at all frequencies", lambda: sysid.fit_response_ss(of_data(0.0 * G), 2)),

@@ -22,7 +22,7 @@ from sysid.polynomial.prediction_error import admissible, linearise
 def test_the_first_beginnings_lie_in_the_valley(problem, structure, beginnings, request):
     truth = request.getfixturevalue(problem)
     data, orders = [truth.draw(5)], make_orders(1, **structure)
-    at_truth = linearise(data, orders, truth.bound(None).parameters).cost
+    at_truth = linearise(data, orders, truth.bound.parameters).cost
     initial_estimates = list(beginnings(data, orders))
     assert len({start.name for start in initial_estimates}) == len(initial_estimates) >= 5
     assert all(admissible(orders, start.theta) for start in initial_estimates)

@@ -74,8 +74,8 @@ def test_zero_biases_a_record_from_the_middle(p2):
     rest = at_rest.parameters
     assert at_rest.loss == pytest.approx(at_rest.diagnostics["sum_of_squares"] / at_rest.diagnostics["rows"], rel=1e-9)
     for free in (oe(data, 2, 2), oe([whole[100:400], whole[2000:2600]], 2, 2)):
-        np.testing.assert_allclose(free.parameters, p2.bound(None).parameters, rtol=1e-9)
-    assert np.abs(rest - p2.bound(None).parameters).max() > 1e-3
+        np.testing.assert_allclose(free.parameters, p2.bound.parameters, rtol=1e-9)
+    assert np.abs(rest - p2.bound.parameters).max() > 1e-3
 
 
 @pytest.mark.slow

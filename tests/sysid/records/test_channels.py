@@ -7,7 +7,6 @@ import pytest
 
 import sysid
 from sysid import IOData, arx, compare, findstates, n4sid, oe, pem_ss, predict, resid, residuals, simulate
-from sysid.plots import output_comparison
 from sysid.records.channels import matching_channels
 from sysid.recursive import roe
 from sysid.validation.predictors import ModelPredictor
@@ -138,6 +137,8 @@ def test_an_operating_point_follows_its_channels(window):
 
 def test_a_figure_of_outputs_matches_fits_by_name():
     (fit,) = compare(MODEL, TURNED)
+    pytest.importorskip("matplotlib")
+    output_comparison = sysid.plots.output_comparison
     figure = output_comparison(DATA, fit, output="pressure")
     drawn = [line.get_ydata() for line in figure.axes[0].get_lines()]
     np.testing.assert_allclose(drawn[1], simulate(MODEL, DATA.u, x0=findstates(MODEL, DATA, simulation=True))[:, 1])

@@ -52,6 +52,7 @@ def test_stamps_and_numbers_of_rows():
         (frame.set_index("note"), {"outputs": ["y"]}, "holds no times"),
         (frame.set_index(["u", "y"]), {"outputs": ["note"]}, "an index of time alone"),
         (Y, {"outputs": ["y"]}, "expected a pandas DataFrame"),
+        (frame.assign(u=5j), {"inputs": ["u"], "outputs": ["y"], "dt": 0.1}, "complex"),
     ):
         refused(message, from_dataframe, table, **arguments)
 

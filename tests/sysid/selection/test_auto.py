@@ -6,7 +6,6 @@ import scipy
 
 import sysid
 import sysid.exchange
-import sysid.plots
 from sysid import IOData, SysidError, auto, compare, residuals
 from sysid.validation.feedback import interchanged
 from tests.sysid.systems import exact_system, losing, second_order
@@ -101,9 +100,15 @@ def test_validation_data_decide_and_the_choice_stands_for_its_estimate(tmp_path)
     sysid.exchange.to_matlab(choice, tmp_path / "one.m")
     sysid.exchange.to_matlab(choice.estimate, tmp_path / "two.m")
     assert (tmp_path / "one.m").read_text().replace("one", "two") == (tmp_path / "two.m").read_text()
-    assert sysid.plots.bode(choice).axes
     np.testing.assert_array_equal(residuals(choice, fresh), residuals(choice.estimate, fresh))
     assert "validation" in str(choice) and "the least error in simulation" in choice.reason
+
+
+@pytest.mark.slow
+def test_plots_take_a_choice_for_its_estimate():
+    pytest.importorskip("matplotlib")
+    choice = auto(second_order(seed=1, noise=0.2), methods=["oe"], largest=2)
+    assert sysid.plots.bode(choice).axes
 
 
 @pytest.mark.slow

@@ -1,0 +1,71 @@
+"""Install `sysid` alone into a new environment, and run its tests there, without MuJoCo and without this checkout.
+
+    python tests/sysid_alone.py
+
+It prints how long `pip install ./sysid` took and how large the environment is; its exit code is that of the tests.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import venv
+from pathlib import Path
+from time import perf_counter
+
+ROOT = Path(__file__).parents[1]
+LARGEST = 300
+"""Megabytes of an environment with pip, NumPy, SciPy and `sysid`."""
+
+NEEDED = ("__init__.py", "conftest.py", "mat_bytes.py", "refusals.py", "signals.py")
+"""Files in `tests` that the tests of `sysid` use."""
+
+
+def megabytes(folder: Path) -> float:
+    """Size of the files in a folder."""
+    return sum(path.lstat().st_size for path in folder.rglob("*") if path.is_file()) / 1e6
+
+
+def install(python: Path, *packages: str) -> None:
+    """Install packages by pip, with the versions that the project was tested with."""
+    command = (python, "-m", "pip", "install", "--quiet", "--constraint", ROOT / "constraints.txt", *packages)
+    subprocess.run(command, check=True, cwd=ROOT)
+
+
+def copy_tests(folder: Path) -> None:
+    """Copy the tests of `sysid` and the settings of pytest, so that nothing else of the checkout can be imported."""
+    shutil.copytree(ROOT / "tests" / "sysid", folder / "tests" / "sysid", ignore=shutil.ignore_patterns("__pycache__"))
+    for name in NEEDED:
+        shutil.copy(ROOT / "tests" / name, folder / "tests" / name)
+    settings = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    _, _, settings = settings.partition("[tool.pytest.ini_options]")
+    settings, _, _ = settings.partition("\n[")
+    (folder / "pyproject.toml").write_text("[tool.pytest.ini_options]" + settings, encoding="utf-8")
+
+
+def main() -> int:
+    """Install, measure, test."""
+    # A path that the caller adds would bring this checkout back.
+    os.environ.pop("PYTHONPATH", None)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        begin = perf_counter()
+        venv.create(folder / "environment", with_pip=True)
+        python = folder / "environment" / "bin" / "python"
+        install(python, "./sysid")
+        size = megabytes(folder / "environment")
+        print(f"sysid alone: installed in {perf_counter() - begin:.0f} s, {size:.0f} MB", flush=True)
+        if size > LARGEST:
+            print(f"sysid alone: expected at most {LARGEST} MB", file=sys.stderr)
+            return 1
+        install(python, "./sysid[test]")
+        copy_tests(folder)
+        for package in ("mujoco", "hmtb_twin", "scenarios"):
+            found = subprocess.run((python, "-c", f"import {package}"), cwd=folder, stderr=subprocess.DEVNULL)
+            assert found.returncode != 0, f"{package} can be imported in the environment of sysid alone"
+        return subprocess.run((python, "-m", "pytest", "-q", "tests/sysid"), cwd=folder).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())
