@@ -49,9 +49,12 @@ def band_gain(approximation: BestLinearApproximation, *, level: float = 0.95) ->
     response, variance = approximation.response.response, approximation.total_variance
     _, p = agreement_p(approximation, np.zeros_like(response))
     power = np.abs(response) ** 2 - variance
-    deviation = np.sqrt(np.sum(2.0 * np.maximum(power, 0.0) * variance + variance**2, axis=0)) / len(power)
+    variance_of_power = 2.0 * np.maximum(power, 0.0) * variance + variance**2
+    deviation = np.sqrt(np.sum(variance_of_power, axis=0)) / len(power)
     reach = float(scipy.stats.norm.ppf(0.5 + 0.5 * level)) * deviation
-    low, gain, high = (
-        np.sqrt(np.maximum(power.mean(axis=0) + change, 0.0)) for change in (-reach, np.zeros_like(reach), reach)
-    )
+    mean = power.mean(axis=0)
+    # by chance the mean may be negative, where noise and distortion explain more than all
+    low = np.sqrt(np.maximum(mean - reach, 0.0))
+    gain = np.sqrt(np.maximum(mean, 0.0))
+    high = np.sqrt(np.maximum(mean + reach, 0.0))
     return BandGain(gain, low, high, p)

@@ -48,9 +48,10 @@ class BestLinearApproximation(Locked):
 
     def _parts(self) -> list[Part]:
         heading = f"{self.realisations} realisation(s) of {min(self.periods)} or more periods"
-        several = self.realisations > 1
-        share = f"nonlinear distortion / %: {', '.join(numbers(self.distortion_percent))}" if several else ""
-        return [heading, share, *self.response._parts()[1:]]
+        distortion = ""
+        if self.realisations > 1:
+            distortion = f"nonlinear distortion / %: {', '.join(numbers(self.distortion_percent))}"
+        return [heading, distortion, *self.response._parts()[1:]]
 
     @property
     def distortion_percent(self) -> FloatArray:
@@ -60,7 +61,8 @@ class BestLinearApproximation(Locked):
         """
         excess = self.realisations * (self.total_variance - self.noise_variance)
         linear = np.abs(self.response.response) ** 2 - self.total_variance
-        return np.asarray(100.0 * np.sqrt(np.maximum(excess.sum(axis=(0, 2)), 0.0) / linear.sum(axis=(0, 2))))
+        ratio = np.maximum(excess.sum(axis=(0, 2)), 0.0) / linear.sum(axis=(0, 2))
+        return np.asarray(100.0 * np.sqrt(ratio))
 
 
 def bla(
@@ -93,63 +95,41 @@ def bla(
     """
     experiments = tuple(e.scored for e in as_experiments(data))
     first = experiments[0]
-    nu, ny = first.nu, first.ny
+    nu = first.nu
     period = whole_number("period", period, 4)
-    audible = real_number("audible", audible, "lie between 0 and 1", lambda part: 0.0 < part < 1.0)
-    counts = [len(e) // period for e in experiments]
-    if min(counts) < 2:
-        shortest = min(range(len(experiments)), key=lambda k: counts[k])
-        raise SysidError(
-            f"experiment {shortest} has {len(experiments[shortest])} samples behind its initialisation window, "
-            f"fewer than two periods of {period}"
-        )
+    audible = real_number("audible", audible, "lie between 0 and 1", lambda ratio: 0.0 < ratio < 1.0)
+    counts = _period_counts(experiments, int(period))
     if len(experiments) % nu:
         raise SysidError(f"with {nu} inputs a realisation takes {nu} records, got {len(experiments)} records in all")
     spectra = [_spectra(e, int(period), count) for e, count in zip(experiments, counts, strict=True)]
     _check_period(experiments, period, counts)
     power = np.sum([np.abs(u.mean(axis=0)) ** 2 for u, _ in spectra], axis=(0, 2))
-    used = _lines(lines, power, int(period), audible)
+    used = _excited_lines(lines, power, int(period), audible)
 
-    responses, by_noise, freedom = [], [], 0
+    responses, noise_variances = [], []
     for k in range(0, len(experiments), nu):
-        group = [(u[:, used], y[:, used]) for u, y in spectra[k : k + nu]]
-        inputs = np.stack([u.mean(axis=0) for u, _ in group], axis=2)
-        outputs = np.stack([y.mean(axis=0) for _, y in group], axis=2)
-        values = np.linalg.svd(inputs, compute_uv=False)
-        if (values[:, -1] <= 1e-6 * values[:, 0]).any():
-            worst = int(used[np.argmin(values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny))])
-            raise SysidError(
-                f"realisation {k // nu}: the {nu} inputs are linearly dependent over its records at line {worst}; "
-                "expected independent ones, e.g. with orthogonal phases"
-            )
-        inverse = np.linalg.inv(inputs)
-        g = outputs @ inverse
-        variance = np.zeros((len(used), ny, nu))
-        for j, (u, y) in enumerate(group):
-            errors = y - np.einsum("fij,pfj->pfi", g, u)
-            errors = errors - errors.mean(axis=0)
-            p = len(errors)
-            of_mean = np.sum(np.abs(errors) ** 2, axis=0) / (p * (p - 1))
-            variance += of_mean[:, :, None] * np.abs(inverse[:, [j], :]) ** 2
-            freedom += 2 * (p - 1)
-        responses.append(g)
-        by_noise.append(variance)
+        records = [(u[:, used], y[:, used]) for u, y in spectra[k : k + nu]]
+        response, noise_variance = _realisation_response(records, used, k // nu)
+        responses.append(response)
+        noise_variances.append(noise_variance)
     r = len(responses)
+    freedom = sum(2 * (count - 1) for count in counts)
     mean = np.mean(responses, axis=0)
-    noise = np.sum(by_noise, axis=0) / r**2
+    noise = np.sum(noise_variances, axis=0) / r**2
     total = p_value = np.full(noise.shape, np.nan)
     if r > 1:
         total = np.sum(np.abs(np.array(responses) - mean) ** 2, axis=0) / (r * (r - 1))
+        # without noise any scatter over realisations is distortion
         ratio = np.divide(total, noise, out=np.where(total > 0.0, np.inf, 1.0), where=noise > 0.0)
         p_value = scipy.stats.f.sf(ratio, 2 * (r - 1), freedom)
-    certain = total if r > 1 else noise
+    variance_of_mean = total if r > 1 else noise
     return BestLinearApproximation(
         response=FrequencyResponse(
             frequencies=used / (period * first.dt),
             response=mean,
             dt=first.dt,
             method="bla",
-            covariance=0.5 * certain[:, :, :, None, None] * np.eye(2),
+            covariance=0.5 * variance_of_mean[:, :, :, None, None] * np.eye(2),
             degrees_of_freedom=2.0 * (r - 1) if r > 1 else float(freedom),
             input_names=first.input_names or (),
             output_names=first.output_names or (),
@@ -164,19 +144,66 @@ def bla(
     )
 
 
+def _period_counts(experiments: Sequence[IOData], period: int) -> list[int]:
+    """Whole periods of each record; refuse fewer than two, whose scatter would be unknown."""
+    counts = [len(e) // period for e in experiments]
+    if min(counts) < 2:
+        shortest = int(np.argmin(counts))
+        raise SysidError(
+            f"experiment {shortest} has {len(experiments[shortest])} samples behind its initialisation window, "
+            f"fewer than two periods of {period}"
+        )
+    return counts
+
+
+def _realisation_response(
+    records: Sequence[tuple[ComplexArray, ComplexArray]], lines: NDArray[np.int_], realisation: int
+) -> tuple[ComplexArray, FloatArray]:
+    """Response G = Y U^-1 of a realisation, from the spectra of its records, and its variance by noise (nf, ny, nu).
+
+    Args:
+        records: Spectra of inputs (periods, nf, nu) and outputs (periods, nf, ny) of as many records as inputs.
+        lines: Numbers of the lines, for the message.
+        realisation: Number of the realisation, likewise.
+
+    Raises:
+        SysidError: Inputs that are linearly dependent over the records.
+    """
+    inputs = np.stack([u.mean(axis=0) for u, _ in records], axis=2)
+    outputs = np.stack([y.mean(axis=0) for _, y in records], axis=2)
+    values = np.linalg.svd(inputs, compute_uv=False)
+    if (values[:, -1] <= 1e-6 * values[:, 0]).any():
+        worst = int(np.argmin(values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny)))
+        raise SysidError(
+            f"realisation {realisation}: the {len(records)} inputs are linearly dependent over its records at line "
+            f"{lines[worst]}; expected independent ones, e.g. with orthogonal phases"
+        )
+    inverse = np.linalg.inv(inputs)
+    g = outputs @ inverse
+    variance = np.zeros(g.shape)
+    for j, (u, y) in enumerate(records):
+        errors = y - np.einsum("fij,pfj->pfi", g, u)
+        errors = errors - errors.mean(axis=0)
+        p = len(errors)
+        of_mean = np.sum(np.abs(errors) ** 2, axis=0) / (p * (p - 1))
+        variance += of_mean[:, :, None] * np.abs(inverse[:, [j], :]) ** 2
+    return g, variance
+
+
 def _check_period(experiments: Sequence[IOData], period: int, counts: Sequence[int]) -> None:
     """Warn if the periods of an input differ."""
-    worst, where = 0.0, ""
+    largest, label = 0.0, ""
     for k, (e, count) in enumerate(zip(experiments, counts, strict=True)):
         periods = e.u[len(e) - count * period :].reshape(count, period, -1)
         spread = np.sqrt(np.mean((periods - periods.mean(axis=0)) ** 2, axis=(0, 1)))
         size = np.maximum(periods.std(axis=(0, 1)), np.finfo(float).tiny)
-        j = int(np.argmax(spread / size))
-        if spread[j] / size[j] > worst:
-            worst, where = float(spread[j] / size[j]), f"input {(e.input_names or ())[j]} of experiment {k}"
-    if worst > SAME_PERIODS:
+        difference = spread / size
+        j = int(np.argmax(difference))
+        if difference[j] > largest:
+            largest, label = float(difference[j]), f"input {(e.input_names or ())[j]} of experiment {k}"
+    if largest > SAME_PERIODS:
         warnings.warn(
-            f"{where} is not periodic with {period} samples: its periods differ by {100.0 * worst:.3g} % of its "
+            f"{label} is not periodic with {period} samples: its periods differ by {100.0 * largest:.3g} % of its "
             "standard deviation; where the input was not measured, the period is wrong",
             SysidWarning,
             stacklevel=3,
@@ -185,11 +212,16 @@ def _check_period(experiments: Sequence[IOData], period: int, counts: Sequence[i
 
 def _spectra(e: IOData, period: int, count: int) -> tuple[ComplexArray, ComplexArray]:
     """Transforms of the last `count` periods: (count, lines, nu) and (count, lines, ny)."""
-    u, y = (part[len(part) - count * period :].reshape(count, period, -1) for part in (e.u, e.y))
+    # the last ones, as a transient has died out by then
+    begin = len(e) - count * period
+    u = e.u[begin:].reshape(count, period, -1)
+    y = e.y[begin:].reshape(count, period, -1)
     return scipy.fft.rfft(u, axis=1), scipy.fft.rfft(y, axis=1)
 
 
-def _lines(lines: ArrayLike | None, power: FloatArray, period: int, audible: float) -> NDArray[np.int_]:
+def _excited_lines(lines: ArrayLike | None, power: FloatArray, period: int, audible: float) -> NDArray[np.int_]:
+    """Check the lines asked for, which must have power; by default those with enough of it."""
+    # neither 0 Hz nor, of an even period, the Nyquist frequency
     last = (period - 1) // 2
     if lines is None:
         inner = power[1 : last + 1]
@@ -260,5 +292,6 @@ def agreement_p(approximation: BestLinearApproximation, expected: ComplexArray) 
         raise SysidError("expected at least two realisations for the variance of the response, got one")
     statistic = np.abs(response - expected) ** 2 / approximation.total_variance
     p = scipy.stats.f.sf(statistic, 2, 2 * (approximation.realisations - 1))
-    over_all = scipy.stats.chi2.sf(-2.0 * np.log(np.maximum(p, np.finfo(float).tiny)).sum(axis=0), 2 * len(p))
+    log_p = np.log(np.maximum(p, np.finfo(float).tiny))
+    over_all = scipy.stats.chi2.sf(-2.0 * log_p.sum(axis=0), 2 * len(p))
     return p, over_all

@@ -76,10 +76,5 @@ def covf(data: IOData | Sequence[IOData], *, lags: int = 25) -> CovarianceFuncti
     z = [np.hstack((e.y, e.u)) for e in experiments]
     first = experiments[0]
     covariance = covariance_function if all(e.complete for e in experiments) else covariance_with_gaps
-    return CovarianceFunction(
-        lags=np.arange(-lags, lags + 1),
-        values=covariance(z, z, int(lags)),
-        names=(*(first.output_names or ()), *(first.input_names or ())),
-        ny=first.ny,
-        dt=first.dt,
-    )
+    names = (first.output_names or ()) + (first.input_names or ())
+    return CovarianceFunction(np.arange(-lags, lags + 1), covariance(z, z, int(lags)), names, first.ny, first.dt)

@@ -113,25 +113,21 @@ def cra(
     response, deviation = np.empty((2, lags + 1, first.ny, first.nu))
     deficiency = 0
     for j in range(first.nu):
-        parts = prewhitened(experiments, j, int(whitening))
-        # a constant per experiment: the mean of the rows is not that of the record
-        constants = np.eye(len(parts))
-        phi = [
-            _lags(u, lags, start, constant) for (u, _), start, constant in zip(parts, starts, constants, strict=True)
-        ]
-        y = np.vstack([y[start:] for (_, y), start in zip(parts, starts, strict=True)])
-        stacked = np.vstack(phi)
-        fit = solve(stacked, y)
-        own = slice(j * (lags + 1), (j + 1) * (lags + 1))
-        response[:, :, j] = fit.solution[own]
-        errors = y - stacked @ fit.solution
+        whitened = prewhitened(experiments, j, int(whitening))
+        regressors, outputs = _equations(whitened, lags, starts)
+        phi, y = np.vstack(regressors), np.vstack(outputs)
+        fit = solve(phi, y)
+        lags_of_input = slice(j * (lags + 1), (j + 1) * (lags + 1))
+        response[:, :, j] = fit.solution[lags_of_input]
+        errors = y - phi @ fit.solution
         # the least-norm solution is one of many: only lags without a share of others are determined
-        determined = np.ones(stacked.shape[1], dtype=bool)
-        if fit.rank < stacked.shape[1]:
-            determined = np.abs(np.einsum("ij,ij->i", fit.inverse_gram, stacked.T @ stacked) - 1.0) < RESOLVED
-            deficiency = max(deficiency, stacked.shape[1] - fit.rank)
+        determined = np.ones(phi.shape[1], dtype=bool)
+        if fit.rank < phi.shape[1]:
+            determined = np.abs(np.einsum("ij,ij->i", fit.inverse_gram, phi.T @ phi) - 1.0) < RESOLVED
+            deficiency = max(deficiency, phi.shape[1] - fit.rank)
         for i in range(first.ny):
-            deviation[:, i, j] = np.where(determined[own], _deviation(phi, fit.inverse_gram, errors[:, i])[own], np.inf)
+            deviations = _deviation(regressors, fit.inverse_gram, errors[:, i])
+            deviation[:, i, j] = np.where(determined, deviations, np.inf)[lags_of_input]
     if deficiency and not messages:
         rank = f"rank {width - deficiency} for {width} values of the response: some are not determined"
         warnings.warn(f"the lagged inputs have {rank}", SysidWarning, stacklevel=2)
@@ -146,22 +142,39 @@ def cra(
     )
 
 
-def _lags(u: FloatArray, lags: int, start: int, constant: FloatArray) -> FloatArray:
-    columns = [lagged(u[:, j], range(lags + 1), start) for j in range(u.shape[1])]
-    return np.hstack([*columns, np.broadcast_to(constant, (len(u) - start, len(constant)))])
+def _equations(
+    whitened: Sequence[tuple[FloatArray, FloatArray]], lags: int, starts: Sequence[int]
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Lagged inputs and outputs of each experiment from its first sample with a past.
+
+    The regressors have lags 0..lags of every input, and a constant per experiment: the mean of the rows is not that of
+    the record.
+    """
+    constants = np.eye(len(whitened))
+    regressors, outputs = [], []
+    for (u, y), start, constant in zip(whitened, starts, constants, strict=True):
+        columns = [lagged(u[:, j], range(lags + 1), start) for j in range(u.shape[1])]
+        columns.append(np.broadcast_to(constant, (len(u) - start, len(constant))))
+        regressors.append(np.hstack(columns))
+        outputs.append(y[start:])
+    return regressors, outputs
 
 
-def _deviation(phi: Sequence[FloatArray], inverse_gram: FloatArray, errors: FloatArray) -> FloatArray:
-    """Standard deviations of least squares with errors that are not white [Ljung1999, ch. 9]."""
-    rows, width = sum(len(part) for part in phi), len(inverse_gram)
+def _deviation(regressors: Sequence[FloatArray], inverse_gram: FloatArray, errors: FloatArray) -> FloatArray:
+    """Standard deviations of least squares with errors that are not white [Ljung1999, ch. 9].
+
+    Of (Phi'Phi)^-1 Phi' R Phi (Phi'Phi)^-1, R the covariance of the errors by an autoregressive model.
+    """
+    rows, width = sum(len(phi) for phi in regressors), len(inverse_gram)
     scale = float(np.abs(errors).max())
     if scale <= np.finfo(float).tiny:
         return np.zeros(width)
     whitener, _ = autoregression(errors / scale, COLOUR)
-    variance = float(np.mean(scipy.signal.lfilter(whitener, [1.0], errors) ** 2)) * rows / (rows - width)
+    innovations = scipy.signal.lfilter(whitener, [1.0], errors)
+    variance = float(np.mean(innovations**2)) * rows / (rows - width)
     total = np.zeros((width, width))
-    for part in phi:
-        filtered = scipy.signal.lfilter([1.0], whitener, part, axis=0)
+    for phi in regressors:
+        filtered = scipy.signal.lfilter([1.0], whitener, phi, axis=0)
         total += filtered.T @ filtered
     squares = np.maximum(np.diagonal(inverse_gram @ total @ inverse_gram), 0.0)
     return np.asarray(np.sqrt(variance * squares), dtype=np.float64)

@@ -78,69 +78,106 @@ def delayest(
             holds only if the feedback has a delay.
     """
     experiments = tuple(e.detrend() for e in as_experiments(data))
-    nu, ny = experiments[0].nu, experiments[0].ny
+    nu = experiments[0].nu
     largest, na = whole_number("largest", largest, 0), whole_number("na", na, 0)
     nb, whitening = whole_number("nb", nb, 1), whole_number("whitening", whitening, 0)
     level = confidence_level(level)
     warn_each(check_excitation(experiments, [0] * nu))
-    lags = (largest + nb,) * nu
-    parts = [(e, first_row(na, lags, (0,) * nu, e.window)) for e in experiments]
-    rows = sum(max(len(e) - s, 0) for e, s in parts)
-    width = na + sum(lags)
-    if rows <= width or any(len(e) <= s for e, s in parts):
-        raise SysidError(
-            f"too little data: {width} lags in the ARX model (na = {na}, largest = {largest}, nb = {nb}) "
-            f"and {rows} usable samples in {len(experiments)} experiment(s)"
-        )
-    p_values = np.empty((largest + 1, ny, nu))
-    by_arx = np.empty((ny, nu), dtype=int)
-    for i in range(ny):
-        phi = np.vstack([arx_regressors(e.y[:, i], e.u, na, lags, (0,) * nu, s) for e, s in parts])
-        target = np.concatenate([e.y[s:, i] for e, s in parts])
-        triangle, _ = scaled_triangle(np.column_stack((phi, target)))
-        for j in range(nu):
-            p_values[:, i, j] = _leading_lags(triangle, na + j * (largest + nb), largest + 1, rows - width)
-            rejected = np.flatnonzero(p_values[:, i, j] < 1.0 - level)
-            by_arx[i, j] = rejected[0] if len(rejected) else -1
-
-    for i, j in np.argwhere(feedback_p(experiments, largest + nb) < FEEDBACK):
-        names = (experiments[0].output_names or ())[i], (experiments[0].input_names or ())[j]
-        text = f"input {names[1]} depends on past values of output {names[0]} (feedback): the delay by correlation"
-        text += " means nothing, that by ARX holds only if the feedback has a delay"
-        if nu == ny == 1 and feedback_p(interchanged(experiments), largest + nb)[0, 0] > 1.0 - level:
-            text += f"; nothing shows that {names[1]} acts on {names[0]}: are input and output interchanged?"
-        warnings.warn(text, SysidWarning, stacklevel=2)
-    correlations, bound = np.empty((largest + 1, ny, nu)), np.empty((ny, nu))
-    z = float(scipy.stats.norm.ppf(1.0 - 0.5 * (1.0 - level) / (largest + 1)))
-    for j in range(nu):
-        filtered = prewhitened(experiments, j, whitening)
-        starts = [max(whitening, e.window) for e in experiments]
-        u = [w[start:, [j]] for (w, _), start in zip(filtered, starts, strict=True)]
-        y = [v[start:] for (_, v), start in zip(filtered, starts, strict=True)]
-        n = sum(len(w) for w in u)
-        # below the delay u is white and independent of y: the variance is 1/N whatever the output's colour
-        sizes = np.sqrt(covariance_function(u, u, 0)[0, 0, 0] * np.diag(covariance_function(y, y, 0)[0]))
-        correlations[:, :, j] = covariance_function(y, u, largest)[largest:, :, 0] / np.maximum(sizes, 1e-300)
-        bound[:, j] = z / np.sqrt(n)
-    outside = np.abs(correlations) > bound
+    p_values = _p_values_by_arx(experiments, na, nb, largest)
+    rejected = p_values < 1.0 - level
+    for message in _feedback_messages(experiments, largest + nb, level):
+        warnings.warn(message, SysidWarning, stacklevel=2)
+    correlations, bound = _correlations(experiments, whitening, largest, level)
     return DelayEstimate(
-        arx=by_arx,
-        correlation=np.where(outside.any(axis=0), outside.argmax(axis=0), -1),
+        arx=_first_lags(rejected),
+        correlation=_first_lags(np.abs(correlations) > bound),
         p_values=p_values,
         correlations=correlations,
         bound=bound,
     )
 
 
+def _first_lags(significant: NDArray[np.bool_]) -> IntArray:
+    """First significant lag of each pair (ny, nu), from a mask by lag; -1 if there is none."""
+    return np.where(significant.any(axis=0), significant.argmax(axis=0), -1)
+
+
+def _p_values_by_arx(experiments: Sequence[IOData], na: int, nb: int, largest: int) -> FloatArray:
+    """p-values of `DelayEstimate`: leading lags dropped from ARX models (largest + 1, ny, nu)."""
+    nu, ny = experiments[0].nu, experiments[0].ny
+    lags, no_delay = (largest + nb,) * nu, (0,) * nu
+    starts = [first_row(na, lags, no_delay, e.window) for e in experiments]
+    counts = [len(e) - start for e, start in zip(experiments, starts, strict=True)]
+    rows = sum(max(count, 0) for count in counts)
+    width = na + sum(lags)
+    if rows <= width or min(counts) <= 0:
+        raise SysidError(
+            f"too little data: {width} lags in the ARX model (na = {na}, largest = {largest}, nb = {nb}) "
+            f"and {rows} usable samples in {len(experiments)} experiment(s)"
+        )
+    p_values = np.empty((largest + 1, ny, nu))
+    for i in range(ny):
+        regressors, targets = [], []
+        for e, start in zip(experiments, starts, strict=True):
+            regressors.append(arx_regressors(e.y[:, i], e.u, na, lags, no_delay, start))
+            targets.append(e.y[start:, i])
+        triangle, _ = scaled_triangle(np.column_stack((np.vstack(regressors), np.concatenate(targets))))
+        for j in range(nu):
+            first_column = na + j * (largest + nb)
+            p_values[:, i, j] = _leading_lags(triangle, first_column, largest + 1, rows - width)
+    return p_values
+
+
+def _feedback_messages(experiments: Sequence[IOData], lags: int, level: float) -> list[str]:
+    """Warnings of feedback, and of input and output that seem interchanged."""
+    nu, ny = experiments[0].nu, experiments[0].ny
+    messages: list[str] = []
+    for i, j in np.argwhere(feedback_p(experiments, lags) < FEEDBACK):
+        output, input = (experiments[0].output_names or ())[i], (experiments[0].input_names or ())[j]
+        message = (
+            f"input {input} depends on past values of output {output} (feedback): the delay by correlation"
+            " means nothing, that by ARX holds only if the feedback has a delay"
+        )
+        if nu == ny == 1 and feedback_p(interchanged(experiments), lags)[0, 0] > 1.0 - level:
+            message += f"; nothing shows that {input} acts on {output}: are input and output interchanged?"
+        messages.append(message)
+    return messages
+
+
+def _correlations(
+    experiments: Sequence[IOData], whitening: int, largest: int, level: float
+) -> tuple[FloatArray, FloatArray]:
+    """Normalised correlations with the prewhitened inputs (largest + 1, ny, nu), and their bound (ny, nu)."""
+    nu, ny = experiments[0].nu, experiments[0].ny
+    correlations, bound = np.empty((largest + 1, ny, nu)), np.empty((ny, nu))
+    # Bonferroni's correction: the level is that of all lags together
+    z = float(scipy.stats.norm.ppf(1.0 - 0.5 * (1.0 - level) / (largest + 1)))
+    starts = [max(whitening, e.window) for e in experiments]
+    for j in range(nu):
+        u, y = [], []
+        for (inputs, outputs), start in zip(prewhitened(experiments, j, whitening), starts, strict=True):
+            u.append(inputs[start:, [j]])
+            y.append(outputs[start:])
+        n = sum(len(whitened) for whitened in u)
+        # below the delay u is white and independent of y: the variance is 1/N whatever the output's colour
+        powers = covariance_function(u, u, 0)[0, 0, 0] * np.diag(covariance_function(y, y, 0)[0])
+        sizes = np.maximum(np.sqrt(powers), 1e-300)
+        correlations[:, :, j] = covariance_function(y, u, largest)[largest:, :, 0] / sizes
+        bound[:, j] = z / np.sqrt(n)
+    return correlations, bound
+
+
 def _leading_lags(triangle: FloatArray, first: int, count: int, freedom: int) -> FloatArray:
     """p-values of dropping 1, 2, ..., `count` columns from `first` on (count,)."""
-    others = [k for k in range(triangle.shape[1] - 1) if not first <= k < first + count]
+    target = triangle.shape[1] - 1
+    staying = [*range(first), *range(first + count, target)]
     # columns in reverse order of removal come last: every nested fit is then a tail of the last column
-    sequence = [*others, *range(first + count - 1, first - 1, -1), triangle.shape[1] - 1]
-    tail = np.asarray(np.linalg.qr(triangle[:, sequence], mode="r"))[:, -1] ** 2
-    full = tail[-1]
-    added = np.cumsum(tail[-2 : -2 - count : -1])
+    sequence = [*staying, *range(first + count - 1, first - 1, -1), target]
+    squares = np.asarray(np.linalg.qr(triangle[:, sequence], mode="r"))[:, -1] ** 2
+    # without noise the residual is rounding, relative to the output
+    residual = max(squares[-1], 1e-24 * float(np.sum(squares)), np.finfo(float).tiny)
+    added = np.cumsum(squares[-2 : -2 - count : -1])
     # log1p keeps small ratios exact; without noise the ratio of any significant lag is infinite
     with np.errstate(divide="ignore"):
-        statistic = freedom * np.log1p(added / max(full, 1e-24 * float(np.sum(tail)), np.finfo(float).tiny))
+        statistic = freedom * np.log1p(added / residual)
     return np.asarray(scipy.stats.chi2.sf(statistic, np.arange(1, count + 1)), dtype=np.float64)

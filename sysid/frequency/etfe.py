@@ -56,19 +56,21 @@ def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyRes
     power = np.sum(np.abs(u) ** 2, axis=0)
     excited = power[:, 0] > SILENT * power.max()
     response = np.sum(y * u.conj(), axis=0)[excited] / power[excited]
-    covariance = None
+    covariance = freedom = None
     r = len(experiments)
     if r > 1:
+        # the common response takes one degree of freedom of every line
         errors = y[:, excited] - response * u[:, excited]
         variance = np.sum(np.abs(errors) ** 2, axis=0) / (r - 1) / power[excited]
         covariance = 0.5 * variance[:, :, None, None, None] * np.eye(2)
+        freedom = 2.0 * (r - 1)
     return FrequencyResponse(
         frequencies=f[excited],
         response=response[:, :, None],
         dt=first.dt,
         method="etfe",
         covariance=covariance,
-        degrees_of_freedom=2.0 * (r - 1) if r > 1 else None,
+        degrees_of_freedom=freedom,
         input_names=first.input_names or (),
         output_names=first.output_names or (),
     )
@@ -77,6 +79,8 @@ def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyRes
 def _smoothed(
     experiments: Sequence[IOData], u: ComplexArray, y: ComplexArray, f: FloatArray, smoothing: int
 ) -> FrequencyResponse:
+    """Response from spectra that are averaged over neighbouring lines under a Hann window."""
+    # without the zeros at its ends
     weights = np.hanning(2 * smoothing + 3)[1:-1]
     weights /= weights.sum()
     n = u.shape[1]
@@ -90,6 +94,7 @@ def _smoothed(
     phi = scale * over_neighbours(products, weights)
     averages = len(experiments) / float(np.sum(weights**2))
     # with input lines of unequal power, fewer of them determine the estimate
-    strength, squares = phi[:, 0, 0].real, scale * over_neighbours(products[..., 0, 0], weights**2).real
-    effective = len(experiments) * strength / np.where(squares > 0.0, squares, 1.0)
+    input_power = phi[:, 0, 0].real
+    squares = scale * over_neighbours(products[..., 0, 0], weights**2).real
+    effective = len(experiments) * input_power / np.where(squares > 0.0, squares, 1.0)
     return response_of_spectra("etfe", experiments, f, phi, averages=averages, weights=np.maximum(effective, 1e-12))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.frequency.bla import BestLinearApproximation
-from sysid.records.arrays import FloatArray, Locked
+from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.data import IOData
 
 
@@ -45,24 +45,34 @@ def silent_lines(
     """
     silent = np.setdiff1d(band, approximation.lines)
     g = approximation.response.response
-    at = np.empty((len(silent), *g.shape[1:]), dtype=complex)
+    g_at_silent = np.empty((len(silent), *g.shape[1:]), dtype=complex)
     for i, j in np.ndindex(g.shape[1:]):
-        at[:, i, j] = np.interp(silent, approximation.lines, g[:, i, j])
-    power, noise = [], []
+        g_at_silent[:, i, j] = np.interp(silent, approximation.lines, g[:, i, j])
+    powers, noise_powers = [], []
     for record in records:
-        u, y = (
-            np.fft.rfft(part.reshape(-1, period, part.shape[1]), axis=1)[:, silent] for part in (record.u, record.y)
-        )
-        errors = y - np.einsum("fij,pfj->pfi", at, u)
+        u = _lines_of_periods(record.u, period, silent)
+        y = _lines_of_periods(record.y, period, silent)
+        errors = y - np.einsum("fij,pfj->pfi", g_at_silent, u)
         scatter = errors.var(axis=0, ddof=1)
-        power.append(np.abs(errors.mean(axis=0)) ** 2 - scatter / len(errors))
-        noise.append(scatter)
+        # the mean over periods still holds the noise divided by their number
+        powers.append(np.abs(errors.mean(axis=0)) ** 2 - scatter / len(errors))
+        noise_powers.append(scatter)
     # A line X_k of numpy's transform carries the mean square 2 |X_k|^2 / N^2.
-    level, floor = (2.0 * np.mean(part, axis=0) / period**2 for part in (power, noise))
+    level = 2.0 * np.mean(powers, axis=0) / period**2
+    noise = 2.0 * np.mean(noise_powers, axis=0) / period**2
     is_odd = silent % 2 == 1
-    mean_squares = (
-        level[~is_odd].sum(axis=0),
-        level[is_odd].sum(axis=0) * np.sum(band % 2 == 1) / max(np.sum(is_odd), 1),
-        floor.sum(axis=0) * len(band) / len(silent),
+    # the excited odd lines, which cannot be read, have the same distortion as the silent ones on average
+    odd_lines = np.sum(band % 2 == 1)
+    odd = level[is_odd].sum(axis=0) * odd_lines / max(np.sum(is_odd), 1)
+    even = level[~is_odd].sum(axis=0)
+    return SilentLines(
+        even=np.sqrt(np.maximum(even, 0.0)),
+        odd=np.sqrt(np.maximum(odd, 0.0)),
+        noise=np.sqrt(np.maximum(noise.sum(axis=0) * len(band) / len(silent), 0.0)),
     )
-    return SilentLines(*(np.sqrt(np.maximum(mean_square, 0.0)) for mean_square in mean_squares))
+
+
+def _lines_of_periods(signals: FloatArray, period: int, lines: NDArray[np.int_]) -> ComplexArray:
+    """Transform of every period at some lines (periods, lines, channels)."""
+    periods = signals.reshape(-1, period, signals.shape[1])
+    return np.asarray(np.fft.rfft(periods, axis=1)[:, lines])

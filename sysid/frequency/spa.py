@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sysid.frequency.spectra import checked_frequencies, coherence, powers, response_of_spectra
 from sysid.models.frequency_response import FrequencyResponse
@@ -68,8 +68,11 @@ def spa(
     shortest = min(len(e) for e in experiments)
     if shortest < 2:
         raise SysidError(f"too few samples: {shortest} behind the initialisation window, at least 2 are needed")
-    m = whole_number("lag", max(1, min(samples // 10, LAG, shortest - 1)) if lag is None else lag, 1, shortest - 1)
-    f = np.arange(1, GRID + 1) / GRID * (0.5 / dt) if frequencies is None else checked_frequencies(frequencies, dt)
+    default_lag = max(1, min(samples // 10, LAG, shortest - 1))
+    m = whole_number("lag", default_lag if lag is None else lag, 1, shortest - 1)
+    f = np.arange(1, GRID + 1) / GRID * (0.5 / dt)
+    if frequencies is not None:
+        f = checked_frequencies(frequencies, dt)
     complete = all(e.complete for e in experiments)
     y = [e.y for e in experiments] if complete else _filled(experiments)
     z = [np.hstack((e.u, outputs)) for e, outputs in zip(experiments, y, strict=True)]
@@ -78,15 +81,17 @@ def spa(
         raise SysidError(f"window({2 * m + 1}) must be symmetric round a 1 in the middle")
     covariances = covariance_function(z, z, m)
     if m >= SHORT and nu and _truncated(covariances, nu, samples):
-        text = f"the lag window of {m} samples is shorter than the response: the estimate is smoothed; use a longer lag"
-        warnings.warn(text, SysidWarning, stacklevel=2)
-    sides = (slice(nu), slice(nu, None))
-    phi = np.block([[_transform(weights, covariances[:, a, b], f, dt) for b in sides] for a in sides])
+        message = (
+            f"the lag window of {m} samples is shorter than the response: the estimate is smoothed; use a longer lag"
+        )
+        warnings.warn(message, SysidWarning, stacklevel=2)
+    phi = _spectra(weights, covariances, nu, f, dt)
     response = response_of_spectra("spa", experiments, f, phi, averages=samples / float(weights @ weights))
     if not complete:
         return _with_gaps(response, experiments, weights)
     # the spectrum of the disturbance is negative somewhere, beyond rounding
-    negative = (powers(np.asarray(response.noise_spectrum)) < -1e-9 * np.abs(powers(phi[:, nu:, nu:]))).any(axis=1)
+    noise, output = powers(np.asarray(response.noise_spectrum)), powers(phi[:, nu:, nu:])
+    negative = (noise < -1e-9 * np.abs(output)).any(axis=1)
     if not negative.any():
         return response
     with warnings.catch_warnings():
@@ -95,22 +100,48 @@ def spa(
         positive = spa(experiments, lag=m, window=scipy.signal.windows.parzen, frequencies=f)
     power = np.linalg.eigvalsh(phi[:, :nu, :nu])[:, :1]
     # An input below the side lobes of its peak determines nothing, whatever the window.
-    swap = (negative & (power > SIDE_LOBES * power.max(initial=0.0)).all(axis=1))[:, None, None]
-    return replace(
-        response,
-        noise_spectrum=np.where(swap, np.asarray(positive.noise_spectrum), np.asarray(response.noise_spectrum)),
-        covariance=np.where(swap[..., None, None], np.asarray(positive.covariance), np.asarray(response.covariance)),
+    determined = (power > SIDE_LOBES * power.max(initial=0.0)).all(axis=1)
+    return _with_disturbance_of(positive, response, negative & determined)
+
+
+def _spectra(weights: FloatArray, covariances: FloatArray, nu: int, f: FloatArray, dt: float) -> ComplexArray:
+    """Spectra of inputs and outputs together (nf, nu + ny, nu + ny), the inputs first."""
+    inputs, outputs = slice(nu), slice(nu, None)
+
+    def transform(rows: slice, columns: slice) -> ComplexArray:
+        return _transform(weights, covariances[:, rows, columns], f, dt)
+
+    return np.block(
+        [
+            [transform(inputs, inputs), transform(inputs, outputs)],
+            [transform(outputs, inputs), transform(outputs, outputs)],
+        ]
     )
+
+
+def _with_disturbance_of(
+    positive: FrequencyResponse, response: FrequencyResponse, at: NDArray[np.bool_]
+) -> FrequencyResponse:
+    """The response with disturbance and covariance of another one at some frequencies (nf,)."""
+    noise = np.where(at[:, None, None], np.asarray(positive.noise_spectrum), np.asarray(response.noise_spectrum))
+    of_entries = at[:, None, None, None, None]
+    covariance = np.where(of_entries, np.asarray(positive.covariance), np.asarray(response.covariance))
+    return replace(response, noise_spectrum=noise, covariance=covariance)
 
 
 def _truncated(covariances: FloatArray, nu: int, samples: int) -> bool:
     """Whether outputs still correlate with an input at the end of the window, where inputs no longer correlate."""
-    own, cross = covariances[:, :nu, :nu], covariances[:, nu:, :nu]
-    last, deviations = slice(-max(len(own) // 20, 1), None), np.sqrt(np.diagonal(covariances[len(own) // 2]))
-    sizes = deviations[nu:, None] * deviations[:nu]
-    short = np.abs(own[last]).max() < UNRELATED * np.abs(own).max()
-    edge, peak = np.abs(cross[last]).max(axis=0), np.abs(cross).max(axis=0)
-    return bool(short and ((edge > UNDECAYED * peak) & (edge > 6.0 * sizes / np.sqrt(samples))).any())
+    of_inputs, cross = covariances[:, :nu, :nu], covariances[:, nu:, :nu]
+    end = slice(-max(len(covariances) // 20, 1), None)
+    inputs_decay = np.abs(of_inputs[end]).max() < UNRELATED * np.abs(of_inputs).max()
+    if not inputs_decay:
+        # inputs of long memory: the cross covariance says nothing about the response there
+        return False
+    deviations = np.sqrt(np.diagonal(covariances[len(covariances) // 2]))
+    # six standard deviations of the covariance of unrelated white signals
+    significant = 6.0 * (deviations[nu:, None] * deviations[:nu]) / np.sqrt(samples)
+    at_end, peak = np.abs(cross[end]).max(axis=0), np.abs(cross).max(axis=0)
+    return bool(((at_end > UNDECAYED * peak) & (at_end > significant)).any())
 
 
 def _filled(experiments: Sequence[IOData]) -> list[FloatArray]:
@@ -119,8 +150,8 @@ def _filled(experiments: Sequence[IOData]) -> list[FloatArray]:
     Its mean over gaps that are independent of the signal is the output; the difference is one more disturbance,
     independent of the input, so that response and covariance hold as without gaps.
     """
-    known = np.concatenate([e.known for e in experiments]).mean(axis=0)
-    return [np.nan_to_num(e.y, nan=0.0) / known for e in experiments]
+    share = np.concatenate([e.known for e in experiments]).mean(axis=0)
+    return [np.nan_to_num(e.y, nan=0.0) / share for e in experiments]
 
 
 def _with_gaps(response: FrequencyResponse, experiments: Sequence[IOData], weights: FloatArray) -> FrequencyResponse:
@@ -137,11 +168,13 @@ def _with_gaps(response: FrequencyResponse, experiments: Sequence[IOData], weigh
 
 
 def _transform(window: FloatArray, covariances: FloatArray, f: FloatArray, dt: float) -> ComplexArray:
+    """Fourier transform dt sum_tau w(tau) R(tau) exp(-2 pi i f dt tau) of covariance functions, entry by entry."""
     m = len(window) // 2
     weighted = (window[:, None, None] * covariances).reshape(len(window), -1)
     lags = np.arange(-m, m + 1)
     out = np.empty((len(f), weighted.shape[1]), dtype=complex)
     # in blocks: a long window on a fine grid would need much memory
-    for part in np.array_split(np.arange(len(f)), max(1, len(f) * len(lags) // 2_000_000 + 1)):
-        out[part] = np.exp(-2j * np.pi * dt * np.outer(f[part], lags)) @ weighted
+    blocks = max(1, len(f) * len(lags) // 2_000_000 + 1)
+    for block in np.array_split(np.arange(len(f)), blocks):
+        out[block] = np.exp(-2j * np.pi * dt * np.outer(f[block], lags)) @ weighted
     return np.asarray(dt * out.reshape(len(f), *covariances.shape[1:]), dtype=np.complex128)

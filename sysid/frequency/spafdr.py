@@ -52,30 +52,34 @@ def spafdr(
         f = np.geomspace(min(AVERAGES * line, 0.1 * nyquist), nyquist, GRID)
     else:
         f = checked_frequencies(frequencies, first.dt, zero=False)
-    widths = np.maximum(RELATIVE * f, AVERAGES * line) if resolution is None else real_array("resolution", resolution)
+    widths = np.maximum(RELATIVE * f, AVERAGES * line)
+    if resolution is not None:
+        widths = real_array("resolution", resolution)
     if widths.shape not in ((), f.shape) or widths.min() <= 0.0:
         raise SysidError(f"resolution: expected a width above 0 Hz or {len(f)} of them, got shape {widths.shape}")
     widths = np.broadcast_to(widths, f.shape)
     lines = np.concatenate([scipy.fft.fftfreq(len(e), first.dt) for e in experiments])
     # of weight 1 / N each: the periodogram of a short experiment has few lines
-    transforms = np.vstack(
-        [np.sqrt(first.dt / len(e)) * scipy.fft.fft(np.hstack((e.u, e.y)), axis=0) for e in experiments]
-    )
+    transforms = np.vstack([np.sqrt(first.dt / len(e)) * _transform(e) for e in experiments])
     nu, size = first.nu, first.nu + first.ny
     phi: ComplexArray = np.zeros((len(f), size, size), dtype=complex)
     averages, effective = np.zeros(len(f)), np.zeros(len(f))
     for k, width in enumerate(widths):
-        # half of a Hann window of this equivalent width; frequencies wrap around at Nyquist
-        distance = np.abs((lines - f[k] + nyquist) % (2.0 * nyquist) - nyquist) / (0.75 * width)
-        near = np.flatnonzero(distance < 1.0)
-        weights = 1.0 + np.cos(np.pi * distance[near])
-        if len(near):
-            weights, x = weights / weights.sum(), transforms[near]
-            phi[k] = (x * weights[:, None]).T @ x.conj()
-            averages[k] = 1.0 / float(weights @ weights)
-            power = np.sum(np.abs(x[:, :nu]) ** 2, axis=1)
-            # with input lines of unequal power, fewer of them determine the estimate
-            effective[k] = float(weights @ power) / max(float(weights**2 @ power), np.finfo(float).tiny)
+        # frequencies wrap around at Nyquist
+        distance = np.abs((lines - f[k] + nyquist) % (2.0 * nyquist) - nyquist)
+        # a Hann window of this equivalent width reaches 0.75 times as far to either side
+        relative = distance / (0.75 * width)
+        near = np.flatnonzero(relative < 1.0)
+        if not len(near):
+            # refused below
+            continue
+        weights = 1.0 + np.cos(np.pi * relative[near])
+        weights, x = weights / weights.sum(), transforms[near]
+        phi[k] = (x * weights[:, None]).T @ x.conj()
+        averages[k] = 1.0 / float(weights @ weights)
+        power = np.sum(np.abs(x[:, :nu]) ** 2, axis=1)
+        # with input lines of unequal power, fewer of them determine the estimate
+        effective[k] = float(weights @ power) / max(float(weights**2 @ power), np.finfo(float).tiny)
     if averages.min() <= nu:
         k = int(np.argmin(averages))
         raise SysidError(
@@ -83,3 +87,8 @@ def spafdr(
             f"with {nu} input(s) more than {nu} are needed: use a wider resolution or higher frequencies"
         )
     return response_of_spectra("spafdr", experiments, f, phi, averages=averages, weights=np.maximum(effective, 1e-12))
+
+
+def _transform(experiment: IOData) -> ComplexArray:
+    """Fourier transform of inputs and outputs, both signs of the frequency (N, nu + ny)."""
+    return np.asarray(scipy.fft.fft(np.hstack((experiment.u, experiment.y)), axis=0))

@@ -42,7 +42,9 @@ def response_of_spectra(
             f"the smoothing amounts to {count.min():.3g} independent averages, with {nu} input(s) more than {nu} are "
             "needed: use a shorter lag window, shorter segments, or more neighbours"
         )
-    silent = (np.linalg.eigvalsh(phi_u)[:, :1] <= 1e-12 * powers(phi_u).max(initial=0.0)).any(axis=1)
+    # also where inputs depend on each other one of their combinations has no power
+    smallest_power = np.linalg.eigvalsh(phi_u)[:, :1]
+    silent = (smallest_power <= 1e-12 * powers(phi_u).max(initial=0.0)).any(axis=1)
     if silent.all():
         warnings.warn(
             f"the inputs have no significant power, or are dependent, at all {len(f)} frequencies: the response is "
@@ -55,17 +57,14 @@ def response_of_spectra(
     g = phi_yu @ inverse
     g[silent] = 0.0
     phi_v = phi_y - g @ phi_yu.conj().transpose(0, 2, 1)
-    noise = powers(phi_v)
-    output_power = np.maximum(powers(phi_y), np.finfo(float).tiny)
-    # the window leaks into nulls of the input; a negative noise power there means that nothing is determined
-    noise = np.where(noise < -1e-9 * output_power, np.nan, np.maximum(noise, 0.0))
-    noise = noise * count[:, None] / (count - nu)[:, None]
+    noise = _corrected_noise(phi_v, phi_y, count, nu)
     gain = np.maximum(powers(inverse), 0.0)
     effective = count if weights is None else weights
     variance = noise[:, :, None] * gain[:, None, :] / effective[:, None, None]
     covariance = complex_covariance(variance, f, first.dt)
     g[silent] = np.nan
     covariance[silent] = np.nan
+    duration = sum(len(e) for e in experiments) * first.dt
     return FrequencyResponse(
         frequencies=f,
         response=g,
@@ -79,10 +78,19 @@ def response_of_spectra(
         cross_spectrum=phi_yu,
         degrees_of_freedom=2.0 * (float(count.min()) - nu),
         # K averages of a record of T seconds smooth over K / T Hz
-        resolution=effective / (sum(len(e) for e in experiments) * first.dt),
+        resolution=effective / duration,
         input_names=first.input_names or (),
         output_names=first.output_names or (),
     )
+
+
+def _corrected_noise(phi_v: ComplexArray, phi_y: ComplexArray, count: FloatArray, nu: int) -> FloatArray:
+    """Power of the disturbance of each output (nf, ny), corrected for the averages that the fit removes from it."""
+    noise = powers(phi_v)
+    output_power = np.maximum(powers(phi_y), np.finfo(float).tiny)
+    # the window leaks into nulls of the input; a negative noise power there means that nothing is determined
+    noise = np.where(noise < -1e-9 * output_power, np.nan, np.maximum(noise, 0.0))
+    return noise * count[:, None] / (count - nu)[:, None]
 
 
 def powers(spectrum: NDArray[Any]) -> FloatArray:
@@ -94,7 +102,8 @@ def coherence(phi_u: ComplexArray, phi_y: ComplexArray, phi_yu: ComplexArray) ->
     """|Phi_yu|^2 / (Phi_y Phi_u) per pair (nf, ny, nu), 0 where there is no power."""
     products = np.maximum(powers(phi_y), 0.0)[:, :, None] * np.maximum(powers(phi_u), 0.0)[:, None, :]
     significant = products > 1e-24 * products.max(initial=0.0)
-    return np.clip(np.where(significant, np.abs(phi_yu) ** 2 / np.where(significant, products, 1.0), 0.0), 0.0, 1.0)
+    ratio = np.abs(phi_yu) ** 2 / np.where(significant, products, 1.0)
+    return np.clip(np.where(significant, ratio, 0.0), 0.0, 1.0)
 
 
 def checked_frequencies(frequencies: ArrayLike, dt: float, *, zero: bool = True) -> FloatArray:

@@ -49,8 +49,9 @@ def welch(
     shortest = min(len(e) for e in experiments)
     if shortest < 4:
         raise SysidError(f"too few samples: {shortest} behind the initialisation window, at least 4 are needed")
-    length = whole_number("segment", max(shortest // 8, 4) if segment is None else segment, 4, shortest)
-    overlap = real_number("overlap", overlap, "be at least 0 and less than 1", lambda part: 0.0 <= part < 1.0)
+    default_length = max(shortest // 8, 4)
+    length = whole_number("segment", default_length if segment is None else segment, 4, shortest)
+    overlap = real_number("overlap", overlap, "be at least 0 and less than 1", lambda share: 0.0 <= share < 1.0)
     w = window_values(window, length)
     if not w.any():
         raise SysidError(f"window({length}) must not be zero throughout")
@@ -61,25 +62,25 @@ def welch(
     for e, segments in zip(experiments, counts, strict=True):
         v = np.hstack((e.u, e.y))
         for k in range(segments):
-            transform = scipy.fft.rfft(w[:, None] * v[k * hop : k * hop + length], axis=0)[1 : count + 1]
+            windowed = w[:, None] * v[k * hop : k * hop + length]
+            transform = scipy.fft.rfft(windowed, axis=0)[1 : count + 1]
             phi += transform[:, :, None] * transform[:, None, :].conj()
     dt = experiments[0].dt
     phi *= dt / float(w @ w) / sum(counts)
-    return response_of_spectra(
-        "welch",
-        experiments,
-        scipy.fft.rfftfreq(length, dt)[1:],
-        phi,
-        averages=sum(_independent(w, hop, segments) for segments in counts),
-    )
+    averages = sum(_independent(w, hop, segments) for segments in counts)
+    f = scipy.fft.rfftfreq(length, dt)[1:]
+    return response_of_spectra("welch", experiments, f, phi, averages=averages)
 
 
 def _independent(w: FloatArray, hop: int, segments: int) -> float:
-    """Number of independent segments with the same variance [Welch1967]."""
-    share = 1.0
+    """Number of independent segments with the same variance [Welch1967].
+
+    Periodograms of segments that lie j apart have the correlation of the squared overlap of their windows.
+    """
+    inflation = 1.0
     for j in range(1, segments):
         if j * hop >= len(w):
             break
-        common = float(w[j * hop :] @ w[: len(w) - j * hop]) / float(w @ w)
-        share += 2.0 * (1.0 - j / segments) * common**2
-    return segments / share
+        overlap = float(w[j * hop :] @ w[: len(w) - j * hop]) / float(w @ w)
+        inflation += 2.0 * (1.0 - j / segments) * overlap**2
+    return segments / inflation

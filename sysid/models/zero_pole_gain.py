@@ -143,7 +143,7 @@ def transfer_function(model: StateSpace | Estimate) -> "control.TransferFunction
     return control.tf(numerators, denominators, model.dt, inputs=input_names, outputs=output_names)
 
 
-def _monic(roots: ComplexArray) -> FloatArray:
+def _monic(roots: ComplexArray | FloatArray) -> FloatArray:
     """Coefficients of the polynomial with these roots, of falling powers."""
     # numpy's polynomial without roots is the number 1.0
     return np.atleast_1d(np.poly(roots).real)

@@ -245,7 +245,7 @@ class Point:
             eliminated, covariance, criterion = greatest_likelihood(records, predictor, weight)
             initial, errors = [e.state for e in eliminated], [e.errors for e in eliminated]
             return Point(predictor, initial, errors, covariance, criterion, eliminated)
-        root = np.linalg.cholesky(weight)
+        root = np.asarray(np.linalg.cholesky(weight), dtype=np.float64)
         states: list[FloatArray] = []
         errors = []
         priors: list[FloatArray] = []
