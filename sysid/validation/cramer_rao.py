@@ -114,11 +114,14 @@ def prediction_gradient(polynomials: Polynomials, orders: Orders, signals: Signa
     inputs = []
     for j, (_, f) in enumerate(channels):
         inputs.append(scipy.signal.lfilter(d, np.convolve(c, f), signals.u[:, j]))
+    # by a_k: -D/C y(t - k); by b_k: D/(C F) u(t - k)
     rows = _delayed(-scipy.signal.lfilter(d, c, signals.y), range(1, orders.na + 1))
     for x, n, delay in zip(inputs, orders.nb, orders.nk, strict=True):
         rows += _delayed(x, range(delay, delay + n))
+    # by c_k: 1/C e(t - k); by d_k: -1/D e(t - k), since A y - B/F u = C/D e
     rows += _delayed(scipy.signal.lfilter([1.0], c, signals.e), range(1, orders.nc + 1))
     rows += _delayed(-scipy.signal.lfilter([1.0], d, signals.e), range(1, orders.nd + 1))
+    # by f_k: -B D/(C F F) u(t - k)
     for x, (b, f), n in zip(inputs, channels, orders.nf, strict=True):
         rows += _delayed(-scipy.signal.lfilter(b, f, x), range(1, n + 1))
     return np.array(rows).reshape(orders.count, len(signals.y)).T
@@ -135,6 +138,7 @@ def response_gradient(
     first_b, first_f = orders.na, orders.count - sum(orders.nf)
     for j in range(polynomials.nu):
         b, f = (np.polyval(row[::-1], z) for row in polynomials.channel(j))
+        # G = B/(A F): each coefficient of A or F changes it by -G z^-k over that polynomial
         response[:, 0, j] = b / (a * f)
         for k in range(orders.na):
             derivatives[k, :, 0, j] = -response[:, 0, j] * z ** (k + 1) / a
@@ -262,6 +266,7 @@ def _directions(root: FloatArray) -> FloatArray:
     scale = np.linalg.norm(root, axis=0)
     if not (scale > 0.0).all():
         raise SysidError(f"the record does not depend on parameter {int(np.argmin(scale)) + 1} of {len(scale)}")
+    # parameters differ by decades: columns of unit length show what is collinear
     triangle = np.linalg.qr(root / scale, mode="r")
     values = np.linalg.svd(triangle, compute_uv=False)
     if values[-1] < SINGULAR * values[0]:

@@ -76,6 +76,7 @@ def feedback(
     first, lags, level = experiments[0], whole_number("lags", lags, 1), confidence_level(level)
     lowest = 0 if truth_value("direct", direct) else 1
     check_excitation(experiments, [0] * first.nu)
+    # the last `lags` samples of a record have no future inputs, the first ones no past
     usable = [e for e in experiments if len(e) > 2 * lags + e.window]
     rows = sum(len(e) - max(lags, e.window) - lags for e in usable)
     width = lags * (1 + 2 * first.nu) + first.nu
@@ -102,6 +103,7 @@ def _feedback_p(experiments: Sequence[IOData], i: int, j: int, lags: int, lowest
         future.append(lagged(experiment.u[:, j], range(-lags, lowest), start, lags))
         blocks = [lagged(experiment.y[:, i], output_lags(lags), start, lags)]
         for k, u in enumerate(experiment.u.T):
+            # only the tested input may be restricted: the output may depend on the others at once
             first_lag = lowest if k == j else 0
             blocks.append(lagged(u, range(first_lag, lags + 1), start, lags))
         past.append(np.hstack(blocks))

@@ -83,6 +83,7 @@ def identifiability(estimate: Estimate) -> Identifiability:
     if not len(theta) or not np.isfinite(covariance).all():
         raise SysidError(f"{estimate.method} gives no covariance of its parameters, which identifiability needs")
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    # the condition of the correlations, not of the covariance, which the units of the parameters change
     scale = np.where(deviation > 0.0, deviation, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     # rounding may make the smallest eigenvalue negative

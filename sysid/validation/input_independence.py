@@ -76,7 +76,9 @@ def input_independence(u: ArrayLike, names: Sequence[str] = (), *, lags: int = 8
         raise SysidError(f"expected inputs (N, nu) and a name for each, got shape {signals.shape}, {len(names)} names")
     count = signals.shape[1]
     centred = [signal - signal.mean() for signal in signals.T]
-    if count < 2 or len(signals) - lags + 1 < 2 * lags * count or not all(signal.any() for signal in centred):
+    rows = len(signals) - lags + 1
+    # with fewer rows chance alone makes the lagged inputs look dependent
+    if count < 2 or rows < 2 * lags * count or not all(signal.any() for signal in centred):
         return None
     # The newest sample first, as in a regressor.
     blocks = [sliding_window_view(signal, lags)[:, ::-1] / signal.std() for signal in centred]

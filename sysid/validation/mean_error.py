@@ -41,15 +41,17 @@ def mean_error(errors: FloatArray, false_alarm: float, allowed: float = 0.0) -> 
     records, q = errors.shape
     rest, noncentrality = records - q, records * allowed**2
     # the noncentral distribution loses digits where there is no noncentrality
-    upper = (
-        scipy.stats.ncf.isf(false_alarm, q, rest, noncentrality) if allowed else scipy.stats.f.isf(false_alarm, q, rest)
-    )
+    if allowed:
+        upper = scipy.stats.ncf.isf(false_alarm, q, rest, noncentrality)
+    else:
+        upper = scipy.stats.f.isf(false_alarm, q, rest)
     limit = _size(float(upper), records, q)
     statistic = f_statistic(errors)
     if not np.isfinite(statistic):
         return MeanError(np.inf, (np.inf, np.inf), limit)
-    low, high = (float(np.sqrt(_noncentrality(statistic, q, rest, share) / records)) for share in (0.025, 0.975))
-    return MeanError(_size(statistic, records, q), (low, high), limit)
+    low, high = _noncentrality(statistic, q, rest, 0.025), _noncentrality(statistic, q, rest, 0.975)
+    interval = (float(np.sqrt(low / records)), float(np.sqrt(high / records)))
+    return MeanError(_size(statistic, records, q), interval, limit)
 
 
 def f_statistic(errors: FloatArray) -> float:
@@ -59,6 +61,7 @@ def f_statistic(errors: FloatArray) -> float:
     """
     records, q = errors.shape
     mean = errors.mean(axis=0)
+    # T^2 does not change with the units of the columns: root mean squares of 1 keep its digits
     length = np.sqrt(np.mean(errors**2, axis=0))
     used = length > 0.0
     if not used.any():
@@ -86,6 +89,9 @@ def _noncentrality(statistic: float, q: int, rest: int, above: float) -> float:
         return float(scipy.stats.ncf.sf(statistic, q, rest, value)) - above
 
     high = 4.0 * (q * statistic + 10.0)
+    # the search for an end of the bracket stops at 1e12, which is returned as it is
     while excess(high) < 0.0 and high < 1e12:
         high *= 4.0
-    return float(scipy.optimize.brentq(excess, 0.0, high)) if excess(high) > 0.0 else high
+    if excess(high) <= 0.0:
+        return high
+    return float(scipy.optimize.brentq(excess, 0.0, high))

@@ -29,13 +29,15 @@ def limits_of_mean(
         Lower and upper limit, infinite where there is none.
     """
     total = sum(draws)
-    pairs = list(zip(nulls, draws, strict=True))
-    mean = sum(n * float(np.mean(null)) for null, n in pairs) / total
-    variance = sum(n * float(np.var(null)) for null, n in pairs) / total**2
-    distances = [(null - np.mean(null), n) for null, n in pairs]
-    # the cube by products: `**3` costs ten times as much
-    third = sum(n * float(np.mean(d * d * d)) for d, n in distances)
-    return limits_of_moments(mean, variance, third / total**3, false_alarm, low=low)
+    # cumulants of a sum of independent values add
+    mean, variance, third = 0.0, 0.0, 0.0
+    for null, count in zip(nulls, draws, strict=True):
+        deviation = null - np.mean(null)
+        mean += count * float(np.mean(null))
+        variance += count * float(np.var(null))
+        # the cube by products: `**3` costs ten times as much
+        third += count * float(np.mean(deviation * deviation * deviation))
+    return limits_of_moments(mean / total, variance / total**2, third / total**3, false_alarm, low=low)
 
 
 def limits_of_moments(
@@ -43,15 +45,18 @@ def limits_of_moments(
 ) -> tuple[float, float]:
     """`limits_of_mean` from the moments of the mean itself: its mean, variance and third central moment."""
     if variance == 0.0:
-        return (mean if low else -np.inf, mean)
+        lower = mean if low else -np.inf
+        return lower, mean
     deviation = float(np.sqrt(variance))
     skewness = third / deviation**3
     # without skewness Pearson's distribution is a normal one, which it is not numerically
-    shape = (
-        scipy.stats.norm(mean, deviation) if abs(skewness) < 1e-6 else scipy.stats.pearson3(skewness, mean, deviation)
-    )
+    if abs(skewness) < 1e-6:
+        distribution = scipy.stats.norm(mean, deviation)
+    else:
+        distribution = scipy.stats.pearson3(skewness, mean, deviation)
     share = false_alarm / (1 + low)
-    return (float(shape.ppf(share)) if low else -np.inf, float(shape.isf(share)))
+    lower = float(distribution.ppf(share)) if low else -np.inf
+    return lower, float(distribution.isf(share))
 
 
 def limits_of_response_squares(covariance: FloatArray, draws: int, false_alarm: float) -> tuple[FloatArray, FloatArray]:
@@ -67,13 +72,15 @@ def limits_of_response_squares(covariance: FloatArray, draws: int, false_alarm: 
     """
     free = free_parts(covariance)
     low, high = np.full(free.shape[:-1], np.nan), np.full(free.shape[:-1], np.nan)
-    places = [tuple(place) for place in np.argwhere(free.any(axis=-1))]
-    for place in places:
-        kept = covariance[place] * np.outer(free[place], free[place])
+    indices = [tuple(index) for index in np.argwhere(free.any(axis=-1))]
+    for index in indices:
+        kept = covariance[index] * np.outer(free[index], free[index])
         # |error|^2 is a sum of squares of independent Gaussian variables with these shares of its mean
         shares = np.linalg.eigvalsh(kept) / np.trace(kept)
         variance, third = 2.0 * float(np.sum(shares**2)), 8.0 * float(np.sum(shares**3))
-        low[place], high[place] = limits_of_moments(1.0, variance / draws, third / draws**2, false_alarm / len(places))
+        # Bonferroni's bound: each response has its part of the probability
+        each_alarm = false_alarm / len(indices)
+        low[index], high[index] = limits_of_moments(1.0, variance / draws, third / draws**2, each_alarm)
     return low, high
 
 
@@ -103,10 +110,9 @@ def interval_of_positive_mean(values: FloatArray) -> tuple[float, float]:
     if not np.isfinite(freedom):
         return (size * mean, size * mean)
     tail = float(scipy.stats.norm.sf(scipy.stats.t.isf(TAIL, n - 1)))
-    return (
-        size * mean * (freedom / float(scipy.stats.chi2.isf(tail, freedom))),
-        size * mean * (freedom / float(scipy.stats.chi2.ppf(tail, freedom))),
-    )
+    low = size * mean * (freedom / float(scipy.stats.chi2.isf(tail, freedom)))
+    high = size * mean * (freedom / float(scipy.stats.chi2.ppf(tail, freedom)))
+    return low, high
 
 
 def interval_of_mean_share(values: FloatArray) -> tuple[float, float]:

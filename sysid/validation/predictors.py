@@ -62,10 +62,11 @@ class ModelPredictor:
             # An unstable predictor shows in its score.
             warnings.simplefilter("ignore", SysidWarning)
             if self.inputs is not None and self.outputs is not None:
-                i, o = channels_in(self.model, record)
-                about = record.subtract(u=self.inputs[i], y=self.outputs[o])
+                inputs, outputs = channels_in(self.model, record)
+                level = self.outputs[outputs]
+                about = record.subtract(u=self.inputs[inputs], y=level)
                 start = None if record.window else np.zeros(self.model.order)
-                return predict(self.model, about, steps=ahead, x0=start) + self.outputs[o]
+                return predict(self.model, about, steps=ahead, x0=start) + level
             if not record.window:
                 raise SysidError(
                     f"{record.name or 'the record'} has no initialisation window, so the level of its outputs is "
@@ -87,8 +88,10 @@ class StackedPredictor:
 
     def predicted(self, record: IOData, steps: int) -> FloatArray:
         """Return the outputs (N, ny)."""
-        parts = (row.predicted(record.select(outputs=[i]), steps) for i, row in enumerate(self.rows))
-        return np.hstack(tuple(parts))
+        columns = []
+        for i, row in enumerate(self.rows):
+            columns.append(row.predicted(record.select(outputs=[i]), steps))
+        return np.hstack(columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +106,7 @@ class Hold:
 
     def predicted(self, record: IOData, steps: int) -> FloatArray:
         """Return the outputs (N, ny)."""
+        # without steps nothing is known but the window
         last = np.arange(len(record)) - steps if steps else np.full(len(record), record.window - 1)
         return np.where((last >= 0)[:, None], record.y[np.maximum(last, 0)], self.level)
 
@@ -126,7 +130,8 @@ class StaticGain:
     @classmethod
     def fitted(cls, parts: Sequence[IOData]) -> "StaticGain":
         """Fit gain and level to records by least squares."""
-        u, y = (np.concatenate([getattr(part, name) for part in parts]) for name in "uy")
+        u = np.concatenate([record.u for record in parts])
+        y = np.concatenate([record.y for record in parts])
         solution, *_ = np.linalg.lstsq(np.column_stack([u, np.ones(len(u))]), y, rcond=None)
         return cls(solution[:-1].T, solution[-1])
 
@@ -135,16 +140,17 @@ def as_predictor(model: Predictor | StateSpace | Estimate) -> Predictor:
     """Return a predictor of a model; a bare model finds its operating point in each window."""
     if isinstance(model, Estimate):
         return ModelPredictor(model.model)
-    return ModelPredictor(model) if isinstance(model, StateSpace) else model
+    if isinstance(model, StateSpace):
+        return ModelPredictor(model)
+    return model
 
 
 def _with_constant(model: StateSpace) -> StateSpace:
     """The model with one more state per output, a constant that adds to it."""
     ny = model.ny
-    return replace(
-        model,
-        A=scipy.linalg.block_diag(model.A, np.eye(ny)),
-        B=np.vstack([model.B, np.zeros((ny, model.nu))]),
-        C=np.hstack([model.C, np.eye(ny)]),
-        K=np.vstack([model.gain, np.zeros((ny, ny))]),
-    )
+    A = scipy.linalg.block_diag(model.A, np.eye(ny))
+    B = np.vstack([model.B, np.zeros((ny, model.nu))])
+    C = np.hstack([model.C, np.eye(ny)])
+    # innovations do not move the constant: the window alone determines it
+    K = np.vstack([model.gain, np.zeros((ny, ny))])
+    return replace(model, A=A, B=B, C=C, K=K)

@@ -20,6 +20,8 @@ from sysid.records.errors import SysidError
 from sysid.records.trends import ROUNDING
 from sysid.validation.feedback import addition_p
 
+NEGLIGIBLE = 1e-14  # residuals, relative to the outputs or to those of another output, that are rounding
+
 
 def whiteness_p(correlations: FloatArray, counts: NDArray[np.int_]) -> FloatArray:
     """p-values of Q = N (N + 2) sum_k (r(k) - E r(k))^2 / (N - k), k = 1..h [LjungBox1978].
@@ -45,7 +47,8 @@ def whiteness_p(correlations: FloatArray, counts: NDArray[np.int_]) -> FloatArra
     fourth = (n - a) * (n - b) + 12.0 * (n - a - b) + 4.0 * np.minimum(a, b)
     np.fill_diagonal(fourth, 3.0 * (n - k) ** 2 + 18.0 * n - 30.0 * k)
     fourth /= n * (n + 2.0) * (n + 4.0) * (n + 6.0)
-    variance = (n * (n + 2.0)) ** 2 * float(np.sum(fourth / ((n - a) * (n - b)))) - h**2
+    mean_square = (n * (n + 2.0)) ** 2 * float(np.sum(fourth / ((n - a) * (n - b))))
+    variance = mean_square - h**2
     excess = variance / h - 2.0
     if excess <= 0.0:
         return np.asarray(scipy.stats.chi2.sf(statistic, h), dtype=np.float64)
@@ -68,22 +71,30 @@ def independence_p(
         first: First lag at which a model may depend on the input.
         future: Whether to test for feedback.
     """
-    samples = sum(len(part) for part in e)
-    order = max(1, min(lags, samples // 20, min(len(part) for part in e) // 8))
+    samples = sum(len(errors) for errors in e)
+    order = max(1, min(lags, samples // 20, min(len(errors) for errors in e) // 8))
     whitener, _ = autoregression(np.concatenate(e), order)
-    start, ahead = order + lags, lags if future else 0
+    # the first samples of a filtered signal are those of a filter from rest
+    start = order + lags
+    ahead = lags if future else 0
     usable = [pair for pair in zip(e, u, strict=True) if len(pair[0]) > start + ahead]
+    rows = sum(len(errors) - start - ahead for errors, _ in usable)
     # at least half of the samples must remain as degrees of freedom
-    rows = sum(len(part) - start - ahead for part, _ in usable)
-    reach = min(lags, rows // (4 if future else 2) - 1)
+    rows_per_lag = 4 if future else 2
+    reach = min(lags, rows // rows_per_lag - 1)
     if reach < first:
         return float("nan")
-    phi, target = [], []
+    # lags below `first` come first among the columns: those are the tested ones of the future
+    lowest = -reach if future else first
+    tested = reach + first if future else reach + 1 - first
+    regressors, target = [], []
     for errors, inputs in usable:
-        filtered, white = (scipy.signal.lfilter(whitener, [1.0], signal) for signal in (inputs, errors))
-        phi.append(lagged(filtered, range(-reach if future else first, reach + 1), start, ahead))
+        filtered = scipy.signal.lfilter(whitener, [1.0], inputs)
+        white = scipy.signal.lfilter(whitener, [1.0], errors)
+        regressors.append(lagged(filtered, range(lowest, reach + 1), start, ahead))
         target.append(white[start : len(white) - ahead])
-    columns, tested = np.vstack(phi) if phi[1:] else phi[0], reach + first if future else reach + 1 - first
+    # no copy of the regressors of a single experiment
+    columns = np.vstack(regressors) if len(regressors) > 1 else regressors[0]
     return addition_p(columns, tested, np.concatenate(target))
 
 
@@ -138,28 +149,30 @@ class ResidualTest(Locked):
 
     def __str__(self) -> str:
         """A line per output for whiteness, a line per pair for independence of past inputs."""
-        ny, nu = self.independence_p.shape
-        outputs, inputs = self.output_names, self.input_names
-        last = int(self.lags[-1])
-        lines = [f"Residual tests at {100 * self.level:g} %: {'passed' if self.passed else 'not passed'}"]
-        lines += [
-            f"  {outputs[i]}: {'white' if self.white[i] else 'not white'} "
-            f"(p = {self.whiteness_p[i]:.3g} of all lags together; {self.outside_whiteness[i]} of {last} "
-            "outside their own bound)"
-            for i in range(ny)
-        ]
-        lines += [
-            f"  {outputs[i]} and {inputs[j]}: {'independent' if self.independent[i, j] else 'not independent'} "
-            f"(p = {self.independence_p[i, j]:.3g} of all lags together; {self.outside_independence[i, j]} of "
-            f"{last + 1 - self.first_lags[i, j]} outside their own bound)"
-            for i in range(ny)
-            for j in range(nu)
-        ]
-        lines += [
-            f"  {outputs[i]} to {inputs[j]}: feedback (p = {self.feedback_p[i, j]:.3g})"
-            for i, j in np.argwhere(self.feedback)
-        ]
+        verdict = "passed" if self.passed else "not passed"
+        lines = [f"Residual tests at {100 * self.level:g} %: {verdict}"]
+        lines += [self._whiteness_line(i) for i in range(len(self.white))]
+        lines += [self._independence_line(i, j) for i, j in np.ndindex(self.independent.shape)]
+        for i, j in np.argwhere(self.feedback):
+            p = self.feedback_p[i, j]
+            lines.append(f"  {self.output_names[i]} to {self.input_names[j]}: feedback (p = {p:.3g})")
         return "\n".join(lines)
+
+    def _whiteness_line(self, i: int) -> str:
+        verdict = "white" if self.white[i] else "not white"
+        return (
+            f"  {self.output_names[i]}: {verdict} (p = {self.whiteness_p[i]:.3g} of all lags together; "
+            f"{self.outside_whiteness[i]} of {self.lags[-1]} outside their own bound)"
+        )
+
+    def _independence_line(self, i: int, j: int) -> str:
+        verdict = "independent" if self.independent[i, j] else "not independent"
+        tested = self.lags[-1] + 1 - self.first_lags[i, j]
+        return (
+            f"  {self.output_names[i]} and {self.input_names[j]}: {verdict} "
+            f"(p = {self.independence_p[i, j]:.3g} of all lags together; {self.outside_independence[i, j]} of "
+            f"{tested} outside their own bound)"
+        )
 
     @property
     def white(self) -> BoolArray:
@@ -209,66 +222,35 @@ def resid(
     """
     level = confidence_level(level)
     model, experiments = as_model(estimate), as_experiments(data, missing=True, series=True)
-    parts = [residuals(estimate, e)[e.window :] for e in experiments]
-    errors = np.concatenate(parts)
     first = experiments[0]
-    shortest = min(len(part) for part in parts)
+    errors = [residuals(estimate, experiment)[experiment.window :] for experiment in experiments]
+    shortest = min(len(of_experiment) for of_experiment in errors)
     lags = whole_number("lags", lags, 1, shortest // 2 - 1)
-    n, (ny, nu) = len(errors), (first.ny, first.nu)
-    masks = [x.known[x.window :] for x in experiments]
-    known = np.concatenate(masks)
-    if not np.isfinite(errors[known]).all():
-        raise SysidError("the residuals overflow, as those of an unstable predictor do (A - K C has poles beyond 1)")
-    largest = float(np.abs(errors[known]).max(initial=0.0))
-    if largest <= 1e-14 * max(np.nanmax(np.abs(e.y)) for e in experiments):
-        raise SysidError("the residuals are zero: there is nothing to test")
-    # residuals of an unstable predictor may overflow when squared
-    e = [_weighted(model, x, part / largest) for x, part in zip(experiments, parts, strict=True)]
-    v = [x.u[x.window :] - x.u[x.window :].mean(axis=0) for x in experiments]
-    e_size, v_size = (np.sqrt(np.mean(np.concatenate(s) ** 2, axis=0)) for s in (e, v))
-    if (e_size <= 1e-14).any():
-        raise SysidError(
-            "the residuals of one output are negligible against those of another: there is nothing to test"
-        )
-    if (v_size <= ROUNDING * max(np.abs(x.u).max(initial=0.0) for x in experiments)).any():
-        raise SysidError("an input is constant: independence of it cannot be tested")
-    auto = covariance_function(e, e, lags)[lags:] / (e_size[:, None] * e_size)
-    cross = covariance_function(e, v, lags) / (e_size[:, None] * v_size)
-    z = float(scipy.stats.norm.ppf(0.5 + 0.5 * level))
+    signals = _signals(model, experiments, errors)
+    auto = covariance_function(signals.e, signals.e, lags)[lags:] / (signals.e_size[:, None] * signals.e_size)
+    cross = covariance_function(signals.e, signals.u, lags) / (signals.e_size[:, None] * signals.u_size)
     single = np.einsum("kii->ki", auto)[1:]
-    counts = np.array([sum((m[k:] & m[: len(m) - k]).sum(axis=0) for m in masks) for k in range(lags + 1)])
-
-    bound, p_cross, p_feedback = (np.empty((ny, nu)) for _ in range(3))
-    in_model = channels_in(model, first)
-    first_lags = (model.D[np.ix_(in_model[1], in_model[0])] == 0.0).astype(int)
-    for i in range(ny):
-        own = [part[:, i] for part in e]
-        _, r_e = autoregression(np.concatenate(own), lags)
-        reach = min(len(r_e), shortest) - 1
-        for j in range(nu):
-            inputs = [part[:, [j]] for part in v]
-            r_u = covariance_function(inputs, inputs, reach)[reach:, 0, 0] / v_size[j] ** 2
-            # the exact sum is positive, as the integral of a spectrum; with sample correlations it may not be
-            variance = max(r_u[0] * r_e[0] + 2.0 * float(r_u[1:] @ r_e[1 : reach + 1]), 1.0 / n)
-            bound[i, j] = z * np.sqrt(variance / n)
-            pair, earliest = (own, [part[:, 0] for part in inputs], int(lags)), int(first_lags[i, j])
-            p_cross[i, j] = independence_p(*pair, first=earliest)
-            p_feedback[i, j] = independence_p(*pair, first=earliest, future=True)
+    counts = _known_products(experiments, lags)
+    z = float(scipy.stats.norm.ppf(0.5 + 0.5 * level))
+    whiteness_bound = z / np.sqrt(float(counts[0].min()))
+    inputs, outputs = channels_in(model, first)
+    first_lags = (model.D[np.ix_(outputs, inputs)] == 0.0).astype(int)
+    bound, p_cross, p_feedback = _pair_tests(signals, first_lags, lags, shortest, z)
     outside = np.abs(cross[lags:]) > bound
+    # a model without direct term claims nothing of lag 0
     outside[0] &= first_lags == 0
-    smallest = float(counts[0].min())
     return ResidualTest(
-        residuals=errors,
+        residuals=np.concatenate(errors),
         lags=np.arange(lags + 1),
         autocorrelation=auto,
         cross_lags=np.arange(-lags, lags + 1),
         cross_correlation=cross,
         level=level,
-        whiteness_bound=z / float(np.sqrt(smallest)),
+        whiteness_bound=float(whiteness_bound),
         independence_bound=bound,
-        whiteness_p=np.concatenate([whiteness_p(single[:, [i]], counts[:, i]) for i in range(ny)]),
+        whiteness_p=np.concatenate([whiteness_p(single[:, [i]], counts[:, i]) for i in range(first.ny)]),
         independence_p=p_cross,
-        outside_whiteness=(np.abs(single) > z / np.sqrt(smallest)).sum(axis=0),
+        outside_whiteness=(np.abs(single) > whiteness_bound).sum(axis=0),
         outside_independence=outside.sum(axis=0),
         first_lags=first_lags,
         feedback_p=p_feedback,
@@ -277,12 +259,91 @@ def resid(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Signals:
+    """Residuals and inputs after the windows, without means.
+
+    Attributes:
+        e: Residuals of each experiment over the largest of all, of equal variance (N_i, ny).
+        u: Inputs of each experiment (N_i, nu).
+        e_size: Root mean square of the residuals, over all experiments (ny,).
+        u_size: Root mean square of the inputs (nu,).
+    """
+
+    e: list[FloatArray]
+    u: list[FloatArray]
+    e_size: FloatArray
+    u_size: FloatArray
+
+
+def _signals(model: StateSpace, experiments: Sequence[IOData], errors: Sequence[FloatArray]) -> _Signals:
+    """Check residuals and inputs, and scale and centre them."""
+    measured = np.concatenate([x.known[x.window :] for x in experiments])
+    stacked = np.concatenate(errors)
+    if not np.isfinite(stacked[measured]).all():
+        raise SysidError("the residuals overflow, as those of an unstable predictor do (A - K C has poles beyond 1)")
+    largest = float(np.abs(stacked[measured]).max(initial=0.0))
+    if largest <= NEGLIGIBLE * max(np.nanmax(np.abs(x.y)) for x in experiments):
+        raise SysidError("the residuals are zero: there is nothing to test")
+    # residuals of an unstable predictor may overflow when squared
+    e, u = [], []
+    for experiment, of_experiment in zip(experiments, errors, strict=True):
+        e.append(_weighted(model, experiment, of_experiment / largest))
+        inputs = experiment.u[experiment.window :]
+        u.append(inputs - inputs.mean(axis=0))
+    e_size, u_size = _root_mean_square(e), _root_mean_square(u)
+    if (e_size <= NEGLIGIBLE).any():
+        raise SysidError(
+            "the residuals of one output are negligible against those of another: there is nothing to test"
+        )
+    if (u_size <= ROUNDING * max(np.abs(x.u).max(initial=0.0) for x in experiments)).any():
+        raise SysidError("an input is constant: independence of it cannot be tested")
+    return _Signals(e, u, e_size, u_size)
+
+
+def _root_mean_square(signals: Sequence[FloatArray]) -> FloatArray:
+    """Root mean square over all experiments (n,)."""
+    return np.asarray(np.sqrt(np.mean(np.concatenate(signals) ** 2, axis=0)))
+
+
+def _known_products(experiments: Sequence[IOData], lags: int) -> NDArray[np.int_]:
+    """Number of products of two known residuals at each lag, per output (lags + 1, ny)."""
+    masks = [x.known[x.window :] for x in experiments]
+    counts = []
+    for k in range(lags + 1):
+        counts.append(sum((mask[k:] & mask[: len(mask) - k]).sum(axis=0) for mask in masks))
+    return np.array(counts)
+
+
+def _pair_tests(
+    signals: _Signals, first_lags: NDArray[np.int_], lags: int, shortest: int, z: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Bounds of the cross-correlations at z deviations, p-values of independence and of feedback, each (ny, nu)."""
+    ny, nu = first_lags.shape
+    n = sum(len(errors) for errors in signals.e)
+    bound, p_cross, p_feedback = np.empty((ny, nu)), np.empty((ny, nu)), np.empty((ny, nu))
+    for i in range(ny):
+        e = [errors[:, i] for errors in signals.e]
+        _, r_e = autoregression(np.concatenate(e), lags)
+        reach = min(len(r_e), shortest) - 1
+        for j in range(nu):
+            columns = [inputs[:, [j]] for inputs in signals.u]
+            r_u = covariance_function(columns, columns, reach)[reach:, 0, 0] / signals.u_size[j] ** 2
+            variance = r_u[0] * r_e[0] + 2.0 * float(r_u[1:] @ r_e[1 : reach + 1])
+            # the exact sum is positive, as the integral of a spectrum; with sample correlations it may not be
+            bound[i, j] = z * np.sqrt(max(variance, 1.0 / n) / n)
+            u, first = [column[:, 0] for column in columns], int(first_lags[i, j])
+            p_cross[i, j] = independence_p(e, u, int(lags), first=first)
+            p_feedback[i, j] = independence_p(e, u, int(lags), first=first, future=True)
+    return bound, p_cross, p_feedback
+
+
 def _weighted(model: StateSpace, experiment: IOData, errors: FloatArray) -> FloatArray:
     """Errors of equal variance and zero mean after the window, zero where an output is missing."""
-    if not experiment.complete:
-        if model.order and model.gain.any():
-            # after a gap the prediction has a larger variance
-            weights = kalman_filter(aligned(model, experiment), experiment, np.zeros(model.order))[1]
-            errors = errors * (weights / weights.max(axis=0))[experiment.window :]
-        return np.nan_to_num(errors - np.nanmean(errors, axis=0), nan=0.0)
-    return np.asarray(errors - errors.mean(axis=0))
+    if experiment.complete:
+        return np.asarray(errors - errors.mean(axis=0))
+    if model.order and model.gain.any():
+        # after a gap the prediction has a larger variance
+        _, weights = kalman_filter(aligned(model, experiment), experiment, np.zeros(model.order))
+        errors = errors * (weights / weights.max(axis=0))[experiment.window :]
+    return np.nan_to_num(errors - np.nanmean(errors, axis=0), nan=0.0)

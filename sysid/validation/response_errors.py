@@ -43,7 +43,8 @@ def free_parts(covariance: FloatArray) -> np.ndarray:
 
 def variance_ratio_by_frequency(errors: FloatArray, covariance: FloatArray, free: np.ndarray) -> FloatArray:
     """|error|^2 over its variance (m, nf, ny, nu), NaN where nothing varies; its mean is 1."""
-    variances = np.where(free, np.diagonal(covariance, axis1=-2, axis2=-1), 0.0).sum(axis=-1)
+    of_parts = np.diagonal(covariance, axis1=-2, axis2=-1)
+    variances = np.where(free, of_parts, 0.0).sum(axis=-1)
     return _ratio(np.sum(errors**2, axis=-1), np.where(free.any(axis=-1), variances, np.nan))
 
 
@@ -63,10 +64,11 @@ def normalised_square(errors: FloatArray, covariance: FloatArray, free: np.ndarr
         determinant = a * c - b * b
         positive = (a > 0.0) & (c > 0.0) & (determinant > 0.0)
         squares = c * real**2 - 2.0 * b * real * imaginary + a * imaginary**2
-    both = _ratio(squares, np.where(positive, 2.0 * determinant, 0.0))
+    of_two_parts = _ratio(squares, np.where(positive, 2.0 * determinant, 0.0))
     only_real = np.where(free[..., 0], _ratio(real**2, a), np.nan)
     only_imaginary = np.where(free[..., 1], _ratio(imaginary**2, c), np.nan)
-    values = np.where(free.all(axis=-1), both, np.where(free[..., 0], only_real, only_imaginary))
+    of_one_part = np.where(free[..., 0], only_real, only_imaginary)
+    values = np.where(free.all(axis=-1), of_two_parts, of_one_part)
     infinite = np.isinf(covariance).any(axis=(-2, -1)) & free.any(axis=-1)
     return np.asarray(np.nanmean(np.where(infinite, 0.0, values), axis=(1, 2, 3)))
 

@@ -1,6 +1,7 @@
 """Choice of ARX orders and delay, all candidates from one factorisation."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -53,51 +54,41 @@ def selstruc(
     experiments = as_experiments(data)
     check_single_output(experiments)
     nu = experiments[0].nu
-    candidates = [
-        make_orders(nu, na=a, nb=_spread(b, nu), nk=_spread(k, nu))
-        for a, b, k in product(_choices("na", na), _choices("nb", nb), _choices("nk", nk))
-    ]
+    candidates = []
+    for a, b, k in product(_choices("na", na), _choices("nb", nb), _choices("nk", nk)):
+        candidates.append(make_orders(nu, na=a, nb=_per_input(b, nu), nk=_per_input(k, nu)))
     if validation is not None and folds:
         raise SysidError(f"expected validation data or folds, not both; got folds = {folds}")
-    every = _union(candidates)
+    union = _union(candidates)
     warn_each(check_excitation(experiments, [0] * nu))
-    rows = check_enough_data(experiments, every, transients=0)
+    rows = check_enough_data(experiments, union, transients=0)
     folds = whole_number("folds", folds, 0, rows)
     if folds == 1:
         raise SysidError("folds must be 0, or a whole number of parts >= 2, got 1")
-    columns = np.vstack([_columns(e, every) for e in experiments])
+    columns = np.vstack([_columns(e, union) for e in experiments])
     power = float(np.mean(columns[:, -1] ** 2))
     # columns of about equal length for the factorisation; losses are scaled back
     lengths = np.sqrt(np.mean(columns**2, axis=0))
     lengths[lengths == 0.0] = 1.0
     columns /= lengths
-    whole = triangular_factor(columns)
-    pairs: list[tuple[FloatArray, FloatArray]] = []
-    held_rows = rows
+    factor = triangular_factor(columns)
+    judged: list[_FitAndCheck] = []
+    judged_rows = rows
     if validation is not None:
-        others = as_experiments(validation)
-        if (others[0].nu, others[0].ny) != (nu, 1):
-            raise SysidError(f"validation data need {nu} input(s) and 1 output, got {others[0].nu} and {others[0].ny}")
-        others = tuple(in_sequence_of(experiments[0], e, owner="the data", other="the validation data") for e in others)
-        check_enough_data(others, every, transients=0)
-        pairs = [(whole, np.vstack([_columns(e, every) for e in others]) / lengths)]
-        held_rows = len(pairs[0][1])
+        held_out = _validation_columns(experiments[0], validation, union) / lengths
+        judged, judged_rows = [_FitAndCheck(factor, held_out)], len(held_out)
     elif folds:
-        factors = [triangular_factor(part) for part in np.array_split(columns, folds)]
-        rest = (triangular_factor(np.vstack(factors[:k] + factors[k + 1 :])) for k in range(folds))
-        pairs = list(zip(rest, factors, strict=True))
+        judged = _folds(columns, folds)
 
     loss, checked = [], []
     for candidate in candidates:
-        index = _index(candidate, every)
-        columns_used = np.append(index, whole.shape[1] - 1)
-        factor = np.asarray(np.linalg.qr(whole[:, columns_used], mode="r"))
-        loss.append(float(factor[-1, -1] * lengths[-1]) ** 2 / rows)
-        squares = 0.0 if pairs else np.nan
-        for fit, other in pairs:
-            theta, *_ = np.linalg.lstsq(fit[:, index], fit[:, -1], rcond=None)
-            squares += float(np.sum((other[:, -1] - other[:, index] @ theta) ** 2))
-        checked.append(squares * lengths[-1] ** 2 / held_rows)
+        index = _index(candidate, union)
+        # the last entry of the triangle is the root of the sum of squares that the other columns leave
+        used = np.append(index, factor.shape[1] - 1)
+        triangle = np.asarray(np.linalg.qr(factor[:, used], mode="r"))
+        loss.append(float(triangle[-1, -1] * lengths[-1]) ** 2 / rows)
+        squares = sum((pair.squared_errors(index) for pair in judged), 0.0) if judged else np.nan
+        checked.append(squares * lengths[-1] ** 2 / judged_rows)
     return make_table(
         ("na", "nb", "nk"),
         [tuple(c.select("na", "nb", "nk").values()) for c in candidates],
@@ -109,24 +100,66 @@ def selstruc(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _FitAndCheck:
+    """Regressors and output, last, of the data of a fit and of those that it is judged on, or triangles of both."""
+
+    fit: FloatArray
+    check: FloatArray
+
+    def squared_errors(self, index: "np.ndarray[tuple[int], np.dtype[np.int_]]") -> float:
+        """Sum of squared errors of a model of some regressors."""
+        theta, *_ = np.linalg.lstsq(self.fit[:, index], self.fit[:, -1], rcond=None)
+        return float(np.sum((self.check[:, -1] - self.check[:, index] @ theta) ** 2))
+
+
+def _folds(columns: FloatArray, folds: int) -> list[_FitAndCheck]:
+    """Triangles of the other parts, and of the part itself, for consecutive parts of the rows."""
+    factors = [triangular_factor(rows) for rows in np.array_split(columns, folds)]
+    pairs = []
+    for k, factor in enumerate(factors):
+        others = np.vstack(factors[:k] + factors[k + 1 :])
+        pairs.append(_FitAndCheck(triangular_factor(others), factor))
+    return pairs
+
+
+def _validation_columns(first: IOData, validation: IOData | Sequence[IOData], union: Orders) -> FloatArray:
+    """Regressors and output of validation data, channels in the sequence of the data of the fit."""
+    records = as_experiments(validation)
+    nu, ny = records[0].nu, records[0].ny
+    if (nu, ny) != (first.nu, 1):
+        raise SysidError(f"validation data need {first.nu} input(s) and 1 output, got {nu} and {ny}")
+    in_sequence = [in_sequence_of(first, e, owner="the data", other="the validation data") for e in records]
+    check_enough_data(in_sequence, union, transients=0)
+    return np.vstack([_columns(e, union) for e in in_sequence])
+
+
 def _choices(name: str, value: Any) -> list[Any]:
+    """Values to try, from one or several."""
+    # a text, and an array of no dimension, are refused as numbers; to iterate over them would fail less clearly
     scalar = isinstance(value, str | bytes) or (isinstance(value, np.ndarray) and not value.ndim)
-    entries = list(value) if isinstance(value, Iterable) and not scalar else [whole_number(name, value, 0)]
-    if not entries:
+    if scalar or not isinstance(value, Iterable):
+        return [whole_number(name, value, 0)]
+    choices = list(value)
+    if not choices:
         raise SysidError(f"{name}: expected at least one value to try, got none")
-    return entries
+    return choices
 
 
-def _spread(entry: int | tuple[int, ...], nu: int) -> tuple[int, ...]:
-    return (entry,) * nu if isinstance(entry, int | np.integer) else tuple(entry)
+def _per_input(order: int | tuple[int, ...], nu: int) -> tuple[int, ...]:
+    """An order for each input, from one for all or one for each."""
+    return (order,) * nu if isinstance(order, int | np.integer) else tuple(order)
 
 
 def _union(candidates: Sequence[Orders]) -> Orders:
     """Smallest structure with the regressors of all candidates."""
-    nu = len(candidates[0].nb)
-    nk = tuple(min(c.nk[j] for c in candidates) for j in range(nu))
-    nb = tuple(max(c.nk[j] + c.nb[j] for c in candidates) - nk[j] for j in range(nu))
-    return make_orders(nu, na=max(c.na for c in candidates), nb=nb, nk=nk)
+    nb, nk = [], []
+    for j in range(len(candidates[0].nb)):
+        earliest = min(c.nk[j] for c in candidates)
+        latest = max(c.nk[j] + c.nb[j] for c in candidates)
+        nk.append(earliest)
+        nb.append(latest - earliest)
+    return make_orders(len(nb), na=max(c.na for c in candidates), nb=tuple(nb), nk=tuple(nk))
 
 
 def _columns(e: IOData, orders: Orders) -> FloatArray:
@@ -136,10 +169,11 @@ def _columns(e: IOData, orders: Orders) -> FloatArray:
     return np.hstack((phi, e.y[start:]))
 
 
-def _index(candidate: Orders, every: Orders) -> np.ndarray[tuple[int], np.dtype[np.int_]]:
-    parts = [np.arange(candidate.na)]
-    offset = every.na
-    for nb, nk, all_nb, all_nk in zip(candidate.nb, candidate.nk, every.nb, every.nk, strict=True):
-        parts.append(offset + nk - all_nk + np.arange(nb))
-        offset += all_nb
-    return np.concatenate(parts)
+def _index(candidate: Orders, union: Orders) -> "np.ndarray[tuple[int], np.dtype[np.int_]]":
+    """Columns of a candidate's regressors among those of all candidates."""
+    blocks = [np.arange(candidate.na)]
+    begin = union.na
+    for j, (nb, nk) in enumerate(zip(candidate.nb, candidate.nk, strict=True)):
+        blocks.append(begin + nk - union.nk[j] + np.arange(nb))
+        begin += union.nb[j]
+    return np.concatenate(blocks)

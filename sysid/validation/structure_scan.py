@@ -20,6 +20,7 @@ from sysid.records.labelled import Labelled
 from sysid.records.printing import LISTED, Part, Table, numbers
 
 Order = int | tuple[int, ...]
+Candidate = tuple[Order, ...]
 CRITERIA = ("loss", "aic", "aicc", "bic", "fpe", "mdl", "validation")
 FLOOR = 1e-20  # loss, relative to the mean square output, below which candidates are equal
 
@@ -56,7 +57,7 @@ class StructureTable(Labelled, Locked):
     """
 
     names: tuple[str, ...]
-    orders: tuple[tuple[Order, ...], ...]
+    orders: tuple[Candidate, ...]
     parameters: NDArray[np.int_]
     loss: FloatArray
     aic: FloatArray
@@ -67,7 +68,7 @@ class StructureTable(Labelled, Locked):
     validation: FloatArray
     samples: int
     outputs: int = field(default=1, kw_only=True)
-    failed: tuple[tuple[tuple[Order, ...], str], ...] = ()
+    failed: tuple[tuple[Candidate, str], ...] = ()
 
     def __len__(self) -> int:
         """Number of candidates."""
@@ -108,11 +109,11 @@ class StructureTable(Labelled, Locked):
         return [f"{min(len(self), LISTED)} of {len(self)} candidates, the best first: {chosen}", Table(columns)]
 
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        # several orders, of several inputs, have no number
-        orders = (
-            [one if isinstance(one, int) else str(one) for one in column] for column in zip(*self.orders, strict=True)
-        )
-        arrays = dict(zip(self.names, orders, strict=True))
+        arrays: dict[str, Any] = {}
+        for k, name in enumerate(self.names):
+            # several orders, of several inputs, have no number
+            values = [orders[k] for orders in self.orders]
+            arrays[name] = [value if isinstance(value, int) else str(value) for value in values]
         arrays |= {name: getattr(self, name) for name in ("parameters", *CRITERIA)}
         variables = {name: ("candidate", values) for name, values in arrays.items()}
         return variables, {"candidate": range(len(self))}, {"samples": self.samples}
@@ -120,7 +121,7 @@ class StructureTable(Labelled, Locked):
 
 def make_table(
     names: tuple[str, ...],
-    orders: list[tuple[Order, ...]],
+    orders: list[Candidate],
     parameters: list[int],
     loss: list[float],
     validation: list[float],
@@ -128,26 +129,31 @@ def make_table(
     samples: int,
     power: float,
     outputs: int = 1,
-    failed: tuple[tuple[tuple[Order, ...], str], ...] = (),
+    failed: tuple[tuple[Candidate, str], ...] = (),
 ) -> StructureTable:
     """Compute the criteria and sort by validation error, else by `bic`; ties go to fewer parameters."""
     if not orders:
-        reasons = "; ".join(f"{candidate}: {why}" for candidate, why in failed[:3])
-        raise SysidError(f"no candidate could be fitted ({reasons})" if failed else "expected at least one candidate")
+        if not failed:
+            raise SysidError("expected at least one candidate")
+        reasons = "; ".join(f"{candidate}: {reason}" for candidate, reason in failed[:3])
+        raise SysidError(f"no candidate could be fitted ({reasons})")
     p = np.array(parameters)
     v = np.maximum(np.array(loss), FLOOR * power)
     checked = np.maximum(np.array(validation), FLOOR * power)
     n, ny = samples, outputs
-    # parameters of the regression of each output
-    own, spent = p / ny, 0.5 * (ny + 1)
+    # parameters of the regression of each output, and its share of the covariance [BedrickTsai1994]
+    per_output, of_covariance = p / ny, 0.5 * (ny + 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         aic = ny * np.log(v) + 2.0 * p / n
-        left = n - own - spent
-        aicc = np.where(left > 0.0, aic + 2.0 * p * (own + spent) / (n * np.where(left > 0.0, left, 1.0)), np.inf)
+        freedom = n - per_output - of_covariance
+        correction = 2.0 * p * (per_output + of_covariance) / (n * np.where(freedom > 0.0, freedom, 1.0))
+        aicc = np.where(freedom > 0.0, aic + correction, np.inf)
         bic = ny * np.log(v) + p * np.log(n) / n
-        fpe = np.where(own < n, v * (1 + own / n) / np.maximum(1 - own / n, 1e-300), np.inf)
-    first = checked if np.isfinite(checked).any() else bic
-    sequence = np.lexsort((p, np.where(np.isnan(first), np.inf, first)))
+        fpe = np.where(per_output < n, v * (1 + per_output / n) / np.maximum(1 - per_output / n, 1e-300), np.inf)
+        mdl = v * (1 + per_output * np.log(n) / n)
+    ranking = checked if np.isfinite(checked).any() else bic
+    # an unstable model may have overflowed: it comes last
+    sequence = np.lexsort((p, np.where(np.isnan(ranking), np.inf, ranking)))
     return StructureTable(
         names=names,
         orders=tuple(orders[k] for k in sequence),
@@ -157,7 +163,7 @@ def make_table(
         aicc=aicc[sequence],
         bic=bic[sequence],
         fpe=fpe[sequence],
-        mdl=(v * (1 + own * np.log(n) / n))[sequence],
+        mdl=mdl[sequence],
         validation=checked[sequence],
         samples=n,
         outputs=ny,
@@ -169,7 +175,7 @@ def structure_scan(
     estimator: Callable[..., Estimate],
     data: IOData | Sequence[IOData],
     names: Sequence[str],
-    candidates: Iterable[tuple[Order, ...]],
+    candidates: Iterable[Candidate],
     *,
     validation: IOData | Sequence[IOData] | None = None,
     steps: int | None = 1,
@@ -199,17 +205,52 @@ def structure_scan(
     """
     chained = "start" in _checked_signature(estimator, names).parameters
     experiments = as_experiments(data, series=True)
-    others = () if validation is None else as_experiments(validation, series=True)
-    fits: list[tuple[tuple[Order, ...], Estimate]] = []
-    failed = []
-    wanted: list[tuple[Order, ...]] = []
+    held_out = () if validation is None else as_experiments(validation, series=True)
+    fits, failed = _fit_candidates(estimator, data, names, _checked_candidates(names, candidates), chained=chained)
+    transient = max((estimate.model.order for _, estimate in fits), default=0)
+    # a sample at least is left of each experiment, however short it is
+    skipped = [min(max(e.window, transient), len(e) - 1) for e in experiments]
+    output = np.concatenate([e.y for e in experiments])
+    return make_table(
+        tuple(names),
+        [candidate for candidate, _ in fits],
+        [parameter_count(estimate) for _, estimate in fits],
+        [_loss(estimate, experiments, skipped) for _, estimate in fits],
+        [_validation_error(estimate, held_out, steps) for _, estimate in fits],
+        samples=len(output) - sum(skipped),
+        outputs=experiments[0].ny,
+        power=float(np.mean(output**2)),
+        failed=tuple(failed),
+    )
+
+
+def _checked_candidates(names: Sequence[str], candidates: Iterable[Candidate]) -> list[Candidate]:
+    """Candidates with one order for each name."""
+    checked = []
     for orders in candidates:
         if not isinstance(orders, Sequence) or len(orders) != len(names):
             raise SysidError(f"expected the orders {', '.join(names)} as a tuple per candidate, got {orders!r}")
-        wanted.append(tuple(orders))
-    for candidate in sorted(wanted, key=lambda one: int(np.sum(np.hstack(one)))) if chained else wanted:
+        checked.append(tuple(orders))
+    return checked
+
+
+def _fit_candidates(
+    estimator: Callable[..., Estimate],
+    data: IOData | Sequence[IOData],
+    names: Sequence[str],
+    candidates: list[Candidate],
+    *,
+    chained: bool,
+) -> tuple[list[tuple[Candidate, Estimate]], list[tuple[Candidate, str]]]:
+    """Estimates of the candidates, and the reasons of those that failed; `chained` ones start from smaller models."""
+    if chained:
+        # a stable sort: smaller structures come before those that contain them
+        candidates = sorted(candidates, key=_total_order)
+    fits: list[tuple[Candidate, Estimate]] = []
+    failed = []
+    for candidate in candidates:
         options: dict[str, object] = dict(zip(names, candidate, strict=True))
-        smaller = [estimate for other, estimate in fits if chained and _nested(names, other, candidate)]
+        smaller = [estimate for orders, estimate in fits if chained and _nested(names, orders, candidate)]
         if smaller:
             # the minimum of a smaller structure is a cheap initial estimate that the larger one cannot fit worse
             options["start"] = min(smaller, key=lambda estimate: estimate.loss).polynomials
@@ -220,28 +261,31 @@ def structure_scan(
                 fits.append((candidate, estimator(data, **options)))
         except SysidError as error:
             failed.append((candidate, str(error)))
-    start = max((estimate.model.order for _, estimate in fits), default=0)
-    skipped = [min(max(e.window, start), len(e) - 1) for e in experiments]
+    return fits, failed
+
+
+def _total_order(candidate: Candidate) -> int:
+    """Sum of all orders, of all inputs."""
+    return int(np.sum(np.hstack(candidate)))
+
+
+def _loss(estimate: Estimate, experiments: Sequence[IOData], skipped: Sequence[int]) -> float:
+    """Mean square one-step error without the first samples of each experiment."""
     ends = np.cumsum([len(e) for e in experiments])
-    rows = sum(len(e) - s for e, s in zip(experiments, skipped, strict=True))
-    loss, checked = [], []
-    for _, estimate in fits:
-        parts = np.split(estimate.residuals, ends[:-1])
-        errors = np.concatenate([part[s:] for part, s in zip(parts, skipped, strict=True)])
-        loss.append(mean_square(errors))
-        squares = [(e.y - predict(estimate, e, steps=steps))[e.window :] ** 2 for e in others]
-        checked.append(float(np.mean(np.concatenate(squares))) if squares else np.nan)
-    return make_table(
-        tuple(names),
-        [candidate for candidate, _ in fits],
-        [parameter_count(estimate) for _, estimate in fits],
-        loss,
-        checked,
-        samples=rows,
-        outputs=experiments[0].ny,
-        power=float(np.mean(np.concatenate([e.y for e in experiments]) ** 2)),
-        failed=tuple(failed),
-    )
+    by_experiment = np.split(estimate.residuals, ends[:-1])
+    counted = [errors[begin:] for errors, begin in zip(by_experiment, skipped, strict=True)]
+    return mean_square(np.concatenate(counted))
+
+
+def _validation_error(estimate: Estimate, held_out: Sequence[IOData], steps: int | None) -> float:
+    """Mean square error of a prediction of validation data; NaN without them."""
+    if not held_out:
+        return float("nan")
+    squares = []
+    for experiment in held_out:
+        errors = experiment.y - predict(estimate, experiment, steps=steps)
+        squares.append(errors[experiment.window :] ** 2)
+    return float(np.mean(np.concatenate(squares)))
 
 
 def choose_orders(
@@ -276,29 +320,31 @@ def choose_orders(
     chained = "start" in _checked_signature(estimator, names).parameters
     fits: dict[tuple[int, ...], Estimate | SysidError] = {}
 
-    def fit(record: IOData, start: Polynomials | None = None, **orders: int) -> Estimate:
+    def fit_once(record: IOData, start: Polynomials | None = None, **orders: int) -> Estimate:
+        """Estimate of the orders, kept for the scans of more candidates that follow; refuses unstable models."""
         candidate = tuple(orders.values())
         if candidate not in fits:
             run = partial(estimator, start=start) if chained and start is not None else estimator
             try:
-                first = run(record, **orders)
-                stable = first.model.input_path().is_stable()
-                fits[candidate] = first if stable else SysidError(f"orders {candidate} give an unstable model")
+                estimate = run(record, **orders)
+                stable = estimate.model.input_path().is_stable()
+                fits[candidate] = estimate if stable else SysidError(f"orders {candidate} give an unstable model")
             except SysidError as error:
                 fits[candidate] = error
-        estimate = fits[candidate]
-        if isinstance(estimate, SysidError):
-            raise estimate
-        return estimate
+        outcome = fits[candidate]
+        if isinstance(outcome, SysidError):
+            raise outcome
+        return outcome
 
     for count in range(min(patience, len(candidates)), len(candidates) + 1):
         tried = list(candidates[:count])
         if simulated:
-            table = structure_scan(fit, data, names, tried, validation=data, steps=None)
+            table = structure_scan(fit_once, data, names, tried, validation=data, steps=None)
+            # Schwarz's criterion with the error of the simulation in place of that one step ahead
             penalty = table.parameters * np.log(table.samples) / table.samples
             criterion = table.outputs * np.log(table.validation) + penalty
         else:
-            table = structure_scan(fit, data, names, tried)
+            table = structure_scan(fit_once, data, names, tried)
             criterion = table.bic
         best = table.best(criterion)
         if tried.index(tuple(best.values())) + patience < count:  # type: ignore[arg-type]
@@ -306,10 +352,13 @@ def choose_orders(
     return best
 
 
-def _nested(names: Sequence[str], small: tuple[Order, ...], large: tuple[Order, ...]) -> bool:
+def _nested(names: Sequence[str], small: Candidate, large: Candidate) -> bool:
     """Whether a structure contains another one with the same delays."""
-    pairs = zip(names, small, large, strict=True)
-    return all(np.all(np.equal(a, b) if name == "nk" else np.less_equal(a, b)) for name, a, b in pairs)
+    for name, in_small, in_large in zip(names, small, large, strict=True):
+        contained = np.equal if name == "nk" else np.less_equal
+        if not np.all(contained(in_small, in_large)):
+            return False
+    return True
 
 
 def _checked_signature(estimator: Callable[..., Estimate], names: Sequence[str]) -> inspect.Signature:

@@ -39,15 +39,19 @@ def scatter_of(groups: Sequence[ComplexArray], power: float) -> Scatter:
         power: Of the linear part, summed over the lines.
     """
     first = np.array([group[0] for group in groups])
-    total, jackknife = _variance(first), np.array([_variance(np.delete(first, w, 0)) for w in range(len(first))])
+    total = _variance(first)
+    without = np.array([_variance(np.delete(first, w, 0)) for w in range(len(first))])
     freedom = sum(len(group) - 1 for group in groups)
-    less, noise, ends = 0.0, np.nan, (np.nan, np.nan)
+    variance, noise, interval = 0.0, np.nan, (np.nan, np.nan)
     if freedom:
-        less = float(sum(np.sum(np.abs(group - group.mean(axis=0)) ** 2) for group in groups)) / freedom
-        low, high = (less * freedom / scipy.stats.chi2.ppf(tail, freedom) for tail in (0.975, 0.025))
-        noise, ends = _percent(less, power), (_percent(low, power), _percent(high, power))
-    distortion = _jackknife_interval(total - less, jackknife - less, power)
-    return Scatter(noise, ends, _percent(total - less, power), distortion)
+        squares = sum(np.sum(np.abs(group - group.mean(axis=0)) ** 2) for group in groups)
+        variance = float(squares) / freedom
+        low = variance * freedom / scipy.stats.chi2.ppf(0.975, freedom)
+        high = variance * freedom / scipy.stats.chi2.ppf(0.025, freedom)
+        noise, interval = _percent(variance, power), (_percent(low, power), _percent(high, power))
+    # without repeats the noise counts as distortion
+    distortion_interval = _jackknife_interval(total - variance, without - variance, power)
+    return Scatter(noise, interval, _percent(total - variance, power), distortion_interval)
 
 
 def systematic_of(errors: ComplexArray, power: float, *, allowed: float, false_alarm: float) -> MeanError:
@@ -74,10 +78,10 @@ def systematic_of(errors: ComplexArray, power: float, *, allowed: float, false_a
     without = np.array([_square_of_mean(np.delete(errors, w, 0)) for w in range(count)])
     directions = _directions(errors - mean)
     critical = float(scipy.stats.f.isf(false_alarm, directions, directions * (count - 1)))
-    most = (allowed / 100.0 * np.sqrt(power) + np.sqrt(critical * variance / count)) ** 2
-    return MeanError(
-        _percent(squared, power), _jackknife_interval(squared, without, power), _percent(most - variance / count, power)
-    )
+    largest = (allowed / 100.0 * np.sqrt(power) + np.sqrt(critical * variance / count)) ** 2
+    # `size` is free of what scatter adds to the square of the mean, so its limit is too
+    limit = _percent(largest - variance / count, power)
+    return MeanError(_percent(squared, power), _jackknife_interval(squared, without, power), limit)
 
 
 def _variance(values: ComplexArray) -> float:
@@ -94,16 +98,22 @@ def _directions(deviations: ComplexArray) -> float:
     """Number of directions with the same sum of variances if each had the largest variance; 1 at least."""
     products = (deviations @ deviations.conj().T).real
     largest = float(np.linalg.eigvalsh(products)[-1])
-    return max(1.0, float(np.trace(products)) / largest) if largest > 0.0 else 1.0
+    if largest <= 0.0:
+        return 1.0
+    return max(1.0, float(np.trace(products)) / largest)
 
 
-def _jackknife_interval(whole: float, without: FloatArray, power: float) -> tuple[float, float]:
-    """95 % interval by Student's distribution of the jackknife's pseudo-values, percent of the linear part."""
+def _jackknife_interval(estimate: float, without: FloatArray, power: float) -> tuple[float, float]:
+    """95 % interval by Student's distribution of the jackknife's pseudo-values, percent of the linear part.
+
+    `without` has the estimate from all records but one, for each of them.
+    """
     count = len(without)
-    pseudo = count * whole - (count - 1) * without
+    pseudo = count * estimate - (count - 1) * without
     half = float(scipy.stats.t.ppf(0.975, count - 1)) * float(np.std(pseudo, ddof=1)) / np.sqrt(count)
-    return (_percent(whole - half, power), _percent(whole + half, power))
+    return (_percent(estimate - half, power), _percent(estimate + half, power))
 
 
 def _percent(squared: float, power: float) -> float:
+    """Root of a sum of squares in percent of the linear part; 0 where an estimate of it is negative."""
     return 100.0 * float(np.sqrt(max(squared, 0.0) / power))
