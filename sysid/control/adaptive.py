@@ -122,21 +122,23 @@ class AdaptiveRun:
         self._xr, self._request = np.zeros(design.reference.order), np.zeros(m)
         # Regressors of this sample, friction and yr of each loop, and their sums over STRIDE samples.
         self._phi, self._sum = np.zeros((2, 2, m))
-        # The model of the plant at the rate of the adaptation, for regressors held at their means over STRIDE samples.
-        powers = [np.linalg.matrix_power(design.plant.A, k) for k in range(STRIDE + 1)]
         self._plant, self._x = design.plant, np.zeros(design.plant.order)
-        self._A, self._B = powers[-1], sum(powers[:-1]) @ design.plant.B / STRIDE
+        self._A, self._B = _plant_at_stride(design.plant)
         self._states, self._regressors = np.zeros((len(self._x), m * p)), np.zeros((m, m, p))
         # Column 0 is the error of the model, the others are its answers to each regressor at each input.
         self._raw, self._passed = np.zeros((m, 1 + m * p)), np.zeros((m, 1 + m * p))
         self._pole = float(np.exp(-2.0 * np.pi * SLOWEST_HZ * block))
-        self._scale = (1.0 / np.sqrt(np.diag(np.asarray(design.plant.innovation_covariance))))[:, None]
-        self._bounds = np.tile(np.r_[design.friction, np.full(m, design.stiffness)], m)
+        variances = np.diag(np.asarray(design.plant.innovation_covariance))
+        self._scale = (1.0 / np.sqrt(variances))[:, None]
+        bounds_of_loop = np.r_[design.friction, np.full(m, design.stiffness)]
+        self._bounds = np.tile(bounds_of_loop, m)
         # Coefficients are scaled such that the prior's information is one.
         self._unit = PRIOR / NOISE * self._bounds
-        self._rate, self._dead_zone = block / design.memory, design.dead_zone
-        self._own, self._tick, self._begun = np.zeros(m), 0, False
-        self._gain, self._pause, self._waiting = block / SMOOTHING, round(PAUSE / block), 0
+        self._forgetting, self._dead_zone = block / design.memory, design.dead_zone
+        self._adaptive_command, self._tick, self._begun = np.zeros(m), 0, False
+        self._gain = block / SMOOTHING
+        # In steps of the adaptation: the length of a pause, and what is left of the present one.
+        self._pause, self._waiting = round(PAUSE / block), 0
         self._theta, self.coefficients, self.learnt = np.zeros(m * p), np.zeros((m, p)), 0
         self._restart()
 
@@ -146,14 +148,17 @@ class AdaptiveRun:
             self._learn(measured)
             self._tick = 0
         yr = self._reference.C @ self._xr
-        v = (yr - self._phi[1]) / self._dt
-        self._phi, self._request = np.stack([v / np.sqrt(v * v + self._velocity**2), yr]), requested
-        self._own = -(self.coefficients[:, 0] * self._phi[0] + self.coefficients[:, 1:] @ yr)
-        return np.asarray(self._fixed.command(requested, measured) + self._own)
+        velocity = (yr - self._phi[1]) / self._dt
+        # A sign that is smooth at rest, where the direction of dry friction is not known.
+        friction = velocity / np.sqrt(velocity * velocity + self._velocity**2)
+        self._phi, self._request = np.stack([friction, yr]), requested
+        self._adaptive_command = -(self.coefficients[:, 0] * friction + self.coefficients[:, 1:] @ yr)
+        return np.asarray(self._fixed.command(requested, measured) + self._adaptive_command)
 
     def applied(self, command: np.ndarray) -> None:
         """Tell the command (m,) that was applied at this sample, and advance to the next."""
-        self._fixed.applied(command - self._own)
+        # To the fixed design the adaptive part is a disturbance at the input of the plant.
+        self._fixed.applied(command - self._adaptive_command)
         self._xr = self._reference.A @ self._xr + self._reference.B @ self._request
         self._x = self._plant.A @ self._x + self._plant.B @ command
         self._sum += self._phi
@@ -168,36 +173,60 @@ class AdaptiveRun:
 
     def _learn(self, measured: np.ndarray) -> None:
         """Add the error of this sample to the sums, and solve for the coefficients."""
-        m, own = len(measured), np.arange(len(measured))
-        self._regressors[own, own, 0], self._regressors[own, own, 1:] = self._sum
-        self._sum = np.zeros((2, m))
-        self._states = self._A @ self._states + self._B @ self._regressors.reshape(m, -1)
-        raw = np.empty_like(self._raw)
-        raw[:, 0], raw[:, 1:] = measured - self._plant.C @ self._x, self._plant.C @ self._states
-        if not self._begun:
-            # An offset at the start is no motion.
-            self._raw, self._begun = raw, True
-        self._passed = self._pole * self._passed + 0.5 * (1.0 + self._pole) * (raw - self._raw)
-        self._raw = raw
-        scaled = self._scale * self._passed
-        error, regressors = scaled[:, 0], scaled[:, 1:]
-        left = error - regressors @ self._theta
-        size = float(left @ left) / (m * NOISE**2)
+        error, regressors = self._scaled_error(measured)
+        unexplained = error - regressors @ self._theta
+        size = float(unexplained @ unexplained) / (len(measured) * NOISE**2)
         self._waiting = max(self._waiting - 1, 0)
         if size > LARGEST:
             self._waiting = self._pause
             self._restart()
-        if self._waiting or np.abs(left).max() <= self._dead_zone:
+        if self._waiting or np.abs(unexplained).max() <= self._dead_zone:
             return
         regressors *= self._unit
-        keep = np.exp(-self._rate * size)
-        self._energy = keep * self._energy + np.square([error, left])
+        self._add(error, unexplained, regressors, size)
+        self._move_coefficients()
+        self.learnt += 1
+
+    def _scaled_error(self, measured: np.ndarray) -> tuple[FloatArray, FloatArray]:
+        """Error of the model (m,) and its answers to the regressors (m, m p), high-passed, in standard deviations."""
+        m, loops = len(measured), np.arange(len(measured))
+        # Each regressor acts at the input of its own loop.
+        self._regressors[loops, loops, 0], self._regressors[loops, loops, 1:] = self._sum
+        self._sum = np.zeros((2, m))
+        self._states = self._A @ self._states + self._B @ self._regressors.reshape(m, -1)
+        raw = np.empty_like(self._raw)
+        raw[:, 0] = measured - self._plant.C @ self._x
+        raw[:, 1:] = self._plant.C @ self._states
+        if not self._begun:
+            # An offset at the start is no motion.
+            self._raw, self._begun = raw, True
+        # H(z) = (1 + pole)/2 (z - 1)/(z - pole), of gain 1 at half the sampling frequency.
+        self._passed = self._pole * self._passed + 0.5 * (1.0 + self._pole) * (raw - self._raw)
+        self._raw = raw
+        scaled = self._scale * self._passed
+        return scaled[:, 0], scaled[:, 1:]
+
+    def _add(self, error: FloatArray, unexplained: FloatArray, regressors: FloatArray, size: float) -> None:
+        """Forget, the faster the larger the error [Fortescue1981], then add error and regressors to the sums."""
+        m = len(error)
+        keep = np.exp(-self._forgetting * size)
+        self._energy = keep * self._energy + np.square([error, unexplained])
         self._information *= keep
+        # The prior is not forgotten: its information on the diagonal stays one.
         self._information.flat[:: m * m + m + 1] += 1.0 - keep
         self._information += regressors.T @ regressors
         self._evidence = keep * self._evidence + error @ regressors
+
+    def _move_coefficients(self) -> None:
+        """Move theta towards the solution within the box, and take over the share that has proved right."""
+        m = len(self.coefficients)
         theta = self._unit * np.linalg.solve(self._information, self._evidence)
         self._theta = self._theta + self._gain * (np.clip(theta, -self._bounds, self._bounds) - self._theta)
         explained = 1.0 - self._energy[1] / self._energy[0]
         self.coefficients = np.clip(explained, 0.0, 1.0)[:, None] * self._theta.reshape(m, 1 + m)
-        self.learnt += 1
+
+
+def _plant_at_stride(plant: StateSpace) -> tuple[FloatArray, FloatArray]:
+    """A and B of the plant at the rate of the adaptation, for sums of STRIDE inputs, which are held at their means."""
+    powers = [np.linalg.matrix_power(plant.A, k) for k in range(STRIDE + 1)]
+    return powers[-1], sum(powers[:-1]) @ plant.B / STRIDE

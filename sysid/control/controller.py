@@ -52,8 +52,8 @@ class Controller(Locked):
     def __post_init__(self) -> None:
         """Check and lock."""
         n, m = len(np.atleast_2d(self.A)), len(np.atleast_2d(self.Dr))
-        shapes: dict[str, tuple[int, ...]] = {"A": (n, n), "C": (m, n), "Dr": (m, m), "Dy": (m, m)}
-        shapes |= dict.fromkeys(("Br", "By", "Bu"), (n, m))
+        shapes: dict[str, tuple[int, ...]] = {"A": (n, n), "C": (m, n)}
+        shapes |= {"Dr": (m, m), "Dy": (m, m), "Br": (n, m), "By": (n, m), "Bu": (n, m)}
         if self.correction is not None or self.feedforward is not None:
             shapes["feedforward"] = (m, n + m)
         if self.correction is not None:
@@ -89,21 +89,26 @@ class Controller(Locked):
             SysidError: Another number of inputs or outputs, a direct term, or another sampling interval.
         """
         check_model("plant", plant, self.loops, self.dt, stable=False)
-        x, own = np.split(np.eye(plant.order + len(self.A)), [plant.order])
-        measured, zero = plant.C @ x, np.zeros_like(self.Dr)
-        command = self.C @ own + self.Dy @ measured
-        A = np.vstack([plant.A @ x + plant.B @ command, self.A @ own + self.By @ measured + self.Bu @ command])
+        # each signal as a matrix that gives it from the states of plant and controller
+        of_plant, of_controller = np.split(np.eye(plant.order + len(self.A)), [plant.order])
+        measured, zero = plant.C @ of_plant, np.zeros_like(self.Dr)
+        command = self.C @ of_controller + self.Dy @ measured
+        next_of_plant = plant.A @ of_plant + plant.B @ command
+        # within all limits the applied command is the command; disturbances join it behind the controller
+        next_of_controller = self.A @ of_controller + self.By @ measured + self.Bu @ command
         B = np.block([[plant.B @ self.Dr, plant.B], [self.Br + self.Bu @ self.Dr, 0.0 * self.Bu]])
-        D = np.block([[zero, zero], [self.Dr, zero]])
-        return StateSpace(A, B, np.vstack([measured, command]), D, None, self.dt)
+        C, D = np.vstack([measured, command]), np.block([[zero, zero], [self.Dr, zero]])
+        return StateSpace(np.vstack([next_of_plant, next_of_controller]), B, C, D, None, self.dt)
 
     def sensitivity(self, plant: StateSpace) -> float:
         """Return the largest singular value over frequency of the sensitivity at a plant's input, of a stable loop."""
         check_model("plant", plant, self.loops, self.dt, stable=False)
+        # of the loop opened behind the command, which the controller takes as applied
         A, B = self.A + self.Bu @ self.C, self.By + self.Bu @ self.Dy
         f_hz = np.geomspace(1e-3, 0.5, GRID) / self.dt
         feedback = StateSpace(A, B, self.C, self.Dy, None, self.dt).frequency_response(f_hz)
         differences = np.eye(self.loops) - feedback @ plant.frequency_response(f_hz)
+        # the largest singular value of the inverse, (I - feedback plant)^-1
         return float(1.0 / np.linalg.svd(differences, compute_uv=False)[:, -1].min())
 
 
@@ -112,7 +117,9 @@ class ControllerRun:
 
     def __init__(self, controller: Controller) -> None:
         self._law = controller
-        self._state, self._next = np.zeros(len(controller.A)), np.zeros(len(controller.A))
+        self._state = np.zeros(len(controller.A))
+        # the next state without the part of the applied command, which is told later
+        self._next = np.zeros(len(controller.A))
 
     def command(self, requested: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """Return the command u(t) (m,) for the request (m,) and the measurement (m,) of this sample.
@@ -124,11 +131,11 @@ class ControllerRun:
             raise SysidError(f"request {requested}, measurement {measured}: expected finite numbers")
         law = self._law
         self._next = law.A @ self._state + law.Br @ requested + law.By @ measured
-        wanted = np.asarray(law.C @ self._state + law.Dr @ requested + law.Dy @ measured)
+        unlimited = np.asarray(law.C @ self._state + law.Dr @ requested + law.Dy @ measured)
         if law.correction is None or law.feedforward is None:
-            return wanted
+            return unlimited
         forward = law.feedforward @ np.concatenate([self._state, requested])
-        return np.asarray(np.clip(wanted, forward - law.correction, forward + law.correction))
+        return np.asarray(np.clip(unlimited, forward - law.correction, forward + law.correction))
 
     def applied(self, command: np.ndarray) -> None:
         """Tell the command (m,) that was applied at this sample, and advance to the next."""
@@ -140,10 +147,13 @@ def check_model(name: str, model: StateSpace, loops: int = 0, dt: float = 0.0, *
     if not isinstance(model, StateSpace):
         raise SysidError(f"{name}: expected a StateSpace, got {type(model).__name__}")
     loops, dt = loops or model.nu, dt or model.dt
-    if (model.nu, model.ny) != (loops, loops) or model.D.any() or abs(model.dt / dt - 1.0) > 1e-9:
+    fits = (model.nu, model.ny) == (loops, loops)
+    # 1e-9: sampling intervals that differ by rounding are the same
+    if not fits or model.D.any() or abs(model.dt / dt - 1.0) > 1e-9:
+        direct = ", a direct term" if model.D.any() else ""
         raise SysidError(
             f"{name}: expected {loops} inputs and outputs, no direct term, at {dt:g} s, got {model.nu} and "
-            f"{model.ny}{', a direct term' if model.D.any() else ''}, at {model.dt:g} s"
+            f"{model.ny}{direct}, at {model.dt:g} s"
         )
     if stable and not model.is_stable():
         raise SysidError(f"{name}: expected a stable model, got poles to {abs(model.poles()[0]):.4g}")

@@ -13,7 +13,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
 HALVINGS = 12
-"""How often the disturbance is halved at most."""
+"""Number of disturbances that are tried, each half the one before."""
 
 SOFTEST = 1e4
 """Largest weight on the moves of the feedback, relative to the output: practically none is left."""
@@ -89,11 +89,12 @@ def model_following(
     disturbance = real_number("disturbance", disturbance, *positive)
     bound = real_number("sensitivity", sensitivity, "be above 1", lambda x: 1.0 < x < np.inf)
     noise = real_number("noise", noise, "lie from 0 to 1", lambda x: 0.0 <= x <= 1.0)
-    feedforward, back = _feedforward(plant, reference, effort), _regulator(plant, *RETURN)[0]
+    feedforward = _feedforward(plant, reference, effort)
+    back, _, _ = _regulator(plant, *RETURN)
     ends = np.log10([effort, SOFTEST])
 
     def design(log_effort: float, observer: FloatArray) -> Controller:
-        feedback = _regulator(plant, 10.0**log_effort)[0]
+        feedback, _, _ = _regulator(plant, 10.0**log_effort)
         return _combined(plant, reference, observer, feedforward, feedback, back, correction)
 
     def excess(log_effort: float, observer: FloatArray) -> float:
@@ -102,11 +103,12 @@ def model_following(
     for halving in range(HALVINGS):
         walk = disturbance / 2.0**halving
         observer = _observer(plant, walk, noise)
-        firmest, softest = (excess(end, observer) for end in ends)
+        firmest, softest = excess(ends[0], observer), excess(ends[1], observer)
         if min(firmest, softest) > 0.0:
             continue
         chosen = ends[0]
         if firmest > 0.0:
+            # the peak falls with the effort: 1e-3 in its logarithm is 0.2 % of the effort
             chosen = scipy.optimize.brentq(excess, *ends, args=(observer,), xtol=1e-3)
         controller = design(chosen, observer)
         if not controller.closed_loop(plant).is_stable():
@@ -119,10 +121,13 @@ def _observer(plant: StateSpace, disturbance: float, noise: float) -> FloatArray
     """Return the gain (n + m, m) of the predictor of the state and of the disturbance at the input."""
     n, m, K = plant.order, plant.nu, noise * plant.gain
     R = np.asarray(plant.innovation_covariance)
+    # The disturbance is a state that acts as a command does, and stays as it is but for its random walk.
     A = np.block([[plant.A, plant.B], [np.zeros((m, n)), np.eye(m)]])
     C = np.hstack([plant.C, np.zeros((m, m))])
     walk = disturbance * np.sqrt(np.diag(R)) / np.abs(np.diag(plant.dc_gain()))
-    Q, S = scipy.linalg.block_diag(K @ R @ K.T, np.diag(walk**2)), np.vstack([K @ R, np.zeros((m, m))])
+    # Q and S: covariance of the noise of the states, and with the innovation.
+    Q = scipy.linalg.block_diag(K @ R @ K.T, np.diag(walk**2))
+    S = np.vstack([K @ R, np.zeros((m, m))])
     # The Riccati equation needs noise on every state: a trace of it.
     Q[np.diag_indices(n)] += 1e-9 * walk.min() ** 2
     try:
@@ -135,11 +140,13 @@ def _observer(plant: StateSpace, disturbance: float, noise: float) -> FloatArray
 def _regulator(plant: StateSpace, effort: float, damping: float = 0.0) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Regulator of [x, u(t-1)]: its gain (m, n + m), the closed loop, and the gain from the next state's cost."""
     n, m = plant.order, plant.nu
+    # The last command is a state, so that the cost of its moves is quadratic in state and command.
     A, B = scipy.linalg.block_diag(plant.A, np.zeros((m, m))), np.vstack([plant.B, np.eye(m)])
     C = np.hstack([plant.C, np.zeros((m, m))])
     move = plant.C @ np.hstack([plant.A - np.eye(n), plant.B])
     # Damping weights the next move of the output under a held command.
     Q, R = C.T @ C + damping * move.T @ move, effort * np.eye(m)
+    # effort |u(t) - u(t-1)|^2 has a part in the state, one in the command, and N between both.
     Q[n:, n:] += R
     N = np.vstack([np.zeros((n, m)), -effort * np.eye(m)])
     try:
@@ -176,22 +183,28 @@ def _combined(
     n, m, k = plant.order, plant.nu, reference.order
     A, B = plant.A, plant.B
     Lx, Ld = observer[:n], observer[n:]
-    own, ahead = feedforward
+    of_plan, of_reference = feedforward
     sizes = (n, m, n, m, n, m, m, k, m, m, m)
     # The plant's state is taken for xm + xl + xe: the plan, the departure from it that limits cause, and the error that
     # the feedback corrects. uf, ul and ue are their commands at the sample before, ue less that against d.
     xm, uf, xl, ul, xe, ue, d, xr, r, y, ua = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
-    planned = -own @ np.vstack([xm, uf]) - ahead @ np.vstack([xr, r])
+    planned = -of_plan @ np.vstack([xm, uf]) - of_reference @ np.vstack([xr, r])
     # The innovation e of this sample moves the next state by Lx: feedback sees it at once, through the state that would
     # give the same next state. Of the disturbance the newest estimate is used, d + Ld e.
     e = y - plant.C @ (xm + xl + xe)
-    newest = feedback[:, :n] @ np.linalg.lstsq(A, Lx - B @ Ld, rcond=None)[0] + Ld
+    same_next_state = np.linalg.lstsq(A, Lx - B @ Ld, rcond=None)[0]
+    newest = feedback[:, :n] @ same_next_state + Ld
     corrected = -feedback @ np.vstack([xe, ue]) - d - newest @ e
     command = planned - back @ np.vstack([xl, ul]) + corrected
+    # What limits leave of the command, but for plan and correction, moves the departure.
     departed = ua - planned - corrected
-    nexts = [A @ xm + B @ planned, planned, A @ xl + B @ departed, departed, A @ xe + B @ (d + corrected) + Lx @ e]
-    nexts += [d + corrected, d + Ld @ e, reference.A @ xr + reference.B @ r]
+    next_plan = A @ xm + B @ planned
+    next_departure = A @ xl + B @ departed
+    next_error = A @ xe + B @ (d + corrected) + Lx @ e
+    next_reference = reference.A @ xr + reference.B @ r
+    plan_and_departure = [next_plan, planned, next_departure, departed]
+    error_and_reference = [next_error, d + corrected, d + Ld @ e, next_reference]
     ends = np.cumsum(sizes)[-4:-1]
     C, Dr, Dy, _ = np.split(command, ends, axis=1)
-    state, Br, By, Bu = np.split(np.vstack(nexts), ends, axis=1)
+    state, Br, By, Bu = np.split(np.vstack(plan_and_departure + error_and_reference), ends, axis=1)
     return Controller(state, Br, By, Bu, C, Dr, Dy, plant.dt, planned[:, : ends[1]], correction)

@@ -1,5 +1,6 @@
 """Virtual reference feedback tuning: a model-following controller from one record, without a model of the plant."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,8 +97,8 @@ def vrft(
             sensitivity.
     """
     record = as_record(data).detrend(0)
-    n, delay = whole_number("terms", terms, 1), whole_number("delay", delay, 1)
-    instruments = whole_number("instruments", instruments, n)
+    terms, delay = whole_number("terms", terms, 1), whole_number("delay", delay, 1)
+    instruments = whole_number("instruments", instruments, terms)
     pole = real_number("pole", pole, "lie in 0 <= pole < 1", lambda x: 0.0 <= x < 1.0)
     bound = real_number("sensitivity", sensitivity, "be above 1", lambda x: 1.0 < x < np.inf)
     corners = [*np.geomspace(FASTEST, SLOWEST, TRIED) / record.dt]
@@ -106,53 +107,118 @@ def vrft(
         corners = [real_number("corner", corner, "be above 0, in Hz", lambda x: 0.0 < x < np.inf)]
     _check(record, reference, delay, instruments)
     m, first = reference.nu, len(record) // SETTLING
-
-    def inverse(numerator: FloatArray, denominator: FloatArray, rows: list[int]) -> tuple[FloatArray, FloatArray]:
-        """Coefficients (rows, m n) from filtered outputs to filtered commands, and what they leave unexplained."""
-        u, y = (_filtered(numerator, denominator, x) for x in (record.u, record.y))
-        Z = np.linalg.qr(_bank(u, instruments, pole)[first + delay - 1 : -1])[0]
-        Phi, target = _bank(y, n, pole)[first + delay :], u[first:-delay, rows]
-        fit = solve(Z.T @ Phi, Z.T @ target)
-        if fit.rank < Phi.shape[1]:
-            raise SysidError(
-                f"the record determines {fit.rank - 1} of {m * n} coefficients per command: excite all inputs at more "
-                "frequencies, or take fewer terms"
-            )
-        left = (target - Phi @ fit.solution).std(axis=0) / target.std(axis=0)
-        return fit.solution[:-1].T, left
-
-    plant, wanted = _long_model(record, instruments, pole, first), _own_responses(reference, first)
-    fits = [inverse(response, np.ones(1), [i]) for i, response in enumerate(wanted)]
-    ahead, unexplained = np.vstack([one for one, _ in fits]), np.concatenate([left for _, left in fits])
-    if unexplained.max() > UNEXPLAINED:
-        raise SysidError(
-            f"the outputs leave {unexplained.max():.0%} of a command unexplained, expected {UNEXPLAINED:.0%} at most: "
-            "too much noise, or a delay or terms that do not fit the plant"
-        )
-    peak = np.inf
-    for tried in corners:
-        c = np.exp(-2.0 * np.pi * tried * record.dt)
-        gain, lags = (1.0 - c) ** 2, np.array([1.0, -2.0 * c, c * c])
-        # T/(1 - T) = gain z^-delay/rest, where rest has the root z = 1: integral action.
-        rest = np.zeros(max(delay, 2) + 1)
-        rest[:3] = lags
-        rest[delay] -= gain
-        back = inverse(gain * rest, np.convolve(lags, lags), list(range(m)))[0]
-        lags_left = np.asarray(np.polydiv(rest, [1.0, -1.0])[0])
-        controller = _controller(reference, ahead, back, (gain, lags_left), delay, pole, allowed)
+    regression = _Inverse(record, delay, terms, instruments, pole, first)
+    plant = _long_model(record, instruments, pole, first)
+    ahead, unexplained = _feedforward(regression, _own_responses(reference, first))
+    for corner_hz in corners:
+        wanted = _LoopShape.of(corner_hz * record.dt, delay)
+        feedback, _ = regression.fitted(wanted.gain * wanted.rest, np.convolve(wanted.lags, wanted.lags), range(m))
+        controller = _controller(reference, ahead, feedback, wanted, delay, pole, allowed)
         peak = controller.sensitivity(plant) if controller.closed_loop(plant).is_stable() else np.inf
         if peak <= bound:
             return VirtualReferenceDesign(
-                controller, ahead.reshape(m, m, n), back.reshape(m, m, n), float(tried), peak, unexplained
+                controller,
+                ahead.reshape(m, m, terms),
+                feedback.reshape(m, m, terms),
+                float(corner_hz),
+                peak,
+                unexplained,
             )
     outcome = "is unstable" if np.isinf(peak) else f"peaks at {peak:.3g}"
     raise SysidError(
-        f"sensitivity {bound:g} requested, but the loop {outcome} with a corner of {tried:.3g} Hz: allow more, or "
+        f"sensitivity {bound:g} requested, but the loop {outcome} with a corner of {corner_hz:.3g} Hz: allow more, or "
         "change delay, terms or pole"
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Inverse:
+    """Regression of filtered commands on Laguerre functions of filtered outputs, `delay` samples ahead.
+
+    Attributes:
+        record: Inputs and outputs without their means.
+        delay: Samples by which the outputs are ahead of the commands.
+        terms: Number of functions of each output.
+        instruments: Number of functions of each input, the instruments.
+        pole: Pole of the functions.
+        first: First sample that counts, when filters have settled.
+    """
+
+    record: IOData
+    delay: int
+    terms: int
+    instruments: int
+    pole: float
+    first: int
+
+    def fitted(
+        self, numerator: FloatArray, denominator: FloatArray, loops: Sequence[int]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Coefficients (loops, m terms) from filtered outputs to commands of loops, and what is left unexplained."""
+        u = _filtered(numerator, denominator, self.record.u)
+        y = _filtered(numerator, denominator, self.record.y)
+        # the instruments that are known when the command is given
+        instruments = _bank(u, self.instruments, self.pole)[self.first + self.delay - 1 : -1]
+        Z, _ = np.linalg.qr(instruments)
+        Phi = _bank(y, self.terms, self.pole)[self.first + self.delay :]
+        target = u[self.first : -self.delay, list(loops)]
+        fit = solve(Z.T @ Phi, Z.T @ target)
+        if fit.rank < Phi.shape[1]:
+            # the constant is no coefficient of the inverse
+            raise SysidError(
+                f"the record determines {fit.rank - 1} of {self.record.nu * self.terms} coefficients per command: "
+                "excite all inputs at more frequencies, or take fewer terms"
+            )
+        residual = target - Phi @ fit.solution
+        return fit.solution[:-1].T, residual.std(axis=0) / target.std(axis=0)
+
+
+def _feedforward(regression: _Inverse, responses: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Coefficients of the inverse (m, m terms), each command weighted by its response, and what is unexplained (m,)."""
+    coefficients, unexplained = [], []
+    for i, response in enumerate(responses):
+        of_loop, unexplained_of_loop = regression.fitted(response, np.ones(1), [i])
+        coefficients.append(of_loop)
+        unexplained.append(unexplained_of_loop)
+    shares = np.concatenate(unexplained)
+    if shares.max() > UNEXPLAINED:
+        raise SysidError(
+            f"the outputs leave {shares.max():.0%} of a command unexplained, expected {UNEXPLAINED:.0%} at most: "
+            "too much noise, or a delay or terms that do not fit the plant"
+        )
+    return np.vstack(coefficients), shares
+
+
+@dataclass(frozen=True, eq=False)
+class _LoopShape:
+    """The complementary sensitivity that is wanted, T = z^-delay gain / lags, and T/(1 - T) = z^-delay gain / rest.
+
+    Attributes:
+        gain: (1 - c)^2, so that T is 1 at 0 Hz.
+        lags: (1 - c z^-1)^2, coefficients of rising powers of 1/z.
+        rest: lags - gain z^-delay; it has the root z = 1: integral action.
+        without_integrator: rest over 1 - 1/z.
+    """
+
+    gain: float
+    lags: FloatArray
+    rest: FloatArray
+    without_integrator: FloatArray
+
+    @staticmethod
+    def of(corner: float, delay: int) -> "_LoopShape":
+        """Shape with a corner frequency in cycles per sample."""
+        c = np.exp(-2.0 * np.pi * corner)
+        gain, lags = (1.0 - c) ** 2, np.array([1.0, -2.0 * c, c * c])
+        rest = np.zeros(max(delay, 2) + 1)
+        rest[:3] = lags
+        rest[delay] -= gain
+        quotient, _ = np.polydiv(rest, [1.0, -1.0])
+        return _LoopShape(gain, lags, rest, np.asarray(quotient))
+
+
 def _check(record: IOData, reference: StateSpace, delay: int, instruments: int) -> None:
+    """Refuse a record or a reference that the design cannot use."""
     if not np.isfinite(record.y).all() or not np.ptp(record.u, axis=0).all():
         raise SysidError("record: expected moving inputs, and no missing outputs")
     check_model("reference", reference, dt=record.dt)
@@ -164,6 +230,7 @@ def _check(record: IOData, reference: StateSpace, delay: int, instruments: int) 
         raise SysidError(
             f"reference: {early:.2g} of its step comes within the delay of {delay} samples (at most {PREMATURE:g} may)"
         )
+    # twice as many samples as instruments after the filters have settled
     needed = 2 * m * instruments * SETTLING // (SETTLING - 1) + delay
     if len(record) < needed:
         raise SysidError(
@@ -171,14 +238,15 @@ def _check(record: IOData, reference: StateSpace, delay: int, instruments: int) 
         )
 
 
-def _own_responses(reference: StateSpace, most: int) -> FloatArray:
-    """Impulse responses of each output to its own request (m, samples), until they have decayed."""
+def _own_responses(reference: StateSpace, longest: int) -> FloatArray:
+    """Impulse responses of each output to its own request (m, samples), until they have decayed to 1e-12."""
     decay = np.log(1e-12) / np.log(max(abs(reference.poles()[0]), 1e-12))
-    markov = reference.markov(min(most, int(decay) + 1) + 1)[1:]
+    markov = reference.markov(min(longest, int(decay) + 1) + 1)[1:]
     return np.diagonal(markov, axis1=1, axis2=2).T
 
 
 def _filtered(numerator: FloatArray, denominator: FloatArray, x: FloatArray) -> FloatArray:
+    """Signals (N, m) through one filter from rest; long impulse responses by fast transforms."""
     if len(denominator) == 1:
         return np.asarray(scipy.signal.oaconvolve(x, numerator[:, None] / denominator, axes=0)[: len(x)])
     return np.asarray(scipy.signal.lfilter(numerator, denominator, x, axis=0))
@@ -186,8 +254,7 @@ def _filtered(numerator: FloatArray, denominator: FloatArray, x: FloatArray) -> 
 
 def _bank(x: FloatArray, count: int, pole: float) -> FloatArray:
     """Laguerre functions of signals (N, m) and a constant: (N, m * count + 1), those of the first signal first."""
-    one = scipy.signal.lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], x, axis=0)
-    functions = [one]
+    functions = [scipy.signal.lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], x, axis=0)]
     for _ in range(count - 1):
         functions.append(scipy.signal.lfilter([-pole, 1.0], [1.0, -pole], functions[-1], axis=0))
     return np.column_stack([np.stack(functions, axis=2).reshape(len(x), -1), np.ones(len(x))])
@@ -195,9 +262,9 @@ def _bank(x: FloatArray, count: int, pole: float) -> FloatArray:
 
 def _laguerre(count: int, pole: float, signals: int) -> tuple[FloatArray, FloatArray]:
     """A and B of the functions in `_bank`: they are the next state, A x + B v."""
-    one = all_pass(np.full(count, complex(pole)))
+    of_signal = all_pass(np.full(count, complex(pole)))
     eye = np.eye(signals)
-    return np.asarray(np.kron(eye, one.F)), np.asarray(np.kron(eye, one.b[:, None]))
+    return np.asarray(np.kron(eye, of_signal.F)), np.asarray(np.kron(eye, of_signal.b[:, None]))
 
 
 def _long_model(record: IOData, count: int, pole: float, first: int) -> StateSpace:
@@ -211,32 +278,42 @@ def _controller(
     reference: StateSpace,
     ahead: FloatArray,
     back: FloatArray,
-    error_filter: tuple[float, FloatArray],
+    wanted: _LoopShape,
     delay: int,
     pole: float,
     correction: FloatArray,
 ) -> Controller:
-    """Controller u(t) = ua(t-1) + uf(t) - uf(t-1) + F' z^-delay w(t), where w is the error through gain/denominator."""
+    """Controller u(t) = ua(t-1) + uf(t) - uf(t-1) + F' z^-delay w(t), w the error through gain/without_integrator.
+
+    The integrator is the difference to the command that was applied, ua, so it cannot wind up.
+    """
     m, terms = reference.nu, ahead.shape[1] // reference.nu
     A, B = _laguerre(terms, pole, m)
-    gain, denominator = error_filter
-    one = scipy.signal.tf2ss(np.append(gain, np.zeros(len(denominator) - 1)), denominator)
-    Aw, Bw, Cw, Dw = (np.kron(np.eye(m), matrix) for matrix in one)
+    denominator = wanted.without_integrator
+    numerator = np.append(wanted.gain, np.zeros(len(denominator) - 1))
+    # one filter of the error for each loop
+    Aw, Bw, Cw, Dw = (np.kron(np.eye(m), matrix) for matrix in scipy.signal.tf2ss(numerator, denominator))
     sizes = (m * terms, m * terms, len(Aw), m, m, reference.order, m, m)
     total = sum(sizes[:-2])
     # Each signal as a matrix that gives it from [states, r, y].
     signals = np.split(np.eye(total + 2 * m), np.cumsum(sizes)[:-1])
     xf, xb, xw, applied, forward, xr, r, y = signals
-    coming = reference.C @ np.linalg.matrix_power(reference.A, delay) @ xr + reference.step_response(delay + 1)[-1] @ r
+    # the reference model's output at t + delay, for a request that stays as it is
+    by_state = reference.C @ np.linalg.matrix_power(reference.A, delay)
+    by_request = reference.step_response(delay + 1)[-1]
+    coming = by_state @ xr + by_request @ r
     error = reference.C @ xr - y
-    xf = A @ xf + B @ coming
-    xb = A @ xb + B @ (Cw @ xw + Dw @ error)
-    feedforward = ahead @ xf
-    command = applied + feedforward - forward + back @ xb
-    following = np.vstack(
-        [xf, xb, Aw @ xw + Bw @ error, np.zeros((m, total + 2 * m)), feedforward, reference.A @ xr + reference.B @ r]
-    )
+    next_f = A @ xf + B @ coming
+    next_b = A @ xb + B @ (Cw @ xw + Dw @ error)
+    next_w = Aw @ xw + Bw @ error
+    feedforward = ahead @ next_f
+    command = applied + feedforward - forward + back @ next_b
+    next_reference = reference.A @ xr + reference.B @ r
+    # the next state `applied` is the applied command alone, which comes by Bu
+    from_applied = np.zeros((m, total + 2 * m))
+    following = np.vstack([next_f, next_b, next_w, from_applied, feedforward, next_reference])
     Bu = np.zeros((total, m))
     Bu[2 * m * terms + len(Aw) :][:m] = np.eye(m)
-    (state, Br, By), (C, Dr, Dy) = (np.split(x, [total, total + m], axis=1) for x in (following, command))
+    state, Br, By = np.split(following, [total, total + m], axis=1)
+    C, Dr, Dy = np.split(command, [total, total + m], axis=1)
     return Controller(state, Br, By, Bu, C, Dr, Dy, reference.dt, feedforward[:, :-m], correction)

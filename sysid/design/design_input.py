@@ -64,7 +64,9 @@ class InputDesign(Locked):
 
     def __str__(self) -> str:
         """A few lines: limits, predicted standard deviation, bound, comparison, where the power lies."""
-        limits = f"|u| <= {self.amplitude:.4g}" + (f", changes <= {self.rate:.4g} per s" if self.rate < np.inf else "")
+        limits = f"|u| <= {self.amplitude:.4g}"
+        if self.rate < np.inf:
+            limits += f", changes <= {self.rate:.4g} per s"
         lines = [
             f"Input of {len(self.u)} samples every {self.dt:g} s, {limits}, crest factor {self.crest_factor:.3f}",
             f"  predicted standard deviation {self.deviation:.4g} of {self.value:.4g}",
@@ -74,8 +76,9 @@ class InputDesign(Locked):
             ratio = (self.comparison / self.deviation) ** 2
             lines.append(f"  the input to compare with has {self.comparison:.4g}: {ratio:.3g} times the variance")
         power = np.cumsum(np.abs(np.fft.rfft(self.u[:, 0])) ** 2)
-        ends = np.searchsorted(power, np.array([0.25, 0.5, 0.75]) * power[-1]) / (len(self.u) * self.dt)
-        lines.append("  a quarter, half, three quarters of its power up to {:.3g}, {:.3g}, {:.3g} Hz".format(*ends))
+        quartiles = np.searchsorted(power, np.array([0.25, 0.5, 0.75]) * power[-1])
+        hz = quartiles / (len(self.u) * self.dt)
+        lines.append("  a quarter, half, three quarters of its power up to {:.3g}, {:.3g}, {:.3g} Hz".format(*hz))
         return "\n".join(lines)
 
 
@@ -122,25 +125,32 @@ def design_input(
             length, out of range or that does not determine the parameters.
     """
     n = whole_number("samples", samples, 2, 10**6)
-    least = 1.0 / LARGEST
-    sizes = f"be a number > 0, from {least:g} to {LARGEST:g}"
-    amplitude = real_number("amplitude", amplitude, sizes, lambda v: least <= v <= LARGEST)
-    rate = real_number("rate", rate, f"be a number > 0, {least:g} or more", lambda v: v >= least)
+    # products of such numbers neither overflow nor vanish
+    smallest = 1.0 / LARGEST
+    sizes = f"be a number > 0, from {smallest:g} to {LARGEST:g}"
+    amplitude = real_number("amplitude", amplitude, sizes, lambda v: smallest <= v <= LARGEST)
+    rate = real_number("rate", rate, f"be a number > 0, {smallest:g} or more", lambda v: v >= smallest)
     rng = np.random.default_rng(whole_number("seed", seed, 0))
     alternatives = list(model) if isinstance(model, Sequence) else [model]
-    pilots = [pilot_of(one, n, dt=dt, variance=variance, size=amplitude) for one in alternatives]
+    pilots = [pilot_of(pilot, n, dt=dt, variance=variance, size=amplitude) for pilot in alternatives]
     intervals = sorted({pilot.model.dt for pilot in pilots})
     if len(intervals) != 1:
         raise SysidError(f"models with the sampling intervals {intervals} s: expected one or more models of one")
     if not callable(quantity):
         raise SysidError(f"quantity must be a function of a model, got {type(quantity).__name__}")
     size, interval = transform_length(pilots, n), intervals[0]
-    models = [Information.of(one, n, size, quantity, offset=truth_value("offset", offset)) for one in pilots]
-    other = None if comparison is None else _mean_criterion(models, _signal(comparison, n))[0]
+    offset = truth_value("offset", offset)
+    models = [Information.of(pilot, n, size, quantity, offset=offset) for pilot in pilots]
+    compared = None
+    if comparison is not None:
+        compared_criterion, _ = _mean_criterion(models, _signal(comparison, n))
+        compared = float(np.sqrt(compared_criterion))
+    # no input within the amplitude has more energy
     spectrum, bound = optimal_spectrum(models, n * amplitude**2)
     step = rate * interval / amplitude
-    searches = (_search(models, amplitude, step, start) for start in _starts(spectrum, n, step, rng))
-    best, criterion = min(searches, key=lambda one: one[1])
+    searches = [_search(models, amplitude, step, start) for start in _starts(spectrum, n, step, rng)]
+    best, criterion = min(searches, key=lambda signal_and_criterion: signal_and_criterion[1])
+    frequencies = np.fft.rfftfreq(size, interval)
     return InputDesign(
         u=amplitude * best[:, None],
         dt=interval,
@@ -149,13 +159,14 @@ def design_input(
         value=float(np.mean([np.mean(quantity(pilot.model)) for pilot in pilots])),
         deviation=float(np.sqrt(criterion)),
         bound=float(np.sqrt(max(bound, 0.0))),
-        comparison=None if other is None else float(np.sqrt(other)),
-        frequencies=np.asarray(np.fft.rfftfreq(size, interval), dtype=np.float64),
+        comparison=compared,
+        frequencies=np.asarray(frequencies, dtype=np.float64),
         spectrum=spectrum,
     )
 
 
 def _signal(u: ArrayLike, n: int) -> FloatArray:
+    """Check the input to compare with (n,)."""
     signal = real_array("comparison", u)
     if signal.shape not in ((n,), (n, 1)):
         raise SysidError(f"comparison: expected shape ({n},) or ({n}, 1), got {signal.shape}")
@@ -167,15 +178,21 @@ def _signal(u: ArrayLike, n: int) -> FloatArray:
 def _starts(spectrum: FloatArray, n: int, step: float, rng: np.random.Generator) -> list[FloatArray]:
     """Signals (n,) of a spectrum within -1 to 1, and of changes up to `step`."""
     lines = np.arange(1, max(2, (n + 1) // 2))
+    # the spectrum has the finer lines of the padded transform: each goes to the nearest multiple of 1/n
     nearest = np.round(np.arange(len(spectrum)) * n / (2 * len(spectrum))).astype(int)
     shares = np.bincount(np.clip(nearest, 1, lines[-1]), spectrum, len(lines) + 1)[1:] / spectrum.sum()
     lines, heights = lines[shares > WEAK], np.sqrt(shares[shares > WEAK])
-    turns = [low_crest_turns(n, lines, heights), *rng.random((STARTS - 1, len(lines)))]
-    signals = [sum_of_sines(n, lines, one, heights) for one in turns]
-    return [x / max(np.abs(x).max(), np.abs(np.diff(x, prepend=0.0)).max() / step) for x in signals]
+    phases = [low_crest_turns(n, lines, heights), *rng.random((STARTS - 1, len(lines)))]
+    starts = []
+    for turns in phases:
+        signal = sum_of_sines(n, lines, turns, heights)
+        largest_change = np.abs(np.diff(signal, prepend=0.0)).max()
+        starts.append(signal / max(np.abs(signal).max(), largest_change / step))
+    return starts
 
 
 def _mean_criterion(models: Sequence[Information], u: FloatArray) -> tuple[float, FloatArray]:
+    """Mean criterion of a record (n,) over the models, and its derivatives by the samples (n,)."""
     values, slopes = zip(*(model.of_signal(u) for model in models), strict=True)
     return float(np.mean(values)), np.asarray(np.mean(slopes, axis=0))
 
@@ -186,10 +203,12 @@ def _search(models: Sequence[Information], amplitude: float, step: float, x: Flo
     radius = 1.0
     for _ in range(STEPS):
         trial = _lowest(slope, np.maximum(x - radius, -1.0), np.minimum(x + radius, 1.0), step)
-        new, new_slope = _mean_criterion(models, amplitude * trial)
-        if new < value:
-            gain, radius = value - new, min(2.0, 2.0 * radius)
-            x, value, slope = trial, new, new_slope
+        trial_value, trial_slope = _mean_criterion(models, amplitude * trial)
+        if trial_value < value:
+            gain = value - trial_value
+            # from one limit to the other is 2
+            radius = min(2.0, 2.0 * radius)
+            x, value, slope = trial, trial_value, trial_slope
             if gain < SETTLED * abs(value):
                 break
         else:
@@ -201,6 +220,7 @@ def _search(models: Sequence[Information], amplitude: float, step: float, x: Flo
 
 def _lowest(slope: FloatArray, low: FloatArray, high: FloatArray, step: float) -> FloatArray:
     """Minimise slope @ x within limits of each sample (n,) and of the changes between samples, from x = 0 on."""
+    # changes from one limit to the other are allowed: the samples are independent
     if step >= 2.0:
         return np.where(slope > 0.0, low, high)
     low[0], high[0] = max(low[0], -step), min(high[0], step)

@@ -14,6 +14,9 @@ from sysid.records.errors import SysidError
 KINDS = ("rgs", "rbs", "prbs", "sine", "chirp")
 """Random Gaussian, random binary, maximum-length binary, sum of sines, sweep: the names of MATLAB, and `chirp`."""
 
+OPTIONS = {"prbs": ("clock", "register"), "sine": ("sines", "skip"), "chirp": ("logarithmic",)}
+"""Options that only one kind takes."""
+
 LONGEST_REGISTER = 32  # bits of the longest register that `scipy.signal.max_len_seq` has taps for
 LARGEST = 10**8  # values of the largest signal, of all inputs
 
@@ -119,48 +122,80 @@ def idinput(
     inputs = whole_number("inputs", inputs, 1, max(1, LARGEST // n))
     periods = whole_number("periods", periods, 1, max(1, LARGEST // (n * inputs)))
     dt, rng = sampling_interval(dt), np.random.default_rng(whole_number("seed", seed, 0))
-    own = {"prbs": {"clock", "register"}, "sine": {"sines", "skip"}, "chirp": {"logarithmic"}}.get(kind, set())
-    options = {"clock": clock, "register": register, "sines": sines, "skip": None if skip == 1 else skip}
-    options["logarithmic"] = truth_value("logarithmic", logarithmic) or None
-    if foreign := sorted(name for name, value in options.items() if value is not None and name not in own):
-        raise SysidError(f"{kind} does not take {', '.join(foreign)}; it takes {', '.join(sorted(own)) or 'neither'}")
+    logarithmic = truth_value("logarithmic", logarithmic)
+    _refuse_foreign_options(
+        kind,
+        clock=clock,
+        register=register,
+        sines=sines,
+        skip=skip if skip > 1 else None,
+        logarithmic=logarithmic or None,
+    )
     low, high = _rising("band", band, "two rising fractions of the Nyquist frequency, 0 to 1", 0.0, 1.0)
-    least, most = _rising("levels", levels, "two rising numbers", -np.inf, np.inf)
+    bottom, top = _rising("levels", levels, "two rising numbers", -np.inf, np.inf)
     multiples = np.arange(n // 2 + 1)
+    # 1e-9: the ends of the band belong to it whatever rounding says
     inside = multiples[(multiples >= low * n / 2 - 1e-9) & (multiples <= high * n / 2 + 1e-9)]
     lines = [inside] * inputs
-    if kind in ("rgs", "rbs"):
-        x = _noise(n, inputs, inside, rng)
-        x = np.where(x < 0.0, -1.0, 1.0) if kind == "rbs" else (x - x.mean(axis=0)) / x.std(axis=0)
+    if kind == "rgs":
+        noise = _noise(n, inputs, inside, rng)
+        x = (noise - noise.mean(axis=0)) / noise.std(axis=0)
+    elif kind == "rbs":
+        x = np.where(_noise(n, inputs, inside, rng) < 0.0, -1.0, 1.0)
     elif kind == "prbs":
-        if clock is None:
-            clock = round(1.0 / high)
-            if low or abs(clock * high - 1.0) > 1e-6:
-                raise SysidError(f"band of prbs must be 0 and 1 / clock, clock a whole number, got ({low:g}, {high:g})")
+        clock = _clock_of_band(low, high) if clock is None else clock
         clock = whole_number("clock", clock, 1, n)
         shortest = shortest_register(n, clock)
         register = whole_number("register", shortest if register is None else register, shortest, LONGEST_REGISTER)
-        state = rng.integers(0, 2, register)
-        if not state.any():
-            state[0] = 1  # a register of zeros never leaves zero
-        shifts = [clock * (j * -(-n // clock) // inputs) for j in range(inputs)]
-        whole = maximum_length_sequence(n + shifts[-1], register, clock=clock, state=state)
-        x = np.column_stack([whole[shift : shift + n] for shift in shifts])
+        x = _shifted_sequences(n, inputs, clock, register, rng)
     elif kind == "sine":
         lines = _lines(inside[(inside > 0) & (2 * inside < n)][::skip], inputs, sines)
-        turns = [low_crest_turns(n, own_lines, np.ones(len(own_lines))) for own_lines in lines]
-        x = np.column_stack([sum_of_sines(n, *pair) for pair in zip(lines, turns, strict=True)])
+        x = np.column_stack([_low_crest_sines(n, of_input) for of_input in lines])
         x /= np.abs(x).max(axis=0)
     else:
         x = _sweep(n, low, high, inputs, logarithmic)
-    u = np.tile(0.5 * (least + most) + 0.5 * (most - least) * x, (periods, 1))
-    hz = tuple(own_lines / (n * dt) for own_lines in lines)
-    return InputSignal(u, dt, kind, n, hz, crest_factor(x), register)
+    period = 0.5 * (bottom + top) + 0.5 * (top - bottom) * x
+    hz = tuple(of_input / (n * dt) for of_input in lines)
+    return InputSignal(np.tile(period, (periods, 1)), dt, kind, n, hz, crest_factor(x), register)
 
 
-def _rising(name: str, value: Sequence[float], expected: str, least: float, most: float) -> tuple[float, float]:
+def _refuse_foreign_options(kind: str, **options: object) -> None:
+    """Refuse options that the kind of signal does not take; None is an option at its default."""
+    taken = OPTIONS.get(kind, ())
+    foreign = sorted(name for name, value in options.items() if value is not None and name not in taken)
+    if foreign:
+        raise SysidError(f"{kind} does not take {', '.join(foreign)}; it takes {', '.join(sorted(taken)) or 'neither'}")
+
+
+def _clock_of_band(low: float, high: float) -> int:
+    """Samples per bit of a maximum-length sequence whose band ends at 1 / clock, where its envelope has -4 dB."""
+    clock = round(1.0 / high)
+    if low or abs(clock * high - 1.0) > 1e-6:
+        raise SysidError(f"band of prbs must be 0 and 1 / clock, clock a whole number, got ({low:g}, {high:g})")
+    return clock
+
+
+def _shifted_sequences(n: int, inputs: int, clock: int, register: int, rng: np.random.Generator) -> FloatArray:
+    """A maximum-length sequence of n samples for each input, shifted by equal parts of the period (n, inputs)."""
+    state = rng.integers(0, 2, register)
+    if not state.any():
+        state[0] = 1  # a register of zeros never leaves zero
+    bits = -(-n // clock)
+    shifts = [clock * (j * bits // inputs) for j in range(inputs)]
+    sequence = maximum_length_sequence(n + shifts[-1], register, clock=clock, state=state)
+    return np.column_stack([sequence[shift : shift + n] for shift in shifts])
+
+
+def _low_crest_sines(n: int, lines: np.ndarray) -> FloatArray:
+    """Sum of equal sines at multiples of the lowest frequency, with a low peak (n,)."""
+    turns = low_crest_turns(n, lines, np.ones(len(lines)))
+    return sum_of_sines(n, lines, turns)
+
+
+def _rising(name: str, value: Sequence[float], expected: str, low: float, high: float) -> tuple[float, float]:
+    """Two rising numbers from `low` to `high`."""
     pair = real_array(name, value)
-    if pair.shape != (2,) or not least <= pair[0] < pair[1] <= most:
+    if pair.shape != (2,) or not low <= pair[0] < pair[1] <= high:
         raise SysidError(f"{name} must be {expected}, got {shown(value)}")
     return float(pair[0]), float(pair[1])
 
@@ -181,20 +216,27 @@ def _noise(n: int, inputs: int, inside: np.ndarray, rng: np.random.Generator) ->
 
 def _lines(lines: np.ndarray, inputs: int, sines: int | None) -> list[np.ndarray]:
     """Divide the lines of the band among the inputs: every input takes each n-th line."""
-    parts = [lines[j::inputs] for j in range(inputs)]
-    count = None if sines is None else whole_number("sines", sines, 1)
-    fewest = len(parts[-1])
-    if fewest < (count or 1):
-        raise SysidError(f"{fewest} lines for each of {inputs} input(s) lie in the band, expected {count or 1} or more")
-    if count is None:
-        return parts
-    return [part[np.round(np.linspace(0, len(part) - 1, count)).astype(int)] for part in parts]
+    by_input = [lines[j::inputs] for j in range(inputs)]
+    count = 1 if sines is None else whole_number("sines", sines, 1)
+    fewest = len(by_input[-1])
+    if fewest < count:
+        raise SysidError(f"{fewest} lines for each of {inputs} input(s) lie in the band, expected {count} or more")
+    if sines is None:
+        return by_input
+    chosen = []
+    for of_input in by_input:
+        evenly_spread = np.round(np.linspace(0, len(of_input) - 1, count)).astype(int)
+        chosen.append(of_input[evenly_spread])
+    return chosen
 
 
 def _sweep(n: int, low: float, high: float, inputs: int, logarithmic: bool) -> FloatArray:
+    """Sweep from the lower to the upper end of the band (n, 1)."""
     if inputs > 1:
         raise SysidError("several sweeps are not independent: expected one input of chirp")
     if logarithmic and low <= 0.0:
         raise SysidError("a logarithmic chirp cannot begin at 0 Hz: expected a lower end of the band above 0")
-    sweep = scipy.signal.chirp(np.arange(n), low / 2.0, n, high / 2.0, "logarithmic" if logarithmic else "linear")
+    # fractions of the Nyquist frequency in cycles per sample
+    shape = "logarithmic" if logarithmic else "linear"
+    sweep = scipy.signal.chirp(np.arange(n), low / 2.0, n, high / 2.0, shape)
     return np.asarray(sweep, dtype=np.float64)[:, None]

@@ -38,7 +38,9 @@ def pilot_of(
             raise SysidError("polynomials have no sampling interval and no noise: expected dt and variance as well")
         power = real_number("variance", variance, "be a variance > 0", lambda v: 0.0 < v < np.inf)
         orders = Orders.of(model)
-        bits = np.random.default_rng(0).choice([-size, size], (max(samples, 20 * orders.count), model.nu))
+        # 20 samples per parameter at least: a shorter record might not determine them
+        length = max(samples, 20 * orders.count)
+        bits = np.random.default_rng(0).choice([-size, size], (length, model.nu))
         data = IOData(bits, np.zeros((len(bits), 1)), dt)
         bound = cramer_rao_bound(model, orders, bits, dt=data.dt, variance=power, frequencies=np.zeros(0))
         form = innovations_form(model, data.dt)
@@ -67,9 +69,54 @@ def transform_length(pilots: Sequence[Estimate], samples: int) -> int:
     slowest = 0.0
     for pilot in pilots:
         m = pilot.model
+        # of the model and of its whitening filter
         for matrix in (m.A, m.A - m.gain @ m.C):
             slowest = max(slowest, float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)))
     return int(scipy.fft.next_fast_len(samples + pulse_length(slowest, DIED_OUT), real=True))
+
+
+def _derivatives(pilot: Estimate, f: FloatArray, quantity: Quantity) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+    """Changes with the parameters, in steps of one standard deviation each.
+
+    They are those of the responses at frequencies f, Hz, from the input (p, nf, ny, 1) and from the innovations
+    (p, nf, ny, ny), and of the quantity (p, q).
+    """
+    ny = pilot.model.ny
+    shape, square = (len(f), ny, 1), (len(f), ny, ny)
+
+    def flattened(theta: FloatArray) -> FloatArray:
+        """Real and imaginary parts of the responses, then the quantity, as the delta method takes them."""
+        model = pilot.realise(theta)
+        value = np.atleast_1d(np.asarray(quantity(model), dtype=float))
+        responses = (model.frequency_response(f), model.noise_response(f))
+        return np.concatenate([*(response.ravel().view(np.float64) for response in responses), value])
+
+    changes = spread(flattened, pilot.parameters, pilot.covariance)
+    if not np.isfinite(changes).all():
+        raise SysidError("the quantity is not a finite number for the model, or for models near it")
+    ends = 2 * np.cumsum([np.prod(shape), np.prod(square)])
+    by_input, by_noise, target = np.split(changes, ends, axis=1)
+    p = len(changes)
+    input_response = np.ascontiguousarray(by_input).view(np.complex128).reshape(p, *shape)
+    noise_response = np.ascontiguousarray(by_noise).view(np.complex128).reshape(p, *square)
+    return input_response, noise_response, target
+
+
+def _nuisance(pilot: Estimate, root: FloatArray, samples: int, *, offset: bool) -> FloatArray:
+    """Orthonormal effects of the initial state and the offset on the white prediction errors (ny n, m).
+
+    `root` is the Cholesky factor of the variance of the innovations.
+    """
+    m = pilot.model
+    # the predictor of the initial state, and offsets behind the whitening filter, which is constant at 0 Hz
+    free = StateSpace(m.A - m.gain @ m.C, np.eye(m.order), m.C, np.zeros((m.ny, m.order)), None, m.dt)
+    by_state = np.linalg.solve(root, free.markov(samples + 1)[1:]) if m.order else np.zeros((samples, m.ny, 0))
+    columns = [by_state]
+    if offset:
+        columns.append(np.broadcast_to(np.eye(m.ny), (samples, m.ny, m.ny)))
+    table = np.concatenate(columns, axis=2).transpose(1, 0, 2).reshape(samples * m.ny, -1)
+    basis, values, _ = np.linalg.svd(table, full_matrices=False)
+    return np.asarray(basis[:, values > SAME * values.max(initial=0.0)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,37 +147,18 @@ class Information:
         """Differentiate a model by its parameters."""
         m = pilot.model
         f = np.fft.rfftfreq(size, m.dt)
-        shape, square = (len(f), m.ny, 1), (len(f), m.ny, m.ny)
-        cuts = 2 * np.cumsum([np.prod(shape), np.prod(square)])
-
-        def parts(theta: FloatArray) -> FloatArray:
-            model = pilot.realise(theta)
-            responses = model.frequency_response(f), model.noise_response(f)
-            value = np.atleast_1d(np.asarray(quantity(model), dtype=float))
-            return np.concatenate([*(response.ravel().view(np.float64) for response in responses), value])
-
-        moves = spread(parts, pilot.parameters, pilot.covariance)
-        if not np.isfinite(moves).all():
-            raise SysidError("the quantity is not a finite number for the model, or for models near it")
-        *responses, target = np.split(moves, cuts, axis=1)
-        by_input, by_noise = (np.ascontiguousarray(part).view(np.complex128) for part in responses)
+        by_input, by_noise, target = _derivatives(pilot, f, quantity)
         root = np.linalg.cholesky(pilot.noise_variance)
         whiten = np.linalg.inv(m.noise_response(f) @ root)
-        p = len(moves)
-        filters = (whiten @ by_input.reshape(p, *shape))[..., 0]
-        random = (whiten @ by_noise.reshape(p, *square) @ root).reshape(p, len(f), -1)
-        weights = np.where((np.arange(len(f)) == 0) | (2 * np.arange(len(f)) == size), 1.0, 2.0) * samples / size
-        # the predictor of the initial state, and offsets behind the whitening filter, which is constant at 0 Hz
-        free = StateSpace(m.A - m.gain @ m.C, np.eye(m.order), m.C, np.zeros((m.ny, m.order)), None, m.dt)
-        starts = np.linalg.solve(root, free.markov(samples + 1)[1:]) if m.order else np.zeros((samples, m.ny, 0))
-        columns = [starts] + ([np.broadcast_to(np.eye(m.ny), (samples, m.ny, m.ny))] if offset else [])
-        basis, values, _ = np.linalg.svd(
-            np.concatenate(columns, axis=2).transpose(1, 0, 2).reshape(samples * m.ny, -1), full_matrices=False
-        )
+        filters = (whiten @ by_input)[..., 0]
+        random = (whiten @ by_noise @ root).reshape(len(target), len(f), -1)
+        # lines between 0 Hz and the Nyquist frequency stand for their conjugates too
+        unpaired = (np.arange(len(f)) == 0) | (2 * np.arange(len(f)) == size)
+        weights = np.where(unpaired, 1.0, 2.0) * samples / size
         return Information(
             np.ascontiguousarray(filters.transpose(0, 2, 1)),
             np.einsum("kfi,lfi,f->kl", random.conj(), random, weights).real,
-            basis[:, values > SAME * values.max(initial=0.0)],
+            _nuisance(pilot, root, samples, offset=offset),
             target,
             samples,
             size,
@@ -138,14 +166,15 @@ class Information:
 
     def effects(self, u: FloatArray) -> FloatArray:
         """Changes of the white prediction errors with the parameters, less what nuisances explain (p, ny n)."""
-        effects = np.fft.irfft(self.filters * np.fft.rfft(u, self.size), self.size)[..., : self.samples]
-        flat = effects.reshape(len(effects), -1)
+        responses = np.fft.irfft(self.filters * np.fft.rfft(u, self.size), self.size)[..., : self.samples]
+        flat = responses.reshape(len(responses), -1)
         return flat - (flat @ self.nuisance) @ self.nuisance.T
 
     def of_signal(self, u: FloatArray) -> tuple[float, FloatArray]:
         """Criterion of a record (n,) from rest, and its derivatives by the samples (n,)."""
         effects = self.effects(u)
         value, roots = self.criterion(effects @ effects.T + self.noise)
+        # -tr(R' dM R) with dM = dE E' + E dE', E the effects: -2 times the correlation of the filters with R' E
         signals = np.fft.rfft((roots.T @ effects).reshape(roots.shape[1], -1, self.samples), self.size)
         combined = np.tensordot(roots.T, self.filters, 1)
         slope = np.fft.irfft(np.sum(combined.conj() * signals, axis=(0, 1)), self.size)[: self.samples]

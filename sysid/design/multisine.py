@@ -52,19 +52,24 @@ def low_crest_turns(samples: int, lines: np.ndarray, amplitude: FloatArray) -> F
     def norm(turns: FloatArray, power: int) -> tuple[float, FloatArray]:
         """Logarithm of the norm, and its gradient."""
         signal = sum_of_sines(samples, lines, turns, amplitude)
-        peak = float(np.abs(signal).max())
-        relative = signal / peak
+        # relative to the peak: the 256th power of the samples themselves would overflow
+        highest = float(np.abs(signal).max())
+        relative = signal / highest
         total = float(np.sum(relative**power))
-        slope = np.fft.rfft(relative ** (power - 1) / (total * peak))[lines]
+        slope = np.fft.rfft(relative ** (power - 1) / (total * highest))[lines]
         # of a line, X and its conjugate at the negative frequency
         coefficients = amplitude * np.exp(2j * np.pi * turns)
         gradient = -4.0 * np.pi / samples * np.imag(coefficients * slope.conj())
-        return float(np.log(total) / power + np.log(peak)), gradient
+        return float(np.log(total) / power + np.log(highest)), gradient
+
+    def peak(turns: FloatArray) -> float:
+        return float(np.abs(sum_of_sines(samples, lines, turns, amplitude)).max())
 
     best = turns = schroeder_turns(lines, amplitude**2)
     for power in POWERS:
         turns = scipy.optimize.minimize(
             norm, turns, args=(power,), jac=True, method="L-BFGS-B", options={"maxiter": STEPS}
         ).x
-        best = min(best, turns, key=lambda one: float(np.abs(sum_of_sines(samples, lines, one, amplitude)).max()))
+        # a minimum of the norm need not have a lower peak than the one before
+        best = min(best, turns, key=peak)
     return best
