@@ -125,7 +125,7 @@ def design_input(
             length, out of range or that does not determine the parameters.
     """
     n = whole_number("samples", samples, 2, 10**6)
-    # products of such numbers neither overflow nor vanish
+    # as of recorded signals: sums of squares must stay finite
     smallest = 1.0 / LARGEST
     sizes = f"be a number > 0, from {smallest:g} to {LARGEST:g}"
     amplitude = real_number("amplitude", amplitude, sizes, lambda v: smallest <= v <= LARGEST)

@@ -146,9 +146,9 @@ class Information:
     def of(pilot: Estimate, samples: int, size: int, quantity: Quantity, *, offset: bool) -> "Information":
         """Differentiate a model by its parameters."""
         m = pilot.model
-        f = np.fft.rfftfreq(size, m.dt)
+        f = np.asarray(np.fft.rfftfreq(size, m.dt), dtype=np.float64)
         by_input, by_noise, target = _derivatives(pilot, f, quantity)
-        root = np.linalg.cholesky(pilot.noise_variance)
+        root = np.asarray(np.linalg.cholesky(pilot.noise_variance), dtype=np.float64)
         whiten = np.linalg.inv(m.noise_response(f) @ root)
         filters = (whiten @ by_input)[..., 0]
         random = (whiten @ by_noise @ root).reshape(len(target), len(f), -1)
