@@ -123,14 +123,14 @@ def idinput(
     periods = whole_number("periods", periods, 1, max(1, LARGEST // (n * inputs)))
     dt, rng = sampling_interval(dt), np.random.default_rng(whole_number("seed", seed, 0))
     logarithmic = truth_value("logarithmic", logarithmic)
-    _refuse_foreign_options(
-        kind,
-        clock=clock,
-        register=register,
-        sines=sines,
-        skip=skip if skip > 1 else None,
-        logarithmic=logarithmic or None,
-    )
+    chosen = {
+        "clock": clock is not None,
+        "register": register is not None,
+        "sines": sines is not None,
+        "skip": skip != 1,
+        "logarithmic": logarithmic,
+    }
+    _refuse_foreign_options(kind, [name for name, is_chosen in chosen.items() if is_chosen])
     low, high = _rising("band", band, "two rising fractions of the Nyquist frequency, 0 to 1", 0.0, 1.0)
     bottom, top = _rising("levels", levels, "two rising numbers", -np.inf, np.inf)
     multiples = np.arange(n // 2 + 1)
@@ -159,10 +159,10 @@ def idinput(
     return InputSignal(np.tile(period, (periods, 1)), dt, kind, n, hz, crest_factor(x), register)
 
 
-def _refuse_foreign_options(kind: str, **options: object) -> None:
-    """Refuse options that the kind of signal does not take; None is an option at its default."""
+def _refuse_foreign_options(kind: str, chosen: Sequence[str]) -> None:
+    """Refuse chosen options that the kind of signal does not take."""
     taken = OPTIONS.get(kind, ())
-    foreign = sorted(name for name, value in options.items() if value is not None and name not in taken)
+    foreign = sorted(set(chosen) - set(taken))
     if foreign:
         raise SysidError(f"{kind} does not take {', '.join(foreign)}; it takes {', '.join(sorted(taken)) or 'neither'}")
 
