@@ -209,6 +209,7 @@ def _joint_panel(joint_answer: JointAnswer, seed_count: int) -> Panel:
         ("y", HALF_POWER, "0.707"),
         ("x", break_radians / (2 * np.pi), f"thesis: {break_radians:g} rad/s"),
     )
+    # The same limits for every joint: gains are compared from panel to panel.
     return Panel(
         "frequency / Hz",
         "gain",
@@ -280,6 +281,7 @@ def _cases(answer: Answer) -> list[tuple[JointAnswer, str]]:
 def _simulated_facts(answer: Answer) -> dict[str, object]:
     """Variables of the first sentence: the truths, and the rms command that they belong to, mrad."""
     truths = [joint_answer.best_linear for joint_answer in answer.joints]
+    # Two digits, and as text: where both commands read the same, the sentence says that it is that of the test.
     return {
         "truths": truths,
         "moved": f"{MRAD * np.mean([truth.command_rms for truth in truths]):.2g}",

@@ -80,6 +80,7 @@ def chapter_4(study: Comparison) -> dict[str, object]:
 def _prediction_error_models(study: Comparison, joint: str) -> dict[str, object]:
     """Variables of chapter IV on one joint."""
     result, sets, searches = study.joints[joint], study.data_sets[joint], study.searches.get(joint)
+    # Orders are searched in thorough studies alone.
     criteria: dict[str, object] = {}
     if searches:
         criteria = {name: searches.arx.best(name) for name in ("aic", "bic", "mdl", "validation")}
@@ -108,6 +109,7 @@ def _distances(sets: DataSets, method: str) -> dict[str, float]:
     # A record that excites too little fixes no model: the spread of such models is no property of the method.
     models = sets.singles(method, enough=True)
     pairs = distances(models)
+    # A single model is at no distance from others.
     spread = {"median": np.nan, "largest": np.nan}
     if len(pairs):
         spread = {"median": float(np.median(pairs)), "largest": float(pairs.max())}

@@ -96,14 +96,14 @@ class Comparison:
     """Results of the study, the input of the report.
 
     Attributes:
-        campaigns: What was played: the arm that the study is about, whole, first; the same without friction; others.
-        joints: By joint.
+        campaigns: All tests on the arm that the study is about; then tests on it without friction and on other arms.
+        joints: Records, models and truth by joint.
         multivariable: The thesis' three-joint models, re-identified and as printed, on records of several joints.
-        attribution: Why intervals miss the truth, by joint.
-        orders: What the choice of order does to the bandwidth, by joint.
-        nonparametric: What the records say without a model, by joint.
+        attribution: Bandwidths with friction and large amplitude switched off in turn, by joint.
+        orders: Output-error models of several orders, by joint: the effect of the order on the bandwidth.
+        nonparametric: Nonparametric analysis of the records, by joint.
         data_sets: The thesis' structures identified from every data set, by joint.
-        frictionless: The same from the estimation test on the arm without friction.
+        frictionless: The structures from the estimation test on the arm without friction, by joint.
         more_poles: Output-error models of yaw with more poles, which the thesis calls unstable.
         searches: Searches for orders, by joint; none unless the study is thorough.
         observers: OKID's observers by joint [Morris1996, ch. V].
@@ -154,6 +154,7 @@ class Comparison:
         """Experiments that failed, with the reason, those on other arms with the arm."""
         reasons = dict(self.campaign.failed)
         for campaign in self.campaigns[1:]:
+            # Every arm plays scenarios of the same names.
             for name, reason in campaign.failed.items():
                 reasons[f"{name} ({campaign.condition})"] = reason
         return reasons

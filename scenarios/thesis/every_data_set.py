@@ -69,6 +69,7 @@ class DataSetModel(IdentifiedModel):
     def others(self) -> Mapping[str, Fits]:
         """Fit to unseen records: neither its own nor one that plays the same sequence."""
         seen = {self.record}
+        # The velocity limit turns both amplitudes of the sequence into nearly the same command.
         if plays_identified_sequence(self.record):
             seen.update(name for name in self.fits if plays_identified_sequence(name))
         return {name: fit for name, fit in self.fits.items() if name not in seen}

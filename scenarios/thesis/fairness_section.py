@@ -26,6 +26,7 @@ class Answer(NamedTuple):
     """Conclusion on one arm, in words that are compared between arms, and the number behind it, or nothing."""
 
     words: str
+    # Numbers differ from arm to arm even where the conclusion is the same: they are not compared.
     detail: str = ""
 
 

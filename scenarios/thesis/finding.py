@@ -160,8 +160,9 @@ def finding_by_reading(
         sentences.append(f"By construction: {claim.by_construction}")
     elif decision != "reproduced":
         sentences.append(f"Cause: {cause or 'not tried'}")
-    numbers = {name: float(number) for name, number in value.items() if np.isfinite(number)}
-    return Finding(key, decision, numbers, ". ".join(filter(None, sentences)), _under_every_reading(outcomes))
+    # JSON has no word for a number that is not finite.
+    finite = {name: float(number) for name, number in value.items() if np.isfinite(number)}
+    return Finding(key, decision, finite, ". ".join(filter(None, sentences)), _under_every_reading(outcomes))
 
 
 def _printable(parts: Parts) -> dict[str, bool]:
