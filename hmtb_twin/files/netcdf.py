@@ -3,7 +3,8 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from tempfile import NamedTemporaryFile
+from typing import Any
 
 import h5py
 import numpy as np
@@ -12,6 +13,8 @@ from h5py import h5a, h5d, h5ds, h5f, h5p, h5s, h5t
 from hmtb_twin.files.atomic_write import write_whole
 from hmtb_twin.files.errors import TwinError, system_reason
 from hmtb_twin.files.hashes import array_hash
+from sysid.records.foreign_files import hdf5_contents, hdf5_listing
+from sysid.records.reading_process import UnreadableError, read_apart
 
 Attribute = str | int | float | np.ndarray
 """Types of an attribute."""
@@ -80,37 +83,64 @@ class Contents:
         return _netcdf_bytes(sizes, self.variables, self.attributes)
 
 
-def read_netcdf(path: Path | BinaryIO, *, only: Collection[str] | None = None) -> Contents:
-    """Read a file, and nothing but that file.
+def read_netcdf(path: Path, *, only: Collection[str] | None = None) -> Contents:
+    """Read a file, and nothing but that file, in the process that reads files from elsewhere.
 
     Args:
-        path: The file, or its bytes as a stream.
+        path: The file.
         only: Names of the variables to read; all by default.
 
     Raises:
         TwinError: It is missing, no NetCDF4 file or damaged; it refers to other files; or it is too large.
     """
-    if isinstance(path, Path) and path.exists() and not path.is_file():
+    if path.exists() and not path.is_file():
         # Reading from a pipe would never end.
         raise TwinError(f"{path} is no ordinary file, expected NetCDF4")
     try:
         # h5netcdf takes five times as long, mostly for attributes.
-        with h5py.File(path, "r") as raw:
-            _check(raw, path)
-            variables = {
-                name: Variable(_dimensions(raw, name, entry), _values(entry), _attributes(entry))
-                for name, entry in raw.items()
-                if (only is None or name in only) and not _text(entry.attrs.get("NAME", "")).startswith(NO_VARIABLE)
-            }
-            return Contents(variables, _attributes(raw))
+        arrays = read_apart(hdf5_listing, path, ["NAME"], False)
+        _check(arrays, path)
+        names = [array["name"] for array in arrays if (only is None or array["name"] in only) and _is_variable(array)]
+        of_file, *contents = read_apart(hdf5_contents, path, ["/", *names], None, True)
+        variables = {
+            name: Variable(_dimensions(name, content), np.asarray(content["values"]), _attributes(content))
+            for name, content in zip(names, contents, strict=True)
+        }
+        return Contents(variables, _attributes(of_file))
     except FileNotFoundError:
         raise TwinError(f"no file {path}: expected NetCDF4") from None
     except PermissionError as error:
         raise TwinError(f"cannot read {path}: {system_reason(error)}") from error
     except TwinError:
         raise
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
-        raise TwinError(f"{path} is not a NetCDF4 file, or a damaged one") from error
+    except (UnreadableError, OSError, ValueError) as error:
+        raise TwinError(f"{path} is not a NetCDF4 file, or a damaged one ({error})") from error
+
+
+def contents_of(file: bytes) -> Contents:
+    """Read a file that is in memory; `TwinError` as of `read_netcdf`."""
+    with NamedTemporaryFile(suffix=".nc") as stream:
+        stream.write(file)
+        stream.flush()
+        return read_netcdf(Path(stream.name))
+
+
+def stated_format(path: Path) -> str:
+    """Format that a NetCDF4 file names in its attribute `format`; empty if it names none or is no such file."""
+    try:
+        (of_file,) = read_apart(hdf5_contents, path, ["/"], ["format"], False)
+    except (UnreadableError, OSError):
+        return ""
+    return _text(of_file["attributes"].get("format", ""))
+
+
+def variable_names(path: Path) -> list[str]:
+    """Names of the arrays of a NetCDF4 file, dimensions among them.
+
+    Raises:
+        UnreadableError: It is no such file, or damaged.
+    """
+    return [array["name"] for array in read_apart(hdf5_listing, path, [], False)]
 
 
 def read_format(path: str | Path, kind: str, version: str, required: Collection[str]) -> Contents:
@@ -156,37 +186,36 @@ def write_format(path: str | Path, kind: str, contents: Contents) -> Path:
     return path
 
 
-def _check(raw: h5py.File, path: Path | BinaryIO) -> None:
+def _check(arrays: Sequence[Mapping[str, Any]], path: Path) -> None:
     """Refuse links to other files, and arrays that claim to fill the memory: HDF5 packs zeros well."""
     size = 0
-    for name in raw:
-        if not isinstance(raw.get(name, getlink=True), h5py.HardLink):
-            raise TwinError(f"{path}: {name!r} is a link; expected arrays that stand in the file itself")
-        entry = raw[name]
-        if not isinstance(entry, h5py.Dataset) or entry.external or entry.is_virtual:
-            raise TwinError(f"{path}: {name!r} is no array that stands in the file itself")
-        size += entry.nbytes
+    for array in arrays:
+        if array["holds"] == "link":
+            raise TwinError(f"{path}: {array['name']!r} is a link; expected arrays that stand in the file itself")
+        if array["holds"] != "array":
+            raise TwinError(f"{path}: {array['name']!r} is no array that stands in the file itself")
+        size += array["bytes"]
     if size > MOST_BYTES:
         raise TwinError(f"{path}: arrays of {size} bytes given, expected at most {MOST_BYTES}")
 
 
-def _dimensions(raw: h5py.File, name: str, entry: h5py.Dataset) -> tuple[str, ...]:
+def _is_variable(array: Mapping[str, Any]) -> bool:
+    return not _text(array["attributes"].get("NAME", "")).startswith(NO_VARIABLE)
+
+
+def _dimensions(name: str, content: Mapping[str, Any]) -> tuple[str, ...]:
     """Dimensions of a variable: HDF5 refers to their arrays."""
-    if "DIMENSION_LIST" in entry.attrs:
-        return tuple(str(raw[scales[0]].name).removeprefix("/") for scales in entry.attrs["DIMENSION_LIST"])
-    if entry.ndim > 1:
-        raise ValueError(f"{name} has {entry.ndim} axes without names")
-    return (name,) if entry.ndim else ()
+    axes = np.ndim(content["values"])
+    if content["dimensions"] is not None:
+        return tuple(content["dimensions"])
+    if axes > 1:
+        raise ValueError(f"{name} has {axes} axes without names")
+    return (name,) if axes else ()
 
 
-def _attributes(entry: h5py.HLObject) -> dict[str, Attribute]:
+def _attributes(content: Mapping[str, Any]) -> dict[str, Attribute]:
     """Attributes that users wrote, without those of the format itself."""
-    return {key: _plain(value) for key, value in entry.attrs.items() if key not in BOOKKEEPING}
-
-
-def _values(entry: h5py.Dataset) -> np.ndarray:
-    values = np.asarray(entry[...])
-    return values if values.dtype.kind != "O" else np.array([_text(v) for v in values.ravel()]).reshape(values.shape)
+    return {key: _plain(value) for key, value in content["attributes"].items() if key not in BOOKKEEPING}
 
 
 def _text(value: object) -> str:

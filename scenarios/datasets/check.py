@@ -1,6 +1,5 @@
 """Check a data set: its files, hashes and metadata, and some of its experiments by simulating them again."""
 
-import io
 import json
 import os
 import random
@@ -8,13 +7,13 @@ from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.files.hashes import file_hash
-from hmtb_twin.files.netcdf import read_netcdf
+from hmtb_twin.files.netcdf import Contents, contents_of, read_netcdf
 from hmtb_twin.parameters.values import RECORDER, SAMPLE_RATE
 from scenarios.datasets.chunk import BuiltExperiment, chunks, run_chunk
 from scenarios.datasets.experiment_file import record_attributes
@@ -23,7 +22,6 @@ from scenarios.datasets.plan import BUILD, DATA, SUMS, TRUTH, UNFINISHED
 from scenarios.datasets.record_check import file_problems
 from scenarios.files.errors import DAMAGE, ScenarioError
 from scenarios.files.provenance import fingerprint, versions
-from scenarios.jobs.foreign_reader import ForeignReader
 from scenarios.jobs.progress import Progress, Report
 
 RELATIVE = 1e-9
@@ -112,22 +110,18 @@ def _file_problems(folder: Path, checked: CheckedFolder, report: Report, workers
     """Problems of each file that is there."""
     numbers = {entry["file"]: number for number, entry in enumerate(checked.entries)}
     paths = [path for path in checked.sums if path in checked.sizes]
-    # Another process that reads pays from about fifty files on, and up to eight.
+    # Each thread reads in a process of its own, which pays from about fifty files on, and up to eight.
     readers = max(1, min(workers or os.cpu_count() or 1, 8, len(paths) // 50))
-    idle: SimpleQueue[ForeignReader] = SimpleQueue()
 
     def check_file(path: str) -> list[str]:
         changed = file_hash(folder / path) != checked.sums[path]
         wrong = [f"its hash is not that of {SUMS}"] if changed else []
         if path in checked.arrays:
-            reader = idle.get()
             try:
-                file = folder / path
-                wrong += reader.call(file_problems, file, file, checked.arrays[path], changed, expected(path))
-            except ScenarioError as error:
-                wrong.append(f"cannot be read: {str(error).removeprefix(str(folder / path)).lstrip(': ')}")
-            finally:
-                idle.put(reader)
+                wrong += file_problems(folder / path, checked.arrays[path], changed, expected(path))
+            except DAMAGE as error:
+                reason = str(error) if isinstance(error, TwinError) else repr(error)[:200]
+                wrong.append(f"cannot be read: {reason.removeprefix(str(folder / path)).lstrip(': ')}")
         return wrong
 
     def expected(path: str) -> tuple[Any, ...] | None:
@@ -143,8 +137,6 @@ def _file_problems(folder: Path, checked: CheckedFolder, report: Report, workers
 
     problems: dict[str, list[str]] = {}
     with ExitStack() as stack:
-        for _ in range(readers):
-            idle.put(stack.enter_context(ForeignReader()))
         threads = stack.enter_context(ThreadPoolExecutor(readers))
         # An interrupted check does not wait for the files that are left.
         stack.callback(threads.shutdown, cancel_futures=True)
@@ -217,10 +209,7 @@ def _differences(
         if sorted(before) != sorted(after):
             yield f"{file}: arrays {sorted(before)}, simulated again {sorted(after)}"
         elif before != after:
-            stored, again = (
-                {name: one.values for name, one in read_netcdf(source).variables.items()}
-                for source in (folder / file, io.BytesIO(content))
-            )
+            stored, again = _arrays(read_netcdf(folder / file)), _arrays(contents_of(content))
             differing = [name for name in after if before[name] != after[name]]
             if not simulated:
                 # The kernels of the linear algebra choose the coordinates of the state, and last digits of the rest.
@@ -230,6 +219,10 @@ def _differences(
                 differing += [name for name in again if "response" in name]
             for name in differing:
                 yield _compare(f"{file}: {name}", name, stored[name], again[name], same=same and simulated)
+
+
+def _arrays(contents: Contents) -> dict[str, np.ndarray]:
+    return {name: variable.values for name, variable in contents.variables.items()}
 
 
 def _without_coordinates(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

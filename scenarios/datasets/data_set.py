@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, partial
@@ -19,7 +19,6 @@ from scenarios.datasets.spec_tables import PARTS
 from scenarios.experiments.scenario import NAME
 from scenarios.files.errors import DAMAGE, ScenarioError, unknown
 from sysid import IOData
-from sysid.records.hdf5_files import check_heaps
 
 Joints = str | Sequence[str]
 """One joint, or the joints of a record with several inputs."""
@@ -356,18 +355,8 @@ def _shown(value: object) -> str:
     return ", ".join(value) if isinstance(value, tuple) else repr(value)
 
 
-def read_sound(path: Path, only: Collection[str] | None = None) -> Contents:
-    """Read the file of a record; refuse damage at which the HDF5 library would read on for ever."""
-    try:
-        if path.is_file():  # what is none `read_netcdf` reports
-            check_heaps(path)
-    except (OSError, ValueError) as error:
-        raise ScenarioError(f"{path} cannot be read, or is damaged: {error}") from error
-    return read_netcdf(path, only=only)
-
-
 def _read_signals(path: Path, experiment: str, hashes: Mapping[str, str]) -> Signals:
-    contents = read_sound(path, only=("u", "y"))
+    contents = read_netcdf(path, only=("u", "y"))
     try:
         if contents.attributes["experiment"] != experiment:
             raise ScenarioError(

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,16 +11,20 @@ from hmtb_twin.files.errors import abridged
 from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, arm_file
-from scenarios.datasets.score import ENDINGS, FOREIGN, Scores, score, score_model
+from scenarios.datasets.score import ENDINGS, Scores, score, score_model
 from scenarios.datasets.tables import read_table
 from scenarios.datasets.withhold import read_persons
 from scenarios.files.codec import from_json
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.printable import one_line
 from sysid import Estimate, Polynomials, StateSpace, read_model
+from sysid.records.reading_process import UnreadableError, read_apart
 
 MOST_STATES = 1000
 """Of a submitted model: what more would need in memory and time keeps others from their grades."""
+
+MODELS = "model-*.json"
+"""Files of models, one for each joint."""
 
 Matrix = tuple[tuple[float, ...], ...]
 
@@ -143,7 +147,7 @@ def _grade(submission: Path, data_set: DataSet) -> Grade:
         if path.is_symlink() or not (path.is_file() or path.is_dir()) or path.stat().st_size > _most_bytes(path):
             raise ScenarioError(f"{path} is a link, a pipe or has too many bytes; expected ordinary files")
     joints = {joint for line in data_set.index for joint in line.joints}
-    models = FOREIGN.call(_read_models, submission, submission, joints)
+    models = _models(submission, joints)
     if any(path.suffix in ENDINGS for path in submission.iterdir()) or not models:
         scores = score(submission, data_set)
     else:
@@ -178,10 +182,21 @@ def _mean(cells: list[str]) -> float | None:
     return float(np.mean(list(map(float, cells)))) if cells and all(cells) else None
 
 
-def _read_models(submission: Path, joints: Collection[str]) -> dict[str, StateSpace]:
-    """Read the models of a submission, by joint; `FOREIGN` calls it in another process."""
-    models: dict[str, StateSpace] = {}
-    for path in sorted(submission.glob("model-*.json")):
+def _models(submission: Path, joints: Collection[str]) -> dict[str, StateSpace]:
+    """Models of a submission by joint; another process reads them, because a model may hold any numbers."""
+    if not any(submission.glob(MODELS)):
+        return {}
+    try:
+        matrices = read_apart(read_matrices, submission, sorted(joints))
+    except UnreadableError as error:
+        raise ScenarioError(f"{submission}: {error}") from error
+    return {joint: StateSpace(A, B, C, D, None, dt) for joint, (A, B, C, D, dt) in matrices.items()}
+
+
+def read_matrices(submission: str, joints: Collection[str]) -> dict[str, tuple[Any, ...]]:
+    """Read the matrices A, B, C, D and the sampling interval of each model of a submission, by joint."""
+    models: dict[str, tuple[Any, ...]] = {}
+    for path in sorted(Path(submission).glob(MODELS)):
         joint = path.stem.removeprefix("model-")
         if joint not in joints:
             raise ScenarioError(f"{path}: {unknown('joint', joint, sorted(joints))}")
@@ -200,7 +215,7 @@ def _read_models(submission: Path, joints: Collection[str]) -> dict[str, StateSp
             raise ScenarioError(f"{path}: {model.nu} inputs and {model.ny} outputs given, expected one of each")
         if model.order > MOST_STATES:
             raise ScenarioError(f"{path}: {model.order} states given, expected at most {MOST_STATES}")
-        models[joint] = model
+        models[joint] = (model.A, model.B, model.C, model.D, model.dt)
     return models
 
 

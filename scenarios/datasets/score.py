@@ -12,7 +12,6 @@ from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.spec_tables import UNITS, Scoring
 from scenarios.datasets.tables import read_rows
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.jobs.foreign_reader import ForeignReader
 from sysid import Estimate, Polynomials, StateSpace, SysidError
 from sysid.models.polynomials import innovations_form
 from sysid.records.mat_variables import read_variables
@@ -22,9 +21,6 @@ ENDINGS = (".nc", ".csv", ".mat")
 """Endings of files of predictions; other files in their folder are ignored."""
 
 EXPECTED = "a folder, or files EXPERIMENT.csv, .nc or .mat, one for each record of the test part"
-
-FOREIGN = ForeignReader()
-"""Reads predictions, which come from anybody; its process ends with this one."""
 
 MOST_DIGITS = 64
 """Bytes of a number and its separator in a CSV file of predictions, at most."""
@@ -205,7 +201,7 @@ def _fitting(record: DataRecord, given: Path | np.ndarray) -> np.ndarray:
         most = MOST_DIGITS * (len(record) + 2) * (len(record.joints) + 1)
         if given.suffix == ".csv" and given.stat().st_size > most:
             raise ScenarioError(f"{given} has {given.stat().st_size} bytes, expected at most {most} for its record")
-        table = FOREIGN.call(_read, given, given, record.joints, shape)
+        table = _read(given, record.joints, shape)
     else:
         table = _shaped(np.asarray(given), record.joints, shape, source)
     window = record.state_initialization_window_length or 0
@@ -245,7 +241,7 @@ def _files(paths: Path | Sequence[Path]) -> Iterator[Path]:
 
 
 def _read(path: Path, outputs: tuple[str, ...], shape: tuple[int, int]) -> np.ndarray:
-    """Predicted outputs in a file, read in a process of its own; see `FOREIGN`."""
+    """Predicted outputs in a file."""
     names = outputs
     if path.suffix == ".csv":
         names, values = _read_csv(path)

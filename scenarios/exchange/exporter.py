@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Protocol
 
 from hmtb_twin.files.atomic_write import working_folder
-from hmtb_twin.files.netcdf import Contents
-from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set, read_sound
+from hmtb_twin.files.netcdf import Contents, read_netcdf
+from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.index import seal
 from scenarios.exchange.part_tables import PartTables
 from scenarios.exchange.record_files import ascii_table, csv, csv_metadata, mat
@@ -142,7 +142,7 @@ def read_record(data_set: DataSet, record: DataRecord) -> Contents:
     Raises:
         ScenarioError: Its arrays are not those of the index.
     """
-    contents = read_sound(data_set.folder / record.file)
+    contents = read_netcdf(data_set.folder / record.file)
     if differing := contents.differing(record.arrays):
         raise ScenarioError(
             f"{data_set.folder / record.file}: {', '.join(differing)} differ from what the index says; expected an "

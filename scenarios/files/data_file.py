@@ -11,8 +11,9 @@ from hmtb_twin import JOINTS, JointLog, TwinError, TwinWarning
 from hmtb_twin.bus.joint_log import FORMAT
 from hmtb_twin.bus.record import BusRecord
 from hmtb_twin.files.atomic_write import check_place
+from hmtb_twin.files.netcdf import stated_format
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.record_file import ENDINGS, is_record, netcdf_format, read_records, write_record
+from scenarios.files.record_file import ENDINGS, is_record, read_records, write_record
 from sysid import IOData
 from sysid.records.importers import SAME_INTERVAL
 
@@ -181,4 +182,4 @@ def joints_of(record: IOData) -> tuple[str, ...]:
 
 def log_of(path: Path) -> JointLog | None:
     """The log in a file of `hmtb simulate`; None for other files."""
-    return JointLog.load(path) if path.suffix == ".nc" and netcdf_format(path) == FORMAT else None
+    return JointLog.load(path) if path.suffix == ".nc" and stated_format(path) == FORMAT else None

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-import h5py
-
 from hmtb_twin import JointLog
 from hmtb_twin.bus import recorder_run
 from hmtb_twin.bus.messages import incomplete, rounding
 from hmtb_twin.bus.record import CHANNELS, FORMAT, BusRecord
 from hmtb_twin.files.atomic_write import check_place
+from hmtb_twin.files.netcdf import stated_format, variable_names
 from scenarios.files import mat_file
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.flat_file import CSV_HEADER, FLAT, read_csv, read_flat, write_csv, write_flat
@@ -25,6 +24,10 @@ FORMATS: Mapping[str, str] = MappingProxyType(
     {**{ending: name for name, ending in ENDINGS.items()}, ".c10": "1553", ".txt": "ascii"}
 )
 """Format of the files with each ending."""
+
+
+COORDINATES = ("sample", "joint", "component", "axis")
+"""Names of the axes of our NetCDF4 files; arrays of these names hold no channel."""
 
 
 @dataclass(frozen=True)
@@ -70,20 +73,11 @@ def format_of(path: Path) -> str:
     return FORMATS[path.suffix]
 
 
-def netcdf_format(path: Path) -> str:
-    """Format that a NetCDF4 file names; empty if it names none or is no such file."""
-    try:
-        with h5py.File(path) as file:
-            return str(file.attrs.get("format", ""))
-    except (OSError, RuntimeError, TypeError, ValueError, KeyError):
-        return ""
-
-
 def is_record(path: Path) -> bool:
     """Whether a file holds bus records of ours, by its contents."""
     kind = FORMATS.get(path.suffix)
     if kind == "nc":
-        return netcdf_format(path) == FORMAT
+        return stated_format(path) == FORMAT
     if kind == "mat":
         return mat_file.is_ours(path)
     if kind in _FIRST_LINES:
@@ -116,11 +110,10 @@ def read_records(path: Path) -> RecordFile:
         return RecordFile(run.tests, run.message)
     if kind in _READERS:
         return RecordFile((_READERS[kind](path),))
-    if netcdf_format(path) == FORMAT:
+    if stated_format(path) == FORMAT:
         return RecordFile((BusRecord.load(path),))
     record = BusRecord.of(JointLog.load(path))
-    with h5py.File(path) as file:
-        hidden = tuple(str(n) for n in file if n not in (*CHANNELS, "sample", "joint", "component", "axis"))
+    hidden = tuple(name for name in variable_names(path) if name not in (*CHANNELS, *COORDINATES))
     return RecordFile((record,), hidden=(*hidden, "seed", "provenance") if hidden else ())
 
 

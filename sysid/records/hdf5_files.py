@@ -1,84 +1,85 @@
-"""Reading of HDF5 files: some damage makes the HDF5 library loop without end, some links lead to other files."""
+"""Arrays of HDF5 files, which stand in the file itself and are not too large."""
 
-import mmap
-import struct
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from sysid.records.arguments import shortened
+import numpy as np
+from numpy.typing import NDArray
+
 from sysid.records.errors import SysidError
-
-HEAP = b"GCOL\x01\x00\x00\x00"  # signature of a global heap and its version
-HEAD, OBJECT = 16, 16  # bytes before the objects of a global heap, and before the contents of each [HDF5, sec. III.E]
+from sysid.records.foreign_files import hdf5_contents, hdf5_listing
+from sysid.records.reading_process import UnreadableError, read_apart
 
 MOST_NUMBERS = 2**28
 """Numbers of a file, 2 GiB as float64: packed zeros of a small file can claim more than there is memory."""
 
 
-@contextmanager
-def opened(file: Path, damaged: str) -> Iterator[Any]:
-    """Open an HDF5 file; `damaged` says in errors what another format or a damaged file is."""
-    import h5py
+class ListedArray(NamedTuple):
+    """An array of a file, before its numbers are read.
 
+    Attributes:
+        name: Its name, within groups as `log/u`.
+        shape: Its shape.
+        kind: Kind of its numbers, as in NumPy: "f", "i", ...
+        attributes: Those of its attributes that were asked for.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    kind: str
+    attributes: dict[str, Any]
+
+
+class StoredArray(NamedTuple):
+    """Numbers of an array, and those of its attributes that were asked for."""
+
+    values: NDArray[Any]
+    attributes: dict[str, Any]
+
+
+def list_arrays(file: Path, damaged: str, attributes: Sequence[str], *, nested: bool) -> list[ListedArray]:
+    """List the arrays of a file; those in groups too, if `nested`.
+
+    Args:
+        file: The file.
+        damaged: What another format or a damaged file is, for errors.
+        attributes: Names of the attributes to list.
+        nested: Whether to list arrays in groups too.
+
+    Raises:
+        SysidError: The file is damaged, or links or arrays lead to other files.
+    """
     try:
-        check_heaps(file)
-        with h5py.File(file) as whole:
-            yield whole
-    except SysidError:
-        raise
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
-        raise SysidError(f"{file.name}: {damaged} ({shortened(str(error), 200)})") from error
+        items = read_apart(hdf5_listing, file, list(attributes), nested)
+    except UnreadableError as error:
+        raise SysidError(f"{file.name}: {damaged} ({error})") from error
+    for item in items:
+        if item["holds"] in ("link", "elsewhere"):
+            name = item["name"].rpartition("/")[2]
+            raise SysidError(f"{file.name}: {damaged} ({name!r} may lead to another file; expected arrays in this one)")
+    return [
+        ListedArray(item["name"], tuple(item["shape"]), item["kind"], item["attributes"])
+        for item in items
+        if item["holds"] == "array"
+    ]
 
 
-def check_size(file: Path, arrays: Iterable[Any]) -> None:
-    """Refuse arrays of too many numbers."""
-    if (numbers := sum(array.size for array in arrays)) > MOST_NUMBERS:
+def read_arrays(
+    file: Path, damaged: str, arrays: Sequence[ListedArray], attributes: Sequence[str]
+) -> tuple[list[StoredArray], dict[str, Any]]:
+    """Read numbers and attributes of arrays, and the same attributes of the file itself.
+
+    Raises:
+        SysidError: The file is damaged, or holds more than `MOST_NUMBERS`.
+    """
+    numbers = sum(int(np.prod(array.shape, dtype=object)) for array in arrays)
+    if numbers > MOST_NUMBERS:
         raise SysidError(f"{file.name}: arrays of {numbers} numbers, expected at most {MOST_NUMBERS}")
-
-
-def check_heaps(file: Path) -> None:
-    """Check the global heaps of an HDF5 file, which hold its texts: objects must fill each heap to its end.
-
-    Raises:
-        ValueError: They do not: the HDF5 library would read on for ever.
-    """
-    with file.open("rb") as stream:
-        if not stream.read(1):
-            return
-        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            at = content.find(HEAP)
-            while at >= 0:
-                _check_heap(content, at)
-                at = content.find(HEAP, at + 1)
-
-
-def items_of(group: Any) -> Iterator[tuple[str, Any]]:
-    """Names and contents of an HDF5 group; links and arrays that lead to other files are refused.
-
-    Raises:
-        ValueError: A soft or an external link, or an array that is stored elsewhere.
-    """
-    import h5py
-
-    for name in group:
-        if isinstance(group.get(name, getlink=True), h5py.HardLink):
-            item = group[name]
-            if not isinstance(item, h5py.Dataset) or not (item.external or item.is_virtual):
-                yield name, item
-                continue
-        raise ValueError(f"{name!r} may lead to another file; expected arrays in this one")
-
-
-def _check_heap(content: mmap.mmap, start: int) -> None:
-    if start + HEAD > len(content):
-        return
-    (size,) = struct.unpack_from("<Q", content, start + 8)
-    at, end = start + HEAD, min(start + size, len(content))
-    while at + OBJECT <= end:
-        index, _, length = struct.unpack_from("<HH4xQ", content, at)
-        # Index 0 is free space up to the end, its head included.
-        if index == 0 and length < OBJECT:
-            raise ValueError(f"a heap of texts has free space of {length} bytes")
-        at += length if index == 0 else OBJECT + length + -length % 8
+    names = ["/", *(array.name for array in arrays)]
+    try:
+        whole_file, *contents = read_apart(hdf5_contents, file, names, list(attributes), False)
+    except UnreadableError as error:
+        raise SysidError(f"{file.name}: {damaged} ({error})") from error
+    stored = [StoredArray(np.asarray(content["values"]), content["attributes"]) for content in contents]
+    return stored, whole_file["attributes"]

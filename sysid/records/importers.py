@@ -12,6 +12,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.channels import listed
 from sysid.records.data import IOData
 from sysid.records.errors import Message, SysidError
+from sysid.records.foreign_files import is_hdf5
 from sysid.records.mat_hdf5 import read_hdf5_variables
 from sysid.records.mat_variables import read_variables
 from sysid.records.message_logs import message_signals
@@ -260,8 +261,6 @@ def _from_text(file: Path, choice: Choice) -> tuple[IOData, ...]:
 
 
 def _from_mat(file: Path, choice: Choice) -> tuple[IOData, ...]:
-    from h5py import is_hdf5
-
     # A row vector can only be a signal; a matrix is taken time first, never transposed on a guess.
     columns = {
         name: values.reshape(-1, 1) if 1 in values.shape else values

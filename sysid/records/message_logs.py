@@ -13,9 +13,12 @@ from sysid.records.arguments import shortened
 from sysid.records.arrays import FloatArray
 from sysid.records.channels import listed
 from sysid.records.errors import SysidError
+from sysid.records.reading_process import UnreadableError, read_apart
 from sysid.records.time_grid import Signal
 
 LONGEST_VECTOR = 64  # elements of a field that is taken as a vector of channels
+
+DAMAGED = "not an MCAP file, rosbag2 folder or bag, or a damaged one"
 
 STEP = re.compile(r"\.?([^.\[\]]+)|\[([^\[\]]+)\]")
 
@@ -37,6 +40,24 @@ def message_signals(
     Raises:
         SysidError: No such log, topic or field, a package that is missing, stamps that do not increase.
     """
+    try:
+        u, y, remark = read_apart(read_signals, file, list(inputs), list(outputs), time)
+    except (UnreadableError, OSError) as error:
+        raise SysidError(f"{file.name}: {DAMAGED} ({error})") from error
+    return list(map(_signal, u)), list(map(_signal, y)), remark
+
+
+def _signal(fields: Sequence[Any]) -> Signal:
+    """A signal as it comes from the reading process, which hands over lists for tuples."""
+    times, values, names, units = fields
+    return Signal(times, values, tuple(names), tuple(units))
+
+
+def read_signals(
+    path: str, inputs: Sequence[str], outputs: Sequence[str], time: str | None
+) -> tuple[list[Signal], list[Signal], str]:
+    """Do the work of `message_signals` in the reading process: packed messages may claim to fill the memory."""
+    file = Path(path)
     if time not in (None, "header", "log"):
         raise SysidError(f"{file.name}: time={time!r}; expected 'header' or 'log', whose stamps logs of messages have")
     try:
@@ -52,7 +73,7 @@ def message_signals(
                 for field, (own, steps) in paths.items():
                     if own == topic:
                         values[field].append(_value(message, steps, field, file))
-    except SysidError:
+    except (SysidError, MemoryError):
         raise
     except ModuleNotFoundError as error:
         raise SysidError(
@@ -60,7 +81,7 @@ def message_signals(
         ) from error
     except Exception as error:  # what the libraries raise on damaged files follows no rule
         text = shortened(str(error), 200) or type(error).__name__
-        raise SysidError(f"{file.name}: not an MCAP file, rosbag2 folder or bag, or a damaged one ({text})") from error
+        raise SysidError(f"{file.name}: {DAMAGED} ({text})") from error
     if empty := [topic for topic in topics if not logged[topic]]:
         raise SysidError(f"{file.name}: no messages of {listed(empty)}")
     # Stamps of two clocks have no common beginning: all topics have headers, or none is used.

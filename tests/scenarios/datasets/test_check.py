@@ -5,7 +5,6 @@ import os
 import random
 import re
 import shutil
-import signal
 from hashlib import sha256
 
 import h5py
@@ -20,9 +19,6 @@ from scenarios.datasets.experiment_file import record_attributes
 from scenarios.datasets.folder_check import list_files
 from scenarios.datasets.index import hash_of_all, read_index, seal
 from scenarios.datasets.record_check import record_problems
-from scenarios.jobs import foreign_reader
-from scenarios.jobs.foreign_reader import ForeignReader
-from tests.refusals import refused
 
 RECORD = "data/test/noise.nc"
 
@@ -272,34 +268,6 @@ def test_a_data_set_without_any_record_does_not_pass(copy):
     result = examine(copy)
     assert "no experiment has a record" in result.problems
     assert "0 of 3 experiments have a record" in result.notes
-
-
-def test_every_array_of_a_foreign_file_is_read_first(tiny, monkeypatch):
-    read = []
-    monkeypatch.setattr(h5py.Dataset, "__getitem__", lambda self, _: read.append(self.name))
-    foreign_reader._touch(tiny / RECORD)
-    assert {"/u", "/y", "/t", "/status", "/force"} <= set(read)
-
-
-def test_a_file_that_takes_all_memory_is_refused(tiny, tmp_path):
-    with h5py.File(tmp_path / "packed.nc", "w") as file:
-        file.create_dataset("u", 2**27, float, chunks=(2**27,), compression="gzip")
-    refused("more than 3 GiB of memory", foreign_reader.check_readable, [tmp_path / "packed.nc"])
-    with ForeignReader() as reader:
-        refused("more than 3 GiB of memory", reader.call, np.ones, tiny / RECORD, 2**29)
-        assert reader.call(np.ones, tiny / RECORD, 3).tolist() == [1.0, 1.0, 1.0]
-
-
-def test_a_reader_that_hangs_or_crashes_is_replaced(tiny):
-    with ForeignReader(patience=10.0) as reader:
-        assert "y" in reader.call(read_netcdf, tiny / RECORD, tiny / RECORD).variables
-        for number, says in ((signal.SIGSTOP, "did not end within 0.2 s"), (signal.SIGKILL, "crashed")):
-            (pid,) = reader._pool._processes
-            os.kill(pid, number)
-            reader._patience = 0.2
-            refused(says, reader.call, read_netcdf, tiny / RECORD, tiny / RECORD)
-            reader._patience = 10.0
-            assert "y" in reader.call(read_netcdf, tiny / RECORD, tiny / RECORD).variables
 
 
 def test_the_command_prints_the_problems(copy, printed, result, complaint):

@@ -281,6 +281,6 @@ def test_a_damaged_submission_ends_no_grading_and_leaves_nothing_behind(school, 
         (submissions / person).mkdir(parents=True)
         (submissions / person / f"{record.name}.mat").write_bytes(HEAD + content)
     grades = grade_all(school.withheld, submissions)
-    assert f"ann/{record.name}.mat" in grades["ann"] and "8 bytes of type 200" in grades["ann"]
-    assert grades["bob"] == f"{submissions}/bob/{record.name}.mat has no matrix y"
+    assert f"ann/{record.name}.mat" in grades["ann"] and "reading it crashed" in grades["ann"]
+    assert f"bob/{record.name}.mat" in grades["bob"] and "reading it crashed" in grades["bob"]
     assert list(scratch.iterdir()) == []

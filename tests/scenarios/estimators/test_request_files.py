@@ -90,7 +90,7 @@ def test_special_numbers_of_json(tmp_path):
         ("model.json", b'{"A": {"re": 1}}', "A of type dict given"),
         ("model.json", b'{"A": ' + b"[" * 900 + b"]" * 900 + b"}", "A of type list given"),
         ("model.mat", b"MATLAB 5.0 MAT-file" + bytes(200), "cannot read model.mat"),
-        ("model.mat", HEAD + variable("A", part(200, bytes(8))), "'A' has 8 bytes of type 200"),
+        ("model.mat", HEAD + variable("A", part(200, bytes(8))), "cannot read model.mat"),
         ("model.nc", b"CDF", "model.nc is not a NetCDF4 file, or a damaged one"),
         ("model.txt", b"1", "no model file written"),
     ],

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sysid import oe, read_experiments, read_log
+from sysid.records.message_logs import read_signals
 from tests.refusals import refused
 
 pytest.importorskip("mcap")
@@ -150,4 +151,5 @@ def test_damaged_and_foreign_logs_are_refused(tmp_path):
 def test_the_extra_is_named_where_it_is_missing(tmp_path, monkeypatch):
     path = mcap_json(tmp_path / "robot.mcap")
     monkeypatch.setitem(sys.modules, "mcap.reader", None)
-    refused(r"logs of messages need mcap and rosbags: pip install 'hmtb-twin\[logs\]'", read_log, path, **FIELDS)
+    message = r"logs of messages need mcap and rosbags: pip install 'hmtb-twin\[logs\]'"
+    refused(message, read_signals, str(path), **FIELDS, time=None)
