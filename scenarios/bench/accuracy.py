@@ -5,6 +5,7 @@ Here too are the records on which accuracy and claims are judged, and the verdic
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -24,9 +25,10 @@ QUICK = ("p2", "p3", "p4", "p5")
 RECORDS = 100
 """Of each problem by the quick effort."""
 
+_RANDOM = [f"random-{difficulty}-{index}" for difficulty, index in product(("easy", "medium", "hard"), (1, 2))]
 FULL = {
     **dict.fromkeys(("p1", *QUICK, "published-4.7", "published-4.12"), 1000),
-    **{f"random-{difficulty}-{number}": 1000 for difficulty in ("easy", "medium", "hard") for number in (1, 2)},
+    **dict.fromkeys(_RANDOM, 1000),
     "mimo@24000": 100,
 }
 """Records of each problem by the full effort. Three inputs and outputs have nine responses each, so fewer records do;
@@ -72,13 +74,16 @@ class Acceptance:
 
     def with_slack(self, low: float, high: float) -> tuple[float, float]:
         """Limits widened by the slack."""
-        least, most = (0.0, 1.0) if self.shares else UNLIMITED
-        return (max(low / self.ratio - self.points, least), min(high * self.ratio + self.points, most))
+        lowest, highest = (0.0, 1.0) if self.shares else UNLIMITED
+        return (max(low / self.ratio - self.points, lowest), min(high * self.ratio + self.points, highest))
 
     def mean(self, label: str, values: FloatArray, theory: Expectation, limits: tuple[float, float] | None) -> Part:
         """The mean of values (n,) as a part; without limits it has no verdict."""
+        mean = NAN
+        # Errors of an estimator that is far off may have squares beyond the largest number.
         with np.errstate(over="ignore"):
-            mean = float(np.mean(values)) if len(values) else NAN
+            if len(values):
+                mean = float(np.mean(values))
         interval = interval_of_mean_share(values) if self.shares else interval_of_positive_mean(values)
         return Part.judged(label, mean, self.expected, interval, limits, theory, len(values))
 
@@ -139,9 +144,12 @@ def pooled_part(
     chosen = [s for s in statistics if s.theory.passes and len(s.values) >= needed(s.run)]
     if len(chosen) < 2:
         return []
-    limits = acceptance.limits([s.null for s in chosen], [len(s.values) for s in chosen], false_alarm)
-    theory = Expectation(True, f"all records of {', '.join(s.label.split()[0] for s in chosen)}")
-    return [acceptance.mean(label, np.concatenate([s.values for s in chosen]), theory, limits)]
+    counts = [len(s.values) for s in chosen]
+    limits = acceptance.limits([s.null for s in chosen], counts, false_alarm)
+    # A label begins with the name of its problem.
+    problems = ", ".join(s.label.split()[0] for s in chosen)
+    values = np.concatenate([s.values for s in chosen])
+    return [acceptance.mean(label, values, Expectation(True, f"all records of {problems}"), limits)]
 
 
 def mean_parts(statistics: Sequence[RecordStatistic], acceptance: Acceptance, budget: float) -> list[Part]:
@@ -179,16 +187,12 @@ class Efficiency(AccuracyMetric):
     def evaluate(self, evidence: Evidence) -> Metric:
         """Compare the errors with the bound."""
         estimator, budget = evidence.estimator, evidence.false_alarm * self.verdicts
-        statistics = [
-            RecordStatistic(
-                name,
-                error_against_bound(good, name, estimator.structure),
-                run,
-                null_distribution(name, estimator.structure, variance_ratio, 1.0),
-                expectation(estimator, name, self.name),
-            )
-            for name, (good, run) in evidence.by_problem().items()
-        ]
+        statistics = []
+        for name, (good, run) in evidence.by_problem().items():
+            values = error_against_bound(good, name, estimator.structure)
+            null = null_distribution(name, estimator.structure, variance_ratio, 1.0)
+            theory = expectation(estimator, name, self.name)
+            statistics.append(RecordStatistic(name, values, run, null, theory))
         return self.of_parts(
             mean_parts(statistics, EFFICIENT, budget),
             budget,
@@ -220,13 +224,16 @@ class Agreement(MetricDefinition):
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """Compare both responses on the same records."""
-        second = {m.trial: m.response for m in evidence.reference if m.kind == MODEL and m.response is not None}
-        pairs = [_agreement_on(name, evidence, second) for name in QUICK]
-        digits = dict(zip(QUICK, (digits for _, digits in pairs), strict=True))
-        known = [value for value in digits.values() if np.isfinite(value)]
-        agreed = f"; the responses agree to {min(known):.1f} digits or better in the median" if known else ""
+        answered = [m for m in evidence.reference if m.kind == MODEL]
+        second = {m.trial: m.response for m in answered if m.response is not None}
+        parts, digits = [], {}
+        for name in QUICK:
+            agreement, digits[name] = _agreement_on(name, evidence, second)
+            parts.append(agreement)
+        finite = [value for value in digits.values() if np.isfinite(value)]
+        agreed = f"; the responses agree to {min(finite):.1f} digits or better in the median" if finite else ""
         return self.of_parts(
-            [part for part, _ in pairs],
+            parts,
             evidence.false_alarm * self.verdicts,
             f"two efficient estimators of one truth differ by at most {GREATEST_DIFFERENCE:g} in the mean, those of "
             f"one record by hardly anything{agreed}",
@@ -242,21 +249,20 @@ def _agreement_on(name: str, evidence: Evidence, second: Mapping[Trial, ComplexA
     common = [m for m in evidence.on(name) if m.trial in plausible]
     if not common:
         return unjudged(name, "the second implementation gave nothing to compare with"), NAN
-    difference = np.array(
-        [
-            m.response - plausible[m.trial]
-            for m in common
-            if m.kind == MODEL and m.response is not None and m.response.shape == truth.response.shape
-        ]
-    )
-    count, least = len(difference), needed(len(common))
-    if count < least:
-        why = f"{count} of {len(common)} records can be compared, at least {least} are needed"
+    differences = []
+    for m in common:
+        if m.kind == MODEL and m.response is not None and m.response.shape == truth.response.shape:
+            differences.append(m.response - plausible[m.trial])
+    difference, count = np.array(differences), len(differences)
+    if count < needed(len(common)):
+        why = f"{count} of {len(common)} records can be compared, at least {needed(len(common))} are needed"
         return unjudged(name, why, count), NAN
     values = in_variances(difference, bound)
     _, high = limits_of_mean([GREATEST_DIFFERENCE * null], [count], evidence.false_alarm, low=False)
-    length = np.sqrt(np.mean(np.abs(difference) ** 2, axis=(1, 2, 3)) / np.mean(np.abs(truth.response) ** 2))
-    digits = float(np.median(-np.log10(np.maximum(length, 1e-16))))
+    squares = np.mean(np.abs(difference) ** 2, axis=(1, 2, 3))
+    relative = np.sqrt(squares / np.mean(np.abs(truth.response) ** 2))
+    # Responses that are equal to the last bit agree to 16 digits.
+    digits = float(np.median(-np.log10(np.maximum(relative, 1e-16))))
     # an estimator that need not be efficient may differ by more than two efficient ones do
     theory = expectation(evidence.estimator, name, "efficiency")
     interval, limits = interval_of_positive_mean(values), (0.0, SLACK * high)
@@ -265,10 +271,13 @@ def _agreement_on(name: str, evidence: Evidence, second: Mapping[Trial, ComplexA
 
 def _plausible(name: str, truth: CramerRaoBound, second: Mapping[Trial, ComplexArray]) -> dict[Trial, ComplexArray]:
     """Responses of the second implementation that are not implausibly far from the truth."""
-    fitting = {t: r for t, r in second.items() if t.problem == name and r.shape == truth.response.shape}
-    if not fitting:
+    shape = truth.response.shape
+    of_problem = {trial: response for trial, response in second.items() if trial.problem == name}
+    of_problem = {trial: response for trial, response in of_problem.items() if response.shape == shape}
+    if not of_problem:
         return {}
     null = null_distribution(name, None, variance_ratio, 1.0)
-    _, most = limits_of_mean([null], [1], IMPLAUSIBLE, low=False)
-    values = in_variances(np.array(list(fitting.values())) - truth.response, truth)
-    return {trial: fitting[trial] for trial, value in zip(fitting, values, strict=True) if value <= most}
+    _, limit = limits_of_mean([null], [1], IMPLAUSIBLE, low=False)
+    values = in_variances(np.array(list(of_problem.values())) - truth.response, truth)
+    pairs = zip(of_problem.items(), values, strict=True)
+    return {trial: response for (trial, response), value in pairs if value <= limit}

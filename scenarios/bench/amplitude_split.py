@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from scenarios.bench.metric import Evidence, Metric, MetricDefinition, Part, unj
 from scenarios.bench.theory import Expectation, expectation
 from scenarios.problems.trial import Trial
 from sysid.records.arrays import ComplexArray
+from sysid.validation.mean_error import MeanError
 from sysid.validation.systematic_error import FEWEST_REALISATIONS, scatter_of, systematic_of
 
 JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
@@ -54,19 +56,19 @@ class AmplitudeSplit(MetricDefinition):
     """
 
     name = "amplitude_split"
-    title = "Split over amplitude"
+    title = "Error on the arm by amplitude: systematic, noise, distortion"
     unit = "%"
     verdicts = len(JOINTS) * len(AMPLITUDES["full"])
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Multisines of each joint and amplitude: waveforms, some of them repeated."""
-        return tuple(
-            Trial(f"{multisine_class(joint, mrad)}-w{waveform}", draw)
-            for joint in JOINTS
-            for mrad in AMPLITUDES[effort]
-            for waveform in range(WAVEFORMS[effort])
-            for draw in range(2 if waveform < REPEATED[effort] else 1)
-        )
+        trials = []
+        for joint, mrad in product(JOINTS, AMPLITUDES[effort]):
+            for waveform in range(WAVEFORMS[effort]):
+                records = 2 if waveform < REPEATED[effort] else 1
+                name = f"{multisine_class(joint, mrad)}-w{waveform}"
+                trials += [Trial(name, draw) for draw in range(records)]
+        return tuple(trials)
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """A part for each joint, amplitude and kind of error; a verdict on the systematic one."""
@@ -76,13 +78,16 @@ class AmplitudeSplit(MetricDefinition):
             classes.setdefault(m.trial.problem.rpartition("-w")[0], []).append(m)
         parts: list[Part] = []
         curves: dict[str, dict[str, list[Any]]] = {}
-        for joint in JOINTS:
-            for mrad, allowed in ALLOWED.items():
-                if own := classes.get(multisine_class(joint, mrad)):
-                    some, row = _split(f"{joint} {mrad} mrad", own, allowed, evidence.false_alarm, theory)
-                    parts += some
-                    for key, value in ({"mrad": mrad} | row if row else {}).items():
-                        curves.setdefault(joint, {}).setdefault(key, []).append(value)
+        for joint, (mrad, allowed) in product(JOINTS, ALLOWED.items()):
+            measurements = classes.get(multisine_class(joint, mrad))
+            if not measurements:
+                continue
+            label = f"{joint} {mrad} mrad"
+            parts_of_class, row = _split(label, measurements, allowed, evidence.false_alarm, theory)
+            parts += parts_of_class
+            if row:
+                for key, value in {"mrad": mrad, **row}.items():
+                    curves.setdefault(joint, {}).setdefault(key, []).append(value)
         # a part whose limit is too wide to pass may still fail
         limited = sum(bool(np.isfinite(part.limits[1])) for part in parts)
         return self.of_parts(parts, limited * evidence.false_alarm, WHY, curves)
@@ -92,37 +97,19 @@ def _split(
     label: str, measurements: Sequence[Measurement], allowed: float, false_alarm: float, theory: Expectation
 ) -> tuple[list[Part], dict[str, Any]]:
     """Parts of one joint and amplitude, and the numbers of its row for drawing."""
-    groups: dict[str, list[tuple[ComplexArray, ComplexArray]]] = {}
-    for m in sorted(measurements, key=lambda m: m.trial):
-        group = groups.setdefault(m.trial.problem, [])
-        if m.response is not None and m.nonparametric is not None and np.isfinite(m.response).all():
-            group.append((m.response[:, 0, 0], m.nonparametric[:, 0, 0]))
-    pairs = [np.array(group).swapaxes(0, 1) for group in groups.values() if group]
-    count, run = len(pairs), len(groups)
+    run = len({m.trial.problem for m in measurements})
+    identified, nonparametric = _by_waveform(measurements)
+    count = len(identified)
     if count < max(FEWEST_REALISATIONS, (run + 1) // 2):
         return [unjudged(label, f"no verdict: {count} of {run} waveforms have a response", count)], {}
-    identified, nonparametric = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
-    first = np.array([group[0] for group in nonparametric])
-    errors = np.array([group[0] for group in identified]) - first
+    # One record of each waveform: the repeats of some would give these a larger weight.
+    first = np.array([repeats[0] for repeats in nonparametric])
+    errors = np.array([repeats[0] for repeats in identified]) - first
     power = float(np.sum(np.abs(first.mean(axis=0)) ** 2))
     error = systematic_of(errors, power, allowed=allowed, false_alarm=false_alarm)
+    systematic = _systematic_part(label, error, allowed, theory, count)
     scatter, expected = scatter_of(identified, power), scatter_of(nonparametric, power)
-    why = theory.why or f"at most {error.limit:.3g} %: {allowed:g} % allowed, and the chance of its own scatter"
-    limits, judged = (-np.inf, error.limit), Expectation(theory.passes, why)
-    part = Part.judged(f"{label}, systematic", error.size, 0.0, error.interval, limits, judged, count)
-    if part.passed and error.limit > BLIND * allowed:
-        why = (
-            f"no verdict: its scatter is too large: at most {error.limit:.3g} % would pass, "
-            f"and more than {BLIND * allowed:g} % must not"
-        )
-        part = replace(part, passed=None, why=why)
-    records = sum(map(len, identified))
-    shares = {
-        "noise": (scatter.noise, expected.noise, scatter.noise_interval),
-        "distortion": (scatter.distortion, expected.distortion, scatter.distortion_interval),
-    }
-    others = [unjudged(f"{label}, {name}", "not judged", records, *values) for name, values in shares.items()]
-    return [part, *others], {
+    row = {
         "systematic": error.size,
         "systematic_interval": list(error.interval),
         "systematic_limit": error.limit,
@@ -130,3 +117,38 @@ def _split(
         "expected_noise": expected.noise,
         "expected_distortion": expected.distortion,
     }
+    records = sum(map(len, identified))
+    noise = (records, scatter.noise, expected.noise, scatter.noise_interval)
+    distortion = (records, scatter.distortion, expected.distortion, scatter.distortion_interval)
+    return [
+        systematic,
+        unjudged(f"{label}, noise", "not judged", *noise),
+        unjudged(f"{label}, distortion", "not judged", *distortion),
+    ], row
+
+
+def _by_waveform(measurements: Sequence[Measurement]) -> tuple[list[ComplexArray], list[ComplexArray]]:
+    """Identified and nonparametric responses (repeats, nf) of each waveform that has any."""
+    groups: dict[str, list[tuple[ComplexArray, ComplexArray]]] = {}
+    for m in sorted(measurements, key=lambda m: m.trial):
+        if m.response is not None and m.nonparametric is not None and np.isfinite(m.response).all():
+            responses = (m.response[:, 0, 0], m.nonparametric[:, 0, 0])
+            groups.setdefault(m.trial.problem, []).append(responses)
+    identified = [np.array([response for response, _ in group]) for group in groups.values()]
+    nonparametric = [np.array([response for _, response in group]) for group in groups.values()]
+    return identified, nonparametric
+
+
+def _systematic_part(label: str, error: MeanError, allowed: float, theory: Expectation, count: int) -> Part:
+    """The systematic error, judged where its limit is narrow enough to say anything."""
+    why = theory.why or f"at most {error.limit:.3g} %: {allowed:g} % allowed, and the chance of its own scatter"
+    expected = Expectation(theory.passes, why)
+    limits = (-np.inf, error.limit)
+    systematic = Part.judged(f"{label}, systematic", error.size, 0.0, error.interval, limits, expected, count)
+    if not systematic.passed or error.limit <= BLIND * allowed:
+        return systematic
+    why = (
+        f"no verdict: the estimates scatter too much: the limit would be {error.limit:.3g} %, and one above "
+        f"{BLIND * allowed:g} % would let faults pass"
+    )
+    return replace(systematic, passed=None, why=why)

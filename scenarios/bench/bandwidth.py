@@ -1,5 +1,6 @@
 """Bandwidth: the value recovered for each joint of the arm, beside the truth and the 1 Hz of the thesis."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -51,7 +52,7 @@ def true_bandwidths(excitation_class: str) -> tuple[float, dict[str, Any]]:
         "small_signal": problem.joint_truth.bandwidth_hz,
         "best_linear": best.bandwidth_hz,
         "best_linear_ci95": list(best.bandwidth_ci95),
-        "published": {one.label: one.bandwidth_hz for one in published(problem.parsed.joint)},
+        "published": {model.label: model.bandwidth_hz for model in published(problem.parsed.joint)},
     }
 
 
@@ -84,26 +85,42 @@ class BandwidthMetric(MetricDefinition):
         groups: dict[str, list[Measurement]] = {}
         for m in evidence.measurements:
             if m.kind == MODEL:
-                # without the number of the waveform and the length of the record
-                groups.setdefault("-".join(m.trial.problem.partition("@")[0].split("-")[:5]), []).append(m)
+                groups.setdefault(_excitation_class(m.trial.problem), []).append(m)
         rows = [_row(name, group) for name, group in groups.items()]
         parts = [_part(row) for row in rows] or [unjudged("all joints", "no record has a model")]
-        # the furthest from its truth, as a ratio, of those with the largest amplitude
-        largest = max((row["mrad"] for row in rows if row["hz"]), default=NAN)
-        chosen = [part for row, part in zip(rows, parts, strict=False) if row["hz"] and row["mrad"] == largest]
-        # NaN where there is no best linear truth: no distance
-        shown = max(chosen, key=lambda part: np.nan_to_num(abs(np.log(part.value / part.expected))), default=parts[0])
-        own = f"The number is that of {shown.label}: {shown.why}. " if rows else ""
-        near, models = (sum(row[key] for row in rows) for key in ("near", "models"))
-        why = f"{WHY}. {own}All joints together: {_share_near_1_hz(near, models)}"
+        shown = _furthest_from_truth(rows, parts)
+        of_shown = f"The number is that of {shown.label}: {shown.why}. " if rows else ""
+        near = sum(row["near"] for row in rows)
+        models = sum(row["models"] for row in rows)
+        why = f"{WHY}. {of_shown}All joints together: {_share_near_1_hz(near, models)}"
         curves = {"about_1_hz": list(ABOUT_1_HZ), "classes": rows, "near": near, "models": models}
         return replace(self.of_parts(parts, 0.0, why, curves, shown=shown), why=why)
+
+
+def _excitation_class(problem: str) -> str:
+    """Name of a problem of the arm without the number of its waveform and the length of its records."""
+    return "-".join(problem.partition("@")[0].split("-")[:5])
+
+
+def _furthest_from_truth(rows: Sequence[dict[str, Any]], parts: Sequence[Part]) -> Part:
+    """The part of the largest amplitude whose median is furthest, as a ratio, from its best linear truth."""
+    largest = max((row["mrad"] for row in rows if row["hz"]), default=NAN)
+    candidates = []
+    for row, part_of_row in zip(rows, parts, strict=False):
+        if row["hz"] and row["mrad"] == largest:
+            # NaN where there is no best linear truth: no distance
+            distance = np.nan_to_num(abs(np.log(part_of_row.value / part_of_row.expected)))
+            candidates.append((distance, part_of_row))
+    if not candidates:
+        return parts[0]
+    return max(candidates, key=lambda candidate: candidate[0])[1]
 
 
 def _row(name: str, group: Measurements) -> dict[str, Any]:
     lowest, truths = true_bandwidths(name)
     _, variant, joint, excitation, amplitude = name.split("-")
-    claimed = [hz for m in group if np.isfinite(hz := _claimed(m, lowest))]
+    bandwidths = [_claimed(m, lowest) for m in group]
+    claimed = [hz for hz in bandwidths if np.isfinite(hz)]
     mrad = float(amplitude.removesuffix("mrad"))
     return {
         "label": f"{joint} {excitation} {mrad:g} mrad",
@@ -121,19 +138,25 @@ def _row(name: str, group: Measurements) -> dict[str, Any]:
 def _claimed(m: Measurement, lowest: float) -> float:
     """The claimed bandwidth, Hz; NaN where there is none, or where the record or its interval cannot support it."""
     hz = NAN if m.bandwidth_hz is None else float(m.bandwidth_hz[0, 0])
-    low, high = (NAN, NAN) if m.bandwidth_ci95 is None else (float(end) for end in m.bandwidth_ci95[:, 0, 0])
-    too_wide = np.isfinite(low) and not high <= WIDEST * low
-    return hz if hz >= lowest and not too_wide else NAN
+    # Below the lowest line of the excitation a record says nothing; NaN fails the comparison too.
+    if not hz >= lowest:
+        return NAN
+    if m.bandwidth_ci95 is not None:
+        low, high = (float(end) for end in m.bandwidth_ci95[:, 0, 0])
+        if np.isfinite(low) and not high <= WIDEST * low:
+            return NAN
+    return hz
 
 
 def _part(row: dict[str, Any]) -> Part:
     """The median of the values, with their 95 % range: of fewer than forty it is that of all."""
-    values, ends = np.array(row["hz"]), (NAN, NAN)
+    values, median, ends = np.array(row["hz"]), NAN, (NAN, NAN)
     if len(values):
+        median = float(np.median(values))
+        # Order statistics: nothing is interpolated between so few records.
         low, high = np.quantile(values, [0.025, 0.975], method="inverted_cdf")
         ends = (float(low), float(high))
     why = f"{_share_near_1_hz(row['near'], row['models'])}; small signals {row['small_signal']:.3g} Hz"
-    median = float(np.median(values)) if len(values) else NAN
     return unjudged(row["label"], why, row["models"], median, row["best_linear"], ends)
 
 
@@ -141,6 +164,6 @@ def _share_near_1_hz(near: int, models: int) -> str:
     """In words, with the exact binomial interval, as if records were independent."""
     if models == 0:
         return "no record has a model"
-    least, most = exact_interval_of_share(near, models, 100.0)
+    lowest, highest = exact_interval_of_share(near, models, 100.0)
     low, high = ABOUT_1_HZ
-    return f"{near} of {models} near 1 Hz ({low:g} to {high:g} Hz), a share of {least:.0f} to {most:.0f} %"
+    return f"{near} of {models} near 1 Hz ({low:g} to {high:g} Hz), a share of {lowest:.0f} to {highest:.0f} %"

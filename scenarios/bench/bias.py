@@ -44,54 +44,57 @@ class Bias(MetricDefinition):
     """
 
     name = "bias"
-    title = "Bias under feedback and under a shared waveform"
+    title = "Bias in closed loop, and of two inputs that share their waveform"
     unit = "deviations of one record"
     verdicts = len(PROBLEMS)
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Records in closed loop, and with a shared waveform."""
-        counts = {**dict.fromkeys(PROBLEMS, RECORDS), ALONE: RECORDS_ALONE}
-        return tuple(Trial(name, draw) for name, count in counts.items() for draw in range(count * DRAWS[effort]))
+        trials = []
+        for name, records in {**dict.fromkeys(PROBLEMS, RECORDS), ALONE: RECORDS_ALONE}.items():
+            trials += [Trial(name, draw) for draw in range(records * DRAWS[effort])]
+        return tuple(trials)
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """Test the mean error on each problem."""
-        pairs = [_bias_on(name, evidence) for name in PROBLEMS]
-        curves = dict(zip(PROBLEMS, (curve for _, curve in pairs), strict=True))
-        parts = [part for part, _ in pairs]
+        parts, curves = [], {}
+        for name in PROBLEMS:
+            bias, curves[name] = _bias_on(name, evidence)
+            parts.append(bias)
         if alone := evidence.on(ALONE):
             parts.append(_bias_alone(alone, evidence.estimator))
-        percent = ", ".join(f"{curve['percent']:.2g} % on {name}" for name, curve in curves.items() if curve)
-        return self.of_parts(
-            parts,
-            self.verdicts * evidence.false_alarm,
+        why = (
             f"mean error in {DIRECTIONS} directions against the estimator's own scatter, {ALLOWED:g} deviations allowed"
-            + (f"; greatest mean error of the response {percent}" if percent else ""),
-            curves,
         )
+        percent = ", ".join(f"{curve['percent']:.2g} % on {name}" for name, curve in curves.items() if curve)
+        if percent:
+            why += f"; greatest mean error of the response {percent}"
+        return self.of_parts(parts, self.verdicts * evidence.false_alarm, why, curves)
 
 
 def _bias_on(name: str, evidence: Evidence) -> tuple[Part, dict[str, Any]]:
     """The part of a problem, and its curves for drawing."""
-    own = evidence.on(name)
+    measurements = evidence.on(name)
     bound = bound_for(name, evidence.estimator.structure)
-    axes, errors, too_few = _errors(own, bound, needed(len(own)))
+    axes, errors, too_few = _errors(measurements, bound, needed(len(measurements)))
     if too_few:
         return unjudged(name, too_few, len(errors)), {}
     judged = mean_error(_flat(errors) @ axes, evidence.false_alarm, ALLOWED)
     theory = expectation(evidence.estimator, name, "bias")
     mean = errors.mean(axis=0)
     size = np.sqrt(np.mean(np.abs(bound.response) ** 2, axis=0))
+    deviation_of_mean = errors.std(axis=0, ddof=1) / np.sqrt(len(errors))
     curve: dict[str, Any] = {
         "percent": float(np.max(100.0 * np.abs(mean) / size)),
         "frequencies": bound.frequencies.tolist(),
         "mean_error": np.abs(mean).reshape(len(mean), -1).T.tolist(),
-        "deviation_of_mean": (errors.std(axis=0, ddof=1) / np.sqrt(len(errors))).reshape(len(mean), -1).T.tolist(),
+        "deviation_of_mean": deviation_of_mean.reshape(len(mean), -1).T.tolist(),
     }
     limits = (0.0, judged.limit)
     return Part.judged(name, judged.size, 0.0, judged.interval, limits, theory, len(errors)), curve
 
 
-def _bias_alone(own: Measurements, estimator: Estimator) -> Part:
+def _bias_alone(measurements: Measurements, estimator: Estimator) -> Part:
     """Bias of an estimate that is not given the other input, beside the bias that theory predicts."""
     alone = problem(ALONE)
     if not isinstance(alone, SharedAlone):
@@ -99,17 +102,20 @@ def _bias_alone(own: Measurements, estimator: Estimator) -> Part:
     bound = alone.bound_without_other(estimator.structure) or alone.bound_without_other(None)
     if bound is None:
         return unjudged(ALONE, "no bias is predicted")
-    axes, errors, too_few = _errors(own, bound, 0)
+    axes, errors, too_few = _errors(measurements, bound, 0)
     if too_few:
         return unjudged(ALONE, too_few, len(errors))
     mean, predicted = errors.mean(axis=0), alone.expected_bias()
+    # Not judged, so that the probability of a false alarm does not matter.
     judged = mean_error(_flat(errors) @ axes, 0.5)
+    # The bias that theory predicts, in the same unit: the estimator's own scatter about it.
     shifted = mean_error(_flat(errors - mean + predicted) @ axes, 0.5)
     if not np.isfinite(shifted.size):
         why = "the error is the same on all records: there is no scatter to judge it by"
         return unjudged(ALONE, why, len(errors))
     scale = float(np.sqrt(np.mean(np.abs(bound.response) ** 2)))
-    size, expected = (100.0 * float(np.sqrt(np.mean(np.abs(b) ** 2))) / scale for b in (mean, predicted))
+    size = 100.0 * float(np.sqrt(np.mean(np.abs(mean) ** 2))) / scale
+    expected = 100.0 * float(np.sqrt(np.mean(np.abs(predicted) ** 2))) / scale
     why = (
         f"not judged: without the other input the response is {size:.3g} % off; output error without noise is "
         f"{expected:.3g} % off"
@@ -117,18 +123,21 @@ def _bias_alone(own: Measurements, estimator: Estimator) -> Part:
     return unjudged(ALONE, why, len(errors), judged.size, shifted.size, judged.interval, theory=False)
 
 
-def _errors(own: Measurements, bound: CramerRaoBound, least: int) -> tuple[FloatArray, ComplexArray, str]:
+def _errors(measurements: Measurements, bound: CramerRaoBound, minimum: int) -> tuple[FloatArray, ComplexArray, str]:
     """Directions of the test, errors of models with the inputs and outputs of the bound, and why they are too few.
 
     The mean error is judged by its own scatter, which needs a model of some records, and at least of so many.
     """
     axes = directions(bound)
-    responses = [m.response for m in own if m.kind == MODEL and m.response is not None]
+    responses = [m.response for m in measurements if m.kind == MODEL and m.response is not None]
     responses = [response for response in responses if response.shape == bound.response.shape]
     errors = np.array([response - bound.response for response in responses])
-    least = max(2 * axes.shape[1] + 3, least)
-    too_few = f"{len(errors)} of {len(own)} records gave a model: too few, at least {least} are needed"
-    return axes, errors, too_few if len(errors) < least else ""
+    # With fewer records than these the scatter's own covariance in the directions is hardly known.
+    minimum = max(2 * axes.shape[1] + 3, minimum)
+    if len(errors) >= minimum:
+        return axes, errors, ""
+    run = len(measurements)
+    return axes, errors, f"{len(errors)} of {run} records gave a model: too few, at least {minimum} are needed"
 
 
 def _flat(errors: ComplexArray) -> FloatArray:
@@ -149,5 +158,6 @@ def directions(bound: CramerRaoBound) -> FloatArray:
     weight = np.where(deviation > 0.0, 1.0 / np.where(deviation > 0.0, deviation, 1.0), 0.0)
     scaled = (flat * weight[:, None]).reshape(len(flat), -1)
     _, values, right = np.linalg.svd(scaled, full_matrices=False)
+    # Directions of singular values below 1e-6 of the largest are rounding: there are no more parameters.
     q = min(DIRECTIONS, int(np.count_nonzero(values > 1e-6 * values[0])))
     return np.asarray((right[:q] / values[:q, None]).T * np.repeat(weight, 2)[:, None])

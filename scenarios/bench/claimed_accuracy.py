@@ -49,7 +49,8 @@ UNIT_SQUARE = Acceptance(expected=1.0, ratio=SLACK)
 
 COVERAGE = 0.95
 COVERED = Acceptance(expected=COVERAGE, points=0.01, shares=True)
-KINDS = ("parameters", "bandwidth", "response")
+INTERVALS_OF = ("parameters", "bandwidth", "response")
+"""Quantities whose claimed intervals are counted."""
 
 
 def claimed_covariance(m: Measurement) -> FloatArray | None:
@@ -73,8 +74,9 @@ def claimed_values(good: Measurements, name: str, structure: str | None, statist
         if m.response is None or covariance is None:
             continue
         if covariance.shape != expected:
-            given = f"covariance of the response {covariance.shape} given"
-            raise ScenarioError(f"{m.trial.key}: {given}, expected {expected}")
+            raise ScenarioError(
+                f"{m.trial.key}: covariance of the response {covariance.shape} given, expected {expected}"
+            )
         values.append(statistic(real_and_imaginary(m.response - bound.response)[None], covariance, free))
     return np.concatenate(values) if values else np.empty(0)
 
@@ -89,29 +91,36 @@ class Coverage(AccuracyMetric):
     name = "coverage"
     title = "Coverage of claimed 95 % intervals"
     unit = "share of intervals"
-    verdicts = len(KINDS) * (len(QUICK) + 1)
+    verdicts = len(INTERVALS_OF) * (len(QUICK) + 1)
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """Compute the share of claimed intervals that hold the truth: by kind of interval and problem, and together."""
         estimator, groups = evidence.estimator, evidence.by_problem()
         budget = evidence.false_alarm * self.verdicts
-        share = budget / (len(KINDS) * (len(groups) + 1))
-        theories = {name: expected_of_claims(estimator, name, good, self.name) for name, (good, _) in groups.items()}
+        share = budget / (len(INTERVALS_OF) * (len(groups) + 1))
+        theories = {}
+        for name, (good, _) in groups.items():
+            theories[name] = expected_of_claims(estimator, name, good, self.name)
         parts: list[Part] = []
-        for kind, covered in zip(KINDS, (_covered_parameters, _covered_bandwidths, _covered_responses), strict=True):
+        curves = {}
+        counters = (_covered_parameters, _covered_bandwidths, _covered_responses)
+        for quantity, covered in zip(INTERVALS_OF, counters, strict=True):
             statistics = []
             for name, (good, run) in groups.items():
                 values, null, missing, models = covered(good, name, estimator.structure)
-                missing = missing or f"no verdict: the estimator claims no interval of the {kind}"
-                statistics.append(RecordStatistic(f"{name} {kind}", values, run, null, theories[name], missing, models))
-            parts += [statistic.part(COVERED, share) for statistic in statistics]
-            parts += pooled_part(f"{TOGETHER} {kind}", statistics, COVERED, share)
+                missing = missing or f"no verdict: the estimator claims no interval of the {quantity}"
+                label = f"{name} {quantity}"
+                statistics.append(RecordStatistic(label, values, run, null, theories[name], missing, models))
+            of_quantity = [statistic.part(COVERED, share) for statistic in statistics]
+            of_quantity += pooled_part(f"{TOGETHER} {quantity}", statistics, COVERED, share)
+            curves[quantity] = {p.label.split()[0]: p.value for p in of_quantity}
+            parts += of_quantity
         return self.of_parts(
             parts,
             budget,
             "share of 95 % intervals that hold the truth, within what chance allows a perfect estimator and one "
             "percentage point of it",
-            {kind: {p.label.split()[0]: p.value for p in parts if p.label.endswith(kind)} for kind in KINDS},
+            curves,
         )
 
 
@@ -120,15 +129,15 @@ Covered = tuple[FloatArray, FloatArray, str, int]
 
 
 def _covered_parameters(good: Measurements, name: str, structure: str | None) -> Covered:
-    known = [m for m in good if m.covered >= 0 and m.parameters > 0]
+    comparable = [m for m in good if m.covered >= 0 and m.parameters > 0]
     missing = ""
-    if not known and any(m.parameters > 0 for m in good):
+    if not comparable and any(m.parameters > 0 for m in good):
         missing = "no verdict: the parameters that it claims are not those of the orders that were asked"
         if structure is not None and problem(name).bound(structure) is None:
             missing = (
                 f"no verdict: no {structure} model is the truth: the parameters that it claims have no true values"
             )
-    values = np.array([m.covered / m.parameters for m in known])
+    values = np.array([m.covered / m.parameters for m in comparable])
     return values, null_parameter_coverage(name, structure), missing, len(good)
 
 
@@ -139,12 +148,14 @@ def _covered_bandwidths(good: Measurements, name: str, structure: str | None) ->
         if m.bandwidth_ci95 is None:
             continue
         low, high = m.bandwidth_ci95
-        known = np.isfinite(bound.bandwidth_hz) & ~np.isnan(low) & ~np.isnan(high)
-        if known.any():
-            inside = (low[known] <= bound.bandwidth_hz[known]) & (bound.bandwidth_hz[known] <= high[known])
+        # Channels without a bandwidth, and those of which no interval is claimed, do not count.
+        counted = np.isfinite(bound.bandwidth_hz) & ~np.isnan(low) & ~np.isnan(high)
+        if counted.any():
+            truth = bound.bandwidth_hz[counted]
+            inside = (low[counted] <= truth) & (truth <= high[counted])
             shares.append(float(np.mean(inside)))
-    models = sum(m.bandwidth_hz is not None and bool(np.isfinite(m.bandwidth_hz).any()) for m in good)
-    return np.array(shares), NULL_BANDWIDTH_COVERAGE, "", models
+    with_bandwidth = [m for m in good if m.bandwidth_hz is not None and np.isfinite(m.bandwidth_hz).any()]
+    return np.array(shares), NULL_BANDWIDTH_COVERAGE, "", len(with_bandwidth)
 
 
 def _covered_responses(good: Measurements, name: str, structure: str | None) -> Covered:
@@ -171,27 +182,19 @@ class NormalisedError(AccuracyMetric):
         statistics: list[RecordStatistic] = []
         curves: dict[str, dict[str, object]] = {}
         for name, (good, run) in evidence.by_problem().items():
-            known = [m for m in good if m.parameters > 0 and not np.isnan(m.normalised_error)]
-            freedom, p_value = 0, None  # 0: of the response
-            if len(known) >= needed(len(good)) and len({m.parameters for m in known}) == 1:
-                freedom = known[0].parameters
-                values, null = np.array([m.normalised_error / freedom for m in known]), null_chi_square(freedom)
-            else:
-                values = claimed_values(good, name, estimator.structure, normalised_square)
-                null = null_distribution(name, estimator.structure, normalised_square, 1.0)
+            freedom, values, null = _normalised_errors(good, name, estimator.structure)
             theory = expected_of_claims(estimator, name, good, self.name)
             statistics.append(RecordStatistic(name, values, run, null, theory, NO_COVARIANCE, len(good)))
             if len(values) < needed(run) or not np.isfinite(values).all():
                 continue
-            if freedom:
-                p_value = float(kstest(values * freedom, chi2(freedom).cdf).pvalue)
-            else:
-                p_value = float(ks_2samp(values, null).pvalue)
+            # The distribution of the response's errors is known by its null records alone.
+            test = kstest(values * freedom, chi2(freedom).cdf) if freedom else ks_2samp(values, null)
+            quantity = "parameters" if freedom else "response"
             curves[name] = {
-                "of": "parameters" if freedom else "response",
+                "of": quantity,
                 "degrees_of_freedom": freedom or None,
                 "records": np.sort(values).tolist(),
-                "kolmogorov_smirnov_p": p_value,
+                "kolmogorov_smirnov_p": float(test.pvalue),
             }
         return self.of_parts(
             mean_parts(statistics, UNIT_SQUARE, budget),
@@ -200,6 +203,18 @@ class NormalisedError(AccuracyMetric):
             "and 5 % of it; the whole distribution is shown, not judged",
             curves,
         )
+
+
+def _normalised_errors(good: Measurements, name: str, structure: str | None) -> tuple[int, FloatArray, FloatArray]:
+    """Degrees of freedom, values by record and those of perfect records; 0 degrees where they are of the response."""
+    of_parameters = [m for m in good if m.parameters > 0 and not np.isnan(m.normalised_error)]
+    counts = {m.parameters for m in of_parameters}
+    if len(of_parameters) >= needed(len(good)) and len(counts) == 1:
+        freedom = counts.pop()
+        values = np.array([m.normalised_error / freedom for m in of_parameters])
+        return freedom, values, null_chi_square(freedom)
+    values = claimed_values(good, name, structure, normalised_square)
+    return 0, values, null_distribution(name, structure, normalised_square, 1.0)
 
 
 class ResponseError(AccuracyMetric):
@@ -246,12 +261,12 @@ def _worst_frequency(
 ) -> Part:
     """The frequency at which the mean of squares (n, nf, ny, nu) lies furthest from its limits."""
     low, high = limits_by_frequency(name, structure, len(ratios), false_alarm)
-    parts = []
-    for place in map(tuple, np.argwhere(np.isfinite(low))):
-        limits = UNIT_SQUARE.with_slack(float(low[place]), float(high[place]))
-        label = f"{name} at {problem(name).frequencies[place[0]]:.3g} Hz"
-        parts.append(UNIT_SQUARE.mean(label, ratios[(slice(None), *place)], theory, limits))
-    return max(parts, key=lambda part: (np.isinf(part.value), excess(part)))
+    by_frequency = []
+    for index in map(tuple, np.argwhere(np.isfinite(low))):
+        limits = UNIT_SQUARE.with_slack(float(low[index]), float(high[index]))
+        label = f"{name} at {problem(name).frequencies[index[0]]:.3g} Hz"
+        by_frequency.append(UNIT_SQUARE.mean(label, ratios[(slice(None), *index)], theory, limits))
+    return max(by_frequency, key=lambda p: (np.isinf(p.value), excess(p)))
 
 
 @lru_cache(maxsize=256)
@@ -264,9 +279,11 @@ def limits_by_frequency(
 
 def _root(part: Part) -> Part:
     """The part of mean squares as one of root mean squares."""
-    (low, high), (least, most) = (np.sqrt(np.maximum(ends, 0.0)).tolist() for ends in (part.interval, part.limits))
-    least = least if np.isfinite(part.limits[0]) else -np.inf
-    return replace(part, value=float(np.sqrt(part.value)), interval=(low, high), limits=(least, most))
+    low, high = np.sqrt(np.maximum(part.interval, 0.0)).tolist()
+    lower_limit, upper_limit = np.sqrt(np.maximum(part.limits, 0.0)).tolist()
+    if not np.isfinite(part.limits[0]):
+        lower_limit = -np.inf
+    return replace(part, value=float(np.sqrt(part.value)), interval=(low, high), limits=(lower_limit, upper_limit))
 
 
 def _response_curves(good: Measurements, name: str, structure: str | None) -> Mapping[str, Any]:
@@ -275,13 +292,20 @@ def _response_curves(good: Measurements, name: str, structure: str | None) -> Ma
     frequencies = problem(name).frequencies
     true = problem(name).truth.frequency_response(frequencies)
     square = np.mean([np.abs(m.response - true) ** 2 for m in good if m.response is not None], axis=0)
-    covariances = [covariance for m in good if (covariance := claimed_covariance(m)) is not None]
-    claimed = [np.trace(covariance, axis1=-2, axis2=-1) for covariance in covariances]
+    claimed = []
+    for m in good:
+        covariance = claimed_covariance(m)
+        if covariance is not None:
+            # The variance of a complex number: that of its real and that of its imaginary part.
+            claimed.append(np.trace(covariance, axis1=-2, axis2=-1))
+    mean_claim = np.sqrt(np.mean(claimed, axis=0)).tolist() if claimed else None
+    deviation = np.sqrt(np.sum(bound.response_directions**2, axis=(0, -1)))
+    relative_error = float(np.sqrt(np.mean(square) / np.mean(np.abs(true) ** 2)))
     return {
         "frequencies_hz": frequencies.tolist(),
         "truth": np.abs(true).tolist(),
         "error": np.sqrt(square).tolist(),
-        "claimed": np.sqrt(np.mean(claimed, axis=0)).tolist() if claimed else None,
-        "bound": np.sqrt(np.sum(bound.response_directions**2, axis=(0, -1))).tolist(),
-        "relative_error_percent": 100.0 * float(np.sqrt(np.mean(square) / np.mean(np.abs(true) ** 2))),
+        "claimed": mean_claim,
+        "bound": deviation.tolist(),
+        "relative_error_percent": 100.0 * relative_error,
     }

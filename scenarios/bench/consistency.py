@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 
@@ -53,25 +54,29 @@ class NoiseFreeRecovery(MetricDefinition):
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """One record of a system of each order and delay, or several."""
-        names = [f"quiet-{order}-{delay}" for order in ORDERS for delay in DELAYS]
-        return tuple(Trial(name, draw) for name in names for draw in range(DRAWS[effort]))
+        trials = []
+        for order, delay in product(ORDERS, DELAYS):
+            trials += [Trial(f"quiet-{order}-{delay}", draw) for draw in range(DRAWS[effort])]
+        return tuple(trials)
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """Count the digits; without noise no verdict depends on chance."""
         parts = [_digits(name, good, run) for name, (good, run) in evidence.by_problem().items()]
-        values = {part.label: part.value for part in parts}
-        table = [[values.get(f"quiet-{order}-{delay}") for delay in DELAYS] for order in ORDERS]
+        digits = {p.label: p.value for p in parts}
+        table = []
+        for order in ORDERS:
+            table.append([digits.get(f"quiet-{order}-{delay}") for delay in DELAYS])
         why = (
             f"digits of the response that are right without noise where order and delay are given, the fewest of all "
             f"orders and delays; {DEMANDED:g} are demanded"
         )
-        judged = [part for part in parts if part.passed is not None]
-        faults = {part.why for part in judged if not part.passed}
+        judged = [p for p in parts if p.passed is not None]
+        faults = {p.why for p in judged if not p.passed}
         if len(faults) == 1 and (fault := faults.pop()):
             why += f"; {WHERE_IT_FAILS}{fault}"
         curves = {"orders": list(ORDERS), "delays": list(DELAYS), "digits": table}
         # `excess` is 0 for all that pass: the worst is the one with the fewest digits
-        worst = min(judged, key=lambda part: part.value, default=None)
+        worst = min(judged, key=lambda p: p.value, default=None)
         metric = self.of_parts(parts, 0.0, why, curves, shown=worst)
         if metric.passed and 2 * len(judged) < len(parts):
             missing = f"; no verdict: {len(judged)} of {len(parts)} systems have a model"
@@ -88,7 +93,9 @@ def _digits(name: str, good: Sequence[Measurement], run: int) -> Part:
     estimates = responses(good)
     errors = [np.sqrt(np.mean(np.abs(response - true) ** 2)) / size for response in estimates]
     digits = float(np.min(-np.log10(np.maximum(errors, 10.0**-MOST_DIGITS)))) + 0.0  # no -0
-    fault = "" if digits >= DEMANDED else recognised_fault(estimates, true, frequencies, truth.dt, 10.0**-DEMANDED)
+    fault = ""
+    if not digits >= DEMANDED:
+        fault = recognised_fault(estimates, true, frequencies, truth.dt, 10.0**-DEMANDED)
     theory = Expectation(True, fault and f"the response is {fault}")
     return Part.judged(name, digits, DEMANDED, (digits, digits), (DEMANDED, np.inf), theory, len(good))
 
@@ -105,11 +112,16 @@ def recognised_fault(
         dt: Sampling interval, s.
         tolerance: Relative root mean square error up to which responses count as equal.
     """
+    # The response of a delay by one sample.
     turn = np.exp(-2j * np.pi * frequencies * dt)[:, None, None]
     faults = {
-        f"{abs(n)} sample{'s' * (abs(n) > 1)} {'late' if n > 0 else 'early'}": true * turn**n for n in (1, 2, -1, -2)
+        "1 sample late": true * turn,
+        "2 samples late": true * turn**2,
+        "1 sample early": true * turn**-1,
+        "2 samples early": true * turn**-2,
+        "of the wrong sign": -true,
     }
-    faults["of the wrong sign"] = -true
+    # The real gain that brings the truth nearest to the estimates.
     gain = float(np.mean([np.vdot(true, response).real for response in estimates]) / np.vdot(true, true).real)
     faults[f"{gain:.8g} times the truth"] = gain * true
     for fault, expected in faults.items():
@@ -134,8 +146,11 @@ class Consistency(MetricDefinition):
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Records of three lengths."""
-        names = [f"{name}@{samples}" for name in (QUICK if effort == "quick" else FULL) for samples in LENGTHS]
-        return tuple(Trial(name, draw) for name in names for draw in range(RECORDS * DRAWS[effort]))
+        problems = QUICK if effort == "quick" else FULL
+        trials = []
+        for name, samples in product(problems, LENGTHS):
+            trials += [Trial(f"{name}@{samples}", draw) for draw in range(RECORDS * DRAWS[effort])]
+        return tuple(trials)
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """Fit the slopes."""
@@ -144,16 +159,17 @@ class Consistency(MetricDefinition):
             name, _, samples = key.partition("@")
             problems.setdefault(name, {})[int(samples)] = records
         budget = evidence.false_alarm * self.verdicts
-        pairs = [
-            _slope_part(name, dict(sorted(records.items())), evidence.estimator, budget / len(problems))
-            for name, records in problems.items()
-        ]
+        parts, curves = [], {}
+        for name, records in problems.items():
+            by_length = dict(sorted(records.items()))
+            slope, curves[name] = _slope_part(name, by_length, evidence.estimator, budget / len(problems))
+            parts.append(slope)
         return self.of_parts(
-            [part for part, _ in pairs],
+            parts,
             budget,
             "slope of log root mean square error of the response over log number of samples, -0.5 in the limit; "
             f"flatter than chance allows a perfect estimator, and {SLACK} more, fails",
-            {part.label: curve for part, curve in pairs},
+            curves,
         )
 
 
@@ -166,15 +182,9 @@ def _slope_part(
 ) -> tuple[Part, dict[str, list[float]]]:
     """The slope on a problem, and its points for drawing."""
     lengths = tuple(records)
-    too_few = [
-        f"{len(good)} of {run} at {samples} samples, at least {needed(run)} are needed"
-        for samples, (good, run) in records.items()
-        if len(good) < needed(run)
-    ]
-    if too_few:
-        return unjudged(name, f"no verdict: records with a model: {', '.join(too_few)}"), {}
-    if len(lengths) < 2:
-        return unjudged(name, "no verdict: there is only one length"), {}
+    obstacle = _why_no_slope(records)
+    if obstacle:
+        return unjudged(name, f"no verdict: {obstacle}"), {}
     longest = bound_for(f"{name}@{lengths[-1]}", estimator.structure)
     # the weight of the longest records for all lengths, so that the slope is that of the errors alone
     weight = longest.response_covariance
@@ -185,19 +195,38 @@ def _slope_part(
     counts = tuple(len(values) for values in squares)
     means = [np.mean(values) for values in squares]
     slope = float(_slopes(lengths, np.array([means]))[0])
-    spreads = np.array([np.std(values, ddof=1) / np.sqrt(len(values)) / np.mean(values) for values in squares])
-    half = NORMAL_95 * float(np.linalg.norm(_slope_weights(lengths) * spreads / 2.0))
+    half = _half_width_of_slope(lengths, squares)
+    interval = (slope - half, slope + half)
     null = perfect_slopes(name, estimator.structure, lengths, counts)
     limits = (-np.inf, limits_of_mean([null], [1], false_alarm, low=False)[1] + SLACK)
     theory = expectation(estimator, name, "consistency")
-    interval = (slope - half, slope + half)
-    part = Part.judged(name, slope, float(np.mean(null)), interval, limits, theory, sum(counts))
+    judged = Part.judged(name, slope, float(np.mean(null)), interval, limits, theory, sum(counts))
     perfect = [np.mean(values) for values in _null_squares(name, estimator.structure, lengths)]
-    return part, {
+    return judged, {
         "samples": [float(samples) for samples in lengths],
         "error": np.sqrt(means).tolist(),
         "bound": np.sqrt(perfect).tolist(),
     }
+
+
+def _why_no_slope(records: Records) -> str:
+    """Why no slope can be judged; empty where it can."""
+    too_few = []
+    for samples, (good, run) in records.items():
+        if len(good) < needed(run):
+            too_few.append(f"{len(good)} of {run} at {samples} samples, at least {needed(run)} are needed")
+    if too_few:
+        return f"records with a model: {', '.join(too_few)}"
+    return "there is only one length" if len(records) < 2 else ""
+
+
+def _half_width_of_slope(lengths: Sequence[int], squares: Sequence[FloatArray]) -> float:
+    """Half of the 95 % interval of a slope, by the scatter of the squares at each length."""
+    spreads = []
+    for values in squares:
+        spreads.append(np.std(values, ddof=1) / np.sqrt(len(values)) / np.mean(values))
+    # The logarithm of a root mean square has half of the relative deviation of the mean square.
+    return NORMAL_95 * float(np.linalg.norm(_slope_weights(lengths) * np.array(spreads) / 2.0))
 
 
 @lru_cache(maxsize=64)
@@ -206,10 +235,10 @@ def perfect_slopes(
 ) -> FloatArray:
     """Slopes of perfect estimators (SLOPES,), each from as many records of each length."""
     rng = np.random.default_rng(seed)
-    means = [
-        null[rng.integers(len(null), size=(SLOPES, count))].mean(axis=1)
-        for null, count in zip(_null_squares(name, structure, lengths), counts, strict=True)
-    ]
+    means = []
+    for null, count in zip(_null_squares(name, structure, lengths), counts, strict=True):
+        drawn = null[rng.integers(len(null), size=(SLOPES, count))]
+        means.append(drawn.mean(axis=1))
     return _slopes(lengths, np.stack(means, axis=1))
 
 
@@ -218,10 +247,11 @@ def _null_squares(name: str, structure: str | None, lengths: tuple[int, ...]) ->
     """Squared errors of a perfect estimator at each length, in variances of the longest (M,) each."""
     bounds = [bound_for(f"{name}@{samples}", structure) for samples in lengths]
     weight = bounds[-1].response_covariance
-    return tuple(
-        statistic_of_perfect(bound, variance_ratio, covariance=weight, seed=(SEED, place))
-        for place, bound in enumerate(bounds)
-    )
+    nulls = []
+    for index, bound in enumerate(bounds):
+        # Records of different lengths are independent, so each has a seed of its own.
+        nulls.append(statistic_of_perfect(bound, variance_ratio, covariance=weight, seed=(SEED, index)))
+    return tuple(nulls)
 
 
 def _slope_weights(lengths: Sequence[int]) -> FloatArray:

@@ -29,6 +29,7 @@ from scenarios.problems.registry import problem as find_problem
 from scenarios.problems.trial import ASKS, TWIN, Trial
 from sysid import IOData, SysidWarning
 from sysid.models.frequency_response import NORMAL_95
+from sysid.validation import CramerRaoBound
 
 FAMILY = re.compile("[-@]")
 """Ends the first word of a problem's name, its family."""
@@ -92,14 +93,15 @@ def remaining_jobs(wanted: Sequence[Iterable[Trial]], done: Sequence[Collection[
         done: Keys of those that are done, by estimator.
     """
     requests: dict[tuple[int, str], list[tuple[str, int]]] = {}
-    for number, (trials, keys) in enumerate(zip(wanted, done, strict=True)):
+    for estimator, (trials, keys) in enumerate(zip(wanted, done, strict=True)):
         for trial in trials:
             if trial.key not in keys:
-                requests.setdefault((trial.draw, trial.problem), []).append((trial.ask, number))
-    return tuple(
-        RecordJob(problem, draw, tuple(sorted(pairs, key=lambda one: (ASKS.index(one[0]), one[1]))))
-        for (draw, problem), pairs in sorted(requests.items())
-    )
+                requests.setdefault((trial.draw, trial.problem), []).append((trial.ask, estimator))
+    jobs = []
+    for (draw, problem), of_record in sorted(requests.items()):
+        ordered = sorted(of_record, key=lambda request: (ASKS.index(request[0]), request[1]))
+        jobs.append(RecordJob(problem, draw, tuple(ordered)))
+    return tuple(jobs)
 
 
 def interleaved(jobs: Iterable[RecordJob]) -> tuple[RecordJob, ...]:
@@ -110,12 +112,12 @@ def interleaved(jobs: Iterable[RecordJob]) -> tuple[RecordJob, ...]:
     families: dict[str, list[RecordJob]] = {}
     for job in jobs:
         families.setdefault(FAMILY.split(job.problem)[0], []).append(job)
-    places = {
-        job: ((place + 0.5) / len(family), name)
-        for name, family in families.items()
-        for place, job in enumerate(family)
-    }
-    return tuple(sorted(places, key=places.__getitem__))
+    # Each job stands at its share of its own family; families that meet there go by name.
+    shares: dict[RecordJob, tuple[float, str]] = {}
+    for name, family in families.items():
+        for index, job in enumerate(family):
+            shares[job] = ((index + 0.5) / len(family), name)
+    return tuple(sorted(shares, key=shares.__getitem__))
 
 
 def twin_trials(jobs: Iterable[RecordJob]) -> list[Trial]:
@@ -132,25 +134,31 @@ def perfect(problem: Problem, task: Task, seed: int) -> EstimatorOutcome:
     the rest of a distribution after redrawing has another covariance. The error belongs to the record, by its seed.
     """
     fit = problem.task(task.structure)
+    bound = problem.bound(task.structure)
     if not task.chooses and (fit is None or dict(task.orders) != dict(fit.orders)):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SysidWarning)  # a model that is too small is known not to fit
             answer = Answer(prediction_error(problem.draw(seed), task).model)
+    elif bound is not None and isinstance(problem, LinearProblem | MimoProblem):
+        answer = _efficient_answer(problem, task.structure, seed, bound)
     else:
-        bound = problem.bound(task.structure)
-        if bound is not None and isinstance(problem, LinearProblem | MimoProblem):
-            model, polynomials = problem.realise(task.structure, problem.efficient(task.structure, seed))
-            # the coordinates of a state space are its own: no covariance of parameters is claimed
-            polynomials = None if task.structure == "ss" else polynomials
-            covariance = None if polynomials is None else bound.covariance
-            hz, factor = model.bandwidth(), np.exp(NORMAL_95 * bound.bandwidth_deviation)
-            interval = (hz / factor, np.minimum(hz * factor, 0.5 / model.dt))
-            answer = Answer(model, polynomials, covariance, bound.response_covariance, interval)
-        else:
-            answer = Answer(problem.scattered(seed))
+        answer = Answer(problem.scattered(seed))
     if not answer.model.input_path().is_stable():
         return EstimatorOutcome("unstable", "the error of a perfect estimate makes it unstable", answer=answer)
     return EstimatorOutcome(MODEL, answer=answer)
+
+
+def _efficient_answer(problem: LinearProblem | MimoProblem, structure: str, seed: int, bound: CramerRaoBound) -> Answer:
+    """The truth with an error of the Cramér-Rao covariance, claiming exactly that."""
+    model, polynomials = problem.realise(structure, problem.efficient(structure, seed))
+    # The coordinates of a state space are its own: no covariance of parameters is claimed.
+    if structure == "ss":
+        polynomials = None
+    covariance = None if polynomials is None else bound.covariance
+    # The deviation is that of the logarithm; above the Nyquist frequency a sampled model has no bandwidth.
+    hz, factor = model.bandwidth(), np.exp(NORMAL_95 * bound.bandwidth_deviation)
+    interval = (hz / factor, np.minimum(hz * factor, 0.5 / model.dt))
+    return Answer(model, polynomials, covariance, bound.response_covariance, interval)
 
 
 class Runner:
@@ -177,21 +185,15 @@ class Runner:
             All results at the end: the reference time is measured before the first request and after the last.
         """
         problem = find_problem(job.problem)
-        # the first estimator finds caches as the record left them: another one at every draw
-        first = job.draw % max(1, len(job.requests))
-        requests = [
-            (number, Trial(job.problem, job.draw, ask), task)
-            for ask, number in job.requests[first:] + job.requests[:first]
-            if (task := problem.task(self._setup.estimators[number].structure, ask)) is not None
-        ]
+        requests = self._requests(job, problem)
         if not requests:
             return
         # Bounds and starts are outside the time of any trial, because they are made once for many of them.
-        for number, _, task in requests:
+        for estimator, _, task in requests:
             problem.bound(task.structure)
             # An error of the first start is one of the command line, and ends the run.
-            if number not in self._opened and not self._setup.estimators[number].is_perfect:
-                self._process(number)
+            if estimator not in self._opened and not self._setup.estimators[estimator].is_perfect:
+                self._process(estimator)
         begun = perf_counter()
         seed = requests[0][1].seed(self._setup.seed)
         record = problem.draw(seed)
@@ -199,32 +201,44 @@ class Runner:
         ruler.measure()
         shared = (perf_counter() - begun) / len(requests)
         outcomes: list[tuple[EstimatorOutcome, float]] = []
-        for number, trial, task in requests:
+        for estimator, trial, task in requests:
             begun = perf_counter()
             seeded = replace(task, seed=task_seed(self._setup.seed, trial.key))
-            outcomes.append((self._ask(number, problem, seeded, record, seed), perf_counter() - begun))
+            outcomes.append((self._ask(estimator, problem, seeded, record, seed), perf_counter() - begun))
         ruler.measure()
-        for (number, trial, task), (outcome, wall) in zip(requests, outcomes, strict=True):
+        for (estimator, trial, task), (outcome, wall) in zip(requests, outcomes, strict=True):
             begun = perf_counter()
             measurement = measure(problem, trial, task, record, outcome, ruler_seconds=ruler.seconds)
-            yield TrialResult(number, measurement, shared + wall + perf_counter() - begun)
+            yield TrialResult(estimator, measurement, shared + wall + perf_counter() - begun)
 
-    def _ask(self, number: int, problem: Problem, task: Task, record: IOData, seed: int) -> EstimatorOutcome:
-        if self._setup.estimators[number].is_perfect:
+    def _requests(self, job: RecordJob, problem: Problem) -> list[tuple[int, Trial, Task]]:
+        """Estimator, trial and task of each request that the estimator's structure allows."""
+        # The first estimator finds caches as the record left them: another one at every draw.
+        first = job.draw % max(1, len(job.requests))
+        requests = []
+        for ask, estimator in job.requests[first:] + job.requests[:first]:
+            task = problem.task(self._setup.estimators[estimator].structure, ask)
+            if task is not None:
+                requests.append((estimator, Trial(job.problem, job.draw, ask), task))
+        return requests
+
+    def _ask(self, estimator: int, problem: Problem, task: Task, record: IOData, seed: int) -> EstimatorOutcome:
+        if self._setup.estimators[estimator].is_perfect:
             return perfect(problem, task, seed)  # its error belongs to the noise of the record
         try:
-            return self._process(number).ask(record, task)
+            return self._process(estimator).ask(record, task)
         # An estimator that makes the bench's own code fail has failed; the others go on.
         except Exception as error:
             with suppress(Exception):
-                self._processes.pop(number).__exit__(None, None, None)
+                self._processes.pop(estimator).__exit__(None, None, None)
             return EstimatorOutcome("crash", f"its process failed: {type(error).__name__}: {error}"[:300])
 
-    def _process(self, number: int) -> EstimatorProcess:
-        if number not in self._processes:
-            self._processes[number] = EstimatorProcess(self._setup.estimators[number], self._setup.limits).__enter__()
-            self._opened.add(number)
-        return self._processes[number]
+    def _process(self, estimator: int) -> EstimatorProcess:
+        if estimator not in self._processes:
+            process = EstimatorProcess(self._setup.estimators[estimator], self._setup.limits)
+            self._processes[estimator] = process.__enter__()
+            self._opened.add(estimator)
+        return self._processes[estimator]
 
 
 _THREAD = local()
@@ -246,14 +260,13 @@ def run_jobs(setup: BenchSetup, jobs: Sequence[RecordJob]) -> Iterator[TrialResu
         return
     # A worker elsewhere serves many runs: it closes the estimators after each batch.
     with tempfile.TemporaryDirectory(prefix="hmtb-verify-") as folder:
-        estimators = tuple(
-            files.unpacked(estimator, Path(folder) / str(number))
-            for number, (estimator, files) in enumerate(zip(setup.estimators, setup.files, strict=True))
-        )
+        estimators = []
+        for index, (estimator, files) in enumerate(zip(setup.estimators, setup.files, strict=True)):
+            estimators.append(files.unpacked(estimator, Path(folder) / str(index)))
         if twins := twin_trials(jobs):
             from scenarios.problems.twin_records import prepare  # it loads the physics
 
             prepare(twins, setup.seed, threads=1)
-        with closing(Runner(replace(setup, estimators=estimators))) as runner:
+        with closing(Runner(replace(setup, estimators=tuple(estimators)))) as runner:
             for job in jobs:
                 yield from runner.run(job)

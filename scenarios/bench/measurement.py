@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -76,7 +76,7 @@ class Measurement(Locked):
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> "Measurement":
         """Read a table of `to_table`."""
-        values = {name: _array(value) for name, value in table.items() if name != "trial"}
+        values = {name: _restored(value) for name, value in table.items() if name != "trial"}
         return cls(trial=Trial(**table["trial"]), **values)
 
 
@@ -87,11 +87,12 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Trial):
         return vars(value)
     if np.iscomplexobj(value):
+        # JSON has no complex numbers.
         return {"complex": np.stack((value.real, value.imag), axis=-1).tolist()}
     return {"real": value.tolist()} if isinstance(value, np.ndarray) else value
 
 
-def _array(value: Any) -> Any:
+def _restored(value: Any) -> Any:
     if not isinstance(value, dict):
         return value
     if "complex" in value:
@@ -118,67 +119,74 @@ def measure(
         outcome: The estimator's answer, or its failure.
         ruler_seconds: Of the fixed problem on the same record; see `Ruler`.
     """
-    costs: dict[str, Any] = {
-        "seconds": outcome.seconds,
-        "ruler_seconds": ruler_seconds,
-        "peak_bytes": outcome.peak_bytes,
-    }
+    seconds, peak_bytes = outcome.seconds, outcome.peak_bytes
+    costs = Measurement(trial, MODEL, seconds=seconds, ruler_seconds=ruler_seconds, peak_bytes=peak_bytes)
     answer = outcome.answer
     if outcome.kind != MODEL or answer is None:
-        return Measurement(trial, outcome.kind, outcome.why, **costs)
+        return replace(costs, kind=outcome.kind, why=outcome.why)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         # Warnings of an uncertain bandwidth, of a predictor that is not stable, of poles close to the unit circle: the
         # measurements show each of them.
         warnings.simplefilter("ignore", SysidWarning)
         warnings.simplefilter("ignore", LinAlgWarning)
         try:
-            claim = None
-            if answer.polynomials is not None and answer.covariance is not None:
-                claim = known_parameters(answer.covariance, answer.polynomials, answer.model, record, task)
-            whiteness, independence = _residual_tests(answer, record)
-            return Measurement(
-                trial,
-                MODEL,
-                **costs,
-                order=dynamic_order(answer.model),
-                response=answer.model.frequency_response(problem.frequencies),
-                response_covariance=answer.response_covariance,
-                parameters=0 if claim is None else len(claim.parameters),
-                bandwidth_hz=answer.model.bandwidth(),
-                bandwidth_ci95=None if answer.bandwidth_ci95 is None else np.stack(answer.bandwidth_ci95),
-                whiteness_p=whiteness,
-                independence_p=independence,
-                nonparametric=problem.nonparametric(record),
-                **_errors(claim, task, problem.bound(task.structure) if trial.ask == "fit" else None),
-            )
+            return _measured(costs, answer, problem, task, record)
         except NoModelError as error:
-            return Measurement(trial, error.kind, str(error), **costs)
+            return replace(costs, kind=error.kind, why=str(error))
         except (SysidError, LinAlgError) as error:
-            return Measurement(trial, "malformed", f"a model that cannot be evaluated: {error}", **costs)
+            return replace(costs, kind="malformed", why=f"a model that cannot be evaluated: {error}")
+
+
+def _measured(costs: Measurement, answer: Answer, problem: Problem, task: Task, record: IOData) -> Measurement:
+    """Measurements of a model beside its costs."""
+    claim = None
+    if answer.polynomials is not None and answer.covariance is not None:
+        claim = known_parameters(answer.covariance, answer.polynomials, answer.model, record, task)
+    parameters = 0 if claim is None else len(claim.parameters)
+    bandwidth_ci95 = None if answer.bandwidth_ci95 is None else np.stack(answer.bandwidth_ci95)
+    whiteness_p, independence_p = _residual_tests(answer, record)
+    # Models of other orders than the truth's have no true parameters.
+    bound = problem.bound(task.structure) if costs.trial.ask == "fit" else None
+    error, covered = _parameter_errors(claim, task, bound)
+    return replace(
+        costs,
+        order=dynamic_order(answer.model),
+        response=answer.model.frequency_response(problem.frequencies),
+        response_covariance=answer.response_covariance,
+        normalised_error=error,
+        parameters=parameters,
+        covered=covered,
+        bandwidth_hz=answer.model.bandwidth(),
+        bandwidth_ci95=bandwidth_ci95,
+        whiteness_p=whiteness_p,
+        independence_p=independence_p,
+        nonparametric=problem.nonparametric(record),
+    )
 
 
 def dynamic_order(model: StateSpace) -> int:
     """Number of states from input to output of a stable model, without those that cancel."""
-    # states with a Hankel singular value below this part of the largest cancel
+    # States with a Hankel singular value below this part of the largest cancel
     return model.input_path().minimal(1e-9).order
 
 
-def _errors(claim: Estimate | None, task: Task, bound: CramerRaoBound | None) -> dict[str, Any]:
-    """Normalised error of the parameters and how many lie within their intervals; empty where they are of other orders.
+def _parameter_errors(claim: Estimate | None, task: Task, bound: CramerRaoBound | None) -> tuple[float, int]:
+    """Normalised error of the parameters and how many lie within their intervals; NaN and -1 for other orders.
 
     The parameters must correspond one by one to those of the orders in the task.
     """
     if claim is None or bound is None or len(claim.parameters) != len(bound.parameters):
-        return {}
+        return NAN, -1
+    # The coordinates of a state space are the estimator's own.
     if task.chooses or task.structure == "ss" or not isinstance(claim.realise, Realise):
-        return {}
+        return NAN, -1
     orders = {name: 0 for name in ("na", "nc", "nd", "nf")} | dict(task.orders)
     if claim.realise.orders != make_orders(len(claim.realise.orders.nb), **orders):
-        return {}
+        return NAN, -1
     error = claim.parameters - bound.parameters
     half = NORMAL_95 * np.sqrt(np.maximum(np.diag(claim.covariance), 0.0))
     covered = int((np.abs(error) <= half).sum())
-    return {"normalised_error": normalised_error(error, claim.covariance), "covered": covered}
+    return normalised_error(error, claim.covariance), covered
 
 
 def _residual_tests(answer: Answer, record: IOData) -> tuple[float, float]:
@@ -191,10 +199,15 @@ def _residual_tests(answer: Answer, record: IOData) -> tuple[float, float]:
         test = resid(answer.model, record)
     except SysidError:
         return NAN, NAN
-    p = answer.polynomials
-    models_noise = (
-        answer.model.innovation_covariance is not None
-        or bool(np.any(answer.model.gain))
-        or (p is not None and all(not np.any(row[1:]) for row in (p.A, p.C, p.D)))
-    )
-    return float(np.min(test.whiteness_p)) if models_noise else NAN, float(np.min(test.independence_p))
+    whiteness_p = float(np.min(test.whiteness_p)) if _models_noise(answer) else NAN
+    return whiteness_p, float(np.min(test.independence_p))
+
+
+def _models_noise(answer: Answer) -> bool:
+    if answer.model.innovation_covariance is not None or bool(np.any(answer.model.gain)):
+        return True
+    polynomials = answer.polynomials
+    if polynomials is None:
+        return False
+    # Output error: A = C = D = 1 say that the noise is white.
+    return not any(np.any(row[1:]) for row in (polynomials.A, polynomials.C, polynomials.D))

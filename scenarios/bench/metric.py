@@ -191,10 +191,13 @@ class MetricDefinition(ABC):
         """
         parts = parts or [unjudged("all", "no verdict: no record was run")]
         shown = shown or worst_part(parts)
-        decisive = any(part.passed is not None and part.theory for part in parts)
-        reasons = [part.why for part in parts if part.passed is False and not part.theory]
+        decisive = any(p.passed is not None and p.theory for p in parts)
+        reasons = [p.why for p in parts if p.passed is False and not p.theory]
         if not decisive:
-            reasons += [part.why for part in parts if part.passed is None]
+            reasons += [p.why for p in parts if p.passed is None]
+        passed = not any(p.surprises for p in parts) if decisive else None
+        # Many parts share a reason: each is told once.
+        distinct_reasons = dict.fromkeys(filter(None, (why, *reasons)))
         return Metric(
             name=self.name,
             title=self.title,
@@ -202,9 +205,9 @@ class MetricDefinition(ABC):
             value=shown.value,
             expected=shown.expected,
             interval=shown.interval,
-            passed=not any(part.surprises for part in parts) if decisive else None,
+            passed=passed,
             false_alarm=false_alarm,
-            why="; ".join(dict.fromkeys(filter(None, (why, *reasons)))),
+            why="; ".join(distinct_reasons),
             parts=tuple(parts),
             curves=curves or {},
         )
@@ -233,10 +236,10 @@ def worst_part(parts: Sequence[Part]) -> Part:
     Args:
         parts: At least one; without any verdict it is the first that has a value.
     """
-    judged = [part for part in parts if part.surprises] or [part for part in parts if part.passed is not None]
+    judged = [p for p in parts if p.surprises] or [p for p in parts if p.passed is not None]
     if judged:
-        return max(judged, key=lambda part: (part.passed is False, excess(part)))
-    return next((part for part in parts if np.isfinite(part.value)), parts[0])
+        return max(judged, key=lambda p: (p.passed is False, excess(p)))
+    return next((p for p in parts if np.isfinite(p.value)), parts[0])
 
 
 def excess(part: Part) -> float:
@@ -269,5 +272,8 @@ def all_pass(metrics: Mapping[str, Metric]) -> bool:
     judging = [metric for name, metric in metrics.items() if name not in INFORMATIVE_ONLY]
     if not judging:
         return any(math.isfinite(metric.value) for metric in metrics.values())
-    # a verdict that theory expects to fail counts too
-    return any(passed is not None for m in judging for passed in (m.passed, *(part.passed for part in m.parts)))
+    # A verdict that theory expects to fail counts too: it is one of a part, not of the metric.
+    verdicts = [metric.passed for metric in judging]
+    for metric in judging:
+        verdicts += [p.passed for p in metric.parts]
+    return any(passed is not None for passed in verdicts)

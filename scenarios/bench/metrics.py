@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -46,7 +47,8 @@ class OverAllTrials(MetricDefinition):
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Those of all other metrics, each once, in the order of the metrics."""
-        return tuple(dict.fromkeys(trial for metric in self.others for trial in metric.trials(effort)))
+        trials = chain.from_iterable(metric.trials(effort) for metric in self.others)
+        return tuple(dict.fromkeys(trials))
 
 
 class Reliability(OverAllTrials):
@@ -69,35 +71,36 @@ class Reliability(OverAllTrials):
         counted = [m for m, request in requests if request in answered]
         failed = [m for m in counted if m.kind != MODEL]
         kinds, total, refused = Counter(m.kind for m in counted), len(counted), len(requests) - len(counted)
+        theory = {failure: Expectation(True, KINDS[failure]) for failure in FAILURES}
         no_guarantee = LIMITATIONS.get(f"{UNSTABLE}_{evidence.estimator.method}")
-        whys = {**KINDS, REFUSED: "refused on some records of a problem and answered on others"}
-        if excused := no_guarantee is not None and 2 * kinds[MODEL] >= total:
-            whys[UNSTABLE] = no_guarantee.why
-        parts = [
-            Part.judged(
-                kind,
-                _percent(kinds[kind], total),
-                0.0,
-                exact_interval_of_share(kinds[kind], total, 100.0),
-                (0.0, 0.0),
-                Expectation(not (excused and kind == UNSTABLE), whys[kind]),
-                total,
-            )
-            for kind in (*FAILURES, *[REFUSED] * (kinds[REFUSED] > 0))
-            if total
-        ]
+        if no_guarantee is not None and 2 * kinds[MODEL] >= total:
+            theory[UNSTABLE] = Expectation(False, no_guarantee.why)
+        if kinds[REFUSED]:
+            theory[REFUSED] = Expectation(True, "refused on some records of a problem and answered on others")
+        parts = []
+        if total:
+            for failure, expected in theory.items():
+                percent, interval = _percent(kinds[failure], total), _interval(kinds[failure], total)
+                parts.append(Part.judged(failure, percent, 0.0, interval, (0.0, 0.0), expected, total))
         why = f"{len(failed)} of {total} requests failed"
         if refused:
             why += f"; {refused} more were refused, which is no failure"
-        reasons = Counter(f"{m.kind}: {m.why}" if m.why else m.kind for m in failed)
+        reasons: Counter[str] = Counter()
+        for m in failed:
+            reason = f"{m.kind}: {m.why}" if m.why else m.kind
+            reasons[reason] += 1
         curves = {
             "reasons": dict(reasons.most_common(REASONS)),
             "problems": dict(Counter(m.trial.problem for m in failed).most_common()),
             "refused": refused,
         }
-        share = _percent(len(failed), total), 0.0, exact_interval_of_share(len(failed), total, 100.0)
+        share = _percent(len(failed), total), 0.0, _interval(len(failed), total)
         shown = unjudged("all", "no verdict: no request was answered", total, *share)
         return self.of_parts(parts or [shown], 0.0, why, curves, shown=shown)
+
+
+def _interval(count: int, total: int) -> tuple[float, float]:
+    return exact_interval_of_share(count, total, 100.0)
 
 
 def _percent(count: int, total: int) -> float:
@@ -122,6 +125,7 @@ class Speed(OverAllTrials):
         timed = [m for m in answered if m.seconds >= 0.0 and m.ruler_seconds > 0.0]
         memory = max((m.peak_bytes for m in answered), default=0)
         curves = {"percentile_95": NAN, "ruler_seconds": NAN, "peak_bytes": memory}
+        # A median of fewer than half of the answers is not that of the estimator.
         if not timed or 2 * len(timed) < len(answered):
             why = f"the time of {len(timed)} of {len(answered)} answers is known: no verdict"
             return self.of_parts([unjudged("all", why, len(timed))], 0.0, why, curves)
@@ -132,13 +136,15 @@ class Speed(OverAllTrials):
         parts = [Part.judged("all", median, NAN, interval, (-np.inf, SLOW), Expectation(True), len(timed))]
         of_all = "not judged: the verdict is on the median of all"
         for name in sorted(set(problems)):
-            own = multiples[[problem == name for problem in problems]]
-            parts.append(unjudged(name, of_all, len(own), float(np.median(own)), NAN, _interval_of_median(own)))
+            on_problem = multiples[[problem == name for problem in problems]]
+            interval = _interval_of_median(on_problem)
+            parts.append(unjudged(name, of_all, len(on_problem), float(np.median(on_problem)), NAN, interval))
         curves["percentile_95"] = float(np.percentile(multiples, 95.0))
         curves["ruler_seconds"] = float(np.median([m.ruler_seconds for m in timed]))
+        milliseconds = 1000.0 * float(np.median([m.seconds for m in timed]))
         why = (
-            f"{1000.0 * float(np.median([m.seconds for m in timed])):.3g} ms in the median here; called slow beyond "
-            f"{SLOW:g} times the reference; the most memory {memory / 2**20:.0f} MiB"
+            f"{milliseconds:.3g} ms in the median on this machine; slow beyond {SLOW:g} times the reference time; "
+            f"largest memory {memory / 2**20:.0f} MiB"
         )
         return self.of_parts(parts, 0.0, why, curves)
 
@@ -146,6 +152,7 @@ class Speed(OverAllTrials):
 def _interval_of_median(values: FloatArray) -> tuple[float, float]:
     """Order statistics about the median by the normal approximation of their ranks."""
     ordered = np.sort(values)
+    # 1.96 deviations of a binomial count of one half.
     half = 0.98 * np.sqrt(len(ordered))
     low = max(0, int(np.floor(len(ordered) / 2 - half)))
     high = min(len(ordered) - 1, int(np.ceil(len(ordered) / 2 + half)))
@@ -185,12 +192,13 @@ def metrics_named(names: Sequence[str]) -> tuple[MetricDefinition, ...]:
     Raises:
         ScenarioError: There is no metric of a name.
     """
-    known = {metric.name: metric for metric in ALL_METRICS}
+    all_names = {metric.name: metric for metric in ALL_METRICS}
     for name in names:
-        if name not in known:
-            raise ScenarioError(unknown("figure", name, known))
+        if name not in all_names:
+            raise ScenarioError(unknown("figure", name, all_names))
     if not names:
         return ALL_METRICS
     chosen = tuple(m for m in ALL_METRICS if m.name in names and not isinstance(m, OverAllTrials))
-    over_all = [kind(chosen or MODEL_METRICS) for kind in (Reliability, Speed) if kind.name in names]
+    # Alone they are over the trials of all metrics.
+    over_all = [metric(chosen or MODEL_METRICS) for metric in (Reliability, Speed) if metric.name in names]
     return (*chosen, *over_all)

@@ -80,8 +80,10 @@ class TrialJournal:
     def __init__(
         self, folder: Path, name: str, fingerprint: Mapping[str, Any], *, run: str, notify: Callable[[str], None]
     ) -> None:
-        values = {entry: json.dumps(value, sort_keys=True) for entry, value in fingerprint.items()}
-        stem, mark = file_name(name), sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
+        values = {key: json.dumps(value, sort_keys=True) for key, value in fingerprint.items()}
+        # The name of the file tells the fingerprint, so that runs with other options keep their journals.
+        mark = sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
+        stem = file_name(name)
         self.name, self.path, self.source = name, folder / f"{stem}-{mark}.sqlite", fingerprint["source"]
         for why in _remove_outdated(folder, stem, self.path, values):
             notify(f"{name}: {why}")
@@ -118,13 +120,17 @@ class TrialJournal:
 
 def _remove_outdated(folder: Path, stem: str, path: Path, values: Mapping[str, str]) -> Iterator[str]:
     """Remove journals of the same estimator that no options can bring back, and say why."""
-    own = json.loads(values["estimator"])
-    for other in sorted(folder.glob(f"{stem}-{'[0-9a-f]' * 12}.sqlite")):
-        before = read_fingerprint(other)  # None while another run has it open
-        if other == path or not before or any(json.loads(before["estimator"])[n] != own[n] for n in IDENTITY):
+    estimator = json.loads(values["estimator"])
+    for journal in sorted(folder.glob(f"{stem}-{'[0-9a-f]' * 12}.sqlite")):
+        before = read_fingerprint(journal)  # None while another run has it open
+        if journal == path or not before:
             continue
-        if changed := [words for entry, words in OUTDATING.items() if before.get(entry) != values[entry]]:
-            other.unlink(missing_ok=True)
+        estimator_before = json.loads(before["estimator"])
+        if any(estimator_before[field] != estimator[field] for field in IDENTITY):
+            continue
+        changed = [words for key, words in OUTDATING.items() if before.get(key) != values[key]]
+        if changed:
+            journal.unlink(missing_ok=True)
             yield f"{' and '.join(changed)} changed since the last run: its trials start again"
 
 
@@ -140,17 +146,22 @@ def remaining_cost(finished: Iterable[TrialResult], jobs: Iterable[RecordJob], w
     for result in finished:
         trial = result.measurement.trial
         walls[problem_kind(trial.problem), trial.ask, result.estimator].append(result.wall)
-    kinds = [(problem_kind(job.problem), *request) for job in jobs for request in job.requests]
-    seconds = float(sum(np.mean(walls[kind]) for kind in kinds if kind in walls))
+    seconds, count = 0.0, 0
+    for job in jobs:
+        for ask, estimator in job.requests:
+            count += 1
+            finished_walls = walls.get((problem_kind(job.problem), ask, estimator))
+            if finished_walls:
+                seconds += float(np.mean(finished_walls))
     core, wall = duration_text(seconds), duration_text(seconds / workers)
-    return f"{len(kinds)} requests, {core} of one core, about {wall} with all workers"
+    return f"{count} requests, {core} of one core, about {wall} with all workers"
 
 
 def pilot_jobs(jobs: Iterable[RecordJob]) -> tuple[tuple[RecordJob, ...], tuple[RecordJob, ...]]:
     """Divide jobs into the first of each kind of problem, from which the cost is learnt, and the others."""
     first: dict[str, RecordJob] = {}
-    others = [job for job in jobs if first.setdefault(problem_kind(job.problem), job) is not job]
-    return tuple(first.values()), tuple(others)
+    later = [job for job in jobs if first.setdefault(problem_kind(job.problem), job) is not job]
+    return tuple(first.values()), tuple(later)
 
 
 def problem_kind(problem: str) -> str:
@@ -184,10 +195,9 @@ class RunProgress:
     ) -> None:
         self._journals, self._report, self._notify = journals, report, notify
         self._given_up: set[int] = set()
-        self._left = [
-            {trial.key: trial for trial in trials if trial.key not in journal.done}
-            for trials, journal in zip(wanted, journals, strict=True)
-        ]
+        self._left: list[dict[str, Trial]] = []
+        for trials, journal in zip(wanted, journals, strict=True):
+            self._left.append({trial.key: trial for trial in trials if trial.key not in journal.done})
         self._total = sum(map(len, wanted))
         # The first trials start processes: their pace says nothing of that of the others.
         self.note = "the first of each kind"
@@ -197,9 +207,13 @@ class RunProgress:
         """Jobs in batches, without estimators that have been given up when a batch is taken."""
         rest = iter(jobs)
         while batch := tuple(islice(rest, size)):
-            requests = [tuple(one for one in job.requests if one[1] not in self._given_up) for job in batch]
-            if kept := tuple(replace(job, requests=some) for job, some in zip(batch, requests, strict=True) if some):
-                yield kept
+            remaining = []
+            for job in batch:
+                requests = tuple(request for request in job.requests if request[1] not in self._given_up)
+                if requests:
+                    remaining.append(replace(job, requests=requests))
+            if remaining:
+                yield tuple(remaining)
 
     def add(self, result: TrialResult) -> None:
         """Count a trial; one whose worker died may come twice."""

@@ -1,7 +1,9 @@
 """Residual tests of the identified models, of right orders and of orders too low, and the choice of orders."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain, product
 
 import numpy as np
 from scipy.stats import binom, chi2
@@ -53,82 +55,125 @@ class ResidualTestsAndOrders(MetricDefinition):
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Records of some problems with right orders, with too low ones, and without."""
-        return tuple(
-            Trial(name, draw, ask)
-            for name in PROBLEMS
-            for ask, records in RECORDS.items()
-            if ask != "select" or name in SELECTED
-            for draw in range(records * DRAWS[effort])
-        )
+        trials = []
+        for name, (ask, records) in product(PROBLEMS, RECORDS.items()):
+            if ask != "select" or name in SELECTED:
+                trials += [Trial(name, draw, ask) for draw in range(records * DRAWS[effort])]
+        return tuple(trials)
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """Count rejections and right orders."""
         return self.of_parts(
-            [part for name in PROBLEMS for part in _parts(name, evidence)],
+            list(chain.from_iterable(_parts(name, evidence) for name in PROBLEMS)),
             self.verdicts * evidence.false_alarm,
             f"rejections at the nominal {100 * LEVEL:g} % of right orders, at least {100 * POWER:g} % of orders too "
             f"low by one, at least {100 * HITS:g} % of chosen orders right",
         )
 
 
-Result = Callable[[Measurement], bool | None]
-"""Whether a model counts: is rejected, or has the right order; None where that is not known."""
+@dataclass(frozen=True)
+class ResidualTest:
+    """A test of the models of one kind of request.
+
+    Attributes:
+        name: Beginning of the label of its part.
+        ask: Kind of the requests.
+        counts: Whether a model counts: is rejected, or has the right order; None where that is not known.
+        theory: What theory expects.
+        obstacle: Why there is no such test on the problem; empty where there is.
+    """
+
+    name: str
+    ask: str
+    counts: Callable[[Measurement], bool | None]
+    theory: Expectation
+    obstacle: str = ""
 
 
 def _parts(name: str, evidence: Evidence) -> list[Part]:
     """Share of models of right orders that each test rejects, of too low ones that any does, and of right choices."""
+    structure = evidence.estimator.structure
+    size = size_of_independent_estimate(len(bound_for(name, structure).parameters))
+    return [_part(test, name, evidence, size) for test in _tests_on(name, evidence)]
+
+
+def _tests_on(name: str, evidence: Evidence) -> list[ResidualTest]:
+    """The tests on a problem, with what theory expects of each."""
     estimator = evidence.estimator
-    size = size_of_independent_estimate(len(bound_for(name, estimator.structure).parameters))
-    right, low = (problem(name).task(estimator.structure, ask) for ask in ("fit", "underfit"))
-    theory, efficient = (expectation(estimator, name, metric) for metric in ("tests_and_orders", "efficiency"))
-    if theory.passes and not efficient.passes:
-        # Tests and criteria presume an estimate at the minimum of the prediction error, or close to it.
-        why = "the excess of its error over the bound shows in the residuals, and criteria of orders compare minima"
-        theory = Expectation(False, f"{efficient.why}; {why} that it does not look for")
+    right = problem(name).task(estimator.structure, "fit")
+    too_low = problem(name).task(estimator.structure, "underfit")
+    theory = _theory_of_tests(estimator, name)
     independence = theory
-    known = [m for m in evidence.on(name) if m.kind == MODEL and m.independence_p >= 0.0]
-    if known and not theory.passes:
-        independence = _theory_of_independence(estimator, name, known)
+    tested = [m for m in evidence.on(name) if m.kind == MODEL and m.independence_p >= 0.0]
+    if tested and not theory.passes:
+        independence = _theory_of_independence(estimator, name, tested)
+    # An order that is too low for the disturbance alone is no fault of a model without one.
+    dynamics = too_low is not None and dynamic_order(problem(name).truth) > order_of(too_low)
 
     def rejected_low(m: Measurement) -> bool | None:
         if m.whiteness_p >= 0.0 or (m.independence_p >= 0.0 and dynamics):
             return m.whiteness_p < LEVEL or m.independence_p < LEVEL
         return None
 
-    # an order that is too low for the disturbance alone is no fault of a model without one
-    dynamics = low is not None and dynamic_order(problem(name).truth) > order_of(low)
-    no_low = "" if low else "its structure has no order that is too low"
-    no_right = "" if right else "its structure does not hold the dynamics"
+    def order_is_right(m: Measurement) -> bool | None:
+        return m.order == right_order if m.order >= 0 else None
 
-    def rejected(p: float) -> bool | None:
-        return p < LEVEL if p >= 0.0 else None
-
-    rows: list[tuple[str, str, Result, Expectation, str]] = [
-        ("whiteness", "fit", lambda m: rejected(m.whiteness_p), theory, ""),
-        (INDEPENDENCE, "fit", lambda m: rejected(m.independence_p), independence, ""),
-        ("orders too low", "underfit", rejected_low, Expectation(True), no_low),
+    no_low = "" if too_low else "its structure has no order that is too low"
+    tests = [
+        ResidualTest("whiteness", "fit", lambda m: _rejected(m.whiteness_p), theory),
+        ResidualTest(INDEPENDENCE, "fit", lambda m: _rejected(m.independence_p), independence),
+        ResidualTest("orders too low", "underfit", rejected_low, Expectation(True), no_low),
     ]
     if name in SELECTED:
-        order = right and order_of(right)
-        rows.append(("choice", "select", lambda m: m.order == order if m.order >= 0 else None, theory, no_right))
-    parts = []
-    for test, ask, result, expected, obstacle in rows:
-        requests = evidence.on(name, ask)
-        results = [value for m in requests if m.kind == MODEL and (value := result(m)) is not None]
-        count, total = sum(results), len(results)
-        label, why = f"{test} on {name}", obstacle
-        if not why and not total and all(m.kind == REFUSED for m in requests):
-            why = (requests[0].why or "refused") if requests else "not asked"
-        if why or 2 * total < len(requests):
-            parts.append(unjudged(label, why or f"{total} of {len(requests)} records have a result: too few"))
-            continue
-        limits = (-np.inf, 100.0 * int(binom.isf(evidence.false_alarm, total, size)) / total)
-        if ask != "fit":
-            least = {"underfit": POWER, "select": HITS}[ask]
-            limits = (100.0 * int(binom.ppf(evidence.false_alarm, total, least)) / total, 100.0)
-        interval, perfect = exact_interval_of_share(count, total, 100.0), 100.0 * LEVEL if ask == "fit" else 100.0
-        parts.append(Part.judged(label, 100.0 * count / total, perfect, interval, limits, expected, total))
-    return parts
+        right_order = right and order_of(right)
+        no_right = "" if right else "its structure does not hold the dynamics"
+        tests.append(ResidualTest("choice", "select", order_is_right, theory, no_right))
+    return tests
+
+
+def _rejected(p_value: float) -> bool | None:
+    """Whether a test rejects a model; None where it was not made (NaN)."""
+    return p_value < LEVEL if p_value >= 0.0 else None
+
+
+def _theory_of_tests(estimator: Estimator, name: str) -> Expectation:
+    theory = expectation(estimator, name, "tests_and_orders")
+    efficient = expectation(estimator, name, "efficiency")
+    if efficient.passes or not theory.passes:
+        return theory
+    # Tests and criteria presume an estimate at the minimum of the prediction error, or close to it.
+    why = "the excess of its error over the bound shows in the residuals, and criteria of orders compare minima"
+    return Expectation(False, f"{efficient.why}; {why} that it does not look for")
+
+
+def _part(test: ResidualTest, name: str, evidence: Evidence, size: float) -> Part:
+    """The share of models that count, judged.
+
+    Args:
+        test: The test.
+        name: The problem.
+        evidence: Measurements.
+        size: How often the test rejects an efficient estimate that is independent of the record.
+    """
+    requests = evidence.on(name, test.ask)
+    results = [test.counts(m) for m in requests if m.kind == MODEL]
+    results = [result for result in results if result is not None]
+    count, total = sum(map(bool, results)), len(results)
+    label, why = f"{test.name} on {name}", test.obstacle
+    if not why and not requests:
+        why = "not asked"
+    elif not why and all(m.kind == REFUSED for m in requests):
+        why = requests[0].why or "refused"
+    if why or 2 * total < len(requests):
+        return unjudged(label, why or f"{total} of {len(requests)} records have a result: too few")
+    # Limits of binomial counts. Of right orders too many rejections fail, of the others too few.
+    if test.ask == "fit":
+        expected, limits = 100.0 * LEVEL, (-np.inf, 100.0 * int(binom.isf(evidence.false_alarm, total, size)) / total)
+    else:
+        share = {"underfit": POWER, "select": HITS}[test.ask]
+        expected, limits = 100.0, (100.0 * int(binom.ppf(evidence.false_alarm, total, share)) / total, 100.0)
+    interval = exact_interval_of_share(count, total, 100.0)
+    return Part.judged(label, 100.0 * count / total, expected, interval, limits, test.theory, total)
 
 
 @lru_cache(maxsize=64)
@@ -156,7 +201,7 @@ def order_of(task: Task) -> int:
     return max(orders.get("na", 0) + orders.get("nf", 0), orders["nb"] + orders["nk"] - 1)
 
 
-def _theory_of_independence(estimator: Estimator, name: str, known: Measurements) -> Expectation:
+def _theory_of_independence(estimator: Estimator, name: str, tested: Measurements) -> Expectation:
     """Of residuals and past inputs, both whitened: a model of the disturbance is not needed, if the error is small.
 
     An unbiased estimate is an efficient one with an independent error [Rao1973, sec. 5a]. The limit holds an error of
@@ -166,7 +211,7 @@ def _theory_of_independence(estimator: Estimator, name: str, known: Measurements
     expected = expectation(estimator, name, INDEPENDENCE)
     if not expected.passes:
         return expected
-    errors = error_against_bound([m for m in known if m.response is not None], name, estimator.structure)
+    errors = error_against_bound([m for m in tested if m.response is not None], name, estimator.structure)
     size = float(np.mean(errors)) if len(errors) else np.inf
     if size <= SMALL:
         return Expectation(True)

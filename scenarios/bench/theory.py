@@ -74,7 +74,9 @@ def expectation(estimator: Estimator, name: str, metric: str) -> Expectation:
         metric: Key of the metric, or `INDEPENDENCE`.
     """
     limit = limitation(estimator.method, estimator.structure, name)
-    return Expectation(True) if limit is None or metric not in limit.fails else Expectation(False, limit.why)
+    if limit is None or metric not in limit.fails:
+        return Expectation(True)
+    return Expectation(False, limit.why)
 
 
 @lru_cache(maxsize=1024)
@@ -93,15 +95,26 @@ def limitation(method: str | None, structure: str | None, name: str) -> Limitati
     if family == "twin":
         return LIMITATIONS.get(f"arm_{method}")
     if method in ("observer", "subspace"):
-        return LIMITATIONS["feedback_input" if feedback else method]
-    held = structure is None or problem(name).bound(structure) is not None
+        return _in_loop("feedback_input", method, feedback)
+    # A structure has a bound where it holds the truth, its disturbance included.
+    holds_truth = structure is None or problem(name).bound(structure) is not None
     if method == "instrumental":
-        return LIMITATIONS["instruments" if held else "instruments_feedback" if feedback else "instruments_coloured"]
-    if held:
+        if holds_truth:
+            return LIMITATIONS["instruments"]
+        return _in_loop("instruments_feedback", "instruments_coloured", feedback)
+    if holds_truth:
         return None
-    if feedback:
-        return LIMITATIONS["feedback_input" if structure == "oe" else "feedback_noise"]
-    return LIMITATIONS[{"oe": "output_error", "arx": "equation_error"}.get(structure or "", "wrong_disturbance")]
+    if structure == "oe":
+        return _in_loop("feedback_input", "output_error", feedback)
+    if structure == "arx":
+        return _in_loop("feedback_noise", "equation_error", feedback)
+    return _in_loop("feedback_noise", "wrong_disturbance", feedback)
+
+
+def _in_loop(closed: str, opened: str, feedback: bool) -> Limitation:
+    """One of two limitations, of closed and of open loop."""
+    name = closed if feedback else opened
+    return LIMITATIONS[name]
 
 
 def expected_of_claims(estimator: Estimator, name: str, good: Measurements, metric: str) -> Expectation:
@@ -121,7 +134,7 @@ def expected_of_claims(estimator: Estimator, name: str, good: Measurements, metr
     if limit.claims == "bias and scatter":
         values = error_against_bound(good, name, estimator.structure)
         null = null_distribution(name, estimator.structure, variance_ratio, 1.0)
-        # with a probability of 1e-3 the mean square error of a perfect estimator is taken as larger than the bound
+        # With a probability of 1e-3 the mean square error of a perfect estimator is taken as larger than the bound
         if np.mean(values) > SLACK * limits_of_mean([null], [len(values)], 1e-3, low=False)[1]:
             return expected
     return Expectation(
@@ -143,6 +156,7 @@ def greatest_bias(good: Measurements, name: str, structure: str | None) -> float
     errors = real_and_imaginary(responses(good) - bound.response)[:, free]
     squares: FloatArray = np.mean(np.sum(errors**2, axis=-1), axis=0)
     of_mean = np.sum(np.mean(errors, axis=0) ** 2, axis=-1)
+    # The square of a mean over n records holds 1/n of their variance, which is (squares - of_mean) n / (n - 1).
     scatter = (squares - of_mean) / (len(errors) - 1)
     with np.errstate(invalid="ignore", divide="ignore"):
         return float(np.max((of_mean - scatter) / squares))

@@ -81,4 +81,4 @@ def test_scatter_that_hides_failures_is_no_pass():
     wild = measured(lambda response: response * (1.2 + 0.5 * rng.standard_normal() + 0.5j * rng.standard_normal()))
     parts = systematic(metric(wild))
     assert parts and not any(part.passed for part in parts)
-    assert any("scatter is too large" in part.why for part in parts)
+    assert any("the estimates scatter too much" in part.why for part in parts)
