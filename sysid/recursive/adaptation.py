@@ -88,9 +88,9 @@ class Forgetting(Adaptation):
         """Check."""
         bound = "lie above 0 and not above 1"
         for name, label in (("factor", "the forgetting factor"), ("initial", "the forgetting initial factor")):
-            value = real_number(label, getattr(self, name), bound, lambda part: 0.0 < part <= 1.0)
+            value = real_number(label, getattr(self, name), bound, lambda factor: 0.0 < factor <= 1.0)
             object.__setattr__(self, name, value)
-        settling = real_number("settling", self.settling, "lie from 0 to below 1", lambda part: 0.0 <= part < 1.0)
+        settling = real_number("settling", self.settling, "lie from 0 to below 1", lambda rate: 0.0 <= rate < 1.0)
         object.__setattr__(self, "settling", settling)
 
     @property
@@ -100,6 +100,7 @@ class Forgetting(Adaptation):
 
     def enter(self, P: FloatArray) -> FloatArray:
         """Square root Q of P = Q Q'."""
+        # a parameter without variance: it stays where it is
         scale = np.sqrt(np.maximum(np.diag(P), np.finfo(float).tiny))
         values, vectors = np.linalg.eigh(P / np.outer(scale, scale))
         root = vectors * np.sqrt(np.maximum(values, ROOT_FLOOR * max(float(values[-1]), 0.0)))
@@ -118,14 +119,21 @@ class Forgetting(Adaptation):
         return self.factor - max(self.factor - self.initial, 0.0) * self.settling**steps
 
     def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
-        """See `Adaptation`."""
+        """See `Adaptation`.
+
+        With f = Q' psi and alpha = lambda + f' f, the next root is (Q - Q f f' / (alpha + sqrt(lambda alpha))) /
+        sqrt(lambda), whose square is the P of the class [Bierman1977].
+        """
         forgetting = self.decay(steps)
         projected = psi @ memory
         spread = memory @ projected
         length = float(forgetting + projected @ projected)
         shrink = 1.0 / (length + np.sqrt(forgetting * length))
         root = memory - np.outer(spread, shrink * projected)
-        return spread / length, root if forgetting == 1.0 else root / np.sqrt(forgetting)
+        # a division by 1 would cost as much as any other
+        if forgetting != 1.0:
+            root = root / np.sqrt(forgetting)
+        return spread / length, root
 
     def covariance(self, P: FloatArray, energy: float, variance: float, samples: int) -> FloatArray:
         """P times the variance, reduced since the sum of squared weights is less than their sum."""
@@ -149,22 +157,26 @@ class DirectionalForgetting(Forgetting):
         return np.stack((P, np.linalg.pinv(P, rcond=ROOT_FLOOR, hermitian=True)))
 
     def leave(self, memory: FloatArray) -> FloatArray:
-        """The first of both."""
+        """P, the first of the two."""
         return memory[0]
 
     def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
-        """See `Adaptation`."""
+        """See `Adaptation`.
+
+        Before the sample, the loss makes P grow by (1 - lambda) / (lambda psi' R psi) psi psi'; the gain is that of
+        least squares with this P. P and R are updated side by side: an inversion at every sample costs more.
+        """
         P, R = memory
-        known, spread, square = R @ psi, P @ psi, psi[:, None] * psi
-        length, forgetting = float(psi @ known), self.decay(steps)
-        lost = opened = 0.0
+        information, spread, square = R @ psi, P @ psi, psi[:, None] * psi
+        length, forgetting = float(psi @ information), self.decay(steps)
+        loss = growth = 0.0
         if length > 0.0 and forgetting < 1.0:
-            lost, opened = (1.0 - forgetting) / length, (1.0 - forgetting) / (forgetting * length)
-            spread = spread + opened * float(psi @ psi) * psi
+            loss, growth = (1.0 - forgetting) / length, (1.0 - forgetting) / (forgetting * length)
+            spread = spread + growth * float(psi @ psi) * psi
         gain = spread / (1.0 + float(psi @ spread))
         out = np.empty_like(memory)
-        out[0] = P + opened * square - gain[:, None] * spread
-        out[1] = R + square - lost * (known[:, None] * known)
+        out[0] = P + growth * square - gain[:, None] * spread
+        out[1] = R + square - loss * (information[:, None] * information)
         return gain, out
 
 
@@ -188,8 +200,11 @@ class Kalman(Locked, Adaptation):
     def __post_init__(self) -> None:
         """Check and lock."""
         walk = real_array("R1", self.R1)
-        square = walk.ndim == 2 and len(walk) == walk.shape[1]
-        if not (is_covariance(walk) if square else walk.ndim < 2 and (walk >= 0.0).all()):
+        if walk.ndim == 2 and len(walk) == walk.shape[1]:
+            valid = is_covariance(walk)
+        else:
+            valid = walk.ndim < 2 and bool((walk >= 0.0).all())
+        if not valid:
             raise SysidError(
                 f"R1 must be a number, a row or a covariance matrix, without negative variances, got {shown(self.R1)}"
             )
@@ -221,6 +236,7 @@ class Kalman(Locked, Adaptation):
         P = memory - np.outer(spread, spread) / length
         if walk.ndim == 2:
             return gain, P + walk
+        # variances alone: add them to the diagonal, without a matrix of zeros
         P.flat[:: len(P) + 1] += walk
         return gain, P
 
@@ -247,8 +263,9 @@ class Gradient(Adaptation):
     def __post_init__(self) -> None:
         """Check."""
         normalised = truth_value("normalised", self.normalised)
-        most, bound = (2.0, "be between 0 and 2") if normalised else (np.inf, "be positive")
-        gain = real_number("the gain", self.gain, bound, lambda size: 0.0 < size < most)
+        # a normalised step of 2 mirrors the error, a longer one lets it grow
+        limit, bound = (2.0, "be between 0 and 2") if normalised else (np.inf, "be positive")
+        gain = real_number("the gain", self.gain, bound, lambda size: 0.0 < size < limit)
         object.__setattr__(self, "gain", gain)
 
     @property
@@ -261,7 +278,8 @@ class Gradient(Adaptation):
         if not self.normalised:
             return self.gain * psi, memory
         length = float(psi @ psi)
-        return (self.gain / length if length > 0.0 else 0.0) * psi, memory
+        normalised_gain = self.gain / length if length > 0.0 else 0.0
+        return normalised_gain * psi, memory
 
     def covariance(self, P: FloatArray, energy: float, variance: float, samples: int) -> FloatArray:
         """Stationary covariance for small steps: half the gain times the variance of the errors."""

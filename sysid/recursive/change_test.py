@@ -8,7 +8,7 @@ import scipy
 
 from sysid.records.arrays import FloatArray
 
-SIDE = 4  # windows of the calibration below which its scatter says nothing
+FEWEST_WINDOWS = 4  # of the calibration: with fewer, Student's quantile would have no meaning
 
 
 class ChangeTest:
@@ -34,12 +34,15 @@ class ChangeTest:
             dt: Sampling interval, s.
         """
         energy = np.convolve(errors**2, np.full(window, 1.0 / window), mode="valid")
-        series = np.log(energy / variance)
-        self._window, self._mean, self._deviation = window, float(series.mean()), float(series.std())
-        self._windows = max(len(errors) / window, SIDE)
-        above = series > self._mean
+        statistics = np.log(energy / variance)
+        self._window = window
+        self._mean, self._deviation = float(statistics.mean()), float(statistics.std())
+        self._windows = max(len(errors) / window, FEWEST_WINDOWS)
+        above = statistics > self._mean
         crossings = max(int(np.sum(above[1:] & ~above[:-1])), 1)
-        z = np.sqrt(2.0 * np.log(max(crossings / (len(series) * dt) / rate, 2.0)))
+        crossing_rate = crossings / (len(statistics) * dt)
+        # Rice's formula for the level z; a rate of alarms near that of the crossings leaves no threshold
+        z = np.sqrt(2.0 * np.log(max(crossing_rate / rate, 2.0)))
         self._quantile = float(scipy.stats.t.isf(scipy.stats.norm.sf(z), self._windows - 1.0))
         self.restart()
 
@@ -51,18 +54,24 @@ class ChangeTest:
         """Level of the statistic for a model of this many parameters that was fitted to so many samples."""
         # a short stretch knows its variance and its parameters less well
         scatter = np.sqrt(1.0 + 1.0 / self._windows + self._window / samples)
-        return self._mean + float(np.log1p(parameters / samples)) + self._quantile * self._deviation * float(scatter)
+        new_errors = float(np.log1p(parameters / samples))
+        return self._mean + new_errors + self._quantile * self._deviation * float(scatter)
 
     def update(self, error: float, variance: float) -> float:
         """Return the statistic after one more error; minus infinity while the window fills."""
         self._recent.append(error)
         if len(self._recent) < self._window:
             return -np.inf
-        energy = sum(e * e for e in islice(self._recent, len(self._recent) - self._window, None))
+        in_window = islice(self._recent, len(self._recent) - self._window, None)
+        energy = sum(error * error for error in in_window)
         return float(np.log(energy / (self._window * variance)))
 
     def age(self, variance: float) -> int:
-        """Samples since the most likely time of the change, within two windows [WillskyJones1976]."""
+        """Samples since the most likely time of the change, within two windows [WillskyJones1976].
+
+        If the variance changed n samples ago to the mean square of the errors since then, r times that before, the
+        likelihood ratio is n (r - 1 - log r) / 2.
+        """
         count = np.arange(1, len(self._recent) + 1)
         ratio = np.maximum(np.cumsum(np.array(self._recent)[::-1] ** 2) / (count * variance), 1.0)
         return int(np.argmax(count * (ratio - 1.0 - np.log(ratio))))

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,16 +43,17 @@ class Channel:
 
 def regressed_channels(data: IOData, orders: Orders) -> list[Channel]:
     """Layout of the regressors of an ARX, ARMAX or OE model."""
-    sizes, nu = [orders.na, *orders.nb, orders.nc, *orders.nf], len(orders.nb)
-    ranges = list(pairwise([0, *np.cumsum(sizes).tolist()]))
-    places, colour = [slice(*one) for one in ranges], ranges[1 + nu]
-    out = [Channel(places[0], -1.0, colour, data.y[:, 0], 1)]
-    for j, (b, f) in enumerate(zip(places[1 : 1 + nu], places[2 + nu :], strict=True)):
-        own = ranges[2 + nu + j]
-        out.append(Channel(b, 1.0, own if orders.nf[j] else colour, data.u[:, j], orders.nk[j]))
-        out.append(Channel(f, -1.0, own, None, 0, (b, f)))
-    out.append(Channel(places[1 + nu], 1.0, colour, None))
-    return [c for c in out if c.place.stop > c.place.start]
+    of_a, of_b, of_c, _, of_f = orders.ranges
+    c_range = of_c.start, of_c.stop
+    channels = [Channel(of_a, -1.0, c_range, data.y[:, 0], 1)]
+    for j, (of_bj, of_fj) in enumerate(zip(of_b, of_f, strict=True)):
+        f_range = of_fj.start, of_fj.stop
+        denominator = f_range if orders.nf[j] else c_range
+        channels.append(Channel(of_bj, 1.0, denominator, data.u[:, j], orders.nk[j]))
+        channels.append(Channel(of_fj, -1.0, f_range, None, 0, (of_bj, of_fj)))
+    channels.append(Channel(of_c, 1.0, c_range, None))
+    # an order of 0 gives no regressor
+    return [channel for channel in channels if channel.place.stop > channel.place.start]
 
 
 def stable(theta: FloatArray, denominators: Iterable[Denominator]) -> bool:
@@ -101,7 +101,13 @@ def starting_state(
         P = adaptation.prior(start.covariance, variance)
     else:
         linear = all(c.signal is not None for c in channels)
-        P = np.diag((adaptation.diffuse if linear else CAUTIOUS) / _mean_squares(data, channels, p))
+        variance_at_unit_signal = adaptation.diffuse if linear else CAUTIOUS
+        P = np.diag(variance_at_unit_signal / _mean_squares(data, channels, p))
+    filters, tails = [], []
+    for channel in channels:
+        begin, end = channel.denominator
+        filters.append(np.zeros(end - begin))
+        tails.append(np.zeros(channel.delay))
     return RecursiveState(
         orders=orders,
         adaptation=adaptation,
@@ -109,9 +115,9 @@ def starting_state(
         memory=adaptation.enter(P),
         phi=np.zeros(p),
         psi=np.zeros(p),
-        filters=tuple(np.zeros(c.denominator[1] - c.denominator[0]) for c in channels),
+        filters=tuple(filters),
         generated=(0.0,) * len(channels),
-        tails=tuple(np.zeros(c.delay) for c in channels),
+        tails=tuple(tails),
         dt=data.dt,
         squares=squares,
         weight=weight,
@@ -121,6 +127,7 @@ def starting_state(
 def _resumed(
     data: IOData, orders: Orders, adaptation: Adaptation, state: RecursiveState, P0: ArrayLike | None
 ) -> RecursiveState:
+    """State of an earlier recursion, its P replaced or in the memory of another rule."""
     if state.orders != orders:
         raise SysidError(f"start: expected a recursion of {orders}, got one of {state.orders}")
     if not np.isclose(data.dt, state.dt, rtol=1e-6, atol=0.0):
@@ -133,6 +140,7 @@ def _resumed(
 
 
 def _check_structure(data: IOData, orders: Orders, start: Estimate) -> None:
+    """Refuse an estimate whose parameters have another meaning."""
     if start.parameter_names != orders.names or start.polynomials is None:
         raise SysidError(
             f"start: expected an estimate with parameters {', '.join(orders.names)}, got one by {start.method} with "
@@ -150,8 +158,9 @@ def _check_structure(data: IOData, orders: Orders, start: Estimate) -> None:
 
 
 def _matrix(name: str, value: ArrayLike, p: int) -> FloatArray:
+    """A covariance (p, p) from a number for all parameters, one for each, or a matrix."""
     array = real_array(name, value)
-    P = np.diag(np.broadcast_to(array, p)) if array.ndim < 2 and array.shape in ((), (p,)) else array
+    P = np.diag(np.broadcast_to(array, p)) if array.shape in ((), (p,)) else array
     if P.shape != (p, p):
         raise SysidError(f"{name}: expected a number, ({p},) or {(p, p)}, got shape {array.shape}")
     if not np.allclose(P, P.T, rtol=1e-9) or not (np.diag(P) > 0.0).all():
@@ -161,8 +170,9 @@ def _matrix(name: str, value: ArrayLike, p: int) -> FloatArray:
 
 def _mean_squares(data: IOData, channels: Sequence[Channel], p: int) -> FloatArray:
     """Mean square of each regressor (p,); signals of the model are at most as large as the output."""
-    out = np.ones(p)
-    for c in channels:
-        signal = data.y[:, 0] if c.signal is None else c.signal
-        out[c.place] = float(np.mean(signal**2)) or 1.0
-    return out
+    mean_squares = np.ones(p)
+    for channel in channels:
+        signal = data.y[:, 0] if channel.signal is None else channel.signal
+        # a channel of zeros gives no scale
+        mean_squares[channel.place] = float(np.mean(signal**2)) or 1.0
+    return mean_squares
