@@ -100,7 +100,7 @@ class Forgetting(Adaptation):
 
     def enter(self, P: FloatArray) -> FloatArray:
         """Square root Q of P = Q Q'."""
-        # a parameter without variance: it stays where it is
+        # with variances scaled to one, the floor on eigenvalues is the same for parameters of any unit
         scale = np.sqrt(np.maximum(np.diag(P), np.finfo(float).tiny))
         values, vectors = np.linalg.eigh(P / np.outer(scale, scale))
         root = vectors * np.sqrt(np.maximum(values, ROOT_FLOOR * max(float(values[-1]), 0.0)))

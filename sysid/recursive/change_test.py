@@ -8,7 +8,7 @@ import scipy
 
 from sysid.records.arrays import FloatArray
 
-FEWEST_WINDOWS = 4  # of the calibration: with fewer, Student's quantile would have no meaning
+FEWEST_WINDOWS = 4  # of the calibration: the scatter of fewer says nothing
 
 
 class ChangeTest:
@@ -54,8 +54,8 @@ class ChangeTest:
         """Level of the statistic for a model of this many parameters that was fitted to so many samples."""
         # a short stretch knows its variance and its parameters less well
         scatter = np.sqrt(1.0 + 1.0 / self._windows + self._window / samples)
-        new_errors = float(np.log1p(parameters / samples))
-        return self._mean + new_errors + self._quantile * self._deviation * float(scatter)
+        excess_by_parameters = float(np.log1p(parameters / samples))
+        return self._mean + excess_by_parameters + self._quantile * self._deviation * float(scatter)
 
     def update(self, error: float, variance: float) -> float:
         """Return the statistic after one more error; minus infinity while the window fills."""

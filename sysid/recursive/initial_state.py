@@ -58,7 +58,8 @@ def regressed_channels(data: IOData, orders: Orders) -> list[Channel]:
 
 def stable(theta: FloatArray, denominators: Iterable[Denominator]) -> bool:
     """Whether every denominator is stable."""
-    return all(distance_bound([1.0, *theta[begin:end].tolist()]) > 0.0 for begin, end in denominators)
+    polynomials = ([1.0, *theta[begin:end].tolist()] for begin, end in denominators)
+    return all(distance_bound(polynomial) > 0.0 for polynomial in polynomials)
 
 
 CAUTIOUS = 1e2  # initial variance if regressors depend on parameters: a larger one makes the first steps erratic

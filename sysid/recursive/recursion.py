@@ -6,7 +6,7 @@ sec. 11.4].
 """
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +17,7 @@ from sysid.models.estimate import Estimate
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
-from sysid.polynomial.prediction_error import linearise
+from sysid.polynomial.prediction_error import SIGNIFICANT, linearise
 from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -31,7 +31,7 @@ OFF = 20.0  # N dV / V, beyond one per parameter, above which a recursion is rep
 FAR = 1e12  # prediction error, relative to the largest output, at which the recursion is stopped as divergent
 WOUND_UP = 1e50  # growth of the memory of the rule (a square root of P for least squares) at which it is stopped
 LOOK = 16  # samples between two checks of the memory, which cost as much as a step
-QUIET = 1e-20  # sum of squares, relative to that of the output, below which the fit is exact
+NOISE_FREE = 1e-20  # sum of squares, relative to that of the output, below which the fit is exact
 
 
 def recurse(
@@ -63,96 +63,24 @@ def recurse(
         check_enough_data([data], orders, transients=0)
         messages += check_means([data], max(orders.na, *orders.nf))
         warn_each(messages, stacklevel=2)
-    if isinstance(origin, RecursiveState):
-        default = origin.adaptation
-    elif isinstance(origin, Estimate):
-        # no initial forgetting: the covariance is valid
-        default = Forgetting(1.0)
-    rule = default if adaptation is None else adaptation
-    if not isinstance(rule, Adaptation):
-        raise SysidError(
-            f"adaptation must be a rule such as Forgetting(0.99), Kalman(1e-4) or Gradient(0.1), got {shown(rule)}"
-        )
+    rule = _rule(origin, default, adaptation)
     channels = regressed_channels(data, orders)
     state = starting_state(data, orders, channels, rule, origin, P0)
+    recursion = Recursion(method, state, channels, data)
+    trajectory = np.empty((len(data), orders.count))
+    for t in range(len(data)):
+        recursion.take_sample(t)
+        trajectory[t] = recursion.theta
 
-    y, samples = data.y[:, 0], len(data)
-    first = max(data.window, orders.first_row(0) - state.samples)
-    denominators = {c.denominator for c in channels}
-    entering, tails = [], []
-    for c, tail in zip(channels, state.tails, strict=True):
-        delayed = np.concatenate((tail, c.signal)) if c.signal is not None else np.zeros(samples)
-        entering.append(delayed[:samples].tolist())
-        tails.append(delayed[samples:])
-    theta, memory, phi, psi = (np.array(part) for part in (state.theta, state.memory, state.phi, state.psi))
-    filters = [part.tolist() for part in state.filters]
-    generated = list(state.generated)
-    squares, weight, energy = state.squares, state.weight, state.energy
-    steps, shortened = state.steps, state.shortened
-    trajectory = np.empty((samples, orders.count))
-    predicted, residuals = np.full((samples, 1), np.nan), np.zeros((samples, 1))
-    largest, unit = float(np.abs(y).max()) or 1.0, float(np.abs(memory).max()) or 1.0
-    for t in range(samples):
-        phi[1:], psi[1:] = phi[:-1].copy(), psi[:-1].copy()
-        for c, own, past, known in zip(channels, generated, filters, entering, strict=True):
-            value = filtered = own if c.signal is None else known[t]
-            if past:
-                coefficients = theta[c.denominator[0] : c.denominator[1]].tolist()
-                filtered -= sum(f * x for f, x in zip(coefficients, past, strict=True))
-                past.insert(0, filtered)
-                past.pop()
-            phi[c.place.start], psi[c.place.start] = c.sign * value, c.sign * filtered
-        after = 0.0
-        if t >= first:
-            predicted[t] = phi @ theta
-            error = float(y[t] - predicted[t, 0])
-            gain, memory = rule.step(memory, psi, steps)
-            wound_up = t % LOOK == 0 and not float(np.abs(memory).max()) < WOUND_UP * unit
-            if wound_up or not abs(error) < FAR * largest:
-                raise _divergence(method, rule, t, error)
-            step = gain * error
-            halvings = 0
-            while halvings < HALVINGS and not stable(theta + step, denominators):
-                step = 0.5 * step
-                halvings += 1
-            shortened += halvings > 0
-            if halvings < HALVINGS:
-                theta = theta + step
-            residuals[t] = error
-            after = float(y[t] - phi @ theta)
-            # for least squares, the sum of prior times posterior errors is the sum of squares of the whole fit
-            decay = rule.decay(steps)
-            squares = decay * squares + error * after
-            weight = decay * weight + 1.0
-            energy += float(psi @ psi)
-            steps += 1
-        trajectory[t] = theta
-        # with a single path, its output before the first prediction is measured: a better start than zero
-        output = float(y[t]) if t < first and len(orders.nb) == 1 else None
-        generated = [_simulated(phi, theta, c, output) if c.paths else after for c in channels]
-    end = replace(
-        state,
-        theta=theta,
-        memory=memory,
-        phi=phi,
-        psi=psi,
-        filters=tuple(np.array(part) for part in filters),
-        generated=tuple(generated),
-        tails=tuple(tails),
-        samples=state.samples + samples,
-        steps=steps,
-        squares=squares,
-        weight=weight,
-        energy=energy,
-        shortened=shortened,
-    )
-    variance = max(squares, 0.0) / max(weight - orders.count, 1.0)
+    end = recursion.state()
+    theta = end.theta
+    variance = max(end.squares, 0.0) / max(end.weight - orders.count, 1.0)
     nonlinear = orders.nc > 0 or any(orders.nf)
     left = _promised_decrease([data], orders, theta) if nonlinear and not resumes else np.nan
     if left > OFF + orders.count and not rule.forgets:
         messages.append(
-            f"after {steps} steps {method} is still far from the minimum: one Gauss-Newton step on the whole record "
-            f"promises N dV/V = {left:.3g}; use start={method[1:]}(data[:n], ...), an estimate from the first "
+            f"after {end.steps} steps {method} is still far from the minimum: one Gauss-Newton step on the whole "
+            f"record promises N dV/V = {left:.3g}; use start={method[1:]}(data[:n], ...), an estimate from the first "
             "samples, or a longer record"
         )
         warnings.warn(messages[-1], SysidWarning, stacklevel=3)
@@ -163,15 +91,154 @@ def recurse(
         orders,
         orders.select(*order_values),
         theta=theta,
-        covariance=rule.covariance(P, energy / max(steps, 1), variance, steps),
+        covariance=rule.covariance(P, end.energy / max(end.steps, 1), variance, end.steps),
         variance=variance,
-        diagnostics={"adaptation": rule, "shortened": shortened, "steps": steps, "left": left},
+        diagnostics={"adaptation": rule, "shortened": end.shortened, "steps": end.steps, "left": left},
         messages=messages,
     )
-    return RecursiveEstimate(trajectory, orders.names, predicted, residuals, P, final, end, shortened)
+    return RecursiveEstimate(
+        trajectory, orders.names, recursion.predicted, recursion.residuals, P, final, end, end.shortened
+    )
+
+
+def _rule(origin: Start, default: Adaptation, adaptation: Adaptation | None) -> Adaptation:
+    """Rule of a recursion: the one asked for, else that of the recursion it continues, else the default."""
+    if isinstance(origin, RecursiveState):
+        default = origin.adaptation
+    elif isinstance(origin, Estimate):
+        # no initial forgetting: the covariance is valid
+        default = Forgetting(1.0)
+    rule = default if adaptation is None else adaptation
+    if not isinstance(rule, Adaptation):
+        raise SysidError(
+            f"adaptation must be a rule such as Forgetting(0.99), Kalman(1e-4) or Gradient(0.1), got {shown(rule)}"
+        )
+    return rule
+
+
+class Recursion:
+    """A recursion along a record: a `RecursiveState` that every sample changes.
+
+    Attributes:
+        theta: Present parameters (p,).
+        predicted: Predictions so far (N, 1), NaN where there is none.
+        residuals: Prediction errors so far (N, 1), zero where there is none.
+    """
+
+    def __init__(self, method: str, state: RecursiveState, channels: Sequence[Channel], data: IOData) -> None:
+        """Begin at a state before the first sample of a record; the channels are those of its regressors."""
+        self._method, self._begin, self._channels = method, state, channels
+        self._rule, self._y = state.adaptation, data.y[:, 0]
+        # the first prediction needs samples from before it, of this record or of the earlier one
+        self._first = max(data.window, state.orders.first_row(0) - state.samples)
+        self._denominators = {channel.denominator for channel in channels}
+        self._entering, self._tails = _delayed(channels, state.tails, len(data))
+        self.theta, self._memory = np.array(state.theta), np.array(state.memory)
+        self._phi, self._psi = np.array(state.phi), np.array(state.psi)
+        self._filters = [past.tolist() for past in state.filters]
+        self._generated = list(state.generated)
+        self._squares, self._weight, self._energy = state.squares, state.weight, state.energy
+        self._steps, self._shortened = state.steps, state.shortened
+        self.predicted, self.residuals = np.full((len(data), 1), np.nan), np.zeros((len(data), 1))
+        self._error_limit = FAR * (float(np.abs(self._y).max()) or 1.0)
+        self._memory_limit = WOUND_UP * (float(np.abs(self._memory).max()) or 1.0)
+
+    def take_sample(self, t: int) -> None:
+        """Predict a sample of the output, correct the parameters by the error, and generate the model's signals."""
+        self._enter_regressors(t)
+        posterior_error = 0.0
+        # with a single path, its output before the first prediction is measured: a better start than zero
+        measured_output = None
+        if t >= self._first:
+            posterior_error = self._correct(t)
+        elif len(self._begin.orders.nb) == 1:
+            measured_output = float(self._y[t])
+        for k, channel in enumerate(self._channels):
+            if not channel.paths:
+                self._generated[k] = posterior_error
+            elif measured_output is not None:
+                self._generated[k] = measured_output
+            else:
+                self._generated[k] = sum(float(self._phi[path] @ self.theta[path]) for path in channel.paths)
+
+    def _enter_regressors(self, t: int) -> None:
+        """Shift the regressors by a sample, and their gradients, which are filtered by the present 1/C or 1/F."""
+        phi, psi = self._phi, self._psi
+        phi[1:], psi[1:] = phi[:-1].copy(), psi[:-1].copy()
+        by_channel = zip(self._channels, self._generated, self._filters, self._entering, strict=True)
+        for channel, generated, past, measured in by_channel:
+            value = filtered = generated if channel.signal is None else measured[t]
+            # numbers one by one: for so few of them, arrays are slower
+            if past:
+                begin, end = channel.denominator
+                coefficients = self.theta[begin:end].tolist()
+                filtered -= sum(f * x for f, x in zip(coefficients, past, strict=True))
+                past.insert(0, filtered)
+                past.pop()
+            phi[channel.place.start] = channel.sign * value
+            psi[channel.place.start] = channel.sign * filtered
+
+    def _correct(self, t: int) -> float:
+        """Correct the parameters by the prediction error of a sample; the error with the new parameters."""
+        phi, psi, rule, theta = self._phi, self._psi, self._rule, self.theta
+        predicted = phi @ theta
+        error = float(self._y[t] - predicted)
+        gain, self._memory = rule.step(self._memory, psi, self._steps)
+        wound_up = t % LOOK == 0 and not float(np.abs(self._memory).max()) < self._memory_limit
+        if wound_up or not abs(error) < self._error_limit:
+            raise _divergence(self._method, rule, t, error)
+        step = gain * error
+        halvings = 0
+        while halvings < HALVINGS and not stable(theta + step, self._denominators):
+            step = 0.5 * step
+            halvings += 1
+        self._shortened += halvings > 0
+        if halvings < HALVINGS:
+            theta = theta + step
+        self.theta, self.predicted[t], self.residuals[t] = theta, predicted, error
+        posterior_error = float(self._y[t] - phi @ theta)
+        # for least squares, the sum of prior times posterior errors is the sum of squares of the whole fit
+        decay = rule.decay(self._steps)
+        self._squares = decay * self._squares + error * posterior_error
+        self._weight = decay * self._weight + 1.0
+        self._energy += float(psi @ psi)
+        self._steps += 1
+        return posterior_error
+
+    def state(self) -> RecursiveState:
+        """State after the last sample of the record."""
+        return replace(
+            self._begin,
+            theta=self.theta,
+            memory=self._memory,
+            phi=self._phi,
+            psi=self._psi,
+            filters=tuple(np.array(past) for past in self._filters),
+            generated=tuple(self._generated),
+            tails=tuple(self._tails),
+            samples=self._begin.samples + len(self._y),
+            steps=self._steps,
+            squares=self._squares,
+            weight=self._weight,
+            energy=self._energy,
+            shortened=self._shortened,
+        )
+
+
+def _delayed(
+    channels: Sequence[Channel], tails: Sequence[FloatArray], samples: int
+) -> tuple[list[list[float]], list[FloatArray]]:
+    """Samples of each channel that enter the regressors one by one, and the last ones, which are for later."""
+    entering, remaining = [], []
+    for channel, tail in zip(channels, tails, strict=True):
+        signal = np.zeros(samples) if channel.signal is None else np.concatenate((tail, channel.signal))
+        entering.append(signal[:samples].tolist())
+        remaining.append(signal[samples:])
+    return entering, remaining
 
 
 def _divergence(method: str, rule: Adaptation, t: int, error: float) -> SysidError:
+    """Error of a recursion that diverges, with a remedy."""
     if rule.forgets and not isinstance(rule, Gradient):
         remedy = "P winds up without excitation: use a larger forgetting factor, or a smaller R1"
     else:
@@ -179,15 +246,12 @@ def _divergence(method: str, rule: Adaptation, t: int, error: float) -> SysidErr
     return SysidError(f"{method} diverges at sample {t} (prediction error {error:.3g}): {remedy}")
 
 
-def _simulated(phi: FloatArray, theta: FloatArray, channel: Channel, output: float | None) -> float:
-    return sum(float(phi[s] @ theta[s]) for s in channel.paths) if output is None else output
-
-
 def _promised_decrease(experiments: list[IOData], orders: Orders, theta: FloatArray) -> float:
     """N dV / V of one Gauss-Newton step on the whole record."""
     at = linearise(experiments, orders, theta)
     directions, values, _ = np.linalg.svd(at.triangle)
-    g = directions.T @ at.target
-    known = values > 1e-13 * values.max(initial=0.0)
+    along_directions = directions.T @ at.target
+    # directions that rounding alone determines promise nothing
+    g = along_directions[values > SIGNIFICANT * values.max(initial=0.0)]
     energy = sum(float(np.sum(e.y**2)) for e in experiments)
-    return at.errors * float(g[known] @ g[known]) / at.cost if at.cost > QUIET * energy else 0.0
+    return at.errors * float(g @ g) / at.cost if at.cost > NOISE_FREE * energy else 0.0

@@ -85,12 +85,12 @@ class RecursiveEstimate(Labelled, Locked):
     shortened: int
 
     def _parts(self) -> list[Part]:
-        lengths = f", {self.shortened} steps shortened to keep the predictor stable" if self.shortened else ""
-        return [f"{len(self.parameters)} samples of parameters{lengths}; the last ones:", *self.final._parts()]
+        shortening = f", {self.shortened} steps shortened to keep the predictor stable" if self.shortened else ""
+        return [f"{len(self.parameters)} samples of parameters{shortening}; the last ones:", *self.final._parts()]
 
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        arrays = {name: ("time", self.parameters[:, k]) for k, name in enumerate(self.parameter_names)}
-        arrays |= {name: ("time", getattr(self, name)[:, 0]) for name in ("predicted", "residuals")}
+        arrays = {name: ("time", column) for name, column in zip(self.parameter_names, self.parameters.T, strict=True)}
+        arrays |= {"predicted": ("time", self.predicted[:, 0]), "residuals": ("time", self.residuals[:, 0])}
         # the record may be the last part of a longer recursion
         time = (np.arange(len(self.parameters)) + self.state.samples - len(self.parameters)) * self.state.dt
         return arrays, {"time": ("time", time, {"units": "s"})}, {"method": self.final.method}

@@ -8,6 +8,7 @@ from sysid.records.arrays import ComplexArray, FloatArray
 LINES = 240  # of the grid on which the crossing is bracketed
 LAGS = 33  # coefficients of the largest degree
 REFINEMENTS = 4  # Newton steps from the grid
+RELATIVE_STEP = 1e-4  # of a frequency, for slopes of gain and phase
 LOWEST = 2e-4  # first line, in cycles per sample
 
 
@@ -22,42 +23,62 @@ class ServoQuantities:
         """Keep the delay in samples, the sampling interval in s, and the gain at 0 Hz where it is known."""
         self._nk, self._dt, self._gain = nk, dt, gain
         self._grid = np.geomspace(LOWEST, 0.5, LINES)
-        self._lines = self._delays(self._grid)
+        # powers of the shift operator on the grid: most of the time of an evaluation, were they computed anew
+        self._grid_shifts = self._shifts(self._grid)
 
     def __call__(self, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return log bandwidth (Hz) and delay (s) (2,), and their gradients by B and F[1:] (2, 2n); NaN without."""
         n = len(B)
-        unknown = np.full(2, np.nan), np.full((2, 2 * n), np.nan)
-        level = HALF_POWER * (abs(B.sum() / F.sum()) if self._gain is None else self._gain)
-        g = self._values(B, F, self._lines)
-        below = np.flatnonzero(np.abs(g) < level)
+        gain_at_dc = abs(B.sum() / F.sum()) if self._gain is None else self._gain
+        level = HALF_POWER * gain_at_dc
+        responses = self._responses(B, F, self._grid_shifts)
+        below = np.flatnonzero(np.abs(responses) < level)
         if not len(below) or below[0] == 0:
-            return unknown
+            return np.full(2, np.nan), np.full((2, 2 * n), np.nan)
         k = int(below[0])
+        f = self._crossing(B, F, level, k)
+        h = RELATIVE_STEP
+        shifts = self._shifts(np.array([f * (1 - h), f, f * (1 + h), 0.0]))
+        around = self._responses(B, F, shifts)
+        relative = self._relative_gradients(F, shifts, around)
+        # d log |G| and d arg G by log f
+        slope = np.log(np.abs(around[2] / around[0])) / (2.0 * h)
+        turn = np.angle(around[2] / around[0]) / (2.0 * h)
+        # the crossing moves so far along the slope as gain and level part
+        level_gradient = relative[3].real if self._gain is None else 0.0
+        log_f_gradient = -(relative[1].real - level_gradient) / slope
+        # from 0 Hz on along the grid: a phase beyond half a turn would jump
+        phase = float(np.unwrap(np.angle(responses[: k + 1]))[-1])
+        phase += float(np.angle(around[1] / responses[k]))
+        delay = -phase / (2.0 * np.pi * f) * self._dt
+        phase_gradient = relative[1].imag + turn * log_f_gradient
+        delay_gradient = -phase_gradient / (2.0 * np.pi * f) * self._dt - delay * log_f_gradient
+        return np.array([np.log(f / self._dt), delay]), np.stack((log_f_gradient, delay_gradient))
+
+    def _crossing(self, B: FloatArray, F: FloatArray, level: float, k: int) -> float:
+        """Frequency, in cycles per sample, at which the gain crosses a level between grid lines k - 1 and k."""
         low, high = np.log(self._grid[k - 1 : k + 1])
-        f, h = self._grid[k], 1e-4
+        f, h = self._grid[k], RELATIVE_STEP
         for _ in range(REFINEMENTS):
             # Newton steps on logarithmic axes, where the gain is nearly straight
-            at, ahead = np.log(np.abs(self._values(B, F, self._delays(np.array([f, f * (1 + h)]))))) - np.log(level)
+            gains = np.abs(self._responses(B, F, self._shifts(np.array([f, f * (1 + h)]))))
+            at, ahead = np.log(gains) - np.log(level)
             step = at * np.log1p(h) / (ahead - at) if ahead < at else 0.5 * (np.log(f) - low)
             f = float(np.exp(np.clip(np.log(f) - step, low, high)))
-        z = self._delays(np.array([f * (1 - h), f, f * (1 + h), 0.0]))
-        around = self._values(B, F, z)
-        past = np.hstack((z[:, self._nk : self._nk + n], -around[:, None] * z[:, 1 : n + 1]))
-        relative = past / (z[:, : n + 1] @ F)[:, None] / around[:, None]
-        slope = np.log(np.abs(around[2] / around[0])) / (2.0 * h)
-        level_move = relative[3].real if self._gain is None else 0.0
-        log_f = -(relative[1].real - level_move) / slope
-        turn = np.angle(around[2] / around[0]) / (2.0 * h)
-        phase = float(np.unwrap(np.angle(g[: k + 1]))[-1])
-        phase += float(np.angle(around[1] / g[k]))
-        delay = -phase / (2.0 * np.pi * f) * self._dt
-        delay_move = -(relative[1].imag + turn * log_f) / (2.0 * np.pi * f) * self._dt - delay * log_f
-        return np.array([np.log(f / self._dt), delay]), np.stack((log_f, delay_move))
+        return f
 
-    def _delays(self, f: FloatArray) -> ComplexArray:
+    def _relative_gradients(self, F: FloatArray, shifts: ComplexArray, responses: ComplexArray) -> ComplexArray:
+        """Gradients of log G by B and F[1:] at several frequencies (frequencies, 2n)."""
+        n = len(F) - 1
+        by_coefficient = np.hstack((shifts[:, self._nk : self._nk + n], -responses[:, None] * shifts[:, 1 : n + 1]))
+        denominators = shifts[:, : n + 1] @ F
+        return np.asarray(by_coefficient / denominators[:, None] / responses[:, None])
+
+    def _shifts(self, f: FloatArray) -> ComplexArray:
+        """Powers 0, 1, ... of exp(-2 pi i f), f in cycles per sample (frequencies, powers)."""
         return np.asarray(np.exp(-2j * np.pi * f[:, None] * np.arange(LAGS + self._nk)))
 
-    def _values(self, B: FloatArray, F: FloatArray, z: ComplexArray) -> ComplexArray:
+    def _responses(self, B: FloatArray, F: FloatArray, shifts: ComplexArray) -> ComplexArray:
+        """Frequency response G = B/F."""
         n = len(B)
-        return np.asarray(z[:, self._nk : self._nk + n] @ B / (z[:, : n + 1] @ F))
+        return np.asarray(shifts[:, self._nk : self._nk + n] @ B / (shifts[:, : n + 1] @ F))

@@ -19,6 +19,8 @@ FASTEST = 0.85  # pole of the first guess: five samples, between the samples and
 WIDEST_STEPS = 30  # limit on Gauss-Newton steps
 SETTLED = 1e-4  # relative decrease of the cost below which a search ends
 PREFILTERS = 10  # rounds of prefiltering that give the initial estimate
+PREFILTER_SETTLED = 1e-6  # change of the coefficients of F at which they end
+SHORTEST_STEP = 1e-3  # part of a Gauss-Newton step below which the search ends
 SLOWEST = 10.0  # a real mode slower than the stretch over this is an offset or a drift
 RINGING = 5.0  # a mode that rings longer than the stretch over this is noise
 STEADIEST = 0.998  # largest modulus of its poles: a ring of 10 s at 50 Hz
@@ -65,7 +67,8 @@ class StretchFit(Locked):
         """
         N, p = self.gradients.shape
         power = self.errors @ self.errors / N
-        return N * float(np.log(power + np.finfo(float).tiny)) + PENALTY * p * N / (N - p - 2)
+        log_likelihood = N * float(np.log(power + np.finfo(float).tiny))
+        return log_likelihood + PENALTY * p * N / (N - p - 2)
 
 
 def fit_degrees(
@@ -99,15 +102,18 @@ def fit_degrees(
     """
     fits: list[StretchFit] = []
     for n in orders:
+        # two samples per parameter
         if len(y) - begin - len(D) <= 2 * (3 * n + 1):
             continue
-        starts = [_prefiltered(u, y, begin, nk, D, np.asarray(np.poly(np.full(n, FASTEST)), dtype=float))]
+        first_F = np.asarray(np.poly(np.full(n, FASTEST)), dtype=float)
+        starts = [_prefiltered(u, y, begin, nk, D, first_F)]
         if last is not None and last.order == n:
             starts.append((last.B, last.F))
         if fits:
             common = np.poly(np.full(n - fits[-1].order, COMMON))
             starts.append((np.convolve(fits[-1].B, common), np.convolve(fits[-1].F, common)))
-        fits.append(min((_search(u, y, begin, nk, D, *start) for start in starts), key=lambda fit: fit.variance))
+        from_starts = [_search(u, y, begin, nk, D, B, F) for B, F in starts]
+        fits.append(min(from_starts, key=lambda fit: fit.variance))
     if not fits:
         raise SysidError(f"{len(y) - begin} samples given, expected more for a model of order {min(orders)}")
     return fits
@@ -132,23 +138,28 @@ def model_weights(fits: Sequence[StretchFit]) -> FloatArray:
 
 
 def _lags(x: FloatArray, first: int, count: int) -> FloatArray:
-    out = np.zeros((len(x), count))
+    """Columns of a signal (N,) delayed by first, first + 1, ... samples, from rest (N, count)."""
+    columns = np.zeros((len(x), count))
     for k in range(count):
-        out[first + k :, k] = x[: len(x) - first - k]
-    return out
+        columns[first + k :, k] = x[: len(x) - first - k]
+    return columns
 
 
-def _free(F: FloatArray, count: int, samples: int) -> FloatArray:
-    return _lags(scipy.signal.lfilter([1.0], F, np.eye(1, samples)[0]), 0, count)
+def _free_responses(F: FloatArray, count: int, samples: int) -> FloatArray:
+    """Free responses of 1/F (samples, count) to pulses at the first samples."""
+    pulse = np.eye(1, samples)[0]
+    return _lags(scipy.signal.lfilter([1.0], F, pulse), 0, count)
 
 
 def _whitened(D: FloatArray, columns: FloatArray) -> FloatArray:
-    # the first rows lack the samples before the stretch
-    rows = len(columns) - len(D) + 1
-    return np.asarray(sum(d * columns[len(D) - 1 - k : len(D) - 1 - k + rows] for k, d in enumerate(D)))
+    """Columns filtered by D, without the first rows, which lack the samples before the stretch."""
+    degree = len(D) - 1
+    rows = len(columns) - degree
+    return np.asarray(sum(d * columns[degree - k : degree - k + rows] for k, d in enumerate(D)))
 
 
 def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
+    """Least squares of b = A x with columns scaled to unit length, of least norm where they are dependent."""
     scale = np.linalg.norm(A, axis=0)
     scale[scale == 0.0] = 1.0
     try:
@@ -161,8 +172,8 @@ def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
 
 def _largest(poles: np.ndarray[Any, Any], samples: int) -> FloatArray:
     """Largest moduli of poles, for real and complex ones, of a model of so many samples."""
-    slow, ring = np.maximum(np.exp(-np.array([SLOWEST, RINGING]) / samples), FASTEST)
-    return np.where(np.isreal(poles), slow, min(ring, STEADIEST))
+    slowest_real, longest_ring = np.maximum(np.exp(-np.array([SLOWEST, RINGING]) / samples), FASTEST)
+    return np.where(np.isreal(poles), slowest_real, min(longest_ring, STEADIEST))
 
 
 def _prefiltered(
@@ -174,18 +185,23 @@ def _prefiltered(
     B = np.zeros(n)
     for _ in range(PREFILTERS):
         inputs, outputs = scipy.signal.lfilter([1.0], F, past), scipy.signal.lfilter([1.0], F, y[begin:])
-        columns = np.hstack(
-            (_lags(inputs, 0, n), -_lags(outputs, 1, n), _free(F, 2 * n, samples), np.ones((samples, 1)))
-        )
+        model = np.hstack((_lags(inputs, 0, n), -_lags(outputs, 1, n)))
+        # filters from rest leave a transient of each of the two states, of n samples both
+        columns = np.hstack((model, _free_responses(F, 2 * n, samples), np.ones((samples, 1))))
         theta = _solve(_whitened(D, columns), _whitened(D, outputs))
-        poles = np.roots(np.append(1.0, theta[n : 2 * n]))
-        size = np.maximum(np.abs(poles), 1e-12)
-        # poles outside are mirrored, then kept clear of the bound
-        poles = poles / size * np.minimum(np.minimum(size, 1.0 / size), 0.999 * _largest(poles, samples))
-        B, last, F = theta[:n], F, np.real(np.poly(poles))
-        if np.abs(F - last).max() < 1e-6:
+        last_F, B, F = F, theta[:n], _bounded(np.append(1.0, theta[n : 2 * n]), samples)
+        if np.abs(F - last_F).max() < PREFILTER_SETTLED:
             break
     return B, F
+
+
+def _bounded(F: FloatArray, samples: int) -> FloatArray:
+    """Denominator with the poles outside the unit circle mirrored, then kept clear of the largest moduli."""
+    poles = np.roots(F)
+    # a pole at zero has no direction
+    size = np.maximum(np.abs(poles), 1e-12)
+    mirrored = np.minimum(size, 1.0 / size)
+    return np.real(np.poly(poles / size * np.minimum(mirrored, 0.999 * _largest(poles, samples))))
 
 
 def gradient_rows(
@@ -197,42 +213,73 @@ def gradient_rows(
     simulated = scipy.signal.lfilter(B, [1.0], x)
     w = scipy.signal.lfilter([1.0], F, simulated)
     model = np.hstack((_lags(x, 0, n), -_lags(w, 1, n)))[begin:]
-    columns = np.hstack((model, _free(F, n, samples), np.ones((samples, 1))))
+    columns = np.hstack((model, _free_responses(F, n, samples), np.ones((samples, 1))))
     return columns, y[begin:] - simulated[begin:]
+
+
+@dataclass(frozen=True, eq=False)
+class _Linearisation:
+    """Whitened errors of one model and their derivatives, free response and constant at their best.
+
+    Attributes:
+        gradients: Of the predictions (rows, 3n + 1).
+        target: Errors without free response and constant (rows,).
+        nuisance: Free response and constant.
+        errors: Errors (rows,).
+        cost: Sum of their squares.
+    """
+
+    gradients: FloatArray
+    target: FloatArray
+    nuisance: FloatArray
+    errors: FloatArray
+    cost: float
+
+
+def _linearised(
+    u: FloatArray, y: FloatArray, begin: int, nk: int, D: FloatArray, B: FloatArray, F: FloatArray
+) -> _Linearisation:
+    columns, errors = gradient_rows(u, y, begin, nk, B, F)
+    gradients, target = _whitened(D, columns), _whitened(D, errors)
+    by_nuisance = gradients[:, 2 * len(B) :]
+    nuisance = _solve(by_nuisance, target)
+    errors = target - by_nuisance @ nuisance
+    return _Linearisation(gradients, target, nuisance, errors, float(errors @ errors))
 
 
 def _search(
     u: FloatArray, y: FloatArray, begin: int, nk: int, D: FloatArray, B: FloatArray, F: FloatArray
 ) -> StretchFit:
+    """Gauss-Newton steps from B and F, halved until the poles are within their bounds and the errors no larger."""
     n, samples = len(B), len(y) - begin
-
-    def linearised(B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
-        A, r = (_whitened(D, part) for part in gradient_rows(u, y, begin, nk, B, F))
-        nuisance = _solve(A[:, 2 * n :], r)
-        errors = r - A[:, 2 * n :] @ nuisance
-        return A, r, nuisance, errors, float(errors @ errors)
-
-    A, r, nuisance, errors, least = linearised(B, F)
+    at = _linearised(u, y, begin, nk, D, B, F)
     for _ in range(WIDEST_STEPS):
-        step, size = _solve(A, r), 1.0
-        while size > 1e-3:
+        step, size = _solve(at.gradients, at.target), 1.0
+        while size > SHORTEST_STEP:
             next_B, next_F = B + size * step[:n], F + size * np.append(0.0, step[n : 2 * n])
             poles = np.roots(next_F)
             if (np.abs(poles) < _largest(poles, samples)).all():
-                tried = linearised(next_B, next_F)
-                if tried[-1] <= least:
+                trial = _linearised(u, y, begin, nk, D, next_B, next_F)
+                if trial.cost <= at.cost:
                     break
             size *= 0.5
         else:
             break
-        decrease = least - tried[-1]
-        B, F, (A, r, nuisance, errors, least) = next_B, next_F, tried
-        if decrease <= SETTLED * least and size == 1.0:
+        decrease = at.cost - trial.cost
+        B, F, at = next_B, next_F, trial
+        # a shortened step may lead to better ones
+        if decrease <= SETTLED * at.cost and size == 1.0:
             break
-    scale = np.linalg.norm(A, axis=0)
+    return _stretch_fit(B, F, at, EXACT * float(np.mean(y**2)))
+
+
+def _stretch_fit(B: FloatArray, F: FloatArray, at: _Linearisation, least_variance: float) -> StretchFit:
+    """Fit with its independent steps of one standard deviation, from the gradients of the last linearisation."""
+    scale = np.linalg.norm(at.gradients, axis=0)
     scale[scale == 0.0] = 1.0
-    _, values, rows = scipy.linalg.svd(np.linalg.qr(A / scale, mode="r"), lapack_driver="gesvd")
-    known = values > KNOWN * values[0]
-    directions = rows[known].T / values[known] / scale[:, None]
-    variance = max(least / (len(errors) - len(scale)), EXACT * float(np.mean(y**2)))
-    return StretchFit(B, F, nuisance, directions, variance, errors, A)
+    # by QR iterations, which converge where divide and conquer fails
+    _, values, rows = scipy.linalg.svd(np.linalg.qr(at.gradients / scale, mode="r"), lapack_driver="gesvd")
+    determined = values > KNOWN * values[0]
+    directions = rows[determined].T / values[determined] / scale[:, None]
+    variance = max(at.cost / (len(at.errors) - len(scale)), least_variance)
+    return StretchFit(B, F, at.nuisance, directions, variance, at.errors, at.gradients)
