@@ -16,7 +16,7 @@ from sysid.records.arrays import FloatArray, Locked
 from sysid.records.errors import SysidError
 
 FASTEST = 0.85  # pole of the first guess: five samples, between the samples and the stretch
-WIDEST_STEPS = 30  # limit on Gauss-Newton steps
+MOST_STEPS = 30  # limit on Gauss-Newton steps
 SETTLED = 1e-4  # relative decrease of the cost below which a search ends
 PREFILTERS = 10  # rounds of prefiltering that give the initial estimate
 PREFILTER_SETTLED = 1e-6  # change of the coefficients of F at which they end
@@ -155,7 +155,8 @@ def _whitened(D: FloatArray, columns: FloatArray) -> FloatArray:
     """Columns filtered by D, without the first rows, which lack the samples before the stretch."""
     degree = len(D) - 1
     rows = len(columns) - degree
-    return np.asarray(sum(d * columns[degree - k : degree - k + rows] for k, d in enumerate(D)))
+    lagged = (columns[degree - k : degree - k + rows] for k in range(len(D)))
+    return np.asarray(sum(d * column for d, column in zip(D, lagged, strict=True)))
 
 
 def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
@@ -186,7 +187,7 @@ def _prefiltered(
     for _ in range(PREFILTERS):
         inputs, outputs = scipy.signal.lfilter([1.0], F, past), scipy.signal.lfilter([1.0], F, y[begin:])
         model = np.hstack((_lags(inputs, 0, n), -_lags(outputs, 1, n)))
-        # filters from rest leave a transient of each of the two states, of n samples both
+        # filters that begin at rest, and n lags of them: wrong by free responses to pulses at the first 2n samples
         columns = np.hstack((model, _free_responses(F, 2 * n, samples), np.ones((samples, 1))))
         theta = _solve(_whitened(D, columns), _whitened(D, outputs))
         last_F, B, F = F, theta[:n], _bounded(np.append(1.0, theta[n : 2 * n]), samples)
@@ -253,7 +254,7 @@ def _search(
     """Gauss-Newton steps from B and F, halved until the poles are within their bounds and the errors no larger."""
     n, samples = len(B), len(y) - begin
     at = _linearised(u, y, begin, nk, D, B, F)
-    for _ in range(WIDEST_STEPS):
+    for _ in range(MOST_STEPS):
         step, size = _solve(at.gradients, at.target), 1.0
         while size > SHORTEST_STEP:
             next_B, next_F = B + size * step[:n], F + size * np.append(0.0, step[n : 2 * n])

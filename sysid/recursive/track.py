@@ -46,25 +46,29 @@ class Track(Labelled, Locked):
     memory: float
 
     def _parts(self) -> list[Part]:
-        low, high = self.bandwidth_ci95[-1]
-        lines = [
-            f"change at {one.time:.2f} s, detected at {one.detected:.2f} s: statistic {one.statistic:.2f}, "
-            f"threshold {one.threshold:.2f}"
-            for one in self.changes
+        last, (low, high) = float(self.bandwidth[-1]), self.bandwidth_ci95[-1].tolist()
+        lines: list[Part] = [
+            f"{len(self.times)} samples, memory {self.memory:.3g} s; bandwidth at the end {number(last)} Hz, "
+            f"95 % from {number(low)} to {number(high)} Hz"
         ]
-        last = f"{number(float(self.bandwidth[-1]))} Hz, 95 % from {number(float(low))} to {number(float(high))} Hz"
-        return [
-            f"{len(self.times)} samples, memory {self.memory:.3g} s; bandwidth at the end {last}",
-            *(lines or ["no change detected"]),
-        ]
+        for change in self.changes:
+            lines.append(
+                f"change at {change.time:.2f} s, detected at {change.detected:.2f} s: statistic "
+                f"{change.statistic:.2f}, threshold {change.threshold:.2f}"
+            )
+        if not self.changes:
+            lines.append("no change detected")
+        return lines
 
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         arrays: dict[str, Any] = {}
         for name, unit in (("bandwidth", "Hz"), ("delay", "s")):
-            ends = getattr(self, f"{name}_ci95")
-            columns = (name, getattr(self, name)), (f"{name}_low", ends[:, 0]), (f"{name}_high", ends[:, 1])
-            arrays |= {label: ("time", values, {"units": unit}) for label, values in columns}
-        arrays |= {name: ("time", self.parameters[:, k]) for k, name in enumerate(self.parameter_names)}
+            low, high = getattr(self, f"{name}_ci95").T
+            arrays[name] = "time", getattr(self, name), {"units": unit}
+            arrays[f"{name}_low"] = "time", low, {"units": unit}
+            arrays[f"{name}_high"] = "time", high, {"units": unit}
+        for name, column in zip(self.parameter_names, self.parameters.T, strict=True):
+            arrays[name] = "time", column
         arrays["settled"] = ("time", self.settled)
         return arrays, {"time": ("time", self.times, {"units": "s"})}, {"memory": self.memory}
 
@@ -121,12 +125,14 @@ def track(
             changes.append(sample.change)
         if not sample.settled:
             continue
-        theta, degree = tracker.parameters, len(tracker.parameters) // 2
+        theta = tracker.parameters
+        # a smaller degree leaves the last columns of B and of F unused
+        degree = len(theta) // 2
         columns = [*range(degree), *range(n, n + degree)]
         parameters[t, columns] = theta
         deviations[t, columns] = np.sqrt(np.maximum(np.diag(tracker.covariance), 0.0))
         values[t] = sample.bandwidth, *sample.bandwidth_ci95, sample.delay, *sample.delay_ci95
-    names = tuple(f"{letter}{k + 1}" for letter in "bf" for k in range(n))
+    names = tuple(f"b{k + 1}" for k in range(n)) + tuple(f"f{k + 1}" for k in range(n))
     return Track(
         times=data.time,
         parameters=parameters,

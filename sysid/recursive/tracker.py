@@ -137,37 +137,46 @@ class Tracker:
         positive = "be positive", lambda value: 0.0 < value < np.inf
         self._gain = None if gain is None else real_number("gain", gain, *positive)
         drift = real_number("drift", drift, "lie between 1e-9 and 1e3", lambda value: 1e-9 <= value <= 1e3)
-        wanted = "lie between 1e-100 and 1e100", lambda value: 1e-100 <= value <= 1e100
-        rate = real_number("false_alarms", false_alarms, *wanted) / 3600.0
-        least = SHORTEST * (3 * min(self.order, 2) + 1)
-        if len(record) < least:
-            raise SysidError(f"{len(record)} samples of calibration given, expected {least} or more")
+        # a rate that rounds to none or to all leaves no threshold
+        reasonable = "lie between 1e-100 and 1e100", lambda value: 1e-100 <= value <= 1e100
+        alarm_rate = real_number("false_alarms", false_alarms, *reasonable) / 3600.0
+        least_samples = SHORTEST * (3 * min(self.order, 2) + 1)
+        if len(record) < least_samples:
+            raise SysidError(f"{len(record)} samples of calibration given, expected {least_samples} or more")
         warn_each(check_excitation([record], [2]), stacklevel=2)
         self.dt = record.dt
+        # relative to the first sample: the constant of the model is then no large number
         self._zero = record.u[0, 0], record.y[0, 0]
         self._u, self._y = list(record.u[:, 0] - self._zero[0]), list(record.y[:, 0] - self._zero[1])
         self._begin, self._samples = 0, len(record)
         self._quantities = ServoQuantities(self._nk, self.dt, self._gain)
-        u, y, most = np.array(self._u), np.array(self._y), len(record) // SHORTEST // 3
-        degrees = range(min(2, self.order), min(self.order, max(most, 2)) + 1)
-        plain = preferred(fit_degrees(u, y, 0, degrees, self._nk, np.ones(1)))
-        self._D = autoregression(plain.errors, NOISE_ORDER, select=True)[0]
-        fits = fit_degrees(u, y, 0, degrees, self._nk, self._D)
+        fits = self._calibration_fits()
         fit = preferred(fits)
-        value, moves = self._quantities(fit.B, fit.F)
+        value, gradients = self._quantities(fit.B, fit.F)
         if not np.isfinite(value).all():
             raise SysidError("the model of the calibration has no bandwidth: its gain does not fall to 0.707")
-        self._inflation = self._scatter_of_long = self._scatter(fit, moves)
-        n = 2 * fit.order
-        relative = self._inflation[0] * fit.variance * float(np.sum((moves[0] @ fit.directions[:n]) ** 2))
-        memory = np.sqrt(relative * len(record) * self.dt / (drift**2 / 60.0))
+        self._inflation = self._scatter_of_long = self._scatter(fit, gradients)
+        # variance of the relative bandwidth, which falls with time, against that by which it drifts in a minute
+        unit_steps = gradients[0] @ fit.directions[: 2 * fit.order]
+        relative_variance = self._inflation[0] * fit.variance * float(np.sum(unit_steps**2))
+        memory = np.sqrt(relative_variance * len(record) * self.dt / (drift**2 / 60.0))
         self.memory = float(max(memory, PER_PARAMETER * len(fit.directions) * self.dt))
         self._rule = DirectionalForgetting(1.0 - min(self.dt / self.memory, 0.5))
+        # a period of the bandwidth: shorter windows scatter more, longer ones notice later
         window = max(round(1.0 / np.exp(value[0]) / self.dt), 2)
-        self._test = ChangeTest(fit.errors, fit.variance, window, rate, self.dt)
+        self._test = ChangeTest(fit.errors, fit.variance, window, alarm_rate, self.dt)
         self._calibration = len(record)
         self._longest = max(round(2.0 * self.memory / self.dt), self._calibration)
         self._open(fits)
+
+    def _calibration_fits(self) -> list[StretchFit]:
+        """Models of the calibration by degree, for the colour of the disturbance that it shows."""
+        u, y = np.array(self._u), np.array(self._y)
+        highest = max(len(y) // SHORTEST // 3, 2)
+        degrees = range(min(2, self.order), min(self.order, highest) + 1)
+        white = preferred(fit_degrees(u, y, 0, degrees, self._nk, np.ones(1)))
+        self._D = autoregression(white.errors, NOISE_ORDER, select=True)[0]
+        return fit_degrees(u, y, 0, degrees, self._nk, self._D)
 
     def _open(self, fits: list[StretchFit]) -> None:
         """Begin the recursion at the fits of the stretch that ends now."""
@@ -178,34 +187,47 @@ class Tracker:
         self._row = rows[-1].copy()
         self._rows = np.column_stack((rows, errors))[-len(self._D) :]
         self._directions, self._offset = fit.directions, np.concatenate((np.zeros(2 * fit.order), fit.nuisance))
+        # steps of one standard deviation, independent and of unit variance
         unit = np.eye(fit.directions.shape[1])
         self._delta, self._memory, self._Pi = np.zeros(len(unit)), self._rule.enter(unit), fit.variance * unit
-        self._moves = self._quantities(fit.B, fit.F)[1]
+        self._gradients = self._quantities(fit.B, fit.F)[1]
         self._value, self._between = self._average(fits, fit)
+        # beyond the longest stretch, half of it must be new
         self._due = round(GROWTH * length) if length < self._longest else length + self._longest // 2
 
     def _average(self, fits: list[StretchFit], fit: StretchFit) -> tuple[FloatArray, FloatArray]:
-        """Mean of log bandwidth and delay over the models (2,), and its variance less that of `fit` (2,)."""
-        rows = []
-        for one, weight in zip(fits, model_weights(fits), strict=True):
-            value, moves = self._quantities(one.B, one.F)
-            if np.isfinite(value).all():
-                along = moves @ one.directions[: 2 * one.order]
-                rows.append((np.full(2, weight), value, one.variance * (along**2).sum(axis=1), np.full(2, one is fit)))
-        if not rows:
-            return np.full(2, np.nan), np.zeros(2)
-        weights, values, variances, own = np.array(rows).transpose(1, 0, 2)
-        weights = weights / weights.sum(axis=0)
-        mean = (weights * values).sum(axis=0)
-        deviation = (weights * np.sqrt(self._inflation * variances + (values - mean) ** 2)).sum(axis=0)
-        return mean, np.maximum(deviation**2 - self._inflation * (own * variances).sum(axis=0), 0.0)
+        """Mean of log bandwidth and delay over the models (2,), and its variance less that of `fit` (2,).
 
-    def _scatter(self, fit: StretchFit, moves: FloatArray) -> FloatArray:
+        The deviation of the mean is the mean of sqrt(variance + (value - mean)^2) [Buckland1997].
+        """
+        weights, values, variances = [], [], []
+        variance_of_fit = np.zeros(2)
+        for candidate, weight in zip(fits, model_weights(fits), strict=True):
+            value, gradients = self._quantities(candidate.B, candidate.F)
+            if not np.isfinite(value).all():
+                continue
+            unit_steps = gradients @ candidate.directions[: 2 * candidate.order]
+            variance = candidate.variance * (unit_steps**2).sum(axis=1)
+            weights.append(weight)
+            values.append(value)
+            variances.append(variance)
+            if candidate is fit:
+                variance_of_fit = variance
+        if not values:
+            return np.full(2, np.nan), np.zeros(2)
+        shares = np.array(weights)[:, None] / sum(weights)
+        mean = (shares * values).sum(axis=0)
+        spread = self._inflation * np.array(variances) + (np.array(values) - mean) ** 2
+        deviation = (shares * np.sqrt(spread)).sum(axis=0)
+        return mean, np.maximum(deviation**2 - self._inflation * variance_of_fit, 0.0)
+
+    def _scatter(self, fit: StretchFit, gradients: FloatArray) -> FloatArray:
         """Scatter over blocks of the scores of bandwidth and delay, over that of white errors (2,)."""
-        along = moves @ fit.directions[: 2 * fit.order]
+        along = gradients @ fit.directions[: 2 * fit.order]
         scores = fit.gradients @ (fit.directions @ along.T) * fit.errors[:, None]
         size = len(scores) // BLOCKS
         sums = scores[: BLOCKS * size].reshape(BLOCKS, size, 2).sum(axis=1)
+        # the scores are those of steps of unit variance: over the stretch, white errors give this sum of squares
         white = fit.variance * (along**2).sum(axis=1) + np.finfo(float).tiny
         return np.maximum((sums**2).sum(axis=0) / white * BLOCKS / (BLOCKS - 1), LEAST_SCATTER)
 
@@ -230,76 +252,94 @@ class Tracker:
         """Present b1..bn, f1..fn (2n,); empty after an alarm until enough data follow."""
         if self._fit is None:
             return np.zeros(0)
-        moved = self._directions[: 2 * self._fit.order] @ self._delta
-        return np.concatenate((self._fit.B, self._fit.F[1:])) + moved
+        change = self._directions[: 2 * self._fit.order] @ self._delta
+        return np.concatenate((self._fit.B, self._fit.F[1:])) + change
 
     @property
     def covariance(self) -> FloatArray:
         """Covariance of the parameters (2n, 2n), scaled as that of the bandwidth."""
-        parts = self._directions[: 0 if self._fit is None else 2 * self._fit.order]
-        return np.asarray(self._inflation[0] * parts @ self._Pi @ parts.T)
+        count = 0 if self._fit is None else 2 * self._fit.order
+        directions = self._directions[:count]
+        return np.asarray(self._inflation[0] * directions @ self._Pi @ directions.T)
 
     def _update(self, fit: StretchFit) -> Change | None:
         """One step of the recursion; the change if the sample reveals one."""
-        n, D = fit.order, self._D
-        row, F = self._row, fit.F[1:]
-        first = self._u[-1 - self._nk] - F @ row[:n], F @ -row[n : 2 * n] - fit.B @ row[:n], -(F @ row[2 * n : 3 * n])
-        row[1 : 3 * n] = row[: 3 * n - 1]
-        row[[0, n, 2 * n]] = first
-        self._rows[:-1] = self._rows[1:]
-        self._rows[-1, :-1], self._rows[-1, -1] = row, self._y[-1] - fit.B @ row[:n]
-        white = D[::-1] @ self._rows
+        self._enter_sample(fit)
+        white = self._D[::-1] @ self._rows
         # in steps of one standard deviation the recursion is well conditioned, however nearly poles and zeros cancel
         psi = self._directions.T @ white[:-1]
         error = float(white[-1] - white[:-1] @ self._offset - psi @ self._delta)
         gain, self._memory = self._rule.step(self._memory, psi, 0)
         self._delta = self._delta + gain * error
+        # (I - L psi') Pi (I - L psi')' + variance L L', multiplied out
         spread = self._Pi @ psi
-        own = gain[:, None] * ((float(psi @ spread) + fit.variance) * gain - spread)
-        self._Pi = self._Pi + own - spread[:, None] * gain
+        by_gain = gain[:, None] * ((float(psi @ spread) + fit.variance) * gain - spread)
+        self._Pi = self._Pi + by_gain - spread[:, None] * gain
+        return self._detected_change(error, fit)
+
+    def _enter_sample(self, fit: StretchFit) -> None:
+        """Shift the gradients of the prediction by the newest sample, as `gradient_rows` computes them.
+
+        They are n lags each of u/F, -B u/F^2 and the free response; a recursion by F gives the first of each.
+        """
+        n, row, F = fit.order, self._row, fit.F[1:]
+        inputs, by_f, free = row[:n], row[n : 2 * n], row[2 * n : 3 * n]
+        first_input = self._u[-1 - self._nk] - F @ inputs
+        first_by_f = F @ -by_f - fit.B @ inputs
+        first_free = -(F @ free)
+        row[1 : 3 * n] = row[: 3 * n - 1]
+        row[[0, n, 2 * n]] = first_input, first_by_f, first_free
+        self._rows[:-1] = self._rows[1:]
+        self._rows[-1, :-1], self._rows[-1, -1] = row, self._y[-1] - fit.B @ row[:n]
+
+    def _detected_change(self, error: float, fit: StretchFit) -> Change | None:
+        """Test for a change by one more error; an alarm ends the stretch."""
         statistic = self._test.update(error, fit.variance)
-        length = len(self._u) - self._begin
-        threshold = self._test.threshold(length, len(white) - 1)
-        if statistic < threshold or length < ARMED * PER_PARAMETER * (len(white) - 1):
+        length, parameters = len(self._u) - self._begin, 3 * fit.order + 1
+        threshold = self._test.threshold(length, parameters)
+        if statistic < threshold or length < ARMED * PER_PARAMETER * parameters:
             return None
-        now = (self._samples - 1) * self.dt
-        change = Change(now - self._test.age(fit.variance) * self.dt, now, statistic, threshold)
+        time = (self._samples - 1) * self.dt
+        change = Change(time - self._test.age(fit.variance) * self.dt, time, statistic, threshold)
         self._fit = None
         self._begin = len(self._u)
-        self._due = PER_PARAMETER * (3 * fit.order + 1)
+        self._due = PER_PARAMETER * parameters
         return change
 
     def _refit(self) -> None:
         """Fit the stretch anew, at most twice the memory, and begin the recursion there."""
         self._begin = max(self._begin, len(self._u) - self._longest)
-        drop = max(self._begin - round(HISTORY / self.dt), 0)
-        del self._u[:drop], self._y[:drop]
-        self._begin -= drop
+        unused = max(self._begin - round(HISTORY / self.dt), 0)
+        del self._u[:unused], self._y[:unused]
+        self._begin -= unused
         degree = self._last.order
         degrees = range(max(degree - AROUND, min(2, self.order)), min(degree + AROUND, self.order) + 1)
         fits = fit_degrees(np.array(self._u), np.array(self._y), self._begin, degrees, self._nk, self._D, self._fit)
         if self._fit is None:
             self._test.restart()
         fit = preferred(fits)
-        moves = self._quantities(fit.B, fit.F)[1]
-        if np.isfinite(moves).all():
-            own = self._scatter(fit, moves)
+        gradients = self._quantities(fit.B, fit.F)[1]
+        if np.isfinite(gradients).all():
+            scatter = self._scatter(fit, gradients)
             if len(self._u) - self._begin >= self._calibration:
-                self._scatter_of_long = own
-            self._inflation = np.maximum(own, self._scatter_of_long)
+                self._scatter_of_long = scatter
+            self._inflation = np.maximum(scatter, self._scatter_of_long)
         self._open(fits)
 
     def _sample(self, change: Change | None) -> TrackSample:
-        time, nothing = (self._samples - 1) * self.dt, (np.nan, np.nan)
+        """Estimates after the newest sample."""
+        time, unknown = (self._samples - 1) * self.dt, (np.nan, np.nan)
         if self._fit is None:
-            return TrackSample(time, np.nan, nothing, np.nan, nothing, change, False)
+            return TrackSample(time, np.nan, unknown, np.nan, unknown, change, False)
         # linear in the parameters as the recursion is: where poles and zeros nearly cancel, they move far together
-        along = self._moves @ self._directions[: 2 * self._fit.order]
+        along = self._gradients @ self._directions[: 2 * self._fit.order]
         log_f, delay = self._value + along @ self._delta
-        own = np.maximum(np.einsum("ij,jk,ik->i", along, self._Pi, along), 0.0)
-        reach = STUDENT_95 * np.sqrt(self._inflation * own + self._between)
+        variances = np.maximum(np.einsum("ij,jk,ik->i", along, self._Pi, along), 0.0)
+        log_f_reach, delay_reach = STUDENT_95 * np.sqrt(self._inflation * variances + self._between)
         # nothing is seen above half the sampling frequency, nor below the grid
-        low, top = LOWEST / self.dt, 0.5 / self.dt
-        f, wide = np.exp(np.clip((log_f, reach[0]), (np.log(low), 0.0), (np.log(top), WIDEST))).tolist()
-        ends = float(delay - reach[1]), float(delay + reach[1])
-        return TrackSample(time, f, (f / wide, min(f * wide, top)), float(delay), ends, change, True)
+        lowest, highest = LOWEST / self.dt, 0.5 / self.dt
+        limits = (np.log(lowest), 0.0), (np.log(highest), WIDEST)
+        f, factor = np.exp(np.clip((log_f, log_f_reach), *limits)).tolist()
+        f_interval = f / factor, min(f * factor, highest)
+        delay_interval = float(delay - delay_reach), float(delay + delay_reach)
+        return TrackSample(time, f, f_interval, float(delay), delay_interval, change, True)
