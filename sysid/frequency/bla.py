@@ -113,6 +113,7 @@ def bla(
         responses.append(response)
         noise_variances.append(noise_variance)
     r = len(responses)
+    # real and imaginary part of every line, from the scatter of its periods round their mean
     freedom = sum(2 * (count - 1) for count in counts)
     mean = np.mean(responses, axis=0)
     noise = np.sum(noise_variances, axis=0) / r**2
@@ -172,6 +173,7 @@ def _realisation_response(
     inputs = np.stack([u.mean(axis=0) for u, _ in records], axis=2)
     outputs = np.stack([y.mean(axis=0) for _, y in records], axis=2)
     values = np.linalg.svd(inputs, compute_uv=False)
+    # beyond this condition the inverse would amplify noise a million times
     if (values[:, -1] <= 1e-6 * values[:, 0]).any():
         worst = int(np.argmin(values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny)))
         raise SysidError(
@@ -231,6 +233,7 @@ def _excited_lines(lines: ArrayLike | None, power: FloatArray, period: int, audi
     lines = np.atleast_1d(np.asarray(lines))
     if lines.dtype.kind not in "iu" or lines.ndim != 1 or lines.size == 0 or lines.min() < 1 or lines.max() > last:
         raise SysidError(f"lines must be whole numbers from 1 to {last}, got {lines.tolist()!r}")
+    # amplitudes of 1e-10 of the strongest are rounding of the transform
     silent = lines[power[lines] <= 1e-20 * power.max()]
     if len(silent):
         raise SysidError(f"the input has no power at the line(s) {', '.join(map(str, silent[:5]))}")
@@ -292,6 +295,7 @@ def agreement_p(approximation: BestLinearApproximation, expected: ComplexArray) 
         raise SysidError("expected at least two realisations for the variance of the response, got one")
     statistic = np.abs(response - expected) ** 2 / approximation.total_variance
     p = scipy.stats.f.sf(statistic, 2, 2 * (approximation.realisations - 1))
+    # Fisher's sum; a p-value that underflows must not make it infinite
     log_p = np.log(np.maximum(p, np.finfo(float).tiny))
     over_all = scipy.stats.chi2.sf(-2.0 * log_p.sum(axis=0), 2 * len(p))
     return p, over_all

@@ -75,6 +75,7 @@ def covf(data: IOData | Sequence[IOData], *, lags: int = 25) -> CovarianceFuncti
     lags = whole_number("lags", lags, 0, shortest - 1)
     z = [np.hstack((e.y, e.u)) for e in experiments]
     first = experiments[0]
+    # with gaps every lag has its own number of known products
     covariance = covariance_function if all(e.complete for e in experiments) else covariance_with_gaps
     names = (first.output_names or ()) + (first.input_names or ())
     return CovarianceFunction(np.arange(-lags, lags + 1), covariance(z, z, int(lags)), names, first.ny, first.dt)

@@ -169,10 +169,12 @@ def _deviation(regressors: Sequence[FloatArray], inverse_gram: FloatArray, error
     scale = float(np.abs(errors).max())
     if scale <= np.finfo(float).tiny:
         return np.zeros(width)
+    # of about unit size, since squares of huge or tiny errors leave the range of numbers
     whitener, _ = autoregression(errors / scale, COLOUR)
     innovations = scipy.signal.lfilter(whitener, [1.0], errors)
     variance = float(np.mean(innovations**2)) * rows / (rows - width)
     total = np.zeros((width, width))
+    # R = variance / |whitener|^2: its root filters the columns, which is exact but for the ends of the experiments
     for phi in regressors:
         filtered = scipy.signal.lfilter([1.0], whitener, phi, axis=0)
         total += filtered.T @ filtered

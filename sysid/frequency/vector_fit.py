@@ -184,6 +184,7 @@ def fitted(
         raise SysidError(f"order {order} has more unknowns than {len(x)} frequencies with {entries} entries give")
     best: PartialFractions | None = None
     smallest_cost = np.inf
+    # relocation need not lower the cost from step to step, and may cycle
     for _ in range(max_iterations + 1):
         coefficients, cost = _fit_residues(x, flat, w, poles, direct)
         if cost < smallest_cost:
@@ -238,6 +239,7 @@ def _relocated(
     A[real_state, imaginary_state] = poles[upper].imag
     A[imaginary_state, real_state] = -poles[upper].imag
     zeros = np.linalg.eigvals(A - np.outer(b, c) / d).astype(complex)
+    # a real zero may be computed with an imaginary part of rounding
     zeros = np.where(np.abs(zeros.imag) <= 1e-14 * np.abs(zeros), zeros.real, zeros)
     if stable:
         zeros = _reflected(zeros, dt)

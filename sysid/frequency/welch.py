@@ -55,6 +55,7 @@ def welch(
     w = window_values(window, length)
     if not w.any():
         raise SysidError(f"window({length}) must not be zero throughout")
+    # an overlap close to one still moves on by a sample
     hop = max(1, round(length * (1.0 - overlap)))
     count, channels = length // 2, experiments[0].nu + experiments[0].ny
     phi: ComplexArray = np.zeros((count, channels, channels), dtype=complex)
@@ -63,6 +64,7 @@ def welch(
         v = np.hstack((e.u, e.y))
         for k in range(segments):
             windowed = w[:, None] * v[k * hop : k * hop + length]
+            # without 0 Hz, which holds the mean
             transform = scipy.fft.rfft(windowed, axis=0)[1 : count + 1]
             phi += transform[:, :, None] * transform[:, None, :].conj()
     dt = experiments[0].dt

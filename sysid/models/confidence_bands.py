@@ -48,7 +48,9 @@ class RootBand(Locked):
 
     def modulus_deviation(self) -> FloatArray:
         """Standard deviation of the modulus, to first order (n,)."""
-        along = np.stack((np.cos(np.angle(self.roots)), np.sin(np.angle(self.roots))), axis=-1)
+        # to first order the modulus changes by the part of the change along the root
+        angle = np.angle(self.roots)
+        along = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
         return np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", along, self.covariance, along), 0.0))
 
     def ellipses(self, points: int = 60) -> ComplexArray:
@@ -57,6 +59,7 @@ class RootBand(Locked):
         circle = np.sqrt(CHI_SQUARE_95) * np.stack((np.cos(angle), np.sin(angle)))
         out = np.full((len(self.roots), points), complex(np.nan, np.nan))
         for k in np.flatnonzero(np.isfinite(self.covariance).all(axis=(1, 2))):
+            # a root of the covariance maps the circle onto the ellipse, or onto a line where it is singular
             outline = standard_directions(self.covariance[k]) @ circle
             out[k] = self.roots[k] + outline[0] + 1j * outline[1]
         return out
@@ -136,6 +139,7 @@ def sample_models(estimate: Estimate, rng: np.random.Generator, *, draws: int = 
         raise SysidError(f"rng must be a NumPy generator, such as np.random.default_rng(0), got {shown(rng)}")
     if not np.isfinite(estimate.covariance).all():
         raise SysidError(f"{estimate.method} gives no covariance of its parameters to draw from; refine it by pem_ss")
+    # not Cholesky's: the covariance may be singular
     root = standard_directions(estimate.covariance)
     steps = rng.standard_normal((draws, root.shape[1])) @ root.T
     return [estimate.realise(estimate.parameters + step) for step in steps]
@@ -184,5 +188,6 @@ def matched_roots(roots: ComplexArray, nominal: ComplexArray) -> ComplexArray:
     """`roots` in the sequence of the `nominal` ones that they are nearest to; NaN where their number differs."""
     if len(roots) != len(nominal):
         return np.full(len(nominal), complex(np.nan, np.nan))
+    # least total distance: each by itself, two roots might take the same nearest one
     _, sequence = scipy.optimize.linear_sum_assignment(np.abs(nominal[:, None] - roots))
     return roots[sequence]

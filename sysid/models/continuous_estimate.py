@@ -45,13 +45,16 @@ class ContinuousEstimate(Estimate):
         return normal_band(value, moves)
 
     def _dynamics(self) -> Sequence[Part]:
+        """Transfer functions and modes, for the printed text."""
         return [*self.continuous.fractions(), damp(self).table()]
 
     @property
     def _responding(self) -> ContinuousModel:
+        """The model whose frequency response and bandwidth are reported."""
         return self.continuous
 
     def _response_of(self, theta: FloatArray) -> ContinuousModel:
+        """The continuous-time model at other parameters."""
         return self.realise_continuous(theta)
 
     def poles(self) -> ComplexArray:

@@ -97,6 +97,7 @@ class ContinuousModel(Locked):
         try:
             return m.D - m.C @ np.linalg.solve(m.A, m.B)
         except np.linalg.LinAlgError:
+            # a pole at exactly zero
             return np.full(self.delays.shape, np.inf)
 
     def bandwidth(self) -> FloatArray:

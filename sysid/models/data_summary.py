@@ -48,7 +48,7 @@ class DataSummary:
 
     @staticmethod
     def of(experiments: Sequence[IOData]) -> "DataSummary":
-        """Describe a data set."""
+        """Description of the experiments of an estimate."""
         first = experiments[0]
         lengths = [len(e) for e in experiments]
         input_offsets = [e.input_offset for e in experiments]
@@ -74,7 +74,7 @@ class DataSummary:
 
     @property
     def extent(self) -> str:
-        """How much data, in words."""
+        """Amount of data, in words."""
         if self.frequencies:
             return f"{len(self.frequencies)} frequencies, {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz"
         return f"{counted(sum(self.samples), 'sample')} every {self.dt:g} s"

@@ -112,6 +112,7 @@ class Estimate(Labelled, Locked):
         return f"{self.method.upper()} ({orders}) from {self.data.extent}{interval}"
 
     def _parts(self) -> list[Part]:
+        """Heading, parameters, dynamics and measures of fit, for the printed text."""
         paragraphs: list[Part] = [self._heading(), *self._parameter_paragraphs(), *self._dynamics()]
         if self.data.frequencies:
             squares = self.diagnostics["sum_of_squares"]
@@ -131,7 +132,7 @@ class Estimate(Labelled, Locked):
         return paragraphs
 
     def _parameter_paragraphs(self) -> list[Part]:
-        """Parameters, for the text: as matrices, as a table with deviations, or as polynomials where they are many."""
+        """Paragraphs on the parameters: as matrices, as a table with deviations, or as polynomials if they are many."""
         if self._shows_matrices:
             return self._responding.matrices()
         if self._is_fir or len(self.parameters) <= LISTED:
@@ -162,7 +163,7 @@ class Estimate(Labelled, Locked):
         return not any(polynomial[..., 1:].any() for polynomial in (p.A, p.C, p.D, p.F))
 
     def _dynamics(self) -> Sequence[Part]:
-        """Poles, for the text."""
+        """Paragraphs on the poles, for the printed text."""
         poles = self.poles()
         if self._is_fir:
             return [f"finite impulse response of {counted(len(poles) + 1, 'sample')}"]

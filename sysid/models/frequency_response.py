@@ -174,6 +174,7 @@ class FrequencyResponse(Labelled, Locked):
         return self.input_names or default_names("u", nu), self.output_names or default_names("y", ny)
 
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """Variables, coordinates and attributes of the data set: the response of paths, the disturbance of outputs."""
         path = ("frequency", "output", "input")
         inputs, outputs = self._names
         arrays: dict[str, Any] = {}
@@ -196,6 +197,7 @@ class FrequencyResponse(Labelled, Locked):
         return arrays, coordinates, {"method": self.method, "dt": self.dt}
 
     def _shown(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """The variables as the printed table shows them."""
         variables, coordinates, attributes = self._variables()
         if "phase" in variables:
             # printed rows are too far apart for an unwrapped phase to be followed
@@ -231,6 +233,7 @@ class FrequencyResponse(Labelled, Locked):
             f = np.arange(nf)[selection]
         except IndexError as error:
             raise SysidError(f"kept: expected a mask of {nf} frequencies or indices below {nf}") from error
+        # entries of the response are numbered output by output
         entries = (np.array(y)[:, None] * nu + np.array(u)).ravel()
         index = {"f": f, "y": y, "u": u, "p": range(2), "e": entries}
         selected: dict[str, Any] = {
@@ -365,6 +368,7 @@ class FrequencyResponse(Labelled, Locked):
         if self.noise_spectrum is None or self.degrees_of_freedom is None:
             raise SysidError(f"{self.method} gives no disturbance spectrum with degrees of freedom")
         freedom = self.degrees_of_freedom
+        # with freedom = 2 (K - nu), the spectrum before the fit of nu responses times 2 K
         total = np.einsum("fii->fi", self.noise_spectrum).real * (freedom + 2.0 * self.response.shape[2])
         total = np.maximum(total, 0.0)
         return total / scipy.stats.chi2.ppf(0.975, freedom), total / scipy.stats.chi2.ppf(0.025, freedom)

@@ -68,6 +68,7 @@ def simulate(
             "the model has no innovation covariance, which its noise needs; "
             "dataclasses.replace(model, innovation_covariance=...) adds one"
         )
+    # a root of the covariance by eigenvectors: it may be singular
     e = rng.standard_normal((len(inputs), m.ny)) @ standard_directions(m.innovation_covariance).T
     states = state_trajectory(m.A, inputs @ m.B.T + e @ m.gain.T, start)
     return states @ m.C.T + inputs @ m.D.T + e
@@ -158,6 +159,7 @@ def _predicted(m: StateSpace, data: IOData, steps: int | None, x0: ArrayLike | N
     if steps is None or not gain.any():
         return output(m, data.u, start)
     observer = m.A - m.gain @ m.C
+    # poles on the unit circle, to rounding, let no error grow
     if m.order and np.abs(np.linalg.eigvals(observer)).max() > 1.0 + 1e-9:
         radius = float(np.abs(np.linalg.eigvals(observer)).max())
         warnings.warn(
@@ -175,6 +177,7 @@ def _predicted(m: StateSpace, data: IOData, steps: int | None, x0: ArrayLike | N
     if steps == 1:
         return states @ m.C.T + data.u @ m.D.T
     horizon = min(int(steps), len(data))
+    # from the states that know the outputs before them, the inputs alone lead on; the first samples are simulated
     ahead = states[: len(data) - horizon + 1]
     for k in range(horizon - 1):
         ahead = ahead @ m.A.T + data.u[k : k + len(ahead)] @ m.B.T

@@ -101,6 +101,7 @@ class StateSpace(Locked):
             object.__setattr__(self, attribute, labels)
 
     def _parts(self) -> list[Part]:
+        """Heading, matrices and poles, for the printed text."""
         poles = [poles_table(self.poles(), self.dt)] if self.order else []
         return [f"State space of order {self.order}, sampled every {self.dt:g} s", *self.matrices(), *poles]
 
@@ -169,6 +170,7 @@ class StateSpace(Locked):
         return self._response(f_hz, self.gain, np.eye(self.ny))
 
     def _response(self, f_hz: ArrayLike, B: FloatArray, D: FloatArray) -> ComplexArray:
+        """C (zI - A)^-1 B + D at frequencies in Hz (nf,), for any B and D that fit the states."""
         frequencies = np.atleast_1d(real_array("f_hz", f_hz))
         if frequencies.ndim != 1:
             raise SysidError(f"f_hz: expected a list of frequencies, got an array of shape {frequencies.shape}")
@@ -194,6 +196,7 @@ class StateSpace(Locked):
 
     def _response_of_many_states(self, z: ComplexArray, B: FloatArray, D: FloatArray) -> ComplexArray:
         """C (zI - A)^-1 B + D by one Schur decomposition and one back substitution for all frequencies."""
+        # by its bytes, as arrays cannot be keys of a cache
         triangle, basis = schur_form(self.A.tobytes(), self.order)
         drive = basis.conj().T @ B
         states = np.zeros((self.order, len(z) * B.shape[1]), dtype=complex)
@@ -342,6 +345,7 @@ class StateSpace(Locked):
         if not isinstance(system, control.LTI):
             raise SysidError(f"expected a python-control system, got {type(system).__name__}")
         ss = control.ss(system)
+        # dt = True is python-control's discrete time without an interval
         if not isinstance(ss.dt, float | int) or isinstance(ss.dt, bool) or ss.dt <= 0:
             raise SysidError(f"expected a discrete-time system with a sampling interval, got dt = {ss.dt!r}")
         return StateSpace(

@@ -49,6 +49,7 @@ class ZeroPoleGain(Locked):
         object.__setattr__(self, "gain", real_number("gain", self.gain, "be a finite number", np.isfinite))
         object.__setattr__(self, "dt", sampling_interval(self.dt))
         for name, values in roots.items():
+            # conjugates may differ by rounding
             polynomial = np.atleast_1d(np.poly(values))
             if np.abs(np.imag(polynomial)).max() > 1e-8 * np.abs(polynomial).max():
                 raise SysidError(f"{name}: complex values must come with their conjugates, got {values}")
@@ -78,6 +79,7 @@ class ZeroPoleGain(Locked):
 
 def _pairs(roots: ComplexArray) -> list[ComplexArray]:
     """Pairs of roots, conjugates together; a single one comes last, so that zeros never outnumber poles in a pair."""
+    # sorted, so that neighbours share a section
     real = np.sort_complex(roots[np.abs(roots.imag) <= 1e-12 * np.abs(roots)])
     upper = roots[roots.imag > 1e-12 * np.abs(roots)]
     pairs = [np.array([root, root.conjugate()]) for root in upper]

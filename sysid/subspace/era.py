@@ -72,6 +72,7 @@ def era(
     n = checked_order(order, xi)
     root = np.sqrt(xi[:n])
     ny, nu = y.shape[1:]
+    # equal shares of the singular values for observability and controllability: internally balanced coordinates
     A = (left[:, :n] / root).T @ h1 @ (right[:n].T / root)
     B = root[:, None] * right[:n, :nu]
     C = left[:ny, :n] * root
@@ -83,6 +84,7 @@ def realisation(
 ) -> Realisation:
     """Assemble the result from the matrices and the singular values of H(0)."""
     poles, modes = np.linalg.eig(A)
+    # as `StateSpace.poles` lists them
     sequence = np.argsort(-np.abs(poles), kind="stable")
     # least squares, since nearly equal poles have nearly dependent modes
     modal_inputs = np.linalg.lstsq(modes, B.astype(complex), rcond=None)[0]

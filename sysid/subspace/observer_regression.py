@@ -98,9 +98,11 @@ class ObserverRegression:
         nu = e.nu if self.direct else 0
         begin = max(first - p, 0)
         v = np.hstack((e.u[begin : end - 1], e.y[begin : end - 1]))
+        # before an experiment at rest all is zero
         before = np.vstack((np.zeros((max(p - first, 0), q)), v))
         out = np.empty((rows, self.width + e.ny))
         out[:, :nu] = e.u[first:end, :nu]
+        # a view, copied once into place
         latest_first = np.lib.stride_tricks.sliding_window_view(before, p, axis=0)[:, :, ::-1]
         out[:, nu : self.width].reshape(rows, p, q)[:] = latest_first.transpose(0, 2, 1)
         out[:, self.width :] = e.y[first:end]

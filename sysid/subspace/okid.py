@@ -29,7 +29,7 @@ from sysid.validation.compare import fit_percent
 CHECKED = 800  # samples of each experiment whose fit is checked: as informative as all, and cheap
 WORTHLESS = -5.0  # fit in simulation, percent; below 0, since strong noise may make a good fit slightly negative
 LARGEST_HANKEL = 2.5e7  # entries of the Hankel matrix, 200 MB
-OTHER_METHOD = " or n4sid(data, order, stable=True)"  # the advice that names a call in Python
+N4SID_ADVICE = " or n4sid(data, order, stable=True)"  # the advice that names a call in Python
 AMPLE = 8  # samples per coefficient above which a larger p can help an unstable model
 LARGEST_COVARIANCE = 4000  # observer parameters with a covariance, 128 MB: intervals of more would take many minutes
 
@@ -137,6 +137,7 @@ class Realise:
     def observer_gain(self, realised: Realisation, gain: FloatArray) -> FloatArray:
         """K = -G by least squares on the observability matrix, in output units (n, ny)."""
         C = realised.model.C * self.output_scale[:, None]
+        # rows that have died out carry no information on K
         observability = free_response(realised.model.A, C, len(gain))
         rows = len(observability)
         weighted = (observability / self.output_scale[:, None]).reshape(rows * len(C), -1)
@@ -306,7 +307,7 @@ def _stability_messages(
     if radius >= 1.0:
         remedy = _remedy(regression, realise)
         text = f"the model is unstable: largest pole modulus {radius:.6g}; {remedy}"
-        messages.append(Message(text, "unstable-model", stable=OTHER_METHOD))
+        messages.append(Message(text, "unstable-model", stable=N4SID_ADVICE))
     identified_gain = model.gain if realise.deadbeat else realise.observer_gain(realised, gain_markov)
     return messages + _predictor_stability(model, spectral_radius(model.A - identified_gain @ model.C))
 
@@ -393,6 +394,7 @@ def _remedy(regression: ObserverRegression, realise: Realise) -> str:
     """Advice on an unstable model: a smaller p if it gives a stable one, as with few samples per coefficient."""
     rows, width = regression.rows(), regression.width
     for p in (regression.p // 2, regression.p // 4):
+        # too few to hold the states
         if p * len(realise.output_scale) < realise.order:
             break
         theta = replace(regression, p=p).solve().solution.T.ravel()
@@ -403,7 +405,7 @@ def _remedy(regression: ObserverRegression, realise: Realise) -> str:
         if model.is_stable():
             return f"p = {p} gives a stable one (p = {regression.p} leaves {rows / width:.1f} samples per coefficient)"
     advice = "a larger p, another order" if rows > AMPLE * width else "more samples, another order"
-    return f"try {advice}{OTHER_METHOD}"
+    return f"try {advice}{N4SID_ADVICE}"
 
 
 def _predictor_stability(model: StateSpace, observer: float) -> list[str]:

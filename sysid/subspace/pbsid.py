@@ -177,7 +177,7 @@ def _stabilised(predictor: Predictor, innovation: FloatArray) -> tuple[Predictor
 
 
 def _with_stable_gain(predictor: Predictor, innovation: FloatArray) -> Predictor:
-    """The same A, B, C and D with a gain of a stable predictor: of the same disturbance spectrum, else deadbeat."""
+    """Replace the gain by that of a stable predictor: of the same disturbance spectrum, else deadbeat."""
     C, D, nu = predictor.C, predictor.D, predictor.D.shape[1]
     K = predictor.M[:, nu:]
     A, B = predictor.A + K @ C, predictor.M[:, :nu] + K @ D

@@ -95,7 +95,7 @@ class Predictor:
         return (u / root).T @ right.T, left @ (vt.T / root)
 
     def balanced(self) -> "Predictor":
-        """The same predictor after `balancing`."""
+        """The predictor in balanced coordinates; see `balancing`."""
         into, back = self.balancing()
         return Predictor(into @ self.A @ back, into @ self.M, self.C @ back, self.D)
 

@@ -38,7 +38,7 @@ class Eliminated:
 
     @property
     def errors(self) -> FloatArray:
-        """Errors (N, ny)."""
+        """One-step prediction errors (N, ny), those of missing outputs at their conditional means."""
         return np.asarray(np.linalg.solve(self.root.T, self.white.T).T, dtype=np.float64)
 
     def expected_products(self) -> FloatArray:
@@ -274,7 +274,7 @@ class Point:
         )
 
     def balanced(self) -> "Point":
-        """The same behaviour in balanced coordinates, in which all entries have about equal effect."""
+        """The point in balanced coordinates, in which all entries have about equal effect."""
         into, back = self.predictor.balancing()
         p = self.predictor
         balanced = Predictor(into @ p.A @ back, into @ p.M, p.C @ back, p.D)

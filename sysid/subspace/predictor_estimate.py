@@ -84,6 +84,7 @@ def check_enough_samples(experiments: Sequence[IOData], order: int, count: int) 
     """Number of samples after the initialisation windows; refuse too few, and outputs that are zero."""
     samples = int(usable_samples(experiments))
     unknown = count + order * len(experiments)
+    # the initial state of every experiment is estimated as well
     short = [len(e) for e in experiments if len(e) - e.window <= order]
     if samples * experiments[0].ny <= unknown or short:
         raise SysidError(

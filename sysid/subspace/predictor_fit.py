@@ -90,7 +90,7 @@ class Normal:
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Result of a minimisation.
+    """Minimum of the criterion that a search reached, or the point where it gave up.
 
     Attributes:
         point: Predictor, states, errors.
@@ -122,7 +122,9 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
     margin = noise_margin(longest) if start.has_gain else STABILITY_MARGIN
     limit = 1.0 - margin
     point = Point.at(records, start.balanced(), np.eye(start.C.shape[0]))
-    damping, iterations, evaluations = 1e-6, 0, 1
+    # relative to an information matrix of unit diagonal
+    damping = 1e-6
+    iterations, evaluations = 0, 1
     while True:
         normal = linearise(records, point, directions(point.predictor))
         if point.mean_square <= ROUNDING * power:
@@ -130,41 +132,80 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
         if not normal.information.any():
             why = "the predictor is too near the edge of stability for the arithmetic"
             return Minimum(point, normal, iterations, evaluations, False, why)
-        scale = column_scale(normal.information)
-        values, vectors = np.linalg.eigh(normal.information / np.outer(scale, scale))
-        kept = values > 1e-14 * values[-1]
-        values = np.where(kept, values, 1.0)
-        g = np.where(kept, vectors.T @ (normal.gradient / scale), 0.0)
-        rows = np.where(kept, outward(point.predictor, normal.basis, limit) / scale @ vectors, 0.0)
-        decrease = float(g @ constrained_step(values, g, rows)) / (samples * len(point.covariance))
+        equations = ScaledEquations.of(normal, point.predictor, limit)
+        decrease = equations.predicted_decrease() / (samples * len(point.covariance))
         if decrease <= max(CONVERGED, SETTLED / (samples * len(point.covariance))):
-            where = " at the edge of stability" if len(rows) else ""
+            where = " at the edge of stability" if len(equations.bounds) else ""
             return Minimum(point, normal, iterations, evaluations, True, f"no decrease left{where}")
         if iterations >= max_iterations:
             why = f"stopped after {iterations} iterations, one more predicts N dV/V = {decrease * samples:.2g}"
             return Minimum(point, normal, iterations, evaluations, False, why)
-        trial = None
-        while damping < 1e8:
-            step = constrained_step(values + damping, g, rows)
-            moved = point.predictor.moved_in_innovations_form(normal.basis @ (vectors @ step / scale))
+        accepted: Point | None = None
+        while accepted is None and damping < 1e8:
+            step = equations.step(damping)
+            moved = point.predictor.moved_in_innovations_form(normal.basis @ equations.in_coordinates(step))
             if np.isfinite(moved.A).all():
                 trial = Point.at(records, pulled_in(moved, limit), point.weight, point.spreads)
                 evaluations += 1
-                if trial.criterion < point.criterion:
-                    break
-                trial = None
-            damping = max(damping * 10.0, 1e-8)
-        if trial is None:
+                accepted = trial if trial.criterion < point.criterion else None
+            if accepted is None:
+                damping = max(damping * 10.0, 1e-8)
+        if accepted is None:
+            # nearly at the minimum or at rounding level no step can show a decrease
             flat = decrease <= 1e-4 or point.mean_square <= 1e-16 * power
             why = f"no step decreases the errors further; predicted is N dV/V = {decrease * samples:.2g}"
             return Minimum(point, normal, iterations, evaluations, flat, why)
-        predicted = float(2.0 * g @ step - step**2 @ values) / samples
-        achieved = point.criterion - trial.criterion
-        damping = damping / 30.0 if achieved > 0.75 * predicted else damping
+        predicted = float(2.0 * equations.gradient @ step - step**2 @ equations.values) / samples
+        achieved = point.criterion - accepted.criterion
+        # the damping follows the ratio of achieved and predicted decrease [NocedalWright2006, ch. 4]
+        if achieved > 0.75 * predicted:
+            damping = damping / 30.0
         if achieved < 0.25 * predicted:
             damping = max(damping * 4.0, 1e-8)
-        point = trial.balanced()
+        point = accepted.balanced()
         iterations += 1
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledEquations:
+    """Normal equations in the eigenvectors of the information matrix, scaled to unit diagonal.
+
+    Attributes:
+        values: Eigenvalues (q,), one for directions in which the data say nothing.
+        vectors: Eigenvectors (q, q).
+        scale: Lengths of the Jacobian columns (q,).
+        gradient: Right-hand side (q,), zero in directions in which the data say nothing.
+        bounds: Derivatives of the moduli of the poles at the stability limit (poles, q), which no step may increase.
+    """
+
+    values: FloatArray
+    vectors: FloatArray
+    scale: FloatArray
+    gradient: FloatArray
+    bounds: FloatArray
+
+    @staticmethod
+    def of(normal: Normal, predictor: Predictor, limit: float) -> "ScaledEquations":
+        """Scale and diagonalise."""
+        scale = column_scale(normal.information)
+        values, vectors = np.linalg.eigh(normal.information / np.outer(scale, scale))
+        # beyond this ratio an eigenvalue is rounding
+        kept = values > 1e-14 * values[-1]
+        gradient = np.where(kept, vectors.T @ (normal.gradient / scale), 0.0)
+        bounds = np.where(kept, outward(predictor, normal.basis, limit) / scale @ vectors, 0.0)
+        return ScaledEquations(np.where(kept, values, 1.0), vectors, scale, gradient, bounds)
+
+    def step(self, damping: float) -> FloatArray:
+        """Levenberg-Marquardt step in the eigenvectors (q,) that takes no pole beyond the limit."""
+        return constrained_step(self.values + damping, self.gradient, self.bounds)
+
+    def in_coordinates(self, step: FloatArray) -> FloatArray:
+        """The step in the directions of the normal equations (q,)."""
+        return self.vectors @ step / self.scale
+
+    def predicted_decrease(self) -> float:
+        """Decrease of the weighted sum of squares by a full step, to second order."""
+        return float(self.gradient @ constrained_step(self.values, self.gradient, self.bounds))
 
 
 def least_squares_fit(records: Sequence[Record], start: Predictor, directions: Directions) -> Predictor:
@@ -179,14 +220,16 @@ def least_squares_fit(records: Sequence[Record], start: Predictor, directions: D
     for _ in range(REPAIRS):
         normal = linearise(records, point, directions(point.predictor))
         scale = column_scale(normal.information)
-        solution = np.linalg.lstsq(normal.information / np.outer(scale, scale), normal.gradient / scale, rcond=1e-13)
-        step = solution[0] / scale
+        relative = normal.information / np.outer(scale, scale)
+        step = np.linalg.lstsq(relative, normal.gradient / scale, rcond=1e-13)[0] / scale
         update = Point.at(records, point.predictor.moved(normal.basis @ step), point.weight, point.spreads)
         if not update.criterion < point.criterion:
             break
         point = update
+        # errors of a hundredth of the output or more: neither rounding nor the first weights matter
         if point.mean_square > 1e-4 * power:
             break
+    # M of the fit is in balanced coordinates, A and C of the start are not
     return Predictor(start.A, start.balancing()[1] @ point.predictor.M, start.C, point.predictor.D)
 
 

@@ -33,6 +33,7 @@ class Sensitivities:
     def of(predictor: Predictor, by_dynamics: bool = True) -> "Sensitivities":
         """Solve for the coefficients, which do not depend on the data; those by A only with `by_dynamics`."""
         n = len(predictor.A)
+        # every derivative has the poles of the predictor, each at most twice
         once = all_pass(np.linalg.eigvals(predictor.A).astype(complex))
         basis = once.then(once)
         pulses = np.zeros((n, n, 2 * n))
@@ -62,6 +63,7 @@ class Sensitivities:
         if self.twice is not None:
             by_a = np.einsum("cja,liab->lcbij", x[:, :, :n], self.twice, optimize=True)
             functions[..., : n * n] = by_a.reshape(ny, nw + 1, k, n * n)
+        # columns follow the entries of A, then of M, C and D, row by row
         at = n * n
         for c in range(nw):
             functions[:, c, :, at + c : at + n * nw : nw] = observed.transpose(0, 2, 1)
@@ -94,8 +96,10 @@ class Sensitivities:
         s = np.zeros((nw + 1, nw + 1))
         s[:nw, :nw] = w.T @ w
         s[nw, nw] = 1.0
+        # phi(N), behind the last sample, by channel: the sum over phi(t + 1) contains it, that over phi(t) does not
         last = np.zeros((nw + 1, k))
         last[:nw] = w[::-1][: len(responses)].T @ responses
+        # the response to the pulse has died out by then, unless the record is shorter
         if len(responses) == steps:
             last[nw] = F @ responses[-1]
         moved = np.einsum("ab,cbd->cda", F, x)[..., None] * b
