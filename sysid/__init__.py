@@ -82,6 +82,7 @@ from sysid.records import (
     read_netcdf,
     resample,
 )
+from sysid.records.arrays import register_drawer
 from sysid.recursive import RecursiveEstimate, Track, rarmax, rarx, roe, track
 from sysid.selection import StructureChoice, auto
 from sysid.subspace import era, era_dc, n4sid, okid, pbsid, pem_ss
@@ -203,6 +204,15 @@ __all__ = [
     "write_model",
     "zero_pole_gain",
 ]
+
+
+def _thumbnail(result: object) -> str:
+    from sysid.plots.thumbnail import thumbnail  # loads matplotlib
+
+    return thumbnail(result)
+
+
+register_drawer(_thumbnail)
 
 
 def __getattr__(name: str) -> ModuleType:

@@ -42,6 +42,20 @@ MOST_ARROWS, MOST_FLOORS = 80, 12
 REFERENCE_KEY = re.compile(r"[\[;]\s*([A-Z][A-Za-z]+(?:19|20)\d\d[a-z]?)\b")
 
 
+def imported_by_text(call: ast.Call) -> list[str]:
+    """Modules of ours that `import_module` or `__import__` loads; for a name in braces stands *."""
+    function = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+    if function not in ("import_module", "__import__") or not call.args:
+        return []
+    beginning = call.args[0]
+    if isinstance(beginning, ast.JoinedStr):
+        beginning = beginning.values[0]
+    name = beginning.value if isinstance(beginning, ast.Constant) else None
+    if not isinstance(name, str) or name.partition(".")[0] not in PACKAGES:
+        return []
+    return [f"{name}*" if name.endswith(".") else name]
+
+
 @dataclass(eq=False)
 class Module:
     """A file of the product."""
@@ -75,7 +89,7 @@ class Module:
 
     @cached_property
     def imports(self) -> list[tuple[str, str | None, int]]:
-        """(module, imported name or None, line) of every import, inside functions too, relative ones resolved."""
+        """(module, imported name or None, line) of every import: inside functions, relative ones, by a text too."""
         package, lines = self.path.relative_to(ROOT).parent.parts, []
         for node in ast.walk(self.tree):
             if isinstance(node, ast.Import):
@@ -84,6 +98,8 @@ class Module:
                 parts = package[: len(package) - node.level + 1] if node.level else ()
                 origin = ".".join((*parts, node.module) if node.module else parts)
                 lines += [(origin, alias.name, node.lineno) for alias in node.names]
+            elif isinstance(node, ast.Call) and self.room is not None:
+                lines += [(origin, None, node.lineno) for origin in imported_by_text(node)]
         return lines
 
 
@@ -160,6 +176,21 @@ def test_rooms_of_the_study_hang_together_loosely():
     for room in rooms:
         floors[room] = 1 + max((floors[target] for source, target in arrows if source == room), default=0)
     assert max(floors.values()) <= MOST_FLOORS, floors
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ('importlib.import_module("sysid.plots.thumbnail")', ["sysid.plots.thumbnail"]),
+        ('import_module(f"scenarios.commands.{name}")', ["scenarios.commands.*"]),
+        ('__import__("hmtb_twin.run")', ["hmtb_twin.run"]),
+        ('import_module(f"scipy.{name}"), import_module(name)', []),
+        ('print("sysid.plots")', []),
+    ],
+)
+def test_imports_by_a_text_are_found(line, expected):
+    calls = [node for node in ast.walk(ast.parse(line)) if isinstance(node, ast.Call)]
+    assert [name for call in calls for name in imported_by_text(call)] == expected
 
 
 def test_no_module_imports_itself_through_others():

@@ -1,4 +1,10 @@
-"""NetCDF4 files whose bytes depend on their content alone."""
+"""NetCDF4 files whose bytes depend on their content alone.
+
+They are written through h5py's calls of HDF5. h5netcdf (tried: 1.8.2) writes its own version into the attribute
+`_NCProperties` of every file and leaves the format of the objects to HDF5: hashes of data sets would change with
+its releases. h5py's high-level interface gave other bytes in one of five builds by workers of a cluster, at the same
+contents; calls of HDF5 itself never did.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -249,11 +255,7 @@ IN_FILE, IN_MEMORY = h5t.py_create(TEXT, logical=True), h5t.py_create(TEXT)
 def _netcdf_bytes(
     sizes: Mapping[str, int], variables: Mapping[str, Variable], attributes: Mapping[str, Attribute]
 ) -> bytes:
-    """Write a file; a dimension of size 0 is unlimited.
-
-    Files of h5netcdf contain times and differ from run to run. h5py's high-level interface gave other bytes in one of
-    five builds by workers of a cluster, at the same contents; calls of HDF5 itself never did.
-    """
+    """Write a file in memory; a dimension of size 0 is unlimited."""
     creation = h5p.create(h5p.FILE_CREATE)
     _bare(creation)
     creation.set_link_creation_order(h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED)

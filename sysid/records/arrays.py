@@ -1,8 +1,7 @@
 """Read-only float arrays, and the base class of all records that hold them."""
 
-import importlib
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -52,14 +51,24 @@ class Locked:
 
     def _repr_html_(self) -> str:
         """The text with a small figure, as notebooks show a result."""
-        own = type(self).__str__ is not Locked.__str__
-        # figures are made in the last room, which none may import
-        thumbnail = importlib.import_module("sysid.plots.thumbnail").thumbnail(self)
-        return as_html([str(self)] if own else self._parts(), thumbnail)
+        has_text_of_its_own = type(self).__str__ is not Locked.__str__
+        paragraphs = [str(self)] if has_text_of_its_own else self._parts()
+        return as_html(paragraphs, "".join(draw(self) for draw in _DRAWERS))
 
     def _parts(self) -> Sequence[Part]:
         """Paragraphs and tables that print shows, the heading first: by default all fields."""
         return [(type(self).__doc__ or "").partition("\n")[0], *fields_table(vars(self))]
+
+
+def register_drawer(draw: Callable[[object], str]) -> None:
+    """Register the function that draws results in notebooks: HTML of a result, empty where there is no figure of it.
+
+    Figures are made in the last room of the package, which the records, in the first, may not import.
+    """
+    _DRAWERS.append(draw)
+
+
+_DRAWERS: list[Callable[[object], str]] = []
 
 
 def locked_within(value: Any) -> Any:
