@@ -68,7 +68,7 @@ def test_clean_small_signal_data_give_back_the_true_response(joint, method, clea
     assert estimate.model.bandwidth()[0, 0] == pytest.approx(true.bandwidth_hz, rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_intervals_cover_the_true_bandwidth_with_noise_and_rounding(truth):
     """Friction and the arm's changing geometry, each shown to spoil it by tests/benchmarks, are kept out."""
     linear = {joint: scaled(Condition(friction=False).applied(load(f"siso-5-{joint}"))) for joint in STUDIED_JOINTS}

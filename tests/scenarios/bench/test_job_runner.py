@@ -35,7 +35,7 @@ def plain(results):
     return sorted(repr((number, {k: v for k, v in table.items() if k not in times})) for number, table in tables)
 
 
-@pytest.mark.slow
+@pytest.mark.reliability
 def test_workers_measure_what_is_measured_here(scheduler, tmp_path, monkeypatch):
     (tmp_path / "alone.py").write_text(MODULE)
     monkeypatch.chdir(tmp_path)

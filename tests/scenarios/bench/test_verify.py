@@ -95,7 +95,7 @@ def faulty(tmp_path):
     return lambda name: Estimator(name, f"faulty:{name}", home=str(tmp_path), structure="arx")
 
 
-@pytest.mark.slow
+@pytest.mark.reliability
 def test_what_a_killed_run_started_ends_with_it_and_another_goes_on_as_if_nobody_had_disturbed(tmp_path):
     (tmp_path / "faulty.py").write_text(SOURCE)
     (tmp_path / "killed.py").write_text(KILLED)
@@ -126,7 +126,7 @@ def test_what_a_killed_run_started_ends_with_it_and_another_goes_on_as_if_nobody
     assert plain(Result.read(tmp_path / "killed" / "stuck.json")) == plain(on)
 
 
-@pytest.mark.slow
+@pytest.mark.reliability
 def test_one_that_only_hangs_is_given_up_and_one_that_sometimes_does_is_not(tmp_path, faulty, monkeypatch):
     monkeypatch.setattr("scenarios.bench.run_progress.HANGS", 2)
     notes = []
@@ -219,7 +219,7 @@ def test_what_is_refused_is_counted_by_family_and_ask(tmp_path, faulty):
     assert kinds_of_request(trials) == {"p2": 2, "p2, select": 1, "twin": 1}
 
 
-@pytest.mark.slow
+@pytest.mark.reliability
 def test_whatever_estimators_do_is_counted(tmp_path):
     kinds = {"arx": "model", "dies": "crash", "hangs": "hang", "asks_for_much": "memory"}
     estimators = (Estimator(name, f"tests.scenarios.estimators.estimators:{name}", structure="arx") for name in kinds)
@@ -268,7 +268,7 @@ def test_another_estimator_of_the_same_name_takes_nothing_away(tmp_path, faulty)
     assert journal.read_bytes() == before
 
 
-@pytest.mark.slow
+@pytest.mark.reliability
 def test_a_sandbox_that_fails_is_an_outcome_too(tmp_path, faulty, monkeypatch):
     ask, asked = EstimatorProcess.ask, []
 
@@ -312,7 +312,7 @@ def test_plans_that_cannot_be(change, message):
         replace(PLAN, **change)
 
 
-@pytest.mark.slow
+@pytest.mark.reliability
 def test_a_seed_is_drawn_for_the_files_of_the_estimators_and_kept_to_resume(tmp_path, faulty):
     plan = replace(PLAN, estimators=(faulty("good"),), seed=None, commands={"good": "hmtb verify faulty:good"})
     with pytest.raises(KeyboardInterrupt):

@@ -27,7 +27,7 @@ sys.exit(main(sys.argv[1:]))
 """The command line, which kills itself at a numbered wait for the disk."""
 
 
-@pytest.mark.slow
+@pytest.mark.reliability
 def test_a_killed_build_ends_in_the_bytes_of_one_that_nobody_disturbed(tiny, tiny_spec, tmp_path):
     spec, out = tmp_path / "tiny.toml", tmp_path / "out"
     spec.write_text(tiny_spec.to_toml())
@@ -43,7 +43,7 @@ def test_a_killed_build_ends_in_the_bytes_of_one_that_nobody_disturbed(tiny, tin
     assert files(build(tiny_spec, out).folder) == files(tiny)
 
 
-@pytest.mark.slow
+@pytest.mark.reliability
 def test_one_thread_two_threads_and_two_workers_make_the_same_bytes(tiny, tiny_spec, tmp_path):
     distributed = pytest.importorskip("distributed")
     workers = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "host": "127.0.0.1"}

@@ -14,7 +14,7 @@ from scenarios.datasets.spec import shipped
 from tests.refusals import refused
 
 
-@pytest.mark.slow
+@pytest.mark.reliability
 @pytest.mark.parametrize("workers", [1, 2])
 def test_the_records_are_canonical_with_any_number_of_workers(workers, tmp_path, monkeypatch):
     monkeypatch.setattr("scenarios.datasets.build.STAGES", ())

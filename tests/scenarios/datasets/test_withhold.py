@@ -114,7 +114,7 @@ def test_public_data_sets_load_check_and_cannot_be_scored_or_built(school):
     assert result.passed and any("withheld" in note for note in result.notes)
 
 
-@pytest.mark.slow
+@pytest.mark.reliability
 def test_an_interrupted_build_keeps_its_seeds_and_resumes(school, tmp_path, monkeypatch):
     spec = replace(school.spec, baselines=replace(school.spec.baselines, models=()))
     out, withheld = tmp_path / "out", tmp_path / "withheld"

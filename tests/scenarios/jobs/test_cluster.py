@@ -29,7 +29,7 @@ def test_batches_run_on_workers(scheduler):
             list(executor.run(tasks.wrong, None, [("a",)]))
 
 
-@pytest.mark.slow
+@pytest.mark.reliability
 @pytest.mark.parametrize("deaths", [3, 0])
 def test_a_dead_worker_is_replaced_and_a_scheduler_that_has_gone_is_waited_for(tmp_path, deaths):
     """After so many deaths of workers the scheduler gives a batch up, whose items then run one by one."""

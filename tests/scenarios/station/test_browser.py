@@ -101,6 +101,7 @@ def test_the_arm_is_driven_by_keys_and_buttons(page):
     page.get_by_text("exchange: not inserted, the unit was not released").wait_for()
 
 
+@pytest.mark.thorough
 def test_a_second_browser_watches_and_takes_over(page, chromium, address):
     page.set_viewport_size({"width": 500, "height": 100})
     other = chromium.new_page(viewport={"width": 500, "height": 100}, device_scale_factor=0.5)

@@ -159,7 +159,7 @@ def test_noise_on_the_logged_command_takes_gain_away_and_needs_no_other_record()
     assert kinds["multisine"][0]["command_rms"] == pytest.approx(4e-3, rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.reliability
 def test_the_command_writes_what_any_number_of_workers_gives_and_resumes(run, result, tmp_path, monkeypatch):
     campaign, seen = replace(SMALL, seeds=1, multisines=0), []
     monkeypatch.setattr(MotionCampaign, "quick", classmethod(lambda _: campaign))

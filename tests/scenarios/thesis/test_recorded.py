@@ -106,7 +106,7 @@ def stiffer_servo(monkeypatch):
     hmtb_twin.arm.arm._load.cache_clear()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_fixed_seed_concludes_what_is_recorded_of_it(tmp_path):
     """Whole records of every test: when this fails on purpose, tests/benchmarks/findings.py makes the record anew."""
     (outcome,) = tally([SEED], tmp_path).outcomes
@@ -119,7 +119,7 @@ def test_records_of_the_joint_alone_agree():
     assert again == pytest.approx({name: before[name].hz for name in again}, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_servo_that_is_ten_percent_stiffer_is_found_out(stiffer_servo):
     reference = recorded()
     before = reference.outcomes[SEED - 1]

@@ -117,7 +117,7 @@ def test_friction_is_left_over_by_linear_systems_in_the_right_sequence():
     assert floors.distortion == pytest.approx(left, rel=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_long_regression_from_another_record_does_not_beat_the_best_linear_system():
     """Sticking joints distort what a system of high order takes along where a file repeats within its memory."""
     train, fresh = run("siso-5-shoulder_yaw", (1, 2), chain=Chain(), plant=Plant(friction_level=8.0))
@@ -167,7 +167,7 @@ def test_the_window_is_not_scored(sliding):
     assert floors.simulation.any_model.rmse == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_few_steps_find_nearly_what_a_long_search_finds(sliding, floors):
     """Nothing else depends on the search, and what it was is said."""
     quick = attainable(sliding, steps=10)

@@ -95,7 +95,7 @@ def test_intervals_do_not_depend_on_the_scale_of_the_covariance_where_that_is_un
     )
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_intervals_cover_the_truth_and_the_test_on_the_sum_of_squares_holds_its_level():
     fits = [fit_response(measured(seed), 2, 3) for seed in range(60)]
     inside = [parameters_covered(fit, [*B, *A[1:]]) for fit in fits]

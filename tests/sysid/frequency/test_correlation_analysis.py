@@ -34,7 +34,7 @@ def filtered(seed, kind, noise=0.3, samples=1200):
 TRUTH = np.concatenate((np.zeros(4), 0.5 * 0.8 ** np.arange(27)))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["white", "binary", "coloured"])
 @pytest.mark.parametrize("noise", [0.02, 0.5])
 def test_intervals_hold_at_their_level(kind, noise):

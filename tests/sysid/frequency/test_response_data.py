@@ -65,7 +65,7 @@ def test_select_is_what_the_estimator_would_have_given():
     assert taken.input_spectrum.shape == (10, 1, 1) and taken.degrees_of_freedom == whole.degrees_of_freedom
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_covariance_of_all_entries_is_that_of_many_records():
     # where the response varies little within the window, so that its variance has no part from smoothing
     f = np.array([3.0, 4.0])
@@ -111,7 +111,7 @@ def test_spafdr_is_exact_without_noise_and_its_resolution_a_constant_one_of_spa(
     np.testing.assert_allclose(parts.response, wide.response, atol=4 * np.sqrt(2 * wide.covariance[..., 0, 0].max()))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_intervals_of_spafdr_cover_the_truth():
     f = np.array([0.5, 1.0, 2.0, 4.0])
     within = []

@@ -185,7 +185,7 @@ def magnitudes_covered(estimate, magnitude, keep):
     return float(np.mean(covered([edge[keep, 0, 0] for edge in estimate.magnitude_ci95()], magnitude)))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "estimator",
     [
@@ -214,7 +214,7 @@ def test_coverage(estimator):
         assert 0.93 <= np.mean(shares) <= 0.97
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_window_that_makes_the_disturbance_negative_still_gives_intervals_that_cover():
     shares = []
     for seed in range(20):

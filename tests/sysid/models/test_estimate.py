@@ -22,7 +22,7 @@ def test_response_of_a_first_order_model_by_hand(p2):
     np.testing.assert_allclose(response.covariance[0, 0, 0], j @ estimate.covariance @ j.T, rtol=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_bandwidth_interval_is_the_spread_of_the_bandwidth(p2):
     """The implicit derivative agrees with bandwidths solved for at parameters drawn from the covariance."""
     estimate = oe(p2.draw(3), 2, 2)
@@ -133,7 +133,7 @@ def test_zero_of_a_second_order_model_by_hand(p2):
     np.testing.assert_allclose(zeros.covariance[0, 0, 0], gradient @ estimate.covariance @ gradient, rtol=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_draws_agree_with_the_delta_method(p2):
     estimate = oe(p2.draw(1), 2, 2)
     first = band(estimate, step)

@@ -32,7 +32,7 @@ def test_two_inputs_two_experiments(identify, c, d, noise):
 
 
 # in so short a record C sometimes wants to leave the unit circle
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore:armax did not converge", "ignore:C has a root")
 def test_noise_variance_is_unbiased(p3):
     variances = [float(armax(p3.draw(seed)[:120], 2, 2, 2).noise_variance[0, 0]) for seed in range(60)]
@@ -40,7 +40,7 @@ def test_noise_variance_is_unbiased(p3):
     assert np.mean(variances) == pytest.approx(1.0, abs=3 * np.sqrt(2 / 114 / 60))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_published_yaw_model(p1):
     """Single coefficients of it are hardly known; the joint error is as it should be, and so is the bandwidth."""
     information = np.linalg.inv(p1.bound.covariance)

@@ -12,7 +12,7 @@ TRUTH = np.array([-1.5, 0.7, 1.0, 0.5])
 coloured = partial(second_order, d=np.convolve(A, [1, 0.5, 0.7]), settle=200)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_efficient_and_covered_where_least_squares_is_biased():
     """The whitened instruments, with the true model, give the asymptotic covariance of the method."""
     errors, normalised, hits, biased = [], [], [], []

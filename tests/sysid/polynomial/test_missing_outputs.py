@@ -61,7 +61,7 @@ FITS = [
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("bursts", [False, True])
 @pytest.mark.parametrize("case", range(3))
 def test_errors_are_as_large_as_their_covariance(case, bursts):

@@ -44,7 +44,7 @@ def test_output_error_intervals_allow_for_colour_by_default_and_cost_nothing_bes
         np.testing.assert_allclose(ratio, 1.0, atol=0.15)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_arx_plateaus_at_its_predicted_bias():
     """A disturbance of the output leads least squares elsewhere: where, its correlations tell [Ljung1999, sec. 8.4]."""
     d = [1, -0.95]
@@ -69,7 +69,7 @@ def test_arx_plateaus_at_its_predicted_bias():
     assert 0.92 < coverage(robust, predicted) < 0.975
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_armax_of_too_small_an_order():
     """The curvature is not the Gauss-Newton one there."""
     limit = armax(record(1_000, [1.0], [1.0], 200_000, 10), 1, 1, 1).parameters
@@ -81,7 +81,7 @@ def test_armax_of_too_small_an_order():
     assert 0.91 < coverage(robust, limit) < 0.985
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("fit", "path", "d", "sizes", "most"),
     [

@@ -122,7 +122,7 @@ def test_follows_a_jump(adaptation):
         assert np.std(estimate.residuals[2500:]) < 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("adaptation", [Forgetting(0.97), Gradient(0.05), Gradient(0.005, normalised=False)])
 def test_covariance_is_the_spread_of_the_last_parameters(adaptation):
     last, predicted = [], []

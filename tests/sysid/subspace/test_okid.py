@@ -54,7 +54,7 @@ def test_the_gain_is_the_innovation_gain():
     assert np.std(errors) == pytest.approx(0.3, rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_intervals_cover():
     truth = sysid.models.innovations_form(sysid.Polynomials(A, B), 0.1)
     hz, f = truth.bandwidth()[0, 0], np.array([0.2, 1.0, 3.0])

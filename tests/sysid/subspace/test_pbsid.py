@@ -47,7 +47,7 @@ def test_close_to_the_likelihood_under_feedback_where_n4sid_is_biased():
     assert error(refined.model, best) < 0.01
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_error_falls_with_the_root_of_the_samples():
     truth = innovations_form(TRUTH, 0.1, 1.0)
 

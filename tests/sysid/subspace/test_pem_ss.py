@@ -74,7 +74,7 @@ def test_clean_data_of_higher_order_are_fitted_as_well_as_by_armax(seed, search)
     assert np.mean(estimate.residuals**2) <= 1.001 * np.mean(expected.residuals**2)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 def test_predictors_at_the_edge_of_stability_are_fitted_as_well_as_by_armax():
     """Three zeros of the noise model meet at -1; a start is never left for a worse fit."""
@@ -110,7 +110,7 @@ def test_starts_of_clean_data_meet_with_two_outputs(seed):
     assert np.ptp([fit.diagnostics["criteria"] for fit in fits]) < 1e-4
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_efficient_and_covered():
     """Responses scatter as their covariances say, in several outputs too."""
     f = np.array([0.5, 3.0, 15.0])
@@ -162,7 +162,7 @@ def test_weights_choose_the_criterion():
     np.testing.assert_allclose(next(deviations), next(deviations), rtol=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_intervals_hold_with_any_weight():
     """The inverse information takes the weight for the inverse covariance: its intervals of y1 hold in 87 %."""
     f, system = np.array([0.2, 0.7, 3.0]), CORRELATED_OUTPUTS
@@ -176,7 +176,7 @@ def test_intervals_hold_with_any_weight():
     assert 0.92 < np.mean(hits) < 0.98 and np.mean(hits, axis=(0, 1)).min() > 0.92
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_coloured_disturbances_need_the_coloured_covariance():
     f, start = np.array([0.5, 3.0]), StateSpace(TRUTH.A, TRUTH.B, TRUTH.C, TRUTH.D, None, 0.02)
     g = TRUTH.frequency_response(f)

@@ -162,7 +162,7 @@ def held(interval, sets, true):
     return float(np.mean((ends[:, 0] <= true) & (true <= ends[:, 1])))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("records", [4, 20, 200])
 @pytest.mark.parametrize("freedom", [2, 4, 8])
 def test_positive_means_are_held(records, freedom):
@@ -211,7 +211,7 @@ def test_shares_of_one_each_have_the_exact_interval():
     assert low < 0.9 < high
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("records", [4, 20, 200])
 @pytest.mark.parametrize("together", [1, 5, 40])
 def test_shares_are_held(records, together):

@@ -10,7 +10,7 @@ from tests.refusals import refused
 ONE = np.ones(1)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_true_model_is_rejected_at_the_nominal_rate(p3):
     model = p3.truth
     tests = [resid(model, p3.draw(seed), level=0.9) for seed in range(200)]
