@@ -4,6 +4,7 @@ They lie in `build/tests`, in a folder named by the hash of everything that they
 process wait for the first. Values are pickled: whoever can write into the clone could as well change the tests.
 """
 
+import copyreg
 import fcntl
 import os
 import pickle
@@ -13,6 +14,7 @@ from contextlib import contextmanager
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from types import MappingProxyType
 from typing import TypeVar
 
 from scenarios.files.provenance import fingerprint, versions
@@ -23,6 +25,9 @@ MAKERS = ("tests/conftest.py", "tests/shared.py", "tests/scenarios/conftest.py")
 """Files of the tests that say what is made."""
 
 T = TypeVar("T")
+
+# Read-only mappings of our records, which Python does not pickle.
+copyreg.pickle(MappingProxyType, lambda mapping: (MappingProxyType, (dict(mapping),)))
 
 
 @cache
