@@ -31,26 +31,29 @@ def bit_differences(expected: Mapping[str, str]) -> list[str]:
     Args:
         expected: Fingerprint of the process that submits, which is "here" in the texts; see `bit_fingerprint`.
     """
-    there, here = dict(bit_fingerprint()), dict(expected)
-    rounds_alike = there.pop(ROUNDING) == here.pop(ROUNDING, "")
-    return [
-        *differences(here, there, ("here", "there")),
-        *([] if rounds_alike else ["its processor rounds differently"]),
-    ]
+    worker, submitter = dict(bit_fingerprint()), dict(expected)
+    # A hash tells nothing to a reader: the difference of rounding gets words of its own.
+    rounds_alike = worker.pop(ROUNDING) == submitter.pop(ROUNDING, "")
+    causes = differences(submitter, worker, ("here", "there"))
+    if not rounds_alike:
+        causes.append("its processor rounds differently")
+    return causes
 
 
 def _rounding() -> str:
+    """Hash of fixed numbers after every kind of operation whose last bits depend on the processor."""
     grid = np.linspace(-3.0, 3.0, 4099)
     matrix = np.cos(np.outer(np.arange(1.0, 61.0), np.linspace(0.1, 1.9, 60)))
     stable = 0.9 * matrix / np.linalg.norm(matrix, 2)
-    parts = (
-        *(function(grid) for function in (np.sin, np.cos, np.exp, np.tanh, np.arctan)),
-        np.log(np.abs(grid) + 1.0),
-        np.array([grid.sum(), grid @ np.sin(grid)]),
-        matrix @ matrix.T,
-        np.linalg.solve(matrix @ matrix.T + np.eye(60), matrix),
-        np.linalg.eigvals(matrix),
-        solve_discrete_lyapunov(stable, np.eye(60)),
-        np.fft.rfft(grid),
-    )
-    return array_hash(np.concatenate([np.ravel(part).view(float) for part in parts])) + platform.machine()
+    elementary = [function(grid) for function in (np.sin, np.cos, np.exp, np.tanh, np.arctan)]
+    elementary.append(np.log(np.abs(grid) + 1.0))
+    # Long sums: vector units add in another order.
+    sums = np.array([grid.sum(), grid @ np.sin(grid)])
+    square = matrix @ matrix.T
+    solution = np.linalg.solve(square + np.eye(60), matrix)
+    eigenvalues = np.linalg.eigvals(matrix)
+    covariance = solve_discrete_lyapunov(stable, np.eye(60))
+    spectrum = np.fft.rfft(grid)
+    results = (*elementary, sums, square, solution, eigenvalues, covariance, spectrum)
+    bits = np.concatenate([np.ravel(result).view(float) for result in results])
+    return array_hash(bits) + platform.machine()

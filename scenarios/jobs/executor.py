@@ -12,6 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from multiprocessing import connection, parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.process import BaseProcess
 from threading import Lock, Thread
 from time import sleep
 from types import FrameType, ModuleType
@@ -21,6 +22,9 @@ from scenarios.files.errors import ScenarioError
 
 MOST_WORKERS = 1024
 """Most processes of this machine: more would be a slip of the hand."""
+
+LISTED = 3
+"""Items that killed their workers, of which a message lists so many."""
 
 RESUME = "progress is saved: run the command again to resume"
 """End of errors after which nothing is lost."""
@@ -91,7 +95,11 @@ class Executor(AbstractContextManager["Executor[Handle]"], Generic[Handle]):
         alone = False
         while True:
             room = self._room()
-            while len(running) < room and (batch := again.popleft() if again else next(fresh, ())):
+            while len(running) < room:
+                # Those of dead workers first: their results are the oldest that are missing.
+                batch = again.popleft() if again else next(fresh, ())
+                if not batch:
+                    break
                 running[self._submit(task, shared, batch)] = batch
             if not running:
                 if not suspects:
@@ -105,7 +113,8 @@ class Executor(AbstractContextManager["Executor[Handle]"], Generic[Handle]):
                 try:
                     results = self._results(handle)
                 except LostError:
-                    (suspects if alone else again).append(batch)
+                    queue = suspects if alone else again
+                    queue.append(batch)
                 except DeadWorkerError:
                     if alone:
                         fatal.append(name(batch[0]))
@@ -119,10 +128,10 @@ class Executor(AbstractContextManager["Executor[Handle]"], Generic[Handle]):
                 else:
                     yield from results
         if fatal:
-            more = f" and {len(fatal) - 3} more" if len(fatal) > 3 else ""
+            unlisted = f" and {len(fatal) - LISTED} more" if len(fatal) > LISTED else ""
             raise ScenarioError(
-                f"{', '.join(fatal[:3])}{more}: every worker that ran it died; its memory may be too small. All "
-                f"other {items} are done and {RESUME}, with fewer or larger workers"
+                f"{', '.join(fatal[:LISTED])}{unlisted}: every worker that ran it died; its memory may be too small. "
+                f"All other {items} are done and {RESUME}, with fewer or larger workers"
             )
 
     @abstractmethod
@@ -189,7 +198,9 @@ class LocalProcesses(Executor[Future[list[Any]]]):
 
     def _close(self) -> None:
         # Python 3.14 has terminate_workers() for this.
-        busy = [process for pool in self._busy.values() for process in (pool._processes or {}).values()]
+        busy: list[BaseProcess] = []
+        for pool in self._busy.values():
+            busy += (pool._processes or {}).values()
         for process in busy:
             process.terminate()
         for process in busy:
@@ -226,6 +237,7 @@ class WorkerProcess(SpawnProcess):
     def start(self) -> None:
         """Start it."""
         with _STARTING:
+            # While it starts, the process believes that an empty module is the script.
             script, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
             try:
                 super().start()
@@ -254,11 +266,11 @@ def _prepare_worker() -> None:
     Thread(target=_leave_with_parent, daemon=True).start()
 
 
-def _leave(number: int, frame: FrameType | None) -> None:
+def _leave(signal_number: int, frame: FrameType | None) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     with suppress(Exception):
         _CLOSERS.close()
-    os._exit(128 + number)  # an exception would become the result of the batch
+    os._exit(128 + signal_number)  # an exception would become the result of the batch
 
 
 def _leave_with_parent() -> None:
@@ -275,7 +287,10 @@ def _leave_with_parent() -> None:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Start processes whose linear algebra uses one thread."""
+    """Start processes whose linear algebra uses one thread.
+
+    They inherit the environment; numerical libraries read it when they are loaded, so that setting it later is in vain.
+    """
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     try:

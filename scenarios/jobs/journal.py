@@ -13,6 +13,15 @@ from scenarios.files.errors import ScenarioError
 LAST = "\U0010ffff"
 """Sorts behind everything that may follow a prefix."""
 
+LISTED = 3
+"""Differences of settings and software that a message lists."""
+
+LONGEST_VALUE = 40
+"""Characters of a value that a message shows."""
+
+HASH_DIGITS = 64
+"""Hexadecimal digits of a SHA-256 hash."""
+
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS fingerprint (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS entries (number INTEGER PRIMARY KEY, key TEXT UNIQUE, payload NOT NULL, crc NOT NULL);
@@ -81,11 +90,12 @@ class Journal(AbstractContextManager["Journal"]):
 
     def add_all(self, payloads: Mapping[str, Any]) -> None:
         """Add several entries at once: after a kill all of them are there, or none."""
-        texts = {key: value if isinstance(value, bytes) else json.dumps(value) for key, value in payloads.items()}
+        # All of them are encoded before the transaction begins: one that JSON cannot hold leaves nothing behind.
+        encoded = {key: _encoded(payload) for key, payload in payloads.items()}
         with self._database:  # rolls back where an error leaves the transaction open
             self._execute("BEGIN")
-            for key, text in texts.items():
-                row = (key, text, _checksum(key, text))
+            for key, payload in encoded.items():
+                row = (key, payload, _checksum(key, payload))
                 self._execute("INSERT OR REPLACE INTO entries (key, payload, crc) VALUES (?, ?, ?)", row)
             self._execute("COMMIT")
 
@@ -106,20 +116,21 @@ class Journal(AbstractContextManager["Journal"]):
             for row in fingerprint.items():
                 self._execute("INSERT INTO fingerprint VALUES (?, ?)", row)
         self._execute("COMMIT")
-        if before and (changed := differences(before, fingerprint)):
-            more = f"; {len(changed) - 3} more" if len(changed) > 3 else ""
+        changed = differences(before, fingerprint) if before else []
+        if changed:
+            unlisted = f"; {len(changed) - LISTED} more" if len(changed) > LISTED else ""
             raise ScenarioError(
-                f"{self._path} was begun with other settings or software: {'; '.join(changed[:3])}{more}. Resume "
-                f"with those, or remove {self._path} to start again"
+                f"{self._path} was begun with other settings or software: {'; '.join(changed[:LISTED])}{unlisted}. "
+                f"Resume with those, or remove {self._path} to start again"
             )
 
     def _entries(self, where: str, *values: str) -> Iterator[tuple[str, Any]]:
         """Entries in turn, each held against its checksum: SQLite itself does not notice a flipped bit."""
         try:
-            for key, value, crc in self._execute(f"SELECT key, payload, crc FROM entries {where}", values):
-                if _checksum(key, value) != crc:
+            for key, payload, crc in self._execute(f"SELECT key, payload, crc FROM entries {where}", values):
+                if _checksum(key, payload) != crc:
                     raise self._damaged(f"the checksum of {key!r} is wrong")
-                yield key, value if isinstance(value, bytes) else json.loads(value)
+                yield key, _decoded(payload)
         except sqlite3.Error as error:
             raise self._damaged(error) from error
 
@@ -150,18 +161,44 @@ def read_fingerprint(path: Path) -> dict[str, str] | None:
 
 
 def differences(
-    before: Mapping[str, str], now: Mapping[str, str], words: tuple[str, str] = ("then", "now")
+    before: Mapping[str, str], after: Mapping[str, str], words: tuple[str, str] = ("then", "now")
 ) -> list[str]:
-    """Describe in what two fingerprints differ, one text for each entry."""
-    texts = []
-    for name in dict.fromkeys((*before, *now)):
-        values = [table.get(name, "none") for table in (before, now)]
-        if values[0] != values[1]:
-            shown = [value[:12] if len(value) == 64 else value for value in values]  # the beginning of a hash tells
-            short = all(len(value) <= 40 for value in shown)
-            texts.append(f"{name} {shown[0]} {words[0]}, {shown[1]} {words[1]}" if short else f"{name} differs")
-    return texts
+    """Describe in what two fingerprints differ, one line for each name whose values differ.
+
+    Args:
+        before: The first fingerprint.
+        after: The second one.
+        words: Behind the value of the first and that of the second.
+    """
+    lines = []
+    for name in dict.fromkeys((*before, *after)):
+        old, new = before.get(name, "none"), after.get(name, "none")
+        if old != new:
+            lines.append(_difference(name, _abridged(old), _abridged(new), words))
+    return lines
+
+
+def _difference(name: str, old: str, new: str, words: tuple[str, str]) -> str:
+    # Two long values side by side hide what differs in them.
+    if max(len(old), len(new)) > LONGEST_VALUE:
+        return f"{name} differs"
+    return f"{name} {old} {words[0]}, {new} {words[1]}"
+
+
+def _abridged(value: str) -> str:
+    """The first digits of a SHA-256 hash, which tell two apart; other values whole."""
+    return value[:12] if len(value) == HASH_DIGITS else value
+
+
+def _encoded(payload: Any) -> bytes | str:
+    return payload if isinstance(payload, bytes) else json.dumps(payload)
+
+
+def _decoded(payload: bytes | str) -> Any:
+    return payload if isinstance(payload, bytes) else json.loads(payload)
 
 
 def _checksum(key: str, payload: Any) -> int:
-    return zlib.crc32(payload if isinstance(payload, bytes) else str(payload).encode(), zlib.crc32(key.encode()))
+    """CRC-32 of key and payload: an entry under the key of another one is damaged too."""
+    content = payload if isinstance(payload, bytes) else str(payload).encode()
+    return zlib.crc32(content, zlib.crc32(key.encode()))

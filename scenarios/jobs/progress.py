@@ -87,6 +87,56 @@ def end_activity() -> None:
         _activity = None
 
 
+class Description:
+    """Words for the state of long work, with rate and remaining time of its current step.
+
+    Args:
+        clock: Time, s.
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._step: str | None = None
+        self._begin = 0.0
+        self._done_before = 0.0
+
+    def __call__(self, progress: Progress) -> str:
+        """Describe a state."""
+        now = self._clock()
+        done, total = _work(progress)
+        step = "" if progress.weighted else progress.step
+        if step != self._step:
+            # What an earlier run has done is not the speed of this one.
+            self._step, self._begin, self._done_before = step, now, done
+        elapsed, done_since = now - self._begin, done - self._done_before
+        if progress.weighted and total:
+            return _in_percent(progress.step, done, total, done_since, elapsed)
+        count = _count(progress)
+        if progress.note:
+            return f"{count}, {progress.note}"
+        rate = done_since / elapsed if elapsed > 0.0 else 0.0
+        if rate <= 0 or not progress.done:  # settling of the first item says nothing of the rest
+            return count
+        unit = "x real time" if progress.seconds_total else "a second"
+        pace = f"{count}, {rate:.3g} {unit}"
+        if not total:
+            return pace
+        return f"{pace}, {duration_text((total - done) / rate)} left"
+
+
+def _in_percent(step: str, done: float, total: float, done_since: float, elapsed: float) -> str:
+    shown = f"{int(100 * done / total)} %, {step}"
+    if done_since <= 0.0:
+        return shown
+    return f"{shown}, {duration_text((total - done) * elapsed / done_since)} left"
+
+
+def _count(progress: Progress) -> str:
+    """How many items are done: ``"3 of 12 records"``, or ``"identify 3 of 12"`` where items have no name."""
+    count = str(progress.done) if progress.total is None else f"{progress.done} of {progress.total}"
+    return f"{count} {progress.items}" if progress.items else f"{progress.step} {count}".strip()
+
+
 @contextmanager
 def show_progress(label: str, how: How = "auto", *, clock: Callable[[], float] = monotonic) -> Iterator[Report]:
     """Show how far long work is.
@@ -99,64 +149,59 @@ def show_progress(label: str, how: How = "auto", *, clock: Callable[[], float] =
     Yields:
         A function to call with the state.
     """
-    due, begun, start = clock() + FIRST, 0.0, 0.0
-    step: str | None = None
-
-    def describe(progress: Progress) -> str:
-        """The state in words, with rate and remaining time of the current step."""
-        nonlocal step, begun, start
-        now, (at, whole) = clock(), _work(progress)
-        current = "" if progress.weighted else progress.step
-        if current != step:
-            # What an earlier run has done is not the speed of this one.
-            step, begun, start = current, now, at
-        if progress.weighted and whole:
-            left = duration_text((whole - at) * (now - begun) / (at - start)) if at > start else ""
-            return f"{int(100 * at / whole)} %, {progress.step}" + (f", {left} left" if left else "")
-        count = f"{progress.done}" + ("" if progress.total is None else f" of {progress.total}")
-        count = f"{count} {progress.items}" if progress.items else f"{progress.step} {count}".strip()
-        if progress.note:
-            return f"{count}, {progress.note}"
-        rate = (at - start) / (now - begun) if now > begun else 0.0
-        if rate <= 0 or not progress.done:  # settling of the first item says nothing of the rest
-            return count
-        pace = f"{count}, {rate:.3g} {'x real time' if progress.seconds_total else 'a second'}"
-        return f"{pace}, {duration_text((whole - at) / rate)} left" if whole else pace
-
+    describe = Description(clock)
     if how == "bar" or (how == "auto" and sys.stderr.isatty()):
-        from rich.console import Console
-        from rich.progress import BarColumn, TextColumn
-        from rich.progress import Progress as Bars
-        from rich.table import Column
-
-        text = TextColumn("{task.fields[text]}", table_column=Column(no_wrap=True), markup=False)
-        columns = (TextColumn("{task.description}", markup=False), BarColumn(bar_width=20), text)
-        with pause_activity(), Bars(*columns, console=Console(stderr=True), transient=True) as bars:
-            bar = bars.add_task(label, total=None, text="starting")
-
-            def move_bar(progress: Progress) -> None:
-                done, total = _work(progress)
-                bars.update(bar, completed=done, total=total, text=describe(progress))
-
+        with _bar(label, describe) as move_bar:
             yield move_bar
-        return
+    elif how == "none":
+        yield lambda _: None
+    else:
+        yield _line_writer(label, describe, clock)
+
+
+@contextmanager
+def _bar(label: str, describe: Description) -> Iterator[Report]:
+    """A bar on a terminal, which is removed at the end."""
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bars
+    from rich.table import Column
+
+    state = TextColumn("{task.fields[state]}", table_column=Column(no_wrap=True), markup=False)
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(bar_width=20), state)
+    with pause_activity(), Bars(*columns, console=Console(stderr=True), transient=True) as bars:
+        bar = bars.add_task(label, total=None, state="starting")
+
+        def move_bar(progress: Progress) -> None:
+            done, total = _work(progress)
+            bars.update(bar, completed=done, total=total, state=describe(progress))
+
+        yield move_bar
+
+
+def _line_writer(label: str, describe: Description, clock: Callable[[], float]) -> Report:
+    """Write a line when the first or the next one is due."""
+    due = clock() + FIRST
 
     def write_line(progress: Progress) -> None:
         nonlocal due
-        text = describe(progress)
+        # Described also where nothing is written: the rate counts from the first state of a step on.
+        state = describe(progress)
         if clock() >= due:
             due = clock() + EVERY
-            sys.stderr.write(f"{label}: {text}\n")
+            sys.stderr.write(f"{label}: {state}\n")
             sys.stderr.flush()
 
-    yield (lambda _: None) if how == "none" else write_line
+    return write_line
 
 
 def duration_text(seconds: float) -> str:
     """A time for people, e.g. ``"5 min"``."""
     if seconds < 90.0:
         return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+    if seconds < 5400.0:
+        return f"{seconds / 60.0:.0f} min"
+    return f"{seconds / 3600.0:.1f} h"
 
 
 def _work(progress: Progress) -> tuple[float, float | None]:
