@@ -87,34 +87,45 @@ def identify_pair(
         ScenarioError: No such variant, a file of other channels or with gaps, or a run that failed.
         SysidError: A record that is too short, or does not excite all joints independently.
     """
-    known = read_model(Path(reference)) if str(reference).endswith(".json") else None
-    if known is None and reference not in VARIANTS:
+    reference_model = read_model(Path(reference)) if str(reference).endswith(".json") else None
+    if reference_model is None and reference not in VARIANTS:
         raise ScenarioError(unknown("reference", reference, VARIANTS) + "; or a model file that ends in .json")
     ground = ground or identification_experiment(seed=seed)
-    experiments, parts = [], list[IOData]()
+    experiments: list[MultisineExperiment] = []
+    records: list[IOData] = []
     if isinstance(ground, Path):
-        parts = list(read_parts(ground, joint=CONTROLLED))
-        if len(parts) != 1:
-            raise ScenarioError(f"{ground.name}: {len(parts)} parts between gaps given, expected a record without gaps")
+        # A file does not say what the arm carried: the payload of the exchange, as in all experiments by default.
+        payload = "rpcm"
+        records.append(_record_without_gaps(ground))
     else:
+        payload = ground.payload
         experiments.append(ground)
-    if known is None:
-        payload = "rpcm" if isinstance(ground, Path) else ground.payload
+    if reference_model is None:
         # Another seed: two arms have other noise, and a record of each has its own phases.
         experiments.append(replace(identification_experiment(str(reference), seed + 1), payload=payload))
     result = simulate(experiments, threads=threads, progress=progress)
     for name, reason in result.failed.items():
         raise ScenarioError(f"{name}: {reason}")
-    records = [part.detrend(0) for part in (*parts, *(log.iodata(CONTROLLED) for log in result))]
-    if known is None:
+    records += [log.iodata(CONTROLLED) for log in result]
+    records = [record.detrend(0) for record in records]
+    if reference_model is None:
         model = _identified(records[-1], str(reference))
         # Position servos come to rest where they are commanded; dry friction hides a few thousandths of that gain in a
         # record, 1 mrad on moves of 0.5 rad.
-        known = replace(model, B=model.B @ np.linalg.inv(model.dc_gain()))
-    return IdentifiedPair(_identified(records[0], "nominal"), known, records[0])
+        reference_model = replace(model, B=model.B @ np.linalg.inv(model.dc_gain()))
+    return IdentifiedPair(_identified(records[0], "nominal"), reference_model, records[0])
+
+
+def _record_without_gaps(path: Path) -> IOData:
+    """Read a record of the controlled joints from a file."""
+    segments = list(read_parts(path, joint=CONTROLLED))
+    if len(segments) != 1:
+        raise ScenarioError(f"{path.name}: {len(segments)} parts between gaps given, expected a record without gaps")
+    return segments[0]
 
 
 def _identified(record: IOData, variant: str) -> StateSpace:
+    """Identify the model of an arm: stable, and without direct feedthrough, since the bus delays every answer."""
     with warnings.catch_warnings():
         # On chance and conditioning: what the model is worth shows in the design's sensitivity and in the runs.
         warnings.simplefilter("ignore", SysidWarning)
@@ -133,6 +144,7 @@ def read_model(path: Path) -> StateSpace:
         content = sysid.models.innovations_form(content, SAMPLE_TIME)
     model = as_model(content)
     m = len(CONTROLLED)
+    # A model in a file may be of any joints: only their number can be checked.
     if (model.nu, model.ny) != (m, m) or abs(model.dt - SAMPLE_TIME) > 1e-6:
         raise ScenarioError(
             f"{path.name}: a model of {model.nu} inputs and {model.ny} outputs at {model.dt:g} s given, expected "

@@ -23,18 +23,29 @@ The elbow needs 35 mrad for three units. In contact errors are the same from 0.5
 
 
 def _following(pair: IdentifiedPair) -> sysid.Controller:
+    """Feedforward to the reference and feedback from the error, designed from both models."""
     correction = CORRECTION * pair.record.u.std(axis=0)
     return sysid.model_following(pair.ground, pair.reference, correction=correction).controller
 
 
+def _adaptive(pair: IdentifiedPair) -> AdaptiveFollowing:
+    """The same law, with a feedforward that learns friction and stiffness from its errors."""
+    return AdaptiveFollowing(_following(pair), pair.ground, pair.reference)
+
+
+def _virtual_reference(pair: IdentifiedPair) -> sysid.Controller:
+    """Virtual reference feedback tuning: from the record alone, without a model of the arm."""
+    return sysid.vrft(pair.record, pair.reference, correction=CORRECTION).controller
+
+
 METHODS: Mapping[str, Callable[[IdentifiedPair], Law]] = {
     "following": _following,
-    "adaptive": lambda pair: AdaptiveFollowing(_following(pair), pair.ground, pair.reference),
-    "vrft": lambda pair: sysid.vrft(pair.record, pair.reference, correction=CORRECTION).controller,
+    "adaptive": _adaptive,
+    "vrft": _virtual_reference,
 }
 """How each method designs its law."""
 
-LAWS: Mapping[str, type[Law]] = {kind.__name__: kind for kind in get_args(Law)}
+LAWS: Mapping[str, type[Law]] = {law_class.__name__: law_class for law_class in get_args(Law)}
 """Classes of laws that a file may hold."""
 
 FORMAT = "hmtb-control 1"
@@ -72,7 +83,8 @@ def read_law(path: Path) -> Law:
     """
     try:
         content = parsed(path)
-        if not isinstance(content, dict) or content.get("format") != FORMAT or str(content.get("kind")) not in LAWS:
+        is_law = isinstance(content, dict) and content.get("format") == FORMAT and str(content.get("kind")) in LAWS
+        if not is_law:
             raise ScenarioError(f"{path.name}: expected a law of hmtb control --out ({', '.join(LAWS)})")
         law: Law = decoded("law", content.get("law"), LAWS[content["kind"]])
     except SysidError as error:
@@ -92,5 +104,7 @@ def wrong_model(pair: IdentifiedPair, gain: float = 1.0, delay: int = 0) -> Iden
         delay: Further samples of delay.
     """
     model = add_delay(replace(pair.ground, B=gain * pair.ground.B), delay)
+    # Commands that come earlier and are smaller make the arm look slower and its gain larger; the samples that wrap
+    # round are cut off.
     record = replace(pair.record, u=np.roll(pair.record.u, -delay, axis=0) / gain)
     return replace(pair, ground=model, record=record[: len(record) - delay])

@@ -38,13 +38,13 @@ def run_figure(results: Sequence[ControlResult], pair: IdentifiedPair) -> Figure
     arm = results[0].runs.logs.get("reference")
     for label, (log, style) in logs.items():
         request, answer = request_of(log), answer_of(log)[:, joint]
-        wanted = np.asarray(sysid.simulate(pair.reference, request))[:, joint]
+        reference_answer = np.asarray(sysid.simulate(pair.reference, request))[:, joint]
         if arm is None or label == WITHOUT_LABEL:
             # At the worksite the operator answers to the arm: every run has requests of its own.
-            text, colour = ("request", INK) if arm is not None else (f"request, {label}", style.colour)
-            angles.plot(log.time, MRAD * request[:, joint], color=colour, ls=":", lw=1.0, label=text)
+            request_label, colour = ("request", INK) if arm is not None else (f"request, {label}", style.colour)
+            angles.plot(log.time, MRAD * request[:, joint], color=colour, ls=":", lw=1.0, label=request_label)
         angles.plot(log.time, MRAD * answer, color=style.colour, lw=style.width, label=label)
-        errors.plot(log.time, MRAD * (answer - wanted), color=style.colour, lw=1.0)
+        errors.plot(log.time, MRAD * (answer - reference_answer), color=style.colour, lw=1.0)
     if arm is not None:
         angles.plot(arm.time, MRAD * answer_of(arm)[:, joint], color=INK, ls="--", lw=1.2, label="flight arm")
     angles.set(ylabel=f"{short(CONTROLLED[joint])} / mrad", title=results[0].runs.scenario.name)
@@ -56,18 +56,20 @@ def run_figure(results: Sequence[ControlResult], pair: IdentifiedPair) -> Figure
 
 def error_figure(results: Sequence[ControlResult]) -> Figure:
     """Draw the root mean square error of every joint, a panel for each scenario."""
-    names, styles = list(dict.fromkeys(one.runs.scenario.name for one in results)), _styles(results)
+    names, styles = list(dict.fromkeys(result.runs.scenario.name for result in results)), _styles(results)
     figure = Figure(figsize=(WIDTH, 2.1 * len(names)), layout="constrained")
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(panels, names, strict=True):
-        own = [one for one in results if one.runs.scenario.name == name]
-        bars = {WITHOUT_LABEL: [one.without.rmse for one in own]}
-        for one in own:
-            if one.controlled:
-                bars.setdefault(one.method, []).append(one.controlled.rmse)
-        for k, (label, errors) in enumerate(bars.items()):
-            at = np.arange(len(CONTROLLED)) + 0.8 * (k + 0.5) / len(bars) - 0.4
-            axes.bar(at, MRAD * np.mean(errors, axis=0), 0.75 / len(bars), color=styles[label].colour, label=label)
+        of_scenario = [result for result in results if result.runs.scenario.name == name]
+        errors_by_label = {WITHOUT_LABEL: [result.without.rmse for result in of_scenario]}
+        for result in of_scenario:
+            if result.controlled:
+                errors_by_label.setdefault(result.method, []).append(result.controlled.rmse)
+        bars = len(errors_by_label)
+        for index, (label, errors) in enumerate(errors_by_label.items()):
+            # The bars of a joint share four fifths of its place, side by side about its mark.
+            positions = np.arange(len(CONTROLLED)) + 0.8 * (index + 0.5) / bars - 0.4
+            axes.bar(positions, MRAD * np.mean(errors, axis=0), 0.75 / bars, color=styles[label].colour, label=label)
         axes.set(yscale="log", ylabel="rms error / mrad", title=name)
         axes.set_xticks(range(len(CONTROLLED)), [short(joint) for joint in CONTROLLED], fontsize=8)
         plain_marks(axes.yaxis, axes.get_ylim())
@@ -78,21 +80,26 @@ def error_figure(results: Sequence[ControlResult]) -> Figure:
 
 def robustness_figure(results: Sequence[ControlResult]) -> Figure:
     """Draw the error for every condition: a row for a changed arm or a wrong model, hollow where a run is unstable."""
-    conditions, styles = list(dict.fromkeys(one.condition for one in results)), _styles(results)
+    conditions, styles = list(dict.fromkeys(result.condition for result in results)), _styles(results)
     figure = Figure(figsize=(WIDTH, 0.32 * len(conditions) + 1.2), layout="constrained")
     axes = figure.subplots()
-    for one in results:
-        for label, run, marker in ((WITHOUT_LABEL, one.without, "o"), (one.method, one.controlled, "s")):
-            if run is not None:
-                at, colour = (MRAD * run.total, conditions.index(one.condition)), styles[label].colour
-                axes.plot(*at, marker, color=colour, mfc=colour if run.stable else "none", label=label)
-    axes.set_yticks(range(len(conditions)), [text or "as identified" for text in conditions], fontsize=8)
+    for result in results:
+        for label, score, marker in ((WITHOUT_LABEL, result.without, "o"), (result.method, result.controlled, "s")):
+            if score is None:
+                continue
+            row, colour = conditions.index(result.condition), styles[label].colour
+            fill = colour if score.stable else "none"
+            axes.plot(MRAD * score.total, row, marker, color=colour, mfc=fill, label=label)
+    axes.set_yticks(range(len(conditions)), [condition or "as identified" for condition in conditions], fontsize=8)
     axes.set(xscale="log", xlabel="rms error over all joints / mrad", ylim=(len(conditions) - 0.5, -0.5))
     axes.set_title(results[0].runs.scenario.name)
     plain_marks(axes.xaxis, axes.get_xlim())
     handles, labels = axes.get_legend_handles_labels()
-    known = dict(zip(labels, handles, strict=True))
-    figure.legend(known.values(), known, fontsize=8, frameon=False, ncols=4, loc="outside upper right")
+    # Every row has drawn the same labels: each stands in the legend once.
+    handle_by_label = dict(zip(labels, handles, strict=True))
+    figure.legend(
+        handle_by_label.values(), handle_by_label, fontsize=8, frameon=False, ncols=4, loc="outside upper right"
+    )
     dress([axes])
     return figure
 
@@ -105,7 +112,8 @@ def response_figure(results: Sequence[ControlResult], pair: IdentifiedPair) -> F
     # The reference by the same estimate: where requests are poor, all curves are wrong alike.
     request = request_of(logs[WITHOUT_LABEL][0])
     drawn = [("reference model", REFERENCE, request, np.asarray(sysid.simulate(pair.reference, request)))]
-    drawn += [(label, style, request_of(log), answer_of(log)) for label, (log, style) in logs.items()]
+    for label, (log, style) in logs.items():
+        drawn.append((label, style, request_of(log), answer_of(log)))
     for label, style, request, answer in drawn:
         seen = seen_responses(request, answer, logs[WITHOUT_LABEL][0].dt)[:, joint]
         if np.isfinite(seen).any():
@@ -124,20 +132,25 @@ def response_figure(results: Sequence[ControlResult], pair: IdentifiedPair) -> F
 def _drawn(results: Sequence[ControlResult]) -> tuple[dict[str, tuple[JointLog, Style]], int]:
     """Return the logs of a scenario with their styles by label, and the joint that moves most."""
     logs = {WITHOUT_LABEL: results[0].runs.logs["without"], **results[0].runs.logs}
-    drawn = {label: (logs[label], style) for label, style in _styles(results).items() if label in logs}
+    drawn: dict[str, tuple[JointLog, Style]] = {}
+    for label, style in _styles(results).items():
+        # The run of a law may have failed.
+        if label in logs:
+            drawn[label] = (logs[label], style)
     return drawn, int(np.argmax(np.ptp(request_of(logs[WITHOUT_LABEL]), axis=0)))
 
 
 def _draw_response(gain: Axes, phase: Axes, response: np.ndarray, style: Style, label: str) -> None:
+    """Draw gain and phase of one response at `GRID`; gaps where it is NaN."""
     gain.plot(GRID, np.abs(response), color=style.colour, lw=style.width, label=label)
     # Unwrapped within the stretch that is known.
     angle = np.full(len(GRID), np.nan)
-    known = np.isfinite(response)
-    angle[known] = np.degrees(np.unwrap(np.angle(response[known])))
+    finite = np.isfinite(response)
+    angle[finite] = np.degrees(np.unwrap(np.angle(response[finite])))
     phase.plot(GRID, angle, color=style.colour, lw=style.width)
 
 
 def _styles(results: Sequence[ControlResult]) -> dict[str, Style]:
     """Return the style without control and of each method by label."""
-    methods = dict.fromkeys(one.method for one in results)
+    methods = dict.fromkeys(result.method for result in results)
     return {WITHOUT_LABEL: WITHOUT, **dict(zip(methods, cycle(LAWS), strict=False))}

@@ -41,9 +41,10 @@ class DeviationController:
             # The limits are known one tick later.
             self._run.applied(sent[CHANNELS] - self._origin)
         self._begun = True
-        answer, (r, y) = requested.copy(), (signal[CHANNELS] - self._origin for signal in (requested, measured))
-        answer[CHANNELS] = self._origin + self._run.command(r, y)
-        return answer
+        request_deviation, angle_deviation = (signal[CHANNELS] - self._origin for signal in (requested, measured))
+        command = requested.copy()
+        command[CHANNELS] = self._origin + self._run.command(request_deviation, angle_deviation)
+        return command
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,27 +109,31 @@ def run_scenarios(
     Raises:
         TwinError: A run needs something that the laboratory does not have.
     """
-    places: dict[str, tuple[int, str]] = {}
+    run_of_experiment: dict[str, tuple[int, str]] = {}
     experiments: list[Experiment] = []
 
-    def add(place: int, name: str, one: Tested, law: Law | None = None) -> None:
-        # Numbered: scenarios may share a name and differ in seed, payload or specimen.
-        named = replace(one, name=f"{len(experiments)}+{one.name}"[:100])
-        places[named.name] = place, name
-        experiments.append(named if law is None else cast(Experiment, Controlled(named, law)))
+    def add(index: int, run_name: str, scenario: Tested, law: Law | None = None) -> None:
+        # Numbered: scenarios may share a name and differ in seed, payload or specimen. A name has 100 characters at most.
+        named = replace(scenario, name=f"{len(experiments)}+{scenario.name}"[:100])
+        run_of_experiment[named.name] = index, run_name
+        experiment = named if law is None else cast(Experiment, Controlled(named, law))
+        experiments.append(experiment)
 
-    for place, one in enumerate(scenarios):
-        add(place, "without", one)
-        if reference is not None and not one.worksite:
-            add(place, "reference", replace(one, variant=reference, plant=NOMINAL_PLANT, specimen=NOMINAL_SPECIMEN))
-        for law in laws:
-            add(place, law, one, laws[law])
+    for index, scenario in enumerate(scenarios):
+        add(index, "without", scenario)
+        # At the worksite the operator answers to the arm: on another arm the requests would be others.
+        if reference is not None and not scenario.worksite:
+            on_reference = replace(scenario, variant=reference, plant=NOMINAL_PLANT, specimen=NOMINAL_SPECIMEN)
+            add(index, "reference", on_reference)
+        for law_name, law in laws.items():
+            add(index, law_name, scenario, law)
+    # All in one call, so that the threads share them.
     result = simulate(experiments, threads=threads, progress=progress, keep_going=True)
-    runs = tuple(ScenarioRuns(one, {}, {}) for one in scenarios)
+    runs = tuple(ScenarioRuns(scenario, {}, {}) for scenario in scenarios)
     for log in result:
-        place, name = places[log.name]
-        runs[place].logs[name] = replace(log, name=scenarios[place].name)
-    for label, reason in result.failed.items():
-        place, name = places[label]
-        runs[place].failed[name] = reason
+        index, run_name = run_of_experiment[log.name]
+        runs[index].logs[run_name] = replace(log, name=scenarios[index].name)
+    for experiment_name, reason in result.failed.items():
+        index, run_name = run_of_experiment[experiment_name]
+        runs[index].failed[run_name] = reason
     return runs

@@ -92,7 +92,9 @@ class Score(Locked):
 
 def request_of(log: JointLog) -> FloatArray:
     """Return what the operator requested of the controlled joints (N, m), rad, less the pose at the start."""
-    return np.asarray(((_sent(log) if log.requested is None else log.requested) - _pose(log))[:, CHANNELS])
+    # Without a controller the log has no request of its own: what was sent is the request.
+    requested = _sent(log) if log.requested is None else log.requested
+    return np.asarray((requested - _pose(log))[:, CHANNELS])
 
 
 def answer_of(log: JointLog) -> FloatArray:
@@ -109,27 +111,30 @@ def score(log: JointLog, reference: StateSpace, arm: JointLog | None = None) -> 
         arm: Run of the reference arm with the same requests; None in contact with the worksite.
     """
     request, answer = request_of(log), answer_of(log)
-    wanted = np.asarray(sysid.simulate(reference, request))
-    error = answer - wanted
+    reference_answer = np.asarray(sysid.simulate(reference, request))
+    error = answer - reference_answer
+    rmse_arm = None if arm is None else _rms(answer - answer_of(arm))
     force = np.array([np.nan]) if log.contact_force is None else log.contact_force
-    touching = force[force > 0.0]
-    limits = Status.VELOCITY_LIMITED | Status.JOINT_LIMITED
+    force_in_contact = force[force > 0.0]
+    force_99 = float(np.quantile(force_in_contact, 0.99)) if len(force_in_contact) else float("nan")
+    command_rate = np.diff(_sent(log)[:, CHANNELS], axis=0) / log.dt
+    at_limit = (log.status & (Status.VELOCITY_LIMITED | Status.JOINT_LIMITED)) != 0
     return Score(
         rmse=_rms(error),
-        rmse_arm=None if arm is None else _rms(answer - answer_of(arm)),
+        rmse_arm=rmse_arm,
         response=_seen(request, answer, log.dt),
-        reference_response=_seen(request, wanted, log.dt),
-        effort=_rms(np.diff(_sent(log)[:, CHANNELS], axis=0) / log.dt),
-        limited=float(np.mean((log.status & limits) != 0)),
+        reference_response=_seen(request, reference_answer, log.dt),
+        effort=_rms(command_rate),
+        limited=float(np.mean(at_limit)),
         force=float(force.max()),
-        force_99=float(np.quantile(touching, 0.99)) if len(touching) else float("nan"),
+        force_99=force_99,
         stable=is_stable(error),
     )
 
 
 def is_stable(error: FloatArray) -> bool:
     """Return whether an error (N, m), rad, is bounded and does not grow from quarter to quarter."""
-    quarters = [float(_rms(part.ravel())) for part in np.array_split(error, 4)]
+    quarters = [float(_rms(quarter.ravel())) for quarter in np.array_split(error, 4)]
     return bool(np.abs(error).max() < BOUND and quarters[-1] <= GROWTH * max(quarters[:-1]))
 
 
@@ -144,20 +149,23 @@ def _pose(log: JointLog) -> FloatArray:
 
 
 def _rms(values: FloatArray) -> FloatArray:
+    """Root mean square over the first axis."""
     return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
 
 def _seen(request: FloatArray, answer: FloatArray, dt: float) -> SeenResponse:
     """Read gain, phase and bandwidth off `seen_responses`."""
     responses = seen_responses(request, answer, dt)
+    # Rounding must not push a frequency of the grid to the next.
     values = responses[np.searchsorted(GRID, np.array(FREQUENCIES) - 1e-9)]
     bandwidths = np.full(request.shape[1], np.nan)
     for joint, response in enumerate(responses.T):
         # The first stretch alone: beyond it a crossing may be noise.
         end = int(np.argmax(np.isnan([*response, np.nan])))
+        # A crossing lies between two values.
         if end >= 2:
-            part = FrequencyResponse(GRID[:end], response[:end, None, None], dt, "spa")
-            bandwidths[joint] = gain_crossing(part, HALF_POWER)
+            stretch = FrequencyResponse(GRID[:end], response[:end, None, None], dt, "spa")
+            bandwidths[joint] = gain_crossing(stretch, HALF_POWER)
     return SeenResponse(np.abs(values), np.angle(values), bandwidths)
 
 
@@ -180,7 +188,8 @@ def seen_responses(request: FloatArray, answer: FloatArray, dt: float) -> Comple
         warnings.simplefilter("ignore", SysidWarning)
         spectra = sysid.spa(data, lag=LAG, window=np.bartlett, frequencies=GRID)
         matrices = (spectra.response, spectra.magnitude_deviation(), np.asarray(spectra.input_spectrum).real)
-        own, deviation, power = (np.einsum("fii->fi", matrix) for matrix in matrices)
-        known = (deviation < UNCERTAIN * np.abs(own)) & (power > WEAK * power.max(axis=0))
-        responses[:, moved] = np.where(known, own, np.nan)
+        # The diagonal: each joint's response to its own request.
+        diagonal, deviation, power = (np.einsum("fii->fi", matrix) for matrix in matrices)
+        reliable = (deviation < UNCERTAIN * np.abs(diagonal)) & (power > WEAK * power.max(axis=0))
+        responses[:, moved] = np.where(reliable, diagonal, np.nan)
     return responses

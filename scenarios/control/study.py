@@ -53,38 +53,40 @@ class ControlResult:
 
     def record(self) -> dict[str, object]:
         """Return the result as plain values for JSON, angles in rad; None where the run failed."""
-        own, both = self.controlled, {"without": self.without, "with": self.controlled}
-        seen = {key: one and one.response for key, one in both.items()}
-        seen["reference"] = self.without.reference_response
-        joints: dict[str, dict[str, object]] = {}
-        for k, joint in enumerate(CONTROLLED):
-            joints[joint] = {
-                f"{name}_{key}": one and getattr(one, name)[k]
-                for name in ("rmse", "effort")
-                for key, one in both.items()
-            }
-            joints[joint] |= {
-                name: {key: one and getattr(one, name)[..., k] for key, one in seen.items()}
-                for name in ("bandwidth_hz", "gains", "phases")
-            }
-        return {
+        controlled = self.controlled
+        record: dict[str, object] = {
             "scenario": self.runs.scenario.name,
             "seed": self.runs.scenario.seed,
             "method": self.method,
             "condition": self.condition,
             "rmse_without": self.without.total,
-            "rmse_with": own and own.total,
-            "saturated_percent": own and 100.0 * own.limited,
-            "stable": own is not None and own.stable,
-            **{
-                f"{name}_{key}": one and getattr(one, name)
-                for name in ("total_arm", "force", "force_99")
-                for key, one in both.items()
-            },
-            "failed": self.failed,
-            "frequencies_hz": FREQUENCIES,
-            "joints": joints,
+            "rmse_with": None if controlled is None else controlled.total,
+            "saturated_percent": None if controlled is None else 100.0 * controlled.limited,
+            "stable": controlled is not None and controlled.stable,
         }
+        for name in ("total_arm", "force", "force_99"):
+            record[f"{name}_without"] = getattr(self.without, name)
+            record[f"{name}_with"] = None if controlled is None else getattr(controlled, name)
+        record["failed"] = self.failed
+        record["frequencies_hz"] = FREQUENCIES
+        record["joints"] = {joint: self._joint_record(channel) for channel, joint in enumerate(CONTROLLED)}
+        return record
+
+    def _joint_record(self, channel: int) -> dict[str, object]:
+        """Errors, effort and response of one joint, without control and with it; None where the run failed."""
+        controlled = self.controlled
+        record: dict[str, object] = {}
+        for name in ("rmse", "effort"):
+            record[f"{name}_without"] = getattr(self.without, name)[channel]
+            record[f"{name}_with"] = None if controlled is None else getattr(controlled, name)[channel]
+        for name in ("bandwidth_hz", "gains", "phases"):
+            response_with = None if controlled is None else getattr(controlled.response, name)[..., channel]
+            record[name] = {
+                "without": getattr(self.without.response, name)[..., channel],
+                "with": response_with,
+                "reference": getattr(self.without.reference_response, name)[..., channel],
+            }
+        return record
 
 
 def results(pair: IdentifiedPair, run: ScenarioRuns, laws: Mapping[str, tuple[str, str]]) -> tuple[ControlResult, ...]:
@@ -100,12 +102,16 @@ def results(pair: IdentifiedPair, run: ScenarioRuns, laws: Mapping[str, tuple[st
     """
     if "without" in run.failed:
         raise ScenarioError(f"{run.scenario.name} fails without control: {run.failed['without']}")
-    arm = run.logs.get("reference")
-    scores = {name: score(log, pair.reference, arm) for name, log in run.logs.items() if name != "reference"}
-    return tuple(
-        ControlResult(*of, run, scores["without"], scores.get(name), run.failed.get(name, ""))
-        for name, of in laws.items()
-    )
+    reference_arm = run.logs.get("reference")
+    scores = {}
+    for name, log in run.logs.items():
+        if name != "reference":
+            scores[name] = score(log, pair.reference, reference_arm)
+    scored = []
+    for name, (method, condition) in laws.items():
+        failed = run.failed.get(name, "")
+        scored.append(ControlResult(method, condition, run, scores["without"], scores.get(name), failed))
+    return tuple(scored)
 
 
 def stress(
@@ -132,16 +138,22 @@ def stress(
     Returns:
         Results by condition; a method without a design from a wrong model has none.
     """
-    wrong: dict[str, Law] = {}
-    labels: dict[str, tuple[str, str]] = {}
+    wrong_laws: dict[str, Law] = {}
+    wrong_law_labels: dict[str, tuple[str, str]] = {}
     for condition, error in WRONG.items():
         for method in redesigned:
             label = f"{condition}: {method}"
+            # A method may find no design for so wrong a model: then there is nothing to run.
             with suppress(SysidError):
-                wrong[label] = METHODS[method](wrong_model(pair, **error))
-                labels[label] = method, condition
+                wrong_laws[label] = METHODS[method](wrong_model(pair, **error))
+                wrong_law_labels[label] = method, condition
     changed = [replace(scenario, **change) for change in CONDITIONS.values()]
-    runs = run_scenarios(changed, laws, reference=reference, threads=threads, progress=progress)
-    runs += run_scenarios([scenario], wrong, reference=reference, threads=threads, progress=progress)
-    named = [{name: (name, condition) for name in laws} for condition in CONDITIONS]
-    return tuple(one for run, own in zip(runs, [*named, labels], strict=True) for one in results(pair, run, own))
+    runs_on_changed_arms = run_scenarios(changed, laws, reference=reference, threads=threads, progress=progress)
+    (runs_of_wrong_laws,) = run_scenarios(
+        [scenario], wrong_laws, reference=reference, threads=threads, progress=progress
+    )
+    scored: list[ControlResult] = []
+    for condition, runs in zip(CONDITIONS, runs_on_changed_arms, strict=True):
+        scored += results(pair, runs, {name: (name, condition) for name in laws})
+    scored += results(pair, runs_of_wrong_laws, wrong_law_labels)
+    return tuple(scored)

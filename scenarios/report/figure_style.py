@@ -46,7 +46,8 @@ def dress(panels: Iterable[Axes]) -> None:
 
 def plain_marks(axis: Axis, ends: tuple[float, float]) -> None:
     """Mark a logarithmic axis with plain numbers that do not meet: powers of ten alone beyond two decades."""
-    wide = ends[1] > 100.0 * ends[0]
-    axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0), numticks=6))
+    beyond_two_decades = ends[1] > 100.0 * ends[0]
+    steps = (1.0,) if beyond_two_decades else (1.0, 2.0, 5.0)
+    axis.set_major_locator(LogLocator(subs=steps, numticks=6))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())

@@ -38,16 +38,17 @@ def save_figure(figure: Figure, path: Path, dpi: int = 100) -> None:
         TwinError: There is a folder of that name.
         OSError: The file cannot be written.
     """
-    kind = path.suffix.removeprefix(".").lower()
-    dated = {"svg": "Date", "pdf": "CreationDate"}
-    metadata = {dated[kind]: None} if kind in dated else None
+    file_format = path.suffix.removeprefix(".").lower()
+    # Without a date equal figures give equal files.
+    date_fields = {"svg": "Date", "pdf": "CreationDate"}
+    metadata = {date_fields[file_format]: None} if file_format in date_fields else None
     with replacing(path) as partial:
         try:
-            figure.savefig(partial, format=kind, dpi=dpi, metadata=metadata)
+            figure.savefig(partial, format=file_format, dpi=dpi, metadata=metadata)
         except ValueError:  # a name such as `u$\\q$` is no formula
-            for text in figure.findobj(Text):
-                text.set_parse_math(False)
-            figure.savefig(partial, format=kind, dpi=dpi, metadata=metadata)
+            for label in figure.findobj(Text):
+                label.set_parse_math(False)
+            figure.savefig(partial, format=file_format, dpi=dpi, metadata=metadata)
 
 
 def svg(figure: Figure, description: str, mark: str) -> str:
@@ -61,13 +62,14 @@ def svg(figure: Figure, description: str, mark: str) -> str:
     buffer = io.StringIO()
     with matplotlib.rc_context(SETTINGS):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
+    svg_file = buffer.getvalue()
+    # An XML declaration and a document type come first, which have no place inside a page.
+    element = svg_file[svg_file.index("<svg") :]
     # A hundredth of a point is less than any eye sees, and the digits after it are a third of the page.
-    text = re.sub(r'(\s(?:d|x|y)=")([^"]*)"', lambda m: m[1] + re.sub(r"(\.\d\d)\d+", r"\1", m[2]) + '"', text)
+    element = re.sub(r'(\s(?:d|x|y)=")([^"]*)"', lambda m: m[1] + re.sub(r"(\.\d\d)\d+", r"\1", m[2]) + '"', element)
     # Identifiers of several figures would meet on one page.
-    text = re.sub(r'\bid="|\bhref="#|\burl\(#', rf"\g<0>{mark}-", text)
-    head, rest = text.split(">", 1)
+    element = re.sub(r'\bid="|\bhref="#|\burl\(#', rf"\g<0>{mark}-", element)
+    head, rest = element.split(">", 1)
     head = re.sub(r'\s(?:width|height|version)="[^"]*"', "", head)
     label = escape(description, quote=True)
     return f'{head} role="img" aria-label="{label}"><title>{escape(description)}</title>{rest}'
@@ -116,7 +118,7 @@ class Gallery:
         if folder is not None and not folder.is_dir():
             raise ScenarioError(f"no folder {str(folder)!r} for the figures; expected one that exists")
         self.folder = folder
-        self._drawn = drawn or (lambda number: None)
+        self._drawn = drawn or (lambda count: None)
         self.pictures: list[Picture] = []
 
     def add(self, figure: Figure, caption: str, *, name: str) -> Picture:
@@ -130,18 +132,20 @@ class Gallery:
         Raises:
             ScenarioError: The name is no file name, or taken.
         """
-        if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name) or any(entry.name == name for entry in self.pictures):
+        taken = any(picture.name == name for picture in self.pictures)
+        if taken or not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name):
             raise ScenarioError(f"figure name {name!r}: expected words of a-z and 0-9 apart by hyphens, each name once")
-        number = len(self.pictures) + 1
+        figure_number = len(self.pictures) + 1
         _lay_out(figure)
         if self.folder is not None:
-            for kind in ("svg", "png"):
-                save_figure(figure, self.folder / f"{name}.{kind}", dpi=200)
-        text = caption[:1].upper() + caption[1:]
+            for suffix in ("svg", "png"):
+                save_figure(figure, self.folder / f"{name}.{suffix}", dpi=200)
+        sentence = caption[:1].upper() + caption[1:]
         width, height = figure.get_size_inches()
-        picture = Picture(number, name, svg(figure, text, f"f{number}"), text, width / height)
+        element = svg(figure, sentence, f"f{figure_number}")
+        picture = Picture(figure_number, name, element, sentence, width / height)
         self.pictures.append(picture)
-        self._drawn(number)
+        self._drawn(figure_number)
         return picture
 
 

@@ -54,29 +54,34 @@ def table(
         colours: A colour for each row, shown as a square before its first cell.
     """
     rows = list(rows)
+    # A column is of numbers if every cell begins as one, or is empty or a dash.
     right = [all(map(NUMBER.match, column)) for column in zip(*rows, strict=True)] or [False] * len(head)
     if colours:
+        # The squares of colour stand in one line below each other.
         right[0] = False
     lines = [_row("th", head, right)] if head else []
-    for number, row in enumerate(rows):
-        mark = f'<span style="{SQUARE};background:{colours[number]}"></span> ' if colours else ""
-        lines.append(_row("td", row, right, ";color:#e03131" * (number in red), mark))
+    for index, row in enumerate(rows):
+        mark = f'<span style="{SQUARE};background:{colours[index]}"></span> ' if colours else ""
+        colour = ";color:#e03131" if index in red else ""
+        lines.append(_row("td", row, right, colour, mark))
     style = "font-size:0.8em;border-collapse:collapse;margin:0.4em 0.75em;width:calc(100% - 1.5em)"
     return f'<table style="{style}">{"".join(lines)}</table>'
 
 
 def _row(tag: str, cells: Sequence[str], right: Sequence[bool], colour: str = "", mark: str = "") -> str:
+    """A row of a table; the mark stands before its first cell."""
     line = ""
-    for text, is_right in zip(cells, right, strict=True):
+    for cell, is_right in zip(cells, right, strict=True):
         # Only words that are wider than the page are broken.
-        wrap = "anywhere" if max(map(len, text.split()), default=0) > LONGEST_WORD else "normal"
-        style = f"text-align:{'right' if is_right else 'left'};padding:0.15em 0.3em;border-bottom:1px solid #8884"
-        line += f'<{tag} style="{style};overflow-wrap:{wrap}{colour}">{mark}{escape(one_line(text))}</{tag}>'
+        wrap = "anywhere" if max(map(len, cell.split()), default=0) > LONGEST_WORD else "normal"
+        alignment = "right" if is_right else "left"
+        style = f"text-align:{alignment};padding:0.15em 0.3em;border-bottom:1px solid #8884"
+        line += f'<{tag} style="{style};overflow-wrap:{wrap}{colour}">{mark}{escape(one_line(cell))}</{tag}>'
         mark = ""
     return f"<tr>{line}</tr>"
 
 
 def listing(lines: Iterable[str]) -> str:
     """Lines of text."""
-    entries = "".join(f"<div>{escape(one_line(line))}</div>" for line in lines)
-    return f'<div style="font-size:0.8em;line-height:1.4;margin:0.3em 0.75em;overflow-wrap:anywhere">{entries}</div>'
+    items = "".join(f"<div>{escape(one_line(line))}</div>" for line in lines)
+    return f'<div style="font-size:0.8em;line-height:1.4;margin:0.3em 0.75em;overflow-wrap:anywhere">{items}</div>'

@@ -54,6 +54,7 @@ class Page:
 
 def signed(value: object) -> object:
     """The value of an expression in a template, with true minus signs before its numbers; markup stays as it is."""
+    # A hyphen after a word, a number or a bracket joins or subtracts; it is no sign.
     if isinstance(value, str | float | int) and not isinstance(value, Markup | bool):
         return re.sub(r"(?<![\w.)\]-])-(?=\d)", "−", str(value))
     return value

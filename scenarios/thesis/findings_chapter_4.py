@@ -31,6 +31,7 @@ def flexibility(study: Comparison, joint: str) -> dict[str, float]:
         model = study.data_sets[joint].find(single_joint_test(study.estimation_test, joint), method)
         if model is None or not model.others:
             raise MissingRecordError(f"{words(joint)}: no {method.upper()} model to judge on other tests")
+        # An unstable model follows no record in simulation: it ranks behind all others.
         fits[method.upper()] = model.others_simulation if model.stable else -np.inf
     return fits
 
@@ -64,6 +65,7 @@ def consistency(study: Comparison) -> Finding:
         for method in (*COMPARED, *DISMISSED):
             spread[method] = data_set_spread(data_sets, method)
             unstable[method] = sum(not model.stable for model in data_sets.singles(method, enough=True))
+        # If ARMAX or OE too were unstable, inconsistency would be no mark of ARX and IV4.
         compared_stable = not any(unstable[method] for method in COMPARED)
         limit = CLAIMS["F8"].limits["further"] * max(spread[method] for method in COMPARED)
         for method in DISMISSED:
@@ -117,7 +119,11 @@ def yaw_oe(study: Comparison) -> Finding:
     poles = int(np.max(model.estimate.orders["nf"]))
     thesis_orders_unstable = any(tried.unstable for tried in study.more_poles if tried.orders[1] == poles)
     larger = [tried for tried in study.more_poles if tried.orders[1] > poles]
-    unstable = [f"{tried.orders[0] - 1} zero(s) and {tried.orders[1]} poles" for tried in larger if tried.unstable]
+    unstable = []
+    for tried in larger:
+        if tried.unstable:
+            nb, nf = tried.orders[:2]
+            unstable.append(f"{nb - 1} zero(s) and {nf} poles")
     # More than half, not just any: the thesis says it of various tests without exception. If its own orders turn
     # unstable as well, the number of poles is not the cause.
     verdict_parts = {
@@ -218,6 +224,7 @@ def _friction(study: Comparison, joint: str, method: str, *tests: str) -> str:
         return ""
     values = {name.removesuffix("_p"): float(getattr(frictionless.residual_test, name).flat[0]) for name in tests}
     listed = ", ".join(f"{name} {p_value(p)}" for name, p in values.items())
+    # A test that passes without friction fails because of it.
     passed = min(values.values()) >= REJECTED
     effect = "makes the residuals fail" if passed else "is not all that makes residuals fail"
     return f"identified on the arm without friction the same structure has {listed}, so friction {effect}"

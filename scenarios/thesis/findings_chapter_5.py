@@ -102,4 +102,5 @@ def _markov_parameters_needed(data: IOData) -> int:
     candidates = range(1, int(limits["most"]) + 1)
     # The error belongs to the observer: the order of the realisation does not enter it.
     errors = [float(np.sqrt(observer(data, 1, p).noise_variance[0, 0])) for p in candidates]
-    return next(p for p, error in zip(candidates, errors, strict=True) if error <= limits["enough"] * errors[-1])
+    sufficient_error = limits["enough"] * errors[-1]
+    return next(p for p, error in zip(candidates, errors, strict=True) if error <= sufficient_error)

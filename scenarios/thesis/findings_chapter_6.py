@@ -128,6 +128,7 @@ def bode_differences(models: Multivariable, joint: str, *, printed: bool = False
 
 def exchange_fit(study: Comparison) -> Finding:
     """F18: OKID follows the exchange better on every joint, SysID is worst on shoulder pitch."""
+    # Without a record of the exchange it raises, and the finding cannot be told.
     study.campaign.log(RPCM)
     prediction_error, _ = study.multivariable.pair()
     lead = _okid_lead(study, RPCM)
@@ -135,8 +136,8 @@ def exchange_fit(study: Comparison) -> Finding:
     for way in WAYS:
         fits = prediction_error.fit(RPCM).of(way)
         verdict_parts[way] = {f"OKID ahead on {joint}": ahead(points) for joint, points in lead[way].items()}
-        ahead_of_shoulder = [ahead(fit - fits[SHOULDER]) for joint, fit in fits.items() if joint != SHOULDER]
-        verdict_parts[way]["SysID worst on shoulder pitch"] = all(ahead_of_shoulder)
+        leads_over_shoulder = [fits[joint] - fits[SHOULDER] for joint in (YAW, ELBOW)]
+        verdict_parts[way]["SysID worst on shoulder pitch"] = all(map(ahead, leads_over_shoulder))
     values = _values_by_name(lead)
     simulated = verdict_parts["simulation"].values()
     facts = {"holding": sum(simulated), "count": len(simulated), "reach": within_reach(study, (RPCM,))}
@@ -233,7 +234,8 @@ def slow_data(study: Comparison) -> Finding:
         readings[WORDS[way]] = {"SysID ahead on yaw": ahead(yaw_lead), "hybrid best": ahead(hybrid_lead)}
     # The sweep starts at 0 Hz, but no model was excited at 0.05 Hz: there they extrapolate.
     lowest = np.array([0.05])
-    gains = [np.abs(model.blocks[YAW].frequency_response(lowest)[0, 0, 0]) for model in pair]
+    yaw_responses = [model.blocks[YAW].frequency_response(lowest) for model in pair]
+    gains = [np.abs(response[0, 0, 0]) for response in yaw_responses]
     facts = {"gains": gains, "true": study.joints[YAW].truth.dc_gain, "reach": within_reach(study, (SLOW,))}
     values = _values_by_name(points)
     return finding_by_reading("F21", readings, values, facts | remarks(study, values))
@@ -298,6 +300,7 @@ def bias_and_outliers(study: Comparison) -> Finding:
     """F25: with a bias or outliers left in, SysID needs hardly more states, OKID needs more."""
     limits = CLAIMS["F25"].limits
     joints = tuple(study.robustness.judged_by)
+    # A model has seen its own sequence: only other waveforms can judge how many states suffice.
     if not joints:
         raise MissingRecordError("no joint has a PRBS record and one of another waveform to judge by")
     fits_by_order = {(fits.joint, fits.method, fits.record): fits for fits in study.robustness.orders}
@@ -331,6 +334,7 @@ def coupling(study: Comparison) -> Finding:
     limits = CLAIMS["F26"].limits
     lowest_bandwidth = min(result.truth.bandwidth_hz for result in study.joints.values())
     uncoupled, coupled = (study.multivariable.reference(kind, RPCM) for kind in (DIAGONAL, COUPLED))
+    # What a linear model gains by knowing the coupling, apart from friction and noise.
     worth = {joint: coupled[joint] - uncoupled[joint] for joint in uncoupled}
     bands = {
         "to the bandwidth": (limits["from"], lowest_bandwidth),
@@ -348,7 +352,10 @@ def coupling(study: Comparison) -> Finding:
 
 
 def _of_joints_by_way(study: Comparison, figure: Callable[[str, Way], float]) -> ByWay:
-    return {way: {joint: figure(joint, way) for joint in study.joints} for way in WAYS}
+    by_way: dict[Way, dict[str, float]] = {}
+    for way in WAYS:
+        by_way[way] = {joint: figure(joint, way) for joint in study.joints}
+    return by_way
 
 
 def _okid_lead(study: Comparison, record: str) -> ByWay:
@@ -359,7 +366,10 @@ def _okid_lead(study: Comparison, record: str) -> ByWay:
 
 def _values_by_name(values: ByWay) -> dict[str, float]:
     """The same numbers in one mapping, for a finding."""
-    return {f"{name}, {words(way)}": value for way in WAYS for name, value in values[way].items()}
+    named: dict[str, float] = {}
+    for way in WAYS:
+        named |= {f"{name}, {words(way)}": value for name, value in values[way].items()}
+    return named
 
 
 def _read_both_ways(
@@ -371,6 +381,9 @@ def _read_both_ways(
 ) -> Finding:
     """Decide a claim by a figure of every joint, in simulation and one step ahead."""
     by_way = _of_joints_by_way(study, figure)
-    readings = {WORDS[way]: {joint: holds(value) for joint, value in by_way[way].items()} for way in WAYS}
+    # The summary of the thesis (VI.6) does not say which fits it means.
+    readings = {}
+    for way in WAYS:
+        readings[WORDS[way]] = {joint: holds(value) for joint, value in by_way[way].items()}
     values = _values_by_name(by_way)
     return finding_by_reading(key, readings, values, {**facts, **remarks(study, values)})

@@ -23,6 +23,7 @@ def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = 
     depends, against = [], []
     for finding in findings:
         frequency = tally.frequency(finding.key)
+        # No seed may have had the records that decide it.
         if not frequency.counts:
             continue
         if frequency.depends_on_seed(finding.verdict):

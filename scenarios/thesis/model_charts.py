@@ -114,6 +114,7 @@ def disturbed(study: Comparison, disturbance_key: str) -> tuple[Panel, ...]:
 
 def _curves_over_degree(robustness: Robustness, disturbance_key: str, joint: str) -> tuple[list[Series], list[Series]]:
     """Errors of the bandwidth, and what fits leave of 100 %, of each method and treatment over the degree."""
+    # A disturbance that no treatment removes is drawn once, as it is.
     treatments = LINES if DISTURBANCES[disturbance_key].treatments != AS_IT_IS else AS_IT_IS
     error_curves, remainder_curves = [], []
     for name, method, colour in (("SysID", sysid_method(joint), "armax"), ("OKID", "okid", "okid")):
@@ -127,6 +128,6 @@ def _curves_over_degree(robustness: Robustness, disturbance_key: str, joint: str
             # Median, least and greatest over draws; the least fit leaves most.
             middle, low, high = np.array([errors for errors, _ in curve.values()]).T
             error_curves.append(Series(label, degrees, middle, look, low, high))
-            middle, high, low = np.array([[100.0 - fit for fit in fits] for _, fits in curve.values()]).T
+            middle, high, low = 100.0 - np.array([fits for _, fits in curve.values()]).T
             remainder_curves.append(Series(label, degrees, middle, look, low, high))
     return error_curves, remainder_curves

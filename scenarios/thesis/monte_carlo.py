@@ -135,6 +135,7 @@ class Frequency:
     @property
     def usual(self) -> Verdict:
         """The verdict that most seeds share."""
+        # The mapping begins with the most frequent.
         return next(iter(self.counts))
 
     def depends_on_seed(self, verdict: Verdict) -> bool:

@@ -50,6 +50,9 @@ SLOW = "shoulder_yaw"
 RESPONSE = np.geomspace(0.02, 24.0, 300)
 """Frequencies at which models are read, Hz."""
 
+MULTISINE_PERIOD = 20.4
+"""Period of the multisines, s: whole numbers of samples, and of cycles of each of their tones."""
+
 JOURNAL = "motion.sqlite"
 """Name of the file of finished settings."""
 
@@ -129,13 +132,15 @@ class MotionCampaign:
     def settings(self) -> tuple[Setting, ...]:
         """Return every setting, joint by joint."""
         levels = (self.servos, self.gains, self.frictions, self.presliding, self.holds, self.noises, STUDIED_JOINTS)
-        every = (Setting(*values) for values in itertools.product(*levels))
-        return tuple(
-            one
-            for one in every
-            if (one.servo == "flow" or one.presliding == self.presliding[0])
-            and (one.friction <= HEAVY or (one.gain, one.joint) == (max(self.gains), SLOW))
-        )
+        combinations = (Setting(*values) for values in itertools.product(*levels))
+        return tuple(setting for setting in combinations if self._is_tried(setting))
+
+    def _is_tried(self, setting: Setting) -> bool:
+        """Whether a combination of levels is run; docs/motion.md lists those that are not."""
+        if setting.servo != "flow" and setting.presliding != self.presliding[0]:
+            return False
+        # Smaller commands would not move the arm against heavy friction; see `HEAVY`.
+        return setting.friction <= HEAVY or (setting.gain == max(self.gains) and setting.joint == SLOW)
 
 
 @dataclass(frozen=True)
@@ -150,27 +155,29 @@ class Recorded:
         """Return the experiment, named after the record."""
         name = f"{self.excitation}-{self.volts:g}-{self.seed}"
         if self.excitation != "multisine":
-            binary = self.excitation == "prbs"
-            test = single_joint_test(TESTS[self.volts] if binary else SINES, setting.joint)
-            duration = campaign.duration if binary else campaign.sines_duration
-            return replace(setting.applied(campaign_scenario(test, seed=self.seed, duration=duration)), name=name)
+            if self.excitation == "prbs":
+                test, duration = TESTS[self.volts], campaign.duration
+            else:
+                test, duration = SINES, campaign.sines_duration
+            played = campaign_scenario(single_joint_test(test, setting.joint), seed=self.seed, duration=duration)
+            return replace(setting.applied(played), name=name)
         # Any scenario lends its laboratory; the binary test of this amplitude has noise of its own for every seed.
-        like = setting.applied(campaign_scenario(single_joint_test(TESTS[self.volts], setting.joint), seed=self.seed))
-        multisines = Multisines(rms=setting.gain * self.volts, f_min=0.04, f_max=5.0, period=20.4, seed=self.seed)
-        shared = {key: getattr(like, key) for key in ("plant", "hand_controller", "seed")}
-        return MultisineExperiment(name, (setting.joint,), multisines, **shared)
+        lender = setting.applied(campaign_scenario(single_joint_test(TESTS[self.volts], setting.joint), seed=self.seed))
+        multisines = Multisines(
+            rms=setting.gain * self.volts, f_min=0.04, f_max=5.0, period=MULTISINE_PERIOD, seed=self.seed
+        )
+        laboratory = {key: getattr(lender, key) for key in ("plant", "hand_controller", "seed")}
+        return MultisineExperiment(name, (setting.joint,), multisines, **laboratory)
 
 
 def records_of(campaign: MotionCampaign) -> tuple[Recorded, ...]:
     """Return the records of every setting."""
-    numbers = {"prbs": campaign.seeds, "multisine": campaign.multisines}
-    played = [
-        Recorded(kind, volts, seed)
-        for kind, count in numbers.items()
-        for volts in campaign.volts
-        for seed in range(1, count + 1)
-    ]
-    return (*played, *(Recorded("sines", 1.0, seed) for seed in range(1, campaign.sines + 1)))
+    records = []
+    for excitation, count in (("prbs", campaign.seeds), ("multisine", campaign.multisines)):
+        for volts in campaign.volts:
+            records += [Recorded(excitation, volts, seed) for seed in range(1, count + 1)]
+    records += [Recorded("sines", 1.0, seed) for seed in range(1, campaign.sines + 1)]
+    return tuple(records)
 
 
 def run_campaign(
@@ -183,16 +190,17 @@ def run_campaign(
     Raises:
         ScenarioError: The journal cannot be used, or a worker cannot run.
     """
-    made_with = {"format": "motion 1", "source": fingerprint(), **versions(), "campaign": str(campaign)}
+    # A journal of other software or levels would mix results that do not belong together.
+    build_fingerprint = {"format": "motion 1", "source": fingerprint(), **versions(), "campaign": str(campaign)}
     settings = {str(setting): setting for setting in campaign.settings()}
-    with closing(Journal(folder / JOURNAL, made_with)) as journal:
-        left = [setting for key, setting in settings.items() if key not in journal]
-        done = len(settings) - len(left)
-        progress(done, len(settings))
-        for key, rows in executor.run(run_settings, campaign, ((one,) for one in left), items="settings"):
+    with closing(Journal(folder / JOURNAL, build_fingerprint)) as journal:
+        missing = [setting for key, setting in settings.items() if key not in journal]
+        finished = len(settings) - len(missing)
+        progress(finished, len(settings))
+        for key, rows in executor.run(run_settings, campaign, ((setting,) for setting in missing), items="settings"):
             journal.add(key, rows)
-            done += 1
-            progress(done, len(settings))
+            finished += 1
+            progress(finished, len(settings))
         return {setting: journal.get(key) for key, setting in settings.items()}
 
 
@@ -204,20 +212,26 @@ def run_settings(campaign: MotionCampaign, settings: tuple[Setting, ...]) -> Ite
         that failed a row with the reason.
     """
     for setting in settings:
-        records = {str(one.experiment(campaign, setting).name): one for one in records_of(campaign)}
-        experiments = [one.experiment(campaign, setting) for one in records.values()]
+        records = {str(record.experiment(campaign, setting).name): record for record in records_of(campaign)}
+        experiments = [record.experiment(campaign, setting) for record in records.values()]
         try:
+            # One thread each: the workers already take every core. A failed experiment must not cost the others.
             logs = simulate(experiments, threads=1, keep_going=True)
         except TwinError as error:
             raise ScenarioError(f"{setting}: {error}") from error
-        rows = [row for log in logs for row in _rows(setting, records[log.name], log, campaign.logged)]
-        yield str(setting), [*rows, *({"failed": f"{name}: {why}"} for name, why in logs.failed.items())]
+        rows: list[Row] = []
+        for log in logs:
+            rows += _rows(setting, records[log.name], log, campaign.logged)
+        rows += [{"failed": f"{name}: {why}"} for name, why in logs.failed.items()]
+        yield str(setting), rows
 
 
 def _rows(setting: Setting, record: Recorded, log: JointLog, levels: Sequence[float]) -> Iterator[Row]:
+    """Analyse a record once for every level of noise on the logged command, in parts of the command's spread."""
     data = prepared(log, setting.joint)
     if record.excitation == "multisine":
-        data = data[-2 * round(20.4 / data.dt) :].detrend()
+        # The last two periods: the response to the start of the waveform has died away by then.
+        data = data[-2 * round(MULTISINE_PERIOD / data.dt) :].detrend()
     spread = float(data.u.std())
     facts = {
         **asdict(record),
@@ -226,18 +240,21 @@ def _rows(setting: Setting, record: Recorded, log: JointLog, levels: Sequence[fl
         "slewing": velocity_limited_share(log),
     }
     # One draw for all levels: what differs between them is its size alone.
+    # crc32, since the hash of a string differs from process to process.
     noise = np.random.default_rng([record.seed, crc32(f"{setting.joint} {log.name}".encode())])
     white = noise.standard_normal(data.u.shape)
     for level in levels:
         logged = replace(data, u=data.u + level * spread * white).detrend()
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", SysidWarning)
-            found = _spectra(logged) if record.excitation == "sines" else _models(setting.joint, logged)
-        yield {name: _plain(value) for name, value in {**facts, "logged": level, **found}.items()}
+            analysis = _spectra(logged) if record.excitation == "sines" else _models(setting.joint, logged)
+        row = {**facts, "logged": level, **analysis}
+        yield {name: _plain(value) for name, value in row.items()}
 
 
 def _plain(value: Any) -> Any:
     """Return a number with seven digits, None where it is not finite; anything else as it is."""
+    # JSON has no NaN.
     if isinstance(value, float):
         return float(f"{value:.7g}") if np.isfinite(value) else None
     return value
@@ -264,12 +281,15 @@ def _models(joint: str, data: IOData) -> Row:
             fitted = estimate(data, structure.estimator, structure.orders)
             row |= {f"{name}_{key}": value for key, value in model_numbers(fitted.model).items()}
             if name == "okid":
+                # The thesis' percentage is of squared singular values; two states are its order.
                 values = np.asarray(fitted.diagnostics["hankel_singular_values"], dtype=float) ** 2
                 row["okid_tail_percent"] = float(100.0 * values[2:].sum() / values.sum())
                 continue
             test = sysid.resid(fitted, data)
         except (SysidError, np.linalg.LinAlgError):
-            continue  # no model: every number of it is missing
+            # Without a model every number of it is missing, which counts as the largest distance.
+            continue
+        # The thesis tests at 99 % [Morris1996, ch. IV].
         row[f"{name}_white"] = bool(test.whiteness_p[0] > 0.01)
         row[f"{name}_independent"] = bool(np.min(test.independence_p) > 0.01)
         row[f"{name}_correlation"] = float(np.sum(test.autocorrelation[1:, 0, 0] ** 2))
@@ -283,13 +303,14 @@ def model_numbers(model: sysid.StateSpace) -> dict[str, float]:
     """
     # A pole at the origin has decayed after one sample: any rate beyond that of the fastest printed one stands for it.
     rates = np.sort(-np.log(np.maximum(np.abs(model.poles()), 1e-4)) / model.dt)
+    slowest, second = (*rates.tolist(), float("nan"), float("nan"))[:2]
     response = FrequencyResponse(RESPONSE, model.frequency_response(RESPONSE), model.dt, "model")
-    gains = response.magnitude[:, 0, 0]
+    gain_half_hz = float(np.interp(np.log(0.5), np.log(RESPONSE), response.magnitude[:, 0, 0]))
     return {
-        "slow_pole": float(rates[0]) if len(rates) else float("nan"),
-        "second_pole": float(rates[1]) if len(rates) > 1 else float("nan"),
+        "slow_pole": slowest,
+        "second_pole": second,
         "dc_gain": float(model.dc_gain()[0, 0]),
-        "gain_half_hz": float(np.interp(np.log(0.5), np.log(RESPONSE), gains)),
+        "gain_half_hz": gain_half_hz,
         "half_power": 2 * np.pi * gain_crossing(response, HALF_POWER),
         "bandwidth_hz": float(model.bandwidth()[0, 0]),
     }

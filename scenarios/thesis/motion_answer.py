@@ -18,107 +18,134 @@ from scenarios.truth.published import published
 SHOWN = 20
 """Arms in the record, the best first."""
 
+SCORES_OF_JOINT = ("friction", "score", "spread", "within", "items")
+"""Numbers of a cell that the record of an arm has for each joint."""
+
 OF_MAP = ("servo", "presliding", "hold", "noise", "logged")
 """Factors that the cells of the map have in common: those of the best arm."""
 
 
 def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Sequence[str] = ()) -> dict[str, Any]:
     """Return all that a campaign says, for JSON: its scores, and the experiments that failed, with the reasons."""
-    tests = {
-        joint: [one for one in cells if (one.setting.joint, one.excitation) == (joint, "prbs")]
-        for joint in STUDIED_JOINTS
-    }
-    every = arms(cells)
-    best, worth = every[0], profile(every)
-    fixed = {name: factors(best.cells[0])[name] for name in OF_MAP}
+    tests: dict[str, list[Cell]] = {}
+    printed: list[dict[str, Any]] = []
+    for joint in STUDIED_JOINTS:
+        # The thesis' models come from binary tests: the other excitations only show what they would have given.
+        tests[joint] = [cell for cell in cells if cell.setting.joint == joint and cell.excitation == "prbs"]
+        printed += _nearest_to_prints(joint, tests[joint])
+    ranked_arms = arms(cells)
+    score_by_level = profile(ranked_arms)
     return {
         "decided": "2026-11-23, before results",
         "explains": EXPLAINS,
         "campaign": vars(campaign),
         "settings": len(campaign.settings()),
-        "joints": {
-            joint: {
-                "cells": len(own),
-                "explained": sum(one.score <= EXPLAINS for one in own),
-                "best": _with_distances(min(own, key=lambda one: one.score)),
-                "friction": {
-                    str(level): min(one.score for one in own if one.setting.friction == level)
-                    for level in sorted({one.setting.friction for one in own})
-                },
-            }
-            for joint, own in tests.items()
-        },
-        "printed": [row for joint, own in tests.items() for row in _nearest_to_prints(joint, own)],
+        "joints": {joint: _joint_record(of_joint) for joint, of_joint in tests.items()},
+        "printed": printed,
         "arms": {
-            "number": len(every),
-            "explain_all": sum(len(arm.explains) == len(STUDIED_JOINTS) for arm in every),
-            "best": [_arm(arm, cells) for arm in every[:SHOWN]],
+            "number": len(ranked_arms),
+            "explain_all": sum(len(arm.explains) == len(STUDIED_JOINTS) for arm in ranked_arms),
+            "best": [_arm_record(arm, cells) for arm in ranked_arms[:SHOWN]],
         },
-        "nominal": _arm(_nominal(tests.values()), cells),
-        "profile": {name: levels for name, levels in worth.items() if len(levels) > 1},
-        "map": [one.record() for own in tests.values() for one in own if fixed.items() <= factors(one).items()],
+        "nominal": _arm_record(_nominal(tests.values()), cells),
+        "profile": {name: levels for name, levels in score_by_level.items() if len(levels) > 1},
+        "map": _map_records(ranked_arms[0], tests.values()),
         "failed": list(failed),
     }
 
 
+def _joint_record(cells: Sequence[Cell]) -> dict[str, Any]:
+    """How many cells of a joint explain it, the best of them, and the best score at each level of friction."""
+    best_by_friction: dict[str, float] = {}
+    for level in sorted({cell.setting.friction for cell in cells}):
+        best_by_friction[str(level)] = min(cell.score for cell in cells if cell.setting.friction == level)
+    return {
+        "cells": len(cells),
+        "explained": sum(cell.score <= EXPLAINS for cell in cells),
+        "best": _with_distances(min(cells, key=lambda cell: cell.score)),
+        "friction": best_by_friction,
+    }
+
+
+def _map_records(best: ArmScore, tests: Iterable[Sequence[Cell]]) -> list[dict[str, object]]:
+    """The cells of every joint that share with the best arm all factors but motion and friction, the map's axes."""
+    levels_of_best = factors(best.cells[0])
+    fixed = {name: levels_of_best[name] for name in OF_MAP}
+    records = []
+    for cells in tests:
+        records += [cell.record() for cell in cells if fixed.items() <= factors(cell).items()]
+    return records
+
+
 def motion_texts(record: Mapping[str, Any]) -> tuple[str, ...]:
     """Say in words what explains the thesis' models: for each joint, for one arm, by each factor."""
-    page = Page({"words": words})
-    return tuple(" ".join(part.split()) for part in page.render("motion_text.j2", record).split("\n\n") if part.strip())
+    paragraphs = Page({"words": words}).render("motion_text.j2", record).split("\n\n")
+    return tuple(" ".join(paragraph.split()) for paragraph in paragraphs if paragraph.strip())
 
 
 def _nominal(tests: Iterable[Sequence[Cell]]) -> ArmScore:
     """The cells of every joint that are nearest to the nominal arm, its friction too."""
-    own = HAND_CONTROLLER
-    wanted = {"gain": own.gain, "hold": own.hold, "noise": own.noise, "volts": 1.0, "logged": 0.0}
-    wanted["presliding"] = Friction.presliding
+    hand_controller = HAND_CONTROLLER
+    nominal = {
+        "gain": hand_controller.gain,
+        "hold": hand_controller.hold,
+        "noise": hand_controller.noise,
+        "volts": 1.0,
+        "logged": 0.0,
+        "presliding": Friction.presliding,
+    }
 
-    def away(cell: Cell) -> tuple[float, ...]:
+    def distances(cell: Cell) -> tuple[float, ...]:
+        """By factor, the most important first: tuples are compared one factor after the other."""
         levels, actuator = factors(cell), ACTUATORS[cell.setting.joint]
-        rubs = cell.setting.friction * actuator.rated_torque / actuator.coulomb_torque
-        numbers = (abs(float(str(levels[name])) - value) for name, value in wanted.items())
-        return (float(cell.setting.servo != VARIANTS["nominal"].servo), *numbers, abs(np.log(rubs)))
+        friction_ratio = cell.setting.friction * actuator.rated_torque / actuator.coulomb_torque
+        differences = []
+        for name, level in nominal.items():
+            differences.append(abs(float(str(levels[name])) - level))
+        other_servo = cell.setting.servo != VARIANTS["nominal"].servo
+        return (float(other_servo), *differences, abs(np.log(friction_ratio)))
 
-    return ArmScore(tuple(min(cells, key=away) for cells in tests))
+    return ArmScore(tuple(min(cells, key=distances) for cells in tests))
 
 
-def _arm(arm: ArmScore, cells: Sequence[Cell]) -> dict[str, Any]:
+def _arm_record(arm: ArmScore, cells: Sequence[Cell]) -> dict[str, Any]:
     """Return what an arm's joints have in common, their scores, and what the methods recover by excitation."""
     common = {name: factors(arm.cells[0])[name] for name in COMMON}
-    joints = {
-        cell.setting.joint: {
-            **{
-                name: value
-                for name, value in cell.record().items()
-                if name in ("friction", "score", "spread", "within", "items")
-            },
-            "bandwidth_hz": {
-                other.excitation: {method: other.medians.get(f"{method}_bandwidth_hz") for method in METHODS}
-                for other in cells
-                if (other.setting, factors(other)) == (cell.setting, factors(cell))
-            },
+    joints = {}
+    for cell in arm.cells:
+        record = cell.record()
+        bandwidths = {}
+        for same in cells:
+            if (same.setting, factors(same)) == (cell.setting, factors(cell)):
+                recovered = {method: same.medians.get(f"{method}_bandwidth_hz") for method in METHODS}
+                bandwidths[same.excitation] = recovered
+        joints[cell.setting.joint] = {
+            **{name: value for name, value in record.items() if name in SCORES_OF_JOINT},
+            "bandwidth_hz": bandwidths,
         }
-        for cell in arm.cells
-    }
     return {**common, "score": arm.score, "error": arm.error, "explains": arm.explains, "joints": joints}
 
 
 def _with_distances(cell: Cell) -> dict[str, object]:
+    """The record of a cell with its distance from every printed item by name."""
     return {**cell.record(), "distances": dict(zip(items(cell.setting.joint), cell.distances, strict=True))}
 
 
 def _nearest_to_prints(joint: str, cells: Sequence[Cell]) -> Iterable[dict[str, Any]]:
     """Yield for each printed model its numbers and the cell that is nearest to its five items."""
-    names = list(items(joint))
+    item_names = list(items(joint))
     for model in published(joint):
-        own = [k for k, name in enumerate(names) if name.startswith(f"{model.label}, ")]
-        away = [float(np.mean([cell.distances[k] for k in own])) for cell in cells]
-        nearest = cells[int(np.argmin(away))]
+        of_model = [index for index, name in enumerate(item_names) if name.startswith(f"{model.label}, ")]
+        distances = []
+        for cell in cells:
+            of_cell = [cell.distances[index] for index in of_model]
+            distances.append(float(np.mean(of_cell)))
+        nearest = cells[int(np.argmin(distances))]
         yield {
             "joint": joint,
             "model": model.label,
             "method": model.method,
             "numbers": model_numbers(model.model),
-            "distance": min(away),
+            "distance": min(distances),
             "nearest": nearest.record(),
         }

@@ -48,11 +48,23 @@ Distance = Callable[[Mapping[str, float]], float]
 
 
 def _ratio(key: str, printed: float, tolerance: float) -> Distance:
-    return lambda row: abs(log(row[key] / printed)) / tolerance if row[key] > 0.0 else float("nan")
+    """Distance of a number from the printed one: the logarithm of their ratio, in tolerances."""
+
+    def distance(row: Mapping[str, float]) -> float:
+        if not row[key] > 0.0:
+            return float("nan")
+        return abs(log(row[key] / printed)) / tolerance
+
+    return distance
 
 
 def _claim(holds: Callable[[Mapping[str, float]], bool]) -> Distance:
-    return lambda row: 0.0 if holds(row) else FARTHEST
+    """Distance of a claim in words, which has no tolerance: none where it holds, the largest otherwise."""
+
+    def distance(row: Mapping[str, float]) -> float:
+        return 0.0 if holds(row) else FARTHEST
+
+    return distance
 
 
 _RESIDUALS: Mapping[str, Mapping[str, Callable[[Mapping[str, float]], bool]]] = {
@@ -74,17 +86,19 @@ def items(joint: str) -> Mapping[str, Distance]:
     """Return everything that the thesis prints of a joint, numbers and claims, by name."""
     low, high = DELAYS
     orders = ORDERS_BELOW[joint]
-    return {
-        f"{model.label}, {name}": _ratio(f"{model.method}_{key}", model_numbers(model.model)[key], tolerance)
-        for model in published(joint)
-        for key, (name, tolerance) in TOLERANCES.items()
-    } | {
-        "tail of OKID": _ratio("okid_tail_percent", 100.0 - PERCENT_DESCRIBED[joint], log(2.0)),
-        "break of the spectrum": _ratio("break_rad_s", BREAK_FREQUENCY[joint], log(1.1)),
-        "delay": lambda row: max(low - row["peak_lag"], row["peak_lag"] - high, 0.0),
-        "disturbance": lambda row: abs(row["disturbance_orders"] - orders) / 0.5,
-        **{name: _claim(holds) for name, holds in _RESIDUALS[joint].items()},
-    }
+    distances: dict[str, Distance] = {}
+    for model in published(joint):
+        printed = model_numbers(model.model)
+        for key, (name, tolerance) in TOLERANCES.items():
+            distances[f"{model.label}, {name}"] = _ratio(f"{model.method}_{key}", printed[key], tolerance)
+    distances["tail of OKID"] = _ratio("okid_tail_percent", 100.0 - PERCENT_DESCRIBED[joint], log(2.0))
+    distances["break of the spectrum"] = _ratio("break_rad_s", BREAK_FREQUENCY[joint], log(1.1))
+    # A tolerance is one sample outside the printed range, and half an order of magnitude; see docs/motion.md.
+    distances["delay"] = lambda row: max(low - row["peak_lag"], row["peak_lag"] - high, 0.0)
+    distances["disturbance"] = lambda row: abs(row["disturbance_orders"] - orders) / 0.5
+    for name, holds in _RESIDUALS[joint].items():
+        distances[name] = _claim(holds)
+    return distances
 
 
 @dataclass(frozen=True)
@@ -113,8 +127,8 @@ class Cell:
     def record(self) -> dict[str, object]:
         """Return the cell as one row of a table."""
         names = ("excitation", "volts", "logged", "score", "spread", "seeds", "within")
-        own = {name: getattr(self, name) for name in names}
-        return {**asdict(self.setting), **own, "items": len(self.distances), **self.medians}
+        fields = {name: getattr(self, name) for name in names}
+        return {**asdict(self.setting), **fields, "items": len(self.distances), **self.medians}
 
 
 def cells(results: Mapping[Setting, Sequence[Row]]) -> tuple[Cell, ...]:
@@ -123,39 +137,64 @@ def cells(results: Mapping[Setting, Sequence[Row]]) -> tuple[Cell, ...]:
 
 
 def _cells(setting: Setting, rows: Sequence[Row]) -> Iterator[Cell]:
+    """Group the rows of a setting by excitation, amplitude and logged noise, and score each group."""
     groups: dict[tuple[str, float, float], list[dict[str, float]]] = {}
     spectra: dict[float, list[dict[str, float]]] = {}
-    for row in (row for row in rows if "failed" not in row):
-        numbers = {
-            name: float("nan") if value is None else float(value) for name, value in row.items() if name != "excitation"
-        }
+    for row in rows:
+        if "failed" in row:
+            continue
+        numbers = _numbers_of(row)
         if row["excitation"] == "sines":
             spectra.setdefault(row["logged"], []).append(numbers)
         else:
             groups.setdefault((row["excitation"], row["volts"], row["logged"]), []).append(numbers)
     for (excitation, volts, logged), records in groups.items():
         # The spectra of chapter III are of another test: its records go round.
-        beside = itertools.cycle(spectra.get(logged) or [{}])
-        joined = [
-            _Numbers({key: other[key] for key in ("break_rad_s", "disturbance_orders") if key in other} | one)
-            for one, other in zip(records, beside, strict=False)
-        ]
-        # The lesser of two numbers, and the known one where the other is missing.
-        every = np.fmin([[distance(one) for distance in items(setting.joint).values()] for one in joined], FARTHEST)
-        names = dict.fromkeys(name for one in joined for name in one if name not in ("volts", "seed", "logged"))
-        middle = tuple(float(value) for value in np.median(every, axis=0))
-        yield Cell(
-            setting,
-            excitation,
-            volts,
-            logged,
-            score=float(every.mean()),
-            spread=float(every.mean(axis=1).std(ddof=1)) if len(every) > 1 else float("nan"),
-            seeds=len(every),
-            within=sum(value <= 1.0 for value in middle),
-            distances=middle,
-            medians={name: float(np.median([one[name] for one in joined])) for name in names},
-        )
+        spectra_in_turn = itertools.cycle(spectra.get(logged) or [{}])
+        joined = []
+        for numbers, spectrum in zip(records, spectra_in_turn, strict=False):
+            of_spectrum = {key: spectrum[key] for key in ("break_rad_s", "disturbance_orders") if key in spectrum}
+            joined.append(_Numbers(of_spectrum | numbers))
+        yield _cell(setting, excitation, volts, logged, joined)
+
+
+def _numbers_of(row: Row) -> dict[str, float]:
+    """The numbers of a row; NaN where the record has none."""
+    numbers = {}
+    for name, value in row.items():
+        if name != "excitation":
+            numbers[name] = float("nan") if value is None else float(value)
+    return numbers
+
+
+def _cell(setting: Setting, excitation: str, volts: float, logged: float, records: Sequence["_Numbers"]) -> Cell:
+    """Score the records of one cell, one for each seed."""
+    distance_functions = items(setting.joint).values()
+    distances = []
+    for record in records:
+        distances.append([distance(record) for distance in distance_functions])
+    # The smaller of the two, and the limit where a distance is NaN: `minimum` would keep the NaN.
+    limited = np.fmin(distances, FARTHEST)
+    medians: dict[str, float] = {}
+    for record in records:
+        for name in record:
+            if name not in ("volts", "seed", "logged") and name not in medians:
+                medians[name] = float(np.median([numbers[name] for numbers in records]))
+    median_distances = tuple(float(distance) for distance in np.median(limited, axis=0))
+    # A single seed has no spread.
+    spread = float(limited.mean(axis=1).std(ddof=1)) if len(limited) > 1 else float("nan")
+    return Cell(
+        setting,
+        excitation,
+        volts,
+        logged,
+        score=float(limited.mean()),
+        spread=spread,
+        seeds=len(limited),
+        within=sum(distance <= 1.0 for distance in median_distances),
+        distances=median_distances,
+        medians=medians,
+    )
 
 
 class _Numbers(dict[str, float]):
@@ -179,8 +218,8 @@ class ArmScore:
     @property
     def error(self) -> float:
         """Standard error of the score over seeds."""
-        parts = [cell.spread**2 / cell.seeds for cell in self.cells]
-        return float(np.sqrt(np.sum(parts)) / len(parts))
+        variances = [cell.spread**2 / cell.seeds for cell in self.cells]
+        return float(np.sqrt(np.sum(variances)) / len(variances))
 
     @property
     def explains(self) -> tuple[str, ...]:
@@ -194,8 +233,8 @@ COMMON = ("servo", "gain", "presliding", "hold", "noise", "volts", "logged")
 
 def factors(cell: Cell) -> dict[str, object]:
     """Return the levels of all factors of a cell by name, friction last."""
-    own = {**asdict(cell.setting), "volts": cell.volts, "logged": cell.logged}
-    return {name: own[name] for name in (*COMMON, "friction")}
+    levels = {**asdict(cell.setting), "volts": cell.volts, "logged": cell.logged}
+    return {name: levels[name] for name in (*COMMON, "friction")}
 
 
 def arms(scored: Iterable[Cell]) -> tuple[ArmScore, ...]:
@@ -204,18 +243,24 @@ def arms(scored: Iterable[Cell]) -> tuple[ArmScore, ...]:
     for cell in scored:
         if cell.excitation != "prbs":
             continue
-        best = groups.setdefault(tuple(factors(cell)[name] for name in COMMON), {})
+        levels = factors(cell)
+        best = groups.setdefault(tuple(levels[name] for name in COMMON), {})
         joint = cell.setting.joint
         if joint not in best or cell.score < best[joint].score:
             best[joint] = cell
-    whole = [ArmScore(tuple(of[joint] for joint in STUDIED_JOINTS)) for of in groups.values() if len(of) == 3]
-    return tuple(sorted(whole, key=lambda arm: arm.score))
+    complete = []
+    for best in groups.values():
+        if len(best) == len(STUDIED_JOINTS):
+            complete.append(ArmScore(tuple(best[joint] for joint in STUDIED_JOINTS)))
+    return tuple(sorted(complete, key=lambda arm: arm.score))
 
 
 def profile(every: Sequence[ArmScore]) -> dict[str, dict[str, float]]:
     """Return by factor and level the score of the best arm of that level: what it costs to fix the level."""
     table: dict[str, dict[str, float]] = {}
+    # The best arm comes first: in reverse it is the last to write the levels that it has.
     for arm in reversed(every):
+        levels = factors(arm.cells[0])
         for name in COMMON:
-            table.setdefault(name, {})[str(factors(arm.cells[0])[name])] = arm.score
-    return {name: dict(sorted(levels.items())) for name, levels in table.items()}
+            table.setdefault(name, {})[str(levels[name])] = arm.score
+    return {name: dict(sorted(by_level.items())) for name, by_level in table.items()}

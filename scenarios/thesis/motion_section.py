@@ -39,10 +39,13 @@ def read_motion(path: Path | None = None) -> Mapping[str, Any]:
             raise ValueError(f"it has {path.stat().st_size} bytes")
         source = path or files("scenarios") / "data" / "motion.json"
         record = json.loads(source.read_text(encoding="utf-8"), parse_constant=_refuse)
+        # Everything is made of it once, so that a damaged file fails here and not after minutes of simulation.
         motion_texts(record)
-        Page({"words": str}).render("motion.html.j2", {"motion": record, "moved": (), "figures": {}})
+        Page({"words": str}).render("motion.html.j2", {"motion": record, "motion_sentences": (), "figures": {}})
         for cell in record["map"]:
-            if not (drawn_models(cell["joint"]) and min(cell[name] for name in ("gain", "friction", "volts")) > 0.0):
+            # Logarithmic axes show neither of these at zero.
+            smallest = min(cell[name] for name in ("gain", "friction", "volts"))
+            if not (drawn_models(cell["joint"]) and smallest > 0.0):
                 raise ValueError(f"a cell of the map has no studied joint, motion or friction: {str(cell)[:60]}")
         motion_chart(record["map"])
     except (*DAMAGE, TemplateError) as error:
@@ -57,16 +60,19 @@ def _refuse(constant: str) -> None:
 
 def motion_chart(cells: Sequence[Mapping[str, Any]]) -> Chart:
     """Bandwidth that the methods recover over friction and motion, from the cells of the map of `motion.json`."""
-    joints = {short(joint): joint for joint in dict.fromkeys(cell["joint"] for cell in cells)}
+    # In the order of the record, each once.
+    joints = {short(cell["joint"]): cell["joint"] for cell in cells}
 
     def panels(joint: str) -> tuple[Panel, ...]:
-        own = [cell for cell in cells if cell["joint"] == joint]
+        """A panel for each amplitude of the command."""
+        of_joint = [cell for cell in cells if cell["joint"] == joint]
         x, y = "friction / % of stall torque", "bandwidth / Hz"
-        marks = tuple(("y", one.bandwidth_hz, f"printed {one.label}") for one in drawn_models(joint).values())
-        return tuple(
-            Panel(x, y, _curves(own, motion), f"{MRAD * motion:.3g} mrad", "xy", None, BANDWIDTHS, marks)
-            for motion in sorted({cell["gain"] * cell["volts"] for cell in own})
-        )
+        marks = tuple(("y", model.bandwidth_hz, f"printed {model.label}") for model in drawn_models(joint).values())
+        drawn = []
+        for motion in sorted({cell["gain"] * cell["volts"] for cell in of_joint}):
+            title = f"{MRAD * motion:.3g} mrad"
+            drawn.append(Panel(x, y, _curves(of_joint, motion), title, "xy", None, BANDWIDTHS, marks))
+        return tuple(drawn)
 
     return Chart(by_view(panels, joints), columns=3, height=240)
 
@@ -74,18 +80,23 @@ def motion_chart(cells: Sequence[Mapping[str, Any]]) -> Chart:
 def motion_map(cells: Sequence[Mapping[str, Any]]) -> Figure:
     """Draw the map of all joints as one figure, for files; see `motion_chart`."""
     chart = motion_chart(cells)
-    views = ((joint, panel) for (joint,), panels in chart.views.items() for panel in panels)
-    return draw([replace(panel, title=f"{joint}, {panel.title}") for joint, panel in views], chart.columns)
+    titled = []
+    for (joint,), panels in chart.views.items():
+        titled += [replace(panel, title=f"{joint}, {panel.title}") for panel in panels]
+    return draw(titled, chart.columns)
 
 
 def _curves(cells: Sequence[Mapping[str, Any]], motion: float) -> tuple[Series, ...]:
-    rows = sorted((cell for cell in cells if cell["gain"] * cell["volts"] == motion), key=lambda cell: cell["friction"])
-    return tuple(
-        Series(
-            method.upper(),
-            [100 * cell["friction"] for cell in rows],
-            [float("nan" if (hz := cell.get(f"{method}_bandwidth_hz")) is None else hz) for cell in rows],
-            Style(PALETTE[method].colour, "-", 1.6),
-        )
-        for method in METHODS
-    )
+    """Bandwidth over friction by each method, of the cells whose command moves the joint by this much, rad."""
+    same_motion = [cell for cell in cells if cell["gain"] * cell["volts"] == motion]
+    same_motion.sort(key=lambda cell: cell["friction"])
+    friction_percent = [100 * cell["friction"] for cell in same_motion]
+    curves = []
+    for method in METHODS:
+        bandwidths = []
+        for cell in same_motion:
+            hz = cell.get(f"{method}_bandwidth_hz")
+            # Null or missing where most records have none: the curve has a gap there.
+            bandwidths.append(float("nan") if hz is None else float(hz))
+        curves.append(Series(method.upper(), friction_percent, bandwidths, Style(PALETTE[method].colour, "-", 1.6)))
+    return tuple(curves)

@@ -178,7 +178,7 @@ class Multivariable:
 
     def model(self, kind: Kind, *, printed: bool = False) -> ThreeJointModel:
         """One of the models."""
-        return next(entry for entry in self.models if entry.kind == kind and entry.printed == printed)
+        return next(model for model in self.models if model.kind == kind and model.printed == printed)
 
     def pair(self, *, printed: bool = False) -> tuple[ThreeJointModel, ThreeJointModel]:
         """The SysID and the OKID model, identified or printed."""
@@ -191,20 +191,20 @@ def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace],
     The hybrid model has the SysID model's yaw and the OKID model's pitches [Morris1996, sec. VI.6].
     """
     truth = three_joint_truth(campaign.truth)
-    there = tuple(name for name in RECORDS if name in campaign.logs)
+    records = tuple(name for name in RECORDS if name in campaign.logs)
     yaw = STUDIED_JOINTS[0]
-    kinds: dict[Kind, Mapping[str, StateSpace]] = {"SysID": own, "OKID": okid, "hybrid": {**okid, yaw: own[yaw]}}
-    prints = {entry.name: {part.joint: part.model for part in entry.parts} for entry in SYSTEMS}
-    models = [
-        _compared(kind, printed, prints[kind.lower()] if printed else blocks, truth, campaign)
-        for printed in (False, True)
-        for kind, blocks in kinds.items()
-    ]
-    full = tuple(
-        model for name in (SHARED, INDEPENDENT) if name in there for model in full_models(name, campaign, truth)
-    )
-    references = reference_fits(campaign, there, truth)
-    return Multivariable(tuple(models), there, full, truth, off_diagonal(truth), references)
+    identified: dict[Kind, Mapping[str, StateSpace]] = {"SysID": own, "OKID": okid, "hybrid": {**okid, yaw: own[yaw]}}
+    models = [_compared(kind, False, blocks, truth, campaign) for kind, blocks in identified.items()]
+    systems = {system.name: system for system in SYSTEMS}
+    for kind in identified:
+        printed = {equation.joint: equation.model for equation in systems[kind.lower()].parts}
+        models.append(_compared(kind, True, printed, truth, campaign))
+    full: list[FullModel] = []
+    for name in (SHARED, INDEPENDENT):
+        if name in records:
+            full += full_models(name, campaign, truth)
+    references = reference_fits(campaign, records, truth)
+    return Multivariable(tuple(models), records, tuple(full), truth, off_diagonal(truth), references)
 
 
 def _compared(
@@ -214,30 +214,36 @@ def _compared(
     blocks = {joint: blocks[joint] for joint in STUDIED_JOINTS}
     model = block_diagonal(list(blocks.values()))
     tests = {}
-    for name in TESTED:
-        if name in campaign.logs:
+    for record in TESTED:
+        if record in campaign.logs:
             # An unstable predictor leaves residuals too large for any test.
             with suppress(SysidError):
-                tests[name] = sysid.resid(model, campaign.several(name), lags=LAGS, level=LEVEL)
+                tests[record] = sysid.resid(model, campaign.several(record), lags=LAGS, level=LEVEL)
+    name = f"printed {kind} model" if printed else f"{kind} model"
     return ThreeJointModel(
-        f"printed {kind} model" if printed else f"{kind} model",
-        kind,
-        printed,
-        blocks,
-        model,
-        relative_error(model, truth),
-        relative_error(model, truth, diagonal=True),
-        {name: _joint_fits(blocks, name, campaign) for name in RECORDS if name in campaign.logs},
-        tests,
+        name=name,
+        kind=kind,
+        printed=printed,
+        blocks=blocks,
+        model=model,
+        error=relative_error(model, truth),
+        diagonal_error=relative_error(model, truth, diagonal=True),
+        fits={record: _joint_fits(blocks, record, campaign) for record in RECORDS if record in campaign.logs},
+        residual_tests=tests,
     )
 
 
-def _joint_fits(blocks: Mapping[str, StateSpace], name: str, campaign: Campaign) -> JointFits:
-    followed = {joint: fits(block, campaign.record(name, joint)) for joint, block in blocks.items()}
-    return JointFits(*({joint: getattr(fit, way) for joint, fit in followed.items()} for way in WAYS))
+def _joint_fits(blocks: Mapping[str, StateSpace], record: str, campaign: Campaign) -> JointFits:
+    """Fits of every joint's block to the record of that joint."""
+    simulation, one_step = {}, {}
+    for joint, block in blocks.items():
+        fit = fits(block, campaign.record(record, joint))
+        simulation[joint], one_step[joint] = fit.simulation, fit.one_step
+    return JointFits(simulation, one_step)
 
 
 def _result_of(results: Mapping[str, T], record: str) -> T:
+    """The result on a record; raises `MissingRecordError` without one, since a mean over fewer would mislead."""
     if record not in results:
         raise MissingRecordError(f"there is no record of {record}: it failed, or was not played")
     return results[record]
@@ -246,6 +252,7 @@ def _result_of(results: Mapping[str, T], record: str) -> T:
 def three_joint_truth(truth: Truth) -> StateSpace:
     """The true coupled response of the studied joints, commanded to measured angles, without noise."""
     inputs = list(truth.model.input_names or ())
+    # The truth has the commands of all seven joints; those of the others rest.
     columns = [inputs.index(f"{joint} commanded") for joint in STUDIED_JOINTS]
     model = truth.model
     return StateSpace(model.A, model.B[:, columns], model.C[columns], model.D[np.ix_(columns, columns)], None, truth.dt)
@@ -275,8 +282,9 @@ def off_diagonal(model: StateSpace, *, band: tuple[float, float] = BAND) -> floa
 def pushed_by_others(model: StateSpace, *, band: tuple[float, float]) -> dict[str, float]:
     """Return by studied joint the largest sum of the other commands' gains over the own one's in a band."""
     gain = np.abs(_response(model, band))
-    own = np.diagonal(gain, axis1=1, axis2=2)
-    ratio = (gain.sum(axis=2) - own) / own
+    direct = np.diagonal(gain, axis1=1, axis2=2)
+    # Sums of moduli: the worst that commands of one frequency and any phase can do together.
+    ratio = (gain.sum(axis=2) - direct) / direct
     return dict(zip(STUDIED_JOINTS, map(float, ratio.max(axis=0)), strict=True))
 
 
@@ -287,27 +295,42 @@ def full_models(name: str, campaign: Campaign, truth: StateSpace) -> tuple[FullM
     """
     data, log = campaign.several(name), campaign.log(name)
     inputs = joint_inputs(log.commanded[round(SETTLING / log.dt) :], STUDIED_JOINTS)
+    # There is no condition where fewer than two joints are commanded: the others' responses cannot be told.
     condition = float("inf") if inputs is None else inputs.condition
     models = []
     for method, identify in METHODS.items():
         with suppress(SysidError):
             model = identify(data)
-            whole, own = (relative_error(model, truth, diagonal=own, band=EXCITED) for own in (False, True))
-            models.append(FullModel(name, condition, method, model, whole, own, off_diagonal(model, band=EXCITED)))
+            full_model = FullModel(
+                record=name,
+                condition=condition,
+                method=method,
+                model=model,
+                error=relative_error(model, truth, band=EXCITED),
+                diagonal_error=relative_error(model, truth, diagonal=True, band=EXCITED),
+                coupling=off_diagonal(model, band=EXCITED),
+            )
+            models.append(full_model)
     return tuple(models)
 
 
 def _arx(data: IOData) -> StateSpace:
     """One three-input model for each output, combined into one model."""
-    model = block_diagonal([sysid.arx(IOData(data.u, data.y[:, i], data.dt), 5, 5, 1).model for i in range(data.ny)])
+    models = []
+    for output in range(data.ny):
+        models.append(sysid.arx(IOData(data.u, data.y[:, output], data.dt), 5, 5, 1).model)
+    separate = block_diagonal(models)
+    # Side by side the models have inputs of their own; all get the same three.
     shared = np.tile(np.eye(data.nu), (data.ny, 1))
-    return StateSpace(model.A, model.B @ shared, model.C, model.D @ shared, None, data.dt)
+    return StateSpace(separate.A, separate.B @ shared, separate.C, separate.D @ shared, None, data.dt)
 
 
 def _alone(data: IOData) -> StateSpace:
-    return block_diagonal(
-        [sysid.okid(IOData(data.u[:, i], data.y[:, i], data.dt), 2, p=5).model for i in range(data.ny)]
-    )
+    """The OKID model of each joint from its own command and angle, side by side: no coupling."""
+    models = []
+    for joint in range(data.ny):
+        models.append(sysid.okid(IOData(data.u[:, joint], data.y[:, joint], data.dt), 2, p=5).model)
+    return block_diagonal(models)
 
 
 METHODS: dict[str, Callable[[IOData], StateSpace]] = {

@@ -69,17 +69,18 @@ class PeriodSpectra:
 
         A line that the waveform does not excite is included if the noise of the wires excites it enough.
         """
-        known = np.flatnonzero(self.input > np.finfo(float).eps ** 2 * self.input.max(initial=0.0))
-        response = self.cross[known] / self.input[known]
+        # Without power beyond rounding the ratio is that of rounding errors.
+        powered = np.flatnonzero(self.input > np.finfo(float).eps ** 2 * self.input.max(initial=0.0))
+        response = self.cross[powered] / self.input[powered]
         # Of the real part, and of the imaginary part; the disturbance is smooth over half a spacing.
-        variance = 0.5 * self.disturbance[known] / (self.periods * self.input[known])
-        told = np.sqrt(2.0 * variance) < TOLD * np.abs(response)
+        variance = 0.5 * self.disturbance[powered] / (self.periods * self.input[powered])
+        reliable = np.sqrt(2.0 * variance) < TOLD * np.abs(response)
         return FrequencyResponse(
-            self.frequencies[known][told],
-            response[told, None, None],
+            self.frequencies[powered][reliable],
+            response[reliable, None, None],
             self.dt,
             "etfe",
-            covariance=variance[told, None, None, None, None] * np.eye(2),
+            covariance=variance[reliable, None, None, None, None] * np.eye(2),
             degrees_of_freedom=self.degrees_of_freedom,
         )
 
@@ -95,13 +96,14 @@ def period_spectra(data: IOData, period: int = POINTS) -> PeriodSpectra:
     if periods < FEWEST:
         raise ScenarioError(f"expected at least {FEWEST} periods of {period} samples, given {len(data)} samples")
     # Odd, so that as many lines of a block lie to either side of a line of the waveform.
-    together = max((k for k in range(1, TOGETHER + 1, 2) if periods // k >= BLOCKS), default=1)
+    together = max((odd for odd in range(1, TOGETHER + 1, 2) if periods // odd >= BLOCKS), default=1)
     count, length = periods // together, together * period
-    u, y = (np.fft.rfft(x[: count * length, 0].reshape(count, length)) for x in (data.u, data.y))
+    u, y = (np.fft.rfft(channel[: count * length, 0].reshape(count, length)) for channel in (data.u, data.y))
     power, cross = np.mean(np.abs(u) ** 2, axis=0), np.mean(y * u.conj(), axis=0)
     # One response over all blocks; what departs from it in a block is disturbance.
     response = np.divide(cross, power, out=np.zeros_like(cross), where=power > 0.0)
     disturbance = np.sum(np.abs(y - response * u) ** 2, axis=0) / (count - 1)
+    # Neither 0 Hz, where the mean has been removed, nor the Nyquist frequency, which has no imaginary part.
     lines = np.arange(1, period // 2)
     near = together * lines[:, None] + np.arange(-(together // 2), together // 2 + 1)
     scale = data.dt / length
@@ -110,16 +112,20 @@ def period_spectra(data: IOData, period: int = POINTS) -> PeriodSpectra:
         """Mean around each line of the waveform."""
         return np.asarray(scale * power[near].mean(axis=1))
 
-    same = scale * np.abs(np.mean(u, axis=0)[together * lines]) ** 2 / together
+    input_density = density(power)
+    # What is the same in every block stays in the mean over blocks; noise averages out of it.
+    repeating_power = scale * np.abs(np.mean(u, axis=0)[together * lines]) ** 2 / together
+    repeating = np.divide(repeating_power, input_density, out=np.zeros(len(lines)), where=input_density > 0.0)
     return PeriodSpectra(
         frequencies=lines / (period * data.dt),
-        input=density(power),
+        input=input_density,
         output=density(np.mean(np.abs(y) ** 2, axis=0)),
         disturbance=density(disturbance),
         cross=density(cross),
         periods=count * together,
+        # Real and imaginary part on each line, less one response that all blocks share.
         degrees_of_freedom=2 * (count - 1) * together,
-        repeating=np.divide(same, density(power), out=np.zeros(len(lines)), where=density(power) > 0.0),
+        repeating=repeating,
         dt=data.dt,
     )
 
@@ -201,29 +207,44 @@ def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> 
     # The record filtered so that its input is white, without the start-up of the filter.
     ((u, y),) = prewhitened([binary], 0, WHITENING)
     white = replace(binary, u=u, y=y)[WHITENING:]
-    data = {n: campaign.single(n, joint) for n in (SINES, PULSE) if single_joint_test(n, joint) in campaign.logs}
+    spectra: dict[int, FrequencyResponse] = {}
+    resolution_hz: dict[int, float] = {}
+    repeated = {PRBS: _spectra_by_repetition(binary, PRBS, joint)}
+    positive = None
+    for test in (SINES, PULSE):
+        if single_joint_test(test, joint) not in campaign.logs:
+            continue
+        record = campaign.single(test, joint)
+        lag = long_lag(record)
+        spectra[test] = sysid.spa(record, lag=lag, frequencies=GRID)
+        resolution_hz[test] = SAMPLE_RATE / lag
+        repeated[test] = _spectra_by_repetition(record, test, joint)
+        if test == SINES:
+            positive = sysid.spa(record, lag=lag, window=parzen, frequencies=GRID)
+    tests = _summaries(joint, campaign) if summaries else {}
     return Nonparametric(
-        spectra={n: sysid.spa(record, lag=long_lag(record), frequencies=GRID) for n, record in data.items()},
-        resolution_hz={n: SAMPLE_RATE / long_lag(record) for n, record in data.items()},
-        repeated={
-            n: period_spectra(record, load(single_joint_test(n, joint)).period)
-            for n, record in {PRBS: binary, **data}.items()
-        },
-        positive=sysid.spa(data[SINES], lag=long_lag(data[SINES]), window=parzen, frequencies=GRID)
-        if SINES in data
-        else None,
+        spectra=spectra,
+        resolution_hz=resolution_hz,
+        repeated=repeated,
+        positive=positive,
         covariances=sysid.covf(binary, lags=LAGS),
         whitened=sysid.covf(white, lags=LAGS),
         pulse=sysid.cra(binary, lags=PULSE_LAGS, whitening=WHITENING),
         delay=sysid.delayest(binary, whitening=WHITENING),
-        tests=_summaries(joint, campaign) if summaries else {},
+        tests=tests,
     )
+
+
+def _spectra_by_repetition(record: IOData, test: int, joint: str) -> PeriodSpectra:
+    """Spectra of a single-joint test from blocks of the period of its waveform."""
+    return period_spectra(record, load(single_joint_test(test, joint)).period)
 
 
 def excited_lines(response: FrequencyResponse) -> np.ndarray:
     """Return whether the input has more power than the window leaks from its strongest line (nf,)."""
     if response.input_spectrum is None:
         raise MissingRecordError(f"the response by {response.method} has no input spectrum")
+    # What leaks from the strongest line hides weaker ones.
     power = response.input_spectrum[:, 0, 0].real
     return np.asarray(power > SIDE_LOBES * power.max())
 
@@ -234,25 +255,33 @@ def half_power(response: FrequencyResponse) -> float | None:
     None where the lines do not bracket it within an octave.
     """
     hz, f = gain_crossing(response, HALF_POWER), response.frequencies
-    k = int(np.searchsorted(f, hz))
-    return hz if np.isfinite(hz) and f[k] <= OCTAVE * f[k - 1] else None
+    if not np.isfinite(hz):
+        return None
+    # Over a wider gap the gain may do anything.
+    above = int(np.searchsorted(f, hz))
+    return hz if f[above] <= OCTAVE * f[above - 1] else None
 
 
 def _summaries(joint: str, campaign: Campaign) -> dict[str, RecordSummary]:
     """All records that move the joint and repeat often enough: its own tests and those of several joints."""
-    names = [
-        name for name in campaign.logs if name != RPCM and (not name.startswith("siso-") or name.endswith(f"-{joint}"))
-    ]
-    records = ((name, campaign.record(name, joint), load(name).period) for name in names)
-    return {name: summary(record, period) for name, record, period in records if len(record) >= FEWEST * period}
+    summaries = {}
+    for name in campaign.logs:
+        # The exchange does not repeat; the tests of another joint do not move this one.
+        of_another_joint = name.startswith("siso-") and not name.endswith(f"-{joint}")
+        if name == RPCM or of_another_joint:
+            continue
+        record, period = campaign.record(name, joint), load(name).period
+        if len(record) >= FEWEST * period:
+            summaries[name] = summary(record, period)
+    return summaries
 
 
 def summary(data: IOData, period: int = POINTS) -> RecordSummary:
     """A record of one input and one output, settled, without means, whose input repeats after a period, in one row."""
     spectra = period_spectra(data, period)
     # Circular over the whole periods: the lag by which the output follows, up to one period.
-    whole = len(data) // period * period
-    mean_u, mean_y = (x[:whole, 0].reshape(-1, period).mean(axis=0) for x in (data.u, data.y))
+    samples = len(data) // period * period
+    mean_u, mean_y = (channel[:samples, 0].reshape(-1, period).mean(axis=0) for channel in (data.u, data.y))
     correlation = np.fft.irfft(np.fft.rfft(mean_y) * np.fft.rfft(mean_u).conj(), period)
     peaks = (correlation >= np.roll(correlation, 1)) & (correlation > np.roll(correlation, -1))
     # A tone reaches the same correlation every cycle: take the first peak among those within chance of the largest.

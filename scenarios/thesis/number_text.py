@@ -9,7 +9,7 @@ TINY = 1e-300
 
 
 def minus(text: str) -> str:
-    """The text with the minus sign of print for every hyphen; for numbers only."""
+    """A number as text with the minus sign of print for every hyphen."""
     return text.replace("-", "−")
 
 
@@ -37,19 +37,21 @@ def parts(finding: Finding) -> list[tuple[str, str, str | None]]:
 
     A number named `of`, or `of ...`, is the whole of which the one before it counts a part.
     """
-    parts: list[tuple[str, str, str | None]] = []
+    shown: list[tuple[str, str, str | None]] = []
     for name, value in finding.value.items():
-        text = measure(value, finding)
-        if parts and (name == "of" or name.startswith("of ")):
-            parts[-1] = (*parts[-1][:2], text)
+        formatted = measure(value, finding)
+        if shown and (name == "of" or name.startswith("of ")):
+            counted, count, _ = shown[-1]
+            shown[-1] = (counted, count, formatted)
         else:
-            parts.append((name, text, None))
-    return parts
+            shown.append((name, formatted, None))
+    return shown
 
 
 def root(value: complex, digits: int = 3) -> str:
     """A pole or zero as text."""
     value = complex(value)
+    # An imaginary part that would be printed as zero.
     if abs(value.imag) < 0.5 * 10.0**-digits:
         return minus(f"{value.real:.{digits}f}")
     sign = "+" if value.imag > 0 else "−"
@@ -59,5 +61,5 @@ def root(value: complex, digits: int = 3) -> str:
 def value_text(value: object) -> str:
     """Value of a parameter as text; several numbers are joined by crosses."""
     if isinstance(value, tuple | list):
-        return " × ".join(value_text(part) for part in value)
+        return " × ".join(value_text(component) for component in value)
     return f"{value:.5g}" if isinstance(value, float | int) else str(value)

@@ -71,9 +71,11 @@ class JointObserver:
 
 def observe(joint: str, campaign: Campaign, *, thorough: bool = True) -> JointObserver:
     """Observers with one to five states from the estimation test and, if thorough, errors over the number p."""
-    own = campaign.own(joint)
-    shares = tuple(_share(own, order) for order in range(1, P + 1))
-    return JointObserver(shares, observer_errors(own) if thorough else ())
+    data = campaign.own(joint)
+    # An observer with p Markov parameters realises at most p states.
+    shares = tuple(_share(data, order) for order in range(1, P + 1))
+    errors = observer_errors(data) if thorough else ()
+    return JointObserver(shares, errors)
 
 
 def observer_errors(data: IOData, numbers: tuple[int, ...] = NUMBERS) -> tuple[ObserverError, ...]:
@@ -83,12 +85,12 @@ def observer_errors(data: IOData, numbers: tuple[int, ...] = NUMBERS) -> tuple[O
     p samples of input and output on both sides of it.
     """
     spread = float(np.std(data.y))
-    return tuple(
-        ObserverError(
-            p, float(np.sqrt(observer(data, 1, p).noise_variance[0, 0])) / spread, _smoothed(data, p) / spread
-        )
-        for p in numbers
-    )
+    errors = []
+    for p in numbers:
+        # The error is that of the observer: the order of the realisation does not enter it.
+        prediction = float(np.sqrt(observer(data, 1, p).noise_variance[0, 0]))
+        errors.append(ObserverError(p, prediction / spread, _smoothing_error(data, p) / spread))
+    return tuple(errors)
 
 
 def observer(data: IOData, order: int = ORDER, p: int = P) -> Estimate:
@@ -105,17 +107,27 @@ def hankel_share(model: Estimate, order: int, power: int = 2) -> float:
 def observer_poles(model: StateSpace) -> NDArray[np.complex128]:
     """Eigenvalues of A + G C, largest modulus first; all at the origin for a deadbeat observer."""
     values = np.linalg.eigvals(model.A - model.gain @ model.C).astype(complex)
+    # Stable: the two of a conjugate pair, equal in modulus, stay in the order of the solver.
     return values[np.argsort(-np.abs(values), kind="stable")]
 
 
 def _share(data: IOData, order: int) -> Share:
+    """What a number of states holds of the response, in the three measures."""
     model = observer(data, order)
     fit = fits(model, data)
-    return Share(order, hankel_share(model, order), hankel_share(model, order, 1), fit.simulation, fit.one_step)
+    return Share(
+        order=order,
+        squared=hankel_share(model, order),
+        unsquared=hankel_share(model, order, 1),
+        simulation=fit.simulation,
+        one_step=fit.one_step,
+    )
 
 
-def _smoothed(data: IOData, p: int) -> float:
-    around = np.lib.stride_tricks.sliding_window_view(np.hstack((data.u, data.y)), 2 * p + 1, axis=0)
-    columns = np.delete(around.reshape(len(around), -1), around.shape[2] + p, axis=1)
+def _smoothing_error(data: IOData, p: int) -> float:
+    """Standard deviation of the best linear estimate's error from p samples of u and y on both sides, rad."""
+    windows = np.lib.stride_tricks.sliding_window_view(np.hstack((data.u, data.y)), 2 * p + 1, axis=0)
+    # The measurement that is estimated stands in the middle of the second half, the outputs: it must not help.
+    columns = np.delete(windows.reshape(len(windows), -1), windows.shape[2] + p, axis=1)
     target = data.y[p : len(data) - p, 0]
     return float(np.std(target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]))

@@ -16,20 +16,26 @@ def open_study(path: Path, part: str) -> Opened:
     record = read_results(path)
     if part:
         if (path / f"{part}.nc").is_file():
-            own = open_log(JointLog.load(path / f"{part}.nc"), str(path / f"{part}.nc"))
+            opened_test = open_log(JointLog.load(path / f"{part}.nc"), str(path / f"{part}.nc"))
         else:
+            # The noise is drawn from the seed: the simulation repeats the log that was not kept.
             test = campaign_scenario(part, seed=record["seed"], duration=record["duration"])
-            own = open_scenario(test, f"{part}.toml")
-        return replace(own, place=str(path), part=part, parts=EVERY_TEST)
+            opened_test = open_scenario(test, f"{part}.toml")
+        return replace(opened_test, place=str(path), part=part, parts=EVERY_TEST)
     *bandwidths, findings = result_tables(record)
-    kept = sum((path / f"{name}.nc").is_file() for name in EVERY_TEST)
+    logs_kept = sum((path / f"{name}.nc").is_file() for name in EVERY_TEST)
     seed = [] if record["seed"] is None else ["--seed", str(record["seed"])]
-    code = "from pathlib import Path\n\nfrom scenarios.thesis.results import read_results\n\n"
+    command = ("hmtb", "thesis", *seed, "--out", str(path))
+    code = (
+        "from pathlib import Path\n\nfrom scenarios.thesis.results import read_results\n\n"
+        f"record = read_results(Path({str(path)!r}))"
+    )
+    logs = f"logs kept: {logs_kept} of {len(EVERY_TEST)}; others are simulated"
     return Opened(
         "study",
         str(path),
-        Recipe([("hmtb", "thesis", *seed, "--out", str(path))], code + f"record = read_results(Path({str(path)!r}))"),
+        Recipe([command], code),
         [findings, *bandwidths],
-        [record["answer"], record["certainty"], f"logs kept: {kept} of {len(EVERY_TEST)}; others are simulated"],
+        [record["answer"], record["certainty"], logs],
         parts=EVERY_TEST,
     )

@@ -111,7 +111,10 @@ class Searches:
 
 def search_orders(joint: str, data: Mapping[int, IOData], part: Part = NO_REPORT) -> Searches:
     """Search for the orders of a joint on its records by test; `SysidError` without others to judge on or any model."""
-    held_out = [data[test][: round(MINUTE / data[test].dt)] for test in OTHER_WAVEFORMS if test in data]
+    held_out = []
+    for test in OTHER_WAVEFORMS:
+        if test in data:
+            held_out.append(data[test][: round(MINUTE / data[test].dt)])
     if not held_out:
         raise SysidError("a search for orders needs other data sets to judge on, got none")
     table = sysid.selstruc(data[ESTIMATION_TEST], *ARX_GRID, validation=held_out)

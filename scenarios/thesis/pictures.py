@@ -46,6 +46,20 @@ class Moment(NamedTuple):
     picture: str
 
 
+class ArmPicture(NamedTuple):
+    """A picture of the arm as the address of an image; without one the address is empty, and there is a reason."""
+
+    address: str
+    reason: str
+
+
+class Exchange(NamedTuple):
+    """Moments of the exchange, and its outcome in words; empty where there is none."""
+
+    moments: tuple[Moment, ...]
+    outcome: str
+
+
 class Film(NamedTuple):
     """A film as the address of a video, with its caption; without a film the address is empty, the caption says why."""
 
@@ -53,15 +67,16 @@ class Film(NamedTuple):
     caption: str
 
 
-def arm_picture() -> tuple[str, str]:
-    """Picture of the arm as a data URL; without one, an empty string and the reason."""
+def arm_picture() -> ArmPicture:
+    """Picture of the arm; without OpenGL there is none."""
     try:
-        return photograph(render(load_arm(), width=960, height=600)), ""
+        return ArmPicture(photograph(render(load_arm(), width=960, height=600)), "")
     except TwinError as error:
-        return "", _sentence(error)
+        return ArmPicture("", _sentence(error))
 
 
 def _sentence(error: Exception) -> str:
+    """The message of an error with a capital first letter."""
     return str(error)[:1].upper() + str(error)[1:]
 
 
@@ -70,9 +85,9 @@ def enlargement(motion: np.ndarray) -> int:
     peak = float(np.abs(motion).max())
     if peak == 0.0 or peak >= VISIBLE:
         return 1
-    wanted = VISIBLE / peak
-    decade = 10.0 ** np.floor(np.log10(wanted))
-    return max(1, round(max(step * decade for step in (1, 2, 5) if step * decade <= wanted)))
+    largest_factor = VISIBLE / peak
+    decade = 10.0 ** np.floor(np.log10(largest_factor))
+    return max(1, round(max(step * decade for step in (1, 2, 5) if step * decade <= largest_factor)))
 
 
 def film(study: Comparison) -> Film:
@@ -86,12 +101,14 @@ def film(study: Comparison) -> Film:
     angles = np.asarray(log.true_angles)
     home = angles[0]
     factor = enlargement((angles - home)[:, JOINTS.index(FILMED)])
-    shown = replace(log, true_angles=home + factor * (angles - home))
+    enlarged = replace(log, true_angles=home + factor * (angles - home))
+    # A record shorter than the span is filmed to its end.
     last = min(SPAN[1], (len(log) - 1) * log.dt)
     span = (max(0.0, last - (SPAN[1] - SPAN[0])), last)
     try:
+        # An encoder writes to a file that it can seek in, not to memory.
         with TemporaryDirectory() as folder:
-            pictures = frames(shown, ["overview"], size=SIZE, times=frame_times(span, rate=RATE))
+            pictures = frames(enlarged, ["overview"], size=SIZE, times=frame_times(span, rate=RATE))
             data = write_film(pictures, Path(folder) / "film.mp4", rate=RATE).read_bytes()
     except (TwinError, ScenarioError) as error:
         return Film("", f"There is no film. {_sentence(error)}.")
@@ -104,11 +121,11 @@ def film(study: Comparison) -> Film:
     )
 
 
-def exchange(study: Comparison) -> tuple[tuple[Moment, ...], str]:
+def exchange(study: Comparison) -> Exchange:
     """Moments of the exchange and its outcome in words; neither without a record, no moments without OpenGL."""
     log = study.logs.get(RPCM)
     if log is None or log.unit_pose is None:
-        return (), ""
+        return Exchange((), "")
     outcome = rpcm_outcome(log)
     times = {name: sum(outcome.phases[name]) / 2 for name in PHASES if name in outcome.phases}
     moments = []
@@ -119,5 +136,5 @@ def exchange(study: Comparison) -> tuple[tuple[Moment, ...], str]:
                 picture = stage.picture("seats", log.true_angles[tick], log.unit_pose[tick])
                 moments.append(Moment(phase, time, photograph(picture)))
     except TwinError:
-        return (), str(outcome)
-    return tuple(moments), str(outcome)
+        return Exchange((), str(outcome))
+    return Exchange(tuple(moments), str(outcome))

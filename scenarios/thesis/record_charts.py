@@ -1,6 +1,7 @@
 """Charts over time and lag: waveforms, records, outputs, residuals, correlations, Markov parameters."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -33,8 +34,8 @@ SHOWN = 36
 
 
 def _files(_: Comparison) -> dict[str, Waveform]:
-    tests = (load(single_joint_test(number, "shoulder_yaw")) for number in (PRBS, PULSE))
-    binary, pulse = (test.excitation[0].waveform() for test in tests)
+    """The kinds of excitation file of the thesis by name."""
+    binary, pulse = (load(single_joint_test(test, "shoulder_yaw")).excitation[0].waveform() for test in (PRBS, PULSE))
     return {
         "white noise": white_noise(seed=0),
         "two sines": two_sines(frequency=0.5, amplitude=2.0),
@@ -60,57 +61,58 @@ def waveforms(study: Comparison, file: Waveform) -> tuple[Panel, ...]:
 
 
 def _magnified(samples: int, dt: float, length: float) -> slice:
+    """The samples that are drawn magnified: so many seconds from `START`, or the last ones of a shorter record."""
     first = round(min(START, max(samples * dt - length, 0.0)) / dt)
     return slice(first, first + round(length / dt) + 1)
 
 
-def _piece(label: str, data: IOData, values: np.ndarray, part: slice, look: Style) -> Series:
-    start = SETTLING + (part.start or 0) * data.dt
-    return record_series(label, MRAD * values[part], data.dt, look, start=start)
+def _piece(label: str, data: IOData, values: np.ndarray, window: slice, look: Style) -> Series:
+    """A curve over a window of a record, mrad; times count from the start of the log, before it had settled."""
+    start = SETTLING + (window.start or 0) * data.dt
+    return record_series(label, MRAD * values[window], data.dt, look, start=start)
 
 
 @chart_of({"Joint": joints, "Test": TESTS}, height=190)
-def records(study: Comparison, entry: JointResult, test: tuple[int, float]) -> tuple[Panel, ...]:
+def records(study: Comparison, result: JointResult, test: tuple[int, float]) -> tuple[Panel, ...]:
     """Commanded and measured angle of a test: the whole record, and magnified."""
-    number, length = test
-    log = study.logs.get(single_joint_test(number, entry.joint))
+    test_number, length = test
+    log = study.logs.get(single_joint_test(test_number, result.joint))
     if log is None:
         return ()
-    column, part = JOINTS.index(entry.joint), _magnified(len(log), log.dt, length)
-    whole, near = [], []
+    column, window = JOINTS.index(result.joint), _magnified(len(log), log.dt, length)
+    entire, magnified = [], []
     for label, angles, look in (("commanded", log.commanded, COMMAND), ("measured", log.measured, MEASURED)):
         values = MRAD * (angles[:, column] - log.commanded[0, column])
-        whole.append(record_series(label, values, log.dt, look))
-        start, held = part.start * log.dt, label == "commanded"
-        near.append(record_series(label, values[part], log.dt, look, start=start, held=held))
-    return Panel(SECONDS, ANGLE, whole), Panel(MAGNIFIED, ANGLE, near)
+        entire.append(record_series(label, values, log.dt, look))
+        start, held = window.start * log.dt, label == "commanded"
+        magnified.append(record_series(label, values[window], log.dt, look, start=start, held=held))
+    return Panel(SECONDS, ANGLE, entire), Panel(MAGNIFIED, ANGLE, magnified)
 
 
 @chart_of({"Joint": joints, "Test": TESTS}, height=210)
-def outputs(study: Comparison, entry: JointResult, test: tuple[int, float]) -> tuple[Panel, ...]:
+def outputs(study: Comparison, result: JointResult, test: tuple[int, float]) -> tuple[Panel, ...]:
     """Outputs of the identified and the printed models against the measurement of a test, and what they leave."""
-    number, length = test
-    data = entry.data.get(number)
+    test_number, length = test
+    data = result.data.get(test_number)
     if data is None:
         return ()
-    part, measured = _magnified(len(data), data.dt, length), data.y[:, 0]
-    models = [(one.label, one.estimate.model, method_style(one.method)) for one in entry.models.values()]
-    models += [(f"published {one.label}", one.model, PALETTE["published"]) for one in entry.published]
+    window, measured = _magnified(len(data), data.dt, length), data.y[:, 0]
+    models = [(model.label, model.estimate.model, method_style(model.method)) for model in result.models.values()]
+    models += [(f"published {model.label}", model.model, PALETTE["published"]) for model in result.published]
     fits = sysid.compare([model for _, model, _ in models], data)
-    values = [
-        (f"{label}: {fit.simulation[0]:.1f} %", fit.simulated[:, 0], look)
-        for (label, _, look), fit in zip(models, fits, strict=True)
+    curves = []
+    for (label, _, look), fit in zip(models, fits, strict=True):
         # What an unstable model simulates grows beyond all numbers.
-        if np.isfinite(fit.simulated).all() and fit.simulation[0] > -1000.0
-    ]
-    okid = fits[list(entry.models).index("okid")]
-    ahead = f"OKID one step ahead: {okid.one_step[0]:.2f} %"
-    values.append((ahead, okid.predicted[:, 0], Style("#b14a7c", ":", 1.6)))
-    drawn = [_piece(label, data, y, part, look) for label, y, look in values]
-    left = [_piece(label, data, measured - y, part, look) for label, y, look in values]
+        if np.isfinite(fit.simulated).all() and fit.simulation[0] > -1000.0:
+            curves.append((f"{label}: {fit.simulation[0]:.1f} %", fit.simulated[:, 0], look))
+    okid = fits[list(result.models).index("okid")]
+    one_step_label = f"OKID one step ahead: {okid.one_step[0]:.2f} %"
+    curves.append((one_step_label, okid.predicted[:, 0], Style("#b14a7c", ":", 1.6)))
+    drawn = [_piece(label, data, output, window, look) for label, output, look in curves]
+    remainders = [_piece(label, data, measured - output, window, look) for label, output, look in curves]
     return (
-        Panel(SECONDS, ANGLE, [_piece("measured", data, measured, part, MEASURED), *drawn]),
-        Panel(SECONDS, "measured − model / mrad", left),
+        Panel(SECONDS, ANGLE, [_piece("measured", data, measured, window, MEASURED), *drawn]),
+        Panel(SECONDS, "measured − model / mrad", remainders),
     )
 
 
@@ -118,9 +120,9 @@ def outputs(study: Comparison, entry: JointResult, test: tuple[int, float]) -> t
     {"Joint": joints, "Model": {"ARMAX": "armax", "OE": "oe", "OKID": "okid", "OE, sufficient order": "oe_high"}},
     height=150,
 )
-def residuals(study: Comparison, entry: JointResult, method: str) -> tuple[Panel, ...]:
+def residuals(study: Comparison, result: JointResult, method: str) -> tuple[Panel, ...]:
     """Residuals of each model on its own record: over time, their autocorrelation, their correlation with the input."""
-    model = entry.models[method]
+    model = result.models[method]
     test, look = model.residual_test, method_style(model.method)
     values = MRAD * test.residuals[:, 0]
     label = f"{model.label}, standard deviation {np.std(values):.3g} mrad"
@@ -131,11 +133,14 @@ def residuals(study: Comparison, entry: JointResult, method: str) -> tuple[Panel
 def _tests(tests: Iterable[tuple[str, ResidualTest, Style]], channel: int) -> tuple[Panel, Panel]:
     """Autocorrelation of the residuals of a channel, and their correlation with its input, models side by side."""
     auto, cross = [], []
-    for place, (label, test, look) in enumerate(tests):
-        apart = 0.4 * place
-        auto.append(Series(label, test.lags[1:] + apart, test.autocorrelation[1:, channel, channel], look, kind="stem"))
-        values = test.cross_correlation[:, channel, channel]
-        cross.append(Series(label, test.cross_lags + apart, values, look, kind="stem"))
+    for index, (label, test, look) in enumerate(tests):
+        shift = 0.4 * index
+        # Lag 0 is one by definition and would set the scale.
+        coefficients = test.autocorrelation[1:, channel, channel]
+        auto.append(Series(label, test.lags[1:] + shift, coefficients, look, kind="stem"))
+        coefficients = test.cross_correlation[:, channel, channel]
+        cross.append(Series(label, test.cross_lags + shift, coefficients, look, kind="stem"))
+    # Tests of one record share its bounds.
     white, independent = float(test.whiteness_bound), float(test.independence_bound[channel, channel])
     return (
         Panel(LAG, "autocorrelation", auto, marks=(("y", white, "99 %"), ("y", -white, ""))),
@@ -144,55 +149,65 @@ def _tests(tests: Iterable[tuple[str, ResidualTest, Style]], channel: int) -> tu
 
 
 @chart_of({"Joint": joints}, columns=2, height=190)
-def correlations(study: Comparison, entry: JointResult) -> tuple[Panel, ...]:
+def correlations(study: Comparison, result: JointResult) -> tuple[Panel, ...]:
     """Correlations of the PRBS test, as recorded and with the input made white, and the pulse response from them."""
-    known = study.nonparametric[entry.joint]
-    functions = (("as recorded", known.covariances, "#8a8a8a"), ("input made white", known.whitened, "#0072b2"))
+    estimates = study.nonparametric[result.joint]
+    functions = (("as recorded", estimates.covariances, "#8a8a8a"), ("input made white", estimates.whitened, "#0072b2"))
     drawn = []
-    for i, j, title in ((0, 0, "output"), (1, 1, "input"), (0, 1, "input to output")):
-        series = [
-            Series(name, of.lags, of.normalised[:, i, j], Style(colour, "-", 1.0)) for name, of, colour in functions
-        ]
+    for row, column, title in ((0, 0, "output"), (1, 1, "input"), (0, 1, "input to output")):
+        series = []
+        for label, function, colour in functions:
+            coefficients = function.normalised[:, row, column]
+            series.append(Series(label, function.lags, coefficients, Style(colour, "-", 1.0)))
         drawn.append(Panel(LAG, "correlation", series, title))
-    lags, bound, first = known.pulse.lags, float(known.delay.bound[0, 0]), int(known.delay.correlation[0, 0])
-    truth = Series("truth", lags, entry.truth.model.markov(len(lags))[:, 0, 0], PALETTE["truth"])
-    pulse = Series("from correlations", lags, known.pulse.response[:, 0, 0], points("oe", "^"))
-    text = f"pulse response (first lag beyond ±{bound:.2g}, 99 % of chance: {first})"
-    return *drawn, Panel(LAG, "rad/rad", [truth, pulse], text, marks=(("x", first, ""),))
+    lags = estimates.pulse.lags
+    bound, first = float(estimates.delay.bound[0, 0]), int(estimates.delay.correlation[0, 0])
+    truth = Series("truth", lags, result.truth.model.markov(len(lags))[:, 0, 0], PALETTE["truth"])
+    pulse = Series("from correlations", lags, estimates.pulse.response[:, 0, 0], points("oe", "^"))
+    title = f"pulse response (first lag beyond ±{bound:.2g}, 99 % of chance: {first})"
+    return *drawn, Panel(LAG, "rad/rad", [truth, pulse], title, marks=(("x", first, ""),))
 
 
 @chart_of({"Joint": joints}, columns=2, height=200)
-def observers(study: Comparison, entry: JointResult) -> tuple[Panel, ...]:
+def observers(study: Comparison, result: JointResult) -> tuple[Panel, ...]:
     """OKID: Markov parameters of observer and system, errors over p, Hankel singular values."""
-    errors, look, diamonds = study.observers[entry.joint].errors, PALETTE["okid"], points("okid", "D")
-    diagnostics = entry.models["okid"].estimate.diagnostics
-    ours = []
-    for name, label, shift, colour in (
-        ("u", "of the command", -0.2, look.colour),
-        ("y", "of the measurement", 0.2, "#7a5195"),
-    ):
-        values = np.asarray(diagnostics[f"observer_markov_{name}"])[:, 0, 0]
-        ours.append(Series(label, np.arange(1, len(values) + 1) + shift, values, Style(colour), kind="stem"))
-    system = np.asarray(diagnostics["system_markov"])[:SHOWN, 0, 0]
-    true = entry.truth.model.markov(len(system))[:, 0, 0]
-    numbers = np.arange(len(system))
-    pulse = [Series("truth", numbers, true, PALETTE["truth"]), Series("from the observer", numbers, system, diamonds)]
+    diagnostics = result.models["okid"].estimate.diagnostics
+    diamonds = points("okid", "D")
     hankel = np.asarray(diagnostics["hankel_singular_values"], dtype=float)[:8]
     sizes = Series("Hankel singular value", np.arange(1, len(hankel) + 1), hankel / hankel[0], diamonds)
+    system = np.asarray(diagnostics["system_markov"])[:SHOWN, 0, 0]
+    samples = np.arange(len(system))
+    pulse = [
+        Series("truth", samples, result.truth.model.markov(len(system))[:, 0, 0], PALETTE["truth"]),
+        Series("from the observer", samples, system, diamonds),
+    ]
     drawn = (
-        Panel(LAG, "rad/rad", ours, "Markov parameters of the observer"),
+        Panel(LAG, "rad/rad", _observer_markov_parameters(diagnostics), "Markov parameters of the observer"),
         Panel("sample after the pulse", "rad/rad", pulse, "Markov parameters of the system"),
         Panel("number", "over the largest", [sizes], "Hankel singular values", "y"),
     )
+    errors = study.observers[result.joint].errors
     if not errors:
         return drawn
-    tried = [row.p for row in errors]
+    tried = [error.p for error in errors]
     curves = [
-        Series(f"{label} error", tried, [100 * getattr(row, label) for row in errors], style)
-        for label, style in (("prediction", look), ("smoothing", PALETTE["oe"]))
+        Series("prediction error", tried, [100 * error.prediction for error in errors], PALETTE["okid"]),
+        Series("smoothing error", tried, [100 * error.smoothing for error in errors], PALETTE["oe"]),
     ]
-    p, mark = "observer Markov parameters p", (("x", 5.0, "p of the thesis"),)
-    return *drawn, Panel(p, "% of the output", curves, "errors over p", "y", marks=mark)
+    mark = (("x", 5.0, "p of the thesis"),)
+    return *drawn, Panel("observer Markov parameters p", "% of the output", curves, "errors over p", "y", marks=mark)
+
+
+def _observer_markov_parameters(diagnostics: Mapping[str, Any]) -> list[Series]:
+    """Markov parameters of the observer from the command and from the measurement, side by side at each lag."""
+    series = []
+    for signal, label, shift, colour in (
+        ("u", "of the command", -0.2, PALETTE["okid"].colour),
+        ("y", "of the measurement", 0.2, "#7a5195"),
+    ):
+        values = np.asarray(diagnostics[f"observer_markov_{signal}"])[:, 0, 0]
+        series.append(Series(label, np.arange(1, len(values) + 1) + shift, values, Style(colour), kind="stem"))
+    return series
 
 
 @chart_of(
@@ -202,25 +217,31 @@ def observers(study: Comparison, entry: JointResult) -> tuple[Panel, ...]:
     },
     height=135,
 )
-def several(study: Comparison, i: int, name: str) -> tuple[Panel, ...]:
+def several(study: Comparison, channel: int, name: str) -> tuple[Panel, ...]:
     """The three-joint models on the exchange and on the fast chirp: outputs, what they miss, one-step residuals."""
     if name not in study.multivariable.records:
         return ()
     record, pair = study.campaign.several(name), study.multivariable.pair()
-    part = slice(None) if name == RPCM else _magnified(len(record), record.dt, 2.0)
-    angles = [_piece("commanded", record, record.u[:, i], part, COMMAND)]
-    angles.append(_piece("measured", record, record.y[:, i], part, MEASURED))
-    missed, ahead, tests = [], [], []
-    for entry, fit in zip(pair, sysid.compare([entry.model for entry in pair], record), strict=True):
-        look = Style(PALETTE["okid" if entry.kind == "OKID" else "armax"].colour, "-", 0.9)
-        label = f"{entry.kind}: {fit.simulation[i]:.1f} % simulated, {fit.one_step[i]:.1f} % one step ahead"
-        angles.append(_piece(label, record, fit.simulated[:, i], part, look))
-        missed.append(_piece(label, record, record.y[:, i] - fit.simulated[:, i], part, look))
-        ahead.append(_piece(label, record, record.y[:, i] - fit.predicted[:, i], part, look))
-        tests.append((label, entry.residual_test(name), look))
+    # The exchange is slow enough to be seen as a whole.
+    window = slice(None) if name == RPCM else _magnified(len(record), record.dt, 2.0)
+    measured = record.y[:, channel]
+    angles = [
+        _piece("commanded", record, record.u[:, channel], window, COMMAND),
+        _piece("measured", record, measured, window, MEASURED),
+    ]
+    missed, one_step_residuals, tests = [], [], []
+    for model, fit in zip(pair, sysid.compare([model.model for model in pair], record), strict=True):
+        colour = PALETTE["okid"].colour if model.kind == "OKID" else PALETTE["armax"].colour
+        look = Style(colour, "-", 0.9)
+        simulation, one_step = fit.simulation[channel], fit.one_step[channel]
+        label = f"{model.kind}: {simulation:.1f} % simulated, {one_step:.1f} % one step ahead"
+        angles.append(_piece(label, record, fit.simulated[:, channel], window, look))
+        missed.append(_piece(label, record, measured - fit.simulated[:, channel], window, look))
+        one_step_residuals.append(_piece(label, record, measured - fit.predicted[:, channel], window, look))
+        tests.append((label, model.residual_test(name), look))
     return (
         Panel(SECONDS, ANGLE, angles),
         Panel(SECONDS, "missed / mrad", missed, "simulation"),
-        Panel(SECONDS, "residual / mrad", ahead, "one step ahead"),
-        *_tests(tests, i),
+        Panel(SECONDS, "residual / mrad", one_step_residuals, "one step ahead"),
+        *_tests(tests, channel),
     )

@@ -1,6 +1,6 @@
 """Fits of the three-joint models to sets of records, beside those of the truth."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from statistics import median
 
 import numpy as np
@@ -11,7 +11,15 @@ from scenarios.thesis.campaign import OTHER_WAVEFORMS, plays_identified_sequence
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.multivariable import Kind, Way
 from scenarios.thesis.number_text import minus
-from scenarios.thesis.reference_fits import BEST_LINEAR, DIAGONAL, LINEAR, NOISELESS, best_linear_fits, reference_fits
+from scenarios.thesis.reference_fits import (
+    BEST_LINEAR,
+    COUPLED,
+    DIAGONAL,
+    LINEAR,
+    NOISELESS,
+    best_linear_fits,
+    reference_fits,
+)
 from scenarios.thesis.verdicts import tied, without_noise_model
 
 Records = tuple[Iterable[int], Iterable[str]]
@@ -24,22 +32,26 @@ def fits_to_records(study: Comparison, kind: Kind, joint: str, records: Records,
     Raises:
         MissingRecordError: One of the records is missing: fits to others would be an answer to another question.
     """
-    entry, several = study.joints[joint], study.multivariable.model(kind)
-    single = entry.models["okid"] if kind == "OKID" else entry.chosen
+    single_joint_tests, several_joints = records
+    result, three_joint_model = study.joints[joint], study.multivariable.model(kind)
+    model = result.models["okid"] if kind == "OKID" else result.chosen
     fits = {}
-    for number in records[0]:
-        study.campaign.log(single_joint_test(number, joint))
-        fits[f"siso-{number}"] = getattr(single.fits[number], way)
-    return fits | {name: several.fit(name).of(way)[joint] for name in records[1]}
+    for test in single_joint_tests:
+        # Raises where the test failed or was not played.
+        study.campaign.log(single_joint_test(test, joint))
+        fits[f"siso-{test}"] = getattr(model.fits[test], way)
+    for name in several_joints:
+        fits[name] = three_joint_model.fit(name).of(way)[joint]
+    return fits
 
 
 def held_out_records(study: Comparison, joint: str) -> Records:
     """Available records of a joint that play another waveform than the estimation test."""
-    there = study.joints[joint].data
-    return (
-        tuple(number for number in OTHER_WAVEFORMS if number in there and number != study.estimation_test),
-        tuple(name for name in study.multivariable.records if not plays_identified_sequence(name)),
-    )
+    available = study.joints[joint].data
+    single_joint_tests = tuple(test for test in OTHER_WAVEFORMS if test in available and test != study.estimation_test)
+    # A model has seen its own sequence, in whatever test it is played again.
+    several_joints = tuple(name for name in study.multivariable.records if not plays_identified_sequence(name))
+    return single_joint_tests, several_joints
 
 
 def held_out_fit(study: Comparison, kind: Kind, joint: str, way: Way) -> float:
@@ -59,29 +71,37 @@ def within_reach(study: Comparison, names: Collection[str]) -> str:
 
     A sentence without its full stop; of medians where there are several records.
     """
-    fits = [_truths(study, name) for name in names]
-    best, alone, whole = (np.median([list(one[kind].values()) for one in fits], axis=0) for kind in LINEAR)
-    own, okid = (
-        np.median([list(entry.fit(name).simulation.values()) for name in names], axis=0)
-        for entry in study.multivariable.pair()
-    )
-    where = "In the median of the records of several joints" if len(names) > 1 else f"On {next(iter(names))}"
+    fits_of_truths = [_truths(study, name) for name in names]
+    best = _median_by_joint([fits[BEST_LINEAR] for fits in fits_of_truths])
+    uncoupled = _median_by_joint([fits[DIAGONAL] for fits in fits_of_truths])
+    coupled = _median_by_joint([fits[COUPLED] for fits in fits_of_truths])
+    prediction_error, okid = study.multivariable.pair()
+    of_prediction_error = _median_by_joint([prediction_error.fit(name).simulation for name in names])
+    of_okid = _median_by_joint([okid.fit(name).simulation for name in names])
+    scope = "In the median of the records of several joints" if len(names) > 1 else f"On {next(iter(names))}"
     listed = "/".join(minus(f"{fit:.1f}") for fit in best)
+    coupling, difference = np.max(coupled - uncoupled), np.abs(of_okid - of_prediction_error).max()
     return (
-        f"{where} the best linear truth of each joint under the PRBS follows {listed} % (yaw, shoulder pitch, elbow "
-        f"pitch); coupling, which neither model has, is worth up to {np.max(whole - alone):.1f} points to the truth "
-        f"without friction, while the two models differ by up to {np.abs(okid - own).max():.1f} in simulation"
+        f"{scope} the best linear truth of each joint under the PRBS follows {listed} % (yaw, shoulder pitch, elbow "
+        f"pitch); coupling, which neither model has, is worth up to {coupling:.1f} points to the truth "
+        f"without friction, while the two models differ by up to {difference:.1f} in simulation"
     )
+
+
+def _median_by_joint(fits_of_records: Sequence[Mapping[str, float]]) -> np.ndarray:
+    """Median over records of the fits (joints,)."""
+    return np.asarray(np.median([list(fits.values()) for fits in fits_of_records], axis=0))
 
 
 def _truths(study: Comparison, name: str) -> dict[str, Mapping[str, float]]:
     """Fits of the truth to a record of any name, by kind and joint."""
-    truth, known = study.multivariable.truth, study.multivariable.references
-    if name not in known[DIAGONAL]:
-        known = reference_fits(study.campaign, (name,), truth)
-    best = {joint: entry.best_linear.response for joint, entry in study.joints.items()}
-    fits = {kind: of_records[name] for kind, of_records in known.items()}
-    return {**fits, BEST_LINEAR: best_linear_fits(study.campaign, name, truth, best)}
+    truth, references = study.multivariable.truth, study.multivariable.references
+    # The study has them of the records of several joints; those of single-joint tests are computed when asked for.
+    if name not in references[DIAGONAL]:
+        references = reference_fits(study.campaign, (name,), truth)
+    fits = {kind: of_records[name] for kind, of_records in references.items()}
+    best_linear = {joint: result.best_linear.response for joint, result in study.joints.items()}
+    return {**fits, BEST_LINEAR: best_linear_fits(study.campaign, name, truth, best_linear)}
 
 
 def missing_fit_shares(study: Comparison, joint: str, record: str, fit: float) -> dict[str, float]:
@@ -91,13 +111,14 @@ def missing_fit_shares(study: Comparison, joint: str, record: str, fit: float) -
     friction, what the true angles follow beyond both, and the noise of reading them. The first is negative where errors
     of the model stand for something that the truth of the joint alone does not have.
     """
-    truths = _truths(study, f"{record}-{joint}" if record.startswith("siso") else record)
-    best, alone, whole, true = (truths[kind][joint] for kind in (*LINEAR, NOISELESS))
+    log_name = f"{record}-{joint}" if record.startswith("siso") else record
+    truths = _truths(study, log_name)
+    best, uncoupled, coupled, noiseless = (truths[kind][joint] for kind in (*LINEAR, NOISELESS))
     return {
         "the model's own error": best - fit,
-        "coupling": whole - alone,
-        "all that is not linear": true - best - (whole - alone),
-        "the noise of reading": 100.0 - true,
+        "coupling": coupled - uncoupled,
+        "all that is not linear": noiseless - best - (coupled - uncoupled),
+        "the noise of reading": 100.0 - noiseless,
     }
 
 

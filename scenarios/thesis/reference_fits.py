@@ -37,8 +37,11 @@ def reference_fits(campaign: Campaign, records: Sequence[str], truth: StateSpace
         MissingRecordError: One of the records is missing.
     """
     pulses = impulse_response(truth)
-    responses = {name: _fits_of_record(campaign, name, pulses) for name in records}
-    return {kind: {name: fits[kind] for name, fits in responses.items()} for kind in (DIAGONAL, COUPLED, NOISELESS)}
+    by_kind: dict[str, dict[str, Mapping[str, float]]] = {DIAGONAL: {}, COUPLED: {}, NOISELESS: {}}
+    for record in records:
+        for kind, fits in _fits_of_record(campaign, record, pulses).items():
+            by_kind[kind][record] = fits
+    return by_kind
 
 
 def best_linear_fits(
@@ -49,42 +52,50 @@ def best_linear_fits(
     The response is that of the small-signal truth times the ratio of the two on the lines on which the best linear one
     (`best`, by joint) is measured; below and above them the ratio is held.
     """
-    data, moved = _data_and_commands(campaign, record)
-    size = 2 * len(moved)
+    data, commands = _data_and_commands(campaign, record)
+    # Twice the length: the product of spectra is a circular convolution, whose wrapped end must not reach the record.
+    size = 2 * len(commands)
     f, pulses = np.fft.rfftfreq(size, data.dt), impulse_response(truth)
-    answers = []
-    for i, joint in enumerate(STUDIED_JOINTS):
+    responses = []
+    for channel, joint in enumerate(STUDIED_JOINTS):
         lines = best[joint].frequencies
-        ratio = best[joint].response[:, 0, 0] / truth.frequency_response(lines)[:, i, i]
-        spectrum = np.fft.rfft(moved[:, i], size) * np.fft.rfft(pulses[:, i, i], size)
-        held = np.interp(f, lines, ratio.real) + 1j * np.interp(f, lines, ratio.imag)
-        answers.append(np.fft.irfft(spectrum * held, size)[len(moved) - len(data) : len(moved)])
-    return _fits(data.y, np.stack(answers, axis=1))
+        # The ratio of two responses of one arm varies slowly: unlike either response it can be interpolated.
+        ratio = best[joint].response[:, 0, 0] / truth.frequency_response(lines)[:, channel, channel]
+        spectrum = np.fft.rfft(commands[:, channel], size) * np.fft.rfft(pulses[:, channel, channel], size)
+        interpolated = np.interp(f, lines, ratio.real) + 1j * np.interp(f, lines, ratio.imag)
+        response = np.fft.irfft(spectrum * interpolated, size)
+        responses.append(response[len(commands) - len(data) : len(commands)])
+    return _fits(data.y, np.stack(responses, axis=1))
 
 
 def impulse_response(truth: StateSpace) -> np.ndarray:
     """Response (K, ny, nu) of a stable model to a pulse of each input until it has died away."""
     slowest = float(np.abs(truth.poles()).max())
+    # The delays come before the decay: no more of them than there are states.
     return truth.markov(2 + int(np.ceil(np.log(SETTLED) / np.log(slowest))) + truth.order)
 
 
 def _data_and_commands(campaign: Campaign, name: str) -> tuple[IOData, np.ndarray]:
     """A record, and its commands from the start of the log: at rest, so there is no initial state to estimate."""
-    whole = campaign.log(name).iodata(STUDIED_JOINTS)
-    return campaign.several(name), whole.u - whole.u[0]
+    log = campaign.log(name).iodata(STUDIED_JOINTS)
+    return campaign.several(name), log.u - log.u[0]
 
 
 def _fits_of_record(campaign: Campaign, name: str, pulses: np.ndarray) -> dict[str, dict[str, float]]:
-    data, moved = _data_and_commands(campaign, name)
-    answers = fftconvolve(moved[:, None, :], pulses, axes=0)[len(moved) - len(data) : len(moved)]
-    read = delayed(campaign.log(name).true_angles, campaign.condition.arm().delays)[:, COLUMNS]
+    """Fits of each kind of truth to one record, by joint."""
+    data, commands = _data_and_commands(campaign, name)
+    # Response of each joint to each command (N, outputs, inputs). The record is the end of the log: the responses
+    # before it are those to the start of the waveform.
+    responses = fftconvolve(commands[:, None, :], pulses, axes=0)[len(commands) - len(data) : len(commands)]
+    true_angles = delayed(campaign.log(name).true_angles, campaign.condition.arm().delays)[:, COLUMNS]
     return {
-        DIAGONAL: _fits(data.y, np.diagonal(answers, axis1=1, axis2=2)),
-        COUPLED: _fits(data.y, answers.sum(axis=2)),
-        NOISELESS: _fits(data.y, read[len(read) - len(data) :]),
+        DIAGONAL: _fits(data.y, np.diagonal(responses, axis1=1, axis2=2)),
+        COUPLED: _fits(data.y, responses.sum(axis=2)),
+        NOISELESS: _fits(data.y, true_angles[len(true_angles) - len(data) :]),
     }
 
 
 def _fits(y: np.ndarray, response: np.ndarray) -> dict[str, float]:
+    """Fits of a simulated response without its mean to a record, by joint, percent."""
     fits = sysid.validation.fit_percent(y, response - response.mean(axis=0))
     return dict(zip(STUDIED_JOINTS, map(float, fits), strict=True))

@@ -45,18 +45,21 @@ Curve = tuple[str, StateSpace | FrequencyResponse, Style]
 
 
 @chart_of({"Joint": joints}, height=230)
-def responses(study: Comparison, entry: JointResult) -> tuple[Panel, ...]:
+def responses(study: Comparison, result: JointResult) -> tuple[Panel, ...]:
     """Frequency responses of a joint: truth, estimates without a model, identified models, printed models."""
-    arx = study.data_sets[entry.joint].find(single_joint_test(study.estimation_test, entry.joint), "arx")
     curves: list[Curve] = [
-        ("small-signal truth", entry.truth.model, PALETTE["truth"]),
-        ("spectral estimate, its lines", well_known(entry.spa), points("spa", ".")),
+        ("small-signal truth", result.truth.model, PALETTE["truth"]),
+        ("spectral estimate, its lines", well_known(result.spa), points("spa", ".")),
     ]
-    for model in entry.models.values():
+    for model in result.models.values():
+        # The estimate's response, not the model's: it has the covariance of the band.
         curves.append((model.label, model.estimate.frequency_response(FREQUENCIES), method_style(model.method)))
-    curves += [] if arx is None else [("ARX", arx.estimate.model, PALETTE["arx"])]
-    curves += [(f"published {one.label}", one.model, look) for one, look in zip(entry.published, PRINTED, strict=False)]
-    gains, phases = [_gain(*curve) for curve in curves], [_phase(*curve, entry) for curve in curves]
+    arx = study.data_sets[result.joint].find(single_joint_test(study.estimation_test, result.joint), "arx")
+    if arx is not None:
+        curves.append(("ARX", arx.estimate.model, PALETTE["arx"]))
+    for printed, look in zip(result.published, PRINTED, strict=False):
+        curves.append((f"published {printed.label}", printed.model, look))
+    gains, phases = [_gain(*curve) for curve in curves], [_phase(*curve, result) for curve in curves]
     marks = (("x", EXCITED_FROM, "lowest line of the file"), ("x", 1.0, "1 Hz"), LEVEL)
     limits = (0.05, 25.0)
     return (
@@ -65,25 +68,30 @@ def responses(study: Comparison, entry: JointResult) -> tuple[Panel, ...]:
     )
 
 
-def _response(of: StateSpace | FrequencyResponse) -> FrequencyResponse:
-    if isinstance(of, FrequencyResponse):
-        return of
-    return FrequencyResponse(FREQUENCIES, of.frequency_response(FREQUENCIES), of.dt, "model")
+def _response(drawn: StateSpace | FrequencyResponse) -> FrequencyResponse:
+    """The response of a model at `FREQUENCIES`; a response as it is."""
+    if isinstance(drawn, FrequencyResponse):
+        return drawn
+    return FrequencyResponse(FREQUENCIES, drawn.frequency_response(FREQUENCIES), drawn.dt, "model")
 
 
-def _gain(label: str, of: StateSpace | FrequencyResponse, style: Style, row: int = 0, column: int = 0) -> Series:
+def _gain(label: str, drawn: StateSpace | FrequencyResponse, style: Style, row: int = 0, column: int = 0) -> Series:
     """Gain from an input to an output, with its 95 % band where it is known."""
-    response = _response(of)
+    response = _response(drawn)
     gain = response.magnitude[:, row, column]
-    ends = () if response.covariance is None else (end[:, row, column] for end in response.magnitude_ci95())
-    return Series(label, response.frequencies, np.where(gain > 0.0, gain, np.nan), style, *ends)
+    low = high = None
+    if response.covariance is not None:
+        low, high = (end[:, row, column] for end in response.magnitude_ci95())
+    # A gain of zero has no place on a logarithmic axis.
+    return Series(label, response.frequencies, np.where(gain > 0.0, gain, np.nan), style, low, high)
 
 
-def _phase(label: str, of: StateSpace | FrequencyResponse, style: Style, entry: JointResult) -> Series:
+def _phase(label: str, drawn: StateSpace | FrequencyResponse, style: Style, result: JointResult) -> Series:
     """Phase in degrees, unwrapped onto the same turn as the true phase."""
-    response = _response(of)
+    response = _response(drawn)
+    # Dense enough for the true phase to move by less than half a turn from value to value.
     dense = np.linspace(0.05, 25.0, 500)
-    true = np.unwrap(np.angle(entry.truth.model.frequency_response(dense)[:, 0, 0]))
+    true = np.unwrap(np.angle(result.truth.model.frequency_response(dense)[:, 0, 0]))
     angle = np.angle(response.response[:, 0, 0])
     turns = np.round((angle - np.interp(response.frequencies, dense, true)) / (2 * np.pi))
     return Series(label, response.frequencies, np.degrees(angle - 2 * np.pi * turns), style)
@@ -100,27 +108,29 @@ def well_known(response: FrequencyResponse) -> FrequencyResponse:
 
 
 @chart_of({"Joint": joints}, height=230)
-def transfer_function(study: Comparison, entry: JointResult) -> tuple[Panel, ...]:
+def transfer_function(study: Comparison, result: JointResult) -> tuple[Panel, ...]:
     """The ratio of cross and input spectrum from two sines, where it is known, and the truth."""
-    estimates = study.nonparametric[entry.joint]
+    estimates = study.nonparametric[result.joint]
     spectrum = estimates.spectra.get(SINES)
     if spectrum is None:
         return ()
-    binary, known = estimates.repeated[PRBS], well_known(entry.spa)
     excited = replace(spectrum.select(excited_lines(spectrum)), covariance=None)
-    least = WEAK * np.median(binary.input[binary.frequencies <= FASTEST_DRAWN])
-    strong = np.interp(known.frequencies, binary.frequencies, binary.input) >= least
-    curves: list[Curve] = [("two sines, Hamming window", spectrum, Style(PALETTE["spa"].colour, "-", 0.8))]
+    binary, prbs_lines = estimates.repeated[PRBS], well_known(result.spa)
+    weakest = WEAK * np.median(binary.input[binary.frequencies <= FASTEST_DRAWN])
+    strong = np.interp(prbs_lines.frequencies, binary.frequencies, binary.input) >= weakest
+    windowed: list[Curve] = [("two sines, Hamming window", spectrum, Style(PALETTE["spa"].colour, "-", 0.8))]
     if estimates.positive is not None:
-        curves.append(("Parzen window", estimates.positive, Style("#6b6b00", "-", 0.9)))
-    marks: list[Curve] = [
-        ("truth", entry.truth.model, PALETTE["truth"]),
+        windowed.append(("Parzen window", estimates.positive, Style("#6b6b00", "-", 0.9)))
+    reliable: list[Curve] = [
+        ("truth", result.truth.model, PALETTE["truth"]),
         ("where the input has power", excited, points("spa", "v")),
         ("from repetition", estimates.repeated[SINES].reliable_response(), points("oe", "^")),
-        ("strong PRBS lines", known.select(strong), points("armax", ".")),
+        ("strong PRBS lines", prbs_lines.select(strong), points("armax", ".")),
     ]
     limits = (0.1, FASTEST_DRAWN)
-    gains, phases = [_gain(*curve) for curve in (*curves, *marks)], [_phase(*curve, entry) for curve in marks]
+    gains = [_gain(*curve) for curve in (*windowed, *reliable)]
+    # The phase of side lobes is random: only where the response is known has it a turn to be unwrapped onto.
+    phases = [_phase(*curve, result) for curve in reliable]
     return (
         Panel(HZ, GAIN, gains, "", "xy", limits, (0.008, 30.0), (LEVEL,)),
         Panel(HZ, DEGREES, phases, "", "x", limits),
@@ -128,28 +138,29 @@ def transfer_function(study: Comparison, entry: JointResult) -> tuple[Panel, ...
 
 
 @chart_of({"Joint": joints, "Test": {"pulse": PULSE, "two sines": SINES}}, columns=2, height=210)
-def four_spectra(study: Comparison, entry: JointResult, test: int) -> tuple[Panel, ...]:
+def four_spectra(study: Comparison, result: JointResult, test: int) -> tuple[Panel, ...]:
     """Disturbance, output, input and cross spectrum of pulse and two sines: windowed, by repetition, and true."""
-    estimates = study.nonparametric[entry.joint]
+    estimates = study.nonparametric[result.joint]
     if test not in estimates.spectra:
         return ()
-    spectrum, again, scale = estimates.spectra[test], estimates.repeated[test], MRAD**2
-    true = np.abs(entry.truth.model.frequency_response(again.frequencies)[:, 0, 0])
-    lines = again.repeating > 0.5
-    output, cross = (
-        Series("true answer to the input", again.frequencies[lines], scale * power[lines], points("truth", "o"))
-        for power in (true**2 * again.input, true * again.input)
-    )
-    beyond = scale * _known_disturbance(study, entry, test, 2 * len(again.frequencies) + 2)
-    left = Series("left by the linear truth", again.frequencies, beyond, PALETTE["truth"])
+    spectrum, periodic, scale = estimates.spectra[test], estimates.repeated[test], MRAD**2
+    true_gain = np.abs(result.truth.model.frequency_response(periodic.frequencies)[:, 0, 0])
+    # Elsewhere the input is noise of the wires.
+    lines = periodic.repeating > 0.5
+    label, look = "true answer to the input", points("truth", "o")
+    output_power, cross_power = true_gain**2 * periodic.input, true_gain * periodic.input
+    true_output = Series(label, periodic.frequencies[lines], scale * output_power[lines], look)
+    true_cross = Series(label, periodic.frequencies[lines], scale * cross_power[lines], look)
+    disturbance = scale * _known_disturbance(study, result, test, 2 * len(periodic.frequencies) + 2)
+    true_disturbance = Series("left by the linear truth", periodic.frequencies, disturbance, PALETTE["truth"])
     # The window resolves no more than this many lines over a logarithmic axis.
     thin = np.unique(np.searchsorted(spectrum.frequencies, np.geomspace(0.1, 24.9, 160)))
     panels = []
-    for title, windowed, repeated, known in (
-        ("disturbance", spectrum.noise_spectrum, again.disturbance, [left]),
-        ("output", spectrum.output_spectrum, again.output, [output]),
-        ("input", spectrum.input_spectrum, again.input, []),
-        ("cross, magnitude", spectrum.cross_spectrum, np.abs(again.cross), [cross]),
+    for title, windowed, repeated, true_series in (
+        ("disturbance", spectrum.noise_spectrum, periodic.disturbance, [true_disturbance]),
+        ("output", spectrum.output_spectrum, periodic.output, [true_output]),
+        ("input", spectrum.input_spectrum, periodic.input, []),
+        ("cross, magnitude", spectrum.cross_spectrum, np.abs(periodic.cross), [true_cross]),
     ):
         series = []
         if windowed is not None:
@@ -160,18 +171,19 @@ def four_spectra(study: Comparison, entry: JointResult, test: int) -> tuple[Pane
             look = Style(PALETTE["spa"].colour, "-", 0.8)
             series.append(Series("Hamming window", spectrum.frequencies[thin], positive, look))
         # Lines without input power beyond rounding are left out.
-        seen = np.where(repeated > 1e-15 * repeated.max(), scale * repeated, np.nan)
-        series += [Series("by repetition", again.frequencies, seen, points("oe", "^")), *known]
+        beyond_rounding = np.where(repeated > 1e-15 * repeated.max(), scale * repeated, np.nan)
+        series.append(Series("by repetition", periodic.frequencies, beyond_rounding, points("oe", "^")))
+        series += true_series
         panels.append(Panel(HZ, "density / (mrad²/Hz)", series, title, "xy", (0.1, 25.0)))
     return tuple(panels)
 
 
-def _known_disturbance(study: Comparison, entry: JointResult, test: int, period: int) -> np.ndarray:
+def _known_disturbance(study: Comparison, result: JointResult, test: int, period: int) -> np.ndarray:
     """Density, on the lines of a period of so many samples, of the measurement minus the true answer to the command."""
-    data = entry.data[test]
+    data = result.data[test]
     log = study.logs[data.name]
-    column = JOINTS.index(entry.joint)
-    expected = sysid.simulate(entry.truth.model, log.commanded[:, column] - log.commanded[0, column])[:, 0]
+    column = JOINTS.index(result.joint)
+    expected = sysid.simulate(result.truth.model, log.commanded[:, column] - log.commanded[0, column])[:, 0]
     residual = (log.measured[:, column] - expected)[len(expected) - len(data) :]
     count = len(residual) // period
     lines = np.fft.rfft(residual[: count * period].reshape(count, period))[:, 1 : period // 2]
@@ -180,15 +192,18 @@ def _known_disturbance(study: Comparison, entry: JointResult, test: int, period:
 
 def _systems(study: Comparison) -> dict[str, list[tuple[str, StateSpace, Style]]]:
     """Systems whose poles and zeros are drawn: of each joint, and of the three joints."""
-    systems = {}
-    for name, entry in joints(study).items():
-        known = [("truth", entry.truth.model, PALETTE["truth"])]
-        known += [(m.label, m.estimate.model.input_path(), method_style(m.method)) for m in entry.models.values()]
-        prints = zip(entry.published, PRINTED, strict=False)
-        systems[name] = [*known, *((f"published {m.label}", m.model.input_path(), look) for m, look in prints)]
+    systems: dict[str, list[tuple[str, StateSpace, Style]]] = {}
+    for name, result in joints(study).items():
+        drawn = [("truth", result.truth.model, PALETTE["truth"])]
+        for model in result.models.values():
+            drawn.append((model.label, model.estimate.model.input_path(), method_style(model.method)))
+        for printed, look in zip(result.published, PRINTED, strict=False):
+            drawn.append((f"published {printed.label}", printed.model.input_path(), look))
+        systems[name] = drawn
     looks = (PALETTE["armax"], PALETTE["okid"], PALETTE["pem_ss"], *PRINTED)
     models = zip(study.multivariable.models, looks, strict=False)
-    return {**systems, "three joints": [(entry.name, entry.model, look) for entry, look in models]}
+    systems["three joints"] = [(model.name, model.model, look) for model, look in models]
+    return systems
 
 
 @chart_of({"Model of": _systems}, height=360)
@@ -197,10 +212,12 @@ def roots(study: Comparison, systems: Iterable[tuple[str, StateSpace, Style]]) -
     angle = np.linspace(0.0, 2.0 * np.pi, 91)
     series = [Series("unit circle", np.cos(angle), np.sin(angle), Style(BOUND.colour, "-", 0.9))]
     for label, model, look in systems:
-        for kind, values, marker in (("poles", model.poles(), "x"), ("zeros", model.zeros(), "o")):
+        for poles_or_zeros, values, marker in (("poles", model.poles(), "x"), ("zeros", model.zeros(), "o")):
             inside = values[(np.abs(values.real) < REACH) & (np.abs(values.imag) < REACH)]
             beyond = len(values) - len(inside)
-            name = f"{label}, {kind}" + (f" ({beyond} beyond)" if beyond else "")
+            name = f"{label}, {poles_or_zeros}"
+            if beyond:
+                name += f" ({beyond} beyond)"
             series.append(Series(name, inside.real, inside.imag, Style(look.colour, "", 1.0, marker)))
     ends = (-REACH, REACH)
     return (Panel("real part of z", "imaginary part of z", series, "", "", ends, ends, equal=True),)
@@ -214,11 +231,13 @@ def coupling(study: Comparison, row: int) -> tuple[Panel, ...]:
         curves: list[Curve] = [("truth", models.truth, PALETTE["truth"])]
         if row == column:
             curves.append(("OKID model, block-diagonal", models.pair()[1].model, PALETTE["okid"]))
-        for entry in models.full:
-            if (entry.method, entry.record) == (FULL_OKID, INDEPENDENT):
-                curves.append(("all nine, a waveform each", entry.model, Style("#0072b2", "--", 1.4)))
-            elif entry.method == FULL_OKID:
-                curves.append(("all nine, shared waveform", entry.model, Style("#d55e00", ":", 1.4)))
+        for full in models.full:
+            if full.method != FULL_OKID:
+                continue
+            if full.record == INDEPENDENT:
+                curves.append(("all nine, a waveform each", full.model, Style("#0072b2", "--", 1.4)))
+            else:
+                curves.append(("all nine, shared waveform", full.model, Style("#d55e00", ":", 1.4)))
         series = [_gain(*curve, row, column) for curve in curves]
         panels.append(Panel(HZ, GAIN, series, f"from {short(name)}", "xy", (0.05, 25.0), (1e-4, 5.0)))
     return tuple(panels)

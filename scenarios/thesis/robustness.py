@@ -226,6 +226,7 @@ def robustness(campaign: Campaign, *, thorough: bool = True, part: Part = NO_REP
             warnings.simplefilter("ignore", SysidWarning)
             for disturbance, share in of_joint.split(disturbances):
                 outcomes += trial.outcomes(disturbance, share)
+            # With its means, which the records of the campaign have lost.
             orders += trial.orders(settled(campaign.log(data[ESTIMATION_TEST].name), joint))
     return Robustness(tuple(outcomes), tuple(orders), judged_by)
 
@@ -242,6 +243,7 @@ class _Trial:
     def outcomes(self, disturbance: Disturbance, progress: Part) -> list[RobustnessOutcome]:
         """Models from the record under one disturbance, of every treatment, degree and draw."""
         outcomes = []
+        # A part has a mean of its own, which is not that of the record.
         clean = self.data if disturbance.whole else self.data[:PART].detrend()
         chosen = tuple(structure for structure in STRUCTURES[self.truth.joint] if structure.chosen)
         for (treatment, degree), _ in progress.split(list(product(disturbance.treatments, disturbance.degrees))):

@@ -63,13 +63,19 @@ class Part:
         """Divide the work into consecutive parts of these shares, whose sum is one."""
         ends = (0.0, *accumulate(shares))
         width = self.end - self.start
-        return tuple(Part(self.report, self.start + width * a, self.start + width * b) for a, b in pairwise(ends))
+        consecutive = []
+        for begin, end in pairwise(ends):
+            consecutive.append(Part(self.report, self.start + width * begin, self.start + width * end))
+        return tuple(consecutive)
 
     def split(self, items: Sequence[T]) -> Iterator[tuple[T, "Part"]]:
         """Go through items of about equal cost, each with its part, done when the next begins."""
-        for item, part in zip(items, self.shares(*[1.0 / len(items)] * len(items)) if items else (), strict=True):
-            yield item, part
-            part(1.0)
+        if not items:
+            return
+        equal_shares = self.shares(*[1.0 / len(items)] * len(items))
+        for item, share in zip(items, equal_shares, strict=True):
+            yield item, share
+            share(1.0)
 
 
 NO_REPORT = Part()
@@ -81,6 +87,7 @@ class Steps:
 
     def __init__(self, costs: Mapping[str, float], report: Report | None = None) -> None:
         """Plan steps by their costs, s, in the sequence of the work."""
+        # Whole hundredths add up exactly, so that the last step ends at the total.
         self.costs = {name: max(round(HUNDREDTHS * cost), 1) for name, cost in costs.items()}
         self._report = report or (lambda step, done, total: None)
         self._done = 0
@@ -95,13 +102,14 @@ class Steps:
         began = perf_counter()
         self._report(name, before, self.total)
 
-        def move(share: float) -> None:
+        def advance(share: float) -> None:
             nonlocal latest
-            # One hundredth is left for the end, so that no step is shown as finished while it runs.
+            # Never backwards, whatever a part reports. One hundredth is left for the end, so that no step is shown as
+            # finished while it runs.
             latest = max(latest, before + min(int(share * cost), cost - 1))
             self._report(name, latest, self.total)
 
-        yield Part(move)
+        yield Part(advance)
         self.seconds[name] = perf_counter() - began
         self._done = before + cost
         self._report(name, self._done, self.total)

@@ -26,14 +26,14 @@ from scenarios.thesis.attribution import attribute, best_linear_of, order_effect
 from scenarios.thesis.campaign import CONDITIONS, ESTIMATION_TEST, EVERY_TEST, FAIRNESS_TESTS, Campaign, run_campaign
 from scenarios.thesis.comparison import Comparison, Cost, JointResult, ModelResult
 from scenarios.thesis.estimates import identified
-from scenarios.thesis.every_data_set import every_data_set
+from scenarios.thesis.every_data_set import DataSets, every_data_set
 from scenarios.thesis.fairness_table import ArmFairness, fairness
 from scenarios.thesis.multivariable import multivariable
 from scenarios.thesis.nonparametric import nonparametric
 from scenarios.thesis.observer_analysis import observe
-from scenarios.thesis.order_search import more_poles, search_orders
+from scenarios.thesis.order_search import MorePoles, Searches, more_poles, search_orders
 from scenarios.thesis.robustness import robustness
-from scenarios.thesis.steps import COSTS, TICK, Report, Steps
+from scenarios.thesis.steps import COSTS, TICK, Part, Report, Steps
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import published
 from sysid import IOData, SysidError, SysidWarning
@@ -79,14 +79,17 @@ def run_study(
     steps = steps or planned_steps(conditions, duration, thorough=thorough)
     campaigns = []
     for condition, scenarios in plan(conditions, seed=seed, duration=duration):
-        with steps.step(f"simulate the arm {condition}") as part:
-            ran = run_campaign(condition, scenarios, seed=seed, duration=duration, threads=threads, progress=part)
-        campaigns.append(ran)
+        with steps.step(f"simulate the arm {condition}") as progress:
+            campaign = run_campaign(
+                condition, scenarios, seed=seed, duration=duration, threads=threads, progress=progress
+            )
+        campaigns.append(campaign)
     study = draw_conclusions(campaigns, thorough=thorough, steps=steps)
     return replace(study, cost=replace(study.cost, total_s=perf_counter() - begin))
 
 
 def _check(conditions: Sequence[Condition], duration: float | None) -> None:
+    """Refuse arms and durations of which no study can be made, before minutes of simulation."""
     if not conditions:
         raise ScenarioError("no arms given: the study needs at least the one that it is about")
     if not conditions[0].friction:
@@ -94,9 +97,9 @@ def _check(conditions: Sequence[Condition], duration: float | None) -> None:
             f"the study cannot be about the arm {conditions[0]}: it lays the arm without friction beside the same one "
             "with friction, which comes first"
         )
-    twice = [str(condition) for condition, count in Counter(conditions).items() if count > 1]
-    if twice:
-        raise ScenarioError(f"arms given more than once: {'; '.join(twice)}")
+    repeated = [str(condition) for condition, count in Counter(conditions).items() if count > 1]
+    if repeated:
+        raise ScenarioError(f"arms given more than once: {'; '.join(repeated)}")
     if duration is not None and not duration >= SHORTEST:
         raise ScenarioError(f"duration = {duration} s given, the study needs records of {SHORTEST:g} s or more")
 
@@ -111,22 +114,30 @@ def plan(
     `JUDGING` at most. Seed, duration and errors are those of `campaign_scenario`.
     """
     first, *others = conditions
-    smooth = replace(first, friction=False)
-    own = tuple(single_joint_test(ESTIMATION_TEST, joint) for joint in STUDIED_JOINTS)
+    frictionless = replace(first, friction=False)
+    estimation_tests = tuple(single_joint_test(ESTIMATION_TEST, joint) for joint in STUDIED_JOINTS)
     short = JUDGING if duration is None else min(duration, JUDGING)
 
-    def played(tests: Sequence[str], judging: float | None) -> tuple[Scenario, ...]:
-        return tuple(
-            campaign_scenario(name, seed=seed, duration=duration if name in own else judging) for name in tests
-        )
+    def scenarios_of(tests: Sequence[str], judging_duration: float | None) -> tuple[Scenario, ...]:
+        scenarios = []
+        for test in tests:
+            # Records that models are identified from keep their length: their intervals are compared.
+            length = duration if test in estimation_tests else judging_duration
+            scenarios.append(campaign_scenario(test, seed=seed, duration=length))
+        return tuple(scenarios)
 
-    small = tuple(scaled(scenario) for scenario in played(own, duration))
-    beside = FAIRNESS_TESTS if smooth in others else ()
-    return (
-        (first, played(EVERY_TEST, duration)),
-        (smooth, (*played(tuple(dict.fromkeys((*own, *beside))), short), *small)),
-        *((condition, played(FAIRNESS_TESTS, short)) for condition in others if condition != smooth),
-    )
+    # What changes with the pose falls with the square of the amplitude: small commands switch it off.
+    small = tuple(scaled(scenario) for scenario in scenarios_of(estimation_tests, duration))
+    fairness_tests = FAIRNESS_TESTS if frictionless in others else ()
+    without_friction = tuple(dict.fromkeys((*estimation_tests, *fairness_tests)))
+    planned = [
+        (first, scenarios_of(EVERY_TEST, duration)),
+        (frictionless, (*scenarios_of(without_friction, short), *small)),
+    ]
+    for condition in others:
+        if condition != frictionless:
+            planned.append((condition, scenarios_of(FAIRNESS_TESTS, short)))
+    return tuple(planned)
 
 
 def planned_steps(
@@ -139,14 +150,16 @@ def planned_steps(
 ) -> Steps:
     """Plan the steps of `run_study` by their measured costs, and those of `COSTS` that the caller takes afterwards."""
     arms = plan(conditions, duration=duration)
-    costs = {
-        f"simulate the arm {condition}": TICK * SAMPLE_RATE * sum(entry.duration for entry in scenarios)
-        for condition, scenarios in arms
-    }
-    minutes = max(entry.duration for entry in arms[1][1]) / 60.0
-    for name in (*(ANALYSES if thorough else ANALYSES[:-2]), *afterwards):
-        fixed, each_minute, brief = COSTS[name]
-        costs[name] = (fixed + minutes * each_minute) * (1.0 if thorough else brief)
+    costs = {}
+    for condition, scenarios in arms:
+        seconds = sum(scenario.duration for scenario in scenarios)
+        costs[f"simulate the arm {condition}"] = TICK * SAMPLE_RATE * seconds
+    minutes = max(scenario.duration for scenario in arms[1][1]) / 60.0
+    analyses = ANALYSES if thorough else ANALYSES[:-2]
+    for name in (*analyses, *afterwards):
+        fixed, per_minute, brief_share = COSTS[name]
+        share = 1.0 if thorough else brief_share
+        costs[name] = (fixed + minutes * per_minute) * share
     return Steps(costs, report)
 
 
@@ -163,7 +176,7 @@ def draw_conclusions(campaigns: Sequence[Campaign], *, thorough: bool = True, st
             are identified from is missing, or gives no model.
     """
     begin = perf_counter()
-    arms = [entry.condition for entry in campaigns]
+    arms = [campaign.condition for campaign in campaigns]
     if len(arms) < 2 or not arms[0].friction or arms[1] != replace(arms[0], friction=False):
         raise ScenarioError(
             "expected campaigns of an arm with friction, of the same without, and of others; given "
@@ -178,49 +191,41 @@ def draw_conclusions(campaigns: Sequence[Campaign], *, thorough: bool = True, st
 
 
 def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -> Comparison:
-    main, smooth = campaigns[:2]
+    """Take every step after the simulation, in the order of `COSTS`."""
+    main, without_friction = campaigns[:2]
 
     def of_joints(step: str, analysis: Callable[[str], T]) -> dict[str, T]:
-        with steps.step(step) as part:
-            return {joint: analysis(joint) for joint, _ in part.split(STUDIED_JOINTS)}
+        with steps.step(step) as progress:
+            return {joint: analysis(joint) for joint, _ in progress.split(STUDIED_JOINTS)}
 
     joints = of_joints("identify", lambda joint: study_joint(joint, main))
-    attribution = of_joints("causes", lambda joint: attribute(joint, main, smooth, SUFFICIENT[joint]))
+    attribution = of_joints("causes", lambda joint: attribute(joint, main, without_friction, SUFFICIENT[joint]))
     orders = of_joints("orders", lambda joint: order_effects(main.own(joint), SUFFICIENT[joint][2]))
     spectra = of_joints("spectra", lambda joint: nonparametric(joint, main, summaries=thorough))
-    with steps.step("data sets") as part:
-        whole, brief, search = part.shares(0.6, 0.1, 0.3)
-        data_sets = {
-            joint: every_data_set(joint, main, thorough=thorough, part=share)
-            for joint, share in whole.split(STUDIED_JOINTS)
-        }
-        frictionless = {
-            joint: every_data_set(joint, smooth, part=share) for joint, share in brief.split(STUDIED_JOINTS)
-        }
-        larger = more_poles(main.own("shoulder_yaw"), SUFFICIENT["shoulder_yaw"][2])
-        searches = {
-            joint: search_orders(joint, main.singles(joint), share)
-            for joint, share in search.split(STUDIED_JOINTS if thorough else ())
-        }
-    observed = of_joints("observers", lambda joint: observe(joint, main, thorough=thorough))
+    with steps.step("data sets") as progress:
+        data_sets, frictionless, larger, searches = _of_every_data_set(main, without_friction, progress, thorough)
+    observers = of_joints("observers", lambda joint: observe(joint, main, thorough=thorough))
     with steps.step("three joints"):
-        own = {name: entry.chosen.estimate.model for name, entry in joints.items()}
-        okid = {name: entry.models["okid"].estimate.model for name, entry in joints.items()}
-        several = multivariable(own, okid, main)
-    with steps.step("robustness") as part:
-        robust = robustness(main, thorough=thorough, part=part)
-    table: tuple[ArmFairness, ...] = ()
-    seven: SevenJoints | None = None
+        prediction_error = {joint: result.chosen.estimate.model for joint, result in joints.items()}
+        okid = {joint: result.models["okid"].estimate.model for joint, result in joints.items()}
+        three_joints = multivariable(prediction_error, okid, main)
+    with steps.step("robustness") as progress:
+        disturbed = robustness(main, thorough=thorough, part=progress)
+    fairness_of_arms: tuple[ArmFairness, ...] = ()
+    seven_joints: SevenJoints | None = None
     if thorough:
-        with steps.step("other arms") as part:
-            table = fairness(campaigns, part)
-        with steps.step("every joint") as part:
-            fewer = replace(MULTISINES, realisations=2) if main.duration is not None else MULTISINES
-            seven = identify_every_joint(fewer, seed=main.seed, progress=part)
+        with steps.step("other arms") as progress:
+            fairness_of_arms = fairness(campaigns, progress)
+        with steps.step("every joint") as progress:
+            # A shortened study is a preview: it takes fewer realisations, and the report says so.
+            multisines = MULTISINES if main.duration is None else replace(MULTISINES, realisations=2)
+            seven_joints = identify_every_joint(multisines, seed=main.seed, progress=progress)
+    physics_s = sum(campaign.physics_s for campaign in campaigns)
+    simulation_s = sum(campaign.simulation_s for campaign in campaigns)
     return Comparison(
         campaigns=campaigns,
         joints=joints,
-        multivariable=several,
+        multivariable=three_joints,
         attribution=attribution,
         orders=orders,
         nonparametric=spectra,
@@ -228,43 +233,62 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
         frictionless=frictionless,
         more_poles=larger,
         searches=searches,
-        observers=observed,
-        robustness=robust,
-        fairness=table,
-        every_joint=seven,
-        cost=Cost(sum(one.physics_s for one in campaigns), sum(one.simulation_s for one in campaigns), 0.0),
+        observers=observers,
+        robustness=disturbed,
+        fairness=fairness_of_arms,
+        every_joint=seven_joints,
+        cost=Cost(physics_s, simulation_s, total_s=0.0),
         provenance=versions(),
     )
 
 
+def _of_every_data_set(
+    main: Campaign, without_friction: Campaign, progress: Part, thorough: bool
+) -> tuple[dict[str, DataSets], dict[str, DataSets], tuple[MorePoles, ...], dict[str, Searches]]:
+    """Models of every data set with and without friction, those of yaw with more poles, and the order searches."""
+    # About the shares of the time that the three take.
+    all_tests, estimation_test, search = progress.shares(0.6, 0.1, 0.3)
+    data_sets, frictionless, searches = {}, {}, {}
+    for joint, share in all_tests.split(STUDIED_JOINTS):
+        data_sets[joint] = every_data_set(joint, main, thorough=thorough, part=share)
+    for joint, share in estimation_test.split(STUDIED_JOINTS):
+        frictionless[joint] = every_data_set(joint, without_friction, part=share)
+    larger = more_poles(main.own("shoulder_yaw"), SUFFICIENT["shoulder_yaw"][2])
+    if thorough:
+        for joint, share in search.split(STUDIED_JOINTS):
+            searches[joint] = search_orders(joint, main.singles(joint), share)
+    return data_sets, frictionless, larger, searches
+
+
 def study_joint(joint: str, campaign: Campaign) -> JointResult:
     """Identify one joint from the estimation test and validate on all others; all structures must give a model."""
-    own, data, truth = campaign.own(joint), campaign.singles(joint), campaign.truth.joint(joint)
-    period = load(own.name).period
-    logs = {number: campaign.log(single_joint_test(number, joint)) for number in data}
+    estimation, data = campaign.own(joint), campaign.singles(joint)
+    logs = {test: campaign.log(single_joint_test(test, joint)) for test in data}
     best_linear = best_linear_of(campaign.condition, joint)
-    models = {entry.method: _identify(entry, data, best_linear) for entry in STRUCTURES[joint]}
+    # Between the lines of the held file there is nothing but noise and leakage.
+    period = load(estimation.name).period
+    lines = np.arange(1, period // 2) * SAMPLE_RATE / period
     return JointResult(
-        joint,
-        truth,
-        best_linear,
-        data,
-        models,
-        # Between the lines of the held file there is nothing but noise and leakage.
-        sysid.spa(own, lag=long_lag(own), frequencies=np.arange(1, period // 2) * SAMPLE_RATE / period),
-        published(joint),
-        slewing={number: velocity_limited_share(log) for number, log in logs.items()},
-        swing={number: swing(log, joint) for number, log in logs.items()},
+        joint=joint,
+        truth=campaign.truth.joint(joint),
+        best_linear=best_linear,
+        data=data,
+        models={structure.method: _identify(structure, data, best_linear) for structure in STRUCTURES[joint]},
+        spa=sysid.spa(estimation, lag=long_lag(estimation), frequencies=lines),
+        published=published(joint),
+        slewing={test: velocity_limited_share(log) for test, log in logs.items()},
+        swing={test: swing(log, joint) for test, log in logs.items()},
     )
 
 
 def _identify(structure: Structure, data: Mapping[int, IOData], truth: BestLinearOfTest) -> ModelResult:
-    own = data[ESTIMATION_TEST]
+    """Identify one structure from the estimation test and say whether its bandwidth agrees with the truth's."""
+    estimation = data[ESTIMATION_TEST]
     try:
-        model = identified(own, structure, data)
+        model = identified(estimation, structure, data)
     except SysidError as error:
         raise ScenarioError(
-            f"{own.name} gives no model {structure.label}, which the study is about: {error}"
+            f"{estimation.name} gives no model {structure.label}, which the study is about: {error}"
         ) from error
     agrees = intervals_agree((model.bandwidth_hz, *model.ci95), (truth.hz, *truth.ci95))
     return ModelResult(**vars(model), covers=agrees)

@@ -70,5 +70,6 @@ def largest_correlation(errors: np.ndarray, u: np.ndarray, dt: float) -> tuple[f
     zero = StateSpace(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((1, 0)), np.zeros((1, inputs)), None, dt)
     test = sysid.resid(zero, IOData(u, errors[cut : cut + len(u), None], dt), lags=LAGS, level=LEVEL)
     peaks = np.abs(test.cross_correlation[test.cross_lags >= 0, 0]).max(axis=0)
+    # In proportion to its bound, which depends on the colour of each input.
     largest = int(np.argmax(peaks / test.independence_bound[0]))
     return float(peaks[largest]), float(test.independence_bound[0, largest])

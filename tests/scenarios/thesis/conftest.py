@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from hmtb_twin import JOINTS, JointLog
 from scenarios.thesis.answer import measure_answer
 from scenarios.thesis.findings import findings
-from scenarios.thesis.report import context
+from scenarios.thesis.report_contents import report_contents
 
 
 def joint_log(name: str, commanded: np.ndarray, measured: np.ndarray, true_angles: np.ndarray) -> JointLog:
@@ -53,8 +53,8 @@ def answer(study):
 
 @pytest.fixture(scope="session")
 def report(study, answer):
-    """Variables of the report's templates: computed once."""
+    """Contents of the report: computed once."""
     with pytest.MonkeyPatch.context() as patch:
         # Two frames show as much as fifty.
         patch.setattr("scenarios.thesis.pictures.SPAN", (20.0, 20.1))
-        return context(study, findings(study), answer)
+        return report_contents(study, findings(study), answer)

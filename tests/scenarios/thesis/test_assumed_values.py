@@ -21,5 +21,5 @@ def test_the_numbers_are_those_of_the_arm():
 
 
 def test_findings_that_rest_on_it_are_marked(report):
-    assert report["put_in"] < set(CLAIMS)
+    assert report.assumed_values.findings < set(CLAIMS)
     assert [entry.what for entry in assumed_values() if "F3" in entry.findings] == ["bus delays of 0 to 1 samples"]

@@ -20,7 +20,7 @@ LOOK = PALETTE["measured"]
 
 @pytest.fixture(scope="module")
 def figures(report):
-    return report["figures"]
+    return report.figures
 
 
 def curve(panel, label):

@@ -60,7 +60,7 @@ def test_every_figure_has_words_data_and_a_number(page, text, report):
     plots = [entry for entry in page.of("figure") if "data-chart" in entry]
     assert next(entry["data-chart"] for entry in plots) == "answer"
     charts = json.loads(re.search(r'id="charts">(.*?)</script>', text, flags=re.S)[1])
-    assert {entry["data-chart"] for entry in plots} == set(charts) == set(report["figures"])
+    assert {entry["data-chart"] for entry in plots} == set(charts) == set(report.figures)
     assert all(len(str(entry.get("aria-label"))) > 20 for entry in page.of("div") if entry.get("class") == "plot")
     assert all(len(str(entry.get("alt"))) > 20 for entry in page.of("img"))
     assert len(page.marks) == len(set(page.marks))
@@ -153,7 +153,7 @@ def test_frequencies_and_ranges_stand_beside_the_findings_of_unmarked_whole_reco
     both = Tally((here, other), {})
     main, *rest = study.campaigns
     whole = replace(study, campaigns=(replace(main, duration=None), *rest))
-    many = str(html({**report, "study": whole, "chance": chance(decided, both, study.seed)})[0])
+    many = str(html(replace(report, study=whole, other_seeds=chance(decided, both, study.seed)))[0])
     Page(many)
     assert "quick run" not in many.lower()
     rows = dict(re.findall(r'<tr id="(F\d+)">(.*?)</tr>', many, flags=re.S))
@@ -187,7 +187,7 @@ def test_it_is_light(text):
 
 
 def test_the_report_is_written_whole_with_its_tables_and_cost(study, answer, report, tmp_path, monkeypatch):
-    monkeypatch.setattr("scenarios.thesis.report.context", lambda *_, **__: dict(report))
+    monkeypatch.setattr("scenarios.thesis.report.report_contents", lambda *_, **__: report)
     path = write_report(study, (), answer, tmp_path / "report.html")
     assert path == tmp_path / "report.html"
     row = re.search(r"All of it</th><td>([\d.]+) s", path.read_text(encoding="utf-8"))
