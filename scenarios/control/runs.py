@@ -113,7 +113,7 @@ def run_scenarios(
     experiments: list[Experiment] = []
 
     def add(index: int, run_name: str, scenario: Tested, law: Law | None = None) -> None:
-        # Numbered: scenarios may share a name and differ in seed, payload or specimen. A name has 100 characters at most.
+        # Numbered: scenarios may share a name and differ in seed, payload or specimen. Names end at 100 characters.
         named = replace(scenario, name=f"{len(experiments)}+{scenario.name}"[:100])
         run_of_experiment[named.name] = index, run_name
         experiment = named if law is None else cast(Experiment, Controlled(named, law))

@@ -244,9 +244,9 @@ def slow_data(study: Comparison) -> Finding:
 def follows_5_hz(study: Comparison) -> Finding:
     """F22: cutoff about 1 Hz, yet the models follow 3 to 5 Hz content."""
 
-    def fits(joint: str, way: Way) -> dict[tuple[str, str], float]:
+    def fits(joint: str, way: Way) -> dict[tuple[Kind, str], float]:
         """Fits by kind of model and record."""
-        by_model = {}
+        by_model: dict[tuple[Kind, str], float] = {}
         for kind in KINDS:
             for record, fit in fits_to_records(study, kind, joint, MIDDLE, way).items():
                 by_model[kind, record] = fit

@@ -6,7 +6,7 @@ from typing import get_args
 
 from scenarios.report.page import Page
 from scenarios.thesis.finding import Finding, Verdict
-from scenarios.thesis.monte_carlo import Tally
+from scenarios.thesis.monte_carlo import BandwidthCoverage, Tally
 
 ORDER: tuple[Verdict, ...] = get_args(Verdict)
 
@@ -60,7 +60,7 @@ def frequency_in_words(counts: Mapping[Verdict, int], *, depends: bool) -> str:
 
 def answer_text(tally: Tally) -> str:
     """Count the bandwidths near 1 Hz, and those that agree with the best linear truth, over all seeds."""
-    models = []
+    models: list[BandwidthCoverage] = []
     for methods in tally.coverage().values():
         models += methods.values()
     seeds = len(tally.outcomes)

@@ -97,7 +97,7 @@ def hz(value: float) -> str:
 def html(contents: ReportContents) -> tuple[str, LongTables]:
     """The page as text, and the tables that are too long for it."""
     tables = LongTables()
-    filters = {
+    filters: dict[str, Callable[..., object]] = {
         "si": si,
         "hz": hz,
         "parts": parts,

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from hmtb_twin import JointLog
 from hmtb_twin.parameters.provenance import Provenance, provenance_table
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.log_review import SETTLING
@@ -202,7 +203,7 @@ def verdict_counts(findings: Sequence[Finding]) -> list[tuple[Verdict, int]]:
 
 def extent_of(study: Comparison) -> Extent:
     """How much a study played on all its arms."""
-    logs = []
+    logs: list[JointLog] = []
     for campaign in study.campaigns:
         logs += campaign.logs.values()
     seconds = sum(len(log) * log.dt for log in logs)
