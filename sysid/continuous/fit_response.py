@@ -217,7 +217,7 @@ def _longest_delay(data: Likelihood, i: int, j: int) -> float:
     """Limit above the delay of a path, s: half as much again as the steeper of two slopes of its phase."""
     f, g = data.response.frequencies, data.response.response[:, i, j]
     clear = np.abs(g) * data.weights()[:, i, j] > CLEAR_PHASE
-    if data.known and clear.sum() > 2:
+    if data.known_variance and clear.sum() > 2:
         f, g = f[clear], g[clear]
     turns = -np.angle(g[1:] * g[:-1].conj()) / (2 * np.pi)
     median_slope, mean_slope = float(np.median(turns / np.diff(f))), float(turns.sum() / np.ptp(f))

@@ -67,7 +67,7 @@ def fit_response_ss(
     dt = 0.0 if continuous else response.dt
     hz, g = data.response.frequencies, data.response.response
     _, ny, nu = g.shape
-    # n^2 of the entries only choose the basis of the state
+    # n^2 of the entries of A, B and C only choose the basis of the state
     unknown = order * (ny + nu) + direct * ny * nu
     if data.rows <= unknown:
         raise SysidError(
@@ -250,9 +250,11 @@ def states_by_vector_fitting(
                 raise
             continue
         if count == order:
+            # rank one gives the order at once, but wants residues that are products of vectors
             rank_one = Predictor(*fractions.matrices(1))
             models.append(GridStates(x, rank_one, direct, stable, bool(dt)))
         full_rank = GridStates(x, Predictor(*fractions.matrices()), direct, stable, bool(dt))
+        # one weight for each output: the mean over the inputs
         output_weights = np.sqrt(np.mean(weights**2, axis=2))
         models.append(full_rank.reduced(order, output_weights))
     if not stable:

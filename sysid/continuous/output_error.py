@@ -77,6 +77,7 @@ class OutputError:
         for structure in self.structures:
             delay = self.longest if structure.delay is None else structure.delay
             longest = max(longest, delay)
+        # a delay of whole samples may exceed them by rounding
         return max(experiment.window, math.ceil(longest / experiment.dt - TIGHT))
 
     def delays(self) -> list[int]:
@@ -96,6 +97,7 @@ class OutputError:
     def __call__(self, theta: FloatArray, _: FloatArray | None = None) -> Linearisation | None:
         """Criterion and first derivatives at parameters, delays moved to their limits; None where poles are unstable.
 
+        The search also passes the parameters before the step, which this criterion does not need.
         A delay at its limit with a gradient that points beyond is fixed there: its derivatives are zero.
         """
         theta = self._allowed(theta)
@@ -162,6 +164,7 @@ class OutputError:
         columns = np.column_stack((*blocks, errors))[known]
         # variable projection [GolubPereyra2003]: what free responses explain counts for nothing
         columns[: len(basis)] -= basis @ (basis.T @ columns[: len(basis)])
+        # the constant is the last of the free responses
         offset = float(states[-1]) if self.offset else 0.0
         return columns, basis.shape[1], offset
 
@@ -177,7 +180,7 @@ class OutputError:
         """Derivatives of the errors by the parameters of each path (rows, p), initial states being `states`."""
         blocks, begin = [], 0
         values = self.split(theta)
-        for structure, own_values, path, response in zip(self.structures, values, paths, responses, strict=True):
+        for structure, values_of_path, path, response in zip(self.structures, values, paths, responses, strict=True):
             by_coefficient = np.column_stack((response.by_b, response.by_a, response.by_delay))[first:]
             if self.free and len(states) and structure.poles:
                 # the free response from the best initial state depends on the denominator too
@@ -185,7 +188,7 @@ class OutputError:
                 slopes = transient_slopes(path.a, state, dt, len(by_coefficient))
                 by_coefficient[: len(slopes), structure.zeros + 1 : -1] += slopes
                 begin += structure.poles
-            blocks.append(-by_coefficient @ structure.jacobian(own_values))
+            blocks.append(-by_coefficient @ structure.jacobian(values_of_path))
         return blocks
 
     def _stable(self, theta: FloatArray) -> bool:
@@ -215,6 +218,7 @@ class OutputError:
         if not screened:
             raise SysidError("no initial estimate is stable: try fewer poles, or other delays")
         screened.sort(key=_cost)
+        # the best after a few steps is not always the best in the end
         finished = [
             levenberg_marquardt(self, minimum.at, energy, max_iterations=max_iterations)
             for minimum in screened[:POLISHED]
@@ -519,8 +523,10 @@ def _covariance_of_output(fit: OutputFit, coloured: bool) -> OutputCovariance:
     triangle, lengths = scaled_triangle(columns, guarded=len(theta))
     half, condition = directions(replace(at, triangle=triangle[:-1, :-1], scale=lengths[:-1]))
     variance = at.cost / (at.errors - len(at.theta) - at.transients)
+    # errors of any colour in a criterion for white ones [White1982]: (J' J)^-1 = half half', between which theirs goes
     middle = np.eye(half.shape[1])
     if coloured and at.cost > 0.0:
+        # at most a coefficient of the colour for twenty errors
         counted = [table[criterion.first(e) :] for e, table in zip(criterion.experiments, tables, strict=True)]
         middle = coloured_information(counted, min(COLOUR, at.errors // 20), half)
     covariance = variance * half @ middle @ half.T

@@ -81,7 +81,7 @@ class Fraction:
         nf: Degree of the denominator.
         weights: Inverse standard deviations of the response (nf,).
         delay: In units of 1/x; with x = z, the delay nk of B(q)/F(q) in samples.
-        late: Whether the delay is a parameter.
+        searched: Whether the delay is a parameter.
     """
 
     numerator: ComplexArray
@@ -90,12 +90,12 @@ class Fraction:
     nf: int
     weights: FloatArray
     delay: float
-    late: bool
+    searched: bool
 
     @property
     def count(self) -> int:
         """Number of parameters."""
-        return self.nb + self.nf + self.late
+        return self.nb + self.nf + self.searched
 
     def factor(self, x: ComplexArray, discrete: bool) -> ComplexArray:
         """Response of the delay, which N / D is multiplied with (nf,).
@@ -203,7 +203,7 @@ class Fractions:
             by_numerator = numerators.values * (path.factor(self.x, self.discrete) / path.denominator)[:, None]
             by_denominator = -denominators.values[:, : path.nf] * g / path.denominator[:, None]
             # no column where the delay is known
-            by_delay = (-self.x[:, None] * g)[:, : path.late]
+            by_delay = (-self.x[:, None] * g)[:, : path.searched]
             derivatives[:, k, begin : begin + path.count] = np.hstack((by_numerator, by_denominator, by_delay))
             begin += path.count
         return derivatives.reshape(nf, *self.shape, self.free)
@@ -245,7 +245,7 @@ class Fractions:
             f = np.atleast_1d(np.poly(path.poles(self.x)).real)[1:]
             theta += [b_scale * b, f_scale * f]
             change += [b_scale[:, None] * numerators.powers(), f_scale[:, None] * denominators.powers()[1:, : path.nf]]
-            if path.late:
+            if path.searched:
                 theta.append(np.array([path.delay / scale]))
                 change.append(np.array([[1.0 / scale]]))
         return np.concatenate(theta), scipy.linalg.block_diag(*change)

@@ -121,7 +121,7 @@ def _test_of_fit(data: Likelihood, best: Maximum[Any]) -> tuple[float, float, fl
     With an unknown variance the errors themselves give the factor, and nothing is left to test.
     """
     freedom = data.rows - best.rank
-    if not data.known:
+    if not data.known_variance:
         return np.nan, np.nan, best.cost / freedom
     mean, factor = 1.0, 1.0
     of_variance = data.response.degrees_of_freedom

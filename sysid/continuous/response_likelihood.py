@@ -11,7 +11,7 @@ from sysid.models.frequency_response import FrequencyResponse
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.errors import SysidError
 
-NOTHING = 1e-12  # variance relative to the largest of a frequency that counts as zero: no information
+ZERO_VARIANCE = 1e-12  # variance relative to the largest of a frequency that counts as zero: no information
 SEARCHED = 4  # starts that are searched, the best ones
 DISTINCT = 1e-3  # relative difference of their costs below which two starts count as one
 CONVERGED = 1e-9  # remaining decrease, relative to the cost
@@ -56,7 +56,7 @@ class Likelihood:
         whitener: Symmetric, from real and imaginary parts of all entries to independent errors of unit variance
             (nf, 2 m, 2 m).
         rows: Number of independent errors.
-        known: Whether the variance of the errors is known; otherwise a common factor is estimated.
+        known_variance: Whether the variance of the errors is known; otherwise a common factor is estimated.
     """
 
     response: FrequencyResponse
@@ -64,7 +64,7 @@ class Likelihood:
     scale: float
     whitener: FloatArray
     rows: float
-    known: bool
+    known_variance: bool
 
     @staticmethod
     def of(response: FrequencyResponse, known_variance: bool) -> "Likelihood":
@@ -78,7 +78,7 @@ class Likelihood:
             whitener = np.broadcast_to(np.eye(count), (nf, count, count))
             return Likelihood(determined, x, scale, whitener, float(nf * count), False)
         values, vectors = np.linalg.eigh(determined.full_covariance())
-        certain = values <= NOTHING * np.maximum(values[:, -1:], np.finfo(float).tiny)
+        certain = values <= ZERO_VARIANCE * np.maximum(values[:, -1:], np.finfo(float).tiny)
         if certain.all(axis=1).any():
             f = determined.frequencies[np.argmax(certain.all(axis=1))]
             raise SysidError(

@@ -76,6 +76,7 @@ class RationalPath:
 
     def parameters(self, path: TransferFunction) -> FloatArray:
         """Parameters (p,) of a transfer function."""
+        # a fraction is the same with all its coefficients over the leading one, which is no parameter
         leading = path.a[-1]
         delay = [path.delay] if self.delay is None else []
         return np.concatenate((path.b[::-1] / leading, path.a[-2::-1] / leading, delay))
@@ -187,6 +188,7 @@ class ProcessPath:
             slopes[2] = len(factors), np.array([0.0, 2.0 * tw, 0.0])
             factors.append(np.array([1.0, 2.0 * zeta * tw, tw**2]))
         for i in range(self._first_real, self.lags + 1):
+            # 1 + Tp s
             slopes[i] = len(factors), np.array([0.0, 1.0])
             factors.append(np.array([1.0, theta[i]]))
         return factors, slopes
@@ -297,6 +299,7 @@ class RealisePaths:
             i, j = divmod(k, nu)
             a, b, c, d = path.realisation()
             state_matrices.append(a)
+            # every path has states of its own: b drives them from its input, c adds them to its output
             inputs.append(b @ np.eye(nu)[[j]])
             outputs.append(np.eye(ny)[:, [i]] @ c)
             direct.append(d)

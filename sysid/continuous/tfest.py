@@ -74,6 +74,7 @@ def tfest(
         _refuse_options_of_records(max_delay, coloured, initial_conditions, offset)
         rows = structures(*data.response.shape[1:])
         return _fit_to_response(data, rows, max_iterations)
+    # what the estimate reports: with tables of poles the default has no single number
     orders: dict[str, object] = {"poles": poles, "zeros": zeros}
     if zeros is None:
         orders["zeros"] = max(poles - 1, 0) if isinstance(poles, int) else "poles - 1"
@@ -103,6 +104,7 @@ def _structures(
 def _structure(poles: object, zeros: object, delay: object) -> RationalPath:
     """Check the orders of one path."""
     n = whole_number("poles", poles, 0, MOST_POLES)
+    # one zero less than poles by default: no direct term
     m = max(n - 1, 0) if zeros is None else whole_number("zeros", zeros, 0, n)
     if delay is None:
         return RationalPath(n, m, None)

@@ -110,6 +110,7 @@ def vrft(
     regression = _Inverse(record, delay, terms, instruments, pole, first)
     plant = _long_model(record, instruments, pole, first)
     ahead, unexplained = _feedforward(regression, _own_responses(reference, first))
+    # from the fastest feedback on: the first that keeps the sensitivity is the answer
     for corner_hz in corners:
         wanted = _LoopShape.of(corner_hz * record.dt, delay)
         feedback, _ = regression.fitted(wanted.gain * wanted.rest, np.convolve(wanted.lags, wanted.lags), range(m))
@@ -271,6 +272,7 @@ def _long_model(record: IOData, count: int, pole: float, first: int) -> StateSpa
     """Regression of the outputs on Laguerre functions of the inputs."""
     fit = solve(_bank(record.u, count, pole)[first:-1], record.y[first + 1 :])
     A, B = _laguerre(count, pole, record.nu)
+    # the last coefficient is that of the constant
     return StateSpace(A, B, fit.solution[:-1].T, np.zeros((record.ny, record.nu)), None, record.dt)
 
 

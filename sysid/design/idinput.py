@@ -123,6 +123,7 @@ def idinput(
     periods = whole_number("periods", periods, 1, max(1, LARGEST // (n * inputs)))
     dt, rng = sampling_interval(dt), np.random.default_rng(whole_number("seed", seed, 0))
     logarithmic = truth_value("logarithmic", logarithmic)
+    # skip = 1 leaves no line out, as without the option
     chosen = {
         "clock": clock is not None,
         "register": register is not None,
@@ -206,7 +207,7 @@ def _noise(n: int, inputs: int, inside: np.ndarray, rng: np.random.Generator) ->
         raise SysidError(f"{len(inside)} line(s) of {n} samples lie in the band: expected two or more for noise")
     x = rng.standard_normal((n, inputs))
     if len(inside) == n // 2 + 1:
-        return x
+        return x  # all lines: nothing to take away
     spectrum = np.fft.rfft(x, axis=0)
     outside = np.ones(len(spectrum), dtype=bool)
     outside[inside] = False

@@ -80,6 +80,7 @@ class Fits(tuple[ModelFit, ...]):
         return self._table().html()
 
     def _table(self) -> Table:
+        """A row for each model and output, and below it one for each of several experiments."""
         rows: list[list[str]] = []
         for fit in self:
             rows += _rows(fit, fit.name)
@@ -129,7 +130,7 @@ def compare(
         raise SysidError("expected at least one model, got none")
     steps = whole_number("steps (the simulation is always included)", steps, 1)
     experiments = as_experiments(data, missing=True, series=True)
-    return Fits(_fit(name, model, experiments, steps) for name, model in named.items())
+    return Fits(_fit_to_experiments(name, model, experiments, steps) for name, model in named.items())
 
 
 def _named(models: Model | Sequence[Model]) -> dict[str, Model]:
@@ -138,6 +139,7 @@ def _named(models: Model | Sequence[Model]) -> dict[str, Model]:
     chosen = [chosen_model(model) for model in sequence]
     for model in chosen:
         as_model(model)  # refuses what is no model
+    # numbers tell two estimates of one method apart
     named: dict[str, Model] = {}
     for k, model in enumerate(chosen, 1):
         method = model.method if isinstance(model, Estimate) else "model"
@@ -154,7 +156,7 @@ class _Outputs:
     ahead: FloatArray
 
 
-def _fit(name: str, model: Model, experiments: Sequence[IOData], steps: int) -> ModelFit:
+def _fit_to_experiments(name: str, model: Model, experiments: Sequence[IOData], steps: int) -> ModelFit:
     """Fit of a model to all experiments, with that to each of several."""
     outputs = []
     for experiment in experiments:
@@ -238,6 +240,7 @@ def fit_percent(y: ArrayLike, yhat: ArrayLike) -> FloatArray:
     if (spread <= rounding).any():
         raise SysidError(f"output {int(np.argmin(spread - rounding))} is constant: its fit is not defined")
     measured = np.isfinite(y)
+    # missing samples count neither in the error nor in the spread
     error = np.where(measured, np.abs(np.where(measured, y, 0.0) - yhat), 0.0)
     largest = error.max(axis=0)
     finite = np.isfinite(largest)

@@ -119,6 +119,7 @@ def _same_beginning(first: IOData, second: IOData) -> bool:
     """Whether two records agree as far as the shorter one goes."""
     if (first.nu, first.ny) != (second.nu, second.ny):
         return False
+    # a record that was cut at its end is still the same
     common = min(len(first), len(second))
     return _close(first.u[:common], second.u[:common]) and _close(first.y[:common], second.y[:common])
 

@@ -72,6 +72,7 @@ class ModelPredictor:
                     f"{record.name or 'the record'} has no initialisation window, so the level of its outputs is "
                     "unknown; expected a model with its operating point"
                 )
+            # the mean of the inputs in the window takes the place of their operating point
             about = record.subtract(u=record.u[: record.window].mean(axis=0))
             return predict(_with_constant(self.model), about, steps=ahead)
 

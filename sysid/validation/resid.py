@@ -159,6 +159,7 @@ class ResidualTest(Locked):
         return "\n".join(lines)
 
     def _whiteness_line(self, i: int) -> str:
+        """Verdict on the whiteness of an output."""
         verdict = "white" if self.white[i] else "not white"
         return (
             f"  {self.output_names[i]}: {verdict} (p = {self.whiteness_p[i]:.3g} of all lags together; "
@@ -166,6 +167,7 @@ class ResidualTest(Locked):
         )
 
     def _independence_line(self, i: int, j: int) -> str:
+        """Verdict on the independence of an output's residuals of an input."""
         verdict = "independent" if self.independent[i, j] else "not independent"
         tested = self.lags[-1] + 1 - self.first_lags[i, j]
         return (
@@ -324,6 +326,7 @@ def _pair_tests(
     bound, p_cross, p_feedback = np.empty((ny, nu)), np.empty((ny, nu)), np.empty((ny, nu))
     for i in range(ny):
         e = [errors[:, i] for errors in signals.e]
+        # correlations of a model decay smoothly; sample correlations would add noise to the variance
         _, r_e = autoregression(np.concatenate(e), lags)
         reach = min(len(r_e), shortest) - 1
         for j in range(nu):

@@ -61,6 +61,7 @@ def selstruc(
         raise SysidError(f"expected validation data or folds, not both; got folds = {folds}")
     union = _union(candidates)
     warn_each(check_excitation(experiments, [0] * nu))
+    # the regressors begin where all their lags are in the record, so there are no initial conditions to estimate
     rows = check_enough_data(experiments, union, transients=0)
     folds = whole_number("folds", folds, 0, rows)
     if folds == 1:
@@ -118,6 +119,7 @@ def _folds(columns: FloatArray, folds: int) -> list[_FitAndCheck]:
     factors = [triangular_factor(rows) for rows in np.array_split(columns, folds)]
     pairs = []
     for k, factor in enumerate(factors):
+        # the triangle of stacked triangles is that of the stacked rows
         others = np.vstack(factors[:k] + factors[k + 1 :])
         pairs.append(_FitAndCheck(triangular_factor(others), factor))
     return pairs

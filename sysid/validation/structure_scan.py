@@ -138,6 +138,7 @@ def make_table(
         reasons = "; ".join(f"{candidate}: {reason}" for candidate, reason in failed[:3])
         raise SysidError(f"no candidate could be fitted ({reasons})")
     p = np.array(parameters)
+    # below the floor losses are rounding, by which no candidate is better than another
     v = np.maximum(np.array(loss), FLOOR * power)
     checked = np.maximum(np.array(validation), FLOOR * power)
     n, ny = samples, outputs
@@ -354,6 +355,7 @@ def choose_orders(
 
 def _nested(names: Sequence[str], small: Candidate, large: Candidate) -> bool:
     """Whether a structure contains another one with the same delays."""
+    # with another delay the first coefficients are others, so nk must agree
     for name, in_small, in_large in zip(names, small, large, strict=True):
         contained = np.equal if name == "nk" else np.less_equal
         if not np.all(contained(in_small, in_large)):
@@ -380,5 +382,6 @@ def parameter_count(estimate: Estimate) -> int:
     """Free parameters: a state-space model in innovation form has n (nu + 2 ny) + nu ny of them."""
     if estimate.polynomials is not None:
         return len(estimate.parameters)
+    # of the entries of A, B, C, D and K, n^2 only choose the basis of the state
     m = estimate.model
     return m.order * (m.nu + 2 * m.ny) + m.nu * m.ny
