@@ -44,10 +44,10 @@ def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float =
         raise SysidError(f"too few samples: {len(signal)} given, at least 2 are needed")
     max_order = whole_number("max_order", max_order, 1, len(signal) // 2)
     tolerance = real_number("tolerance", tolerance, "lie between 0 and 1", lambda value: 0.0 < value < 1.0)
-    return _excitation([signal], max_order, tolerance)
+    return _order_of_excitation([signal], max_order, tolerance)
 
 
-def _excitation(signals: Sequence[FloatArray], max_order: int, tolerance: float = DEPENDENT) -> int:
+def _order_of_excitation(signals: Sequence[FloatArray], max_order: int, tolerance: float = DEPENDENT) -> int:
     """Order of excitation by one input, a signal (N_i,) per experiment; at most `max_order`."""
     return _gram_rank(hankel_moments([signal[:, None] for signal in signals], max_order), tolerance)
 
@@ -94,7 +94,7 @@ def _poorly_excited(experiments: Sequence[IOData], needed: Sequence[int]) -> lis
         testable = min(needed[j], shortest // 2)
         if testable < 1:
             continue
-        excited = _excitation([e.u[:, j] for e in experiments], testable)
+        excited = _order_of_excitation([e.u[:, j] for e in experiments], testable)
         if excited < needed[j]:
             messages.append(
                 f"input {name} is persistently exciting of order {excited} only, the model needs {needed[j]}: "
@@ -167,7 +167,7 @@ def _unexplained_offset(experiments: Sequence[IOData], output: int, order: int) 
     if noise_free:
         # without noise the longer model can difference the data: then the first must be exact
         longer_offset, longer_certainty = (offset, certainty) if certainty > EXACT else (0.0, 0.0)
-    y = _joined([e.y[e.window :, output] for e in experiments])
+    y = _concatenated([e.y[e.window :, output] for e in experiments])
     serious = SERIOUS * max(abs(float(np.nanmean(y))), float(np.nanstd(y)))
     significant = min(certainty, longer_certainty) > CERTAIN
     large = min(abs(offset), abs(longer_offset)) > serious
@@ -176,10 +176,10 @@ def _unexplained_offset(experiments: Sequence[IOData], output: int, order: int) 
     if noise_free or min(len(e) for e in experiments) < AVERAGED * FEWEST:
         return 0.0
     # noise hides what a slow process does from one sample to the next
-    return _unexplained_offset([_averaged(e) for e in experiments], output, order)
+    return _unexplained_offset([_averaged_record(e) for e in experiments], output, order)
 
 
-def _averaged(experiment: IOData) -> IOData:
+def _averaged_record(experiment: IOData) -> IOData:
     """Means over `AVERAGED` samples as a record; an incomplete last one is left out."""
     return replace(
         experiment,
@@ -208,7 +208,7 @@ def large_means(experiments: Sequence[IOData]) -> list[str]:
 def _dominant_means(experiments: Sequence[IOData]) -> str:
     """Beginning of a message on the channels whose mean exceeds their standard deviation; empty without any."""
     first = experiments[0]
-    z = _joined([np.hstack((e.u, e.y))[e.window :] for e in experiments])
+    z = _concatenated([np.hstack((e.u, e.y))[e.window :] for e in experiments])
     means, deviations = np.nanmean(z, axis=0), np.nanstd(z, axis=0)
     names = (*(first.input_names or ()), *(first.output_names or ()))
     dominated = []
@@ -218,7 +218,7 @@ def _dominant_means(experiments: Sequence[IOData]) -> str:
     return f"the mean dominates {', '.join(dominated)}" if dominated else ""
 
 
-def _joined(signals: Sequence[FloatArray]) -> FloatArray:
+def _concatenated(signals: Sequence[FloatArray]) -> FloatArray:
     """Signals of several experiments one after the other; a single one is not copied."""
     return signals[0] if len(signals) == 1 else np.concatenate(signals)
 

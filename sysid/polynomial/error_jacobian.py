@@ -53,15 +53,15 @@ def error_jacobian(
     """Prediction errors and Jacobian of one single-output experiment at stable parameters theta (p,)."""
     y, u = experiment.y[:, 0], experiment.u
     if initial_conditions is InitialConditions.ZERO:
-        columns = _free_initial_conditions(y, u, orders, theta, 0, np.zeros((0, 0))).columns[experiment.window :]
+        columns = _free_conditions_jacobian(y, u, orders, theta, 0, np.zeros((0, 0))).columns[experiment.window :]
         return ErrorJacobian(columns, len(columns), 0)
     if initial_conditions is InitialConditions.BACKCAST and max(orders.nc, orders.nd):
-        return _backcast(y, u, orders, theta, orders.first_row(experiment.window))
+        return _backcast_jacobian(y, u, orders, theta, orders.first_row(experiment.window))
     start = orders.first_error(experiment.window)
-    return _free_initial_conditions(y, u, orders, theta, start, free_transients(orders, theta, len(y) - start))
+    return _free_conditions_jacobian(y, u, orders, theta, start, free_transients(orders, theta, len(y) - start))
 
 
-def _free_initial_conditions(
+def _free_conditions_jacobian(
     y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int, transients: FloatArray
 ) -> ErrorJacobian:
     """Errors and Jacobian from `start` on, with the transients of free initial conditions projected out.
@@ -98,18 +98,18 @@ def _free_initial_conditions(
     columns = np.empty((len(eps), orders.count + 1), order="F")
     of_a, of_b, of_c, of_d, of_f = orders.ranges
     if orders.na:
-        columns[:, of_a] = _shifts(scipy.signal.lfilter(d, c, y), orders.na, first=1)[start:]
+        columns[:, of_a] = _delayed_copies(scipy.signal.lfilter(d, c, y), orders.na, first=1)[start:]
     for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
         filtered = scipy.signal.lfilter(d, np.convolve(c, f[j]), u[:, j])
-        columns[:, of_b[j]] = -_shifts(filtered, nb, first=nk)[start:]
+        columns[:, of_b[j]] = -_delayed_copies(filtered, nb, first=nk)[start:]
     if orders.nc:
-        columns[:, of_c] = -_shifts(scipy.signal.lfilter([1.0], c, eps), orders.nc, first=1)
+        columns[:, of_c] = -_delayed_copies(scipy.signal.lfilter([1.0], c, eps), orders.nc, first=1)
     if orders.nd:
-        columns[:, of_d] = _shifts(scipy.signal.lfilter([1.0], c, corrected), orders.nd, first=1)
+        columns[:, of_d] = _delayed_copies(scipy.signal.lfilter([1.0], c, corrected), orders.nd, first=1)
     for j, nf in enumerate(orders.nf):
         if nf:
             filtered = scipy.signal.lfilter(d, np.convolve(c, f[j]), outputs[j])
-            columns[:, of_f[j]] = _shifts(filtered, nf, first=1)
+            columns[:, of_f[j]] = _delayed_copies(filtered, nf, first=1)
     if basis is not None:
         _subtract_projection(basis, columns[:, : orders.count])
     columns[:, orders.count] = eps
@@ -150,18 +150,18 @@ def _subtract_projection(basis: FloatArray, signals: FloatArray) -> None:
     leading -= basis @ (basis.T @ leading)
 
 
-def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> ErrorJacobian:
+def _backcast_jacobian(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> ErrorJacobian:
     """Errors and Jacobian from `start` on; the initial disturbance state x costs x' P^-1 x, P its covariance.
 
     The disturbance filters run from rest at `start`. The state enters as pulses at the first samples, through 1/C. It
     takes part as further errors L^-1 x with L L' = P, in the first rows. Errors and derivatives otherwise as in
-    `_free_initial_conditions`.
+    `_free_conditions_jacobian`.
     """
     a, b, c, d, f = orders.split(theta)
     rows, m = len(y) - start, max(orders.nc, orders.nd)
     responses = path_responses(u, b, f)
     v = (scipy.signal.lfilter(a, [1.0], y) - sum(responses))[start:]
-    root = _inverse_root(c, d, m)
+    root = _inverse_covariance_root(c, d, m)
     errors = np.concatenate((np.zeros(m), scipy.signal.lfilter(d, c, v)))
     basis, conditions = orthonormal(_backcast_transients(orders, theta, root, rows), errors)
     _subtract_projection(basis, errors)
@@ -176,13 +176,13 @@ def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, s
     for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
         inputs = lagged(scipy.signal.lfilter([1.0], f[j], u[:, j]), input_lags(nb, nk), start)
         columns[m:, of_b[j]] = -scipy.signal.lfilter(d, c, inputs, axis=0)
-    columns[m:, of_c] = -_shifts(scipy.signal.lfilter([1.0], c, errors[m:]), orders.nc, first=1)
-    columns[m:, of_d] = _shifts(scipy.signal.lfilter([1.0], c, v), orders.nd, first=1)
+    columns[m:, of_c] = -_delayed_copies(scipy.signal.lfilter([1.0], c, errors[m:]), orders.nc, first=1)
+    columns[m:, of_d] = _delayed_copies(scipy.signal.lfilter([1.0], c, v), orders.nd, first=1)
     by_c, by_d = _state_cost_derivatives(c, d, root, conditions[:m])
     columns[:m, of_c], columns[:m, of_d] = by_c, by_d
     for j, nf in enumerate(orders.nf):
         if nf:
-            filtered = _shifts(scipy.signal.lfilter([1.0], f[j], responses[j]), nf, first=1)[start:]
+            filtered = _delayed_copies(scipy.signal.lfilter([1.0], f[j], responses[j]), nf, first=1)[start:]
             columns[m:, of_f[j]] = scipy.signal.lfilter(d, c, filtered, axis=0)
     _subtract_projection(basis, columns[:, : orders.count])
     columns[:, orders.count] = errors
@@ -197,11 +197,11 @@ def _backcast_transients(orders: Orders, theta: FloatArray, root: FloatArray, ro
     _, _, c, d, f = orders.split(theta)
     m = len(root)
     pulse = _unit_pulse(rows)
-    of_states = np.vstack((root, _shifts(scipy.signal.lfilter([1.0], c, pulse), m)))
+    of_states = np.vstack((root, _delayed_copies(scipy.signal.lfilter([1.0], c, pulse), m)))
     # a first block without columns stands in where there is no input
     of_paths = [np.zeros((rows, 0))]
     for fj, nf in zip(f, orders.nf, strict=True):
-        of_paths.append(_shifts(scipy.signal.lfilter(d, np.convolve(c, fj), pulse), nf))
+        of_paths.append(_delayed_copies(scipy.signal.lfilter(d, np.convolve(c, fj), pulse), nf))
     free = np.vstack((np.zeros((m, sum(orders.nf))), np.hstack(of_paths)))
     return np.hstack((of_states, free))
 
@@ -218,13 +218,13 @@ def _state_cost_derivatives(
     by_c, by_d = np.empty((m, len(c) - 1)), np.empty((m, len(d) - 1))
     for i in range(len(c) - 1):
         step = STEP * np.eye(1, len(c), i + 1)[0]
-        difference = _inverse_root(c + step, d, m) - _inverse_root(c - step, d, m)
+        difference = _inverse_covariance_root(c + step, d, m) - _inverse_covariance_root(c - step, d, m)
         by_c[:, i] = -difference @ state / (2.0 * STEP)
     for i in range(len(d) - 1):
         step = STEP * np.eye(1, len(d), i + 1)[0]
         # at the stability limit one side has no stationary covariance; the difference is then one-sided, or zero
-        upper = _inverse_root(c, d + step, m) if is_stable(d + step) else None
-        lower = _inverse_root(c, d - step, m) if is_stable(d - step) else None
+        upper = _inverse_covariance_root(c, d + step, m) if is_stable(d + step) else None
+        lower = _inverse_covariance_root(c, d - step, m) if is_stable(d - step) else None
         sides = (upper is not None) + (lower is not None)
         upper = root if upper is None else upper
         lower = root if lower is None else lower
@@ -233,7 +233,7 @@ def _state_cost_derivatives(
     return by_c, by_d
 
 
-def _inverse_root(c: FloatArray, d: FloatArray, m: int) -> FloatArray:
+def _inverse_covariance_root(c: FloatArray, d: FloatArray, m: int) -> FloatArray:
     """Inverse of L (m, m), L L' the stationary covariance of the observer-form state of C/D for unit innovations.
 
     The states obey x+ = A x + K e with -d1, -d2, ... in the first column of A and K = (c1 - d1, c2 - d2, ...).
@@ -266,10 +266,10 @@ def free_transients(orders: Orders, theta: FloatArray, rows: int) -> FloatArray:
     if not filters:
         return np.zeros((0, 0))
     responses = _pulse_responses(filters, min(FIRST_LENGTH, rows), rows, NEGLIGIBLE)
-    return np.hstack([_shifts(response, count) for response, count in zip(responses, counts, strict=True)])
+    return np.hstack([_delayed_copies(response, count) for response, count in zip(responses, counts, strict=True)])
 
 
-def _shifts(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
+def _delayed_copies(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
     """Columns of `signal` delayed by first, first + 1, ..., from rest."""
     # columns are contiguous, since they are written one by one
     out = np.zeros((len(signal), count), order="F")
@@ -331,7 +331,7 @@ def gapped_error_jacobian(
     y = np.where(known, experiment.y[:, 0], 0.0)
     start = experiment.window if at_rest else orders.first_error(experiment.window)
     rows = len(y) - start
-    response = _died_out(np.convolve(d, a), c, len(y))
+    response = _response_until_negligible(np.convolve(d, a), c, len(y))
     gaps = MissingOutputs.of(known[start:, None], response[:, None, None])
 
     inputs = sum(path_responses(experiment.u, b, f))
@@ -349,7 +349,7 @@ def gapped_error_jacobian(
 
     # conditional means of the missing outputs, at the initial conditions that fit best
     remainder = gaps.eliminated(np.column_stack((free, errors))[:, None])[:, 0]
-    basis, coefficients = _span(remainder[:, :-1], free, remainder[:, -1])
+    basis, coefficients = _basis_and_coefficients(remainder[:, :-1], free, remainder[:, -1])
     y[early] = -coefficients[: len(early)]
     y[start:][~known[start:]] = -gaps.best((errors - free @ coefficients)[:, None, None])[:, 0]
 
@@ -361,7 +361,7 @@ def gapped_error_jacobian(
 
 
 def _log_determinant_slope(gaps: MissingOutputs, orders: Orders, theta: FloatArray) -> FloatArray:
-    """Derivatives of the logarithm of the determinant (p,), which does not depend on B and F.
+    """Derivatives of log det(G'G) of the missing outputs (p,), which does not depend on B and F.
 
     They follow from those of the response g = D A/C of the errors to an output.
     """
@@ -386,7 +386,7 @@ def _log_determinant_slope(gaps: MissingOutputs, orders: Orders, theta: FloatArr
     return out
 
 
-def _died_out(numerator: FloatArray, denominator: FloatArray, longest: int) -> FloatArray:
+def _response_until_negligible(numerator: FloatArray, denominator: FloatArray, longest: int) -> FloatArray:
     """Pulse response until it has died out, at most `longest` samples."""
     if len(denominator) == 1 or not denominator[1:].any():
         return numerator[:longest]
@@ -396,8 +396,13 @@ def _died_out(numerator: FloatArray, denominator: FloatArray, longest: int) -> F
     return response[: alive[-1] + 1]
 
 
-def _span(remainder: FloatArray, free: FloatArray, errors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Orthonormal basis of the remainder of the free columns, and coefficients of the errors in them."""
+def _basis_and_coefficients(
+    remainder: FloatArray, free: FloatArray, errors: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Orthonormal basis of free columns, and the coefficients of the errors in these columns.
+
+    The `remainder` is that of the free columns after the missing outputs are eliminated, the errors' likewise.
+    """
     if not free.shape[1]:
         return remainder, np.zeros(0)
     lengths = np.sqrt(np.einsum("ij,ij->j", free, free))

@@ -24,7 +24,7 @@ class InitialConditions(Enum):
 
     @staticmethod
     def of(value: "InitialConditions | str") -> "InitialConditions":
-        """A member, by itself or by its value "estimated", "backcast" or "zero".
+        """Member with the value "estimated", "backcast" or "zero"; a member is returned as it is.
 
         Raises:
             SysidError: Any other value.

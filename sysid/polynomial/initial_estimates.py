@@ -27,7 +27,7 @@ FILL_ROUNDS = 12  # limit on the rounds of filling and fitting
 FILL_SETTLED = 1e-2  # change of the filled outputs, relative to the errors, at which they end
 
 
-def completed(experiments: Sequence[IOData], orders: Orders) -> tuple[IOData, ...]:
+def fill_gaps(experiments: Sequence[IOData], orders: Orders) -> tuple[IOData, ...]:
     """Fill gaps with conditional means of a long ARX model, which is fitted to the filled record in turn."""
     if all(e.complete for e in experiments):
         return tuple(experiments)
@@ -38,7 +38,7 @@ def completed(experiments: Sequence[IOData], orders: Orders) -> tuple[IOData, ..
         last_filled, filled = filled, []
         change = errors = 0.0
         for experiment, last in zip(experiments, last_filled, strict=True):
-            update = _conditional_mean(model, experiment, last)
+            update = _fill_with_conditional_means(model, experiment, last)
             change += float(np.sum((update.y - last.y) ** 2))
             errors += float(np.sum(model.errors(update)[model.skip :] ** 2))
             filled.append(update)
@@ -56,8 +56,8 @@ def interpolated(experiment: IOData) -> FloatArray:
     return np.column_stack(channels)
 
 
-def _conditional_mean(model: LongArx, experiment: IOData, filled: IOData) -> IOData:
-    """Fill from `skip` on; the errors before it are unknown, and the earlier filling stays."""
+def _fill_with_conditional_means(model: LongArx, experiment: IOData, filled: IOData) -> IOData:
+    """Fill gaps with their conditional means under a model; before its errors begin, the earlier filling stays."""
     known = experiment.known[model.skip :]
     y = filled.y.copy()
     y[model.skip :][~known] = 0.0
@@ -103,7 +103,7 @@ def armax_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> It
 
 
 def check_room_to_start(experiments: Sequence[IOData], orders: Orders) -> None:
-    """Refuse orders that are too large for an initial estimate."""
+    """Refuse orders for which the data are too short to make initial estimates."""
     orders = _as_armax(orders) if orders.na else orders
     dynamics, rows = max((orders.na, *orders.nf)), _hankel_rows(experiments, orders)
     if dynamics >= rows:
@@ -204,7 +204,7 @@ def steiglitz_mcbride(
         f = stabilised(np.concatenate(([1.0], theta[:nf])))
         if len(last_f) == len(f) and np.abs(f - last_f).max() <= SETTLED * np.abs(f).max():
             break
-    return orders.join(np.ones(1), _numerators(orders, theta[nf:]), f=[_cut_denominator(f, n) for n in orders.nf])
+    return orders.join(np.ones(1), _split_numerators(orders, theta[nf:]), f=[_cut_denominator(f, n) for n in orders.nf])
 
 
 def _cut_denominator(f: FloatArray, degree: int) -> FloatArray:
@@ -230,7 +230,7 @@ def reduced_path(experiments: Sequence[IOData], orders: Orders, model: LongArx) 
         blocks.append(np.hstack(columns))
         targets.append(e.y[start:])
     theta = solve(np.vstack(blocks), np.concatenate(targets)).solution[:, 0]
-    return orders.join(np.ones(1), _numerators(orders, theta), f=f)
+    return orders.join(np.ones(1), _split_numerators(orders, theta), f=f)
 
 
 def reduced_denominator(responses: Sequence[FloatArray], order: int, rows: int) -> FloatArray:
@@ -284,10 +284,11 @@ def _hankel_rows(experiments: Sequence[IOData], orders: Orders) -> int:
 
 
 def _without_noise_model(orders: Orders, arx_theta: FloatArray) -> FloatArray:
+    """Parameters of ARMAX with C = 1 from those of ARX."""
     return np.concatenate((arx_theta, np.zeros(orders.nc)))
 
 
-def _numerators(orders: Orders, coefficients: FloatArray) -> list[FloatArray]:
+def _split_numerators(orders: Orders, coefficients: FloatArray) -> list[FloatArray]:
     """B of each input from the coefficients of all of them (sum(nb),)."""
     return with_delays(np.split(coefficients, np.cumsum(orders.nb)[:-1]), orders.nk)
 
@@ -303,16 +304,20 @@ def bj_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Itera
     long_arx = long_arx_models(experiments, orders, longest)
     model = long_arx(shortest)
     for n in (shortest, longest):
-        path = _whitened_path(experiments, path_orders, long_arx(n))
-        yield InitialEstimate(f"whitened ({n})", _with_disturbance(experiments, orders, path_orders, path, model))
+        path = _path_from_whitened_data(experiments, path_orders, long_arx(n))
+        yield InitialEstimate(
+            f"whitened ({n})", _append_disturbance_model(experiments, orders, path_orders, path, model)
+        )
     path = reduced_path(experiments, path_orders, long_arx(longest))
-    yield InitialEstimate(f"reduced ARX ({longest})", _with_disturbance(experiments, orders, path_orders, path, model))
+    yield InitialEstimate(
+        f"reduced ARX ({longest})", _append_disturbance_model(experiments, orders, path_orders, path, model)
+    )
     for start in oe_initial_estimates(experiments, path_orders):
-        theta = _with_disturbance(experiments, orders, path_orders, start.theta, model)
+        theta = _append_disturbance_model(experiments, orders, path_orders, start.theta, model)
         yield InitialEstimate(f"oe: {start.name}", theta)
 
 
-def _whitened_path(experiments: Sequence[IOData], path_orders: Orders, model: LongArx) -> FloatArray:
+def _path_from_whitened_data(experiments: Sequence[IOData], path_orders: Orders, model: LongArx) -> FloatArray:
     """Input paths by Steiglitz-McBride on data filtered by A of a long ARX model, which whitens the disturbance."""
     noise_free = [model.simulate(e) for e in experiments]
     first = steiglitz_mcbride(experiments, path_orders, noise_free, REFINEMENTS)
@@ -324,7 +329,7 @@ def _whitened_path(experiments: Sequence[IOData], path_orders: Orders, model: Lo
     return steiglitz_mcbride(white, path_orders, [e.y[:, 0] for e in white], REFINEMENTS, first)
 
 
-def _with_disturbance(
+def _append_disturbance_model(
     experiments: Sequence[IOData], orders: Orders, path_orders: Orders, path: FloatArray, model: LongArx
 ) -> FloatArray:
     """Add C and D: regress v = y - B/F u on lags of itself and of the estimated innovations."""
@@ -359,12 +364,12 @@ def general_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> 
     model = long_arx_models(experiments, as_armax, n)(n)
     a, b, c, *_ = as_armax.split(hannan_rissanen(experiments, as_armax, model))
     denominators = []
-    for k, factor in enumerate(_factors(a, [*b, c], orders.na), start=1):
+    for k, factor in enumerate(_likely_factors(a, [*b, c], orders.na), start=1):
         denominators.append((f"A {k}", factor))
     plain_armax = replace(without_a, na=orders.na, nd=0, nf=(0,) * len(orders.nf))
     for start in armax_initial_estimates(experiments, plain_armax):
         denominators.append((f"A of {start.name}", plain_armax.split(start.theta)[0]))
-    families = [(name, a, initial_estimates(_filtered_by(a, experiments), without_a)) for name, a in denominators]
+    families = [(name, a, initial_estimates(_filter_outputs(a, experiments), without_a)) for name, a in denominators]
     # the best method for every A comes first, then the next best: the search may end at any of them
     for _ in range(ROUNDS):
         for name, a, family in families:
@@ -373,7 +378,7 @@ def general_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> 
                 yield InitialEstimate(f"{name}, {start.name}", orders.join(a, b, c, d, f))
 
 
-def _filtered_by(a: FloatArray, experiments: Sequence[IOData]) -> list[IOData]:
+def _filter_outputs(a: FloatArray, experiments: Sequence[IOData]) -> list[IOData]:
     """Experiments with the output A y, whose first samples lack their past."""
     filtered = []
     for experiment in experiments:
@@ -391,8 +396,11 @@ def _as_armax(orders: Orders) -> Orders:
     return replace(orders, na=na, nb=nb, nc=nc, nd=0, nf=(0,) * len(orders.nf))
 
 
-def _factors(denominator: FloatArray, numerators: Sequence[FloatArray], degree: int) -> list[FloatArray]:
-    """Real factors of a degree, those first whose roots are least zeros of the numerators, the last one the noise's."""
+def _likely_factors(denominator: FloatArray, numerators: Sequence[FloatArray], degree: int) -> list[FloatArray]:
+    """Real factors of a degree, the likeliest to be A first: their roots are zeros of no numerator.
+
+    The last numerator is that of the noise.
+    """
     roots = np.roots(denominator)
     # a pair of complex roots stays together
     groups = [_with_conjugate(root) for root in roots if root.imag >= 0.0]
@@ -419,7 +427,7 @@ def _with_conjugate(root: complex) -> list[complex]:
 
 
 def _relative_values(polynomial: FloatArray, groups: Sequence[Sequence[complex]]) -> FloatArray:
-    """Moduli of a polynomial at the first root of each group, relative to the sum of the moduli of its terms."""
+    """Modulus of a polynomial at the first root of each group, relative to the sum of the moduli of its terms."""
     values = []
     for root, *_ in groups:
         values.append(abs(np.polyval(polynomial, root)) / np.polyval(np.abs(polynomial), abs(root)))

@@ -20,14 +20,14 @@ DEPENDENT = 1e-10  # remainder of an instrument, relative to it, after those bef
 WHITE = np.ones(1)
 
 
-def instrumented(
+def solve_with_instruments(
     experiments: Sequence[IOData],
     orders: Orders,
     instruments: Sequence[FloatArray],
     whitener: FloatArray,
     colour: FloatArray = WHITE,
 ) -> tuple[LeastSquares, FloatArray]:
-    """Solve Z' (y - Phi theta) = 0 on data filtered by the whitener 1, l1, ...
+    """Solve the instrumental-variable equations Z' (y - Phi theta) = 0 on data filtered by the whitener 1, l1, ...
 
     An orthonormal basis Q replaces Z: Q' Phi is no worse conditioned than Phi, and the estimate is that of least
     squares with the regressors Q' Phi. The instruments (N, 1 + nu) take the place of [y, u] in the regressors Z. The
@@ -37,10 +37,10 @@ def instrumented(
     order = len(whitener) - 1
     # the filter starts from zeros: its first samples are no data
     starts = [orders.first_row(e.window) + order for e in experiments]
-    y = _filtered(whitener, [e.y[:, 0] for e in experiments])
-    u = _filtered(whitener, [e.u for e in experiments])
+    y = _filter_signals(whitener, [e.y[:, 0] for e in experiments])
+    u = _filter_signals(whitener, [e.u for e in experiments])
     phi, target = arx_equations(y, u, orders.na, orders.nb, orders.nk, starts)
-    x = _filtered(whitener, instruments)
+    x = _filter_signals(whitener, instruments)
     y_instruments, u_instruments = [xi[:, 0] for xi in x], [xi[:, 1:] for xi in x]
     z, _ = arx_equations(y_instruments, u_instruments, orders.na, orders.nb, orders.nk, starts)
     # the filters have finite memory: a missing output affects only the rows within its reach
@@ -64,7 +64,7 @@ def instrumented(
     return fit, half.T @ half
 
 
-def _filtered(whitener: FloatArray, signals: Sequence[FloatArray]) -> list[FloatArray]:
+def _filter_signals(whitener: FloatArray, signals: Sequence[FloatArray]) -> list[FloatArray]:
     return [scipy.signal.lfilter(whitener, [1.0], signal, axis=0) for signal in signals]
 
 
@@ -96,14 +96,14 @@ def instrumental_estimate(
     whitener: FloatArray,
     messages: list[str],
 ) -> Estimate:
-    """Warn, and return the estimate; its covariance is `shape` times the variance of the whitened disturbance."""
+    """Give warnings and assemble the estimate, its covariance `shape` times the whitened disturbance's variance."""
     theta = fit.solution[:, 0]
     signals = disturbances(experiments, orders, theta)
     # the whitener's first samples are its transient
-    whitened = [v[len(whitener) - 1 :] for v in _filtered(whitener, signals)]
-    innovations = _known(np.concatenate(whitened))
+    whitened = [v[len(whitener) - 1 :] for v in _filter_signals(whitener, signals)]
+    innovations = _without_gaps(np.concatenate(whitened))
     freedom = max(len(innovations) - orders.count, 1)
-    errors = [_known(v) for v in signals]
+    errors = [_without_gaps(v) for v in signals]
     energy = sum(float(v @ v) for v in errors)
     messages = messages + fit.rank_message("instruments")
     warn_each(messages, stacklevel=3)
@@ -120,5 +120,5 @@ def instrumental_estimate(
     )
 
 
-def _known(signal: FloatArray) -> FloatArray:
+def _without_gaps(signal: FloatArray) -> FloatArray:
     return signal[np.isfinite(signal)]

@@ -9,7 +9,12 @@ from sysid.models.polynomials import stabilised
 from sysid.polynomial.arx import arx
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.error_jacobian import path_responses
-from sysid.polynomial.instrumental_variables import WHITE, disturbance_whitener, instrumental_estimate, instrumented
+from sysid.polynomial.instrumental_variables import (
+    WHITE,
+    disturbance_whitener,
+    instrumental_estimate,
+    solve_with_instruments,
+)
 from sysid.polynomial.long_arx import arx_solution
 from sysid.polynomial.orders import Orders, make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output
@@ -59,14 +64,16 @@ def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
         theta = arx_solution(y, u, orders.na, orders.nb, orders.nk, rows)
     else:
         theta = arx(experiments, orders.na, orders.nb, orders.nk).parameters
-    fit, _ = instrumented(experiments, orders, _simulated(experiments, orders, theta), WHITE)
+    fit, _ = solve_with_instruments(experiments, orders, _simulated_instruments(experiments, orders, theta), WHITE)
     theta = fit.solution[:, 0]
     whitener = disturbance_whitener(experiments, orders, theta, usable)
-    fit, shape = instrumented(experiments, orders, _simulated(experiments, orders, theta), whitener)
+    fit, shape = solve_with_instruments(
+        experiments, orders, _simulated_instruments(experiments, orders, theta), whitener
+    )
     return instrumental_estimate("iv4", experiments, orders, fit, shape, whitener, messages)
 
 
-def _simulated(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> list[FloatArray]:
+def _simulated_instruments(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> list[FloatArray]:
     """Instruments: outputs of the stabilised model and the inputs of each experiment (N, 1 + nu)."""
     a, b, *_ = orders.split(theta)
     denominators = [stabilised(a)] * len(b)

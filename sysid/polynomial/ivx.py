@@ -7,7 +7,12 @@ from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
 from sysid.polynomial.data_checks import check_excitation, check_means
-from sysid.polynomial.instrumental_variables import WHITE, disturbance_whitener, instrumental_estimate, instrumented
+from sysid.polynomial.instrumental_variables import (
+    WHITE,
+    disturbance_whitener,
+    instrumental_estimate,
+    solve_with_instruments,
+)
 from sysid.polynomial.orders import make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output
 from sysid.records.data import IOData, as_experiments
@@ -65,7 +70,7 @@ def ivx(
         instruments = [np.hstack((z, e.u)) for z, e in zip(signals, experiments, strict=True)]
     messages = check_excitation(experiments, orders.nb) + check_means(experiments, orders.na)
     usable = check_enough_data(experiments, orders, transients=0)
-    fit, _ = instrumented(experiments, orders, instruments, WHITE)
+    fit, _ = solve_with_instruments(experiments, orders, instruments, WHITE)
     whitener = disturbance_whitener(experiments, orders, fit.solution[:, 0], usable)
-    fit, shape = instrumented(experiments, orders, instruments, WHITE, colour=whitener)
+    fit, shape = solve_with_instruments(experiments, orders, instruments, WHITE, colour=whitener)
     return instrumental_estimate("ivx", experiments, orders, fit, shape, whitener, messages)

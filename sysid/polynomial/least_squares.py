@@ -32,11 +32,11 @@ class LeastSquares:
 
     @property
     def diagnostics(self) -> dict[str, Any]:
-        """Those of an estimate that needed no search."""
+        """Diagnostics of an estimate that needs no search."""
         return {"condition": self.condition, "rank": self.rank, "iterations": 0, "converged": True}
 
     def rank_message(self, columns: str = "regressors") -> list[str]:
-        """Description of a rank deficiency, if there is one."""
+        """Message on a rank deficiency, if there is one."""
         p = len(self.solution)
         if self.rank >= p:
             return []
@@ -57,7 +57,7 @@ def solve(phi: FloatArray, target: FloatArray) -> LeastSquares:
 
 
 def solve_blocks(blocks: Callable[[], Iterable[FloatArray]], p: int) -> LeastSquares:
-    """As `solve`, in the memory of one block of rows and of the triangle.
+    """Solve as `solve` does, in the memory of one block of rows and of the triangle.
 
     Args:
         blocks: Computes the blocks [Phi Y] (rows, p + m) anew for each pass: for normal equations, and for QR updates
@@ -121,7 +121,7 @@ def _triangle_of_gram(gram: FloatArray, guarded: int | None) -> FloatArray | Non
 
 
 def scaled_triangle(columns: FloatArray, guarded: int | None = None) -> tuple[FloatArray, FloatArray]:
-    """As `triangular_factor`, of columns (rows, k) over their lengths (k,), 1 for a zero column; and these lengths."""
+    """Triangular factor of columns (rows, k) divided by their lengths, and these lengths (k,), 1 for a zero column."""
     gram = columns.T @ columns
     lengths = np.sqrt(np.diag(gram))
     lengths[lengths == 0.0] = 1.0

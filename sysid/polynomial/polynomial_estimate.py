@@ -15,7 +15,7 @@ from sysid.models.predict import residuals
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.initial_conditions import InitialConditions
-from sysid.polynomial.initial_estimates import check_room_to_start, completed, initial_estimates
+from sysid.polynomial.initial_estimates import check_room_to_start, fill_gaps, initial_estimates
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import (
     InitialEstimate,
@@ -204,7 +204,7 @@ def prediction_error_estimate(
             "data.complete_parts() cuts a record into experiments without gaps"
         )
     messages = _data_messages(experiments, orders)
-    filled = experiments if complete else completed(experiments, orders)
+    filled = experiments if complete else fill_gaps(experiments, orders)
     first = None if start is None else InitialEstimate("start", orders.parameters(start))
     result = search(
         experiments,

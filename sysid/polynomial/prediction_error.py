@@ -18,7 +18,7 @@ from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobia
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.orders import Orders
-from sysid.polynomial.stability_limit import AT_THE_LIMIT, admissible, constrained_step, outward, pulled_in
+from sysid.polynomial.stability_limit import AT_THE_LIMIT, admissible, constrained_step, move_roots_inside, outward
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
@@ -101,7 +101,7 @@ def minimise(
     def criterion(theta: FloatArray, origin: FloatArray) -> Linearisation | None:
         if not np.isfinite(theta).all():
             return None
-        return linearise(experiments, orders, pulled_in(orders, theta, origin, longest), initial_conditions)
+        return linearise(experiments, orders, move_roots_inside(orders, theta, origin, longest), initial_conditions)
 
     at = start if isinstance(start, Linearisation) else linearise(experiments, orders, start, initial_conditions)
     return levenberg_marquardt(

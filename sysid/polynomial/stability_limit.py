@@ -34,8 +34,8 @@ def admissible(orders: Orders, theta: FloatArray, samples: float = np.inf, facto
     return all(is_stable(polynomial, factor * STABILITY_MARGIN) for polynomial in (d, *f))
 
 
-def pulled_in(orders: Orders, theta: FloatArray, origin: FloatArray, samples: float = np.inf) -> FloatArray:
-    """The same parameters (p,) with roots of C, D and F moved inside, where they leave the region.
+def move_roots_inside(orders: Orders, theta: FloatArray, origin: FloatArray, samples: float = np.inf) -> FloatArray:
+    """Move the roots of C, D and F inside that leave the stable region; the parameters with them (p,).
 
     A step from `origin` may use up to `REACH` of the distance to the unit circle: roots that arrive there at once stay.
     """
@@ -43,13 +43,13 @@ def pulled_in(orders: Orders, theta: FloatArray, origin: FloatArray, samples: fl
         return theta
     a, b, c, d, f = orders.split(theta)
     _, _, origin_c, origin_d, origin_f = orders.split(origin)
-    inner_c = _inside(c, origin_c, noise_margin(samples))
-    inner_d = _inside(d, origin_d, STABILITY_MARGIN)
-    inner_f = [_inside(fj, origin_fj, STABILITY_MARGIN) for fj, origin_fj in zip(f, origin_f, strict=True)]
+    inner_c = _with_roots_inside(c, origin_c, noise_margin(samples))
+    inner_d = _with_roots_inside(d, origin_d, STABILITY_MARGIN)
+    inner_f = [_with_roots_inside(fj, origin_fj, STABILITY_MARGIN) for fj, origin_fj in zip(f, origin_f, strict=True)]
     return orders.join(a, b, inner_c, inner_d, inner_f)
 
 
-def _inside(polynomial: FloatArray, origin: FloatArray, margin: float) -> FloatArray:
+def _with_roots_inside(polynomial: FloatArray, origin: FloatArray, margin: float) -> FloatArray:
     """Polynomial with the roots moved inside that leave the region, after a step from `origin`."""
     origin_distance = 1.0 - np.abs(np.roots(origin)).max(initial=0.0)
     distance = max(INSIDE * margin, (1.0 - REACH) * origin_distance)
@@ -80,7 +80,7 @@ def outward(orders: Orders, theta: FloatArray, samples: float = np.inf) -> tuple
         if len(polynomial) == 1:
             continue
         margin = noise_margin(samples) if polynomial is c else STABILITY_MARGIN
-        for change, distance in _ways_out(polynomial, margin):
+        for change, distance in _outward_derivatives(polynomial, margin):
             row = np.zeros(orders.count)
             row[positions] = change
             rows.append(row)
@@ -88,10 +88,10 @@ def outward(orders: Orders, theta: FloatArray, samples: float = np.inf) -> tuple
     return np.array(rows).reshape(-1, orders.count), np.array(reach)
 
 
-def _ways_out(polynomial: FloatArray, margin: float) -> Iterator[tuple[FloatArray, float]]:
-    """Derivatives by the coefficients after the first (n,) of what must not grow further than a distance; both.
+def _outward_derivatives(polynomial: FloatArray, margin: float) -> Iterator[tuple[FloatArray, float]]:
+    """Quantities that must stay below a limit: derivatives by the coefficients after the first (n,), and distances.
 
-    These are the signed values near 1 and -1, and the products of pairs.
+    These quantities are the signed values near 1 and -1, and the products of pairs.
     """
     n = len(polynomial) - 1
     limit = 1.0 - INSIDE * margin
@@ -107,10 +107,10 @@ def _ways_out(polynomial: FloatArray, margin: float) -> Iterator[tuple[FloatArra
             outermost = roots[close][np.argsort(-np.abs(roots[close]))[:2]]
             pairs.append(tuple(np.poly(outermost).real))
     for pair in pairs:
-        yield _product_slope(polynomial, pair), limit**2 - pair[2]
+        yield _pair_product_slope(polynomial, pair), limit**2 - pair[2]
 
 
-def _product_slope(polynomial: FloatArray, pair: tuple[float, float, float]) -> FloatArray:
+def _pair_product_slope(polynomial: FloatArray, pair: tuple[float, float, float]) -> FloatArray:
     """Derivative of the product of a pair of roots, factor z^2 + s z + t, by the coefficients after the first (n,)."""
     n = len(polynomial) - 1
     # remainders of z^(n-1), ..., z, 1 by the pair: coefficients of z and 1 (2, n)

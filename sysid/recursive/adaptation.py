@@ -33,11 +33,11 @@ class Adaptation(ABC):
         """Whether the parameters never stop moving."""
 
     def enter(self, P: FloatArray) -> FloatArray:
-        """Memory (p, p) of a P."""
+        """Memory of the rule (p, p) that stands for a matrix P."""
         return P.copy()
 
     def leave(self, memory: FloatArray) -> FloatArray:
-        """P (p, p) of a memory."""
+        """Matrix P (p, p) that a memory of the rule stands for."""
         return memory
 
     def prior(self, covariance: FloatArray, variance: float) -> FloatArray:
@@ -157,7 +157,7 @@ class DirectionalForgetting(Forgetting):
         return np.stack((P, np.linalg.pinv(P, rcond=ROOT_FLOOR, hermitian=True)))
 
     def leave(self, memory: FloatArray) -> FloatArray:
-        """P, the first of the two."""
+        """P, the first matrix of the memory."""
         return memory[0]
 
     def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
@@ -241,7 +241,7 @@ class Kalman(Locked, Adaptation):
         return gain, P
 
     def covariance(self, P: FloatArray, energy: float, variance: float, samples: int) -> FloatArray:
-        """P itself."""
+        """P itself, which is the covariance."""
         return P
 
 

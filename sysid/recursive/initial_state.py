@@ -56,7 +56,7 @@ def regressed_channels(data: IOData, orders: Orders) -> list[Channel]:
     return [channel for channel in channels if channel.place.stop > channel.place.start]
 
 
-def stable(theta: FloatArray, denominators: Iterable[Denominator]) -> bool:
+def has_stable_denominators(theta: FloatArray, denominators: Iterable[Denominator]) -> bool:
     """Whether every denominator is stable."""
     polynomials = ([1.0, *theta[begin:end].tolist()] for begin, end in denominators)
     return all(distance_bound(polynomial) > 0.0 for polynomial in polynomials)
@@ -81,7 +81,7 @@ def starting_state(
     if isinstance(start, RecursiveEstimate):
         start = start.state
     if isinstance(start, RecursiveState):
-        return _resumed(data, orders, adaptation, start, P0)
+        return _resumed_state(data, orders, adaptation, start, P0)
     squares = weight = 0.0
     if isinstance(start, Estimate):
         _check_structure(data, orders, start)
@@ -94,10 +94,10 @@ def starting_state(
         theta = np.zeros(p) if start is None else real_array("start", start).copy()
         if theta.shape != (p,):
             raise SysidError(f"start: expected {p} parameters ({', '.join(orders.names)}), got shape {theta.shape}")
-    if not stable(theta, {c.denominator for c in channels}):
+    if not has_stable_denominators(theta, {c.denominator for c in channels}):
         raise SysidError(f"start: expected C and F stable, got {dict(zip(orders.names, theta, strict=True))}")
     if P0 is not None:
-        P = _matrix("P0", P0, p)
+        P = _covariance_matrix("P0", P0, p)
     elif isinstance(start, Estimate) and variance > 0.0 and np.isfinite(start.covariance).all():
         P = adaptation.prior(start.covariance, variance)
     else:
@@ -125,7 +125,7 @@ def starting_state(
     )
 
 
-def _resumed(
+def _resumed_state(
     data: IOData, orders: Orders, adaptation: Adaptation, state: RecursiveState, P0: ArrayLike | None
 ) -> RecursiveState:
     """State of an earlier recursion, its P replaced or in the memory of another rule."""
@@ -134,7 +134,9 @@ def _resumed(
     if not np.isclose(data.dt, state.dt, rtol=1e-6, atol=0.0):
         raise SysidError(f"start: expected samples every {state.dt} s as before, got {data.dt} s")
     if P0 is not None:
-        return replace(state, adaptation=adaptation, memory=adaptation.enter(_matrix("P0", P0, orders.count)))
+        return replace(
+            state, adaptation=adaptation, memory=adaptation.enter(_covariance_matrix("P0", P0, orders.count))
+        )
     if adaptation == state.adaptation:
         return state
     return replace(state, adaptation=adaptation, memory=adaptation.enter(state.scaled_covariance))
@@ -158,8 +160,8 @@ def _check_structure(data: IOData, orders: Orders, start: Estimate) -> None:
         )
 
 
-def _matrix(name: str, value: ArrayLike, p: int) -> FloatArray:
-    """A covariance (p, p) from a number for all parameters, one for each, or a matrix."""
+def _covariance_matrix(name: str, value: ArrayLike, p: int) -> FloatArray:
+    """Covariance matrix (p, p) from a number for all parameters, one for each, or a matrix."""
     array = real_array(name, value)
     P = np.diag(np.broadcast_to(array, p)) if array.shape in ((), (p,)) else array
     if P.shape != (p, p):

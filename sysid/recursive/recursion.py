@@ -23,7 +23,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
 from sysid.recursive.adaptation import Adaptation, Forgetting, Gradient
-from sysid.recursive.initial_state import Channel, Start, regressed_channels, stable, starting_state
+from sysid.recursive.initial_state import Channel, Start, has_stable_denominators, regressed_channels, starting_state
 from sysid.recursive.recursive_estimate import RecursiveEstimate, RecursiveState
 
 HALVINGS = 12  # limit on the halvings of a step that would make the predictor unstable
@@ -63,7 +63,7 @@ def recurse(
         check_enough_data([data], orders, transients=0)
         messages += check_means([data], max(orders.na, *orders.nf))
         warn_each(messages, stacklevel=2)
-    rule = _rule(origin, default, adaptation)
+    rule = _adaptation_rule(origin, default, adaptation)
     channels = regressed_channels(data, orders)
     state = starting_state(data, orders, channels, rule, origin, P0)
     recursion = Recursion(method, state, channels, data)
@@ -101,7 +101,7 @@ def recurse(
     )
 
 
-def _rule(origin: Start, default: Adaptation, adaptation: Adaptation | None) -> Adaptation:
+def _adaptation_rule(origin: Start, default: Adaptation, adaptation: Adaptation | None) -> Adaptation:
     """Rule of a recursion: the one asked for, else that of the recursion it continues, else the default."""
     if isinstance(origin, RecursiveState):
         default = origin.adaptation
@@ -132,7 +132,7 @@ class Recursion:
         # the first prediction needs samples from before it, of this record or of the earlier one
         self._first = max(data.window, state.orders.first_row(0) - state.samples)
         self._denominators = {channel.denominator for channel in channels}
-        self._entering, self._tails = _delayed(channels, state.tails, len(data))
+        self._entering, self._tails = _delayed_signals(channels, state.tails, len(data))
         self.theta, self._memory = np.array(state.theta), np.array(state.memory)
         self._phi, self._psi = np.array(state.phi), np.array(state.psi)
         self._filters = [past.tolist() for past in state.filters]
@@ -186,10 +186,10 @@ class Recursion:
         gain, self._memory = rule.step(self._memory, psi, self._steps)
         wound_up = t % LOOK == 0 and not float(np.abs(self._memory).max()) < self._memory_limit
         if wound_up or not abs(error) < self._error_limit:
-            raise _divergence(self._method, rule, t, error)
+            raise _divergence_error(self._method, rule, t, error)
         step = gain * error
         halvings = 0
-        while halvings < HALVINGS and not stable(theta + step, self._denominators):
+        while halvings < HALVINGS and not has_stable_denominators(theta + step, self._denominators):
             step = 0.5 * step
             halvings += 1
         self._shortened += halvings > 0
@@ -225,10 +225,10 @@ class Recursion:
         )
 
 
-def _delayed(
+def _delayed_signals(
     channels: Sequence[Channel], tails: Sequence[FloatArray], samples: int
 ) -> tuple[list[list[float]], list[FloatArray]]:
-    """Samples of each channel that enter the regressors one by one, and the last ones, which are for later."""
+    """Signal of each channel with its delay, and its last samples, which enter after the end of the record."""
     entering, remaining = [], []
     for channel, tail in zip(channels, tails, strict=True):
         signal = np.zeros(samples) if channel.signal is None else np.concatenate((tail, channel.signal))
@@ -237,8 +237,8 @@ def _delayed(
     return entering, remaining
 
 
-def _divergence(method: str, rule: Adaptation, t: int, error: float) -> SysidError:
-    """Error of a recursion that diverges, with a remedy."""
+def _divergence_error(method: str, rule: Adaptation, t: int, error: float) -> SysidError:
+    """Exception for a recursion that diverges, with a remedy."""
     if rule.forgets and not isinstance(rule, Gradient):
         remedy = "P winds up without excitation: use a larger forgetting factor, or a smaller R1"
     else:

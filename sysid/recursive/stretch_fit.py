@@ -106,13 +106,13 @@ def fit_degrees(
         if len(y) - begin - len(D) <= 2 * (3 * n + 1):
             continue
         first_F = np.asarray(np.poly(np.full(n, FASTEST)), dtype=float)
-        starts = [_prefiltered(u, y, begin, nk, D, first_F)]
+        starts = [_prefiltered_least_squares(u, y, begin, nk, D, first_F)]
         if last is not None and last.order == n:
             starts.append((last.B, last.F))
         if fits:
             common = np.poly(np.full(n - fits[-1].order, COMMON))
             starts.append((np.convolve(fits[-1].B, common), np.convolve(fits[-1].F, common)))
-        from_starts = [_search(u, y, begin, nk, D, B, F) for B, F in starts]
+        from_starts = [_gauss_newton(u, y, begin, nk, D, B, F) for B, F in starts]
         fits.append(min(from_starts, key=lambda fit: fit.variance))
     if not fits:
         raise SysidError(f"{len(y) - begin} samples given, expected more for a model of order {min(orders)}")
@@ -137,7 +137,7 @@ def model_weights(fits: Sequence[StretchFit]) -> FloatArray:
     return np.asarray((weights + next_degree) / (2.0 * weights.sum()))
 
 
-def _lags(x: FloatArray, first: int, count: int) -> FloatArray:
+def _delayed_copies(x: FloatArray, first: int, count: int) -> FloatArray:
     """Columns of a signal (N,) delayed by first, first + 1, ... samples, from rest (N, count)."""
     columns = np.zeros((len(x), count))
     for k in range(count):
@@ -148,7 +148,7 @@ def _lags(x: FloatArray, first: int, count: int) -> FloatArray:
 def _free_responses(F: FloatArray, count: int, samples: int) -> FloatArray:
     """Free responses of 1/F (samples, count) to pulses at the first samples."""
     pulse = np.eye(1, samples)[0]
-    return _lags(scipy.signal.lfilter([1.0], F, pulse), 0, count)
+    return _delayed_copies(scipy.signal.lfilter([1.0], F, pulse), 0, count)
 
 
 def _whitened(D: FloatArray, columns: FloatArray) -> FloatArray:
@@ -159,7 +159,7 @@ def _whitened(D: FloatArray, columns: FloatArray) -> FloatArray:
     return np.asarray(sum(d * column for d, column in zip(D, lagged, strict=True)))
 
 
-def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
+def _scaled_least_squares(A: FloatArray, b: FloatArray) -> FloatArray:
     """Least squares of b = A x with columns scaled to unit length, of least norm where they are dependent."""
     scale = np.linalg.norm(A, axis=0)
     scale[scale == 0.0] = 1.0
@@ -171,13 +171,13 @@ def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(solution / scale)
 
 
-def _largest(poles: np.ndarray[Any, Any], samples: int) -> FloatArray:
-    """Largest moduli of poles, for real and complex ones, of a model of so many samples."""
+def _largest_moduli(poles: np.ndarray[Any, Any], samples: int) -> FloatArray:
+    """Largest admissible modulus of each pole, real or complex, of a model of so many samples."""
     slowest_real, longest_ring = np.maximum(np.exp(-np.array([SLOWEST, RINGING]) / samples), FASTEST)
     return np.where(np.isreal(poles), slowest_real, min(longest_ring, STEADIEST))
 
 
-def _prefiltered(
+def _prefiltered_least_squares(
     u: FloatArray, y: FloatArray, begin: int, nk: int, D: FloatArray, F: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Least squares of F y/F = B u/F, F from the round before [SteiglitzMcBride1965]."""
@@ -186,23 +186,23 @@ def _prefiltered(
     B = np.zeros(n)
     for _ in range(PREFILTERS):
         inputs, outputs = scipy.signal.lfilter([1.0], F, past), scipy.signal.lfilter([1.0], F, y[begin:])
-        model = np.hstack((_lags(inputs, 0, n), -_lags(outputs, 1, n)))
+        model = np.hstack((_delayed_copies(inputs, 0, n), -_delayed_copies(outputs, 1, n)))
         # filters that begin at rest, and n lags of them: wrong by free responses to pulses at the first 2n samples
         columns = np.hstack((model, _free_responses(F, 2 * n, samples), np.ones((samples, 1))))
-        theta = _solve(_whitened(D, columns), _whitened(D, outputs))
-        last_F, B, F = F, theta[:n], _bounded(np.append(1.0, theta[n : 2 * n]), samples)
+        theta = _scaled_least_squares(_whitened(D, columns), _whitened(D, outputs))
+        last_F, B, F = F, theta[:n], _with_bounded_poles(np.append(1.0, theta[n : 2 * n]), samples)
         if np.abs(F - last_F).max() < PREFILTER_SETTLED:
             break
     return B, F
 
 
-def _bounded(F: FloatArray, samples: int) -> FloatArray:
+def _with_bounded_poles(F: FloatArray, samples: int) -> FloatArray:
     """Denominator with the poles outside the unit circle mirrored, then kept clear of the largest moduli."""
     poles = np.roots(F)
     # a pole at zero has no direction
     size = np.maximum(np.abs(poles), 1e-12)
     mirrored = np.minimum(size, 1.0 / size)
-    return np.real(np.poly(poles / size * np.minimum(mirrored, 0.999 * _largest(poles, samples))))
+    return np.real(np.poly(poles / size * np.minimum(mirrored, 0.999 * _largest_moduli(poles, samples))))
 
 
 def gradient_rows(
@@ -213,7 +213,7 @@ def gradient_rows(
     x = scipy.signal.lfilter([1.0], F, lagged_input(u, nk))
     simulated = scipy.signal.lfilter(B, [1.0], x)
     w = scipy.signal.lfilter([1.0], F, simulated)
-    model = np.hstack((_lags(x, 0, n), -_lags(w, 1, n)))[begin:]
+    model = np.hstack((_delayed_copies(x, 0, n), -_delayed_copies(w, 1, n)))[begin:]
     columns = np.hstack((model, _free_responses(F, n, samples), np.ones((samples, 1))))
     return columns, y[begin:] - simulated[begin:]
 
@@ -243,23 +243,23 @@ def _linearised(
     columns, errors = gradient_rows(u, y, begin, nk, B, F)
     gradients, target = _whitened(D, columns), _whitened(D, errors)
     by_nuisance = gradients[:, 2 * len(B) :]
-    nuisance = _solve(by_nuisance, target)
+    nuisance = _scaled_least_squares(by_nuisance, target)
     errors = target - by_nuisance @ nuisance
     return _Linearisation(gradients, target, nuisance, errors, float(errors @ errors))
 
 
-def _search(
+def _gauss_newton(
     u: FloatArray, y: FloatArray, begin: int, nk: int, D: FloatArray, B: FloatArray, F: FloatArray
 ) -> StretchFit:
     """Gauss-Newton steps from B and F, halved until the poles are within their bounds and the errors no larger."""
     n, samples = len(B), len(y) - begin
     at = _linearised(u, y, begin, nk, D, B, F)
     for _ in range(MOST_STEPS):
-        step, size = _solve(at.gradients, at.target), 1.0
+        step, size = _scaled_least_squares(at.gradients, at.target), 1.0
         while size > SHORTEST_STEP:
             next_B, next_F = B + size * step[:n], F + size * np.append(0.0, step[n : 2 * n])
             poles = np.roots(next_F)
-            if (np.abs(poles) < _largest(poles, samples)).all():
+            if (np.abs(poles) < _largest_moduli(poles, samples)).all():
                 trial = _linearised(u, y, begin, nk, D, next_B, next_F)
                 if trial.cost <= at.cost:
                     break

@@ -112,7 +112,7 @@ class Tracker:
         drift: float = 1e-3,
         false_alarms: float = 0.1,
     ) -> None:
-        """Fit the calibration.
+        """Fit the calibration, and begin the recursion at its end.
 
         Args:
             record: Calibration: one input, one output, no change. Half a minute of a servo of 1 Hz suffices.
@@ -155,7 +155,7 @@ class Tracker:
         value, gradients = self._quantities(fit.B, fit.F)
         if not np.isfinite(value).all():
             raise SysidError("the model of the calibration has no bandwidth: its gain does not fall to 0.707")
-        self._inflation = self._scatter_of_long = self._scatter(fit, gradients)
+        self._inflation = self._scatter_of_long = self._score_scatter(fit, gradients)
         # variance of the relative bandwidth, which falls with time, against that by which it drifts in a minute
         unit_steps = gradients[0] @ fit.directions[: 2 * fit.order]
         relative_variance = self._inflation[0] * fit.variance * float(np.sum(unit_steps**2))
@@ -167,7 +167,7 @@ class Tracker:
         self._test = ChangeTest(fit.errors, fit.variance, window, alarm_rate, self.dt)
         self._calibration = len(record)
         self._longest = max(round(2.0 * self.memory / self.dt), self._calibration)
-        self._open(fits)
+        self._begin_recursion(fits)
 
     def _calibration_fits(self) -> list[StretchFit]:
         """Models of the calibration by degree, for the colour of the disturbance that it shows."""
@@ -178,7 +178,7 @@ class Tracker:
         self._D = autoregression(white.errors, NOISE_ORDER, select=True)[0]
         return fit_degrees(u, y, 0, degrees, self._nk, self._D)
 
-    def _open(self, fits: list[StretchFit]) -> None:
+    def _begin_recursion(self, fits: list[StretchFit]) -> None:
         """Begin the recursion at the fits of the stretch that ends now."""
         length, fit = len(self._u) - self._begin, preferred(fits)
         self._fit: StretchFit | None = fit
@@ -191,12 +191,12 @@ class Tracker:
         unit = np.eye(fit.directions.shape[1])
         self._delta, self._memory, self._Pi = np.zeros(len(unit)), self._rule.enter(unit), fit.variance * unit
         self._gradients = self._quantities(fit.B, fit.F)[1]
-        self._value, self._between = self._average(fits, fit)
+        self._value, self._between = self._average_models(fits, fit)
         # beyond the longest stretch, half of it must be new
         self._due = round(GROWTH * length) if length < self._longest else length + self._longest // 2
 
-    def _average(self, fits: list[StretchFit], fit: StretchFit) -> tuple[FloatArray, FloatArray]:
-        """Mean of log bandwidth and delay over the models (2,), and its variance less that of `fit` (2,).
+    def _average_models(self, fits: list[StretchFit], fit: StretchFit) -> tuple[FloatArray, FloatArray]:
+        """Mean of log bandwidth and delay over the models (2,), and the excess of its variance over that of `fit` (2,).
 
         The deviation of the mean is the mean of sqrt(variance + (value - mean)^2) [Buckland1997].
         """
@@ -221,7 +221,7 @@ class Tracker:
         deviation = (shares * np.sqrt(spread)).sum(axis=0)
         return mean, np.maximum(deviation**2 - self._inflation * variance_of_fit, 0.0)
 
-    def _scatter(self, fit: StretchFit, gradients: FloatArray) -> FloatArray:
+    def _score_scatter(self, fit: StretchFit, gradients: FloatArray) -> FloatArray:
         """Scatter over blocks of the scores of bandwidth and delay, over that of white errors (2,)."""
         along = gradients @ fit.directions[: 2 * fit.order]
         scores = fit.gradients @ (fit.directions @ along.T) * fit.errors[:, None]
@@ -242,10 +242,10 @@ class Tracker:
         self._u.append(u - self._zero[0])
         self._y.append(y - self._zero[1])
         self._samples += 1
-        change = None if self._fit is None else self._update(self._fit)
+        change = None if self._fit is None else self._recursion_step(self._fit)
         if len(self._u) - self._begin >= self._due:
             self._refit()
-        return self._sample(change)
+        return self._newest_estimates(change)
 
     @property
     def parameters(self) -> FloatArray:
@@ -262,7 +262,7 @@ class Tracker:
         directions = self._directions[:count]
         return np.asarray(self._inflation[0] * directions @ self._Pi @ directions.T)
 
-    def _update(self, fit: StretchFit) -> Change | None:
+    def _recursion_step(self, fit: StretchFit) -> Change | None:
         """One step of the recursion; the change if the sample reveals one."""
         self._enter_sample(fit)
         white = self._D[::-1] @ self._rows
@@ -320,13 +320,13 @@ class Tracker:
         fit = preferred(fits)
         gradients = self._quantities(fit.B, fit.F)[1]
         if np.isfinite(gradients).all():
-            scatter = self._scatter(fit, gradients)
+            scatter = self._score_scatter(fit, gradients)
             if len(self._u) - self._begin >= self._calibration:
                 self._scatter_of_long = scatter
             self._inflation = np.maximum(scatter, self._scatter_of_long)
-        self._open(fits)
+        self._begin_recursion(fits)
 
-    def _sample(self, change: Change | None) -> TrackSample:
+    def _newest_estimates(self, change: Change | None) -> TrackSample:
         """Estimates after the newest sample."""
         time, unknown = (self._samples - 1) * self.dt, (np.nan, np.nan)
         if self._fit is None:

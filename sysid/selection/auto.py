@@ -132,7 +132,7 @@ def auto(
     if fed_back:
         reason += (
             f"; by `feedback` (p = {p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
-            f"{excluded}{_doubt(experiments)}"
+            f"{excluded}{_interchange_question(experiments)}"
         )
     return StructureChoice(
         estimate=_estimate(experiments, best, search.direct),
@@ -143,8 +143,8 @@ def auto(
     )
 
 
-def _doubt(experiments: Experiments) -> str:
-    """Question whether input and output are interchanged, where the input depends on the output and not the reverse."""
+def _interchange_question(experiments: Experiments) -> str:
+    """Question whether input and output are interchanged, where only the input depends on the other one's past."""
     if not experiments[0].nu == experiments[0].ny == 1:
         return ""
     reverse_p = _feedback_p(interchanged(complete_parts(experiments)))
@@ -176,7 +176,7 @@ def _feedback_p(experiments: Experiments) -> float:
 
 
 def _reason(search: StructureSearch, delays: tuple[int, ...], total: int) -> str:
-    """Why the best candidate is the best, in words."""
+    """Reason in words why the best candidate is chosen."""
     ranked, validated = search.ranked(), bool(search.validation)
     best = ranked[0]
     criterion = "the least error in simulation of the validation data" if validated else "the lowest EBIC"

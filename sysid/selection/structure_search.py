@@ -17,7 +17,7 @@ from sysid.polynomial.initial_estimates import (
     armax_initial_estimates,
     bj_initial_estimates,
     check_room_to_start,
-    completed,
+    fill_gaps,
     oe_initial_estimates,
 )
 from sysid.polynomial.orders import Orders
@@ -148,7 +148,7 @@ class StructureSearch:
         nu = experiments[0].nu
         gaps = experiments[0].ny == 1 and not all(e.complete for e in experiments)
         filling = Orders(FILLING, (FILLING,) * nu, 0, 0, (0,) * nu, (1,) * nu)
-        self._filled = completed(experiments, filling) if gaps else experiments
+        self._filled = fill_gaps(experiments, filling) if gaps else experiments
         # longest initial transient of all candidates
         transient = 2 * largest
         self._skipped = [min(max(e.window, transient), len(e) // 2) for e in experiments]
@@ -200,7 +200,7 @@ class StructureSearch:
         for _ in range(REFINED):
             neighbours = []
             for orders in _neighbours(best.orders, names):
-                if np.all(np.greater_equal(orders.nk, shortest)) and _structure(orders) in self.methods:
+                if np.all(np.greater_equal(orders.nk, shortest)) and _structure_of(orders) in self.methods:
                     neighbours.append(orders)
             for orders in neighbours:
                 self.try_orders(orders, best)
@@ -220,7 +220,7 @@ class StructureSearch:
         ends = np.cumsum([len(e) for e in self.experiments])[:-1]
         errors = np.split(estimate.residuals, ends)
         path = estimate.model.input_path()
-        return self._judged("pem_ss", {"order": order}, parameter_count(estimate), errors, path)
+        return self._record_candidate("pem_ss", {"order": order}, parameter_count(estimate), errors, path)
 
     def try_orders(self, orders: Orders, base: Fit | None = None) -> Candidate | None:
         """Fit a candidate in few steps, unless that was done before; None if it cannot be fitted."""
@@ -231,7 +231,7 @@ class StructureSearch:
             check_room_to_start(self.experiments, orders)
             minimum = search(
                 self.experiments,
-                lambda structure: self._starts(structure, base),
+                lambda structure: self._initial_estimates(structure, base),
                 orders,
                 smaller_too=False,
                 thorough=False,
@@ -241,27 +241,27 @@ class StructureSearch:
             self.failed.append(f"{orders}: {error}")
             return None
         theta = minimum.at.theta
-        method = _structure(orders)
-        errors = [_errors(e, orders, theta) for e in self.experiments]
+        method = _structure_of(orders)
+        errors = [_one_step_errors(e, orders, theta) for e in self.experiments]
         # C and D move no pole of the input path
         path = replace(orders.polynomials(theta), C=np.ones(1), D=np.ones(1))
         model = innovations_form(path, self.experiments[0].dt, 1.0)
-        candidate = self._judged(method, orders.select(*ORDERS[method]), orders.count, errors, model)
+        candidate = self._record_candidate(method, orders.select(*ORDERS[method]), orders.count, errors, model)
         self.fits[orders] = Fit(orders, theta, candidate)
         return candidate
 
-    def _starts(self, orders: Orders, base: Fit | None) -> Iterator[InitialEstimate]:
+    def _initial_estimates(self, orders: Orders, base: Fit | None) -> Iterator[InitialEstimate]:
         """The best smaller fit, the base of the change, and without a base some that do not depend on earlier fits."""
-        smaller = [fit for fit in self.fits.values() if _nested(fit.orders, orders)]
+        smaller = [fit for fit in self.fits.values() if _is_nested(fit.orders, orders)]
         if smaller:
             best_smaller = min(smaller, key=lambda fit: fit.candidate.loss)
-            yield InitialEstimate("smaller", _resized(best_smaller, orders))
+            yield InitialEstimate("smaller", _resized_parameters(best_smaller, orders))
         if base is not None:
-            yield InitialEstimate("base", _resized(base, orders))
+            yield InitialEstimate("base", _resized_parameters(base, orders))
             return
         yield from islice(_independent_starts(self._filled, orders), STARTS)
 
-    def _judged(
+    def _record_candidate(
         self, method: str, orders: Mapping[str, Order], count: int, errors: Sequence[FloatArray], path: StateSpace
     ) -> Candidate:
         """Record a candidate with its criteria, from its one-step errors (N_i, ny) and the model of its input path."""
@@ -334,7 +334,7 @@ def _independent_starts(experiments: Experiments, orders: Orders) -> Iterator[In
     return oe_initial_estimates(experiments, orders)
 
 
-def _errors(experiment: IOData, orders: Orders, theta: FloatArray) -> FloatArray:
+def _one_step_errors(experiment: IOData, orders: Orders, theta: FloatArray) -> FloatArray:
     """One-step errors (N, 1), NaN where the output is missing."""
     jacobian = error_jacobian if experiment.complete else gapped_error_jacobian
     errors = jacobian(experiment, orders, theta, InitialConditions.ESTIMATED).columns[:, -1:]
@@ -342,13 +342,13 @@ def _errors(experiment: IOData, orders: Orders, theta: FloatArray) -> FloatArray
     return np.where(experiment.known, np.vstack((start, errors)), np.nan)
 
 
-def _structure(orders: Orders) -> str:
+def _structure_of(orders: Orders) -> str:
     """Name of the simplest structure, arx to bj, with every polynomial whose order is not zero."""
     used = {name for name in ("na", "nc", "nd", "nf") if np.any(getattr(orders, name))}
     return next(name for name, order_names in ORDERS.items() if used <= set(order_names))
 
 
-def _nested(small: Orders, large: Orders) -> bool:
+def _is_nested(small: Orders, large: Orders) -> bool:
     """Whether a structure is part of another one with the same delays."""
     if small.nk != large.nk:
         return False
@@ -356,7 +356,7 @@ def _nested(small: Orders, large: Orders) -> bool:
     return all(np.all(np.less_equal(getattr(small, name), getattr(large, name))) for name in names)
 
 
-def _resized(fit: Fit, orders: Orders) -> FloatArray:
+def _resized_parameters(fit: Fit, orders: Orders) -> FloatArray:
     """Parameters of a fit in other orders (p,): coefficients cut off or filled with zeros, roots kept inside."""
     a, b, c, d, f = fit.orders.split(fit.theta)
     numerators, denominators = [], []
@@ -382,18 +382,18 @@ def _neighbours(orders: Orders, names: Iterable[str]) -> Iterator[Orders]:
     for name in sorted(names):
         for channel in range(np.size(getattr(orders, name))):
             steps += [(name, channel, -1), (name, channel, 1)]
-    neighbours = [_changed(orders, *step) for step in steps]
+    neighbours = [_with_step(orders, *step) for step in steps]
     for name, channel, step in steps:
         if name == "nk":
-            neighbours.append(_changed(_changed(orders, "nk", channel, step), "nb", channel, -step))
+            neighbours.append(_with_step(_with_step(orders, "nk", channel, step), "nb", channel, -step))
     for neighbour in neighbours:
         smallest = min(neighbour.na, neighbour.nc, neighbour.nd, *neighbour.nf, *neighbour.nk)
         if smallest >= 0 and min(neighbour.nb) >= 1:
             yield neighbour
 
 
-def _changed(orders: Orders, name: str, channel: int, step: int) -> Orders:
-    """Orders with a step in one of them, that of a channel where there is one for each."""
+def _with_step(orders: Orders, name: str, channel: int, step: int) -> Orders:
+    """Orders with a step added to one of them, to that of one input where each has its own."""
     value: Any = getattr(orders, name)
     if isinstance(value, int):
         return replace(orders, **{name: value + step})

@@ -8,7 +8,7 @@ import scipy
 
 from sysid import IOData, Polynomials, armax, oe, structure_scan
 from sysid.polynomial.orders import make_orders
-from sysid.polynomial.stability_limit import admissible, constrained_step, outward, pulled_in
+from sysid.polynomial.stability_limit import admissible, constrained_step, move_roots_inside, outward
 from tests.refusals import refused
 
 
@@ -79,7 +79,7 @@ def test_ways_out_of_the_stable_region(roots, count):
     assert len(rows) == count
     for row in rows:
         assert not admissible(orders, theta + 1e-3 * row)
-        assert admissible(orders, pulled_in(orders, theta + 1e-3 * row, theta))
+        assert admissible(orders, move_roots_inside(orders, theta + 1e-3 * row, theta))
     if count == 1:
         assert admissible(orders, theta - 1e-3 * rows[0] / np.linalg.norm(rows[0]))
 
