@@ -55,6 +55,7 @@ def response_of_spectra(
     safe = np.where(silent[:, None, None], np.eye(nu), phi_u)
     inverse = np.linalg.inv(safe)
     g = phi_yu @ inverse
+    # zero while the disturbance is computed, where no part of the output is explained; NaN in the result
     g[silent] = 0.0
     phi_v = phi_y - g @ phi_yu.conj().transpose(0, 2, 1)
     noise = _corrected_noise(phi_v, phi_y, count, nu)

@@ -56,6 +56,7 @@ class PartialFractions(Locked):
         A, B, C = [], [], []
         for pole, residue in zip(self.poles, self.residues, strict=True):
             u, values, vh = np.linalg.svd(residue) if pole.imag else np.linalg.svd(residue.real)
+            # equal shares of a singular value make inputs and outputs of the states alike in size
             root = np.sqrt(values[:rank])
             b, c = root[:, None] * vh[:rank], u[:, :rank] * root
             identity = np.eye(len(b))

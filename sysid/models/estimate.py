@@ -231,6 +231,7 @@ class Estimate(Labelled, Locked):
     @property
     def loss(self) -> float:
         """Mean square of the residuals; with several outputs the ny-th root of the determinant of their covariance."""
+        # a sample with a missing output says nothing of the covariance between outputs
         return mean_square(self.residuals[np.isfinite(self.residuals).all(axis=1)])
 
     @property
@@ -355,9 +356,11 @@ class Estimate(Labelled, Locked):
         deviation = np.full(hz.shape, np.nan)
         nyquist = 0.5 / self.model.dt
         for (i, j), move in zip(np.argwhere(np.isfinite(hz)), moves.T, strict=True):
+            # not beyond Nyquist, where the response repeats
             upper, lower = min(hz[i, j] * (1 + SLOPE_STEP), nyquist), hz[i, j] * (1 - SLOPE_STEP)
             above, below, dc = self._responding.frequency_response([upper, lower, 0.0])[:, i, j]
             slope = (_log_ratio(above, dc) - _log_ratio(below, dc)) / np.log(upper / lower)
+            # a gain that is flat there does not determine the crossing
             deviation[i, j] = np.linalg.norm(move) / abs(slope) if slope else np.inf
         vague = deviation > VAGUE
         if vague.any():
@@ -375,6 +378,7 @@ class Estimate(Labelled, Locked):
 
     def _frequency_response(self, f: FloatArray, moves: FloatArray) -> FrequencyResponse:
         """Response at `f` with its covariance from changes per standard direction (p, nf, ny, nu, 2)."""
+        # white noise of covariance R has the two-sided density dt R
         h = self._responding.noise_response(f)
         noise = self.model.dt * h @ self.noise_variance @ h.conj().transpose(0, 2, 1)
         covariance = None

@@ -317,6 +317,7 @@ class FrequencyResponse(Labelled, Locked):
         Raises:
             SysidError: The method gave no covariance.
         """
+        # a response of zero has no phase: the deviation is out of all bounds
         return self._along(1j * self._direction()) / np.maximum(self.magnitude, np.finfo(float).tiny)
 
     def magnitude_ci95(self) -> tuple[FloatArray, FloatArray]:
@@ -334,6 +335,7 @@ class FrequencyResponse(Labelled, Locked):
         low, high = size - NORMAL_95 * deviation, size + NORMAL_95 * deviation
         # at 0 Hz and the Nyquist frequency the error has one dimension, elsewhere two
         real = self._along(1j * self._direction()) <= 1e-6 * deviation
+        # of an exact response the ratio is infinite
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = size / deviation
         for mask, dimensions in ((real, 1), (~real, 2)):
@@ -370,6 +372,7 @@ class FrequencyResponse(Labelled, Locked):
         freedom = self.degrees_of_freedom
         # with freedom = 2 (K - nu), the spectrum before the fit of nu responses times 2 K
         total = np.einsum("fii->fi", self.noise_spectrum).real * (freedom + 2.0 * self.response.shape[2])
+        # some lag windows make a spectrum negative
         total = np.maximum(total, 0.0)
         return total / scipy.stats.chi2.ppf(0.975, freedom), total / scipy.stats.chi2.ppf(0.025, freedom)
 
@@ -420,6 +423,7 @@ def complex_covariance(variance: FloatArray, f: FloatArray, dt: float, *, double
 def _check_ascending(f: FloatArray, dt: float) -> None:
     """Refuse frequencies that do not ascend from 0 Hz, or that pass Nyquist."""
     nyquist = 0.5 / dt if dt else np.inf
+    # the last line of a transform is Nyquist but for rounding
     if f[0] < 0.0 or (np.diff(f) <= 0.0).any() or f[-1] > nyquist * (1.0 + 1e-9):
         limit = f" up to Nyquist, {nyquist:g} Hz" if dt else ""
         raise SysidError(f"hz: expected ascending frequencies from 0{limit}, got {f[0]:g} to {f[-1]:g} Hz")

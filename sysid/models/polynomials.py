@@ -42,6 +42,7 @@ class Polynomials(Locked):
 
     def __post_init__(self) -> None:
         """Check and lock."""
+        # left out, F is one for every input
         if self.F is ONE and np.ndim(self.B) == 2:
             object.__setattr__(self, "F", np.ones((len(self.B), 1)))
         if not np.size(self.B):
@@ -207,6 +208,7 @@ def stabilised(polynomial: FloatArray, radius: float = 0.995) -> FloatArray:
     roots = np.roots(polynomial)
     if (np.abs(roots) < radius).all():
         return polynomial
+    # a reflected root changes the magnitude on the circle by a constant factor only
     outside = np.abs(roots) > 1.0
     roots[outside] = 1.0 / roots[outside].conj()
     too_close = np.abs(roots) > radius

@@ -28,6 +28,7 @@ class Choice(Protocol):
 
 def chosen_model(model: StateSpace | Estimate | Choice) -> StateSpace | Estimate:
     """The estimate of a choice; other models, and what is none, unchanged."""
+    # by its attribute: the classes of choices belong to rooms that build on this one
     inner = getattr(model, "estimate", None)
     return inner if isinstance(inner, Estimate) else cast("StateSpace | Estimate", model)
 

@@ -286,6 +286,7 @@ class StateSpace(Locked):
 
     def channel(self, input: int, output: int) -> "StateSpace":
         """The path from one input to one output, without noise model and names."""
+        # lists as indices keep both axes
         B, C, D = self.B[:, [input]], self.C[[output]], self.D[[output]][:, [input]]
         return StateSpace(self.A, B, C, D, None, self.dt)
 
@@ -297,6 +298,7 @@ class StateSpace(Locked):
         that from the innovation e to y.
         """
         if self.nu == 0:
+            # an innovation is named after its output
             innovations = tuple(f"e@{name}" for name in self.output_names or ())
             without_noise = replace(self, K=None, innovation_covariance=None)
             return replace(
@@ -344,6 +346,7 @@ class StateSpace(Locked):
 
         if not isinstance(system, control.LTI):
             raise SysidError(f"expected a python-control system, got {type(system).__name__}")
+        # realises a transfer function
         ss = control.ss(system)
         # dt = True is python-control's discrete time without an interval
         if not isinstance(ss.dt, float | int) or isinstance(ss.dt, bool) or ss.dt <= 0:

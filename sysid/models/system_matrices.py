@@ -32,6 +32,7 @@ def balanced_truncation(
         raise SysidError(f"balanced truncation needs a stable model, given one with spectral radius {radius:.6g}")
     controllability = _factor(scipy.linalg.solve_discrete_lyapunov(A, B @ B.T))
     observability = _factor(scipy.linalg.solve_discrete_lyapunov(A.T, C.T @ C))
+    # from factors: the product of the Gramians would lose half of the digits of small singular values
     left, hankel, right = np.linalg.svd(observability.T @ controllability)
     keep = int((hankel > tolerance * hankel[0]).sum())
     if order is not None:

@@ -227,15 +227,14 @@ def okid(
     model = realise.model(realised, gain_markov)
     messages += _stability_messages(model, realised, gain_markov, regression, realise)
     messages += _poor_fits(model, experiments)
-    _, from_u, from_y = realise.blocks(theta)
-    markov_parameters = {
-        "observer_markov_u": from_u,
-        "observer_markov_y": from_y,
-        "system_markov": system_markov,
-        "gain_markov": gain_markov,
+    if len(theta) > LARGEST_COVARIANCE:
+        messages.append(_too_many_parameters(regression, len(theta), order))
+    warn_each(messages)
+    diagnostics = {
+        **_diagnostics(fit, realise, realised, system_markov, gain_markov),
+        "warnings": tuple(messages),
     }
-    diagnostics = _diagnostics(fit, markov_parameters, realised)
-    return _make_estimate(model, experiments, regression, fit, realise, int(order), diagnostics, messages)
+    return _make_estimate(model, experiments, regression, fit, realise, int(order), diagnostics)
 
 
 def _realised_with_messages(realise: Realise, system_markov: FloatArray) -> tuple[Realisation, list[str]]:
@@ -278,15 +277,23 @@ def _channel_scales(experiments: Sequence[IOData], normalise: bool) -> tuple[Flo
 
 
 def _diagnostics(
-    fit: LeastSquares, markov_parameters: Mapping[str, FloatArray], realised: Realisation
+    fit: LeastSquares,
+    realise: Realise,
+    realised: Realisation,
+    system_markov: FloatArray,
+    gain_markov: FloatArray,
 ) -> dict[str, Any]:
     """Diagnostics of regression and realisation."""
+    _, from_u, from_y = realise.blocks(fit.solution.T.ravel())
     return {
         "condition": fit.condition,
         "rank": fit.rank,
         "iterations": 0,
         "converged": True,
-        **markov_parameters,
+        "observer_markov_u": from_u,
+        "observer_markov_y": from_y,
+        "system_markov": system_markov,
+        "gain_markov": gain_markov,
         "hankel_singular_values": realised.hankel_singular_values,
         "percent_described": realised.percent_described,
         "percent_described_unsquared": realised.percent_described_unsquared,
@@ -320,7 +327,6 @@ def _make_estimate(
     realise: Realise,
     order: int,
     diagnostics: Mapping[str, Any],
-    messages: list[str],
 ) -> Estimate:
     """Assemble the estimate; its parameters are the observer Markov parameters, unless they are too many."""
     theta = fit.solution.T.ravel()
@@ -329,14 +335,12 @@ def _make_estimate(
     if len(theta) <= LARGEST_COVARIANCE:
         covariance = np.asarray(np.kron(realise.covariance, fit.inverse_gram), dtype=np.float64)
     else:
-        messages.append(_too_many_parameters(regression, len(theta), order))
         to_model = RealiseLocally.of_all_entries(model, Scales.of(experiments), realise.data)
         parameters = to_model.parameters
         names = tuple(f"entry{i + 1}" for i in range(len(parameters)))
         covariance = np.full((len(parameters),) * 2, np.nan)
-    warn_each(messages)
     with warnings.catch_warnings():
-        # reported above
+        # reported by the estimator
         warnings.simplefilter("ignore", SysidWarning)
         errors = np.concatenate([residuals(model, e) for e in experiments])
     return Estimate(
@@ -349,7 +353,7 @@ def _make_estimate(
         residuals=errors,
         method="okid",
         orders={"order": order, "p": realise.p},
-        diagnostics={**diagnostics, "warnings": tuple(messages)},
+        diagnostics=diagnostics,
         data=realise.data,
         realise=to_model,
     )

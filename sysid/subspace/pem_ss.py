@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -167,15 +168,6 @@ def pem_ss(
     covariance = covariance * samples / degrees_of_freedom(experiments, minimum.point.predictor, count)
     messages += _doubts(minimum, condition, gain)
     warn_each(messages)
-    diagnostics = {
-        "condition": condition,
-        "iterations": minimum.iterations,
-        "evaluations": minimum.evaluations,
-        "converged": minimum.converged,
-        "reason": minimum.reason,
-        "start": name,
-        "criteria": tuple(criteria.get(k, np.nan) for k in range(len(origins))),
-    }
     return make_predictor_estimate(
         "pem_ss",
         experiments,
@@ -184,10 +176,25 @@ def pem_ss(
         predictor=minimum.point.predictor,
         basis=minimum.normal.basis,
         covariance=covariance,
-        diagnostics=diagnostics,
+        diagnostics={
+            "condition": condition,
+            **_diagnostics_of_search(minimum),
+            "start": name,
+            "criteria": tuple(criteria.get(k, np.nan) for k in range(len(origins))),
+        },
         messages=messages,
         innovation=minimum.point.covariance if minimum.point.gaps else None,
     )
+
+
+def _diagnostics_of_search(minimum: Minimum) -> dict[str, Any]:
+    """Diagnostics of the search that ended in the minimum."""
+    return {
+        "iterations": minimum.iterations,
+        "evaluations": minimum.evaluations,
+        "converged": minimum.converged,
+        "reason": minimum.reason,
+    }
 
 
 def _origins(

@@ -51,6 +51,7 @@ class Predictor:
             return False
         if np.abs(np.linalg.eigvals(self.A)).max(initial=0.0) >= 1.0 - STABILITY_MARGIN:
             return False
+        # twelve squarings: growth that the eigenvalues hide overflows
         with np.errstate(over="ignore", invalid="ignore"):
             return bool(np.isfinite(np.linalg.matrix_power(self.A, 2**12)).all())
 
@@ -245,14 +246,14 @@ def local_coordinates(at: Predictor, direct: bool = True) -> FloatArray:
     free = scipy.linalg.block_diag(
         np.eye(free_gains, K.size), _complement_of_basis_changes(F, B, C).T, np.eye(free_direct, D.size)
     )
-    blocks = np.split(free, np.cumsum([K.size, F.size, B.size, C.size]), axis=1)
-    dK, dF, dB, dC, dD = (
-        block.reshape(len(free), *matrix.shape) for block, matrix in zip(blocks, (K, F, B, C, D), strict=True)
-    )
+    q = len(free)
+    dK, dF, dB, dC, dD = np.split(free, np.cumsum([K.size, F.size, B.size, C.size]), axis=1)
+    dK, dF, dB = dK.reshape(q, *K.shape), dF.reshape(q, *F.shape), dB.reshape(q, *B.shape)
+    dC, dD = dC.reshape(q, *C.shape), dD.reshape(q, *D.shape)
     # A = F - K C and M = [B - K D, K]
     dA = dF - dK @ C - K @ dC
     dM = np.concatenate((dB - dK @ D - K @ dD, dK), axis=2)[:, :, : at.M.shape[1]]
-    return np.hstack([change.reshape(len(free), -1) for change in (dA, dM, dC, dD)]).T
+    return np.hstack([change.reshape(q, -1) for change in (dA, dM, dC, dD)]).T
 
 
 def _complement_of_basis_changes(F: FloatArray, B: FloatArray, C: FloatArray) -> FloatArray:

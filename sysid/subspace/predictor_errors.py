@@ -158,6 +158,7 @@ def eliminate(record: Record, predictor: Predictor, covariance: FloatArray) -> E
     errors = record.y - predictor.predict(record.w, record.u, np.zeros(n))
     free = free_response(predictor.A, predictor.C, steps)
     prior = initial_spread(free)
+    # in its prior deviations the initial state has unit covariance
     columns = np.zeros((steps, ny, n + 1))
     columns[: len(free), :, :n] = free * prior
     columns[:, :, n] = errors
