@@ -61,15 +61,16 @@ def plain_numbers(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None if math.isnan(value) else str(value)
     if isinstance(value, Mapping):
-        return {str(key): plain_numbers(entry) for key, entry in value.items()}
+        return {str(key): plain_numbers(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain_numbers(entry) for entry in value]
+        return [plain_numbers(item) for item in value]
     return value
 
 
 def changes(record: object, nominal: object) -> dict[str, Any]:
     """Write those fields of a record that differ from those of another record of its type."""
-    return {key: value for key, value in unstructure(record).items() if getattr(record, key) != getattr(nominal, key)}
+    table = unstructure(record)
+    return {key: value for key, value in table.items() if getattr(record, key) != getattr(nominal, key)}
 
 
 def register(kind: type[Record], read: Callable[[object], Record], write: Callable[[Record], object]) -> None:
@@ -80,7 +81,11 @@ def register(kind: type[Record], read: Callable[[object], Record], write: Callab
         read: From a parsed value; it raises `ScenarioError`.
         write: To plain values.
     """
-    _CONVERTER.register_structure_hook(kind, lambda value, _: value if isinstance(value, kind) else read(value))
+
+    def read_unless_built(value: object, _: type) -> Record:
+        return value if isinstance(value, kind) else read(value)
+
+    _CONVERTER.register_structure_hook(kind, read_unless_built)
     _CONVERTER.register_unstructure_hook(kind, write)
 
 
@@ -104,22 +109,23 @@ def to_toml(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> str:
         table: Texts, numbers, truth values, lists and tables of them.
         path: Names of the tables around it.
     """
-    parts = ["".join(f"{key} = {_toml(value)}\n" for key, value in table.items() if not _has_tables(value))]
+    values, tables, arrays = [], [], []
     for key, value in table.items():
         name = ".".join((*path, key))
         if isinstance(value, Mapping):
-            parts.append(f"[{name}]\n{to_toml(value, (*path, key))}")
-    for key, value in table.items():
-        if _has_tables(value) and not isinstance(value, Mapping):
-            name = ".".join((*path, key))
-            parts += [f"[[{name}]]\n{to_toml(entry, (*path, key))}" for entry in value]
-    return "\n".join(part for part in parts if part)
+            tables.append(f"[{name}]\n{to_toml(value, (*path, key))}")
+        elif _has_tables(value):
+            arrays += [f"[[{name}]]\n{to_toml(row, (*path, key))}" for row in value]
+        else:
+            values.append(f"{key} = {_toml(value)}\n")
+    # A value behind the head of a table would belong to that table.
+    paragraphs = ["".join(values), *tables, *arrays]
+    return "\n".join(paragraph for paragraph in paragraphs if paragraph)
 
 
 def _has_tables(value: object) -> bool:
-    return isinstance(value, Mapping) or (
-        isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
-    )
+    """Whether a value is a list of tables."""
+    return isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
 
 
 def _toml(value: object) -> str:
@@ -132,9 +138,12 @@ class _WrongValueError(ValueError):
 
 
 def _scalar(kind: type, passes: Callable[[Any], bool]) -> None:
+    """Read values of a plain type only if they pass: `int(True)` and `float("1")` would hide a slip."""
+    expected = NAMES[bool] if kind is bool else f"a {NAMES[kind]}"
+
     def read(value: Any, _: type) -> Any:
         if not passes(value):
-            raise _WrongValueError(f"must be {'' if kind is bool else 'a '}{NAMES[kind]}, given {shown(value)}")
+            raise _WrongValueError(f"must be {expected}, given {shown(value)}")
         return kind(value)
 
     _CONVERTER.register_structure_hook(kind, read)
@@ -148,19 +157,22 @@ def _extended(value: Any, _: Any) -> float:
 
 
 def _sequence_hook(kind: Any) -> Callable[[Any, Any], tuple[Any, ...]]:
-    item, *others = get_args(kind)
-    length = None if others == [...] else 1 + len(others)
+    types = get_args(kind)
+    length = None if types[1:] == (...,) else len(types)
+    described = f"{NAMES.get(types[0], 'table')}s"
+    if length is not None:
+        described = f"{length} {described}"
 
     def read(value: Any, _: Any) -> tuple[Any, ...]:
         if not isinstance(value, list | tuple) or length not in (None, len(value)):
-            many = "" if length is None else f"{length} "
-            raise _WrongValueError(f"must be a list of {many}{NAMES.get(item, 'table')}s, given {shown(value)}")
+            raise _WrongValueError(f"must be a list of {described}, given {shown(value)}")
         result = []
-        for number, entry in enumerate(value):
+        for index, item in enumerate(value):
             try:
-                result.append(_CONVERTER.structure(entry, item if length is None else get_args(kind)[number]))
+                result.append(_CONVERTER.structure(item, types[0 if length is None else index]))
             except (ExceptionGroup, _WrongValueError) as error:
-                error.add_note(IterableValidationNote("", number, item))
+                # From this note `_problems` takes the place of the value.
+                error.add_note(IterableValidationNote("", index, types[0]))
                 raise IterableValidationError("", [error], kind) from error
         return tuple(result)
 
@@ -187,29 +199,37 @@ def _plain_hook(kind: Any) -> Callable[[Any], dict[str, Any]]:
 
 def _problems(error: BaseException, where: str) -> Iterator[str]:
     """One line for each problem, unknown keys first: a misspelt key is why another one is missing."""
-    at = f"{where}: " if where else ""
     if isinstance(error, ClassValidationError):
-        of_fields, others = error.group_exceptions()
-        for other in sorted(others, key=lambda one: not isinstance(one, ForbiddenExtraKeysError)):
-            yield from _problems(other, where)
-        missing = [note.name for one, note in of_fields if isinstance(one, KeyError)]
-        if missing:
-            yield f"{at}missing {', '.join(missing)}; it takes {', '.join(get_type_hints(error.cl))}"
-        for one, note in of_fields:
-            if not isinstance(one, KeyError):
-                yield from _problems(one, f"{where}.{note.name}" if where else note.name)
+        yield from _table_problems(error, where)
     elif isinstance(error, IterableValidationError):
-        ((item, place), *_), _ = error.group_exceptions()
-        index = place.index
-        yield from _problems(item, f"{where}.{index}" if isinstance(index, str) else f"{where}[{index}]")
+        ((item_error, note), *_), _ = error.group_exceptions()
+        place = f"{where}.{note.index}" if isinstance(note.index, str) else f"{where}[{note.index}]"
+        yield from _problems(item_error, place)
     elif isinstance(error, ForbiddenExtraKeysError):
-        known = [entry.name for entry in fields(error.cl)]
+        keys = [field.name for field in fields(error.cl)]
         for key in sorted(map(str, error.extra_fields)):
-            yield f"{at}{unknown('key', key, known)}"
+            yield f"{_before(where)}{unknown('key', key, keys)}"
     elif isinstance(error, _WrongValueError):
         yield f"{where or 'it'} {error}"
     else:
         yield str(error)  # of a record that refuses its values, whose message names it
+
+
+def _table_problems(error: ClassValidationError, where: str) -> Iterator[str]:
+    of_fields, of_the_table = error.group_exceptions()
+    for problem in sorted(of_the_table, key=lambda problem: not isinstance(problem, ForbiddenExtraKeysError)):
+        yield from _problems(problem, where)
+    missing = [note.name for problem, note in of_fields if isinstance(problem, KeyError)]
+    if missing:
+        yield f"{_before(where)}missing {', '.join(missing)}; it takes {', '.join(get_type_hints(error.cl))}"
+    for problem, note in of_fields:
+        if not isinstance(problem, KeyError):
+            place = f"{where}.{note.name}" if where else note.name
+            yield from _problems(problem, place)
+
+
+def _before(where: str) -> str:
+    return f"{where}: " if where else ""
 
 
 _CONVERTER = Converter(forbid_extra_keys=True)

@@ -75,9 +75,7 @@ def read_parts(
         TwinError: Likewise, of our own logs and records.
     """
     path = Path(path)
-    inputs, outputs, joints = (
-        (names,) if isinstance(names, str) else tuple(names) for names in (input, output, joint or ())
-    )
+    inputs, outputs, joints = _several(input), _several(output), _several(joint or ())
     if not path.exists():
         raise ScenarioError(f"no data file {str(path)!r}; expected {KINDS}")
     if dt is not None and not 0 < dt < np.inf:
@@ -91,40 +89,50 @@ def read_parts(
         raise ScenarioError(
             f"{path.name} is a record of joints: choose one by --joint; --input, --output and --time are for tables"
         )
-    parts: tuple[IOData, ...] = ()
+    stretches: tuple[IOData, ...] = ()
     try:
         if ours:
             contents = read_records(path)
             if contents.message:
                 warnings.warn(contents.message, TwinWarning, stacklevel=2)
-            parts = contents.choose(test, path).parts(joints or None)
+            stretches = contents.choose(test, path).parts(joints or None)
         elif log is not None:
             check_complete(log, joints or log.axes, path.name)
-            parts = (log.iodata(joints or None),)
+            stretches = (log.iodata(joints or None),)
     except TwinError as error:
         if "name the joint" not in str(error):
             raise
         raise TwinError(str(error).replace("name the joint", "name the joint, as --joint elbow_pitch")) from error
-    if parts and dt is not None and abs(dt - parts[0].dt) > SAME_INTERVAL * parts[0].dt:
-        raise ScenarioError(
-            f"{path.name}: --dt says a sampling interval of {dt:.6g} s, the log of {parts[0].dt:.6g} s; "
-            "expected one (leave out --dt)"
-        )
-    if parts:
-        return parts
+    if stretches:
+        _check_interval(dt, stretches[0], path)
+        return stretches
     if joints:
         if (inputs, outputs) != (("u",), ("y",)):
             raise ScenarioError("--joint names joints of our own records; --input and --output are for tables")
         for name in joints:
             if name not in JOINTS:
                 raise ScenarioError(unknown("joint", name, JOINTS))
-        inputs, outputs = (tuple(f"{name}_{what}" for name in joints) for what in ("commanded", "measured"))
+        inputs = tuple(f"{name}_commanded" for name in joints)
+        outputs = tuple(f"{name}_measured" for name in joints)
     try:
         return sysid.read_experiments(
             path, inputs=inputs, outputs=outputs, time=time, time_unit=time_unit, dt=dt, missing=missing
         )
     except sysid.SysidError as error:
         raise ScenarioError(_for_users(str(error), path, inputs, outputs)) from error
+
+
+def _several(names: Names) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def _check_interval(dt: float | None, record: IOData, path: Path) -> None:
+    """Refuse a stated interval that is not that of a record of ours."""
+    if dt is not None and abs(dt - record.dt) > SAME_INTERVAL * record.dt:
+        raise ScenarioError(
+            f"{path.name}: --dt says a sampling interval of {dt:.6g} s, the log of {record.dt:.6g} s; "
+            "expected one (leave out --dt)"
+        )
 
 
 def check_complete(log: JointLog, joints: Sequence[str], name: str) -> None:
@@ -139,30 +147,31 @@ def check_complete(log: JointLog, joints: Sequence[str], name: str) -> None:
         ScenarioError: An angle is no number.
     """
     columns = [JOINTS.index(joint) for joint in joints if joint in JOINTS]
-    for what, angles in (("commanded", log.commanded[:, columns]), ("measured", log.measured[:, columns])):
-        bad = ~np.isfinite(angles)
+    for channel in ("commanded", "measured"):
+        bad = ~np.isfinite(getattr(log, channel)[:, columns])
         if bad.any():
             sample, column = map(int, np.argwhere(bad)[0])
+            joint = JOINTS[columns[column]]
             raise ScenarioError(
-                f"{name}: {int(bad.sum())} {what} angles are no numbers, the first that of {JOINTS[columns[column]]} "
+                f"{name}: {int(bad.sum())} {channel} angles are no numbers, the first that of {joint} "
                 f"at sample {sample}; expected a log as hmtb simulate writes it, complete"
             )
 
 
-def _for_users(text: str, path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> str:
+def _for_users(message: str, path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> str:
     """Add to a message of the analyst what the command line offers."""
-    if "without a header" in text:
+    if "without a header" in message:
         count = len(inputs) + len(outputs)
-        return f"{text} in this sequence, {count} in all; --input and --output name them, inputs first"
-    if "not a text file" in text and path.suffix not in (".csv", ".txt", ".asc", ".dat"):
+        return f"{message} in this sequence, {count} in all; --input and --output name them, inputs first"
+    if "not a text file" in message and path.suffix not in (".csv", ".txt", ".asc", ".dat"):
         return f"{str(path)!r}: unknown kind of data file; expected {KINDS}"
     for option, names in (("input", inputs), ("output", outputs)):
-        if any(f"unknown column {name!r}" in text for name in names):
+        if any(f"unknown column {name!r}" in message for name in names):
             remedy = f"choose by --{option}"
             if path.suffix == ".csv" and is_record(path):
                 remedy = "it is a record of joints: choose one by --joint, e.g. --joint elbow_pitch"
-            return text.replace("; there are ", f"; {remedy}; there are ", 1)
-    return text
+            return message.replace("; there are ", f"; {remedy}; there are ", 1)
+    return message
 
 
 def excited(path: Path, test: str | None = None) -> tuple[str, ...]:

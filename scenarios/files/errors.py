@@ -9,6 +9,10 @@ DAMAGE = (OSError, ValueError, LookupError, TypeError, ArithmeticError, Attribut
 """Errors that reading a damaged file raises."""
 
 
+MOST_NAMES = 24
+"""Names that a message lists; more fill several lines of a terminal."""
+
+
 class ScenarioError(ValueError):
     """Wrong input to the study; the message says on half a screen what was given, expected and available."""
 
@@ -34,11 +38,15 @@ def unknown(what: str, given: object, available: Iterable[str], *, listing: str 
         ``unknown joint 'hip'; there are: ...``
     """
     names = list(available)
-    close = difflib.get_close_matches(str(given), names, n=3 if listing else 1, cutoff=0.5)
+    # Of names too many for the line, three near ones help more than the nearest.
+    count = 3 if listing else 1
+    close = difflib.get_close_matches(str(given), names, n=count, cutoff=0.5)
     if listing is not None:
         there_are = f"there are {len(names)}, listed by: {listing}"
     else:
-        there_are = f"there are: {', '.join(names[:24])}" + (f", ... ({len(names)} in all)" if len(names) > 24 else "")
+        there_are = f"there are: {', '.join(names[:MOST_NAMES])}"
+        if len(names) > MOST_NAMES:
+            there_are += f", ... ({len(names)} in all)"
     if not close:
         return f"unknown {what} {shown(given)}; {there_are}"
     meant = " or ".join(map(repr, close))

@@ -15,20 +15,24 @@ FLAT = "hmtb ascii record 1"
 CSV_HEADER = ",".join(("time_s", *COLUMNS))
 """First line of our CSV files."""
 
-_COLUMN_LINES = {f"column {k}": f"{n}, {u}" for k, (n, u) in enumerate(zip(COLUMNS, UNITS, strict=True), start=2)}
+_LABELS = [f"{name}, {unit}" for name, unit in zip(COLUMNS, UNITS, strict=True)]
+_COLUMN_LINES = {f"column {number}": label for number, label in enumerate(_LABELS, start=2)}
+"""Lines of the header for the columns; the first column is time."""
 
 
 def write_flat(record: BusRecord, path: Path) -> Path:
     """Write the ASCII flat file [Morris1996, II.5], which MATLAB's `load -ascii` reads; NaN is a lost sample."""
+    # Names are quoted as in a URL: a blank would separate two axes, a line break end the comment.
+    axes = " ".join(map(quote, record.axes))
     lines = [
         FLAT,
         f"test: {quote(record.name, safe='_-.')}",
-        f"excited: {' '.join(map(quote, record.axes))}",
+        f"excited: {axes}",
         f"sampling time: {record.dt!r} s",
         f"samples: {len(record)}",
         "lost samples: NaN",
         "column 1: time, s",
-        *(f"{key}: {text}" for key, text in _COLUMN_LINES.items()),
+        *(f"{key}: {label}" for key, label in _COLUMN_LINES.items()),
     ]
     write_whole(path, "".join(f"% {line}\n" for line in lines) + _rows(record, " "))
     return path
@@ -44,11 +48,15 @@ def read_flat(path: Path) -> BusRecord:
     """Read a file that `write_flat` wrote; `ScenarioError` on others and damaged ones."""
     lines = _lines(path)
     header = [line[1:].strip() for line in lines if line.startswith("%")]
-    named = {key: text.strip() for key, mark, text in (line.partition(":") for line in header) if mark}
-    wrong = [key for key, text in _COLUMN_LINES.items() if named.get(key) != text]
+    named: dict[str, str] = {}
+    for line in header:
+        key, mark, value = line.partition(":")
+        if mark:
+            named[key] = value.strip()
+    wrong = [key for key, label in _COLUMN_LINES.items() if named.get(key) != label]
     if header[:1] != [FLAT] or wrong:
-        what = f"{wrong[0]} is {named.get(wrong[0], 'not named')!r}" if wrong else "its first line differs"
-        raise ScenarioError(f"{path.name} is no ASCII record of ours: {what}; expected '% {FLAT}' and its columns")
+        reason = f"{wrong[0]} is {named.get(wrong[0], 'not named')!r}" if wrong else "its first line differs"
+        raise ScenarioError(f"{path.name} is no ASCII record of ours: {reason}; expected '% {FLAT}' and its columns")
     try:
         dt, samples = float(named["sampling time"].removesuffix("s")), int(named["samples"])
     except (KeyError, ValueError) as error:
@@ -72,10 +80,12 @@ def read_csv(path: Path) -> BusRecord:
 
 
 def _rows(record: BusRecord, separator: str) -> str:
-    text = [list(map(repr, column.tolist())) for column in (record.time, *record.columns().T)]
-    for column in text[-2:]:  # status and saturation are whole numbers
+    # `repr` writes as few digits as read back to the same bits.
+    columns = [list(map(repr, column.tolist())) for column in (record.time, *record.columns().T)]
+    for column in columns[-2:]:  # status and saturation are whole numbers
         column[:] = [value.removesuffix(".0") for value in column]
-    return "".join(separator.join(row) + "\n" for row in zip(*text, strict=True)).replace("nan", "NaN")
+    rows = [separator.join(row) + "\n" for row in zip(*columns, strict=True)]
+    return "".join(rows).replace("nan", "NaN")
 
 
 def _lines(path: Path) -> list[str]:

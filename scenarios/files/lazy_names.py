@@ -13,12 +13,14 @@ def lazy_names(package: str, file: str) -> Callable[[str], object]:
         package: Name of the package.
         file: Its source, which imports the names for type checkers alone.
     """
-    imports = (node for node in ast.walk(ast.parse(Path(file).read_bytes())) if isinstance(node, ast.ImportFrom))
-    places = {alias.name: node.module or "" for node in imports for alias in node.names}
+    modules: dict[str, str] = {}
+    for statement in ast.walk(ast.parse(Path(file).read_bytes())):
+        if isinstance(statement, ast.ImportFrom):
+            modules |= {alias.name: statement.module or "" for alias in statement.names}
 
     def get(name: str) -> object:
-        if name not in places:
+        if name not in modules:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(places[name]), name)
+        return getattr(import_module(modules[name]), name)
 
     return get

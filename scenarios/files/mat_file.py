@@ -23,6 +23,12 @@ def write_mat(record: "BusRecord", path: Path) -> Path:
     """Write a record: channels, `dt`, `time`, and names and units as structures; NaN is a lost sample."""
     from hmtb_twin.bus.record import CHANNELS
 
+    names: dict[str, object] = {"time": "time"}
+    units: dict[str, object] = {"time": "s", "dt": "s"}
+    for channel, (channel_names, channel_units) in CHANNELS.items():
+        # An array of objects becomes cells: one of texts would be padded with blanks to one length.
+        names[channel] = np.array(channel_names, dtype=object)
+        units[channel] = np.array(channel_units, dtype=object)
     variables: dict[str, object] = {
         "format": FORMAT,
         "name": record.name,
@@ -30,8 +36,8 @@ def write_mat(record: "BusRecord", path: Path) -> Path:
         "dt": record.dt,
         "time": record.time,
         **{channel: getattr(record, channel) for channel in CHANNELS},
-        "names": {"time": "time", **{c: np.array(names, dtype=object) for c, (names, _) in CHANNELS.items()}},
-        "units": {"time": "s", "dt": "s", **{c: np.array(units, dtype=object) for c, (_, units) in CHANNELS.items()}},
+        "names": names,
+        "units": units,
     }
     with replacing(path) as partial, partial.open("wb") as file:
         savemat(file, variables, oned_as="column")
@@ -54,7 +60,10 @@ def read_mat(path: Path) -> "BusRecord":
         raise ScenarioError(f"{path.name} is no MATLAB record of ours: it lacks a variable 'format' that says so")
     try:
         content = read_variables(path, ("name", "dt", "excited", *CHANNELS))
-        channels = [np.asarray(content[c], float).reshape(-1, len(names)) for c, (names, _) in CHANNELS.items()]
+        # MATLAB has no vectors: a record of one sample or one column comes back in another shape.
+        channels = [
+            np.asarray(content[channel], float).reshape(-1, len(names)) for channel, (names, _) in CHANNELS.items()
+        ]
         axes = tuple(_text(axis) for axis in content["excited"].ravel())
         return BusRecord.from_columns(_text(content["name"]), content["dt"].item(), axes, np.column_stack(channels))
     except (LookupError, TypeError, ValueError) as error:

@@ -8,4 +8,6 @@ def one_line(text: str) -> str:
 
 def visible(text: str) -> str:
     """The text with its lines, characters that cannot be seen, or that steer a terminal, replaced."""
-    return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
+    # Escape sequences are made of characters that are not printable.
+    replaced = {character for character in text if not (character.isprintable() or character == "\n")}
+    return text.translate({ord(character): "\N{REPLACEMENT CHARACTER}" for character in replaced})

@@ -23,23 +23,23 @@ _installed = cache(version)
 
 def versions() -> dict[str, str]:
     """Versions of Python and of every package that a result depends on."""
-    numbers = {"python": platform.python_version(), "machine": platform.machine()}
+    installed = {"python": platform.python_version(), "machine": platform.machine()}
     for name in PACKAGES:
         try:
-            numbers[name] = _installed(name)
+            installed[name] = _installed(name)
         except PackageNotFoundError:
-            numbers[name] = _of_source() if name == OURS else "not installed as a package"
-    return numbers
+            installed[name] = _of_source() if name == OURS else "not installed as a package"
+    return installed
 
 
 def _of_source() -> str:
     """Our version where the source runs without having been installed; it stands in the project's own file."""
     project = Path(str(resources.files("hmtb_twin"))).parent / "pyproject.toml"
     try:
-        number = read_toml(project.read_text(encoding="utf-8"), project.name)["project"]["version"]
+        release = read_toml(project.read_text(encoding="utf-8"), project.name)["project"]["version"]
     except (OSError, ScenarioError, KeyError):
         return "not installed as a package"
-    return f"{number} from source"
+    return f"{release} from source"
 
 
 @cache

@@ -75,16 +75,16 @@ def format_of(path: Path) -> str:
 
 def is_record(path: Path) -> bool:
     """Whether a file holds bus records of ours, by its contents."""
-    kind = FORMATS.get(path.suffix)
-    if kind == "nc":
+    format_name = FORMATS.get(path.suffix)
+    if format_name == "nc":
         return stated_format(path) == FORMAT
-    if kind == "mat":
+    if format_name == "mat":
         return mat_file.is_ours(path)
-    if kind in _FIRST_LINES:
+    if format_name in _FIRST_LINES:
         with path.open("rb") as file:
             line = file.readline(len(CSV_HEADER) + 4).decode("ascii", errors="replace")
-        return line.strip() == _FIRST_LINES[kind]
-    return kind == "1553"
+        return line.strip() == _FIRST_LINES[format_name]
+    return format_name == "1553"
 
 
 _FIRST_LINES = {"ascii": f"% {FLAT}", "csv": CSV_HEADER}
@@ -104,17 +104,19 @@ def read_records(path: Path) -> RecordFile:
     """
     if not path.is_file():
         raise ScenarioError(f"no file {str(path)!r}; expected one of {', '.join(FORMATS)}")
-    kind = format_of(path)
-    if kind == "1553":
+    format_name = format_of(path)
+    if format_name == "1553":
         run = recorder_run.read_run(path)
         return RecordFile(run.tests, run.message)
-    if kind in _READERS:
-        return RecordFile((_READERS[kind](path),))
+    if format_name in _READERS:
+        return RecordFile((_READERS[format_name](path),))
     if stated_format(path) == FORMAT:
         return RecordFile((BusRecord.load(path),))
     record = BusRecord.of(JointLog.load(path))
     hidden = tuple(name for name in variable_names(path) if name not in (*CHANNELS, *COORDINATES))
-    return RecordFile((record,), hidden=(*hidden, "seed", "provenance") if hidden else ())
+    if hidden:
+        hidden = (*hidden, "seed", "provenance")
+    return RecordFile((record,), hidden=hidden)
 
 
 def write_record(record: BusRecord, path: Path) -> Path:
@@ -129,35 +131,41 @@ def write_record(record: BusRecord, path: Path) -> Path:
         TwinError: The NetCDF file cannot be written.
     """
     check_place(path)
-    kind = format_of(path)
-    if kind not in _WRITERS:
+    format_name = format_of(path)
+    if format_name not in _WRITERS:
         raise ScenarioError(f"{path.name}: 1553 records are written by the run")
-    return _WRITERS[kind](record, path)
+    return _WRITERS[format_name](record, path)
 
 
 def losses(contents: Sequence[RecordFile], kind: str) -> list[str]:
-    """List what is lost when records are written in a format, one text for each thing.
+    """List what is lost when records are written in a format, one text for each loss.
 
     Raises:
         ScenarioError: More tests than a run of the recorder holds.
     """
+    hidden, records = set[str](), list[BusRecord]()
+    for content in contents:
+        hidden.update(content.hidden)
+        records.extend(content.records)
     lost = []
-    hidden = sorted({channel for entry in contents for channel in entry.hidden})
     if hidden:
-        lost.append(f"what only a simulation knows ({', '.join(hidden)})")
-    if kind != "1553":
-        return lost
-    records = [record for entry in contents for record in entry.records]
+        lost.append(f"what only a simulation knows ({', '.join(sorted(hidden))})")
+    if kind == "1553":
+        lost += _lost_in_a_run(records)
+    return lost
+
+
+def _lost_in_a_run(records: Sequence[BusRecord]) -> list[str]:
+    """What a run of the recorder loses: digits, messages of which a word is missing, ticks beyond its memory."""
+    lost = []
+    units = {"commanded": "rad", "measured": "rad", "wrench": "N or N m"}
     for record in records:
-        units = {"commanded": "rad", "measured": "rad", "wrench": "N or N m"}
-        lost += [
-            f"{record.name}: digits of the {channel} values, up to {change:.3g} {units[channel]}"
-            for channel, change in rounding(record).items()
-        ]
-        lost += [
-            f"{record.name}: {channel} values at {count} ticks at which others of the same message are missing"
-            for channel, count in incomplete(record).items()
-        ]
+        for channel, change in rounding(record).items():
+            lost.append(f"{record.name}: digits of the {channel} values, up to {change:.3g} {units[channel]}")
+        for channel, count in incomplete(record).items():
+            lost.append(
+                f"{record.name}: {channel} values at {count} ticks at which others of the same message are missing"
+            )
     if len(records) > recorder_run.TESTS_PER_RUN:
         raise ScenarioError(f"{len(records)} tests given; a run of the recorder holds {recorder_run.TESTS_PER_RUN}")
     ticks = sum(map(len, records))
@@ -176,10 +184,13 @@ def unnamed(records: Sequence[BusRecord | JointLog], kind: str, names: Sequence[
     """
     if kind != "csv":
         return []
-    texts = []
+    lost = []
     for record, name in zip(records, names, strict=True):
-        what = [f"that the test is {record.name}"] if name != record.name else []
-        what += [f"that it excites {', '.join(record.axes)}"] if record.axes else []
-        if what:
-            texts.append(f"{name}{ENDINGS[kind]} does not say {' nor '.join(what)}")
-    return texts
+        unsaid = []
+        if name != record.name:
+            unsaid.append(f"that the test is {record.name}")
+        if record.axes:
+            unsaid.append(f"that it excites {', '.join(record.axes)}")
+        if unsaid:
+            lost.append(f"{name}{ENDINGS[kind]} does not say {' nor '.join(unsaid)}")
+    return lost

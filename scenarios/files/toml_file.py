@@ -2,7 +2,9 @@
 
 import re
 import tomllib
+from collections.abc import Iterable
 from importlib.resources import files
+from itertools import chain
 from typing import Any
 
 from scenarios.files.errors import ScenarioError
@@ -39,15 +41,17 @@ def read_toml(text: str, source: str) -> dict[str, Any]:
                 raise ScenarioError(
                     f"{source}: a whole number of {value.bit_length()} bits, expected at most {MOST_BITS}"
                 )
-        values = [
-            entry
-            for value in values
-            if isinstance(value, dict | list)
-            for entry in (value.values() if isinstance(value, dict) else value)
-        ]
+        values = list(chain.from_iterable(map(_inside, values)))
     if values:
         raise ScenarioError(too_deep)
     return table
+
+
+def _inside(value: Any) -> Iterable[Any]:
+    """Values one level below a table or a list."""
+    if isinstance(value, dict):
+        return value.values()
+    return value if isinstance(value, list) else ()
 
 
 def package_table(name: str) -> dict[str, Any]:

@@ -86,8 +86,9 @@ def bode(
                 lower.set_ylabel("phase / degrees")
             if phase_limits is not None:
                 lower.set_ylim(*phase_limits)
-    for axes in grid.ravel() if mark_hz is not None else ():
-        axes.axvline(mark_hz, color=BOUND.colour, ls=":", lw=1.0)
+    if mark_hz is not None:
+        for axes in grid.ravel():
+            axes.axvline(mark_hz, color=BOUND.colour, ls=":", lw=1.0)
     frequency_axes(grid, limits_hz)
     return finish(figure, grid, "frequency / Hz")
 
@@ -116,14 +117,14 @@ def _draw(upper: Axes, lower: Axes, curve: Curve, reference: FrequencyResponse |
     if curve.response.covariance is None:
         return
     # Without input power the band is infinite: it is omitted there.
-    known = keep & np.isfinite(curve.response.covariance[:, i, j]).all(axis=(1, 2))
-    part = curve.response.select(known, inputs=[j], outputs=[i])
-    low, high = (edge[:, 0, 0] for edge in part.magnitude_ci95())
-    shade(upper, f[known], decibel(low), decibel(high), style)
-    spread = part.quantile_95 * np.degrees(part.phase_deviation()[:, 0, 0])
-    centre = phase[known[keep]]
+    determined = keep & np.isfinite(curve.response.covariance[:, i, j]).all(axis=(1, 2))
+    path = curve.response.select(determined, inputs=[j], outputs=[i])
+    low, high = (edge[:, 0, 0] for edge in path.magnitude_ci95())
+    shade(upper, f[determined], decibel(low), decibel(high), style)
+    spread = path.quantile_95 * np.degrees(path.phase_deviation()[:, 0, 0])
+    centre = phase[determined[keep]]
     spread = np.where(np.isfinite(centre), spread, np.nan)
-    shade(lower, f[known], centre - spread, centre + spread, style)
+    shade(lower, f[determined], centre - spread, centre + spread, style)
 
 
 def _of_model(response: FrequencyResponse) -> bool:
@@ -148,9 +149,9 @@ def _phase(response: FrequencyResponse, reference: FrequencyResponse | None, i: 
     if reference is not None and not _of_model(response):
         # noise can add full turns to the phase of data between two frequencies; the model has the right number
         turns = np.degrees(reference.phase[:, i, j])
-        known = np.isfinite(turns)
-        if known.any():
-            beside = np.interp(response.frequencies, reference.frequencies[known], turns[known])
+        finite = np.isfinite(turns)
+        if finite.any():
+            beside = np.interp(response.frequencies, reference.frequencies[finite], turns[finite])
             out -= 360.0 * np.round((out - beside) / 360.0)
     return out
 

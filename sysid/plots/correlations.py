@@ -61,6 +61,7 @@ def correlations(
         raise SysidError("nothing to draw; expected one or more panels")
     height, width = len(columns[0]), len(columns)
     figure, grid = panels(height, width, size_of(size, height, width, (7.0, 2.6), (2.6, 1.8)))
+    label_size = 10 if width == 1 and height < 4 else 8
     for b, column in enumerate(columns):
         for axes, (label, lags, values, bound) in zip(grid[:, b], column, strict=True):
             limit = np.broadcast_to(np.asarray(bound, dtype=float), lags.shape)
@@ -70,7 +71,7 @@ def correlations(
             shown = values[lags != 0] if label.startswith("auto") else values
             top = 1.25 * max(float(np.abs(shown).max(initial=0.0)), float(limit.max()), 1e-6)
             axes.set_ylim(-top, top)
-            axes.set_ylabel(label, fontsize=10 if width == 1 and height < 4 else 8)
+            axes.set_ylabel(label, fontsize=label_size)
             if isinstance(test, ResidualTest) and not label.startswith("auto"):
                 axes.set_title("residuals as they are; the test whitens them", loc="left", fontsize=7)
     return finish(figure, grid, "lag / samples")
@@ -100,23 +101,13 @@ def _of_record(covariance: CovarianceFunction, style: Style, size: tuple[float, 
 def _of_test(test: ResidualTest, output: int | str | None, input: int | str | None) -> list[list[Panel]]:
     ny, nu = test.independence_bound.shape
     outputs, inputs = channel_names(test.output_names, ny, "y"), channel_names(test.input_names, nu, "u")
-    return [
-        [
-            (
-                "autocorrelation" if ny == 1 else f"autocorrelation\nof {outputs[i]}",
-                test.lags,
-                test.autocorrelation[:, i, i],
-                test.whiteness_bound,
-            ),
-            *(
-                (
-                    "correlation with input" if ny == nu == 1 else f"{outputs[i]} with\n{inputs[j]}",
-                    test.cross_lags,
-                    test.cross_correlation[:, i, j],
-                    float(test.independence_bound[i, j]),
-                )
-                for j in channel_indices("input", input, inputs)
-            ),
-        ]
-        for i in channel_indices("output", output, outputs)
-    ]
+    columns = []
+    for i in channel_indices("output", output, outputs):
+        title = "autocorrelation" if ny == 1 else f"autocorrelation\nof {outputs[i]}"
+        column: list[Panel] = [(title, test.lags, test.autocorrelation[:, i, i], test.whiteness_bound)]
+        for j in channel_indices("input", input, inputs):
+            title = "correlation with input" if ny == nu == 1 else f"{outputs[i]} with\n{inputs[j]}"
+            bound = float(test.independence_bound[i, j])
+            column.append((title, test.cross_lags, test.cross_correlation[:, i, j], bound))
+        columns.append(column)
+    return columns

@@ -52,16 +52,21 @@ def singular_values(
     axes = grid[0, 0]
     longest = 1
     for name, item in named_items(models, (Realisation, Estimate, StateSpace)):
-        kind, values, order = _values(item)
-        shown = (name or ("realisation" if isinstance(item, Realisation) else styles.label(item))) + f": {kind}"
-        style = styles.next(getattr(item, "method", "okid" if isinstance(item, Realisation) else ""))
+        matrix, values, order = _values(item)
+        if isinstance(item, Realisation):
+            shown, method = name or "realisation", "okid"
+        else:
+            shown, method = name or styles.label(item), getattr(item, "method", "")
+        style = styles.next(method)
         values = np.where(values > INVISIBLE * values.max(initial=0.0), values, np.nan)[:limit]
-        numbers = np.arange(1, len(values) + 1)
-        longest = max(longest, int(numbers[np.isfinite(values)].max(initial=1)))
-        axes.plot(numbers, values, color=style.colour, lw=0.8, ls=style.line or ":")
-        for part, face in ((numbers <= order, style.colour), (numbers > order, "white")):
-            look = {"ls": "none", "marker": style.marker, "ms": 5, "color": style.colour, "mfc": face}
-            axes.plot(numbers[part], values[part], **look, label=shown if face != "white" else None)
+        positions = np.arange(1, len(values) + 1)
+        longest = max(longest, int(positions[np.isfinite(values)].max(initial=1)))
+        axes.plot(positions, values, color=style.colour, lw=0.8, ls=style.line or ":")
+        look = {"ls": "none", "marker": style.marker, "ms": 5, "color": style.colour}
+        # Full markers are the states that the model keeps.
+        kept = positions <= order
+        axes.plot(positions[kept], values[kept], **look, mfc=style.colour, label=f"{shown}: {matrix}")
+        axes.plot(positions[~kept], values[~kept], **look, mfc="white")
     axes.set_yscale("log")
     axes.set_xlim(0.5, longest + 0.5)
     axes.xaxis.get_major_locator().set_params(integer=True)
@@ -71,15 +76,15 @@ def singular_values(
 
 def _values(item: Spectrum) -> tuple[str, FloatArray, int]:
     if isinstance(item, Realisation):
-        values, kind, order = item.hankel_singular_values, "Hankel", item.model.order
+        values, matrix, order = item.hankel_singular_values, "Hankel", item.model.order
     elif isinstance(item, Estimate) and "canonical_correlations" in item.diagnostics:
         return "canonical correlations", np.asarray(item.diagnostics["canonical_correlations"]), item.model.order
     elif isinstance(item, Estimate) and "hankel_singular_values" in item.diagnostics:
-        values, kind, order = np.asarray(item.diagnostics["hankel_singular_values"]), "Hankel", item.model.order
+        values, matrix, order = np.asarray(item.diagnostics["hankel_singular_values"]), "Hankel", item.model.order
     else:
         model = item.model if isinstance(item, Estimate) else item
-        values, kind, order = hankel_singular_values(model), "Hankel, of the model", model.order
-    return kind, values / max(float(values.max(initial=0.0)), np.finfo(float).tiny), order
+        values, matrix, order = hankel_singular_values(model), "Hankel, of the model", model.order
+    return matrix, values / max(float(values.max(initial=0.0)), np.finfo(float).tiny), order
 
 
 def structures(table: StructureTable, *, size: tuple[float, float] = (7.0, 4.2)) -> Figure:
@@ -104,27 +109,30 @@ def structures(table: StructureTable, *, size: tuple[float, float] = (7.0, 4.2))
         )
     figure, grid = panels(1, 1, size)
     axes = grid[0, 0]
-    ny, root = table.outputs, "" if table.outputs == 1 else f"/{table.outputs}"
+    ny = table.outputs
+    # Divided by the number of outputs, the exponentials of the criteria have the units of the loss.
+    root = "" if ny == 1 else f"/{ny}"
     curves: list[tuple[str, FloatArray, Style, bool]] = [
         ("loss", table.loss, PALETTE["measured"], False),
         (f"exp(AIC{root})", np.exp(table.aic / ny), PALETTE["pem_ss"], True),
         (f"exp(BIC{root})", np.exp(table.bic / ny), PALETTE["armax"], True),
         ("validation", table.validation, PALETTE["oe"], True),
     ]
-    numbers = np.unique(table.parameters)
+    counts = np.unique(table.parameters)
     for name, values, style, judged in curves:
-        known = np.isfinite(values) & (values > 0.0)
-        if not known.any():
+        shown = np.isfinite(values) & (values > 0.0)
+        if not shown.any():
             continue
-        axes.plot(table.parameters[known], values[known], ls="none", marker=".", ms=4, alpha=0.4, color=style.colour)
-        least = np.array([values[known & (table.parameters == n)].min(initial=np.inf) for n in numbers])
-        there = np.isfinite(least)
-        text = name
+        axes.plot(table.parameters[shown], values[shown], ls="none", marker=".", ms=4, alpha=0.4, color=style.colour)
+        smallest = np.array([values[shown & (table.parameters == count)].min(initial=np.inf) for count in counts])
+        fitted = np.isfinite(smallest)
+        legend = name
         if judged:
-            best = int(np.argmin(np.where(known, values, np.inf)))
-            text = f"{name}: {', '.join(f'{o} {v}' for o, v in zip(table.names, table.orders[best], strict=True))}"
+            best = int(np.argmin(np.where(shown, values, np.inf)))
+            orders = zip(table.names, table.orders[best], strict=True)
+            legend = f"{name}: " + ", ".join(f"{order} {value}" for order, value in orders)
             axes.plot(table.parameters[best], values[best], marker="o", ms=9, mfc="none", mew=1.6, color=style.colour)
-        axes.plot(numbers[there], least[there], color=style.colour, ls=style.line, lw=style.width, label=text)
+        axes.plot(counts[fitted], smallest[fitted], color=style.colour, ls=style.line, lw=style.width, label=legend)
     axes.set_yscale("log")
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_ylabel("mean square error")

@@ -21,6 +21,7 @@ Panels = NDArray[np.object_]
 LONG = 800  # number of points from which a line is drawn without a pattern
 LETTER = 0.0076  # mean width of a letter, inch per point of its size
 TITLE = 9  # font size of the titles of panels, points
+WIDEST, HIGHEST = 24.0, 36.0  # largest figure, inch
 SMALL = 8  # font size of titles and tick labels in a figure of many panels, points
 
 
@@ -36,27 +37,31 @@ def panels(
     figure = Figure(figsize=size, layout="constrained")
     # the stubs of matplotlib have an overload for each of True, False and "col"
     grid: Panels = figure.subplots(rows, columns, sharex=sharex, squeeze=False, height_ratios=ratios)  # type: ignore[arg-type]
+    label_size = 9 if columns < 3 else SMALL
     for axes in grid.ravel():
         axes.grid(True, which="major", color=GRID, lw=0.6)
         axes.set_axisbelow(True)
-        axes.tick_params(labelsize=9 if columns < 3 else SMALL, colors=INK)
+        axes.tick_params(labelsize=label_size, colors=INK)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
     return figure, grid
 
 
 def size_of(
-    size: tuple[float, float] | None, rows: int, columns: int, one: tuple[float, float], more: tuple[float, float]
+    size: tuple[float, float] | None, rows: int, columns: int, first: tuple[float, float], further: tuple[float, float]
 ) -> tuple[float, float]:
-    """Size of a figure: the user's, else `one` plus `more` for every further row and column of panels, inch."""
+    """Size of a figure: the user's, else `first` plus `further` for every further row and column of panels, inch."""
     if size is not None:
         return size
-    return (min(one[0] + more[0] * (columns - 1), 24.0), min(one[1] + more[1] * (rows - 1), 36.0))
+    width = first[0] + further[0] * (columns - 1)
+    height = first[1] + further[1] * (rows - 1)
+    return min(width, WIDEST), min(height, HIGHEST)
 
 
 def line(axes: Axes, x: FloatArray, y: FloatArray, style: Style, label: str | None, *, width: float = 0.0) -> None:
     """Draw a line, or markers alone where the style has no line."""
-    marker, width, pattern = "" if style.line else style.marker, width or style.width, style.line
+    marker = "" if style.line else style.marker
+    width, pattern = width or style.width, style.line
     if len(x) > LONG and pattern and pattern != "-":
         # dense points fill the gaps of a pattern: only the colour remains
         width, pattern = 0.7 * width, "-"
@@ -81,16 +86,16 @@ def finish(figure: Figure, grid: Panels, horizontal: str) -> Figure:
     figure.align_ylabels(list(grid[:, 0]))
     handles, labels = grid[0, 0].get_legend_handles_labels()
     if handles:
-        # An entry has a handle of about half an inch.
-        entry = 0.55 + 9 * LETTER * max(len(label) for label in labels)
-        columns = min(len(handles), max(1, int(figure.get_figwidth() / entry)))
+        # Each label has a handle of about half an inch.
+        width = 0.55 + 9 * LETTER * max(len(label) for label in labels)
+        columns = min(len(handles), max(1, int(figure.get_figwidth() / width)))
         figure.legend(handles, labels, loc="outside upper left", ncols=columns, frameon=False, fontsize=9)
     for panel in figure.axes:
-        place = panel.get_subplotspec()
-        if place is not None:
-            spec = place.get_gridspec()
+        position = panel.get_subplotspec()
+        if position is not None:
+            spec = position.get_gridspec()
             ratios = np.asarray(spec.get_height_ratios(), dtype=float)
-            height = ratios[place.rowspan.start] / ratios.sum() * figure.get_figheight()
+            height = ratios[position.rowspan.start] / ratios.sum() * figure.get_figheight()
             panel.set_ylabel(_wrapped(panel.get_ylabel(), panel.yaxis.label.get_fontsize(), 0.8 * height))
             width = 0.9 / spec.ncols * figure.get_figwidth()
             panel.set_title(_wrapped(panel.get_title(loc="left"), TITLE, width), loc="left", fontsize=TITLE)
@@ -101,8 +106,8 @@ def _wrapped(text: str, size: float | str, length: float) -> str:
     """A text of a font size in points, on lines of a length, inch."""
     letters = max(int(length / (LETTER * float(size))), 1)
     # a unit stays behind its stroke
-    parts = text.replace(" / ", "\xa0/\xa0").split("\n")
-    return "\n".join(textwrap.fill(part, letters) for part in parts).replace("\xa0", " ")
+    lines = text.replace(" / ", "\xa0/\xa0").split("\n")
+    return "\n".join(textwrap.fill(line, letters) for line in lines).replace("\xa0", " ")
 
 
 def apart(values: FloatArray, gap: float) -> FloatArray:
@@ -139,14 +144,16 @@ def grid_of_frequencies(frequencies: ArrayLike | None, dt: float) -> FloatArray:
 def check_same_channels(shapes: Sequence[tuple[str, tuple[int, ...]]]) -> None:
     """Refuse responses in one figure with different numbers of outputs and inputs."""
     if len({shape for _, shape in shapes}) > 1:
-        text = ", ".join(f"{label} {' x '.join(map(str, shape))}" for label, shape in shapes)
-        raise SysidError(f"responses in one figure must have the same outputs and inputs; got {text}")
+        sizes = [f"{label} {' x '.join(map(str, shape))}" for label, shape in shapes]
+        raise SysidError(f"responses in one figure must have the same outputs and inputs; got {', '.join(sizes)}")
 
 
 def piece_of(data: IOData, start: float, length: float | None) -> slice:
     """Samples of a record from `start` s on, for `length` s or to its end."""
     first = min(round(start / data.dt), max(len(data) - 2, 0))
-    return slice(first, len(data) if length is None else first + max(round(length / data.dt), 2))
+    if length is None:
+        return slice(first, len(data))
+    return slice(first, first + max(round(length / data.dt), 2))
 
 
 def shade_window(axes: Axes, data: IOData, first: int) -> None:
@@ -167,8 +174,8 @@ def channel_indices(kind: str, channel: int | str | None, names: Sequence[str]) 
         return list(range(len(names)))
     if isinstance(channel, str) and channel in names:
         return [list(names).index(channel)]
-    whole = isinstance(channel, int | np.integer) and not isinstance(channel, bool)
-    if not whole or not -len(names) <= int(channel) < len(names):
+    is_index = isinstance(channel, int | np.integer) and not isinstance(channel, bool)
+    if not is_index or not -len(names) <= int(channel) < len(names):
         raise SysidError(f"unknown {kind} {channel!r}; there are {', '.join(names)} (0 to {len(names) - 1})")
     return [int(channel) % len(names)]
 

@@ -38,14 +38,15 @@ def pzmap(
     axes.plot(np.cos(angle), np.sin(angle), color=BOUND.colour, lw=0.9)
     axes.axhline(0.0, color=GRID, lw=0.8, zorder=0)
     axes.axvline(0.0, color=GRID, lw=0.8, zorder=0)
-    for number, system in enumerate(roots_of(systems, regions=regions)):
+    for position, system in enumerate(roots_of(systems, regions=regions)):
         poles, zeros = system.model.poles(), system.model.zeros()
         counts = {"pole": int((np.abs(poles) > REACH).sum()), "zero": int((np.abs(zeros) > REACH).sum())}
         beyond = ", ".join(counted(count, root) for root, count in counts.items() if count)
-        label = system.label + (f" ({beyond} beyond the frame)" if beyond else "")
-        grow = max(9 - 1.2 * number, 4.0)
-        axes.plot(poles.real, poles.imag, "x", color=system.style.colour, ms=grow, mew=1.7, label=label)
-        axes.plot(zeros.real, zeros.imag, "o", color=system.style.colour, ms=grow, mew=1.3, mfc="none")
+        label = f"{system.label} ({beyond} beyond the frame)" if beyond else system.label
+        # Markers of later systems are smaller, so that coinciding roots stay visible.
+        marker_size = max(9 - 1.2 * position, 4.0)
+        axes.plot(poles.real, poles.imag, "x", color=system.style.colour, ms=marker_size, mew=1.7, label=label)
+        axes.plot(zeros.real, zeros.imag, "o", color=system.style.colour, ms=marker_size, mew=1.3, mfc="none")
         for outline in system.regions:
             axes.plot(outline.real, outline.imag, color=system.style.colour, lw=0.8, zorder=1)
     axes.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), aspect="equal")

@@ -46,25 +46,25 @@ def recursion(
     truth = {} if reference is None else dict(zip(reference.parameter_names, reference.parameters, strict=True))
     figure, grid = panels(len(letters), 1, size_of(size, len(letters), 1, (7.0, 2.8), (0.0, 1.8)), sharex=True)
     for axes, letter in zip(grid[:, 0], letters, strict=True):
-        own = [k for k, name in enumerate(estimate.parameter_names) if name[0] == letter]
-        settled = estimate.parameters[int(SETTLING * count) :, own]
+        of_letter = [k for k, name in enumerate(estimate.parameter_names) if name[0] == letter]
+        settled = estimate.parameters[int(SETTLING * count) :, of_letter]
         low, high = float(settled.min()), float(settled.max())
-        values = [truth[estimate.parameter_names[k]] for k in own if estimate.parameter_names[k] in truth]
+        values = [truth[estimate.parameter_names[k]] for k in of_letter if estimate.parameter_names[k] in truth]
         low, high = min([low, *values]), max([high, *values])
         margin = 0.15 * max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-12)
         axes.set_ylim(low - margin, high + margin)
         height = 0.75 * figure.get_figheight() / len(letters)
-        places = apart(estimate.final.parameters[own], LINE / height * (high - low + 2.0 * margin))
-        for place, k in enumerate(own):
-            style = LOOKS[place % len(LOOKS)]
+        label_heights = apart(estimate.final.parameters[of_letter], LINE / height * (high - low + 2.0 * margin))
+        for rank, k in enumerate(of_letter):
+            style = LOOKS[rank % len(LOOKS)]
             name = estimate.parameter_names[k]
             axes.plot(time, estimate.parameters[:, k], color=style.colour, lw=1.3)
-            end = time[-1] + 0.015 * (time[-1] - time[0]) * (1 + place)
+            end = time[-1] + 0.015 * (time[-1] - time[0]) * (1 + rank)
             last, reach = estimate.final.parameters[k], NORMAL_95 * deviations[k]
             axes.errorbar(end, last, yerr=reach, color=style.colour, fmt=".", ms=5, capsize=3)
             axes.annotate(
                 name,
-                (1.0, places[place]),
+                (1.0, label_heights[rank]),
                 xycoords=("axes fraction", "data"),
                 xytext=(4, 0),
                 textcoords="offset points",

@@ -71,7 +71,8 @@ def output_comparison(
             line(lower, data.time[piece], measured - values[piece] * scale, trace.style, None)
         shown = unit if unit is not None else units[i]
         point = None if data.output_offset is None else data.output_offset * scale
-        upper.set_ylabel(_label("output" if names == ("y1",) else names[i], shown, [point], i))
+        name = "output" if names == ("y1",) else names[i]
+        upper.set_ylabel(_label(name, shown, [point], i))
         lower.set_ylabel(label("error", shown))
         shade_window(upper, data, piece.start)
     return finish(figure, grid, "time / s")
@@ -79,11 +80,12 @@ def output_comparison(
 
 def _label(name: str, unit: str, points: Sequence[FloatArray | None], channel: int) -> str:
     """Label of an axis, which says where an operating point was subtracted."""
-    known = [point[channel] for point in points if point is not None and abs(point[channel]) > ROUNDING]
-    if not known:
+    removed = [point[channel] for point in points if point is not None and abs(point[channel]) > ROUNDING]
+    if not removed:
         return label(name, unit)
-    same = len(known) == len(points) and np.ptp(known) == 0.0
-    return label(f"{name}, deviation from {f'{known[0]:.4g}' if same else 'the operating point'}", unit)
+    is_common = len(removed) == len(points) and np.ptp(removed) == 0.0
+    origin = f"{removed[0]:.4g}" if is_common else "the operating point"
+    return label(f"{name}, deviation from {origin}", unit)
 
 
 def _column(trace: Trace, output: int, data: IOData) -> FloatArray:
@@ -93,7 +95,8 @@ def _column(trace: Trace, output: int, data: IOData) -> FloatArray:
         raise SysidError(f"{trace.label}: {len(values)} samples, the record has {len(data)}")
     if values.shape[1] not in (1, data.ny):
         raise SysidError(f"{trace.label}: {values.shape[1]} outputs, the record has {data.ny}")
-    return values[:, output if values.shape[1] == data.ny else 0]
+    column = output if values.shape[1] == data.ny else 0
+    return values[:, column]
 
 
 ROUNDING = 1e-12  # largest operating point that counts as none, in units of the channel
@@ -126,11 +129,10 @@ def record(
         SysidError: Nothing to draw, or records with different channels.
     """
     experiments = as_experiments(list(data.values()) if isinstance(data, Mapping) else data, missing=True, series=True)
-    names = (
-        list(data)
-        if isinstance(data, Mapping)
-        else [e.name or f"experiment {k + 1}" for k, e in enumerate(experiments)]
-    )
+    if isinstance(data, Mapping):
+        names = list(data)
+    else:
+        names = [experiment.name or f"experiment {k + 1}" for k, experiment in enumerate(experiments)]
     if len(set(names)) < len(names):
         names = [f"{k + 1}: {name}" for k, name in enumerate(names)]
     first = experiments[0]
@@ -142,23 +144,32 @@ def record(
     for k, (name, e) in enumerate(zip(names, experiments, strict=True)):
         piece = piece_of(e, start, length)
         # one experiment: outputs and inputs in different colours
-        output = LOOKS[k % len(LOOKS)] if several else PALETTE["armax"]
-        for c in range(count):
-            values = (e.y if c < e.ny else e.u)[piece, c if c < e.ny else c - e.ny]
-            held = c >= e.ny and e.intersample == "zoh"
-            style = output if several or c < e.ny else PALETTE["oe"]
-            _trace(grid[c, 0], e.time[piece], values, style, name if c == 0 and several else None, held=held)
-            shade_window(grid[c, 0], e, piece.start)
-    for c, (text, unit) in enumerate(zip(labels, units, strict=True)):
-        points = [e.output_offset if c < first.ny else e.input_offset for e in experiments]
-        grid[c, 0].set_ylabel(_label(text, unit, points, c if c < first.ny else c - first.ny))
+        look = LOOKS[k % len(LOOKS)] if several else None
+        output_style, input_style = look or PALETTE["armax"], look or PALETTE["oe"]
+        outputs, inputs = grid[: e.ny, 0], grid[e.ny :, 0]
+        for c, axes in enumerate(outputs):
+            # One entry in the legend for each experiment.
+            legend = name if c == 0 and several else None
+            _trace(axes, e.time[piece], e.y[piece, c], output_style, legend, held=False)
+            shade_window(axes, e, piece.start)
+        for c, axes in enumerate(inputs):
+            _trace(axes, e.time[piece], e.u[piece, c], input_style, None, held=e.intersample == "zoh")
+            shade_window(axes, e, piece.start)
+    for row, (name, unit) in enumerate(zip(labels, units, strict=True)):
+        if row < first.ny:
+            points, channel = [e.output_offset for e in experiments], row
+        else:
+            points, channel = [e.input_offset for e in experiments], row - first.ny
+        grid[row, 0].set_ylabel(_label(name, unit, points, channel))
     return finish(figure, grid, "time / s")
 
 
 def _trace(axes: Axes, time: FloatArray, values: FloatArray, style: Style, name: str | None, *, held: bool) -> None:
     # a single sample between two gaps has no line: it needs a marker
-    known = np.isfinite(values)
-    alone = known & ~np.concatenate(([False], known[:-1])) & ~np.concatenate((known[1:], [False]))
+    present = np.isfinite(values)
+    follows, precedes = np.concatenate(([False], present[:-1])), np.concatenate((present[1:], [False]))
+    alone = present & ~follows & ~precedes
     steps = "steps-post" if held else "default"
-    axes.plot(time, values, color=style.colour, lw=1.0 if len(time) <= LONG else 0.7, drawstyle=steps, label=name)
+    width = 1.0 if len(time) <= LONG else 0.7
+    axes.plot(time, values, color=style.colour, lw=width, drawstyle=steps, label=name)
     axes.plot(time[alone], values[alone], ls="none", marker=".", ms=3, color=style.colour)

@@ -66,7 +66,7 @@ def spectra(
         keep = f > 0.0
         for trace in traces:
             line(grid[0, 0], f[keep], _positive(trace.values[keep]), trace.style, trace.label)
-        grid[0, 0].set_ylabel("spectral density" + (f" / ({unit}²/Hz)" if unit else ""))
+        grid[0, 0].set_ylabel(label("spectral density", f"({unit}²/Hz)" if unit else ""))
     else:
         figure, grid = _of_records(responses, frequencies, output, unit, size)
     for axes in grid.ravel():
@@ -102,23 +102,26 @@ def _of_records(
     height = len(rows) + nu * beside
     figure, grid = panels(height, 1, size_of(size, height, 1, (7.0, 3.6), (0.0, 2.0)), sharex=True)
 
-    def density(axes: Axes, response: FrequencyResponse, kind: str, i: int, style: Style, text: str | None) -> None:
+    def density(axes: Axes, response: FrequencyResponse, field: str, i: int, style: Style, name: str | None) -> None:
+        # A logarithmic axis has no zero.
         keep = response.frequencies > 0.0
-        line(axes, response.frequencies[keep], _positive(getattr(response, kind)[keep, i, i].real), style, text)
+        line(axes, response.frequencies[keep], _positive(getattr(response, field)[keep, i, i].real), style, name)
 
     for axes, i in zip(grid[:, 0], rows, strict=False):
         if beside and first.output_spectrum is not None:
             density(axes, first, "output_spectrum", i, PALETTE["measured"], "measured")
-        for text, response, style in drawn:
-            density(axes, response, "noise_spectrum", i, style, text)
+        for name, response, style in drawn:
+            density(axes, response, "noise_spectrum", i, style, name)
             if _has_interval(response):
                 keep = response.frequencies > 0.0
                 low, high = (_positive(edge[keep, i]) for edge in response.noise_ci95())
                 shade(axes, response.frequencies[keep], low, high, style)
-        axes.set_ylabel(_density("output" if ny == 1 else names[i], unit))
+        output_name = "output" if ny == 1 else names[i]
+        axes.set_ylabel(_density(output_name, unit))
     for j, axes in enumerate(grid[len(rows) :, 0]):
         density(axes, first, "input_spectrum", j, PALETTE["measured"], None)
-        axes.set_ylabel(_density("input" if nu == 1 else channel_names(first.input_names, nu, "u")[j], ""))
+        input_name = "input" if nu == 1 else channel_names(first.input_names, nu, "u")[j]
+        axes.set_ylabel(_density(input_name, ""))
     return figure, grid
 
 
@@ -127,8 +130,9 @@ def _has_interval(response: FrequencyResponse) -> bool:
     return response.degrees_of_freedom is not None if deviation is None else bool(np.isfinite(deviation).all())
 
 
-def _density(what: str, unit: str) -> str:
-    return label(f"{what}, density", f"({unit}²/Hz)" if unit else "")
+def _density(name: str, unit: str) -> str:
+    density_unit = f"({unit}²/Hz)" if unit else ""
+    return label(f"{name}, density", density_unit)
 
 
 def _positive(values: FloatArray) -> FloatArray:

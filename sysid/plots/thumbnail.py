@@ -48,16 +48,12 @@ def thumbnail(result: object) -> str:
 def _figure(result: object) -> Figure | None:
     match result:
         case IOData():
-            u, y = list(range(min(result.nu, MOST))) or None, list(range(min(result.ny, MOST)))
-            return record(result.select(inputs=u, outputs=y), size=SIZE)
+            # A time series has no inputs: an empty choice of them would be refused.
+            inputs = list(range(min(result.nu, MOST))) or None
+            shown = result.select(inputs=inputs, outputs=list(range(min(result.ny, MOST))))
+            return record(shown, size=SIZE)
         case Estimate() | FrequencyResponse() | StateSpace() | BestLinearApproximation():
-            response = result.response if isinstance(result, BestLinearApproximation) else result
-            model = response.model if isinstance(response, Estimate) else response
-            ny, nu = model.response.shape[1:] if isinstance(model, FrequencyResponse) else model.D.shape
-            if not nu:
-                return None if isinstance(response, StateSpace) else spectra(response, size=SIZE)
-            first = None if ny * nu <= 2 * MOST else 0
-            return bode(result, output=first, input=first, size=SIZE)
+            return _of_response(result)
         case ResidualTest():
             first = None if result.independence_p.size <= MOST else 0
             return correlations(result, output=first, input=first, size=SIZE)
@@ -73,3 +69,13 @@ def _figure(result: object) -> Figure | None:
         case RecursiveEstimate():
             return recursion(result, size=SIZE)
     return None
+
+
+def _of_response(result: Estimate | FrequencyResponse | StateSpace | BestLinearApproximation) -> Figure | None:
+    response = result.response if isinstance(result, BestLinearApproximation) else result
+    model = response.model if isinstance(response, Estimate) else response
+    ny, nu = model.response.shape[1:] if isinstance(model, FrequencyResponse) else model.D.shape
+    if not nu:
+        return None if isinstance(response, StateSpace) else spectra(response, size=SIZE)
+    first = None if ny * nu <= 2 * MOST else 0
+    return bode(result, output=first, input=first, size=SIZE)

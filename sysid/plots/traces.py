@@ -92,7 +92,8 @@ def curves_of(
     curves = []
     for name, item in named_items(items, (Curve, FrequencyResponse, Estimate, StateSpace, BestLinearApproximation)):
         if isinstance(item, Curve):
-            curves.append(item if name is None else replace(item, label=name))
+            curve = item if name is None else replace(item, label=name)
+            curves.append(curve)
             if item.style is not None:
                 styles.used.append(item.style)
             continue
@@ -103,7 +104,9 @@ def curves_of(
             response = item if isinstance(item, FrequencyResponse) else _response(item, frequencies)
         if not response.response.shape[2]:
             raise SysidError(f"{response.method}: a time series has no input; plots.spectra draws its spectrum")
-        shown = name or styles.label(response if levels else item)
+        # The label of a best linear approximation is that of its response, which has a method.
+        labelled = response if levels else item
+        shown = name or styles.label(labelled)
         curves.append(Curve(shown, response, styles.next(response.method), levels))
     return curves
 
@@ -114,7 +117,8 @@ def roots_of(items: "Rooted | Sequence[Rooted] | Mapping[str, Rooted]", *, regio
     roots = []
     for name, item in named_items(items, (Roots, Estimate, StateSpace)):
         if isinstance(item, Roots):
-            roots.append(item if name is None else replace(item, label=name))
+            named = item if name is None else replace(item, label=name)
+            roots.append(named)
             styles.used.append(item.style)
             continue
         model = item.model.input_path() if isinstance(item, Estimate) else item
@@ -142,11 +146,14 @@ def traces_of(
         order = list(range(len(item.simulation)))
         if len(item.output_names) == len(names):
             order = matching_channels("output", names, item.output_names, owner="the record", other=item.name)
-        fits = (item.ahead if ahead else item.simulation)[order]
-        label = f"{item.name}: {', '.join(f'{fits[i]:.1f}' for i in outputs)} %"
-        label += f", {item.steps} ahead" if ahead else ""
+        fits = item.ahead if ahead else item.simulation
+        values = item.predicted_ahead if ahead else item.simulated
+        percentages = ", ".join(f"{fit:.1f}" for fit in fits[order][list(outputs)])
+        label = f"{item.name}: {percentages} %"
+        if ahead:
+            label += f", {item.steps} ahead"
         style = styles.next(item.name.lower().rpartition(" ")[2])
-        traces.append(Trace(label, (item.predicted_ahead if ahead else item.simulated)[:, order], style))
+        traces.append(Trace(label, values[:, order], style))
     return traces
 
 
@@ -163,11 +170,8 @@ class StyleChooser:
         base = method.upper() if method else "model"
         orders = getattr(item, "orders", None)
         if orders:
-            base += " " + ", ".join(
-                f"{name.replace('_', ' ')} {value}"
-                for name, value in orders.items()
-                if isinstance(value, int | np.integer)
-            )
+            whole = {name: value for name, value in orders.items() if isinstance(value, int | np.integer)}
+            base += " " + ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in whole.items())
         self.labels.append(base)
         count = self.labels.count(base)
         return base.strip() if count == 1 else f"{base.strip()} ({count})"
@@ -176,8 +180,12 @@ class StyleChooser:
         """The style of a method, or another one if that is in use."""
         preferred = PALETTE.get(method)
         # The greys and pinks of measured data are reserved for data.
-        free = [style for name, style in PALETTE.items() if style not in self.used and name not in ("measured", "etfe")]
-        style = preferred if preferred is not None and preferred not in self.used else (free or [PALETTE["truth"]])[0]
+        others = [style for name, style in PALETTE.items() if name not in ("measured", "etfe")]
+        free = [style for style in others if style not in self.used]
+        if preferred is not None and preferred not in self.used:
+            style = preferred
+        else:
+            style = free[0] if free else PALETTE["truth"]
         self.used.append(style)
         return style
 
@@ -189,9 +197,8 @@ def named_items(items: object, kinds: tuple[type, ...]) -> Iterator[tuple[str | 
     if isinstance(items, Mapping):
         pairs = [(str(name), chosen_model(item)) for name, item in items.items()]
     else:
-        several: Sequence[Any] = (
-            items if isinstance(items, Sequence) and not isinstance(items, (str, *kinds)) else [items]
-        )
+        are_several = isinstance(items, Sequence) and not isinstance(items, (str, *kinds))
+        several: Any = items if are_several else [items]
         pairs = [(None, chosen_model(item)) for item in several]
     if not pairs:
         raise SysidError(f"nothing to draw; expected one or more of {available}")
@@ -226,12 +233,12 @@ def _levels(bla: BestLinearApproximation) -> tuple[Level, ...]:
 
 def _regions(estimate: Estimate) -> tuple[ComplexArray, ...]:
     """Outlines of the roots with a finite region within the map."""
-    return tuple(
-        outline
-        for roots in (poles_band(estimate), zeros_band(estimate))
-        for root, outline in zip(roots.roots, roots.ellipses(), strict=True)
-        if np.isfinite(outline).all() and np.abs(root) <= REACH
-    )
+    outlines = []
+    for roots in (poles_band(estimate), zeros_band(estimate)):
+        for root, outline in zip(roots.roots, roots.ellipses(), strict=True):
+            if np.isfinite(outline).all() and np.abs(root) <= REACH:
+                outlines.append(outline)
+    return tuple(outlines)
 
 
 REACH = 1.6  # modulus beyond which roots are not drawn in a map, but counted

@@ -117,14 +117,17 @@ def _responses(
     out = []
     for name, item in pairs:
         model = item.model if isinstance(item, Estimate) else item
-        method = "cra" if isinstance(item, ImpulseResponse) else getattr(item, "method", "")
-        shown = name or ("correlation analysis" if isinstance(item, ImpulseResponse) else styles.label(item))
+        if isinstance(item, ImpulseResponse):
+            method, shown = "cra", name or "correlation analysis"
+        else:
+            method, shown = getattr(item, "method", ""), name or styles.label(item)
         samples = max(int(np.floor(reach / model.dt + 1e-9)) + 1, 2)
         if isinstance(model, StateSpace) and (memory := _memory(model)):
             samples = min(samples, memory)
         deviation: FloatArray | None = None
         if isinstance(item, ImpulseResponse):
-            values = (item.step_response if step else item.response)[:samples]
+            lags = item.step_response if step else item.response
+            values = lags[:samples]
             # the deviation of a running sum needs the correlation of the lags, which is unknown
             deviation = None if step else item.deviation[:samples]
         else:
@@ -157,7 +160,8 @@ def _settling(item: Responding) -> float:
     """Time until the slowest mode has died out, s."""
     if isinstance(item, ImpulseResponse):
         return float(item.time[-1])
-    model = (item.model if isinstance(item, Estimate) else item).input_path()
+    model = item.model if isinstance(item, Estimate) else item
+    model = model.input_path()
     if memory := _memory(model):
         return (memory - 1) * model.dt
     slowest = float(np.abs(model.poles()).max(initial=0.0))
@@ -167,7 +171,7 @@ def _settling(item: Responding) -> float:
 
 def _draw(
     responses: Sequence[_Response],
-    what: str,
+    quantity: str,
     output: int | str | None,
     input: int | str | None,
     size: tuple[float, float] | None,
@@ -190,9 +194,10 @@ def _draw(
             if len(rows) * len(columns) > 1:
                 axes.set_title(f"{inputs[j]} → {outputs[i]}", loc="left", fontsize=9)
             if b == 0:
-                above, below = responses[0].units[0][i], {responses[0].units[1][k] for k in columns}
+                output_units, input_units = responses[0].units
+                above, below = output_units[i], {input_units[k] for k in columns}
                 # no common unit for inputs in different units
-                axes.set_ylabel(
-                    label(what, f"({above}/{below.pop()})" if above and len(below) == 1 and all(below) else "")
-                )
+                has_unit = above and len(below) == 1 and all(below)
+                unit = f"({above}/{below.pop()})" if has_unit else ""
+                axes.set_ylabel(label(quantity, unit))
     return finish(figure, grid, "time / s")

@@ -91,5 +91,7 @@ def shown(value: Any) -> str:
 
 def shortened(text: str, most: int = LONGEST) -> str:
     """Put foreign text on one line, without what steers a terminal, and cut it where it is long."""
-    line = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))
+    line = " ".join(text.split())
+    for character in {character for character in line if not character.isprintable()}:
+        line = line.replace(character, "\N{REPLACEMENT CHARACTER}")
     return line if len(line) <= most else f"{line[: most - 3]}..."

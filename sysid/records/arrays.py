@@ -27,14 +27,16 @@ class Locked:
         for name, value in list(vars(self).items()):
             if isinstance(value, np.ndarray):
                 object.__setattr__(self, name, lock(value))
-            elif isinstance(value, tuple) and any(isinstance(part, np.ndarray) for part in value):
-                object.__setattr__(self, name, tuple(lock(np.asarray(part)) for part in value))
+            elif isinstance(value, tuple) and any(isinstance(item, np.ndarray) for item in value):
+                object.__setattr__(self, name, tuple(lock(np.asarray(item)) for item in value))
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields, mappings as plain `dict`: their read-only views cannot be copied or pickled."""
-        return {
-            name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in vars(self).items()
-        }
+        state = dict(vars(self))
+        for name, value in state.items():
+            if isinstance(value, MappingProxyType):
+                state[name] = dict(value)
+        return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore the fields and lock them again: NumPy drops the read-only flag in a copy."""
@@ -42,8 +44,8 @@ class Locked:
 
     def __repr__(self) -> str:
         """One short line: few numbers in full, other arrays by their shape."""
-        parts = (f"{name}={brief(value, FEW)}" for name, value in vars(self).items() if value is not None)
-        return textwrap.shorten(f"{type(self).__name__}({', '.join(parts)})", LINE, placeholder=" ...)")
+        fields = [f"{name}={brief(value, FEW)}" for name, value in vars(self).items() if value is not None]
+        return textwrap.shorten(f"{type(self).__name__}({', '.join(fields)})", LINE, placeholder=" ...)")
 
     def __str__(self) -> str:
         """What the record is, and its numbers."""
@@ -76,11 +78,11 @@ def locked_within(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     elif isinstance(value, tuple):
-        for part in value:
-            locked_within(part)
+        for item in value:
+            locked_within(item)
     elif isinstance(value, dict):
-        for part in value.values():
-            locked_within(part)
+        for item in value.values():
+            locked_within(item)
         return MappingProxyType(value)
     return value
 

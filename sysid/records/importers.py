@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid.records.arguments import real_number, shown
 from sysid.records.arrays import FloatArray
-from sysid.records.channels import listed
+from sysid.records.channels import default_names, listed
 from sysid.records.data import IOData
 from sysid.records.errors import Message, SysidError
 from sysid.records.foreign_files import is_hdf5
@@ -19,7 +19,7 @@ from sysid.records.message_logs import message_signals
 from sysid.records.netcdf_columns import netcdf_columns
 from sysid.records.text_columns import text_columns
 from sysid.records.time_grid import Signal, experiments, period
-from sysid.records.time_stamps import Column, Place, interval_unit, is_time, stamps, time_column
+from sysid.records.time_stamps import Column, Place, Stamps, interval_unit, is_time, stamps, time_column
 
 STATED = "dt as given"  # origin of an interval in messages: the argument
 SAME_INTERVAL = 1e-3  # two intervals closer than this part are one, written with few digits
@@ -42,7 +42,8 @@ class Choice:
             names = getattr(self, side)
             if not isinstance(names, Iterable):
                 raise SysidError(f"expected {side} by name, got {shown(names)}")
-            object.__setattr__(self, side, (names,) if isinstance(names, str) else tuple(names))
+            several = (names,) if isinstance(names, str) else tuple(names)
+            object.__setattr__(self, side, several)
         if not self.outputs:
             raise SysidError("no output named, expected one or more")
         for name in self.channels:
@@ -230,8 +231,11 @@ def read_experiments(
     files = [_existing(path, "a data file or the folder of a rosbag2") for path in several]
     if not files:
         raise SysidError("expected the paths of data files, got none")
-    loaders = [_from_log if file.is_dir() else _LOADERS.get(file.suffix.lower(), _from_text) for file in files]
-    return one_interval([part for load, file in zip(loaders, files, strict=True) for part in load(file, choice)])
+    records: list[IOData] = []
+    for file in files:
+        load = _from_log if file.is_dir() else _LOADERS.get(file.suffix.lower(), _from_text)
+        records.extend(load(file, choice))
+    return one_interval(records)
 
 
 def one_interval(parts: Sequence[IOData]) -> tuple[IOData, ...]:
@@ -241,13 +245,14 @@ def one_interval(parts: Sequence[IOData]) -> tuple[IOData, ...]:
         SysidError: The intervals differ by more than 0.1 %.
     """
     first = parts[0]
-    for part in parts:
-        if abs(part.dt - first.dt) > SAME_INTERVAL * first.dt:
+    for record in parts:
+        if abs(record.dt - first.dt) > SAME_INTERVAL * first.dt:
             raise SysidError(
-                f"{part.name} is sampled every {part.dt:.6g} s, {first.name} every {first.dt:.6g} s; "
+                f"{record.name} is sampled every {record.dt:.6g} s, {first.name} every {first.dt:.6g} s; "
                 "expected one interval (resample brings them to one)"
             )
-    return tuple(part if part.dt == first.dt else replace(part, dt=first.dt) for part in parts)
+    # Records of the very interval are passed on as they are: a copy of a long one takes time and memory.
+    return tuple(record if record.dt == first.dt else replace(record, dt=first.dt) for record in parts)
 
 
 def _single(load: Callable[[Path, Choice], tuple[IOData, ...]], path: str | Path, kind: str, choice: Choice) -> IOData:
@@ -256,17 +261,18 @@ def _single(load: Callable[[Path, Choice], tuple[IOData, ...]], path: str | Path
 
 
 def _from_text(file: Path, choice: Choice) -> tuple[IOData, ...]:
-    columns, place = text_columns(file, (*((choice.time,) if choice.time else ()), *choice.channels))
+    expected = (choice.time, *choice.channels) if choice.time else choice.channels
+    columns, place = text_columns(file, expected)
     return records_of(columns, choice, file, place)
 
 
 def _from_mat(file: Path, choice: Choice) -> tuple[IOData, ...]:
-    # A row vector can only be a signal; a matrix is taken time first, never transposed on a guess.
-    columns = {
-        name: values.reshape(-1, 1) if 1 in values.shape else values
-        for name, values in (read_hdf5_variables if is_hdf5(file) else read_variables)(file).items()
-        if values.dtype.kind in "biuf" and values.ndim == 2 and values.size
-    }
+    variables = read_hdf5_variables(file) if is_hdf5(file) else read_variables(file)
+    columns: dict[str, Column] = {}
+    for name, values in variables.items():
+        if values.dtype.kind in "biuf" and values.ndim == 2 and values.size:
+            # A row vector can only be a signal; a matrix is taken time first, never transposed on a guess.
+            columns[name] = values.reshape(-1, 1) if 1 in values.shape else values
     return records_of(columns, choice, file)
 
 
@@ -284,56 +290,32 @@ def records_of(
 ) -> tuple[IOData, ...]:
     """Make records of named columns (N,) or (N, k); a column that is no channel may hold times or the interval."""
     units = units or {}
-    for name in choice.channels:
-        if name not in columns:
-            near = get_close_matches(name, columns, 1)
-            hint = f" (did you mean {near[0]!r}?)" if near else ""
-            kinds = " (structs, tables and objects such as iddata are not read; save their arrays)"
-            there = ", ".join(columns) or "none of numbers"
-            raise SysidError(
-                f"{file.name}: unknown column {name!r}{hint}; there are {there}{kinds if file.suffix == '.mat' else ''}"
-            )
-    if len({len(columns[name]) for name in choice.channels}) > 1:
-        raise SysidError(
-            f"{file.name}: {', '.join(f'{n} has {len(columns[n])} samples' for n in choice.channels)}; time is first"
-        )
+    _check_channels(columns, choice, file)
     intervals = _intervals(columns, choice, file)
     stated = next(iter(intervals.values()), None)
     clock_name, concluded, remarks = time_column(columns, choice.time, choice.channels, stated=stated, file=file.name)
-    # Only a column with the name of a time keeps its texts.
-    texts = {name: str(values[0]) for name, values in columns.items() if _is_text(values)}
-    unread = [f"column {name!r} holds {text!r}, which is not read as a time" for name, text in texts.items()]
     clock = None
     if clock_name is not None:
+        # NetCDF has units as `milliseconds since 2026-01-31`.
         attribute = units.get(clock_name, "").partition(" since ")[0].lower()
         unit = choice.time_unit or attribute or concluded or None
         clock = stamps(clock_name, columns[clock_name], unit, place, file.name)
         intervals[repr(clock_name)] = period(clock.seconds, f"column {clock_name!r}", file.name)
+    # Only a column with the name of a time keeps its texts.
+    first_cells = {name: str(values[0]) for name, values in columns.items() if _is_text(values)}
+    unread = [f"column {name!r} holds {cell!r}, which is not read as a time" for name, cell in first_cells.items()]
     if not intervals:
-        there = listed([n for n in columns if n not in choice.channels]) or "no other column"
-        text = (
-            f"{file.name}: no sampling interval; expected a column of times (t, time, 'Time (s)', time=NAME), "
-            f"a variable dt or Ts, or dt in s; the file has {there}"
-        )
-        text += "".join(f"; {remark}: write numbers, as ms, or 2026-01-31T12:00:00.5" for remark in unread)
-        raise SysidError(Message(text, "no-interval", time="time=NAME", dt="or dt in s"))
+        raise SysidError(_no_interval(columns, choice, file, unread))
     if clock is None:
-        remarks = (*remarks, *(f"{text}, so that gaps are not noticed" for text in unread))
-    (first, interval), *others = intervals.items()
-    for other, value in others:
-        if abs(value - interval) > SAME_INTERVAL * interval:
-            text = (
-                f"{file.name}: sampling interval {interval:.6g} s by {first}, {value:.6g} s by {other}; "
-                "expected one value (omit the wrong one)"
-            )
-            raise SysidError(Message(text, "several-intervals", dt=STATED))
+        remarks = (*remarks, *(f"{remark}, so that gaps are not noticed" for remark in unread))
+    interval = _agreed(intervals, file)
     count = len(columns[choice.channels[0]])
-    if clock is not None and len(clock.seconds) != count:
+    if clock is None:
+        clock = Stamps(interval * np.arange(count, dtype=np.float64), 0.0, ())
+    if len(clock.seconds) != count:
         raise SysidError(f"{file.name}: {clock_name} has {len(clock.seconds)} samples, the channels have {count}")
-    times = interval * np.arange(count, dtype=np.float64) if clock is None else clock.seconds
-    u, y = (
-        [_signal(n, times, columns[n], units.get(n, "")) for n in names] for names in (choice.inputs, choice.outputs)
-    )
+    u = [_signal(name, clock.seconds, columns[name], units.get(name, "")) for name in choice.inputs]
+    y = [_signal(name, clock.seconds, columns[name], units.get(name, "")) for name in choice.outputs]
     return experiments(
         u,
         y,
@@ -341,18 +323,61 @@ def records_of(
         missing=choice.missing,
         cut=choice.cut,
         name=file.name,
-        resolution=clock.resolution if clock else 0.0,
+        resolution=clock.resolution,
         # An interval that the user states is that of the samples, whose stamps then only jitter.
         nominal=len(intervals) > 1,
-        remarks=(*remarks, *(clock.remarks if clock else ())),
+        remarks=(*remarks, *clock.remarks),
     )
+
+
+def _check_channels(columns: Mapping[str, Column], choice: Choice, file: Path) -> None:
+    """Refuse names that are no columns, and columns of several lengths."""
+    for name in choice.channels:
+        if name in columns:
+            continue
+        near = get_close_matches(name, columns, 1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        present = ", ".join(columns) or "none of numbers"
+        message = f"{file.name}: unknown column {name!r}{hint}; there are {present}"
+        if file.suffix == ".mat":
+            message += " (structs, tables and objects such as iddata are not read; save their arrays)"
+        raise SysidError(message)
+    lengths = {name: len(columns[name]) for name in choice.channels}
+    if len(set(lengths.values())) > 1:
+        sizes = [f"{name} has {length} samples" for name, length in lengths.items()]
+        raise SysidError(f"{file.name}: {', '.join(sizes)}; time is first")
+
+
+def _no_interval(columns: Mapping[str, Column], choice: Choice, file: Path, unread: Sequence[str]) -> Message:
+    """What a file without times needs; `unread` are remarks on columns of texts that look like times."""
+    present = listed([name for name in columns if name not in choice.channels]) or "no other column"
+    message = (
+        f"{file.name}: no sampling interval; expected a column of times (t, time, 'Time (s)', time=NAME), "
+        f"a variable dt or Ts, or dt in s; the file has {present}"
+    )
+    message += "".join(f"; {remark}: write numbers, as ms, or 2026-01-31T12:00:00.5" for remark in unread)
+    return Message(message, "no-interval", time="time=NAME", dt="or dt in s")
+
+
+def _agreed(intervals: Mapping[str, float], file: Path) -> float:
+    """The first of the intervals that a file and its reader state, s; the others must agree with it."""
+    (first, interval), *further = intervals.items()
+    for source, value in further:
+        if abs(value - interval) > SAME_INTERVAL * interval:
+            message = (
+                f"{file.name}: sampling interval {interval:.6g} s by {first}, {value:.6g} s by {source}; "
+                "expected one value (omit the wrong one)"
+            )
+            raise SysidError(Message(message, "several-intervals", dt=STATED))
+    return interval
 
 
 def _signal(name: str, times: FloatArray, values: Column, unit: str) -> Signal:
     if values.dtype.kind == "c":
         raise SysidError(f"{name}: expected real numbers, got complex ones")
     table = values.astype(np.float64).reshape(len(values), -1)
-    names = (name,) if table.shape[1] == 1 else tuple(f"{name}{k + 1}" for k in range(table.shape[1]))
+    width = table.shape[1]
+    names = (name,) if width == 1 else default_names(name, width)
     return Signal(times, table, names, (unit,) * len(names))
 
 
@@ -375,13 +400,16 @@ def _is_text(values: Column) -> bool:
     return values.dtype.kind == "U"
 
 
-def _existing(path: str | Path, kind: str) -> Path:
+def _existing(path: str | Path, expected: str) -> Path:
+    """Check that a path is an ordinary file, or a folder of such where a folder is expected."""
     if not isinstance(path, str | Path):
-        raise SysidError(f"expected the path of {kind}, got {shown(path)}")
+        raise SysidError(f"expected the path of {expected}, got {shown(path)}")
     file = Path(path)
-    if not (file.is_file() or (file.is_dir() and "folder" in kind)):  # reading a pipe may never end
-        raise SysidError(f"no data file {str(path)!r}; expected {kind}")
-    if any(not (one.is_file() or one.is_dir()) for one in (file.rglob("*") if file.is_dir() else ())):
+    # Reading a pipe may never end.
+    if not (file.is_file() or (file.is_dir() and "folder" in expected)):
+        raise SysidError(f"no data file {str(path)!r}; expected {expected}")
+    inside = file.rglob("*") if file.is_dir() else ()
+    if any(not (item.is_file() or item.is_dir()) for item in inside):
         raise SysidError(f"{str(path)!r} holds a pipe, a device or a broken link; expected files")
     return file
 

@@ -1,7 +1,8 @@
 """Samples with stamps put on a uniform grid of time: jitter, gaps, channels of several rates."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -76,99 +77,169 @@ def experiments(
         raise SysidError(f"{name}: {listed(short[0].names)} has {len(short[0].times)} sample(s), expected at least 2")
     periods = [period(signal.times, listed(signal.names), name) for signal in outputs]
     slowest, step = outputs[int(np.argmax(periods))], dt or max(periods)
+    first, last = _common_span(signals, outputs, name)
+    gaps = _gaps(outputs, periods, first, last)
+    if gaps and not cut:
+        raise SysidError(f"{name}: not uniform: {_gaps_text(gaps)}; expected none (read_experiments cuts there)")
+    share_stamps = all(np.array_equal(signal.times, slowest.times) for signal in signals)
+    most_channels = max(sum(len(signal.names) for signal in side) for side in (inputs, outputs))
+    records: list[IOData] = []
+    stretches: list[_Stretch] = []
+    left_out = 0
+    for start, stop in _spans_between(gaps, first, last):
+        within = slice(*np.searchsorted(slowest.times, [start, np.nextafter(stop, np.inf)]))
+        times = slowest.times[within]
+        as_they_are = share_stamps and _uniform(times, step, resolution, nominal)
+        count = len(times)
+        if count and not as_they_are:
+            count = int((stop - times[0]) / step + ON_GRID) + 1
+        # IOData takes more channels than samples for a table whose time runs along the second axis.
+        if count <= most_channels:
+            left_out += len(times)
+            continue
+        _check_count(count, times, step, name)
+        if as_they_are:
+            stretch = _taken(inputs, outputs, within, times, step)
+        else:
+            stretch = _resampled(inputs, outputs, times[0] + step * np.arange(count), start, stop)
+        stretches.append(stretch)
+        records.append(_record(inputs, outputs, stretch, step, float(times[0]), missing, name))
+    done = list(remarks)
+    if gaps:
+        done.append(f"{_gaps_text(gaps)}: cut there into {len(records)} experiment(s)")
+    if gaps and left_out:
+        done[-1] += f", {left_out} sample(s) between gaps left out"
+    if not records:
+        raise SysidError(f"{name}: {'; '.join(done)}; expected a stretch with more samples than channels")
+    if any(stretch.is_uneven for stretch in stretches):
+        done.append(f"samples are taken as uniform, every {step:.6g} s, though {_steps_text(slowest.times)}")
+    interpolated = sum(stretch.interpolated for stretch in stretches)
+    if interpolated or not share_stamps:
+        done.append(f"resampled every {step:.6g} s, as {_clocks_text(signals, share_stamps)}")
+        done.append(f"{interpolated} of {sum(map(len, records))} samples of the outputs are interpolated linearly")
+        if inputs:
+            done.append("inputs are means of their held values")
+    if done:
+        warnings.warn(f"{name}: {'; '.join(done)}", SysidWarning, stacklevel=6)
+    return tuple(records)
+
+
+class _Stretch(NamedTuple):
+    """Samples between two gaps on the grid.
+
+    Attributes:
+        u: Samples of each input signal.
+        y: Samples of each output signal.
+        interpolated: How many samples of the outputs lie between stamps.
+        is_uneven: Whether samples are taken for uniform whose steps differ by more than 1 %.
+    """
+
+    u: list[FloatArray]
+    y: list[FloatArray]
+    interpolated: int
+    is_uneven: bool
+
+
+def _common_span(signals: Sequence[Signal], outputs: Sequence[Signal], name: str) -> tuple[float, float]:
+    """First and last instant at which all signals are known; the inputs hold after their last sample."""
     first, last = max(signal.times[0] for signal in signals), min(signal.times[-1] for signal in outputs)
     if not last > first:
-        spans = (f"{listed(s.names)} from {s.times[0]:.9g} to {s.times[-1]:.9g} s" for s in signals)
+        spans = [f"{listed(s.names)} from {s.times[0]:.9g} to {s.times[-1]:.9g} s" for s in signals]
         raise SysidError(f"{name}: no time in common: {'; '.join(spans)}; expected stamps of one clock")
-    gaps = sorted(
-        (float(signal.times[k]), float(signal.times[k + 1]))
-        for signal, own in zip(outputs, periods, strict=True)
-        for k in np.flatnonzero(np.diff(signal.times) > GAP * own)
-        if signal.times[k + 1] > first and signal.times[k] < last
-    )
-    longest, after = max(((stop - start, start) for start, stop in gaps), default=(0.0, 0.0))
-    lost = f"{len(gaps)} gap(s) above {GAP:g} intervals, the longest of {longest:.6g} s after {after:.6g} s"
-    if gaps and not cut:
-        raise SysidError(f"{name}: not uniform: {lost}; expected none (read_experiments cuts there)")
-    same = all(np.array_equal(signal.times, slowest.times) for signal in signals)
+    return first, last
+
+
+def _gaps(outputs: Sequence[Signal], periods: Sequence[float], first: float, last: float) -> list[tuple[float, float]]:
+    """Last instant before and first instant after each gap of an output, s, within the common span."""
+    gaps = []
+    for signal, own_period in zip(outputs, periods, strict=True):
+        for k in np.flatnonzero(np.diff(signal.times) > GAP * own_period):
+            before, after = float(signal.times[k]), float(signal.times[k + 1])
+            if after > first and before < last:
+                gaps.append((before, after))
+    return sorted(gaps)
+
+
+def _gaps_text(gaps: Sequence[tuple[float, float]]) -> str:
+    longest, after = max((stop - start, start) for start, stop in gaps)
+    return f"{len(gaps)} gap(s) above {GAP:g} intervals, the longest of {longest:.6g} s after {after:.6g} s"
+
+
+def _spans_between(gaps: Sequence[tuple[float, float]], first: float, last: float) -> Iterator[tuple[float, float]]:
+    """Spans from gap to gap."""
     starts, stops = [first, *(stop for _, stop in gaps)], [*(start for start, _ in gaps), last]
-    parts, interpolated, uneven, dropped = [], 0, False, 0
-    for start, stop in zip(np.maximum.accumulate(starts), stops, strict=True):
-        part = slice(*np.searchsorted(slowest.times, [start, np.nextafter(stop, np.inf)]))
-        own = slowest.times[part]
-        as_is = same and _uniform(own, step, resolution, nominal)
-        count = len(own) if as_is or not len(own) else int((stop - own[0]) / step + ON_GRID) + 1
-        if count <= max(sum(len(s.names) for s in side) for side in (inputs, outputs)):
-            dropped += len(own)
-            continue
-        if count > max(MOST_SAMPLES, MOST_ADDED * len(own)):
-            where = f"the longest step is {np.diff(own).max():.6g} s" if len(own) > 1 else "one sample"
-            raise SysidError(
-                f"{name}: {count} samples every {step:.6g} s from {len(own)} stamps ({where}); expected at most "
-                f"{max(MOST_SAMPLES, MOST_ADDED * len(own))} (a longer interval)"
-            )
-        if as_is:
-            uneven |= bool(np.abs(np.diff(own) - step).max() > ON_GRID * step)
-            u, y = ([signal.values[part] for signal in side] for side in (inputs, outputs))
-        else:
-            grid = own[0] + step * np.arange(count)
-            held, sampled = ([_between(signal, start, stop) for signal in side] for side in (inputs, outputs))
-            placed = [_interpolated(signal, grid) for signal in sampled]
-            u, y = [_held_means(signal, grid) for signal in held], [values for values, _ in placed]
-            interpolated += int(np.any([between for _, between in placed], axis=0).sum())
-        parts.append(_record(inputs, u, outputs, y, step, float(own[0]), missing, name))
-    texts = list(remarks)
-    if gaps:
-        texts.append(
-            f"{lost}: cut there into {len(parts)} experiment(s)"
-            + (f", {dropped} sample(s) between gaps left out" if dropped else "")
+    # Gaps of several outputs can overlap: a span begins after all gaps before it.
+    yield from zip(np.maximum.accumulate(starts), stops, strict=True)
+
+
+def _check_count(count: int, times: FloatArray, step: float, name: str) -> None:
+    """Refuse a grid that a single false stamp makes huge."""
+    most = max(MOST_SAMPLES, MOST_ADDED * len(times))
+    if count > most:
+        reason = f"the longest step is {np.diff(times).max():.6g} s" if len(times) > 1 else "one sample"
+        raise SysidError(
+            f"{name}: {count} samples every {step:.6g} s from {len(times)} stamps ({reason}); expected at most "
+            f"{most} (a longer interval)"
         )
-    if not parts:
-        raise SysidError(f"{name}: {'; '.join(texts)}; expected a stretch with more samples than channels")
-    if uneven:
-        texts.append(f"samples are taken as uniform, every {step:.6g} s, though {_steps_text(slowest.times)}")
-    if interpolated or not same:
-        clocks = [slowest] if same else {id(signal.times): signal for signal in signals}.values()
-        steps = (f"{'' if same else f'{listed(s.names)}: '}{_steps_text(s.times)}" for s in clocks)
-        texts.append(f"resampled every {step:.6g} s, as {'; '.join(steps)}")
-        texts.append(f"{interpolated} of {sum(map(len, parts))} samples of the outputs are interpolated linearly")
-        texts += ["inputs are means of their held values"] if inputs else []
-    if texts:
-        warnings.warn(f"{name}: {'; '.join(texts)}", SysidWarning, stacklevel=6)
-    return tuple(parts)
+
+
+def _taken(
+    inputs: Sequence[Signal], outputs: Sequence[Signal], within: slice, times: FloatArray, step: float
+) -> _Stretch:
+    """Samples as they are, whatever their stamps (n,) jitter."""
+    is_uneven = bool(np.abs(np.diff(times) - step).max() > ON_GRID * step)
+    u, y = [signal.values[within] for signal in inputs], [signal.values[within] for signal in outputs]
+    return _Stretch(u, y, 0, is_uneven)
+
+
+def _resampled(
+    inputs: Sequence[Signal], outputs: Sequence[Signal], grid: FloatArray, start: float, stop: float
+) -> _Stretch:
+    """Means of the held inputs, and outputs interpolated, on a grid between two gaps."""
+    placed = [_interpolated(_between(signal, start, stop), grid) for signal in outputs]
+    u = [_held_means(_between(signal, start, stop), grid) for signal in inputs]
+    interpolated = int(np.any([between for _, between in placed], axis=0).sum())
+    return _Stretch(u, [values for values, _ in placed], interpolated, is_uneven=False)
+
+
+def _clocks_text(signals: Sequence[Signal], share_stamps: bool) -> str:
+    """Steps of the stamps: those of all signals, or of each clock with the signals that it stamps."""
+    if share_stamps:
+        return _steps_text(signals[0].times)
+    clocks = {id(signal.times): signal for signal in signals}
+    return "; ".join(f"{listed(signal.names)}: {_steps_text(signal.times)}" for signal in clocks.values())
 
 
 def _steps_text(times: FloatArray) -> str:
     steps = np.diff(times)
     middle = float(np.median(steps))
-    text = f"{len(times)} stamps are {steps.min():.6g} to {steps.max():.6g} s apart (median {middle:.6g} s"
-    long = int((steps > LOST * middle).sum())
-    return text + (f", {long} above {LOST * middle:.6g} s)" if long else ")")
+    spread = f"{len(times)} stamps are {steps.min():.6g} to {steps.max():.6g} s apart (median {middle:.6g} s"
+    losses = int((steps > LOST * middle).sum())
+    return f"{spread}, {losses} above {LOST * middle:.6g} s)" if losses else f"{spread})"
 
 
 def _record(
     inputs: Sequence[Signal],
-    u: Sequence[FloatArray],
     outputs: Sequence[Signal],
-    y: Sequence[FloatArray],
+    stretch: _Stretch,
     step: float,
     start: float,
     missing: bool,
     name: str,
 ) -> IOData:
-    labels: dict[str, Any] = {
-        f"{kind}_{what}": tuple(text for signal in side for text in getattr(signal, what))
-        for kind, side in (("input", inputs), ("output", outputs))
-        for what in ("names", "units")
-    }
-    held = np.hstack(u) if u else np.empty((len(y[0]), 0))
+    labels: dict[str, Any] = {}
+    for side, signals in (("input", inputs), ("output", outputs)):
+        labels[f"{side}_names"] = tuple(chain.from_iterable(signal.names for signal in signals))
+        labels[f"{side}_units"] = tuple(chain.from_iterable(signal.units for signal in signals))
+    y = np.hstack(stretch.y)
+    u = np.hstack(stretch.u) if stretch.u else np.empty((len(y), 0))
     try:
-        return IOData(held, np.hstack(y), step, start=start, missing=missing, name=Path(name).stem, **labels)
+        return IOData(u, y, step, start=start, missing=missing, name=Path(name).stem, **labels)
     except SysidError as error:
         raise SysidError(f"{name}: {error}") from error
 
 
-def period(times: FloatArray, what: str, name: str) -> float:
+def period(times: FloatArray, signal: str, name: str) -> float:
     """Mean step between stamps (n,) without losses, s, or the round interval or rate that jitter hides."""
     steps = np.diff(times)
     middle = float(np.median(steps))
@@ -176,13 +247,14 @@ def period(times: FloatArray, what: str, name: str) -> float:
     irregular = int((~regular & (steps <= GAP * middle)).sum())
     if irregular > MOST_IRREGULAR * len(steps):
         raise SysidError(
-            f"{name}: {what} is not uniform: steps from {steps.min():.6g} to {steps.max():.6g} s, {irregular} of "
+            f"{name}: {signal} is not uniform: steps from {steps.min():.6g} to {steps.max():.6g} s, {irregular} of "
             f"{len(steps)} outside 0.5 to 1.5 times their median {middle:.6g} s; expected at most "
             f"{MOST_IRREGULAR:.0%}, which can be resampled"
         )
     mean = float(steps[regular].mean())
+    spread, losses = float(np.ptp(steps[regular])), np.count_nonzero(~regular)
     # Jitter of the first and last stamp of every stretch without losses changes the mean by this much.
-    uncertain = EXACT * mean + float(np.ptp(steps[regular])) * (2 + np.count_nonzero(~regular)) / len(steps)
+    uncertain = EXACT * mean + spread * (2 + losses) / len(steps)
     rounded = (float(f"{mean:.3g}"), 1.0 / float(f"{1.0 / mean:.3g}"))
     nearest = min(rounded, key=lambda value: abs(value - mean))
     return nearest if abs(nearest - mean) <= uncertain else mean
@@ -200,8 +272,8 @@ def _uniform(times: FloatArray, step: float, resolution: float, nominal: bool) -
 def _between(signal: Signal, start: float, stop: float) -> Signal:
     """Samples from the last before `start` to the first after `stop`."""
     first, last = np.searchsorted(signal.times, [start, stop])
-    part = slice(max(first - 1, 0), last + 2)
-    return signal._replace(times=signal.times[part], values=signal.values[part])
+    within = slice(max(first - 1, 0), last + 2)
+    return signal._replace(times=signal.times[within], values=signal.values[within])
 
 
 def _snapped(times: FloatArray, grid: FloatArray) -> FloatArray:
@@ -220,7 +292,9 @@ def _interpolated(signal: Signal, grid: FloatArray) -> tuple[FloatArray, NDArray
     steps = times[left + 1] - times[left]
     weight = ((grid - times[left]) / steps).clip(0.0, 1.0)[:, None]
     low, high = signal.values[left], signal.values[left + 1]
-    values = np.where(weight == 0.0, low, np.where(weight == 1.0, high, low + weight * (high - low)))
+    between = low + weight * (high - low)
+    # Samples on the grid are taken as they are: weighted, a neighbour that is NaN would make them NaN.
+    values = np.where(weight == 0.0, low, np.where(weight == 1.0, high, between))
     return values, (weight[:, 0] > 0.0) & (weight[:, 0] < 1.0)
 
 
