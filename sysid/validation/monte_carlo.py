@@ -30,14 +30,15 @@ def limits_of_mean(
     """
     total = sum(draws)
     # cumulants of a sum of independent values add
-    mean, variance, third = 0.0, 0.0, 0.0
+    means, variances, thirds = [], [], []
     for null, count in zip(nulls, draws, strict=True):
         deviation = null - np.mean(null)
-        mean += count * float(np.mean(null))
-        variance += count * float(np.var(null))
+        means.append(count * float(np.mean(null)))
+        variances.append(count * float(np.var(null)))
         # the cube by products: `**3` costs ten times as much
-        third += count * float(np.mean(deviation * deviation * deviation))
-    return limits_of_moments(mean / total, variance / total**2, third / total**3, false_alarm, low=low)
+        thirds.append(count * float(np.mean(deviation * deviation * deviation)))
+    mean, variance, third = sum(means) / total, sum(variances) / total**2, sum(thirds) / total**3
+    return limits_of_moments(mean, variance, third, false_alarm, low=low)
 
 
 def limits_of_moments(

@@ -88,7 +88,9 @@ def selstruc(
         used = np.append(index, factor.shape[1] - 1)
         triangle = np.asarray(np.linalg.qr(factor[:, used], mode="r"))
         loss.append(float(triangle[-1, -1] * lengths[-1]) ** 2 / rows)
-        squares = sum((pair.squared_errors(index) for pair in judged), 0.0) if judged else np.nan
+        squares = 0.0 if judged else np.nan
+        for pair in judged:
+            squares += pair.squared_errors(index)
         checked.append(squares * lengths[-1] ** 2 / judged_rows)
     return make_table(
         ("na", "nb", "nk"),
