@@ -141,7 +141,8 @@ def pooled_part(
     Returns:
         The part; none where there are fewer than two such problems.
     """
-    chosen = [s for s in statistics if s.theory.passes and len(s.values) >= needed(s.run)]
+    judged = [s for s in statistics if len(s.values) >= needed(s.run)]
+    chosen = [s for s in judged if s.theory.passes]
     if len(chosen) < 2:
         return []
     counts = [len(s.values) for s in chosen]
@@ -155,8 +156,8 @@ def pooled_part(
 def mean_parts(statistics: Sequence[RecordStatistic], acceptance: Acceptance, budget: float) -> list[Part]:
     """The mean of each problem and that of all together, which share the probability of a false alarm evenly."""
     share = budget / (len(statistics) + 1)
-    parts = [statistic.part(acceptance, share) for statistic in statistics]
-    return parts + pooled_part(TOGETHER, statistics, acceptance, share)
+    metric_parts = [statistic.part(acceptance, share) for statistic in statistics]
+    return metric_parts + pooled_part(TOGETHER, statistics, acceptance, share)
 
 
 def needed(run: int) -> int:
@@ -170,7 +171,10 @@ class AccuracyMetric(MetricDefinition):
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Records of one problem for each kind of disturbance, or of many problems."""
         records = {"quick": dict.fromkeys(QUICK, RECORDS), "full": FULL}[effort]
-        return tuple(Trial(name, draw) for name, count in records.items() for draw in range(count))
+        trials = []
+        for name, count in records.items():
+            trials += [Trial(name, draw) for draw in range(count)]
+        return tuple(trials)
 
 
 class Efficiency(AccuracyMetric):
@@ -220,20 +224,21 @@ class Agreement(MetricDefinition):
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """The first records of problems that other metrics use too."""
-        return tuple(Trial(name, draw) for name in QUICK for draw in range(AGREEMENT_RECORDS * DRAWS[effort]))
+        draws = range(AGREEMENT_RECORDS * DRAWS[effort])
+        return tuple(Trial(name, draw) for name, draw in product(QUICK, draws))
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """Compare both responses on the same records."""
         answered = [m for m in evidence.reference if m.kind == MODEL]
         second = {m.trial: m.response for m in answered if m.response is not None}
-        parts, digits = [], {}
+        metric_parts, digits = [], {}
         for name in QUICK:
             agreement, digits[name] = _agreement_on(name, evidence, second)
-            parts.append(agreement)
+            metric_parts.append(agreement)
         finite = [value for value in digits.values() if np.isfinite(value)]
         agreed = f"; the responses agree to {min(finite):.1f} digits or better in the median" if finite else ""
         return self.of_parts(
-            parts,
+            metric_parts,
             evidence.false_alarm * self.verdicts,
             f"two efficient estimators of one truth differ by at most {GREATEST_DIFFERENCE:g} in the mean, those of "
             f"one record by hardly anything{agreed}",

@@ -76,7 +76,7 @@ class AmplitudeSplit(MetricDefinition):
         classes: dict[str, list[Measurement]] = {}
         for m in evidence.measurements:
             classes.setdefault(m.trial.problem.rpartition("-w")[0], []).append(m)
-        parts: list[Part] = []
+        metric_parts: list[Part] = []
         curves: dict[str, dict[str, list[Any]]] = {}
         for joint, (mrad, allowed) in product(JOINTS, ALLOWED.items()):
             measurements = classes.get(multisine_class(joint, mrad))
@@ -84,19 +84,20 @@ class AmplitudeSplit(MetricDefinition):
                 continue
             label = f"{joint} {mrad} mrad"
             parts_of_class, row = _split(label, measurements, allowed, evidence.false_alarm, theory)
-            parts += parts_of_class
+            metric_parts += parts_of_class
             if row:
                 for key, value in {"mrad": mrad, **row}.items():
                     curves.setdefault(joint, {}).setdefault(key, []).append(value)
         # a part whose limit is too wide to pass may still fail
-        limited = sum(bool(np.isfinite(part.limits[1])) for part in parts)
-        return self.of_parts(parts, limited * evidence.false_alarm, WHY, curves)
+        limited = sum(bool(np.isfinite(part.limits[1])) for part in metric_parts)
+        return self.of_parts(metric_parts, limited * evidence.false_alarm, WHY, curves)
 
 
 def _split(
     label: str, measurements: Sequence[Measurement], allowed: float, false_alarm: float, theory: Expectation
 ) -> tuple[list[Part], dict[str, Any]]:
     """Parts of one joint and amplitude, and the numbers of its row for drawing."""
+    # The name of a problem has the number of its waveform.
     run = len({m.trial.problem for m in measurements})
     identified, nonparametric = _by_waveform(measurements)
     count = len(identified)
@@ -134,9 +135,8 @@ def _by_waveform(measurements: Sequence[Measurement]) -> tuple[list[ComplexArray
         if m.response is not None and m.nonparametric is not None and np.isfinite(m.response).all():
             responses = (m.response[:, 0, 0], m.nonparametric[:, 0, 0])
             groups.setdefault(m.trial.problem, []).append(responses)
-    identified = [np.array([response for response, _ in group]) for group in groups.values()]
-    nonparametric = [np.array([response for _, response in group]) for group in groups.values()]
-    return identified, nonparametric
+    pairs = [np.array(group).swapaxes(0, 1) for group in groups.values()]
+    return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
 
 
 def _systematic_part(label: str, error: MeanError, allowed: float, theory: Expectation, count: int) -> Part:

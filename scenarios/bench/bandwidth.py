@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ def true_bandwidths(excitation_class: str) -> tuple[float, dict[str, Any]]:
         best linear approximation, NaN where it has none, with its 95 % interval; `published`, those of the models that
         the thesis prints, by name.
     """
-    # imported late: it loads the physics
+    # Imported late: it loads the physics.
     from scenarios.problems.twin_name import twin_name
     from scenarios.problems.twin_problem import TwinProblem
     from scenarios.truth.published import published
@@ -77,7 +78,8 @@ class BandwidthMetric(MetricDefinition):
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """The multisines of the split over amplitude, and binary sequences like the thesis' test 5."""
-        sequences = [Trial(sequence_class(joint), draw) for joint in JOINTS for draw in range(SEQUENCES[effort])]
+        draws = range(SEQUENCES[effort])
+        sequences = [Trial(sequence_class(joint), draw) for joint, draw in product(JOINTS, draws)]
         return (*AmplitudeSplit().trials(effort), *sequences)
 
     def evaluate(self, evidence: Evidence) -> Metric:
@@ -87,14 +89,14 @@ class BandwidthMetric(MetricDefinition):
             if m.kind == MODEL:
                 groups.setdefault(_excitation_class(m.trial.problem), []).append(m)
         rows = [_row(name, group) for name, group in groups.items()]
-        parts = [_part(row) for row in rows] or [unjudged("all joints", "no record has a model")]
-        shown = _furthest_from_truth(rows, parts)
+        metric_parts = [_part(row) for row in rows] or [unjudged("all joints", "no record has a model")]
+        shown = _furthest_from_truth(rows, metric_parts)
         of_shown = f"The number is that of {shown.label}: {shown.why}. " if rows else ""
         near = sum(row["near"] for row in rows)
         models = sum(row["models"] for row in rows)
         why = f"{WHY}. {of_shown}All joints together: {_share_near_1_hz(near, models)}"
         curves = {"about_1_hz": list(ABOUT_1_HZ), "classes": rows, "near": near, "models": models}
-        return replace(self.of_parts(parts, 0.0, why, curves, shown=shown), why=why)
+        return replace(self.of_parts(metric_parts, 0.0, why, curves, shown=shown), why=why)
 
 
 def _excitation_class(problem: str) -> str:
@@ -102,17 +104,17 @@ def _excitation_class(problem: str) -> str:
     return "-".join(problem.partition("@")[0].split("-")[:5])
 
 
-def _furthest_from_truth(rows: Sequence[dict[str, Any]], parts: Sequence[Part]) -> Part:
+def _furthest_from_truth(rows: Sequence[dict[str, Any]], metric_parts: Sequence[Part]) -> Part:
     """The part of the largest amplitude whose median is furthest, as a ratio, from its best linear truth."""
     largest = max((row["mrad"] for row in rows if row["hz"]), default=NAN)
     candidates = []
-    for row, part_of_row in zip(rows, parts, strict=False):
+    for row, part_of_row in zip(rows, metric_parts, strict=False):
         if row["hz"] and row["mrad"] == largest:
             # NaN where there is no best linear truth: no distance
             distance = np.nan_to_num(abs(np.log(part_of_row.value / part_of_row.expected)))
             candidates.append((distance, part_of_row))
     if not candidates:
-        return parts[0]
+        return metric_parts[0]
     return max(candidates, key=lambda candidate: candidate[0])[1]
 
 

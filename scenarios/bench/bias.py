@@ -57,19 +57,19 @@ class Bias(MetricDefinition):
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """Test the mean error on each problem."""
-        parts, curves = [], {}
+        metric_parts, curves = [], {}
         for name in PROBLEMS:
             bias, curves[name] = _bias_on(name, evidence)
-            parts.append(bias)
+            metric_parts.append(bias)
         if alone := evidence.on(ALONE):
-            parts.append(_bias_alone(alone, evidence.estimator))
+            metric_parts.append(_bias_alone(alone, evidence.estimator))
         why = (
             f"mean error in {DIRECTIONS} directions against the estimator's own scatter, {ALLOWED:g} deviations allowed"
         )
         percent = ", ".join(f"{curve['percent']:.2g} % on {name}" for name, curve in curves.items() if curve)
         if percent:
             why += f"; greatest mean error of the response {percent}"
-        return self.of_parts(parts, self.verdicts * evidence.false_alarm, why, curves)
+        return self.of_parts(metric_parts, self.verdicts * evidence.false_alarm, why, curves)
 
 
 def _bias_on(name: str, evidence: Evidence) -> tuple[Part, dict[str, Any]]:

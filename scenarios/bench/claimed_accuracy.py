@@ -101,7 +101,7 @@ class Coverage(AccuracyMetric):
         theories = {}
         for name, (good, _) in groups.items():
             theories[name] = expected_of_claims(estimator, name, good, self.name)
-        parts: list[Part] = []
+        metric_parts: list[Part] = []
         curves = {}
         counters = (_covered_parameters, _covered_bandwidths, _covered_responses)
         for quantity, covered in zip(INTERVALS_OF, counters, strict=True):
@@ -114,9 +114,9 @@ class Coverage(AccuracyMetric):
             of_quantity = [statistic.part(COVERED, share) for statistic in statistics]
             of_quantity += pooled_part(f"{TOGETHER} {quantity}", statistics, COVERED, share)
             curves[quantity] = {p.label.split()[0]: p.value for p in of_quantity}
-            parts += of_quantity
+            metric_parts += of_quantity
         return self.of_parts(
-            parts,
+            metric_parts,
             budget,
             "share of 95 % intervals that hold the truth, within what chance allows a perfect estimator and one "
             "percentage point of it",
@@ -234,21 +234,21 @@ class ResponseError(AccuracyMetric):
         budget = evidence.false_alarm * self.verdicts
         share = budget / (2 * len(groups) + 1)
         statistics: list[RecordStatistic] = []
-        parts: list[Part] = []
+        metric_parts: list[Part] = []
         for name, (good, run) in groups.items():
             theory = expected_of_claims(evidence.estimator, name, good, self.name)
             ratios = claimed_values(good, name, structure, variance_ratio_by_frequency)
             values = np.array([float(np.nanmean(ratio)) for ratio in ratios])
             null = null_distribution(name, structure, variance_ratio, 1.0)
             statistics.append(RecordStatistic(name, values, run, null, theory, NO_COVARIANCE, len(good)))
-            parts.append(statistics[-1].part(UNIT_SQUARE, share))
+            metric_parts.append(statistics[-1].part(UNIT_SQUARE, share))
             if len(ratios) >= needed(run):
-                parts.append(_worst_frequency(ratios, name, structure, theory, share))
-        parts += pooled_part(TOGETHER, statistics, UNIT_SQUARE, share)
+                metric_parts.append(_worst_frequency(ratios, name, structure, theory, share))
+        metric_parts += pooled_part(TOGETHER, statistics, UNIT_SQUARE, share)
         curves = {name: _response_curves(good, name, structure) for name, (good, _) in groups.items() if good}
         percent = ", ".join(f"{curve['relative_error_percent']:.3g} % on {name}" for name, curve in curves.items())
         return self.of_parts(
-            [_root(part) for part in parts],
+            [_root(part) for part in metric_parts],
             budget,
             "root mean square error of the response in claimed standard deviations, within what chance allows a "
             f"perfect estimator and 5 % of the variance; relative to the response it is {percent or 'not known'}",

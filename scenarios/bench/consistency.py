@@ -61,8 +61,8 @@ class NoiseFreeRecovery(MetricDefinition):
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """Count the digits; without noise no verdict depends on chance."""
-        parts = [_digits(name, good, run) for name, (good, run) in evidence.by_problem().items()]
-        digits = {p.label: p.value for p in parts}
+        metric_parts = [_digits(name, good, run) for name, (good, run) in evidence.by_problem().items()]
+        digits = {p.label: p.value for p in metric_parts}
         table = []
         for order in ORDERS:
             table.append([digits.get(f"quiet-{order}-{delay}") for delay in DELAYS])
@@ -70,16 +70,16 @@ class NoiseFreeRecovery(MetricDefinition):
             f"digits of the response that are right without noise where order and delay are given, the fewest of all "
             f"orders and delays; {DEMANDED:g} are demanded"
         )
-        judged = [p for p in parts if p.passed is not None]
+        judged = [p for p in metric_parts if p.passed is not None]
         faults = {p.why for p in judged if not p.passed}
         if len(faults) == 1 and (fault := faults.pop()):
             why += f"; {WHERE_IT_FAILS}{fault}"
         curves = {"orders": list(ORDERS), "delays": list(DELAYS), "digits": table}
         # `excess` is 0 for all that pass: the worst is the one with the fewest digits
         worst = min(judged, key=lambda p: p.value, default=None)
-        metric = self.of_parts(parts, 0.0, why, curves, shown=worst)
-        if metric.passed and 2 * len(judged) < len(parts):
-            missing = f"; no verdict: {len(judged)} of {len(parts)} systems have a model"
+        metric = self.of_parts(metric_parts, 0.0, why, curves, shown=worst)
+        if metric.passed and 2 * len(judged) < len(metric_parts):
+            missing = f"; no verdict: {len(judged)} of {len(metric_parts)} systems have a model"
             return replace(metric, passed=None, why=metric.why + missing)
         return metric
 
@@ -90,8 +90,11 @@ def _digits(name: str, good: Sequence[Measurement], run: int) -> Part:
     truth, frequencies = problem(name).truth, problem(name).frequencies
     true = truth.frequency_response(frequencies)
     size = np.sqrt(np.mean(np.abs(true) ** 2))
+    # The worst record counts: without noise nothing but the estimator makes them differ.
     estimates = responses(good)
-    errors = [np.sqrt(np.mean(np.abs(response - true) ** 2)) / size for response in estimates]
+    errors = []
+    for response in estimates:
+        errors.append(np.sqrt(np.mean(np.abs(response - true) ** 2)) / size)
     digits = float(np.min(-np.log10(np.maximum(errors, 10.0**-MOST_DIGITS)))) + 0.0  # no -0
     fault = ""
     if not digits >= DEMANDED:
@@ -159,13 +162,13 @@ class Consistency(MetricDefinition):
             name, _, samples = key.partition("@")
             problems.setdefault(name, {})[int(samples)] = records
         budget = evidence.false_alarm * self.verdicts
-        parts, curves = [], {}
+        metric_parts, curves = [], {}
         for name, records in problems.items():
             by_length = dict(sorted(records.items()))
             slope, curves[name] = _slope_part(name, by_length, evidence.estimator, budget / len(problems))
-            parts.append(slope)
+            metric_parts.append(slope)
         return self.of_parts(
-            parts,
+            metric_parts,
             budget,
             "slope of log root mean square error of the response over log number of samples, -0.5 in the limit; "
             f"flatter than chance allows a perfect estimator, and {SLACK} more, fails",
@@ -186,7 +189,7 @@ def _slope_part(
     if obstacle:
         return unjudged(name, f"no verdict: {obstacle}"), {}
     longest = bound_for(f"{name}@{lengths[-1]}", estimator.structure)
-    # the weight of the longest records for all lengths, so that the slope is that of the errors alone
+    # The weight of the longest records for all lengths, so that the slope is that of the errors alone
     weight = longest.response_covariance
     free = free_parts(weight)
     squares = []

@@ -43,9 +43,13 @@ class EstimatorOptions:
 
     def words(self) -> tuple[str, ...]:
         """As words of the command line."""
-        pairs = (("--name", self.name), ("--structure", self.structure), ("--method", self.method))
-        words = [word for option, value in pairs if value for word in (option, value)]
-        return (*words, "--stays") if self.stays else tuple(words)
+        words: list[str] = []
+        for option, value in (("--name", self.name), ("--structure", self.structure), ("--method", self.method)):
+            if value:
+                words += [option, value]
+        if self.stays:
+            words.append("--stays")
+        return tuple(words)
 
 
 def parse_estimators(texts: Sequence[str], command: str | None, options: EstimatorOptions) -> dict[Estimator, str]:
@@ -63,29 +67,17 @@ def parse_estimators(texts: Sequence[str], command: str | None, options: Estimat
         raise ScenarioError(
             "no estimator given; expected MODULE:FUNCTION, FILE.py:FUNCTION, --command, or a known name"
         )
-    own = sum(":" in text for text in texts) + (command is not None)
-    if options != EstimatorOptions() and not own:
-        words = " ".join(options.words())
-        raise ScenarioError(f"{words} given without an estimator of your own; known ones have theirs")
-    if options.name and own > 1:
-        raise ScenarioError(
-            f"--name {options.name} given with {own} estimators of your own, expected one; functions have the names "
-            "that their files give them"
-        )
-    if options.stays and command is None:
-        raise ScenarioError("--stays given without --command; expected both: only programs are started")
-    twice = [text for text, count in Counter(texts).items() if count > 1]
-    if twice:
-        raise ScenarioError(f"estimators given twice: {', '.join(twice)}")
+    _check_options(texts, command, options)
     estimators: dict[Estimator, str] = {}
-    for text in texts:
-        if ":" in text:
-            estimators[_function(text, options)] = shlex.join([text, *replace(options, stays=False).words()])
-        elif text in KNOWN:
-            estimators[known_estimator(text)] = shlex.quote(text)
+    for target in texts:
+        if ":" in target:
+            # `--stays` is of the program that the same command line gives.
+            estimators[_function(target, options)] = shlex.join([target, *replace(options, stays=False).words()])
+        elif target in KNOWN:
+            estimators[known_estimator(target)] = shlex.quote(target)
         else:
             raise ScenarioError(
-                unknown("estimator", text, KNOWN, listing="hmtb verify --list")
+                unknown("estimator", target, KNOWN, listing="hmtb verify --list")
                 + "; an estimator of your own is given as MODULE:FUNCTION or FILE.py:FUNCTION"
             )
     if command is not None:
@@ -93,26 +85,47 @@ def parse_estimators(texts: Sequence[str], command: str | None, options: Estimat
     return estimators
 
 
-def _function(text: str, options: EstimatorOptions) -> Estimator:
+def _check_options(targets: Sequence[str], command: str | None, options: EstimatorOptions) -> None:
+    """Refuse options without an estimator that they could be of, and estimators that are given twice."""
+    count = sum(":" in target for target in targets) + (command is not None)
+    if options != EstimatorOptions() and not count:
+        words = " ".join(options.words())
+        raise ScenarioError(f"{words} given without an estimator of your own; known ones have theirs")
+    if options.name and count > 1:
+        raise ScenarioError(
+            f"--name {options.name} given with {count} estimators of your own, expected one; functions have the names "
+            "that their files give them"
+        )
+    if options.stays and command is None:
+        raise ScenarioError("--stays given without --command; expected both: only programs are started")
+    repeated = [target for target, times in Counter(targets).items() if times > 1]
+    if repeated:
+        raise ScenarioError(f"estimators given twice: {', '.join(repeated)}")
+
+
+def _function(target: str, options: EstimatorOptions) -> Estimator:
     """A function of a module or of a file; the module is imported in the estimator's process only."""
-    module, _, function = text.rpartition(":")
+    module, _, function = target.rpartition(":")
     is_file = module.endswith(".py")
     if not FUNCTION.fullmatch(function) or not (is_file or FUNCTION.fullmatch(module)):
-        raise ScenarioError(f"{text!r} given, expected MODULE:FUNCTION or FILE.py:FUNCTION")
+        raise ScenarioError(f"{target!r} given, expected MODULE:FUNCTION or FILE.py:FUNCTION")
     home = ""
     if is_file:
         path = Path(module).expanduser()
         if not path.is_file():
-            raise ScenarioError(f"{text!r} given, but there is no file {module!r}")
+            raise ScenarioError(f"{target!r} given, but there is no file {module!r}")
         if not FUNCTION.fullmatch(path.stem):
             raise ScenarioError(f"{module!r} given, expected a file whose name can be imported, such as my_module.py")
-        # the file, not a module of its name: Python may find another module of that name first
-        home, module = "" if path.parent == Path() else str(path.parent), path.name
-    name, target = options.name or function, f"{module}:{function}"
-    estimator = Estimator(name, target, structure=options.structure, method=options.method, home=home)
+        # The file, not a module of its name: Python may find another module of that name first.
+        module = path.name
+        if path.parent != Path():
+            home = str(path.parent)
+    estimator = Estimator(
+        options.name or function, f"{module}:{function}", structure=options.structure, method=options.method, home=home
+    )
     if module_file(estimator) is None:
         raise ScenarioError(
-            f"{text!r} given, but no module {module!r} is found in this folder or among the installed packages"
+            f"{target!r} given, but no module {module!r} is found in this folder or among the installed packages"
         )
     return estimator
 
@@ -124,10 +137,11 @@ def _program(command: str, options: EstimatorOptions) -> Estimator:
         raise ScenarioError(f"--command {command!r} given, which is no command line: {error}") from error
     if not words:
         raise ScenarioError("an empty --command given, expected a command line")
-    name = options.name or next((Path(word).stem for word in words[1:] if Path(word).is_file()), Path(words[0]).name)
-    return Estimator(
-        name, command, program=True, stays=options.stays, structure=options.structure, method=options.method
-    )
+    # Named after the first file among its arguments: `octave arx.m` is `arx`.
+    scripts = [Path(word).stem for word in words[1:] if Path(word).is_file()]
+    name = options.name or next(iter(scripts), Path(words[0]).name)
+    structure, method = options.structure, options.method
+    return Estimator(name, command, program=True, stays=options.stays, structure=structure, method=method)
 
 
 @dataclass(frozen=True)
@@ -162,9 +176,10 @@ class EstimatorFiles:
             estimator = replace(estimator, home=str(folder))
         source = source_hash(estimator)
         if source != self.source:
+            difference = "is another file" if source else "is missing"
             raise ScenarioError(
-                f"{estimator.name!r}: {estimator.target!r} {'is another file' if source else 'is not'} here; expected "
-                "the packages that it imports, and programs, under the same paths on every worker"
+                f"{estimator.name!r}: {estimator.target!r} {difference} here; expected the packages that it imports, "
+                "and programs, under the same paths on every worker"
             )
         return estimator
 
@@ -177,13 +192,16 @@ def source_hash(estimator: Estimator) -> str:
     included, and the source files of every folder that a word names: ``octave-cli --path FOLDER --eval ...`` finds
     functions there.
     """
-    own = own_files(estimator)
+    contents: list[bytes] = []
+    module = module_file(estimator)
     if estimator.program:
         contents = [_content(path) for path in _program_files(estimator)]
-    elif own:
-        contents = [part for name, text in own.items() for part in (name.encode(), text)]
-    else:
-        contents = [path.read_bytes() for path in (module_file(estimator),) if path is not None]
+    elif files := own_files(estimator):
+        # A file that only moves is another one for those who import it.
+        for name, content in files.items():
+            contents += [name.encode(), content]
+    elif module is not None:
+        contents = [module.read_bytes()]
     digests = b"".join(sha256(content).digest() for content in contents)
     return sha256(digests).hexdigest() if contents else ""
 
@@ -199,34 +217,40 @@ def own_files(estimator: Estimator) -> dict[str, bytes]:
     path, home = module_file(estimator), Path(estimator.home or ".").resolve()
     if path is None or not path.resolve().is_relative_to(home):
         return {}
-    place, first = estimator.target.rpartition(":")[0], path.resolve().relative_to(home).parts[0]
-    # an installed module may lie somewhere below the folder too
-    if first in OURS or not (place.endswith(".py") or first.removesuffix(".py") == place.partition(".")[0]):
+    module = estimator.target.rpartition(":")[0]
+    first = path.resolve().relative_to(home).parts[0]
+    # An installed module may lie somewhere below the folder too.
+    lies_in_home = module.endswith(".py") or first.removesuffix(".py") == module.partition(".")[0]
+    if first in OURS or not lies_in_home:
         return {}
     finder = ModuleFinder(path=[str(home)], excludes=list(OURS))
     # A file that cannot be parsed cannot be imported either, and its estimator reports that. AttributeError:
     # ModuleFinder fails on namespace packages.
     with suppress(SyntaxError, ValueError, OSError, RecursionError, AttributeError):
         finder.run_script(str(path.resolve()))
-    imported = {Path(file) for module in finder.modules.values() if (file := getattr(module, "__file__", None))}
-    others = sorted(file for file in imported if file.is_relative_to(home) and file != path.resolve())
-    return {str(file.relative_to(home)): file.read_bytes() for file in (path.resolve(), *others)}
+    # Namespace packages have no file.
+    names = {getattr(module, "__file__", None) for module in finder.modules.values()}
+    imported = {Path(name) for name in names if name}
+    helpers = sorted(file for file in imported if file.is_relative_to(home) and file != path.resolve())
+    return {str(file.relative_to(home)): file.read_bytes() for file in (path.resolve(), *helpers)}
 
 
 def module_file(estimator: Estimator) -> Path | None:
     """File of a function's module, found as an import would but without one; None if missing, and of a program."""
     if estimator.program or estimator.is_perfect:
         return None
-    place = estimator.target.rpartition(":")[0]
+    module = estimator.target.rpartition(":")[0]
     home = Path(estimator.home or ".")
-    if place.endswith(".py"):
-        return home / place if (home / place).is_file() else None
+    if module.endswith(".py"):
+        return home / module if (home / module).is_file() else None
     importlib.invalidate_caches()  # the file may have been written a moment ago
     spec, folders = None, [str(home), *sys.path]
-    for part in place.split("."):
-        # Only the parts are searched for: to find a.b, importlib.util.find_spec would run the code of a.
-        spec = PathFinder.find_spec(part, folders)
-        folders = list(spec.submodule_search_locations or ()) if spec else []
+    for name in module.split("."):
+        # Name by name: to find a.b, importlib.util.find_spec would run the code of a.
+        spec = PathFinder.find_spec(name, folders)
+        folders = []
+        if spec is not None:
+            folders = list(spec.submodule_search_locations or ())
     return Path(spec.origin) if spec and spec.origin and Path(spec.origin).is_file() else None
 
 
@@ -237,18 +261,27 @@ def _program_files(estimator: Estimator) -> Iterator[Path]:
         words = shlex.split(estimator.target)
     except ValueError:
         return
-    for number, word in enumerate(words):
+    for index, word in enumerate(words):
         files: list[Path] = []
-        for path in (home / text for text in dict.fromkeys((word, word.rpartition("=")[2])) if text):
-            with suppress(OSError, ValueError):
-                if path.is_file():
-                    files.append(path)
-                elif path.is_dir():
-                    inside = (file for file in path.iterdir() if file.suffix.lower() in SOURCES and file.is_file())
-                    files += sorted(inside)
-        if number == 0 and not files and (program := shutil.which(word)):
+        for name in dict.fromkeys((word, word.rpartition("=")[2])):
+            if name:
+                files += _files_at(home / name)
+        # The program itself is found on the path where it is no file of the folder.
+        program = shutil.which(word) if index == 0 and not files else None
+        if program is not None:
             files = [Path(program)]
         yield from files
+
+
+def _files_at(path: Path) -> list[Path]:
+    """A file, or the source files of a folder; nothing where there is neither."""
+    # A word of a command line may be longer than any path, or hold what none may.
+    with suppress(OSError, ValueError):
+        if path.is_file():
+            return [path]
+        if path.is_dir():
+            return sorted(file for file in path.iterdir() if file.suffix.lower() in SOURCES and file.is_file())
+    return []
 
 
 def _content(path: Path) -> bytes:

@@ -63,9 +63,9 @@ def add(gallery: Gallery, drawing: Drawing, name: str) -> Picture | None:
     if drawing is None:
         return None
     figure, caption = drawing
-    for text in figure.findobj(Text):
+    for words in figure.findobj(Text):
         # Names of estimators are no formulas, whatever signs they have.
-        text.set_parse_math(False)
+        words.set_parse_math(False)
     with warnings.catch_warnings():
         # Names in scripts that the font lacks are boxes in the drawing; the tables have them whole.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font", category=UserWarning)
@@ -110,9 +110,9 @@ def parts_drawn(rows: Sequence[LeaderboardRow], name: str, scale: str, containin
     axes.set_xscale(scale, **scale_options)
     row_styles = styles(rows)
     for line, row in enumerate(rows):
-        for part in row.parts(name):
-            if part.label in panels:
-                _draw_part(panels[part.label], line, part, row_styles[row.number].colour)
+        for metric_part in row.parts(name):
+            if metric_part.label in panels:
+                _draw_part(panels[metric_part.label], line, metric_part, row_styles[row.number].colour)
     if scale == "log":
         # At least from half to twice the expected value, so that small differences do not look large.
         low, high = axes.get_xlim()
@@ -132,23 +132,23 @@ def parts_drawn(rows: Sequence[LeaderboardRow], name: str, scale: str, containin
 def _measured_labels(rows: Sequence[LeaderboardRow], name: str) -> list[str]:
     """Labels of the parts that have a value in any row."""
     parts = chain.from_iterable(row.parts(name) for row in rows)
-    return list(dict.fromkeys(part.label for part in parts if isfinite(part.value)))
+    return list(dict.fromkeys(metric_part.label for metric_part in parts if isfinite(metric_part.value)))
 
 
-def _draw_part(axes: Axes, line: int, part: Part, colour: str) -> None:
+def _draw_part(axes: Axes, line: int, metric_part: Part, colour: str) -> None:
     """Value, interval and limits of a part; matplotlib leaves out what is unknown or infinite."""
-    if isfinite(part.expected):
-        axes.axvline(part.expected, color=TRUTH, lw=0.9, zorder=1)
-    for limit, bracket in zip(part.limits, ("$[$", "$]$"), strict=True):
+    if isfinite(metric_part.expected):
+        axes.axvline(metric_part.expected, color=TRUTH, lw=0.9, zorder=1)
+    for limit, bracket in zip(metric_part.limits, ("$[$", "$]$"), strict=True):
         axes.plot(limit, line, marker=bracket, color=BOUND.colour, ms=7, mew=0.3)
-    axes.plot(part.interval, (line, line), color=colour, lw=1.6)
-    verdict = part_verdict(part)
+    axes.plot(metric_part.interval, (line, line), color=colour, lw=1.6)
+    verdict = part_verdict(metric_part)
     size = 4.0 if verdict is Verdict.PASSES else 5.5
-    axes.plot(part.value, line, verdict.marker, color=colour, zorder=3, mfc=_filling(verdict, colour), ms=size)
-    if not isfinite(part.value) or (axes.get_xscale() == "log" and part.value <= 0.0):
-        value = "no value" if isnan(part.value) else number(part.value)
-        place = axes.get_yaxis_transform()
-        axes.text(0.02, line, value, transform=place, va="center", fontsize=6.5, color=BOUND.colour)
+    axes.plot(metric_part.value, line, verdict.marker, color=colour, zorder=3, mfc=_filling(verdict, colour), ms=size)
+    if not isfinite(metric_part.value) or (axes.get_xscale() == "log" and metric_part.value <= 0.0):
+        value = "no value" if isnan(metric_part.value) else number(metric_part.value)
+        at_left = axes.get_yaxis_transform()
+        axes.text(0.02, line, value, transform=at_left, va="center", fontsize=6.5, color=BOUND.colour)
 
 
 def _filling(verdict: Verdict, colour: str) -> str:
@@ -171,7 +171,7 @@ def work_precision(rows: Sequence[LeaderboardRow]) -> Drawing:
     """Accuracy against time: a large mark for each estimator at the medians over problems, a small one for each."""
     problems = common_problems(rows)
     points_by_row = {row.number: _time_and_error(row, problems) for row in rows}
-    clouds = {number: points for number, points in points_by_row.items() if len(points)}
+    clouds = {row_number: points for row_number, points in points_by_row.items() if len(points)}
     if not clouds:
         return None
     # The legend has a line or two for each estimator.
@@ -201,7 +201,7 @@ def work_precision(rows: Sequence[LeaderboardRow]) -> Drawing:
 
 def _time_and_error(row: LeaderboardRow, problems: Sequence[str]) -> np.ndarray:
     """Time over the reference and response error in percent, of each problem (k, 2); none where one lacks."""
-    times = {part.label: part.value for part in row.parts("speed")}
+    times = {metric_part.label: metric_part.value for metric_part in row.parts("speed")}
     errors = row.answered_errors()
     pairs = [(times.get(problem, np.nan), errors.get(problem, np.nan)) for problem in problems]
     points = np.array(pairs).reshape(-1, 2)
@@ -244,8 +244,8 @@ def splits(rows: Sequence[LeaderboardRow]) -> Drawing:
         axes.set_xscale("log")
         # An estimator without an error of some kind has the value 0, which a logarithmic axis cannot show.
         axes.set_yscale("symlog", linthresh=low, linscale=0.3)
-        for place, (share, (words, style)) in enumerate(SHARES.items()):
-            beside = curve["mrad"] * 1.06 ** (place - 1)  # so that bars do not hide one another
+        for index, (share, (words, style)) in enumerate(SHARES.items()):
+            beside = curve["mrad"] * 1.06 ** (index - 1)  # so that bars do not hide one another
             look: dict[str, Any] = {"color": style.colour, "lw": 1.0, "clip_on": False, "label": words}
             axes.plot(beside, curve[share], marker=style.marker, ms=3.5, **look)
             axes.vlines(beside, *np.clip(curve[f"{share}_interval"].T, 0.0, top), color=style.colour, lw=1.0)
@@ -258,7 +258,12 @@ def splits(rows: Sequence[LeaderboardRow]) -> Drawing:
         axes.set_xlim(left / 1.2, right * 1.2)
         plain_marks(axes.xaxis, axes.get_xlim())
     panels[0, 0].set_ylim(0.0, top)
-    panels[0, 0].yaxis.set_major_formatter(lambda value, _: f"{value:g}" if value >= low or value == 0.0 else "")
+
+    def mark(value: float, _: int) -> str:
+        # Between 0 and `low` the axis is linear, with marks that would meet.
+        return f"{value:g}" if value >= low or value == 0.0 else ""
+
+    panels[0, 0].yaxis.set_major_formatter(mark)
     figure.supxlabel("amplitude of the command / mrad", fontsize=8)
     figure.supylabel("% of the linear part", fontsize=8)
     _add_legend(figure)
@@ -267,7 +272,11 @@ def splits(rows: Sequence[LeaderboardRow]) -> Drawing:
 
 def _range_of_shares(curves: Iterable[Curve]) -> tuple[float, float]:
     """Range of the axis of all splits: twice the largest share, and the smallest that is not lost in it."""
-    shares = np.concatenate([values for curve in curves for values in curve.values() if values.ndim == 1])
+    # Numbers over amplitude have one dimension; intervals, which may be far wider, have two.
+    over_amplitude = []
+    for curve in curves:
+        over_amplitude += [values for values in curve.values() if values.ndim == 1]
+    shares = np.concatenate(over_amplitude)
     positive = shares[np.isfinite(shares) & (shares > 0.0)]
     largest = float(positive.max())
     return max(float(positive.min()), 2.0 * SMALLEST_SHARE * largest), 2.0 * largest

@@ -58,12 +58,14 @@ def _different_runs(rows: Sequence[LeaderboardRow]) -> list[str]:
 
 
 def _missing_metrics(rows: Sequence[LeaderboardRow]) -> list[str]:
-    all_computed = f"{len(GUIDE)} of {len(GUIDE)}"
-    groups = _grouped((f"{len(GUIDE.keys() & row.result.metrics)} of {len(GUIDE)}", row) for row in rows)
-    groups.pop(all_computed, None)
-    if not groups:
+    incomplete = []
+    for row in rows:
+        count = len(GUIDE.keys() & row.result.metrics)
+        if count < len(GUIDE):
+            incomplete.append((f"{count} of {len(GUIDE)}", row))
+    if not incomplete:
         return []
-    computed = []
+    groups, computed = _grouped(incomplete), []
     for share, group in groups.items():
         names = "all rows" if len(group) == len(rows) > 1 else _names(group)
         computed.append(f"{share} computed: {names}")

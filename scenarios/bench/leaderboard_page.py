@@ -101,14 +101,17 @@ def context(rows: Sequence[LeaderboardRow]) -> dict[str, object]:
 
 
 def _section(rows: Sequence[LeaderboardRow], name: str, gallery: Gallery) -> MetricSection:
+    # A name that this version does not know is one of a result of another version.
+    guide = GUIDE.get(name, UNKNOWN_METRIC)
+    picture = add(gallery, DRAWINGS[name](rows), name) if name in DRAWINGS else None
     metrics = [row.result.metrics[name] for row in rows if name in row.result.metrics]
     return MetricSection(
         mark=f"figure-of-bench-{metric_names(rows).index(name) + 1}",
         title=title(rows, name),
-        guide=GUIDE.get(name, UNKNOWN_METRIC),
+        guide=guide,
         false_alarm=max(metric.false_alarm for metric in metrics),
         table=by_problem(rows, name),
-        picture=add(gallery, DRAWINGS[name](rows), name) if name in DRAWINGS else None,
+        picture=picture,
     )
 
 

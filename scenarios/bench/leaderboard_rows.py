@@ -87,7 +87,11 @@ class LeaderboardRow:
     def answered_errors(self) -> dict[str, float]:
         """Response errors of problems on which at least half of the records, and two, gave a model."""
         # Efficiency gives no verdict where fewer records have a model.
-        too_few = {part.label for part in self.parts("efficiency") if part.passed is None and part.draws}
+        too_few = {
+            metric_part.label
+            for metric_part in self.parts("efficiency")
+            if metric_part.passed is None and metric_part.draws
+        }
         return {problem: error for problem, error in self.response_errors().items() if problem not in too_few}
 
     def unanswered(self, problems: Iterable[str]) -> tuple[str, ...]:
@@ -117,7 +121,7 @@ def common_problems(rows: Sequence[LeaderboardRow]) -> tuple[str, ...]:
     posed_by_row = []
     for row in rows:
         # Parts also name problems that it did not answer.
-        labels = [part.label for part in row.parts("frequency_response")]
+        labels = [metric_part.label for metric_part in row.parts("frequency_response")]
         posed = [problem for problem in dict.fromkeys((*labels, *row.response_errors())) if problem in measured]
         if posed:
             posed_by_row.append(posed)
@@ -188,7 +192,7 @@ def _read(path: Path) -> LeaderboardRow:
     result = Result.read(path)
     counts = [*result.outcomes.values(), *result.reasons.values(), *result.refused.values()]
     for metric in result.metrics.values():
-        counts += [part.draws for part in metric.parts]
+        counts += [metric_part.draws for metric_part in metric.parts]
         if not 0.0 <= metric.false_alarm <= 1.0:
             raise ScenarioError(f"{foreign}: false-alarm rate {metric.false_alarm} given, expected 0 to 1")
     if min(counts, default=0) < 0:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from math import inf, isnan
 
 from scenarios.bench.leaderboard_rows import LeaderboardRow, common_problems, listed
@@ -85,7 +86,8 @@ def unit(rows: Sequence[LeaderboardRow], name: str) -> str:
 
 def standing(rows: Sequence[LeaderboardRow]) -> Table:
     """The first table: verdicts counted, and the numbers that most look for."""
-    headline = [name for name in HEADLINE if any(row.metric(name) for row in rows)]
+    present = metric_names(rows)
+    headline = [name for name in HEADLINE if name in present]
     judged, problems = judged_metrics(row.result for row in rows), common_problems(rows)
     table_rows = []
     for row in rows:
@@ -111,8 +113,12 @@ def verdicts(rows: Sequence[LeaderboardRow]) -> Table:
             judged.append(name)
     table_rows = []
     for row in rows:
-        metrics = [row.metric(name) for name in judged]
-        table_rows.append([_name_cell(row), *(_verdict_cell(verdict(m), m.why if m else "") for m in metrics)])
+        cells = [_name_cell(row)]
+        for name in judged:
+            metric = row.metric(name)
+            reason = "" if metric is None else metric.why
+            cells.append(_verdict_cell(verdict(metric), reason))
+        table_rows.append(cells)
     columns = ("Estimator", *map(_heading, judged))
     return Table("The reasons stand in the sections of the estimators", columns, table_rows)
 
@@ -121,12 +127,15 @@ def by_problem(rows: Sequence[LeaderboardRow], name: str) -> Table | None:
     """A metric with a line for each problem and a column for each estimator; None where it has no parts."""
     cells: dict[str, dict[int, Cell]] = {}
     has_number: dict[str, bool] = {}
-    judged = any(part.passed is not None for row in rows for part in row.parts(name))
+    parts = chain.from_iterable(row.parts(name) for row in rows)
+    judged = any(p.passed is not None for p in parts)
     for row in rows:
-        for part in row.parts(name):
-            problem = AT_WORST.sub(" at its worst frequency", part.label)
-            cells.setdefault(problem, {})[row.number] = _part_cell(part, problem, judged)
-            has_number[problem] = has_number.get(problem, False) or part.passed is not None or not isnan(part.value)
+        for metric_part in row.parts(name):
+            problem = AT_WORST.sub(" at its worst frequency", metric_part.label)
+            cells.setdefault(problem, {})[row.number] = _part_cell(metric_part, problem, judged)
+            has_number[problem] = (
+                has_number.get(problem, False) or metric_part.passed is not None or not isnan(metric_part.value)
+            )
     if not cells:
         return None
     # Problems of which no row has a number are left out, unless there is no number at all.
@@ -170,14 +179,18 @@ def failing_of(row: LeaderboardRow) -> Table | None:
     """Parts of an estimator's metrics that do not pass, or pass although theory says that they fail; None without."""
     table_rows = []
     for name in metric_names([row]):
-        for part in row.parts(name):
-            passes_unexpectedly = bool(part.passed) and not part.theory
-            if part.passed is not False and not passes_unexpectedly:
+        for metric_part in row.parts(name):
+            passes_unexpectedly = bool(metric_part.passed) and not metric_part.theory
+            if metric_part.passed is not False and not passes_unexpectedly:
                 continue
-            why = f"theory says that it fails: {part.why}" if passes_unexpectedly else part.why
-            cells = [Cell(_heading(name)), Cell(part.label), _verdict_cell(part_verdict(part))]
-            cells += [_number_cell(part.value), _limits_cell(part.interval), _limits_cell(part.limits)]
-            table_rows.append([*cells, _count_cell(part.draws), Cell(why)])
+            why = f"theory says that it fails: {metric_part.why}" if passes_unexpectedly else metric_part.why
+            cells = [Cell(_heading(name)), Cell(metric_part.label), _verdict_cell(part_verdict(metric_part))]
+            cells += [
+                _number_cell(metric_part.value),
+                _limits_cell(metric_part.interval),
+                _limits_cell(metric_part.limits),
+            ]
+            table_rows.append([*cells, _count_cell(metric_part.draws), Cell(why)])
     caption = "Where it does not pass, and where it does though theory says that it fails"
     columns = ("Figure", "Problem", "Verdict", "Value", "95 % interval", "Passes", "Records", "Why")
     return Table(caption, columns, table_rows, sortable=False) if table_rows else None
@@ -202,11 +215,13 @@ def _count_cell(times: int) -> Cell:
 def _number_cell(value: float, judgement: Verdict | None = None, reason: str = "") -> Cell:
     """A number; an unknown one sorts last, and is not shown beside the sign of no verdict, which looks the same."""
     shown = "" if isnan(value) and judgement is Verdict.NONE else number(value)
-    return Cell(shown, inf if isnan(value) else value, judgement, reason)
+    key = inf if isnan(value) else value
+    return Cell(shown, key, judgement, reason)
 
 
 def _limits_cell(ends: tuple[float, float]) -> Cell:
-    return Cell(limits(ends), inf if isnan(ends[0]) else ends[0])
+    key = inf if isnan(ends[0]) else ends[0]
+    return Cell(limits(ends), key)
 
 
 def _verdict_cell(judgement: Verdict, reason: str = "") -> Cell:
@@ -217,11 +232,16 @@ def _metric_cell(metric: Metric | None) -> Cell:
     return EMPTY if metric is None else _number_cell(metric.value, verdict(metric), metric.why)
 
 
-def _part_cell(part: Part, problem: str, judged: bool) -> Cell:
-    reason = f"95 % interval {limits(part.interval)}; passes: {limits(part.limits)}; {part.why}".rstrip("; ")
-    if part.label != problem:
-        reason = f"{part.label}: {reason}"
-    return _number_cell(part.value, part_verdict(part) if judged else None, reason)
+def _part_cell(metric_part: Part, problem: str, judged: bool) -> Cell:
+    reason = (
+        f"95 % interval {limits(metric_part.interval)}; passes: {limits(metric_part.limits)}; {metric_part.why}".rstrip(
+            "; "
+        )
+    )
+    if metric_part.label != problem:
+        reason = f"{metric_part.label}: {reason}"
+    judgement = part_verdict(metric_part) if judged else None
+    return _number_cell(metric_part.value, judgement, reason)
 
 
 def _response_error_cell(row: LeaderboardRow, problems: Sequence[str]) -> Cell:

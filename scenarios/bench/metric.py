@@ -127,7 +127,8 @@ class Evidence:
 
     def on(self, problem: str, ask: str = "fit") -> list[Measurement]:
         """Measurements of one kind of request on a problem."""
-        return [m for m in self.measurements if m.trial.problem == problem and m.trial.ask == ask]
+        on_problem = [m for m in self.measurements if m.trial.problem == problem]
+        return [m for m in on_problem if m.trial.ask == ask]
 
     def by_problem(self) -> dict[str, tuple[list[Measurement], int]]:
         """Measurements with a model by problem, in their order, each with the number of trials that were run."""

@@ -77,11 +77,11 @@ class Reliability(OverAllTrials):
             theory[UNSTABLE] = Expectation(False, no_guarantee.why)
         if kinds[REFUSED]:
             theory[REFUSED] = Expectation(True, "refused on some records of a problem and answered on others")
-        parts = []
+        metric_parts = []
         if total:
             for failure, expected in theory.items():
                 percent, interval = _percent(kinds[failure], total), _interval(kinds[failure], total)
-                parts.append(Part.judged(failure, percent, 0.0, interval, (0.0, 0.0), expected, total))
+                metric_parts.append(Part.judged(failure, percent, 0.0, interval, (0.0, 0.0), expected, total))
         why = f"{len(failed)} of {total} requests failed"
         if refused:
             why += f"; {refused} more were refused, which is no failure"
@@ -96,7 +96,7 @@ class Reliability(OverAllTrials):
         }
         share = _percent(len(failed), total), 0.0, _interval(len(failed), total)
         shown = unjudged("all", "no verdict: no request was answered", total, *share)
-        return self.of_parts(parts or [shown], 0.0, why, curves, shown=shown)
+        return self.of_parts(metric_parts or [shown], 0.0, why, curves, shown=shown)
 
 
 def _interval(count: int, total: int) -> tuple[float, float]:
@@ -133,12 +133,12 @@ class Speed(OverAllTrials):
         problems = [m.trial.problem for m in timed]
         median = float(np.median(multiples))
         interval = _interval_of_median(multiples)
-        parts = [Part.judged("all", median, NAN, interval, (-np.inf, SLOW), Expectation(True), len(timed))]
+        metric_parts = [Part.judged("all", median, NAN, interval, (-np.inf, SLOW), Expectation(True), len(timed))]
         of_all = "not judged: the verdict is on the median of all"
         for name in sorted(set(problems)):
             on_problem = multiples[[problem == name for problem in problems]]
             interval = _interval_of_median(on_problem)
-            parts.append(unjudged(name, of_all, len(on_problem), float(np.median(on_problem)), NAN, interval))
+            metric_parts.append(unjudged(name, of_all, len(on_problem), float(np.median(on_problem)), NAN, interval))
         curves["percentile_95"] = float(np.percentile(multiples, 95.0))
         curves["ruler_seconds"] = float(np.median([m.ruler_seconds for m in timed]))
         milliseconds = 1000.0 * float(np.median([m.seconds for m in timed]))
@@ -146,7 +146,7 @@ class Speed(OverAllTrials):
             f"{milliseconds:.3g} ms in the median on this machine; slow beyond {SLOW:g} times the reference time; "
             f"largest memory {memory / 2**20:.0f} MiB"
         )
-        return self.of_parts(parts, 0.0, why, curves)
+        return self.of_parts(metric_parts, 0.0, why, curves)
 
 
 def _interval_of_median(values: FloatArray) -> tuple[float, float]:

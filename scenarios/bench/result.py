@@ -87,12 +87,18 @@ class Result:
             table = _safe(json.loads(path.read_text(encoding="utf-8")))
         except (OSError, ValueError, RecursionError) as error:
             raise ScenarioError(f"cannot read {path}: {error}") from error
-        given = table.get("format") if isinstance(table, dict) else type(table).__name__
-        if type(given) is not int or given != FORMAT:
-            raise ScenarioError(f"{path}: format {given!r} given, expected a result of hmtb verify of format {FORMAT}")
+        version = table.get("format") if isinstance(table, dict) else type(table).__name__
+        # Python takes True for 1.
+        if type(version) is not int or version != FORMAT:
+            raise ScenarioError(
+                f"{path}: format {version!r} given, expected a result of hmtb verify of format {FORMAT}"
+            )
         names = {in_file: name for name, in_file in IN_FILES.items()}
+        fields = {names.get(key, key): value for key, value in table.items()}
+        # Whether it passed is computed from its metrics, not believed.
+        for key in ("format", "passed"):
+            fields.pop(key, None)
         try:
-            fields = {names.get(key, key): value for key, value in table.items() if key not in ("format", "passed")}
             result = structure(cls, fields)
         except ScenarioError as error:
             raise ScenarioError(f"{path} is no result of hmtb verify: {error}") from error
@@ -110,15 +116,17 @@ def _safe(value: Any) -> Any:
     if isinstance(value, int) and abs(value) >= 2**63:
         raise ValueError(f"a whole number has {len(str(value))} digits, expected a number of 64 bits")
     if isinstance(value, dict):
-        return {one_line(key): _safe(entry) for key, entry in value.items()}
-    return [_safe(entry) for entry in value] if isinstance(value, list) else value
+        return {one_line(key): _safe(item) for key, item in value.items()}
+    return [_safe(item) for item in value] if isinstance(value, list) else value
 
 
 def machine() -> str:
     """Processor and number of cores of this machine."""
     try:
-        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+        processors = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:
-        text = ""
-    model = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
-    return f"{model[1].strip() if model else platform.processor() or platform.machine()}, {os.cpu_count() or 1} cores"
+        processors = ""
+    model = re.search(r"^model name\s*:\s*(.+)$", processors, re.MULTILINE)
+    # Some processors, and containers without /proc, tell only their kind.
+    processor = model[1].strip() if model else platform.processor() or platform.machine()
+    return f"{processor}, {os.cpu_count() or 1} cores"

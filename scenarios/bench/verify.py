@@ -100,9 +100,12 @@ class BenchPlan:
             raise ScenarioError(f"{self.records} records given, expected 1 or more")
         if not self.estimators:
             raise ScenarioError("no estimator given, expected one or several")
-        if twice := [name for name, n in Counter(file_name(one.name) for one in self.estimators).items() if n > 1]:
-            raise ScenarioError(f"estimators of the same name given: {', '.join(twice)}; expected a name each")
-        for name in (estimator.name for estimator in self.estimators):
+        # Names that differ only in characters that no file may have would share a file.
+        counts = Counter(file_name(estimator.name) for estimator in self.estimators)
+        if repeated := [name for name, times in counts.items() if times > 1]:
+            raise ScenarioError(f"estimators of the same name given: {', '.join(repeated)}; expected a name each")
+        for estimator in self.estimators:
+            name = estimator.name
             if len(name) > LONGEST_NAME or not name.isprintable():
                 raise ScenarioError(
                     f"an estimator called {name[:LONGEST_NAME]!r} given, expected at most {LONGEST_NAME} characters "
@@ -112,16 +115,18 @@ class BenchPlan:
     @property
     def effort_text(self) -> str:
         """The effort in words, as results have it."""
-        some = f", at most {self.records} record{'s' * (self.records > 1)} of a problem" if self.records else ""
-        return self.effort + some
+        if self.records is None:
+            return self.effort
+        records = "1 record" if self.records == 1 else f"{self.records} records"
+        return f"{self.effort}, at most {records} of a problem"
 
     @property
     def requests_text(self) -> str:
         """Number of requests in words: to the estimators, and to the referee beside them."""
         counts = {estimator.name: len(self.trials(estimator)) for estimator in self.all_estimators()}
-        own = sum(counts.pop(estimator.name) for estimator in self.estimators)
+        wanted = sum(counts.pop(estimator.name) for estimator in self.estimators)
         beside = "".join(f" and {count} to {name} for the figure of agreement" for name, count in counts.items())
-        return f"{own} requests{beside}"
+        return f"{wanted} requests{beside}"
 
     def all_estimators(self) -> tuple[Estimator, ...]:
         """Estimators whose results are wanted, and the referee where a metric needs it and it is none of them."""
@@ -137,14 +142,18 @@ class BenchPlan:
 
     def trials(self, estimator: Estimator) -> tuple[Trial, ...]:
         """Trials of one of `all_estimators` that its structure allows, each once, sorted."""
-        own = estimator in self.estimators
-        metrics = [metric for metric in self.metrics if own or metric.name == Agreement.name]
+        metrics = list(self.metrics)
+        # The referee is asked beside the others, for agreement alone.
+        if estimator not in self.estimators:
+            metrics = [metric for metric in metrics if metric.name == Agreement.name]
         wanted = sorted(set(chain.from_iterable(self.trials_of(metric) for metric in metrics)))
-        allowed = {
-            kind: problem(kind[0]).task(estimator.structure, kind[1]) is not None
-            for kind in {(trial.problem, trial.ask) for trial in wanted}
-        }
-        return tuple(trial for trial in wanted if allowed[trial.problem, trial.ask])
+        requests = {(trial.problem, trial.ask) for trial in wanted}
+        allowed = {request for request in requests if _has_task(estimator, *request)}
+        return tuple(trial for trial in wanted if (trial.problem, trial.ask) in allowed)
+
+
+def _has_task(estimator: Estimator, problem_name: str, ask: str) -> bool:
+    return problem(problem_name).task(estimator.structure, ask) is not None
 
 
 def verify(
@@ -172,57 +181,95 @@ def verify(
         OSError: A file cannot be written.
     """
     estimators = plan.all_estimators()
-    earlier = {one.name: _check_place(folder / f"{file_name(one.name)}.json", one, plan) for one in plan.estimators}
-    seed = plan.seed
-    if seed is None:
-        seed = _drawn_seed(folder / JOURNALS / "drawn-seeds.json", plan.estimators)
-    for estimator in plan.estimators:
-        before, made_with = earlier[estimator.name], (seed, source_hash(estimator), plan.limits)
-        if before is None or (before.seed, before.source, before.limits) != made_with:
-            replaces(folder / f"{file_name(estimator.name)}.json")
+    seed = _prepare_folder(plan, folder, replaces)
     records = (folder / RECORDS).resolve() if executor.local else None
+    # Workers elsewhere get the files of functions, and check those of programs.
     files = None if executor.local else tuple(map(EstimatorFiles.of, estimators))
     setup = BenchSetup(estimators, plan.limits, seed, files)
     wanted = [plan.trials(estimator) for estimator in estimators]
     with ExitStack() as stack:
         run = secrets.token_hex(6)
-        opened = (
-            TrialJournal(folder / JOURNALS, one.name, fingerprint_of(one, plan.limits, seed), run=run, notify=notify)
-            for one in estimators
-        )
-        journals = [stack.enter_context(closing(journal)) for journal in opened]
+        journals = []
+        for estimator in estimators:
+            fingerprint = fingerprint_of(estimator, plan.limits, seed)
+            journal = TrialJournal(folder / JOURNALS, estimator.name, fingerprint, run=run, notify=notify)
+            journals.append(stack.enter_context(closing(journal)))
         jobs = remaining_jobs(wanted, [journal.done for journal in journals])
         total = sum(map(len, wanted))
         if kept := total - sum(len(job.requests) for job in jobs):
             notify(f"{kept} of {total} trials are done already; remove {folder / JOURNALS} to run them again")
         if records is not None and (twins := twin_trials(jobs)):
             # Started once before the long simulation, so that an error in the command line shows at once.
-            for number in sorted({number for job in jobs for _, number in job.requests}):
-                if not estimators[number].is_perfect:
-                    with EstimatorProcess(estimators[number], plan.limits):
-                        pass
+            _try_to_start(plan, jobs)
             _simulate(twins, seed, records, report, notify)
         _run(plan, setup, jobs, executor, RunProgress(wanted, journals, report, notify), notify)
-        measurements = [journal.measurements() for journal in journals]
-        referee = measurements[estimators.index(plan.referee)] if plan.referee in estimators else {}
-        place = machine() if executor.local else f"{executor.workers} workers of a cluster"
-        results = []
-        for estimator, trials, journal, done in zip(estimators, wanted, journals, measurements, strict=True):
-            if source_hash(estimator) != journal.source:
-                notify(f"{estimator.name}: its file changed during the run: some answers may be those of the new one")
-            if estimator in plan.estimators:
-                own = {trial: done[trial] for trial in trials if trial in done}
-                origin = {"run": journal.run, "machine": place, "source": journal.source, "seed": seed}
-                results.append(_result(plan, estimator, own, referee, origin))
-                write_whole(folder / f"{file_name(estimator.name)}.json", results[-1].to_json(), durable=True)
-        return results
+        computer = machine() if executor.local else f"{executor.workers} workers of a cluster"
+        return _write_results(plan, folder, wanted, journals, {"seed": seed, "machine": computer}, notify)
+
+
+def _prepare_folder(plan: BenchPlan, folder: Path, replaces: Callable[[Path], None]) -> int:
+    """Check that results may be written, ask about those of other runs, and return the seed of the run."""
+    # All are checked before the first question, so that no answer is given in vain.
+    results_before = {}
+    for estimator in plan.estimators:
+        results_before[estimator] = _check_place(_result_file(folder, estimator), estimator, plan)
+    seed = plan.seed
+    if seed is None:
+        seed = _drawn_seed(folder / JOURNALS / "drawn-seeds.json", plan.estimators)
+    for estimator, before in results_before.items():
+        made_with = (seed, source_hash(estimator), plan.limits)
+        if before is None or (before.seed, before.source, before.limits) != made_with:
+            replaces(_result_file(folder, estimator))
+    return seed
+
+
+def _result_file(folder: Path, estimator: Estimator) -> Path:
+    return folder / f"{file_name(estimator.name)}.json"
+
+
+def _try_to_start(plan: BenchPlan, jobs: Iterable[RecordJob]) -> None:
+    """Start and end each estimator that jobs ask; an error of the command line ends the run."""
+    asked: set[int] = set()
+    for job in jobs:
+        asked |= {estimator for _, estimator in job.requests}
+    for index in sorted(asked):
+        estimator = plan.all_estimators()[index]
+        if not estimator.is_perfect:
+            with EstimatorProcess(estimator, plan.limits):
+                pass
+
+
+def _write_results(
+    plan: BenchPlan,
+    folder: Path,
+    wanted: Sequence[Sequence[Trial]],
+    journals: Sequence[TrialJournal],
+    origin: Mapping[str, Any],
+    notify: Callable[[str], None],
+) -> list[Result]:
+    """Compute and write the results of the estimators whose results are wanted."""
+    estimators = plan.all_estimators()
+    measurements = [journal.measurements() for journal in journals]
+    referee = measurements[estimators.index(plan.referee)] if plan.referee in estimators else {}
+    results = []
+    for estimator, trials, journal, done in zip(estimators, wanted, journals, measurements, strict=True):
+        if source_hash(estimator) != journal.source:
+            notify(f"{estimator.name}: its file changed during the run: some answers may be those of the new one")
+        if estimator in plan.estimators:
+            # The journal may have trials of other efforts too.
+            measured = {trial: done[trial] for trial in trials if trial in done}
+            origin_of_result = {**origin, "run": journal.run, "source": journal.source}
+            results.append(_result(plan, estimator, measured, referee, origin_of_result))
+            write_whole(_result_file(folder, estimator), results[-1].to_json(), durable=True)
+    return results
 
 
 def _check_place(path: Path, estimator: Estimator, plan: BenchPlan) -> Result | None:
     """Refuse to overwrite the result of another estimator, or a more complete one; return the result that is there."""
     try:
         before = Result.read(path)
-    except ScenarioError:  # none, damaged or of another version
+    # There is none, or it is damaged or of another version: nothing that could be lost.
+    except ScenarioError:
         return None
     if any(getattr(before.estimator, name) != getattr(estimator, name) for name in IDENTITY):
         raise ScenarioError(
@@ -245,9 +292,12 @@ def _check_place(path: Path, estimator: Estimator, plan: BenchPlan) -> Result | 
 def _drawn_seed(path: Path, estimators: Sequence[Estimator]) -> int:
     """Draw the seed of a run, or read that of an interrupted run, which a file has by hash of the estimators."""
     hashes = [source_hash(estimator) for estimator in estimators]
-    texts = [f"{estimator.target}|{estimator.home}|{text}" for estimator, text in zip(estimators, hashes, strict=True)]
-    key = sha256("\n".join(texts).encode()).hexdigest()
+    identities = []
+    for estimator, source in zip(estimators, hashes, strict=True):
+        identities.append(f"{estimator.target}|{estimator.home}|{source}")
+    key = sha256("\n".join(identities).encode()).hexdigest()
     seeds: dict[str, int] = {}
+    # A file that is missing or damaged has no seed of an interrupted run.
     with suppress(OSError, ScenarioError):
         seeds = from_json(dict[str, int], path.read_bytes(), str(path))
     if key not in seeds:
@@ -285,7 +335,8 @@ def _run(
     notify: Callable[[str], None],
 ) -> None:
     """Run the jobs: first a record of each kind of problem, from which the cost of the others is learnt."""
-    first, others = pilot_jobs(jobs)
+    first, later = pilot_jobs(jobs)
+    # On this machine a worker takes one record at a time, so that none waits at the end.
     size = 1 if executor.local else REMOTE_BATCH
     if not jobs:
         return
@@ -294,7 +345,7 @@ def _run(
         for result in executor.run(run_jobs, setup, progress.batches(interleaved(first), size), items="records"):
             progress.add(result)
             finished.append(result)
-        if rest := tuple(chain.from_iterable(progress.batches(others, 1))):
+        if rest := tuple(chain.from_iterable(progress.batches(later, 1))):
             cost = remaining_cost(finished, rest, executor.workers)
             notify(f"hmtb verify: still to do, of {plan.requests_text}: {cost}")
             progress.note = ""
@@ -305,30 +356,35 @@ def _run(
 def _result(
     plan: BenchPlan,
     estimator: Estimator,
-    own: Mapping[Trial, Measurement],
+    measured: Mapping[Trial, Measurement],
     referee: Mapping[Trial, Measurement],
     origin: Mapping[str, Any],
 ) -> Result:
     """Compute the metrics of an estimator; those of agreement need the measurements of the referee too."""
     command = plan.commands.get(estimator.name, "")
+    if command:
+        # The seed may have been drawn: with it the command repeats the result.
+        command += f" --seed {origin['seed']}"
     share = false_alarm_of_each()
     metrics = {}
     for metric in plan.metrics:
         trials = plan.trials_of(metric)
-        mine, others = ([of[trial] for trial in trials if trial in of] for of in (own, referee))
-        metrics[metric.name] = metric.evaluate(Evidence(mine, estimator, share, others))
-    outcomes = Counter(m.kind for m in own.values())
-    reasons = Counter(f"{m.kind}: {m.why}" for m in own.values() if m.kind not in (MODEL, REFUSED))
-    refused = kinds_of_request(m.trial for m in own.values() if m.kind == REFUSED)
+        on_trials = [measured[trial] for trial in trials if trial in measured]
+        of_referee = [referee[trial] for trial in trials if trial in referee]
+        metrics[metric.name] = metric.evaluate(Evidence(on_trials, estimator, share, of_referee))
+    outcomes = Counter(m.kind for m in measured.values())
+    failed = [m for m in measured.values() if m.kind not in (MODEL, REFUSED)]
+    reasons = Counter(f"{m.kind}: {m.why}" for m in failed)
+    refused = kinds_of_request(m.trial for m in measured.values() if m.kind == REFUSED)
     return Result(
         estimator=estimator,
         limits=plan.limits,
         effort=plan.effort_text,
-        command=f"{command} --seed {origin['seed']}" if command else "",
+        command=command,
         versions=versions(),
         outcomes=dict(sorted(outcomes.items())),
         reasons=dict(reasons.most_common(20)),  # where each failure has another reason, they would fill the file
-        seconds=float(np.nansum([m.seconds for m in own.values()])),
+        seconds=float(np.nansum([m.seconds for m in measured.values()])),
         metrics=metrics,
         refused=dict(refused.most_common()),
         **origin,
@@ -337,4 +393,9 @@ def _result(
 
 def kinds_of_request(trials: Iterable[Trial]) -> Counter[str]:
     """Number of trials of each family of problems, and of each request where that is no fit."""
-    return Counter(f"{FAMILY.split(trial.problem)[0]}{f', {trial.ask}' * (trial.ask != 'fit')}" for trial in trials)
+    counts: Counter[str] = Counter()
+    for trial in trials:
+        family = FAMILY.split(trial.problem)[0]
+        request = family if trial.ask == "fit" else f"{family}, {trial.ask}"
+        counts[request] += 1
+    return counts
