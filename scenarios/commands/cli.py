@@ -63,10 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except KeyboardInterrupt as interruption:
-        # A command that saves its progress says in the exception what is saved.
-        saved = f"{interruption}; run the command again to resume" if str(interruption) else "run the command again"
-        again = "".join(c if c.isprintable() else "?" for c in shlex.join(["hmtb", *words]))
-        print(f"hmtb: interrupted; {saved}: {again}", file=sys.stderr)
+        _say_interrupted(str(interruption), words)
         return 130
     except BrokenPipeError:  # `hmtb ... | head`: the reader has left, which is no error
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -82,6 +79,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with suppress(OSError):  # nobody may be able to read it
             print(f"hmtb: {one_line(abridged(line))}", file=sys.stderr, flush=True)
         return 2
+
+
+def _say_interrupted(saved: str, words: Sequence[str]) -> None:
+    """Say what was saved, which a command that saves its progress says in the exception, and how to go on."""
+    advice = f"{saved}; run the command again to resume" if saved else "run the command again"
+    command = shlex.join(["hmtb", *words])
+    for character in set(command):
+        if not character.isprintable():  # it may steer the terminal
+            command = command.replace(character, "?")
+    print(f"hmtb: interrupted; {advice}: {command}", file=sys.stderr)
 
 
 def _open_streams() -> None:
@@ -102,16 +109,18 @@ def parse(words: list[str]) -> partial[int] | str:
     program, name, *options = ("hmtb", *words)
     if f"hmtb {name}" in PROGRAMS:
         program, name, *options = (f"hmtb {name}", *(options or ["--help"]))
-    places = PROGRAMS[program]["commands"]
+    functions = PROGRAMS[program]["commands"]
     if name in ("-h", "--help"):
-        texts = {
-            one: _command(place).__doc__ or "" if place else PROGRAMS[f"{program} {one}"]["summary"]
-            for one, place in places.items()
-        }
-        return listing(program, PROGRAMS[program]["description"], texts)
-    if name not in places:
-        raise ScenarioError(unknown("command", name, places))
-    return read_options(_command(places[name]), f"{program} {name}", options)
+        help_texts = {}
+        for command, function in functions.items():
+            # A program of its own has no function, and its summary in the table.
+            is_program = not function
+            summary = PROGRAMS[f"{program} {command}"]["summary"] if is_program else _command(function).__doc__
+            help_texts[command] = summary or ""
+        return listing(program, PROGRAMS[program]["description"], help_texts)
+    if name not in functions:
+        raise ScenarioError(unknown("command", name, functions))
+    return read_options(_command(functions[name]), f"{program} {name}", options)
 
 
 def completion(shell: Annotated[Literal["bash", "zsh", "fish"], tyro.conf.Positional]) -> int:
@@ -129,22 +138,23 @@ def completion(shell: Annotated[Literal["bash", "zsh", "fish"], tyro.conf.Positi
     from scenarios.commands.output import say
     from scenarios.experiments.registry import names, tags
 
-    data_sets = tuple(entry.stem for entry in sorted(DATA_SETS.glob("*.toml")))
+    data_sets = tuple(path.stem for path in sorted(DATA_SETS.glob("*.toml")))
     known = {"SCENARIO": tuple(dict.fromkeys((*names(), *tags()))), "DATA_SET": data_sets, "SPEC": data_sets}
-    commands = {
-        f"{program} {name}".removeprefix("hmtb "): _command(place)
-        for program, table in PROGRAMS.items()
-        for name, place in table["commands"].items()
-        if place
-    }
-    groups = {program.removeprefix("hmtb").strip(): list(table["commands"]) for program, table in PROGRAMS.items()}
+    commands, groups = {}, {}
+    for program, table in PROGRAMS.items():
+        words = program.removeprefix("hmtb").strip()
+        groups[words] = list(table["commands"])
+        for name, function in table["commands"].items():
+            if function:
+                commands[f"{words} {name}".strip()] = _command(function)
     say(completion_script(shell, groups, commands, known).rstrip())
     return 0
 
 
-def _command(place: str) -> Callable[..., int]:
-    module, _, function = place.partition(":")
-    command: Callable[..., int] = getattr(import_module(f"scenarios.commands.{module}"), function)
+def _command(function: str) -> Callable[..., int]:
+    """The function of a command, from MODULE:FUNCTION of this room."""
+    module, _, name = function.partition(":")
+    command: Callable[..., int] = getattr(import_module(f"scenarios.commands.{module}"), name)
     return command
 
 
@@ -163,9 +173,14 @@ def _check_memory() -> None:
 
 def _check_ordinary(call: partial[int]) -> None:
     """Refuse arguments that name pipes, sockets or devices: reading may never end, and no file replaces a device."""
-    given = (*call.args, *call.keywords.values())
-    values = [one for each in given for one in (each if isinstance(each, tuple) else (each,))]
-    files = [one for one in values if isinstance(one, str | Path) and os.path.exists(one) and not os.path.isdir(one)]
+    values: list[object] = []
+    for value in (*call.args, *call.keywords.values()):
+        values += value if isinstance(value, tuple) else [value]
+    files = []
+    for value in values:
+        # Names of scenarios and data sets are no files, unless a file has that name.
+        if isinstance(value, str | Path) and os.path.exists(value) and not os.path.isdir(value):
+            files.append(value)
     for file in files:
         if not os.path.isfile(file):
             raise ScenarioError(f"{str(file)!r} is a pipe, a socket or a device; expected an ordinary file")
@@ -173,14 +188,13 @@ def _check_ordinary(call: partial[int]) -> None:
 
 def _bad_input(error: Exception) -> str | None:
     """The message for an error that the user can fix; None for a bug, which keeps its traceback."""
-    ours = {kind.__module__.partition(".")[0] for kind in type(error).__mro__} & {"scenarios", "hmtb_twin", "sysid"}
-    if ours and isinstance(error, ValueError):
+    packages = {base.__module__.partition(".")[0] for base in type(error).__mro__}
+    if isinstance(error, ValueError) and packages & {"scenarios", "hmtb_twin", "sysid"}:
         return " ".join(str(error).split())
     back_end = os.environ.get("MUJOCO_GL")
     if back_end and any("gl_context" in frame.filename for frame in traceback.extract_tb(error.__traceback__)):
         return f"MUJOCO_GL={back_end!r} names no OpenGL back end that loads here; unset it, or set it to egl"
-    words = {"ImportError": "failed to map", "FatalError": "allocate memory"}.get(type(error).__name__)
-    if isinstance(error, MemoryError) or (words and words in str(error)):  # FatalError is MuJoCo's
+    if _is_out_of_memory(error):
         return f"not enough memory ({str(error) or 'no size known'}); expected more, a shorter record or lower orders"
     if isinstance(error, OSError):
         from hmtb_twin.files.errors import system_reason
@@ -188,3 +202,12 @@ def _bad_input(error: Exception) -> str | None:
         where = f" {error.filename!r}" if error.filename else ""
         return f"cannot read or write{where}: {system_reason(error)}"
     return None
+
+
+def _is_out_of_memory(error: Exception) -> bool:
+    """Whether memory ran out: libraries say so in errors of their own."""
+    if isinstance(error, MemoryError):
+        return True
+    # A shared library that cannot be mapped, and MuJoCo's own error.
+    words = {"ImportError": "failed to map", "FatalError": "allocate memory"}.get(type(error).__name__)
+    return words is not None and words in str(error)

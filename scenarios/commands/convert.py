@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -18,6 +18,10 @@ from scenarios.commands.output import (
     say_next_identify,
 )
 from scenarios.files.errors import ScenarioError, unknown
+
+if TYPE_CHECKING:
+    from hmtb_twin.bus.record import BusRecord
+    from scenarios.files.record_file import RecordFile
 
 
 def convert(
@@ -49,63 +53,79 @@ def convert(
         json: Print JSON.
     """
     from hmtb_twin.bus.recorder_run import record_run
-    from scenarios.files.record_file import ENDINGS, RecordFile, losses, read_records, unnamed, write_record
+    from scenarios.files.record_file import losses, read_records, unnamed, write_record
 
     if len(paths) < 2:
         raise ScenarioError("expected a file to convert and the file or folder to write; see hmtb convert --help")
     *sources, out = paths
-    kind, single = _target(sources, out, format)
+    target, is_single_file = _target(sources, out, format)
     contents = [read_records(source) for source in sources]
     if test is not None:
-        contents = [
-            RecordFile((entry.choose(test, source),), entry.message, entry.hidden)
-            for entry, source in zip(contents, sources, strict=True)
-        ]
-    records = [record for entry in contents for record in entry.records]
-    lost = losses(contents, kind)
+        contents = [_only_test(content, test, source) for content, source in zip(contents, sources, strict=True)]
+    records: list[BusRecord] = []
+    for content in contents:
+        records += content.records
+    lost = losses(contents, target)
     if lost and not lossy:
         raise ScenarioError(f"{out.name} would lose {'; '.join(lost)}. To convert nevertheless: --lossy")
-    warnings = [entry.message for entry in contents if entry.message] + [f"lost: {text}" for text in lost]
+    damages = [content.message for content in contents if content.message]
+    warnings = [*damages, *(f"lost: {loss}" for loss in lost)]
     names = [record.name for record in records]
-    if kind != "1553" and single and len(records) > 1:
+    if target != "1553" and is_single_file and len(records) > 1:
         raise ScenarioError(
             f"{len(records)} tests ({', '.join(names)}) need a folder; choose one by --test, or give one"
         )
-    # Without characters that leave the folder.
-    safe = [re.sub(r"[/\\\0]", "_", name).lstrip(".") or "test" for name in names]
-    if len(set(safe)) < len(safe) and not single:
-        twice_named = next(name for name in safe if safe.count(name) > 1)
-        raise ScenarioError(f"two tests are named {twice_named!r}; their files would be one")
-    stems = [sources[0].stem] if kind == "1553" else safe
-    places = [out] if single else [out / f"{stem}{ENDINGS[kind]}" for stem in stems]
-    with output_folder(out.parent if single else out):
+    file_names = _file_names(names, sources[0].stem, target, may_collide=is_single_file)
+    places = [out] if is_single_file else [out / name for name in file_names]
+    with output_folder(out.parent if is_single_file else out):
         check_files(*places, overwrite=overwrite)
-        if kind == "1553":
+        if target == "1553":
             bus = record_run(records, places[0])
             written = [bus.path]
-            warnings += [bus.message] if bus.message else []  # the recorder's memory may be too small
+            if bus.message:  # the recorder's memory may be too small
+                warnings.append(bus.message)
         else:
             written = [write_record(record, place) for record, place in zip(records, places, strict=True)]
-    notes = unnamed(records, kind, [path.stem for path in written])
-    missing = [int(record.lost.sum()) for record in records]
-    code = 1 if any(entry.message for entry in contents) else 0
+    notes = unnamed(records, target, [path.stem for path in written])
+    code = 1 if damages else 0
     if json:
-        tests = [
-            {"name": record.name, "ticks": len(record), "ticks_lost": lost_ticks, "excited": record.axes}
-            for record, lost_ticks in zip(records, missing, strict=True)
-        ]
+        tests = [_test_record(record) for record in records]
         print_json({"files": written, "tests": tests, "lost": [*lost, *notes], "warnings": warnings})
         return code
-    rows = [
-        (record.name, str(written[min(k, len(written) - 1)]), f"{len(record) * record.dt:g} s", str(missing[k]))
-        for k, record in enumerate(records)
-    ]
+    rows = []
+    for k, record in enumerate(records):
+        file = written[min(k, len(written) - 1)]  # a run of several tests is one file
+        rows.append((record.name, str(file), f"{len(record) * record.dt:g} s", str(int(record.lost.sum()))))
     print_table(counted(len(written), "file"), ("test", "file", "length", "ticks lost"), rows)
     say_each("warning: ", warnings)
-    for text in notes:
-        say_beside_bar(f"note: {text}")
+    for note in notes:
+        say_beside_bar(f"note: {note}")
     say_next_identify(written[0], names[0], records[0].axes, tests=1 + len(records) - len(written))
     return code
+
+
+def _only_test(content: "RecordFile", test: str, source: Path) -> "RecordFile":
+    """The contents of a file with one of its tests alone."""
+    from dataclasses import replace
+
+    return replace(content, records=(content.choose(test, source),))
+
+
+def _file_names(names: Sequence[str], stem: str, target: str, *, may_collide: bool) -> list[str]:
+    """Names of the files of a folder: of a 1553 run one, else one for each test, without characters that leave it."""
+    from scenarios.files.record_file import ENDINGS
+
+    safe = [re.sub(r"[/\\\0]", "_", name).lstrip(".") or "test" for name in names]
+    if len(set(safe)) < len(safe) and not may_collide:
+        twice_named = next(name for name in safe if safe.count(name) > 1)
+        raise ScenarioError(f"two tests are named {twice_named!r}; their files would be one")
+    stems = [stem] if target == "1553" else safe
+    return [f"{name}{ENDINGS[target]}" for name in stems]
+
+
+def _test_record(record: "BusRecord") -> dict[str, object]:
+    lost = int(record.lost.sum())
+    return {"name": record.name, "ticks": len(record), "ticks_lost": lost, "excited": record.axes}
 
 
 def _target(sources: Sequence[Path], out: Path, format: str | None) -> tuple[str, bool]:

@@ -39,9 +39,9 @@ def plain(value: object) -> object:
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):
-        return {str(key): plain(entry) for key, entry in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
+        return [plain(item) for item in value]
     if isinstance(value, complex):
         return [plain(value.real), plain(value.imag)]
     if isinstance(value, float):
@@ -68,16 +68,17 @@ def say_next(*words: object) -> None:
 
 def say_next_identify(path: Path, name: str, joints: Sequence[str], *, tests: int = 1) -> None:
     """Write the command that identifies a model of the first excited joint from a file of one or several tests."""
-    choice = ("--test", name) if tests > 1 else ()
     from hmtb_twin.parameters.values import JOINTS
 
-    known = [joint for joint in joints if joint in JOINTS]
-    say_next("identify", path, *choice, "--joint", *(known[:1] or ("elbow_pitch",)))
+    test = ("--test", name) if tests > 1 else ()
+    # Tests of Cartesian axes excite no single joint.
+    excited = [joint for joint in joints if joint in JOINTS]
+    say_next("identify", path, *test, "--joint", excited[0] if excited else "elbow_pitch")
 
 
-def counted(number: int, noun: str) -> str:
-    """A number with its noun, in the plural except after 1."""
-    return f"{number} {noun}{'s' * (number != 1)}"
+def counted(count: int, noun: str) -> str:
+    """A count with its noun, in the plural except after 1."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def say_beside_bar(line: str) -> None:
@@ -105,19 +106,24 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
 
     table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold", pad_edge=False)
     table.show_header = any(columns)
-    for number, column in enumerate(columns):
-        filled = [row[number] for row in rows if row[number].strip("-–—")]
-        # Words such as "locked" or "not claimed" may stand in place of some numbers.
-        numbers = any(columns) and 2 * sum(bool(NUMBER.match(cell)) for cell in filled) > len(filled)
-        table.add_column(column, justify="right" if numbers else "left", overflow="fold")
+    for k, column in enumerate(columns):
+        is_number = any(columns) and _is_mostly_numbers([row[k] for row in rows])
+        table.add_column(column, justify="right" if is_number else "left", overflow="fold")
     for row in rows:
         table.add_row(*map(one_line, row))
     end_activity()
     # A pipe has no width of its own; eighty columns would break the rows that a script wants to read.
-    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False)
-    with console.capture() as text:  # by itself it would end the process where the reader of a pipe has left
+    width = None if sys.stdout.isatty() else 160
+    console = Console(width=width, highlight=False, markup=False)
+    with console.capture() as printed:  # by itself it would end the process where the reader of a pipe has left
         console.print(table)
-    sys.stdout.write(text.get())
+    sys.stdout.write(printed.get())
+
+
+def _is_mostly_numbers(cells: Sequence[str]) -> bool:
+    """Whether more than half of the cells hold numbers; words such as "locked" may stand in place of some."""
+    filled = [cell for cell in cells if cell.strip("-–—")]
+    return 2 * sum(bool(NUMBER.match(cell)) for cell in filled) > len(filled)
 
 
 def cluster_executor(address: str, patience: float, workers: int | None) -> "Cluster":
@@ -149,13 +155,15 @@ def check_files(*paths: Path, overwrite: bool) -> None:
         check_place(path)
     if overwrite or not existing:
         return
-    first, more = existing[0], len(existing) - 1
-    what = f"{first} and {counted(more, 'other file')} exist" if more else f"{first} exists"
-    them = "them" if more else "it"
+    first, others = existing[0], len(existing) - 1
+    if others:
+        subject, them = f"{first} and {counted(others, 'other file')} exist", "them"
+    else:
+        subject, them = f"{first} exists", "it"
     if not (sys.stdin and sys.stdin.isatty() and sys.stderr.isatty()):
-        raise ScenarioError(f"{what}: --overwrite replaces {them}; or name another place")
+        raise ScenarioError(f"{subject}: --overwrite replaces {them}; or name another place")
     with pause_activity():
-        sys.stderr.write(f"{what}: replace {them}? [y/N] ")
+        sys.stderr.write(f"{subject}: replace {them}? [y/N] ")
         sys.stderr.flush()
         answer = sys.stdin.readline()
     if answer.strip().lower() not in ("y", "yes"):
@@ -206,7 +214,8 @@ def progress(label: str, *, lines: bool = False) -> Iterator[Callable[..., None]
     """
     from scenarios.jobs.progress import Progress, show_progress
 
-    with show_progress(label, "auto" if lines or sys.stderr.isatty() else "none") as report:
+    how = "auto" if lines or sys.stderr.isatty() else "none"
+    with show_progress(label, how) as report:
         yield lambda done, total, step="": report(Progress(step, done, total))
 
 
@@ -228,7 +237,7 @@ def output_folder(path: Path, *files: str, overwrite: bool = False) -> Iterator[
     with ExitStack() as made:
         try:
             made.enter_context(result_folder(path))
-            TemporaryFile(dir=path).close()
+            TemporaryFile(dir=path).close()  # finds out before the work, not after
         except OSError as error:
             why = f"{system_reason(error)}; expected a folder that can be created and written"
             raise ScenarioError(f"cannot write to folder {str(path)!r}: {why}") from error

@@ -54,12 +54,13 @@ def listing(program: str, description: str, commands: Mapping[str, str]) -> str:
         commands: Texts of the help of the commands by their names.
     """
     width = max(map(len, commands)) + 4
+    # On a terminal narrower than that, the summaries would stand one letter below the other.
     columns = max(shutil.get_terminal_size().columns, 2 * width)
     lines = [f"usage: {program} COMMAND [OPTIONS]", "", description.rstrip(), "", "Commands:", ""]
-    for name, text in commands.items():
-        summary = text.partition("\n")[0]
-        first, others = f"  {name}".ljust(width), " " * width
-        lines += textwrap.wrap(summary, columns, initial_indent=first, subsequent_indent=others)
+    for name, help_text in commands.items():
+        summary = help_text.partition("\n")[0]
+        indent = f"  {name}".ljust(width)
+        lines += textwrap.wrap(summary, columns, initial_indent=indent, subsequent_indent=" " * width)
     lines += ["", f"Options and examples: {program} COMMAND --help. Release: hmtb --version."]
     lines += ["Exit codes: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted."]
     return "\n".join(lines) + "\n"
@@ -82,9 +83,9 @@ def read_options(command: Callable[Options, int], program: str, words: Sequence[
         return functools.partial(command, *args, **kwargs)
 
     signature = inspect.signature(command)
-    options = [each.replace(annotation=_option(each.annotation)) for each in signature.parameters.values()]
-    fill.__signature__ = signature.replace(parameters=options)  # type: ignore[attr-defined]
-    fill.__annotations__ = {each.name: each.annotation for each in options}
+    parameters = [p.replace(annotation=_with_help(p.annotation)) for p in signature.parameters.values()]
+    fill.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    fill.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     del fill.__wrapped__  # the parser would read the wrapped function
     # The parser keeps some line breaks of docstrings, so all go that stand inside a paragraph or an option.
     fill.__doc__ = re.sub(r"(?<=\S)\n(?: {8})?(?=\S)", " ", inspect.cleandoc(command.__doc__ or ""))
@@ -92,9 +93,9 @@ def read_options(command: Callable[Options, int], program: str, words: Sequence[
     # The parser draws its boxes as far as the encoding of the output allows.
     out, err = io.TextIOWrapper(io.BytesIO(), encoding=sys.stdout.encoding or "utf-8"), io.StringIO()
     # So many columns that no message is wrapped, which is then read line by line; no help fits into fewer than 40.
-    width = _columns(str(max(shutil.get_terminal_size().columns, 40)) if asks_help else "100000")
+    columns = max(shutil.get_terminal_size().columns, 40) if asks_help else 100_000
     try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), width:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), _columns(columns):
             config = (tyro.conf.FlagCreatePairsOff, tyro.conf.HelptextFromCommentsOff)
             call: functools.partial[int] = tyro.cli(fill, prog=program, args=words, config=config)
             return call
@@ -118,8 +119,12 @@ def command_line(program: str, command: Callable[..., int], values: Mapping[str,
         value = values.get(name, parameter.default)
         if value == parameter.default:
             continue
-        words += [] if parameter.kind is parameter.POSITIONAL_OR_KEYWORD else [f"--{name.replace('_', '-')}"]
-        words += [] if value is True else [str(one) for one in (value if isinstance(value, tuple) else (value,))]
+        if parameter.kind is not parameter.POSITIONAL_OR_KEYWORD:
+            words.append(f"--{name.replace('_', '-')}")
+        if isinstance(value, tuple):
+            words += map(str, value)
+        elif value is not True:  # a flag has no value
+            words.append(str(value))
     return shlex.join(words)
 
 
@@ -165,41 +170,68 @@ def completion_script(
     """
     from jinja2 import Environment, PackageLoader
 
-    tables = {}
-    for words, command in commands.items():
-        parameters = inspect.signature(command).parameters.values()
-        options = [one for one in parameters if one.kind is one.KEYWORD_ONLY]
-        flag = {one.name: f"--{one.name.replace('_', '-')}" for one in options}
-        tables[words] = {
-            "summary": (command.__doc__ or "").partition("\n")[0].rstrip("."),
-            "words": [value for one in parameters if one not in options for value in _values(one.annotation, known)],
-            "flags": [flag[one.name] for one in options if one.annotation is bool] + ["--help"],
-            "lists": [flag[one.name] for one in options if "tuple[" in str(one.annotation)],
-            "values": {flag[one.name]: _values(one.annotation, known) for one in options if one.annotation is not bool},
-        }
+    tables = {words: _completions(command, known) for words, command in commands.items()}
     templates = Environment(loader=PackageLoader("scenarios"), trim_blocks=True, lstrip_blocks=True)
+    # zsh runs the completions of bash.
     template = templates.get_template(f"completion.{'fish' if shell == 'fish' else 'bash'}.j2")
     return template.render(shell=shell, groups=groups, commands=tables)
 
 
-def _values(kind: Any, known: Mapping[str, Sequence[str]]) -> list[str]:
+def _completions(command: Callable[..., int], known: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """What the templates of the scripts need of a command: summary, words, flags, and values of its options."""
+    parameters = inspect.signature(command).parameters.values()
+    words: list[str] = []
+    flags: list[str] = []
+    lists: list[str] = []
+    values: dict[str, list[str]] = {}
+    for parameter in parameters:
+        if parameter.kind is not parameter.KEYWORD_ONLY:
+            words += _choices(parameter.annotation, known)
+            continue
+        option = f"--{parameter.name.replace('_', '-')}"
+        if parameter.annotation is bool:
+            flags.append(option)
+        else:
+            values[option] = _choices(parameter.annotation, known)
+        if "tuple[" in str(parameter.annotation):
+            lists.append(option)
+    summary = (command.__doc__ or "").partition("\n")[0].rstrip(".")
+    return {"summary": summary, "words": words, "flags": [*flags, "--help"], "lists": lists, "values": values}
+
+
+def _choices(annotation: Any, known: Mapping[str, Sequence[str]]) -> list[str]:
     """Words that an argument takes, as its type or its word in help texts names them; none where any may stand."""
-    kind, *settings = (kind.__origin__, *kind.__metadata__) if get_origin(kind) is Annotated else (kind,)
-    literals = [one for one in (kind, *get_args(kind)) if get_origin(one) is Literal]
-    metavars = [text for one in settings if (text := getattr(one, "metavar", None))]
-    names = [name for text in metavars for name in re.findall(r"[\w.]+", text) if "|" in text or name in known]
-    words = [word for name in names for word in known.get(name, [name] if re.fullmatch(r"[a-z]\w*", name) else [])]
-    return [*(value for one in literals for value in get_args(one)), *words]
+    annotation, settings = _type_and_settings(annotation)
+    words: list[str] = []
+    for alternative in (annotation, *get_args(annotation)):
+        if get_origin(alternative) is Literal:
+            words += get_args(alternative)
+    for setting in settings:
+        metavar = getattr(setting, "metavar", None) or ""
+        for name in re.findall(r"[\w.]+", metavar):
+            if name in known:
+                words += known[name]
+            elif "|" in metavar and re.fullmatch(r"[a-z]\w*", name):  # a choice; capitals stand for something
+                words.append(name)
+    return words
 
 
-def _option(kind: Any) -> Any:
+def _with_help(annotation: Any) -> Any:
     """The annotation of an option, with a help text in which None and empty defaults do not appear."""
-    kind, *settings = (kind.__origin__, *kind.__metadata__) if get_origin(kind) is Annotated else (kind,)
+    value_type, settings = _type_and_settings(annotation)
     metavar = None
-    if type(None) in get_args(kind):
-        (value,) = set(get_args(kind)) - {type(None)}
-        metavar = "|".join(get_args(value)) if get_origin(value) is Literal else value.__name__.upper()
-    return Annotated[(kind, tyro.conf.arg(metavar=metavar, help_behavior_hint=_default), *settings)]
+    if type(None) in get_args(value_type):
+        (given_type,) = set(get_args(value_type)) - {type(None)}
+        is_choice = get_origin(given_type) is Literal
+        metavar = "|".join(get_args(given_type)) if is_choice else given_type.__name__.upper()
+    return Annotated[(value_type, tyro.conf.arg(metavar=metavar, help_behavior_hint=_default), *settings)]
+
+
+def _type_and_settings(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
+    """Type of an argument, and what else its annotation tells the parser."""
+    if get_origin(annotation) is Annotated:
+        return annotation.__origin__, annotation.__metadata__
+    return annotation, ()
 
 
 def _default(value: str) -> str:
@@ -207,9 +239,10 @@ def _default(value: str) -> str:
 
 
 @contextlib.contextmanager
-def _columns(count: str) -> Iterator[None]:
+def _columns(count: int) -> Iterator[None]:
+    """Set the width of the terminal as libraries see it."""
     before = os.environ.get("COLUMNS")
-    os.environ["COLUMNS"] = count
+    os.environ["COLUMNS"] = str(count)
     try:
         yield
     finally:
@@ -223,36 +256,57 @@ def _wrapped(text: str) -> str:
     columns = shutil.get_terminal_size().columns
     lines: list[str] = []
     for line in text.splitlines():
-        prose = len(line) > columns and line[0].isalnum() and not line.startswith("usage:")
-        lines += textwrap.wrap(line, columns, break_on_hyphens=False) if prose else [line]
+        is_prose = len(line) > columns and line[0].isalnum() and not line.startswith("usage:")
+        lines += textwrap.wrap(line, columns, break_on_hyphens=False) if is_prose else [line]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)) + "\n"
 
 
-def _objection(text: str, command: str) -> str:
+def _objection(output: str, program: str) -> str:
     """The parser's message in one line: what was given, what was expected."""
-    plain = (line.strip("│|╭╮╰╯+ \t") for line in re.sub(r"\x1b\[[0-9;]*m", "", text).splitlines())
-    rows = [row for row in plain if row.strip("─- ")]
+    without_colours = re.sub(r"\x1b\[[0-9;]*m", "", output)
+    lines = [line.strip("│|╭╮╰╯+ \t") for line in without_colours.splitlines()]  # without the sides of its boxes
+    rows = [line for line in lines if line.strip("─- ")]
     message = next((row for row in rows if re.match(MESSAGE, row)), "; ".join(rows[:2]))
     if message.startswith("Missing from"):
-        # Each option stands above its help text, which ends in "(required)".
-        needed = [row.partition(" ") for row, help_text in pairwise(rows) if help_text.endswith("(required)")]
-        return "missing " + ", ".join(f"{name} ({KINDS.get(kind, kind)})" if kind else name for name, _, kind in needed)
+        return _missing_options(rows)
     if match := re.match(r"Missing value for argument '([^']+)'", message):
         return f"{match[1]} needs a value"
     if match := re.match(r"Error parsing ([^:]+): (.*)", message):
-        given = " ".join(re.findall(r"'([^']*)'", match[2])) or "something else"
-        usage = next((row for row in rows if row.startswith(match[1].split("/")[-1] + " ")), "")
-        kind = usage.partition(" ")[2]
-        return f"{match[1]}: expected {KINDS.get(kind, kind) or 'another value'}, given {given}"
+        return _unreadable_value(match[1], match[2], rows)
     if match := re.match(r"Unrecognized options?: (.*)", message):
-        words = match[1].replace(", ", " ")
-        if not words.startswith("-"):
-            meant = f"; did you mean {STRAY[command]} {words}?" if command in STRAY and " " not in words else ""
-            return f"unexpected argument{'s' if ' ' in words else ''} {words!r}{meant}"
-        close = [row.split()[0] for row in rows if row.startswith("--") and row != message]
-        return f"unknown option {words.split()[0]!r}" + (f": did you mean {close[0]}?" if close else "")
+        listed = [row.split()[0] for row in rows if row.startswith("--") and row != message]
+        return _unknown_words(match[1].replace(", ", " "), program, listed)
     if match := re.match(r"[Ii]nvalid choice '([^']*)' for argument '([^']*)'. Expected one of \((.*)\)", message):
         # The parser names the choices of some options in no fixed order.
         choices = sorted(match[3].replace("'", "").removesuffix(", None").rstrip(",").split(", "))
         return f"unknown {match[2]} {match[1]!r}; there are: {', '.join(choices)}"
     return message or "cannot read the command"
+
+
+def _missing_options(rows: Sequence[str]) -> str:
+    """The required options that are missing: each stands above its help text, which ends in "(required)"."""
+    needed = []
+    for row, help_text in pairwise(rows):
+        if help_text.endswith("(required)"):
+            name, _, metavar = row.partition(" ")
+            needed.append(f"{name} ({KINDS.get(metavar, metavar)})" if metavar else name)
+    return f"missing {', '.join(needed)}"
+
+
+def _unreadable_value(argument: str, reason: str, rows: Sequence[str]) -> str:
+    """A value of the wrong type; its usage line names the type."""
+    value = " ".join(re.findall(r"'([^']*)'", reason)) or "something else"
+    option = argument.split("/")[-1]  # the last of several spellings
+    usage = next((row for row in rows if row.startswith(f"{option} ")), "")
+    metavar = usage.partition(" ")[2]
+    return f"{argument}: expected {KINDS.get(metavar, metavar) or 'another value'}, given {value}"
+
+
+def _unknown_words(words: str, program: str, similar: Sequence[str]) -> str:
+    """Words that the command does not take, with the option that was probably meant."""
+    if words.startswith("-"):
+        hint = f": did you mean {similar[0]}?" if similar else ""
+        return f"unknown option {words.split()[0]!r}{hint}"
+    is_single = " " not in words
+    hint = f"; did you mean {STRAY[program]} {words}?" if is_single and program in STRAY else ""
+    return f"unexpected argument{'' if is_single else 's'} {words!r}{hint}"
