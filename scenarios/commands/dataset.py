@@ -1,5 +1,6 @@
 """`hmtb dataset`: list, get, show, check, export and score data sets; build and grade have files of their own."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -24,22 +25,22 @@ def list_(*, json: bool = False) -> int:
     from scenarios.datasets.spec import shipped
 
     plans = {label: DataSetPlan(spec) for label, spec in shipped().items()}
+    costs = canonical()  # of the data sets that a release has built; others have none
     if json:
-        entries = []
+        records = []
         for label, plan in plans.items():
-            known = canonical().get(label)
-            sizes = {"megabytes": known and known.megabytes, "minutes": known and known.minutes}
-            entry = {"label": label, "title": plan.spec.title, "experiments": len(plan), "seconds": plan.seconds}
-            entries.append({**entry, **sizes})
-        print_json({"data_sets": entries})
+            cost = costs.get(label)
+            sizes = {"megabytes": cost and cost.megabytes, "minutes": cost and cost.minutes}
+            record = {"label": label, "title": plan.spec.title, "experiments": len(plan), "seconds": plan.seconds}
+            records.append({**record, **sizes})
+        print_json({"data_sets": records})
         return 0
     rows = []
     for label, plan in plans.items():
-        known = canonical().get(label)
-        cost = (f"{known.megabytes} MB", f"{known.minutes:g} min") if known else ("", "")
-        rows.append(
-            (label, str(len(plan)), f"{plan.seconds / 3600:.3g} h", *cost, plan.spec.title.removeprefix("HMTB twin: "))
-        )
+        cost = costs.get(label)
+        size, build_time = (f"{cost.megabytes} MB", f"{cost.minutes:g} min") if cost else ("", "")
+        title = plan.spec.title.removeprefix("HMTB twin: ")
+        rows.append((label, str(len(plan)), f"{plan.seconds / 3600:.3g} h", size, build_time, title))
     print_table("data sets", ("name", "experiments", "length", "size", "build (2 processors)", "title"), rows)
     return 0
 
@@ -92,11 +93,11 @@ def show(spec: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC"
     """
     from scenarios.datasets.spec import load_spec
 
-    text = load_spec(spec).to_toml()
+    toml = load_spec(spec).to_toml()
     if json:
-        print_json(read_toml(text, spec))
+        print_json(read_toml(toml, spec))
     else:
-        say(text.rstrip())
+        say(toml.rstrip())
     return 0
 
 
@@ -132,7 +133,8 @@ def check(
     else:
         say_each("problem: ", result.problems)
         say_each("note: ", result.notes)
-        say(f"{folder}: {'passed' if result.passed else counted(len(result.problems), 'problem')}")
+        verdict = "passed" if result.passed else counted(len(result.problems), "problem")
+        say(f"{folder}: {verdict}")
     return 0 if result.passed else 1
 
 
@@ -207,11 +209,11 @@ def score(
                 "steps": rule.steps,
                 "mean": result.mean,
                 "joints": result.by_joint,
-                "scores": [one._asdict() for one in result.scores],
+                "scores": [scored._asdict() for scored in result.scores],
             }
         )
         return 0
-    rows = [(one.experiment, one.joint, f"{one.value:.6g}") for one in result.scores]
+    rows = [(scored.experiment, scored.joint, f"{scored.value:.6g}") for scored in result.scores]
     print_table(f"{rule.metric} / {rule.unit}", ("record", "output", rule.metric), rows)
     for joint, value in result.by_joint.items():
         say(f"{joint}: {value:.6g} {rule.unit}, mean over its records")
@@ -261,33 +263,41 @@ def baselines(
         raise ScenarioError(f"--orders {' '.join(map(str, orders))} given without --method")
     opened = open_data_set(data)
     planned = opened.spec.baselines
-    chosen = {name: value for name, value in (("twins", twins), ("records", records)) if value is not None}
+    chosen = {name: count for name, count in (("twins", twins), ("records", records)) if count is not None}
     bench = BaselineData(opened, replace(planned, **chosen))  # type: ignore[arg-type]
     methods = planned.methods if method is None else (Method(method, tuple(orders)),)
     rows = []
     with progress("baselines") as show:
-        for number, entry in enumerate(methods):
-            show(number, len(methods), entry.name)
-            rows.append(report(bench, entry)["row"])
+        for k, baseline in enumerate(methods):
+            show(k, len(methods), baseline.name)
+            rows.append(report(bench, baseline)["row"])
     published = {row.get("command", ""): row for row in read_table(data / BASELINES)}
-    different = {
-        row["command"]: differences(row, published[row["command"]]) for row in rows if row["command"] in published
-    }
+    different = {}
+    for row in rows:
+        command = row["command"]
+        if command in published:  # a method of one's own is not
+            different[command] = differences(row, published[command])
     code = 1 if any(different.values()) else 0
     if json:
         print_json({"rows": rows, "differences": different})
-        return code
+    else:
+        _print_baselines(rows, different)
+    return code
+
+
+def _print_baselines(rows: Sequence[Mapping[str, str]], different: Mapping[str, Sequence[str]]) -> None:
+    """Print the scores of baselines, and how they differ from the published rows."""
     first = rows[0]
     scores = [name for name in first if name == "test" or name.startswith("test_")] + ["validation"]
     horizon = "simulation" if first["steps"] == "0" else f"steps: {first['steps']}"
-    cells = [
-        [row["method"], row["orders"], *(f"{float(row[name]):.5g}" if row[name] else "" for name in scores)]
-        for row in rows
-    ]
+    cells = []
+    for row in rows:
+        values = [f"{float(row[name]):.5g}" if row[name] else "" for name in scores]
+        cells.append([row["method"], row["orders"], *values])
     columns = ["method", "orders", *(name.replace("test_", "test\n") for name in scores)]
     print_table(f"{first['metric']} / {first['unit']}, {horizon}", columns, cells)
     for row in rows:
-        remarks = different.get(row["command"], ("no such row is published",))
-        say_each(f"{row['method']} {row['orders']}: ", [row["failed"]] if row["failed"] else remarks)
-    say(f"{sum(not texts for texts in different.values())} of {len(rows)} rows are as published")
-    return code
+        remarks = [row["failed"]] if row["failed"] else different.get(row["command"], ["no such row is published"])
+        say_each(f"{row['method']} {row['orders']}: ", remarks)
+    matches = sum(not remarks for remarks in different.values())
+    say(f"{matches} of {len(rows)} rows are as published")

@@ -1,15 +1,18 @@
 """`hmtb dataset build`: a data set from its spec."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import tyro
 
 from scenarios.commands.output import cluster_executor, print_json, say, say_each, say_next
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.progress import How, Progress, show_progress
+
+if TYPE_CHECKING:
+    from scenarios.datasets.data_set import DataSet
 
 MOST_REASONS = 20
 """Reasons of failures that are printed."""
@@ -63,46 +66,58 @@ def build(
         if value is not None and withhold is None:
             raise ScenarioError(f"{option} given without --withhold FOLDER; the seed of other data sets is in the spec")
     executor = None if cluster is None else cluster_executor(cluster, patience, workers)
-    usual = MOST_ROWS if executor is None else CLUSTER_ROWS
-    read = load_spec(spec)
+    if rows is None:
+        rows = MOST_ROWS if executor is None else CLUSTER_ROWS
+    plan = load_spec(spec)
     latest: Progress | None = None
-    with show_progress(read.label, progress) as show:
+    with show_progress(plan.label, progress) as show:
 
-        def update(now: Progress) -> None:
+        def update(current: Progress) -> None:
             nonlocal latest
-            latest = now
-            show(now)
+            latest = current
+            show(current)
 
-        rows = usual if rows is None else rows
         make = partial(build_data_set, workers=workers, rows=rows, executor=executor, progress=update)
-        record: dict[str, object]
-        following: tuple[object, ...]
         try:
             if withhold is None:
-                built = make(read, out)
-                count, failed = len(built.records()), built.incomplete
-                record = {"path": built.folder, "experiments": count, "failed": failed}
-                record |= {"hash": built.hash, "records": built.records_hash}
-                following = ("check", built.folder)
-                short = built.records_hash[:12]
-                lines = [f"{built.folder}: {count} experiments, {len(failed)} failed, records {short}"]
+                outcome = _built(make(plan, out))
             else:
                 persons = () if students is None else read_roster(students)
-                paths, failed = build_withheld(read, out, withhold, persons=persons, seed=seed, build=make)
-                record = {"paths": paths, "withheld": withhold, "failed": failed}
-                secret = f"{withhold}: keep it secret: it holds the truth and the seeds, and grades submissions"
-                lines = [*map(str, paths), secret]
-                following = ("export", paths[0], "--format", "csv")
+                paths, failed = build_withheld(plan, out, withhold, persons=persons, seed=seed, build=make)
+                outcome = _withheld(paths, failed, withhold)
         except KeyboardInterrupt:
-            kept = _kept(latest, out / (read.label + UNFINISHED))
+            kept = _kept(latest, out / (plan.label + UNFINISHED))
             raise KeyboardInterrupt(f"finished experiments kept in {withhold}" if withhold else kept) from None
     if json:
-        print_json(record)
+        print_json(outcome.record)
     else:
-        _say_failed(failed)
-        say_each("", lines)
-        say_next("dataset", *following)
-    return 1 if failed else 0
+        _say_failed(outcome.failed)
+        say_each("", outcome.lines)
+        say_next("dataset", *outcome.following)
+    return 1 if outcome.failed else 0
+
+
+class _Outcome(NamedTuple):
+    """Outcome of a build: as JSON, in lines, with the command that goes on from there."""
+
+    record: Mapping[str, object]
+    failed: Mapping[str, str]
+    lines: Sequence[str]
+    following: Sequence[object]
+
+
+def _built(built: "DataSet") -> _Outcome:
+    count, failed = len(built.records()), built.incomplete
+    hashes = {"hash": built.hash, "records": built.records_hash}
+    record = {"path": built.folder, "experiments": count, "failed": failed, **hashes}
+    line = f"{built.folder}: {count} experiments, {len(failed)} failed, records {built.records_hash[:12]}"
+    return _Outcome(record, failed, [line], ("check", built.folder))
+
+
+def _withheld(paths: Sequence[Path], failed: Mapping[str, str], withhold: Path) -> _Outcome:
+    record = {"paths": paths, "withheld": withhold, "failed": failed}
+    secret = f"{withhold}: keep it secret: it holds the truth and the seeds, and grades submissions"
+    return _Outcome(record, failed, [*map(str, paths), secret], ("export", paths[0], "--format", "csv"))
 
 
 def _say_failed(failed: Mapping[str, str]) -> None:
@@ -111,10 +126,13 @@ def _say_failed(failed: Mapping[str, str]) -> None:
     for name, why in failed.items():
         # The laboratory names the experiment too; names of a class come with the label of the data set.
         names.setdefault(why.removeprefix(f"{name.rpartition(': ')[2]}: "), []).append(name)
-    for why, same in list(names.items())[:MOST_REASONS]:
-        say(f"failed: {same[0]}{f' and {len(same) - 1} more' if len(same) > 1 else ''}: {why}")
-    if len(names) > MOST_REASONS:
-        say(f"failed: {sum(map(len, list(names.values())[MOST_REASONS:]))} more, for other reasons; the index has them")
+    reasons = list(names.items())
+    for why, same in reasons[:MOST_REASONS]:
+        others = f" and {len(same) - 1} more" if len(same) > 1 else ""
+        say(f"failed: {same[0]}{others}: {why}")
+    if len(reasons) > MOST_REASONS:
+        unlisted = sum(len(same) for _, same in reasons[MOST_REASONS:])
+        say(f"failed: {unlisted} more, for other reasons; the index has them")
 
 
 def _kept(latest: Progress | None, folder: Path) -> str:

@@ -1,5 +1,6 @@
 """`hmtb dataset grade`: submissions of a class, scored against withheld data sets."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,50 +38,64 @@ def grade(
 
     with progress("grading") as report:
         grades = grade_all(withheld, submissions, progress=report)
-    refused = {name: one for name, one in grades.items() if isinstance(one, str)}
-    graded = {name: one for name, one in grades.items() if not isinstance(one, str)}
+    refused: dict[str, str] = {}
+    graded: dict[str, Grade] = {}
+    for name, outcome in grades.items():
+        if isinstance(outcome, str):  # the reason
+            refused[name] = outcome
+        else:
+            graded[name] = outcome
     missing = sorted(set(read_persons(withheld)) - grades.keys() - {""})
     code = 1 if refused else 0
     if json:
-        print_json(
-            {"grades": {name: _record(one) for name, one in graded.items()}, "refused": refused, "missing": missing}
-        )
+        records = {name: _json_record(graded[name]) for name in graded}
+        print_json({"grades": records, "refused": refused, "missing": missing})
         return code
-    if graded:
-        rows = []
-        for name, one in graded.items():
-            method, best = one.best_baseline or ("-", None)
-            numbers = ("-" if value is None else f"{value:.4g}" for value in (one.attainable, best))
-            remark = "better than the noise allows: copied?" if one.too_good else ""
-            rows.append((name, f"{one.scores.mean:.4g}", next(numbers), method, next(numbers), remark))
-        rule = next(iter(graded.values())).scores.scoring
-        columns = ("submission", f"{rule.metric} / {rule.unit}", "attainable", "best baseline", "its score", "remark")
-        print_table("scores", columns, rows)
-    models = [
-        (name, m.joint, f"{m.bandwidth_hz:.4g}", f"{m.true_hz:.4g}", f"{m.error_percent:.3g}", "" if m.stable else "no")
-        for name, one in graded.items()
-        for m in one.models
-    ]
-    if models:
-        print_table(
-            "models", ("submission", "joint", "bandwidth / Hz", "true, small-signal", "error / %", "stable"), models
-        )
+    _print_scores(graded)
+    _print_models(graded)
     say_each("nothing from: ", [", ".join(missing)] if missing else [])
     say_each("refused: ", (f"{name}: {why}" for name, why in refused.items()))
     return code
 
 
-def _record(one: "Grade") -> dict[str, object]:
-    best = one.best_baseline
+def _print_scores(graded: "Mapping[str, Grade]") -> None:
+    if not graded:
+        return
+    rows = []
+    for name, outcome in graded.items():
+        method, best = outcome.best_baseline or ("-", None)
+        attainable = "-" if outcome.attainable is None else f"{outcome.attainable:.4g}"
+        best_score = "-" if best is None else f"{best:.4g}"
+        remark = "better than the noise allows: copied?" if outcome.too_good else ""
+        rows.append((name, f"{outcome.scores.mean:.4g}", attainable, method, best_score, remark))
+    rule = next(iter(graded.values())).scores.scoring
+    columns = ("submission", f"{rule.metric} / {rule.unit}", "attainable", "best baseline", "its score", "remark")
+    print_table("scores", columns, rows)
+
+
+def _print_models(graded: "Mapping[str, Grade]") -> None:
+    rows = []
+    for name, outcome in graded.items():
+        for model in outcome.models:
+            bandwidths = (f"{model.bandwidth_hz:.4g}", f"{model.true_hz:.4g}", f"{model.error_percent:.3g}")
+            rows.append((name, model.joint, *bandwidths, "" if model.stable else "no"))
+    if rows:
+        columns = ("submission", "joint", "bandwidth / Hz", "true, small-signal", "error / %", "stable")
+        print_table("models", columns, rows)
+
+
+def _json_record(outcome: "Grade") -> dict[str, object]:
+    best = outcome.best_baseline
+    scores, rule = outcome.scores, outcome.scores.scoring
     return {
-        "data_set": one.data_set,
-        "metric": one.scores.scoring.metric,
-        "unit": one.scores.scoring.unit,
-        "score": one.scores.mean,
-        "joints": one.scores.by_joint,
-        "attainable": one.attainable,
-        "too_good": one.too_good,
+        "data_set": outcome.data_set,
+        "metric": rule.metric,
+        "unit": rule.unit,
+        "score": scores.mean,
+        "joints": scores.by_joint,
+        "attainable": outcome.attainable,
+        "too_good": outcome.too_good,
         "best_baseline": {"method": best[0], "score": best[1]} if best else None,
-        "scores": [score._asdict() for score in one.scores.scores],
-        "models": [{**model._asdict(), "error_percent": model.error_percent} for model in one.models],
+        "scores": [score._asdict() for score in scores.scores],
+        "models": [{**model._asdict(), "error_percent": model.error_percent} for model in outcome.models],
     }

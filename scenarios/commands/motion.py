@@ -42,22 +42,30 @@ def motion(
     from scenarios.thesis.motion_section import motion_map
 
     campaign = MotionCampaign.quick() if quick else MotionCampaign()
-    own = (out / JOURNAL).exists()  # it takes no other campaign: the files beside it are those of this one
-    with output_folder(out, *FILES, overwrite=overwrite or own) as folder, progress("settings", lines=True) as bar:
+    # A journal takes no other campaign: the files beside it are those of this one.
+    resumes = (out / JOURNAL).exists()
+    with (
+        output_folder(out, *FILES, overwrite=overwrite or resumes) as folder,
+        progress("settings", lines=True) as bar,
+    ):
         try:
             with LocalProcesses(workers) as executor:
                 results = run_campaign(campaign, executor, folder, bar)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"finished settings are saved in {folder}") from None
-        failed = [f"{one}, {row['failed']}" for one, rows in results.items() for row in rows if "failed" in row]
+        failed = []
+        for setting, rows in results.items():
+            failed += [f"{setting}, {row['failed']}" for row in rows if "failed" in row]
         scored = cells(results)
         if not scored:
-            raise ScenarioError(f"every experiment failed, the first: {failed[0] if failed else 'without a reason'}")
+            reason = failed[0] if failed else "without a reason"
+            raise ScenarioError(f"every experiment failed, the first: {reason}")
         record = motion_record(campaign, scored, failed)
-        rows = [cell.record() for cell in scored]
+        table = [cell.record() for cell in scored]
+        columns = dict.fromkeys(name for row in table for name in row)
         files = [folder / "motion.json", folder / "motion.csv"]
         write_whole(files[0], json_text(record))
-        write_whole(files[1], table_text(dict.fromkeys(name for row in rows for name in row), rows))
+        write_whole(files[1], table_text(columns, table))
         files += draw(lambda: motion_map(record["map"]), folder / "motion.png", folder / "motion.svg")
     if json:
         print_json({**record, "files": files})

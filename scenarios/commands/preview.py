@@ -41,16 +41,17 @@ def preview(
     from scenarios.report.figures import save_figure
 
     records = {}
-    chosen = {f"{one.name}-preview.png": one for one in selected(names, duration=duration, seed=seed)}
-    with output_folder(out, *chosen, overwrite=overwrite) as folder:
-        for name, scenario in chosen.items():
-            with progress(f"preview of {scenario.name}"):
-                seen = compute_preview(scenario)
-                picture = folder / name
-                save_figure(preview_figure(seen), picture, dpi=120)
-            records[scenario.name] = {**_record(seen), "plot": str(picture)}
+    scenarios = {scenario.name: scenario for scenario in selected(names, duration=duration, seed=seed)}
+    files = {name: f"{name}-preview.png" for name in scenarios}
+    with output_folder(out, *files.values(), overwrite=overwrite) as folder:
+        for name, scenario in scenarios.items():
+            with progress(f"preview of {name}"):
+                commands = compute_preview(scenario)
+                picture = folder / files[name]
+                save_figure(preview_figure(commands), picture, dpi=120)
+            records[name] = {**_json_record(commands), "plot": str(picture)}
             if not json:
-                _print(seen, picture)
+                _print(commands, picture)
     if json:
         print_json({"previews": records})
     else:
@@ -59,43 +60,46 @@ def preview(
     return 0
 
 
-def _record(seen: "Preview") -> dict[str, object]:
+def _json_record(commands: "Preview") -> dict[str, object]:
     from hmtb_twin import JOINTS, Status
     from scenarios.experiments.model_structures import needed_orders
 
+    joints = {}
+    for joint in commands.moving:
+        joints[joint] = {
+            "peak_rate_rad_s": commands.peak_rate(joint),
+            "velocity_limit_rad_s": commands.velocity_limits[JOINTS.index(joint)],
+            "range_margin_rad": commands.margin(joint),
+        }
     return {
-        "duration_s": seen.duration,
-        "power_off_s": seen.power_off,
-        "joints": {
-            joint: {
-                "peak_rate_rad_s": seen.peak_rate(joint),
-                "velocity_limit_rad_s": seen.velocity_limits[JOINTS.index(joint)],
-                "range_margin_rad": seen.margin(joint),
-            }
-            for joint in seen.moving
-        },
-        "tool_deflection_m": seen.deflection,
-        "tool_turn_rad": seen.turn,
-        "velocity_limited": seen.velocity_limited,
-        "joint_limited": seen.share(Status.JOINT_LIMITED),
-        "singular": seen.share(Status.SINGULAR),
-        "clipped": {"dac": seen.dac_clipped, "adc": seen.share(Status.CONVERTER_SATURATED)},
-        "order_of_excitation": seen.orders,
+        "duration_s": commands.duration,
+        "power_off_s": commands.power_off,
+        "joints": joints,
+        "tool_deflection_m": commands.deflection,
+        "tool_turn_rad": commands.turn,
+        "velocity_limited": commands.velocity_limited,
+        "joint_limited": commands.share(Status.JOINT_LIMITED),
+        "singular": commands.share(Status.SINGULAR),
+        "clipped": {"dac": commands.dac_clipped, "adc": commands.share(Status.CONVERTER_SATURATED)},
+        "order_of_excitation": commands.orders,
         "needed_order": needed_orders(),
-        "inputs": seen.inputs.summary() if seen.inputs else None,
-        "warnings": seen.warnings(),
+        "inputs": commands.inputs.summary() if commands.inputs else None,
+        "warnings": commands.warnings(),
     }
 
 
-def _print(seen: "Preview", picture: Path) -> None:
+def _print(commands: "Preview", picture: Path) -> None:
     from scenarios.experiments.log_review import RATE_LIMITED
 
-    scenario = seen.scenario
-    of = f" of {scenario.duration:g} s" if seen.duration < scenario.duration else ""
+    scenario = commands.scenario
+    length = f"{commands.duration:g} s"
+    if commands.duration < scenario.duration:
+        length += f" of {scenario.duration:g} s"
     mode, axes = scenario.mode.replace("_", " "), ", ".join(scenario.axes)
     columns = ("joint", "peak rate", "limit", "distance from the range's end")
-    print_table(f"{scenario.name}: {seen.duration:g} s{of}, {mode} mode, axes {axes}", columns, seen.joint_rows())
-    say_each("", seen.lines())
-    say_each("note: ", [RATE_LIMITED] if seen.velocity_limited else [])
-    say_each("warning: ", seen.warnings())
+    print_table(f"{scenario.name}: {length}, {mode} mode, axes {axes}", columns, commands.joint_rows())
+    say_each("", commands.lines())
+    if commands.velocity_limited:
+        say_each("note: ", [RATE_LIMITED])
+    say_each("warning: ", commands.warnings())
     say(f"plot: {picture}\n")

@@ -37,8 +37,9 @@ def scenarios(
             )
         scenario = load(name)
         if json:
-            tables = {name: vars(getattr(scenario, name)) for name in ("chain", "hand_controller")}
-            print_json({"excitation": [], **read_toml(scenario.to_toml(), name), **tables})
+            # With their defaults, which the TOML leaves out.
+            complete = {table: vars(getattr(scenario, table)) for table in ("chain", "hand_controller")}
+            print_json({"excitation": [], **read_toml(scenario.to_toml(), name), **complete})
         else:
             say(scenario.to_toml().rstrip())
         return 0
@@ -46,11 +47,11 @@ def scenarios(
         raise ScenarioError(
             f"hmtb scenarios list takes no name, given {name!r}; did you mean: hmtb scenarios show {name}"
         )
-    listed = [registered()[entry] for entry in names(tag)]
+    tables = [registered()[scenario] for scenario in names(tag)]
     if json:
         keys = ("name", "description", "duration", "axes", "tags")
-        print_json({"scenarios": [{key: table[key] for key in keys} for table in listed]})
+        print_json({"scenarios": [{key: table[key] for key in keys} for table in tables]})
         return 0
-    rows = [(table["name"], f"{table['duration']:g} s", table["description"]) for table in listed]
+    rows = [(table["name"], f"{table['duration']:g} s", table["description"]) for table in tables]
     print_table(f"{len(rows)} scenarios; tags: {', '.join(tags())}", ("name", "length", "what it does"), rows)
     return 0

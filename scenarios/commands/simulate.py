@@ -21,6 +21,9 @@ from scenarios.files.errors import ScenarioError, unknown
 
 if TYPE_CHECKING:
     from hmtb_twin import JointLog
+    from hmtb_twin.run.simulation import Logs
+    from scenarios.experiments.run_review import RunReview
+    from scenarios.experiments.scenario import Scenario
 
 
 def simulate(
@@ -57,16 +60,36 @@ def simulate(
         json: Print JSON.
     """
     import hmtb_twin
-    from scenarios.experiments.log_review import RATE_LIMITED
     from scenarios.experiments.registry import selected
     from scenarios.experiments.run_review import review
-    from scenarios.files.data_file import write_log
-    from scenarios.files.record_file import ENDINGS, unnamed
+    from scenarios.files.record_file import ENDINGS
 
-    formats = tuple(dict.fromkeys(entry.strip() for entry in format.split(",")))
-    if wrong := [entry for entry in formats if entry not in ENDINGS]:
-        raise ScenarioError(unknown("format", wrong[0], ENDINGS))
+    formats = tuple(dict.fromkeys(word.strip() for word in format.split(",")))
+    for name in formats:
+        if name not in ENDINGS:
+            raise ScenarioError(unknown("format", name, ENDINGS))
     faults = {"dropped": dropped, "invalid": invalid, "silent": silent}
+    _check_bus(formats, faults)
+    scenarios: dict[str, Scenario] = {}
+    for scenario in selected(names, duration=duration, seed=seed):
+        if scenario.name in scenarios:
+            raise ScenarioError(f"scenario {scenario.name!r} is named twice; each log needs a name of its own")
+        scenarios[scenario.name] = scenario
+    with output_folder(out, *_file_names(list(scenarios), formats), overwrite=overwrite) as folder:
+        with progress("simulating") as bar:
+            result = hmtb_twin.simulate(list(scenarios.values()), threads=threads, progress=bar)
+        files, remarks = _write(result.logs, folder, formats, faults)
+    reviews = {log.name: review(log, scenarios[log.name]) for log in result.logs}
+    warnings = [f"{name}: {warning}" for name, reviewed in reviews.items() for warning in reviewed.warnings] + remarks
+    if json:
+        print_json(_json_record(result, list(files), reviews, warnings))
+    else:
+        _print(result, files, reviews, warnings, formats)
+    return 1 if result.failed else 0
+
+
+def _check_bus(formats: Sequence[str], faults: Mapping[str, float]) -> None:
+    """Refuse faults of the bus without its recorder, and a recorder that cannot write, before the work begins."""
     for name, rate in faults.items():
         if not 0.0 <= rate <= 1.0:
             raise ScenarioError(f"--{name} is a probability, 0 to 1, given {rate}")
@@ -75,66 +98,96 @@ def simulate(
     if "1553" in formats:
         from hmtb_twin.bus.chapter10 import pychapter10
 
-        pychapter10()  # refuses before the work, not after
-    scenarios = {}
-    for entry in selected(names, duration=duration, seed=seed):
-        if entry.name in scenarios:
-            raise ScenarioError(f"scenario {entry.name!r} is named twice; each log needs a name of its own")
-        scenarios[entry.name] = entry
-    remarks: list[str] = []
-    files: dict[Path, list[JointLog]] = {}
-    places = [f"{name}{ENDINGS[entry]}" for name in scenarios for entry in formats if entry != "1553"]
+        pychapter10()
+
+
+def _file_names(scenarios: Sequence[str], formats: Sequence[str]) -> list[str]:
+    """Names of files that may be written: a log for each scenario and format, and runs of the bus."""
+    from scenarios.files.record_file import ENDINGS
+
+    names = []
+    for scenario in scenarios:
+        names += [f"{scenario}{ENDINGS[name]}" for name in formats if name != "1553"]
     if "1553" in formats:
-        runs = [f"run-{number}" for number in range(1, len(scenarios) + 1)]
-        places += [f"{name}.ch10" for name in (scenarios if len(scenarios) == 1 else runs)]
-    with output_folder(out, *places, overwrite=overwrite) as folder:
-        with progress("simulating") as bar:
-            result = hmtb_twin.simulate(list(scenarios.values()), threads=threads, progress=bar)
-        for log in result.logs:
-            for ending in (ENDINGS[entry] for entry in formats if entry != "1553"):
-                files[write_log(log, folder / f"{log.name}{ending}")] = [log]
-        if "1553" in formats:
-            files |= _record(result.logs, folder, faults, remarks)
-    reviews = {log.name: review(log, scenarios[log.name]) for log in result.logs}
-    warnings = [f"{name}: {text}" for name, entry in reviews.items() for text in entry.warnings] + remarks
-    if json:
-        print_json(
-            {
-                "logs": list(files),
-                "failed": result.failed,
-                "physics_s": result.physics_seconds,
-                "clipped": {name: entry.clipped for name, entry in reviews.items()},
-                "velocity_limited": {name: entry.velocity_limited for name, entry in reviews.items()},
-                "inputs": {name: entry.inputs.summary() for name, entry in reviews.items() if entry.inputs},
-                "task": {name: entry.task.summary() for name, entry in reviews.items() if entry.task},
-                "shutdowns": {
-                    name: [interval.summary() for interval in entry.shutdowns]
-                    for name, entry in reviews.items()
-                    if entry.shutdowns
-                },
-                "warnings": warnings,
-            }
-        )
-        return 1 if result.failed else 0
+        # How many tests fit into a run is known after the simulation: at worst one.
+        runs = scenarios if len(scenarios) == 1 else [f"run-{k}" for k in range(1, len(scenarios) + 1)]
+        names += [f"{run}.ch10" for run in runs]
+    return names
+
+
+def _write(
+    logs: Sequence["JointLog"], folder: Path, formats: Sequence[str], faults: Mapping[str, float]
+) -> "tuple[dict[Path, list[JointLog]], list[str]]":
+    """Write the logs in all formats; the logs by file, and remarks on what did not fit into a recorder."""
+    from scenarios.files.data_file import write_log
+    from scenarios.files.record_file import ENDINGS
+
+    files: dict[Path, list[JointLog]] = {}
+    remarks: list[str] = []
+    for log in logs:
+        for name in formats:
+            if name != "1553":
+                files[write_log(log, folder / f"{log.name}{ENDINGS[name]}")] = [log]
+    if "1553" in formats:
+        files |= _record(logs, folder, faults, remarks)
+    return files, remarks
+
+
+def _json_record(
+    result: "Logs", files: Sequence[Path], reviews: "Mapping[str, RunReview]", warnings: Sequence[str]
+) -> dict[str, object]:
+    inputs, tasks, shutdowns = {}, {}, {}
+    for name, reviewed in reviews.items():
+        if reviewed.inputs:
+            inputs[name] = reviewed.inputs.summary()
+        if reviewed.task:
+            tasks[name] = reviewed.task.summary()
+        if reviewed.shutdowns:
+            shutdowns[name] = [interval.summary() for interval in reviewed.shutdowns]
+    return {
+        "logs": files,
+        "failed": result.failed,
+        "physics_s": result.physics_seconds,
+        "clipped": {name: reviewed.clipped for name, reviewed in reviews.items()},
+        "velocity_limited": {name: reviewed.velocity_limited for name, reviewed in reviews.items()},
+        "inputs": inputs,
+        "task": tasks,
+        "shutdowns": shutdowns,
+        "warnings": warnings,
+    }
+
+
+def _print(
+    result: "Logs",
+    files: "Mapping[Path, Sequence[JointLog]]",
+    reviews: "Mapping[str, RunReview]",
+    warnings: Sequence[str],
+    formats: Sequence[str],
+) -> None:
+    from scenarios.experiments.log_review import RATE_LIMITED
+    from scenarios.files.record_file import unnamed
+
     rows = []
     for path, logs in files.items():
-        length = f"{sum(len(log) * log.dt for log in logs):g} s" + f" ({len(logs)} tests)" * (len(logs) > 1)
+        length = f"{sum(len(log) * log.dt for log in logs):g} s"
+        if len(logs) > 1:
+            length += f" ({len(logs)} tests)"
         # Of a file with several logs the largest shares.
-        clipped, limited = (
-            max(getattr(reviews[log.name], key) for log in logs) for key in ("clipped", "velocity_limited")
-        )
+        clipped = max(reviews[log.name].clipped for log in logs)
+        limited = max(reviews[log.name].velocity_limited for log in logs)
         rows.append((str(path), length, f"{100 * clipped:.3g} %", f"{100 * limited:.3g} %"))
     rows += [(name, f"failed: {why}", "", "") for name, why in result.failed.items()]
     print_table(counted(len(files), "file"), ("log", "length", "converter clips", "command rate-limited"), rows)
-    if any(entry.velocity_limited for entry in reviews.values()):
+    if any(reviewed.velocity_limited for reviewed in reviews.values()):
         say(RATE_LIMITED)
-    for name, one in reviews.items():
-        say_each(f"{name}: ", ((one.task,) if one.task else ()) + one.shutdowns)
+    for name, reviewed in reviews.items():
+        say_each(f"{name}: ", [reviewed.task] if reviewed.task else [])
+        say_each(f"{name}: ", reviewed.shutdowns)
     say_each("warning: ", warnings)
-    say_each("note: ", unnamed(result.logs, "csv", list(reviews)) if "csv" in formats else ())
-    for path, (log, *others) in list(files.items())[:1]:
-        say_next_identify(path, log.name, log.axes, tests=1 + len(others))
-    return 1 if result.failed else 0
+    if "csv" in formats:
+        say_each("note: ", unnamed(result.logs, "csv", list(reviews)))
+    for path, logs in list(files.items())[:1]:
+        say_next_identify(path, logs[0].name, logs[0].axes, tests=len(logs))
 
 
 def _record(
@@ -152,6 +205,7 @@ def _record(
         name = run[0].name if len(logs) == 1 else f"run-{number}"
         # Every run has its own noise: that of its first test's seed.
         bus = record_run(run, folder / f"{name}.ch10", faults=BusFaults(**faults, seed=recorded[0].seed))
-        remarks += [bus.message] if bus.message else []
+        if bus.message:
+            remarks.append(bus.message)
         files[bus.path] = recorded
     return files

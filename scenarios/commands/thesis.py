@@ -1,9 +1,10 @@
 """`hmtb thesis`: the whole study, from simulation to report."""
 
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from scenarios.commands.output import json_text, output_folder, print_json, print_table, say, say_each, say_next
 
@@ -56,77 +57,114 @@ def thesis(
     from scenarios.files.data_file import write_log
     from scenarios.jobs.progress import Progress, show_progress
     from scenarios.thesis.answer import answer_texts, measure_answer
-    from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST
+    from scenarios.thesis.campaign import CONDITIONS
     from scenarios.thesis.findings import findings
-    from scenarios.thesis.frequencies import source_text
     from scenarios.thesis.monte_carlo import recorded
     from scenarios.thesis.motion_section import read_motion
     from scenarios.thesis.report import write_report
-    from scenarios.thesis.results import result_tables, results
+    from scenarios.thesis.results import results
     from scenarios.thesis.study import planned_steps, run_study
 
-    moved = read_motion(motion)
+    motion_results = read_motion(motion)
     repeated = seed_range(seeds, 1 if seed is None else seed)
-    duration, arms = (QUICK, CONDITIONS[:1]) if quick else (None, CONDITIONS)
+    duration, conditions = (QUICK, CONDITIONS[:1]) if quick else (None, CONDITIONS)
     with ExitStack() as stack:
-        names = ["report.html", "results.json", *(f"{test}.nc" for test in EVERY_TEST if logs)]
-        patterns = ("tables/*.csv", *(f"figures/*.{ending}" for ending in ("svg", "png", "csv") if figures))
-        names += [str(path.relative_to(out)) for pattern in patterns for path in sorted(out.glob(pattern))]
-        folder = stack.enter_context(output_folder(out, *names, overwrite=overwrite))
+        files = _replaced_files(out, figures=figures, logs=logs)
+        folder = stack.enter_context(output_folder(out, *files, overwrite=overwrite))
         pictures = folder / "figures" if figures else None
         if pictures is not None:
             stack.enter_context(output_folder(pictures))
+        conclusions: Tally | None
         if seeds > 1:
             # First, because each seed is saved as it ends: an interruption later costs none of them.
-            many: Tally | None = _run(repeated, duration, threads, stack.enter_context(output_folder(folder / "seeds")))
+            seed_folder = stack.enter_context(output_folder(folder / "seeds"))
+            conclusions = _run(repeated, duration, threads, seed_folder)
         else:
-            many = None if quick else recorded()  # nothing is recorded of short records
+            conclusions = None if quick else recorded()  # nothing is recorded of short records
         with show_progress("study") as show:
             steps = planned_steps(
-                arms,
+                conditions,
                 duration,
                 thorough=not quick,
                 afterwards=("answer", "findings", "report"),
                 report=lambda step, done, total: show(Progress(step, done, total, weighted=True)),
             )
             comparison = run_study(
-                seed=seed, duration=duration, conditions=arms, thorough=not quick, threads=threads, steps=steps
+                seed=seed, duration=duration, conditions=conditions, thorough=not quick, threads=threads, steps=steps
             )
-            with steps.step("answer") as part:
-                answer = measure_answer(comparison, threads=threads, progress=part)
+            with steps.step("answer") as bar:
+                answer = measure_answer(comparison, threads=threads, progress=bar)
             with steps.step("findings"):
                 verdicts = findings(comparison)
             judged_s = steps.seconds["answer"] + steps.seconds["findings"]
             comparison = replace(comparison, cost=comparison.cost.later(judged_s))
-            with steps.step("report") as part:
-                page, drawn = folder / "report.html", part
+            with steps.step("report") as bar:
                 report = write_report(
-                    comparison, verdicts, answer, page, many, figures=pictures, motion=moved, progress=drawn
+                    comparison,
+                    verdicts,
+                    answer,
+                    folder / "report.html",
+                    conclusions,
+                    figures=pictures,
+                    motion=motion_results,
+                    progress=bar,
                 )
             comparison = replace(comparison, cost=comparison.cost.later(steps.seconds["report"], report=True))
-        *sentences, certainty = answer_texts(answer, moved)
-        record = {**results(comparison, verdicts, report, many), "answer": " ".join(sentences)}
+        *sentences, certainty = answer_texts(answer, motion_results)
+        record = {**results(comparison, verdicts, report, conclusions), "answer": " ".join(sentences)}
         record |= {"certainty": certainty, "responses": answer.record()}
         # Before the logs: a disk that is full with them costs no conclusion.
         write_whole(folder / "results.json", json_text(record))
         for log in comparison.logs.values() if logs else ():
             write_log(log, folder / f"{log.name}.nc")
-    failures = [f"{name}: {why}" for name, why in comparison.failed.items()]
-    if many is not None and not many.recorded:
-        failures += [f"seed {number}: {why}" for number, why in many.failed.items()]
-        failures += [f"seed {one.seed}, {name}: {why}" for one in many.outcomes for name, why in one.failed.items()]
+    failures = _failures(comparison.failed, conclusions)
     if json:
         print_json(record)
         return 1 if failures else 0
-    for table in result_tables(record):
-        print_table(*table)
-    if many:
-        say(source_text(many, seed))
+    _print(record, conclusions, seed)
     say_each("", (*sentences, certainty))
     say_each("failed: ", failures)
     say(f"Report: {report}, a page for a browser")
-    say_next(*(("thesis", "--out", f"{out}-whole") if quick else ("motion",)))
+    next_words = ("thesis", "--out", f"{out}-whole") if quick else ("motion",)
+    say_next(*next_words)
     return 1 if failures else 0
+
+
+def _replaced_files(out: Path, *, figures: bool, logs: bool) -> list[str]:
+    """Names of the files that the study may replace, relative to its folder."""
+    from scenarios.thesis.campaign import EVERY_TEST
+
+    files = ["report.html", "results.json"]
+    if logs:
+        files += [f"{test}.nc" for test in EVERY_TEST]
+    # Which tables and figures there will be, only the study knows: those of an earlier one stand for them.
+    patterns = ["tables/*.csv"]
+    if figures:
+        patterns += ["figures/*.svg", "figures/*.png", "figures/*.csv"]
+    for pattern in patterns:
+        files += [str(path.relative_to(out)) for path in sorted(out.glob(pattern))]
+    return files
+
+
+def _failures(failed: Mapping[str, str], conclusions: "Tally | None") -> list[str]:
+    """What failed in the study, and in the repetition with other seeds if it ran now."""
+    failures = [f"{name}: {why}" for name, why in failed.items()]
+    if conclusions is None or conclusions.recorded:
+        return failures
+    failures += [f"seed {seed}: {why}" for seed, why in conclusions.failed.items()]
+    for outcome in conclusions.outcomes:
+        failures += [f"seed {outcome.seed}, {name}: {why}" for name, why in outcome.failed.items()]
+    return failures
+
+
+def _print(record: Mapping[str, Any], conclusions: "Tally | None", seed: int | None) -> None:
+    from scenarios.thesis.frequencies import source_text
+    from scenarios.thesis.results import result_tables
+
+    for table in result_tables(record):
+        print_table(*table)
+    if conclusions:
+        say(source_text(conclusions, seed))
 
 
 def _run(seeds: range, duration: float | None, threads: int | None, folder: Path) -> "Tally":
@@ -136,9 +174,9 @@ def _run(seeds: range, duration: float | None, threads: int | None, folder: Path
 
     with show_progress(f"{len(seeds)} seeds") as show:
 
-        def report(seed: int, before: int, step: str, done: int, whole: int) -> None:
+        def report(seed: int, before: int, step: str, done: int, steps: int) -> None:
             name = f"seed {seed}, {before + 1} of {len(seeds)}: {step}"
-            show(Progress(name, before * whole + done, len(seeds) * whole, weighted=True))
+            show(Progress(name, before * steps + done, len(seeds) * steps, weighted=True))
 
         try:
             return tally(seeds, folder, duration=duration, threads=threads, progress=report)

@@ -10,7 +10,7 @@ from typing import Any
 from scenarios.bench.consistency import WHERE_IT_FAILS
 from scenarios.bench.leaderboard_rows import ORDERS_GIVEN
 from scenarios.bench.leaderboard_verdict import INFORMATIVE, Verdict, part_verdict, verdict
-from scenarios.bench.metric import Metric, excess
+from scenarios.bench.metric import Metric, Part, excess
 from scenarios.bench.result import Result
 from scenarios.bench.result_table import limits, metric_table, number
 from scenarios.bench.run_progress import file_name
@@ -44,34 +44,35 @@ def show(results: Sequence[Result], out: Path, *, verbose: bool = False) -> None
 
 def record(results: Sequence[Result], out: Path) -> dict[str, Any]:
     """Results as JSON: those of one estimator, or of several by name."""
-    entries = {result.estimator.name: _entry(result, out) for result in results}
-    first = next(iter(entries.values()))
+    records = {result.estimator.name: _result_record(result, out) for result in results}
+    first = next(iter(records.values()))
     if len(results) == 1:
         return first
     passed = all(result.passed for result in results)
-    return {"figures": first["figures"], "passed": passed, "estimators": entries}
+    return {"figures": first["figures"], "passed": passed, "estimators": records}
 
 
-def _entry(result: Result, out: Path) -> dict[str, Any]:
+def _result_record(result: Result, out: Path) -> dict[str, Any]:
+    record: dict[str, Any] = {"figures": {name: _metric_record(metric) for name, metric in result.metrics.items()}}
     rows = bandwidth_rows(result.metrics)
-    return {
-        "figures": {name: _metric(metric) for name, metric in result.metrics.items()},
-        **({"bandwidth": {"rows": rows, "answer": answer(rows)}} if rows else {}),
-        "passed": result.passed,
-        "estimator": result.estimator.name,
-        **{key: getattr(result, key) for key in ("effort", "seed", "outcomes", "reasons", "seconds", "command")},
-        "file": out / f"{file_name(result.estimator.name)}.json",
-    }
+    if rows:
+        record["bandwidth"] = {"rows": rows, "answer": answer(rows)}
+    record |= {"passed": result.passed, "estimator": result.estimator.name}
+    for key in ("effort", "seed", "outcomes", "reasons", "seconds", "command"):
+        record[key] = getattr(result, key)
+    record["file"] = out / f"{file_name(result.estimator.name)}.json"
+    return record
 
 
-def _metric(metric: Metric) -> dict[str, Any]:
-    parts = [
+def _metric_record(metric: Metric) -> dict[str, Any]:
+    problems = []
+    for problem in metric.parts:
         # JSON has no infinity, and null would be a limit that is not known.
-        vars(part) | {"limits": [str(end) if math.isinf(end) else end for end in part.limits]}
-        for part in metric.parts
-    ]
+        ends = [str(end) if math.isinf(end) else end for end in problem.limits]
+        problems.append(vars(problem) | {"limits": ends})
     keys = ("title", "value", "unit", "expected", "interval", "passed", "false_alarm", "why")
-    return {**{key: getattr(metric, key) for key in keys}, "verdict": verdict(metric).word, "parts": parts}
+    values = {key: getattr(metric, key) for key in keys}
+    return {**values, "verdict": verdict(metric).word, "parts": problems}
 
 
 def _show_metrics(result: Result) -> None:
@@ -80,31 +81,36 @@ def _show_metrics(result: Result) -> None:
 
 
 def _show_failures(result: Result) -> None:
-    others = "".join(f"; {kind} {count}" for kind, count in result.outcomes.items() if kind != MODEL)
+    kinds = "".join(f"; {kind} {count}" for kind, count in result.outcomes.items() if kind != MODEL)
     answered = result.outcomes.get(MODEL, 0)
     requests = counted(sum(result.outcomes.values()), "request")
-    say(f"{requests}, {answered} answered by a stable model{others}")
+    say(f"{requests}, {answered} answered by a stable model{kinds}")
     for kind in result.outcomes:
         if kind not in (MODEL, REFUSED):
             say(f"  {kind}: {KINDS[kind]}")
-    rest = _failures(result)
+    unlisted = _failures(result)
     for reason, count in list(result.reasons.items())[:SHOWN]:
         say(f"  {count} x {one_line(reason)}")
-        rest -= count
-    if result.reasons and rest > 0:
-        say(f"  {rest} x for other reasons: the result file has the most frequent ones")
+        unlisted -= count
+    if result.reasons and unlisted > 0:
+        say(f"  {unlisted} x for other reasons: the result file has the most frequent ones")
 
 
 def _show_side_by_side(results: Sequence[Result]) -> None:
+    # Runs of chosen figures may have others than their neighbours.
+    names = dict.fromkeys(name for result in results for name in result.metrics)
     rows = []
-    for name in dict.fromkeys(name for result in results for name in result.metrics):
+    for name in names:
         metrics = [result.metrics.get(name) for result in results]
         first = next(metric for metric in metrics if metric is not None)
-        cells = ["" if one is None else f"{number(one.value)} {verdict(one).sign}" for one in metrics]
-        rows.append((f"{first.title}{f', {first.unit}' if first.unit else ''}", *cells))
+        title = f"{first.title}, {first.unit}" if first.unit else first.title
+        cells = []
+        for metric in metrics:
+            cells.append("" if metric is None else f"{number(metric.value)} {verdict(metric).sign}")
+        rows.append((title, *cells))
     rows.append(("Failures", *(f"{_failures(result)} of {sum(result.outcomes.values())}" for result in results)))
     print_table("Side by side", ("", *(result.estimator.name for result in results)), rows)
-    say("  ".join(f"{one.sign} {one.word}" for one in Verdict) + "\n")
+    say("  ".join(f"{judgement.sign} {judgement.word}" for judgement in Verdict) + "\n")
 
 
 def _failures(result: Result) -> int:
@@ -115,14 +121,15 @@ def _summary(result: Result) -> str:
     failed = [metric.title.partition(":")[0] for metric in result.metrics.values() if metric.passed is False]
     if not failed and not result.passed:
         return "nothing was judged: it gave too few models, or none"
-    text = "fails no figure that it should pass"
+    summary = "fails no figure that it should pass"
     if failed:
-        text = f"fails {counted(len(failed), 'figure')}: {', '.join(failed)}"
+        summary = f"fails {counted(len(failed), 'figure')}: {', '.join(failed)}"
     excused = sum(verdict(metric) is Verdict.FAILS_AS_THEORY_SAYS for metric in result.metrics.values())
+    if not excused:
+        return summary
+    verb = "fails" if excused == 1 else "fail"
     method = f" of {result.estimator.method.replace('_', ' ')}" if result.estimator.method else ""
-    return (
-        f"{text}; {counted(excused, 'figure')} fail{'s' * (excused == 1)} as theory says{method}" if excused else text
-    )
+    return f"{summary}; {counted(excused, 'figure')} {verb} as theory says{method}"
 
 
 def show_reasons(metrics: Iterable[Metric], *, verbose: bool) -> None:
@@ -135,33 +142,43 @@ def show_reasons(metrics: Iterable[Metric], *, verbose: bool) -> None:
     explained: set[str] = set()
     for metric in metrics:
         judged = verdict(metric)
-        parts = [part for part in metric.parts if part_verdict(part) is judged]
+        problems = [problem for problem in metric.parts if part_verdict(problem) is judged]
         if verbose:
-            reasons, parts = [metric.why], [part for part in metric.parts if part.passed is False]
+            reasons = [metric.why]
+            problems = [problem for problem in metric.parts if problem.passed is False]
         elif judged is Verdict.FAILS:
-            measures, *more = metric.why.split("; ")
-            reasons = [measures, *(text for text in more if text.startswith(WHERE_IT_FAILS))]
+            measures, *remarks = metric.why.split("; ")
+            reasons = [measures, *(remark for remark in remarks if remark.startswith(WHERE_IT_FAILS))]
         elif judged is Verdict.FAILS_AS_THEORY_SAYS:
-            whys = [why for why in dict.fromkeys(part.why for part in parts) if why]
+            whys = [why for why in dict.fromkeys(problem.why for problem in problems) if why]
             reasons = [why for why in whys if why not in explained] or ["for reasons given above"]
             explained.update(whys)
         elif judged is Verdict.NONE and metric.name not in INFORMATIVE:
-            reasons, parts = [metric.why.rpartition("; ")[2]], []
+            reasons, problems = [metric.why.rpartition("; ")[2]], []
         else:
             continue
         say(f"{judged.sign} {metric.title}: {judged.word}")
         for reason in reasons:
             say(_wrapped(reason, "    "))
-        shown = sorted(parts, key=excess, reverse=True)[: None if verbose else SHOWN]
-        width = max((len(part.label) for part in shown), default=0)
-        for part in shown:
-            mark = f" {part_verdict(part).sign}" if part_verdict(part) is not judged else ""
-            # A part may fail without a limit, as where too few records have a claim.
-            why = part.why if all(map(math.isinf, part.limits)) else f"limits: {limits(part.limits)}"
-            say(f"    {part.label:<{width}}  {number(part.value):>7}  {why}{mark}")
-        if len(parts) > len(shown):
-            say(f"    and {len(parts) - len(shown)} more: --verbose has them")
+        _show_problems(problems, judged, verbose=verbose)
     say("")
+
+
+def _show_problems(problems: Sequence[Part], judged: Verdict, *, verbose: bool) -> None:
+    """Print the problems of a metric, those furthest beyond their limits first."""
+    listed = sorted(problems, key=excess, reverse=True)
+    if not verbose:
+        listed = listed[:SHOWN]
+    width = max((len(problem.label) for problem in listed), default=0)
+    for problem in listed:
+        own_verdict = part_verdict(problem)
+        mark = f" {own_verdict.sign}" if own_verdict is not judged else ""
+        # A problem may fail without a limit, as where too few records have a claim.
+        has_no_limit = all(map(math.isinf, problem.limits))
+        why = problem.why if has_no_limit else f"limits: {limits(problem.limits)}"
+        say(f"    {problem.label:<{width}}  {number(problem.value):>7}  {why}{mark}")
+    if len(problems) > len(listed):
+        say(f"    and {len(problems) - len(listed)} more: --verbose has them")
 
 
 def _wrapped(text: str, indent: str = "") -> str:
@@ -180,30 +197,30 @@ def bandwidth_rows(metrics: Mapping[str, Metric]) -> list[dict[str, Any]]:
     metric = metrics.get("bandwidth")
     if metric is None:
         return []
-    parts = {part.label: part for part in metric.parts}
+    recovered = {problem.label: problem for problem in metric.parts}
+    classes = metric.curves.get("classes", ())
     rows = []
-    for row in sorted(metric.curves.get("classes", ()), key=lambda one: (one["joint"], one["excitation"], one["mrad"])):
-        part = parts[f"{row['joint']} {row['excitation']} {row['mrad']:g} mrad"]
-        true = {key: math.nan if row[key] is None else float(row[key]) for key in ("small_signal", "best_linear")}
-        names = {key: row[key] for key in ("joint", "excitation", "mrad")}
-        counts = {key: row[key] for key in ("near", "models")}
-        rows.append({**names, "median": part.value, "range": part.interval, **true, **counts})
+    for known in sorted(classes, key=lambda row: (row["joint"], row["excitation"], row["mrad"])):
+        bandwidth = recovered[f"{known['joint']} {known['excitation']} {known['mrad']:g} mrad"]
+        row = {key: known[key] for key in ("joint", "excitation", "mrad")}
+        row |= {"median": bandwidth.value, "range": bandwidth.interval}
+        for key in ("small_signal", "best_linear"):
+            row[key] = math.nan if known[key] is None else float(known[key])
+        row |= {key: known[key] for key in ("near", "models")}
+        rows.append(row)
     return rows
 
 
 def show_bandwidths(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print the table of bandwidths."""
-    names = ("joint", "excitation", "amplitude, mrad", "median", "95 % range")
-    columns = (*names, "small signals", "best linear", "near 1 Hz")
-    cells = [
-        (
-            *(row["joint"], row["excitation"], f"{row['mrad']:g}"),
-            *(number(row["median"]), limits(row["range"])),
-            *(number(row["small_signal"]), number(row["best_linear"])),
-            f"{row['near']} of {row['models']}",
-        )
-        for row in rows
-    ]
+    columns = ["joint", "excitation", "amplitude, mrad", "median", "95 % range"]
+    columns += ["small signals", "best linear", "near 1 Hz"]
+    cells = []
+    for row in rows:
+        record_class = [row["joint"], row["excitation"], f"{row['mrad']:g}"]
+        recovered = [number(row["median"]), limits(row["range"])]
+        true = [number(row["small_signal"]), number(row["best_linear"])]
+        cells.append([*record_class, *recovered, *true, f"{row['near']} of {row['models']}"])
     print_table("Recovered bandwidths of the arm's joints, Hz, beside the true ones", columns, cells)
 
 
