@@ -21,6 +21,8 @@ from scenarios.commands.output import (
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from scenarios.control.campaign import IdentifiedPair
     from scenarios.control.runs import Law, Tested
     from scenarios.control.score import Score
@@ -31,6 +33,9 @@ DEFAULT = ("reach", "rpcm", "siso-5-elbow_pitch", "multisine")
 
 MULTISINE = "multisine"
 """The word for the frequency test, which no file of 100 points can play."""
+
+FILES_OF_OUT = {"without", "reference", "control", "model-ground", "model-reference"}
+"""Names in the folder of --out that no design may have."""
 
 WAVEFORM_SECONDS = 20.0
 """Length of a thesis waveform, s: its file of two seconds repeats."""
@@ -101,26 +106,28 @@ def control(
     from scenarios.experiments.waveform import check_seed, seed_range
 
     check_seed(seed)
-    designers = {Path(name).stem if name.endswith(".json") else name: designer(name) for name in method}
+    designers = {_method_name(word): designer(word) for word in method}
     if not method:
         raise ScenarioError(f"--method: none given, expected {', '.join(METHODS)}, or files of --out")
-    taken = {"without", "reference", "control", "model-ground", "model-reference"}
-    if len(designers) < len(method) or taken & designers.keys():
+    if len(designers) < len(method) or FILES_OF_OUT & designers.keys():
         raise ScenarioError(f"--method {' '.join(method)} given, expected names of their own, none of a file of --out")
     plant = Plant(friction_level=friction_level)
     draws: list[Tested] = []
-    for own in seed_range(seeds, seed):
+    for draw_seed in seed_range(seeds, seed):
         for word in scenarios or DEFAULT:
             if word == MULTISINE:
-                draws.append(replace(frequency_test(own), plant=plant, payload=payload))
+                draws.append(replace(frequency_test(draw_seed), plant=plant, payload=payload))
                 continue
-            for one in selected([word], duration=duration, seed=None if seeds == 1 else own):
-                length = WAVEFORM_SECONDS if not scenarios and duration is None and one.excitation else one.duration
-                held = one.payload if one.worksite else payload
-                draws.append(replace(one, plant=plant, payload=held, duration=length))
-    free = next((one for one in draws if not one.worksite), None)
+            for scenario in selected([word], duration=duration, seed=None if seeds == 1 else draw_seed):
+                # Of the default scenarios, a thesis waveform says all in a part of its four minutes.
+                is_shortened = not scenarios and duration is None and scenario.excitation
+                length = WAVEFORM_SECONDS if is_shortened else scenario.duration
+                held = scenario.payload if scenario.worksite else payload
+                draws.append(replace(scenario, plant=plant, payload=held, duration=length))
+    free = next((tested for tested in draws if not tested.worksite), None)
     if with_stress and free is None:
         raise ScenarioError("--with-stress given without a scenario in free space, expected one, as reach")
+    # A model from a file has no arm to simulate.
     arm = reference if reference in VARIANTS else None
     names = ("control.json", *(f"{name}.json" for name in designers))  # logs and figures come with these
     with nullcontext() if out is None else output_folder(out, *names, overwrite=overwrite) as folder:
@@ -130,23 +137,30 @@ def control(
         laws = {name: design(pair) for name, design in designers.items()}
         with progress("runs") as bar:
             runs = run_scenarios(draws, laws, reference=arm, threads=threads, progress=bar)
-        scored = [one for run in runs for one in results(pair, run, {name: (name, "") for name in laws})]
-        broken: tuple[ControlResult, ...] = ()
+        scored: list[ControlResult] = []
+        for run in runs:
+            scored += results(pair, run, {name: (name, "") for name in laws})
+        stressed: tuple[ControlResult, ...] = ()
         if with_stress and free is not None:
             with progress("stress") as bar:
                 redesigned = [name for name in method if name in METHODS]
-                broken = stress(free, pair, laws, redesigned, reference=arm, threads=threads, progress=bar)
-        records = {"runs": [one.record() for one in scored], "stress": [one.record() for one in broken]}
+                stressed = stress(free, pair, laws, redesigned, reference=arm, threads=threads, progress=bar)
+        records = {"runs": [result.record() for result in scored], "stress": [result.record() for result in stressed]}
         content = {"reference": reference, "methods": list(laws), **records}
-        files = _write(folder, pair, laws, scored, broken, content) if folder else []
+        files = _write(folder, pair, laws, scored, stressed, content) if folder else []
     if json:
         print_json({**content, "files": files})
     else:
-        _print(scored, broken)
+        _print(scored, stressed)
         say_each("written: ", files)
         if out is not None:
             say_next("control", "reach", "--seeds", 5, "--method", *(out / f"{name}.json" for name in laws))
     return 0
+
+
+def _method_name(word: str) -> str:
+    """Name of a method, or of the file of a design without its ending."""
+    return Path(word).stem if word.endswith(".json") else word
 
 
 def _write(
@@ -154,79 +168,113 @@ def _write(
     pair: "IdentifiedPair",
     laws: "dict[str, Law]",
     scored: "Sequence[ControlResult]",
-    broken: "Sequence[ControlResult]",
+    stressed: "Sequence[ControlResult]",
     content: Mapping[str, object],
 ) -> list[Path]:
     """Write record, designs, models, logs and figures."""
     import sysid
     from hmtb_twin.files.atomic_write import write_whole
-    from scenarios.control import figures
     from scenarios.control.design import write_law
 
     files = [folder / "control.json", *(write_law(law, folder / f"{name}.json") for name, law in laws.items())]
     write_whole(files[0], json_text(content))
     files += [sysid.write_model(getattr(pair, name), folder / f"model-{name}.json") for name in ("ground", "reference")]
-    firsts: dict[str, list[ControlResult]] = {}
-    pictures = {}
-    for number, one in enumerate(scored[:: len(laws)]):
-        run, name = one.runs, one.runs.scenario.name
-        files += [log.save(folder / f"{name}-{number}-{law}.nc") for law, log in run.logs.items()]
-        if name in firsts:
-            continue
-        own = firsts[name] = [other for other in scored if other.runs is run]
-        pictures[f"{name}-run"] = partial(figures.run_figure, own, pair)
-        if not run.scenario.worksite:
-            pictures[f"{name}-response"] = partial(figures.response_figure, own, pair)
-    pictures["errors"] = partial(figures.error_figure, scored)
-    if broken:
-        same = firsts[broken[0].runs.scenario.name]
-        pictures["stress"] = partial(figures.robustness_figure, [*same, *broken])
-    for name, make in pictures.items():
-        files += draw(make, *(folder / f"{name}.{ending}" for ending in ("png", "svg")))
+    # Every run has as many results as there are laws.
+    for k, result in enumerate(scored[:: len(laws)]):
+        name = result.runs.scenario.name
+        files += [log.save(folder / f"{name}-{k}-{law}.nc") for law, log in result.runs.logs.items()]
+    for name, make in _figures(pair, scored, stressed).items():
+        files += draw(make, folder / f"{name}.png", folder / f"{name}.svg")
     return files
 
 
-def _print(scored: "Sequence[ControlResult]", broken: "Sequence[ControlResult]") -> None:
+def _figures(
+    pair: "IdentifiedPair", scored: "Sequence[ControlResult]", stressed: "Sequence[ControlResult]"
+) -> "dict[str, partial[Figure]]":
+    """The figures by name: of each scenario the first run, the errors of all, and the stress tests."""
+    from scenarios.control import figures
+
+    first_runs: dict[str, list[ControlResult]] = {}
+    pictures = {}
+    for result in scored:
+        run, name = result.runs, result.runs.scenario.name
+        if name in first_runs:
+            continue
+        of_run = first_runs[name] = [other for other in scored if other.runs is run]
+        pictures[f"{name}-run"] = partial(figures.run_figure, of_run, pair)
+        if not run.scenario.worksite:  # contact has no linear response
+            pictures[f"{name}-response"] = partial(figures.response_figure, of_run, pair)
+    pictures["errors"] = partial(figures.error_figure, scored)
+    if stressed:
+        unstressed = first_runs[stressed[0].runs.scenario.name]
+        pictures["stress"] = partial(figures.robustness_figure, [*unstressed, *stressed])
+    return pictures
+
+
+def _print(scored: "Sequence[ControlResult]", stressed: "Sequence[ControlResult]") -> None:
+    columns = ["scenario", "method", "without\n/ mrad", "with\n/ mrad", "factor", "at limits\n/ %"]
+    columns += ["contact without / with\n/ N", "stable"]
+    rows = []
+    for result in scored:
+        scenario = result.runs.scenario
+        rows.append([f"{scenario.name}, seed {scenario.seed}", *_error_cells(result)])
+    title = "RMS error against the reference model (in brackets: against the simulated flight arm)"
+    print_table(title, columns, rows)
+    rows = []
+    for result in scored:
+        rows += _response_rows(result)
+    if rows:
+        headings = ["scenario", "joint", "gain at 1 Hz", "phase at 1 Hz / °", "bandwidth / Hz"]
+        print_table("What the operator sees: without / with / reference", headings, rows)
+    if stressed:
+        name = stressed[0].runs.scenario.name
+        rows = [[result.condition, *_error_cells(result)] for result in stressed]
+        title = f"{name} with the same laws on other arms, and designs from wrong models"
+        print_table(title, ["condition", *columns[1:]], rows)
+    reasons: list[str] = []
+    for result in (*scored, *stressed):
+        reasons += [f"{name}: {why}" for name, why in result.runs.failed.items()]
+    say_each("failed: ", dict.fromkeys(reasons))
+
+
+def _error_cells(result: "ControlResult") -> list[str]:
+    """Method, errors without and with control, their ratio, share at limits, contact forces and stability."""
+    import numpy as np
+
+    without, controlled = result.without, result.controlled
+    cells = [result.method, _millirad(without)]
+    if controlled is None:
+        return [*cells, "failed", "", "", "", ""]
+    factor, limited = f"{without.total / controlled.total:.2g}", f"{100 * controlled.limited:.2g}"
+    forces = "" if np.isnan(without.force) else f"{without.force:.0f} / {controlled.force:.0f}"
+    return [*cells, _millirad(controlled), factor, limited, forces, "yes" if controlled.stable else "NO"]
+
+
+def _millirad(score: "Score") -> str:
+    """Error against the reference model, and against the simulated reference arm where it has run."""
+    import numpy as np
+
+    against_arm = f" ({1e3 * score.total_arm:.3g})" if np.isfinite(score.total_arm) else ""
+    return f"{1e3 * score.total:.3g}{against_arm}"
+
+
+def _response_rows(result: "ControlResult") -> list[list[str]]:
+    """Gain and phase at 1 Hz and bandwidth of each joint: without control, with it, and of the reference."""
     import numpy as np
 
     from scenarios.control.campaign import CONTROLLED
 
-    def millirad(score: "Score") -> str:
-        arm = f" ({1e3 * score.total_arm:.3g})" if np.isfinite(score.total_arm) else ""
-        return f"{1e3 * score.total:.3g}{arm}"
-
-    def line(one: "ControlResult", first: str) -> list[str]:
-        none, own = one.without, one.controlled
-        cells = [first, one.method, millirad(none)]
-        if own is None:
-            return [*cells, "failed", *[""] * 4]
-        forces = "" if np.isnan(none.force) else f"{none.force:.0f} / {own.force:.0f}"
-        cells += [millirad(own), f"{none.total / own.total:.2g}", f"{100 * own.limited:.2g}", forces]
-        return [*cells, "yes" if own.stable else "NO"]
-
-    columns = ["scenario", "method", "without\n/ mrad", "with\n/ mrad", "factor", "at limits\n/ %"]
-    columns += ["contact without / with\n/ N", "stable"]
-    print_table(
-        "RMS error against the reference model (in brackets: against the simulated flight arm)",
-        columns,
-        [line(one, f"{one.runs.scenario.name}, seed {one.runs.scenario.seed}") for one in scored],
-    )
-    seen = []
-    for one in scored:
-        for k, joint in enumerate(CONTROLLED):
-            if one.controlled is None or not np.isfinite(one.without.reference_response.gains[1, k]):
-                continue
-            three = (one.without.response, one.controlled.response, one.without.reference_response)
-            gains = " / ".join(f"{each.gains[1, k]:.2f}" for each in three)
-            phases = " / ".join(f"{np.degrees(each.phases[1, k]):.0f}" for each in three)
-            bands = " / ".join(f"{each.bandwidth_hz[k]:.2f}" for each in three)
-            cells = (cell.replace("nan", "-") for cell in (gains, phases, bands))
-            seen.append([f"{one.runs.scenario.name}, {one.method}", joint, *cells])
-    if seen:
-        titles = ["scenario", "joint", "gain at 1 Hz", "phase at 1 Hz / °", "bandwidth / Hz"]
-        print_table("What the operator sees: without / with / reference", titles, seen)
-    if broken:
-        heading = f"{broken[0].runs.scenario.name} with the same laws on other arms, and designs from wrong models"
-        print_table(heading, ["condition", *columns[1:]], [line(one, one.condition) for one in broken])
-    reasons = (f"{name}: {why}" for one in (*scored, *broken) for name, why in one.runs.failed.items())
-    say_each("failed: ", dict.fromkeys(reasons))
+    if result.controlled is None:
+        return []
+    reference = result.without.reference_response
+    responses = (result.without.response, result.controlled.response, reference)
+    rows = []
+    for k, joint in enumerate(CONTROLLED):
+        if not np.isfinite(reference.gains[1, k]):  # the run did not excite the joint at 1 Hz
+            continue
+        gains = " / ".join(f"{response.gains[1, k]:.2f}" for response in responses)
+        phases = " / ".join(f"{np.degrees(response.phases[1, k]):.0f}" for response in responses)
+        bandwidths = " / ".join(f"{response.bandwidth_hz[k]:.2f}" for response in responses)
+        cells = [cell.replace("nan", "-") for cell in (gains, phases, bandwidths)]
+        rows.append([f"{result.runs.scenario.name}, {result.method}", joint, *cells])
+    return rows

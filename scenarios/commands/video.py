@@ -62,16 +62,20 @@ def video(
         if not 0 < value <= 1000:
             raise ScenarioError(f"--{label} must be above 0 and at most 1000, given {value:g}")
     cameras = _cameras(camera)
+    # Of a picture's scenario only what lies before it is simulated.
     needed = 0.0 if out is not None and out.suffix == ".png" else duration
     log = load_or_simulate(name, seed=seed, until=None if needed is None else start + needed)
     path = Path(f"{log.name}.mp4") if out is None else out
     check_files(path, overwrite=overwrite)
     end = len(log) * log.dt
-    last = end - log.dt if duration is None else min(start + duration, end - log.dt)
+    last = end - log.dt
+    if duration is not None:
+        last = min(start + duration, last)
     if not 0 <= start <= last:
         length = "" if duration is None else f" for {duration:g} s"
         raise ScenarioError(f"nothing to show from {start:g} s{length}; {log.name} lasts from 0 to {end:g} s")
-    if path.suffix == ".png":
+    is_picture = path.suffix == ".png"
+    if is_picture:
         last = start
     times = frame_times((start, last), rate=fps, speed=speed)
     pictures, count = frames(log, cameras, size=(width, height), times=times), len(times)
@@ -79,21 +83,24 @@ def video(
         pictures = with_plot(pictures, log, times)
     with progress("filming") as report:
 
-        def shown() -> "Iterator[np.ndarray]":
-            for number, picture in enumerate(pictures, start=1):
-                report(number, count)
+        def counted_frames() -> "Iterator[np.ndarray]":
+            for k, picture in enumerate(pictures, start=1):
+                report(k, count)
                 yield picture
 
-        write_film(shown(), path, rate=fps)
+        write_film(counted_frames(), path, rate=fps)
     if json:
         print_json({"film": path, "scenario": log.name, "frames": count, "cameras": cameras})
+        return 0
+    if is_picture:
+        content = f"picture of {log.name} at {start:g} s"
     else:
-        length = f"{counted(count, 'frame')} of {log.name}, {start:g} to {last:g} s"
-        say(f"{path}: {f'picture of {log.name} at {start:g} s' if path.suffix == '.png' else length}")
-        if name.endswith(".nc"):
-            say_next_identify(Path(name), log.name, log.axes)
-        else:
-            say_next("simulate", name)
+        content = f"{counted(count, 'frame')} of {log.name}, {start:g} to {last:g} s"
+    say(f"{path}: {content}")
+    if name.endswith(".nc"):
+        say_next_identify(Path(name), log.name, log.axes)
+    else:
+        say_next("simulate", name)
     return 0
 
 
@@ -103,12 +110,12 @@ def _cameras(words: str) -> tuple[str, ...]:
     from hmtb_twin.arm.rendering import scene_model
 
     scene = scene_model(load_arm())
-    known = [*(scene.camera(number).name for number in range(scene.ncam)), "deck"]
+    available = [*(scene.camera(k).name for k in range(scene.ncam)), "deck"]
     chosen: list[str] = []
-    for entry in (word.strip() for word in words.split(",")):
-        if entry not in known:
-            raise ScenarioError(unknown("camera", entry, known))
-        chosen += DECK if entry == "deck" else (entry,)
+    for name in (word.strip() for word in words.split(",")):
+        if name not in available:
+            raise ScenarioError(unknown("camera", name, available))
+        chosen += DECK if name == "deck" else (name,)
     return tuple(chosen)
 
 

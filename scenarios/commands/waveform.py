@@ -81,9 +81,7 @@ def waveform(
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
-    # Before any other local variable: the options that were given.
-    options = {name: value for name, value in locals().items() if value is not None and value is not False}
-
+    options = locals()  # before any other local variable: all options, most of them of one kind or another
     from scenarios.experiments.excitation_review import (
         check_excites,
         excitation_rows,
@@ -96,9 +94,12 @@ def waveform(
     from scenarios.experiments.waveform import write_points
     from scenarios.report.figures import save_figure
 
-    excitation = _excitation(
-        kind, {name: value for name, value in options.items() if name not in NOT_OPTIONS}, path, repeat_frequency
-    )
+    stated = {
+        name: value
+        for name, value in options.items()
+        if name not in NOT_OPTIONS and value is not None and value is not False
+    }
+    excitation = _excitation(kind, stated, path, repeat_frequency)
     check_excites(excitation)
     wave = excitation.waveform()
     name = kind if path is None else path.stem
@@ -122,16 +123,13 @@ def waveform(
             }
         )
         return 0
-    rows = [
-        ("excitation", kind),
-        *((f"--{_flag(key)}", str(value)) for key, value in parameters.items()),
-        ("points", str(file)),
-        ("plot", str(picture)),
-        *excitation_rows(excitation),
-    ]
+    rows = [("excitation", kind)]
+    rows += [(f"--{_flag(key)}", str(value)) for key, value in parameters.items()]
+    rows += [("points", str(file)), ("plot", str(picture)), *excitation_rows(excitation)]
     print_table(f"Waveform {kind}", ("", ""), rows)
     say_each("warning: ", warnings)
-    say_next("scenarios", "list", *(("--tag", kind) if kind in tags() else ()))
+    tag = ("--tag", kind) if kind in tags() else ()
+    say_next("scenarios", "list", *tag)
     return 0
 
 
@@ -155,14 +153,17 @@ def _excitation(
         raise ScenarioError(unknown("excitation", kind, [FILE, *(name for name in KINDS if name != "points")]))
     if path is not None:
         raise ScenarioError(f"{kind} has no --path; a custom file is shown by: hmtb waveform {FILE} --path FILE")
-    known = signature(KINDS[kind]).parameters
-    takes = ", ".join(f"--{_flag(name)}" for name in known)
+    parameters = signature(KINDS[kind]).parameters
+    takes = ", ".join(f"--{_flag(name)}" for name in parameters)
     for name in options:
-        if name not in known:
+        if name not in parameters:
             raise ScenarioError(f"{kind} has no --{_flag(name)}; it takes {takes}")
-    missing = [name for name, entry in known.items() if entry.default is Parameter.empty and name not in options]
+    missing = []
+    for name, parameter in parameters.items():
+        if parameter.default is Parameter.empty and name not in options:
+            missing.append(f"--{_flag(name)}")
     if missing:
-        raise ScenarioError(f"{kind} needs {' and '.join(f'--{_flag(name)}' for name in missing)}; it takes {takes}")
+        raise ScenarioError(f"{kind} needs {' and '.join(missing)}; it takes {takes}")
     return Excitation(kind, options, repeat_frequency)
 
 

@@ -32,9 +32,11 @@ def bandwidth_figure(study: BandwidthStudy) -> Figure:
     of which nothing can be claimed. On the right: how many intervals hold the small-signal truth, of how many.
     """
     methods = list(dict.fromkeys(row.method for row in study.rows))
-    groups = [
-        (joint, sorted(study.groups(joint), key=lambda rows: methods.index(rows[0].method))) for joint in study.joints
-    ]
+    groups = []
+    for joint in study.joints:
+        # All tests of a method below each other.
+        in_order = sorted(study.groups(joint), key=lambda rows: methods.index(rows[0].method))
+        groups.append((joint, in_order))
     heights = [len(rows) + len(published(joint)) + 1.4 for joint, rows in groups]
     figure = Figure(figsize=(WIDTH, ROW * sum(heights) + 1.5), layout="constrained")
     panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
@@ -52,15 +54,16 @@ def bandwidth_figure(study: BandwidthStudy) -> Figure:
 
 def _panel(axes: Axes, study: BandwidthStudy, joint: str, rows: Sequence[Sequence[RecoveredBandwidth]]) -> None:
     labels: list[str] = []
-    several = len({row.test for row in study.rows}) > 1
+    has_several_tests = len({row.test for row in study.rows}) > 1
     for group in rows:
-        y = len(labels)
+        y, first = len(labels), group[0]
         _draw(axes, group, y)
-        held = f"{sum(row.covers for row in group)} of {len(group)}"
-        place: tuple[str, str] = ("axes fraction", "data")
-        axes.annotate(held, (1.01, y), xycoords=place, va="center", fontsize=8, annotation_clip=False)
-        labels.append(METHODS[group[0].method] + (f", test {group[0].test}" if several else ""))
-        bla = group[0].best_linear
+        covering = f"{sum(row.covers for row in group)} of {len(group)}"
+        beside_axes: tuple[str, str] = ("axes fraction", "data")
+        axes.annotate(covering, (1.01, y), xycoords=beside_axes, va="center", fontsize=8, annotation_clip=False)
+        label = METHODS[first.method]
+        labels.append(f"{label}, test {first.test}" if has_several_tests else label)
+        bla = first.best_linear
         if bla is not None and np.isfinite(bla).all():
             axes.fill_betweenx([y - 0.5, y + 0.5], bla[1], bla[2], color=BEST_LINEAR, lw=0.6, zorder=1)
     for printed in published(joint):
@@ -79,6 +82,7 @@ def _panel(axes: Axes, study: BandwidthStudy, joint: str, rows: Sequence[Sequenc
 
 
 def _draw(axes: Axes, group: Sequence[RecoveredBandwidth], y: int) -> None:
+    """Draw the bandwidths of one method and test in a row: all seeds, and the middle one with its interval."""
     style = method_style(group[0].method)
     claimed = sorted((row for row in group if not row.refused), key=lambda row: row.hz)
     if len(claimed) < len(group):
@@ -91,6 +95,7 @@ def _draw(axes: Axes, group: Sequence[RecoveredBandwidth], y: int) -> None:
         return
     middle = claimed[(len(claimed) - 1) // 2]
     if len(claimed) > 1:
+        # Shuffled, so that dots of equal bandwidths do not form a line.
         spread = np.linspace(-0.28, 0.28, len(claimed))[np.random.default_rng(0).permutation(len(claimed))]
         axes.plot([row.hz for row in claimed], y + spread, "o", color=style.colour, ms=3, alpha=0.35, mew=0, zorder=3)
     if np.isfinite(middle.ci95).all():
@@ -114,11 +119,13 @@ def _legend(study: BandwidthStudy) -> list[Line2D | Patch]:
         handles.append(Patch(color=BEST_LINEAR, label="best linear truth, 95 %"))
     middle = "middle seed with 95 % interval" if several else "recovered with 95 % interval"
     handles.append(Line2D([], [], color=grey, marker="o", ms=5.5, lw=1.6, label=middle))
-    handles += [mark("o", "each seed", ms=3, alpha=0.35)] if several else []
-    handles.append(mark("|", "gain 0.707" + ", middle" * several, ms=11, mew=1.8))
+    if several:
+        handles.append(mark("o", "each seed", ms=3, alpha=0.35))
+    handles.append(mark("|", "gain 0.707, middle" if several else "gain 0.707", ms=11, mew=1.8))
     if any(published(joint) for joint in study.joints):
         handles.append(
             Line2D([], [], color=star.colour, marker=star.marker, ms=8, ls="none", label="printed in the thesis")
         )
-    handles += [mark("x", "not claimed: record bears none", ms=6)] if any(row.refused for row in study.rows) else []
+    if any(row.refused for row in study.rows):
+        handles.append(mark("x", "not claimed: record bears none", ms=6))
     return handles

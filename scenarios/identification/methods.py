@@ -29,7 +29,7 @@ class Structure:
     @property
     def usage(self) -> str:
         """The orders in their sequence, optional ones in brackets."""
-        return " ".join([*self.orders, *(f"[{entry}]" for entry in self.optional)])
+        return " ".join([*self.orders, *(f"[{name}]" for name in self.optional)])
 
     def complete(self, name: str, given: Sequence[Order]) -> dict[str, Order]:
         """Return all orders by name, defaults filled in.

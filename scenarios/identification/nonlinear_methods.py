@@ -29,7 +29,7 @@ class Known(NamedTuple):
 
 
 MOST_ORDER = 100
-"""Largest order that is tried at all."""
+"""Largest order that is tried at all: a slip of the keyboard would fill the memory."""
 
 RECORDS_ALONE = Known()
 """Nothing is known besides the records."""
@@ -57,15 +57,16 @@ class NonlinearMethod(Structure):
         Raises:
             ScenarioError: Too few, too many, or below the least.
         """
-        orders = {key: int(np.max(value)) for key, value in self.complete(name, given).items()}
-        for key, least in self.least.items():
-            if orders[key] < least:
-                text = f"{name}: {key} = {orders[key]} given, expected {least} or more; it takes {self.usage}"
-                raise ScenarioError(text)
-            if orders[key] > MOST_ORDER:
+        orders = {order: int(np.max(value)) for order, value in self.complete(name, given).items()}
+        for order, lowest in self.least.items():
+            value = orders[order]
+            if value < lowest:
                 raise ScenarioError(
-                    f"{name}: {key} = {shortened(str(orders[key]), 20)} given, expected {MOST_ORDER} or less"
+                    f"{name}: {order} = {value} given, expected {lowest} or more; it takes {self.usage}"
                 )
+            if value > MOST_ORDER:
+                shown = shortened(str(value), 20)
+                raise ScenarioError(f"{name}: {order} = {shown} given, expected {MOST_ORDER} or less")
         return orders
 
 

@@ -52,6 +52,7 @@ def choose_and_identify(
     if method is not None and method not in ORDERS:
         raise ScenarioError(f"--method {method} needs --orders; they are chosen for {', '.join(ORDERS)}")
     with warnings.catch_warnings():
+        # They are of candidates; those of the chosen model come with its identification.
         warnings.simplefilter("ignore", sysid.SysidWarning)
         if keep_mean:
             about = parts
@@ -73,18 +74,22 @@ def _about_operating_point(parts: Sequence[IOData]) -> Sequence[IOData]:
     for order in LEVEL_ORDERS:
         with suppress(sysid.SysidError):  # too few samples for this order
             fit = fit_with_offset(partial(sysid.arx, na=order, nb=order, nk=1), parts)
-            about, power = fit.parts, sum(float(np.nansum(part.y**2)) for part in fit.parts)
-            samples = sum(int(part.known.sum()) for part in parts)
+            about = fit.parts
+            power = sum(float(np.nansum(record.y**2)) for record in fit.parts)
+            samples = sum(int(record.known.sum()) for record in parts)
             is_exact = fit.estimate.loss * samples <= EXACT * power
-            if is_exact == (order < LEVEL_ORDERS[0]):
+            # The highest order comes first: it decides unless it fits exactly, then the lowest that does.
+            is_first = order == LEVEL_ORDERS[0]
+            if is_exact != is_first:
                 break
     return about
 
 
 def _chosen(choice: StructureChoice) -> tuple[str, list[Order]]:
+    """Method and orders of the best candidate, in the sequence of its estimator."""
     best = choice.candidates[0]
-    entry = ESTIMATORS[best.method]
-    return best.method, [best.orders[name] for name in (*entry.orders, *entry.optional)]
+    estimator = ESTIMATORS[best.method]
+    return best.method, [best.orders[name] for name in (*estimator.orders, *estimator.optional)]
 
 
 def hold_out(
@@ -95,4 +100,6 @@ def hold_out(
     if len(parts[longest]) < SHORTEST:
         return parts, None
     end = round((1.0 - share) * len(parts[longest]))
-    return (*parts[:longest], parts[longest][:end], *parts[longest + 1 :]), (parts[longest][end:],)
+    to_estimate = list(parts)
+    to_estimate[longest] = parts[longest][:end]
+    return tuple(to_estimate), (parts[longest][end:],)

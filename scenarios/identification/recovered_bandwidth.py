@@ -82,18 +82,21 @@ class Recording:
     setting: Scenario
 
 
-def intervals_agree(one: Interval, other: Interval) -> bool:
+def intervals_agree(first: Interval, second: Interval) -> bool:
     """Whether two bandwidths, each with the ends of its interval, differ by no more than both intervals allow together.
 
     Both are estimates with errors of their own: half-widths on the logarithmic scale, of the ends that face each other,
     add as squares; an interval that begins at 0 Hz excludes nothing. Unknown numbers never agree.
     """
-    if not np.isfinite([*one, *other]).all():
+    if not np.isfinite([*first, *second]).all():
         return False
-    (mine, low, high), (hz, other_low, other_high) = one, other
-    with np.errstate(divide="ignore"):
-        facing = np.divide(*((high, hz), (mine, other_low)) if hz > mine else ((mine, other_high), (low, hz)))
-    return bool(abs(np.log(mine / hz)) <= np.hypot(*np.log(facing)))
+    (hz, low, high), (other_hz, other_low, other_high) = first, second
+    with np.errstate(divide="ignore"):  # an interval that begins at 0 Hz is infinitely wide
+        if other_hz > hz:
+            facing = np.divide((high, other_hz), (hz, other_low))
+        else:
+            facing = np.divide((hz, other_high), (low, other_hz))
+    return bool(abs(np.log(hz / other_hz)) <= np.hypot(*np.log(facing)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,25 +169,28 @@ class RecoveredBandwidth:
     @property
     def published_hz(self) -> float:
         """Bandwidth of the thesis' printed model of the joint by this method, Hz; NaN where it prints none."""
-        return next((one.bandwidth_hz for one in published(self.joint) if one.method == self.method), NAN)
+        of_method = (model.bandwidth_hz for model in published(self.joint) if model.method == self.method)
+        return next(of_method, NAN)
 
     def record(self) -> dict[str, object]:
         """Return what `hmtb bandwidth --json` prints of it."""
-        hz, *ends = self.best_linear or (None, None, None)
-        own = ("joint", "method", "orders", "scenario", "test", "seed", "hz", "ci95", "true_hz")
-        levels = ("model_hz", "model_ci95", "dc_gain", "half_power_hz", "lowest_excited_hz")
-        return {
-            **{name: getattr(self, name) for name in own},
-            "bla_hz": hz,
-            "bla_ci95": ends,
+        best_linear_hz, *best_linear_ci95 = self.best_linear or (None, None, None)
+        record = {}
+        for name in ("joint", "method", "orders", "scenario", "test", "seed", "hz", "ci95", "true_hz"):
+            record[name] = getattr(self, name)
+        record |= {
+            "bla_hz": best_linear_hz,
+            "bla_ci95": best_linear_ci95,
             "published_hz": self.published_hz,
             "near_1_hz": self.near,
             "covers": self.covers,
             "covers_bla": self.covers_best_linear,
             "refused": self.refused,
             "reason": "; ".join(self.reasons),
-            **{name: getattr(self, name) for name in levels},
         }
+        for name in ("model_hz", "model_ci95", "dc_gain", "half_power_hz", "lowest_excited_hz"):
+            record[name] = getattr(self, name)
+        return record
 
 
 def structure(joint: str, method: str) -> Structure | None:
@@ -193,10 +199,13 @@ def structure(joint: str, method: str) -> Structure | None:
     Raises:
         ScenarioError: Unknown joint or method.
     """
-    for what, name, names in (("joint", joint, STRUCTURES), ("method", method, METHODS)):
-        if name not in names:
-            raise ScenarioError(unknown(what, name, names))
-    return {entry.method: entry for entry in (*STRUCTURES[joint], *every_structure(joint))}.get(method)
+    if joint not in STRUCTURES:
+        raise ScenarioError(unknown("joint", joint, STRUCTURES))
+    if method not in METHODS:
+        raise ScenarioError(unknown("method", method, METHODS))
+    # `every_structure` adds the methods for which the thesis gives no orders.
+    structures = {candidate.method: candidate for candidate in (*STRUCTURES[joint], *every_structure(joint))}
+    return structures.get(method)
 
 
 def recover(
@@ -213,12 +222,15 @@ def recover(
     Returns:
         The bandwidth; without one, where the record does not support it or the method fails, with the reason.
     """
-    data, row = recording.data, dict[str, Any]()
+    data = recording.data
+    row: dict[str, Any] = {}
     with warnings.catch_warnings():
+        # What they warn of, the claims of a bandwidth weigh.
         warnings.simplefilter("ignore", SysidWarning)
         lowest = lowest_excited(data)
+        chosen = structure(recording.joint, method)
         try:
-            if (chosen := structure(recording.joint, method)) is None:
+            if chosen is None:
                 row["label"] = NONPARAMETRIC[method]
                 row |= _of_response(_response(data, method, recording.setting.period), recording)
             else:
@@ -241,7 +253,9 @@ def recover(
 
 
 def _of_model(fitted: FittedModel) -> dict[str, Any]:
-    claim, (hz, *ci95), model = fitted.claims[0][0], fitted.band.path(), fitted.estimate.model
+    """Numbers of a row from a model: its bandwidth, and what of it may be claimed."""
+    claim, model = fitted.claims[0][0], fitted.estimate.model
+    hz, *ci95 = fitted.band.path()
     reasons = claim.warnings
     if not claim.refused and not np.isfinite(claim.hz):
         reasons = ("the model's gain does not fall by 3 dB from its value at 0 Hz below half of the sampling rate",)
@@ -257,27 +271,33 @@ def _of_model(fitted: FittedModel) -> dict[str, Any]:
 
 
 def _of_response(response: FrequencyResponse, recording: Recording) -> dict[str, Any]:
+    """Numbers of a row from a response without a model, if enough lines tell the gain at 0 Hz."""
     level = gain_crossing(response, HALF_POWER)
-    within = int(np.sum(response.frequencies <= REACH * level)) if np.isfinite(level) else 0
-    if within < DEGREE + 2:
+    lines = int(np.sum(response.frequencies <= REACH * level)) if np.isfinite(level) else 0
+    if lines < DEGREE + 2:
         # With fewer, lines beyond the bandwidth would fix the gain at 0 Hz, with an interval that knows of noise alone.
-        window = recording.setting.period / SAMPLE_RATE
-        repeats = periodic(recording.data, recording.setting.period)
-        every = f": the command repeats every {window:g} s and excites a line every {1 / window:.2g} Hz"
-        reason = (
-            f"too few lines of the response lie below {REACH:g} times the frequency of the gain 0.707 to tell the gain "
-            f"at 0 Hz, {within} where {DEGREE + 2} are needed{every if repeats else ''}"
-        )
-        return {"half_power_hz": level, "reasons": (reason,)}
+        return {"half_power_hz": level, "reasons": (_too_few_lines(lines, recording),)}
     hz, *ci95 = response_bandwidth(response).path()
+    reasons = () if np.isfinite(hz) else ("the response never falls to half of its power at 0 Hz",)
     return {
         "hz": hz,
         "ci95": tuple(ci95),
         "model_hz": hz,
         "model_ci95": tuple(ci95),
         "half_power_hz": level,
-        "reasons": () if np.isfinite(hz) else ("the response never falls to half of its power at 0 Hz",),
+        "reasons": reasons,
     }
+
+
+def _too_few_lines(lines: int, recording: Recording) -> str:
+    reason = (
+        f"too few lines of the response lie below {REACH:g} times the frequency of the gain 0.707 to tell the gain "
+        f"at 0 Hz, {lines} where {DEGREE + 2} are needed"
+    )
+    if periodic(recording.data, recording.setting.period):
+        window = recording.setting.period / SAMPLE_RATE
+        reason += f": the command repeats every {window:g} s and excites a line every {1 / window:.2g} Hz"
+    return reason
 
 
 def _response(record: IOData, method: str, period: int) -> FrequencyResponse:
@@ -286,7 +306,8 @@ def _response(record: IOData, method: str, period: int) -> FrequencyResponse:
         lines = np.arange(1, period // 2) * SAMPLE_RATE / period
         if method == "spa":
             return sysid.spa(record, lag=long_lag(record), frequencies=lines)
-        return sysid.etfe([record[start : start + period] for start in range(0, len(record) - period + 1, period)])
+        starts = range(0, len(record) - period + 1, period)
+        return sysid.etfe([record[start : start + period] for start in starts])
     if method == "etfe":
         raise SysidError(f"the command does not repeat every {period} samples; the mean over periods has none")
     # A held command has next to no power at half of the sampling rate.
@@ -296,4 +317,6 @@ def _response(record: IOData, method: str, period: int) -> FrequencyResponse:
 def periodic(record: IOData, period: int) -> bool:
     """Whether the command repeats after a number of samples, but for noise of the wires."""
     u = record.u[:, 0]
-    return len(u) >= 2 * period and float(np.std(u[period:] - u[:-period])) < REPEATS * float(np.std(u))
+    if len(u) < 2 * period:
+        return False
+    return float(np.std(u[period:] - u[:-period])) < REPEATS * float(np.std(u))

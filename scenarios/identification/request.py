@@ -8,17 +8,15 @@ from typing import Any
 
 from scenarios.identification.file_identification import FileIdentification, identify_files
 
-DEFAULTS = {
-    name: {"input": ("u",), "output": ("y",)}.get(name, one.default)
-    for name, one in inspect.signature(identify_files).parameters.items()
-    if one.kind is one.KEYWORD_ONLY
-}
+_PARAMETERS = inspect.signature(identify_files).parameters.values()
+DEFAULTS = {parameter.name: parameter.default for parameter in _PARAMETERS if parameter.kind is parameter.KEYWORD_ONLY}
+DEFAULTS |= {"input": ("u",), "output": ("y",)}  # as the command line has them, which takes several names
 """Options of `identify_files`, in their sequence, with their values where they are not given."""
 
 
 @dataclass(frozen=True)
 class IdentificationRequest:
-    """What to identify.
+    """Files and options of one identification.
 
     Attributes:
         data: The files.
@@ -29,8 +27,8 @@ class IdentificationRequest:
     options: Mapping[str, Any]
 
     def __post_init__(self) -> None:
-        chosen = {name: self.options.get(name, value) for name, value in DEFAULTS.items()}
-        changed = {name: value for name, value in chosen.items() if value != DEFAULTS[name]}
+        options = {name: self.options.get(name, default) for name, default in DEFAULTS.items()}
+        changed = {name: value for name, value in options.items() if value != DEFAULTS[name]}
         object.__setattr__(self, "options", changed)
 
     def run(self) -> FileIdentification:
@@ -43,7 +41,10 @@ class IdentificationRequest:
         words = ["hmtb", "identify", *map(str, self.data)]
         for name, value in self.options.items():
             words.append(f"--{name.replace('_', '-')}")
-            words += [] if value is True else [str(one) for one in (value if isinstance(value, tuple) else (value,))]
+            if isinstance(value, tuple):
+                words += map(str, value)
+            elif value is not True:  # a flag has no value
+                words.append(str(value))
         return tuple(words)
 
     @property
